@@ -1,0 +1,7 @@
+"""What a machine is: parameters, models, effects and ready systems."""
+
+from sklearn_pgnn.physics.effect import Effect
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.parameter import Parameter
+
+__all__ = ["Effect", "Parameter", "PhysicsModel"]

@@ -1,0 +1,222 @@
+"""Effects on an input: what reaches the machine is not what was commanded."""
+
+from dataclasses import dataclass
+
+import sympy
+
+from sklearn_pgnn.physics.effect import Effect, quantity
+from sklearn_pgnn.physics.expressions import symbol
+
+
+@dataclass(frozen=True)
+class InputEffect(Effect):
+    """An input that is replaced by an expression of it, wherever the model uses it."""
+
+    @classmethod
+    def targets(cls, model):
+        """Name the inputs of the model."""
+        return tuple(model.inputs)
+
+    def seen(self, u, p):
+        """Give what the machine sees of the input."""
+        raise NotImplementedError
+
+    def rewrite(self, model, p):
+        """Replace the input in every equation."""
+        u = symbol(self.target)
+        return substitute(model, u, self.seen(u, p))
+
+
+def substitute(model, old, new) -> dict:
+    """Give the changes that put `new` for `old` in every expression of a model."""
+
+    def replaced(items):
+        return {key: item.subs(old, new) for key, item in items.items()}
+
+    return {
+        "equations": replaced(model.equations),
+        "outputs": replaced(model.outputs),
+        "energy": replaced(model.energy),
+    }
+
+
+@dataclass(frozen=True)
+class InputBias(InputEffect):
+    r"""A constant error of the input, :math:`u + b`.
+
+    Parameters
+    ----------
+    target : str
+        The input.
+    bias : float, default=0
+        Bias :math:`b` [input].
+
+    Examples
+    --------
+    >>> InputBias("torque", bias=0.02).names()
+    {'bias': 'bu_torque'}
+    """
+
+    bias: float = quantity("bu", "{target}")
+    id = "input_bias"
+    summary = "The actuator gives a little more (or less) than it is told, always."
+    check = "Command zero and measure what the actuator gives."
+
+    def seen(self, u, p):
+        """Give u + b."""
+        return u + p["bias"]
+
+    @classmethod
+    def starts(cls, target, model, scales):
+        """Start without a bias."""
+        return (cls(target),)
+
+
+@dataclass(frozen=True)
+class InputDeadZone(InputEffect):
+    r"""An input that does nothing while it is small.
+
+    .. math:: \max(u - w, 0) + \min(u + w, 0)
+
+    Parameters
+    ----------
+    target : str
+        The input.
+    width : float, default=0
+        Half-width :math:`w` of the dead zone [input].
+
+    Examples
+    --------
+    >>> InputDeadZone("u", width=0.3).names()
+    {'width': 'w_u'}
+    """
+
+    width: float = quantity("w", "{target}", low=0.0)
+    id = "input_dead_zone"
+    summary = "Small commands do nothing: valve overlap, amplifier dead band, play at the drive."
+    check = "Raise the command slowly from zero in both directions until something moves."
+
+    def seen(self, u, p):
+        """Give the dead zone of u."""
+        w = p["width"]
+        return sympy.Max(u - w, 0) + sympy.Min(u + w, 0)
+
+    @classmethod
+    def starts(cls, target, model, scales):
+        """Start from small to large shares of the input."""
+        return tuple(cls(target, share * scales.peak[target]) for share in (0.03, 0.15, 0.4))
+
+
+@dataclass(frozen=True)
+class InputSaturation(InputEffect):
+    r"""An input that is cut at a limit, :math:`\min(\max(u, -L), L)`.
+
+    Parameters
+    ----------
+    target : str
+        The input.
+    limit : float, default=1e9
+        Limit :math:`L` [input].
+
+    Examples
+    --------
+    >>> InputSaturation("u", limit=5.0).names()
+    {'limit': 'L_u'}
+    """
+
+    limit: float = quantity("L", "{target}", default=1e9, low=0.0)
+    id = "input_saturation"
+    summary = "The actuator cannot give more than a limit: current limit, supply pressure."
+    check = "Command large steps of growing size: the response stops growing."
+
+    def seen(self, u, p):
+        """Give u cut at the limit."""
+        return sympy.Min(sympy.Max(u, -p["limit"]), p["limit"])
+
+    @classmethod
+    def starts(cls, target, model, scales):
+        """Start from a light to a heavy cut."""
+        return tuple(cls(target, share * scales.peak[target]) for share in (0.95, 0.75, 0.5))
+
+
+@dataclass(frozen=True)
+class InputDelay(Effect):
+    r"""An input that acts late, :math:`u(t - \tau)`.
+
+    Parameters
+    ----------
+    target : str
+        The input.
+    delay : float, default=0
+        Delay :math:`\tau` [s].
+
+    Examples
+    --------
+    >>> InputDelay("u", delay=0.02).names()
+    {'delay': 'tau_u'}
+    """
+
+    delay: float = quantity("tau", "s", low=0.0)
+    id = "input_delay"
+    summary = "The command acts late: bus, sampling, transport of material."
+    check = "Step the command and measure the time until anything moves at all."
+
+    @classmethod
+    def targets(cls, model):
+        """Name the inputs that have no delay yet."""
+        return tuple(name for name in model.inputs if name not in model.delays)
+
+    def rewrite(self, model, p):
+        """Note the delay beside the input."""
+        return {"delays": {**model.delays, self.target: str(p["delay"])}}
+
+    @classmethod
+    def starts(cls, target, model, scales):
+        """Start from one sample to a fifth of a window."""
+        shortest, longest = scales.sample_time, 0.2 * scales.window
+        middle = (shortest * longest) ** 0.5
+        return tuple(cls(target, delay) for delay in sorted({shortest, middle, longest}))
+
+
+@dataclass(frozen=True)
+class ActuatorLag(Effect):
+    r"""An actuator that follows its command with a first-order lag.
+
+    .. math:: T\,\dot u_a = u - u_a
+
+    Parameters
+    ----------
+    target : str
+        The input.
+    time_constant : float, default=1
+        Time constant :math:`T` [s].
+
+    Examples
+    --------
+    >>> ActuatorLag("u", time_constant=0.05).names()
+    {'time_constant': 'T_u'}
+    """
+
+    time_constant: float = quantity("T", "s", default=1.0, low=1e-9)
+    id = "actuator_lag"
+    summary = "The actuator needs time to build up: motor current, valve, pressure, heater."
+    check = "Step the command and record what the actuator itself gives."
+
+    @classmethod
+    def targets(cls, model):
+        """Name the inputs whose actuator has no lag yet."""
+        return tuple(name for name in model.inputs if f"{name}_lagged" not in model.states)
+
+    def rewrite(self, model, p):
+        """Add the actuator's state and let the equations see it."""
+        u, lagged = symbol(self.target), symbol(f"{self.target}_lagged")
+        changes = substitute(model, u, lagged)
+        changes["equations"][str(lagged)] = (u - lagged) / p["time_constant"]
+        changes["states"] = {**model.states, str(lagged): model.inputs[self.target]}
+        return changes
+
+    @classmethod
+    def starts(cls, target, model, scales):
+        """Start from a few samples to a third of a window."""
+        shortest, longest = 3 * scales.sample_time, 0.3 * scales.window
+        return tuple(cls(target, value) for value in sorted({shortest, max(shortest, longest)}))

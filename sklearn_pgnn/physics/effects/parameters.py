@@ -1,0 +1,61 @@
+"""Effects on a parameter: the structure is right, a number is not."""
+
+import math
+from dataclasses import dataclass, replace
+
+from sklearn_pgnn.physics.effect import Effect
+
+
+@dataclass(frozen=True)
+class WrongParameter(Effect):
+    """A parameter whose value lies outside its spread: re-tuning may go as far as its bounds.
+
+    Parameters
+    ----------
+    target : str
+        The parameter.
+    value : float, optional
+        Its true value, if known; by default it stays where it is and is only freed.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.physics import PhysicsModel
+    >>> lag = PhysicsModel({"y": "V"}, {"y": "-y/T"}, {"T": 2.0})
+    >>> (lag + WrongParameter("T", value=3.0)).parameters["T"].value
+    3.0
+    """
+
+    value: float | None = None
+    id = "wrong_parameter"
+    summary = "The model has the right form, but this number is wrong."
+    check = "Measure the quantity on its own, or look up how its value was found."
+
+    @classmethod
+    def targets(cls, model):
+        """Name the parameters that are not fixed."""
+        return model.free_parameters
+
+    def names(self):
+        """Give the parameter's own name."""
+        return {"value": self.target}
+
+    def parameters(self, model):
+        """Give nothing new: the parameter is the model's own."""
+        return ()
+
+    def rewrite(self, model, p):
+        """Free the parameter within its bounds."""
+        parameter = model.parameters[self.target]
+        if self.value is not None:
+            parameter = parameter.with_value(self.value)
+        return {
+            "parameters": {
+                **model.parameters,
+                self.target: replace(parameter, spread=math.inf),
+            }
+        }
+
+    @classmethod
+    def starts(cls, target, model, scales):
+        """Start from the prior value."""
+        return (cls(target),)

@@ -1,0 +1,417 @@
+"""A physical model as a value: names, units, parameters and equations kept symbolic.
+
+Conventions, for the whole package: ``t`` is time [s], ``x`` the states, ``u`` the inputs, ``y``
+the outputs and ``p`` the parameters; the last axis of an array is the quantity, the axes before it
+are samples.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, fields, replace
+from types import MappingProxyType
+
+import sympy
+
+from sklearn_pgnn.exceptions import ModelError
+from sklearn_pgnn.physics.expressions import parse_expression, symbol, to_text
+from sklearn_pgnn.physics.parameter import Parameter, check_name
+from sklearn_pgnn.readings import reading
+
+ENERGY_PARTS = ("stored", "supplied", "dissipated")
+
+
+def _as_parameter(name, value) -> Parameter:
+    if isinstance(value, Parameter):
+        return value
+    if isinstance(value, Mapping):
+        known = {f.name for f in fields(Parameter)} - {"name"}
+        unknown = sorted(set(value) - known)
+        if unknown or "value" not in value:
+            raise ModelError(
+                f"parameter {name!r}: expected 'value' and optionally {sorted(known - {'value'})}, "
+                f"got {sorted(value)}."
+            )
+        return Parameter(name, **value)
+    return Parameter(name, value)
+
+
+def _as_parameters(parameters) -> dict[str, Parameter]:
+    if isinstance(parameters, Mapping):
+        found = {name: _as_parameter(name, value) for name, value in parameters.items()}
+    else:
+        found = {parameter.name: parameter for parameter in parameters}
+        if len(found) < len(tuple(parameters)):
+            raise ModelError("expected every parameter once, got the same name twice.")
+    return found
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PhysicsModel:
+    r"""A machine as a set of ordinary differential equations.
+
+    .. math:: \dot x = f(t, x, u, p), \qquad y = g(t, x, u, p)
+
+    A model is a value: it is never changed in place, two models that say the same are equal, and
+    ``model + effect`` is a new model.
+
+    Parameters
+    ----------
+    states : mapping of str to str
+        State names and their units, in order.
+    equations : mapping of str to str or sympy.Expr
+        Right-hand side of every state, over states, inputs, parameters and the time ``t``.
+    parameters : mapping of str to Parameter, dict or float, or iterable of Parameter
+        The constants.
+    inputs : mapping of str to str, default={}
+        Input names and their units.
+    outputs : mapping of str to str or sympy.Expr, default: every state under its own name
+        What the sensors see, as expressions of states and inputs.
+    name : str, default="model"
+        What the model is called.
+    inertia : mapping of str to str or sympy.Expr, default={}
+        For a state that is a velocity, the mass or inertia that multiplies its rate; effects on
+        that rate are then forces or torques.
+    energy : mapping, default={}
+        ``stored`` [J], ``supplied`` [W] and ``dissipated`` [W] as expressions.
+    delays : mapping of str to str, default={}
+        For an input that acts late, the name of the parameter that holds its delay [s].
+    initial_state : mapping of str to float, default: zeros
+        State at the start of a trajectory that does not tell its own.
+    columns : mapping of str to str, default={}
+        What a table calls a quantity, where that is not its name.
+
+    Raises
+    ------
+    ModelError
+        If a name is used twice or unknown, an equation is missing or cannot be parsed.
+
+    Examples
+    --------
+    >>> model = PhysicsModel(
+    ...     states={"x": "m", "v": "m/s"}, inputs={"F": "N"}, parameters={"m": 2.0, "k": 50.0},
+    ...     equations={"x": "v", "v": "(F - k*x)/m"})
+    >>> print(model.to_text())
+    x' = v
+    v' = (F - k*x)/m
+    """
+
+    states: Mapping[str, str]
+    equations: Mapping[str, sympy.Expr]
+    parameters: Mapping[str, Parameter]
+    inputs: Mapping[str, str] = field(default_factory=dict)
+    outputs: Mapping[str, sympy.Expr] | None = None
+    name: str = "model"
+    inertia: Mapping[str, sympy.Expr] = field(default_factory=dict)
+    energy: Mapping[str, sympy.Expr] = field(default_factory=dict)
+    delays: Mapping[str, str] = field(default_factory=dict)
+    initial_state: Mapping[str, float] = field(default_factory=dict)
+    columns: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self):
+        states = {name: str(unit or "") for name, unit in dict(self.states).items()}
+        inputs = {name: str(unit or "") for name, unit in dict(self.inputs or {}).items()}
+        parameters = _as_parameters(self.parameters or {})
+        if not states:
+            raise ModelError("expected at least one state, got none.")
+        self._check_names(states, inputs, parameters)
+        self._check_keys("equations", self.equations, states, complete=True)
+        self._check_keys("inertia", self.inertia, states)
+        self._check_keys("energy", self.energy, ENERGY_PARTS)
+        self._check_keys("delays", self.delays, inputs)
+        self._check_keys("initial_state", self.initial_state, states)
+        outputs = dict(self.outputs) if self.outputs else {name: name for name in states}
+        for output in outputs:
+            check_name(output, "output")
+        names = [*states, *inputs, *parameters]
+        for delayed, delay in dict(self.delays or {}).items():
+            if delay not in parameters:
+                raise ModelError(f"delays: {delayed!r} expects a parameter, got {delay!r}.")
+
+        def expressions(part, items):
+            return MappingProxyType(
+                {
+                    key: item
+                    if isinstance(item, sympy.Expr)
+                    else parse_expression(item, names, f"{part}.{key}")
+                    for key, item in dict(items or {}).items()
+                }
+            )
+
+        values = {
+            "name": str(self.name),
+            "states": MappingProxyType(states),
+            "inputs": MappingProxyType(inputs),
+            "parameters": MappingProxyType(parameters),
+            "equations": expressions("equations", {s: self.equations[s] for s in states}),
+            "outputs": expressions("outputs", outputs),
+            "inertia": expressions("inertia", self.inertia),
+            "energy": expressions("energy", self.energy),
+            "delays": MappingProxyType(dict(self.delays or {})),
+            "initial_state": MappingProxyType(
+                {s: float(dict(self.initial_state or {}).get(s, 0.0)) for s in states}
+            ),
+            "columns": MappingProxyType(dict(self.columns or {})),
+        }
+        for key, value in values.items():
+            object.__setattr__(self, key, value)
+
+    @staticmethod
+    def _check_names(states, inputs, parameters):
+        seen = {}
+        for what, names in (("state", states), ("input", inputs), ("parameter", parameters)):
+            for name in names:
+                check_name(name, what)
+                if name in seen:
+                    raise ModelError(f"{what} {name!r}: the name is taken by a {seen[name]}.")
+                seen[name] = what
+
+    @staticmethod
+    def _check_keys(part, items, known: Iterable[str], complete: bool = False):
+        items = items or {}
+        known = list(known)
+        if not isinstance(items, Mapping):
+            raise ModelError(f"{part}: expected names and values, got {items!r}.")
+        unknown = [key for key in items if key not in known]
+        missing = [key for key in known if key not in items] if complete else []
+        if unknown:
+            raise ModelError(
+                f"{part}: unknown name {unknown[0]!r}; expected one of {', '.join(known) or 'none'}."
+            )
+        if missing:
+            raise ModelError(f"{part}: the equation of state {missing[0]!r} is missing.")
+
+    # -- names ---------------------------------------------------------------------------------
+
+    @property
+    def kinematic_pairs(self) -> dict[str, str]:
+        """Velocity to position, for every state whose equation is just another state."""
+        return {
+            str(rate): position
+            for position, rate in self.equations.items()
+            if rate.is_Symbol and str(rate) in self.states
+        }
+
+    @property
+    def free_parameters(self) -> tuple[str, ...]:
+        """Names of the parameters that may be re-tuned."""
+        return tuple(name for name, p in self.parameters.items() if not p.fixed)
+
+    def unit(self, name: str) -> str:
+        """Give the unit of a state, an input, a parameter or an output.
+
+        Parameters
+        ----------
+        name : str
+            The quantity.
+
+        Returns
+        -------
+        str
+            Its unit; an output that is just a state or an input has that one's, others none.
+        """
+        if name in self.parameters:
+            return self.parameters[name].unit
+        units = {**self.states, **self.inputs}
+        if name in units:
+            return units[name]
+        return units.get(str(self.outputs.get(name, "")), "")
+
+    # -- new models from this one ----------------------------------------------------------------
+
+    def replace(self, **changes) -> "PhysicsModel":
+        """Give a model that differs in some of its constructor's parameters.
+
+        Parameters
+        ----------
+        **changes
+            Constructor parameters and their new values.
+
+        Returns
+        -------
+        PhysicsModel
+            A new model; this one is unchanged.
+        """
+        return replace(self, **changes)
+
+    def with_parameters(self, **values) -> "PhysicsModel":
+        """Give the model with other parameter values.
+
+        Parameters
+        ----------
+        **values : float or Parameter
+            New value by parameter name.
+
+        Returns
+        -------
+        PhysicsModel
+            A new model; this one is unchanged.
+
+        Raises
+        ------
+        ModelError
+            If a name is unknown or a value lies out of its bounds.
+
+        Examples
+        --------
+        >>> lag = PhysicsModel({"y": "V"}, {"y": "-y/T"}, {"T": 2.0})
+        >>> lag.with_parameters(T=3.0).parameters["T"].value
+        3.0
+        """
+        parameters = dict(self.parameters)
+        for name, value in values.items():
+            if name not in parameters:
+                raise ModelError(
+                    f"unknown parameter {name!r}; the model has {', '.join(parameters) or 'none'}."
+                )
+            new = value if isinstance(value, Parameter) else parameters[name].with_value(value)
+            parameters[name] = new
+        return self.replace(parameters=parameters)
+
+    def __add__(self, effect):
+        apply = getattr(effect, "apply", None)
+        return NotImplemented if apply is None else apply(self)
+
+    # -- text --------------------------------------------------------------------------------------
+
+    def to_text(self) -> str:
+        """Write the equations as plain text, a line a state."""
+        return "\n".join(f"{state}' = {to_text(rate)}" for state, rate in self.equations.items())
+
+    def to_latex(self) -> str:
+        r"""Write the equations as LaTeX.
+
+        Returns
+        -------
+        str
+            An ``aligned`` block, to be put between ``\[`` and ``\]``.
+        """
+        lines = [
+            rf"\dot{{{sympy.latex(symbol(state))}}} &= {sympy.latex(rate)}"
+            for state, rate in self.equations.items()
+        ]
+        return "\\begin{aligned}\n" + " \\\\\n".join(lines) + "\n\\end{aligned}"
+
+    def to_dict(self) -> dict:
+        """Write the whole model as plain data, as a model file holds it."""
+
+        def texts(items):
+            return {key: to_text(item) for key, item in items.items()}
+
+        parts = {
+            "name": self.name,
+            "states": dict(self.states),
+            "inputs": dict(self.inputs),
+            "outputs": texts(self.outputs),
+            "parameters": {name: _parameter_dict(p) for name, p in self.parameters.items()},
+            "equations": texts(self.equations),
+            "inertia": texts(self.inertia),
+            "energy": texts(self.energy),
+            "delays": dict(self.delays),
+            "initial_state": {s: v for s, v in self.initial_state.items() if v},
+            "columns": dict(self.columns),
+        }
+        return {key: part for key, part in parts.items() if part}
+
+    @classmethod
+    def from_dict(cls, data: Mapping) -> "PhysicsModel":
+        """Build a model from plain data.
+
+        Parameters
+        ----------
+        data : mapping
+            What `to_dict` gives; equations are parsed by a whitelist, never evaluated.
+
+        Returns
+        -------
+        PhysicsModel
+            The model.
+        """
+        return cls(**data)
+
+    @classmethod
+    def from_yaml(cls, path) -> "PhysicsModel":
+        """Read a model file.
+
+        Parameters
+        ----------
+        path : str or path-like
+            The YAML file.
+
+        Returns
+        -------
+        PhysicsModel
+            The model.
+
+        Raises
+        ------
+        ModelError
+            If the file says something a model cannot say; with file, line and column.
+        """
+        return reading("read_model")(path)
+
+    def to_yaml(self, path=None) -> str:
+        """Write the model as a model file.
+
+        Parameters
+        ----------
+        path : str or path-like, optional
+            Where to write; by default nothing is written.
+
+        Returns
+        -------
+        str
+            The YAML text.
+        """
+        return reading("write_model")(self, path)
+
+    # -- readings ------------------------------------------------------------------------------------
+
+    def simulate(self, t, u=None, x0=None, **options):
+        """Simulate the model on the record's own clock.
+
+        Parameters
+        ----------
+        t : array-like of shape (n_samples,)
+            Time [s], increasing.
+        u : array-like of shape (n_samples, n_inputs) or (n_samples,), optional
+            Inputs; not needed by a model without inputs.
+        x0 : array-like of shape (n_states,), optional
+            Initial state; by default the model's `initial_state`.
+        **options
+            See `sklearn_pgnn.simulation.simulate`.
+
+        Returns
+        -------
+        Simulation
+            States and outputs on the samples of `t`.
+        """
+        return reading("simulate")(self, t, u, x0, **options)
+
+    # -- a value -------------------------------------------------------------------------------------
+
+    def __getstate__(self):
+        return self.to_dict()
+
+    def __setstate__(self, state):
+        self.__init__(**state)
+
+    def __eq__(self, other):
+        if not isinstance(other, PhysicsModel):
+            return NotImplemented
+        return self.to_dict() == other.to_dict()
+
+    def __hash__(self):
+        return hash(self.to_text())
+
+    def __repr__(self):
+        return f"<PhysicsModel {self.name!r}: {', '.join(self.states)}>"
+
+
+def _parameter_dict(parameter: Parameter) -> dict:
+    """Write a parameter without what is left at its default."""
+    default = Parameter(parameter.name, parameter.value)
+    written = {"value": parameter.value}
+    for key in ("unit", "bounds", "fixed", "spread"):
+        if getattr(parameter, key) != getattr(default, key):
+            value = getattr(parameter, key)
+            written[key] = list(value) if key == "bounds" else value
+    return written

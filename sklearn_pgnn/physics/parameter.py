@@ -1,0 +1,98 @@
+"""A parameter: a number with a unit, bounds, and whether it may be re-tuned."""
+
+import keyword
+import math
+from dataclasses import dataclass, replace
+
+from sklearn_pgnn.exceptions import ModelError
+from sklearn_pgnn.physics.expressions import RESERVED
+
+#: how far a parameter may be off and still count as calibrated, when the model does not say
+DEFAULT_SPREAD = 0.1
+
+
+def check_name(name: str, what: str) -> None:
+    """Raise `ModelError` unless `name` can name a quantity in an equation."""
+    if not isinstance(name, str) or not name.isidentifier() or keyword.iskeyword(name):
+        raise ModelError(f"{what} {name!r} is not a name; use letters, digits and underscores.")
+    if name in RESERVED or name.startswith("_"):
+        raise ModelError(f"{what} {name!r} is reserved; choose another name.")
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A named constant of a model.
+
+    Parameters
+    ----------
+    name : str
+        Name used in the equations.
+    value : float
+        Prior value, in `unit`.
+    unit : str, default=""
+        Physical unit, e.g. ``"kg m^2"``.
+    bounds : tuple of float, default=(-inf, inf)
+        Values the parameter may take.
+    fixed : bool, default=False
+        Whether the value is known and never re-tuned.
+    spread : float, default=0.1
+        How far the true value may lie from `value`, as a share of it, and still be called
+        calibrated. A diagnosis re-tunes within the spread freely and names `wrong_parameter`
+        beyond it.
+
+    Raises
+    ------
+    ModelError
+        If the name is no identifier, the value is not finite or lies out of its bounds.
+
+    Examples
+    --------
+    >>> Parameter("J", 0.1445, unit="kg m^2", bounds=(0.01, 1)).value
+    0.1445
+    """
+
+    name: str
+    value: float
+    unit: str = ""
+    bounds: tuple[float, float] = (-math.inf, math.inf)
+    fixed: bool = False
+    spread: float = DEFAULT_SPREAD
+
+    def __post_init__(self):
+        check_name(self.name, "parameter")
+        try:
+            low, high = map(float, self.bounds)
+            value, spread = float(self.value), float(self.spread)
+        except (TypeError, ValueError):
+            raise ModelError(
+                f"parameter {self.name!r}: expected numbers for value, spread and bounds "
+                f"[low, high], got {self.value!r}, {self.spread!r} and {self.bounds!r}."
+            ) from None
+        if not math.isfinite(value):
+            raise ModelError(f"parameter {self.name!r}: expected a finite value, got {value}.")
+        if not low <= value <= high:
+            raise ModelError(
+                f"parameter {self.name!r}: expected a value within its bounds "
+                f"[{low:g}, {high:g}], got {value:g}."
+            )
+        if not spread > 0:
+            raise ModelError(f"parameter {self.name!r}: expected a spread > 0, got {spread:g}.")
+        object.__setattr__(self, "value", value)
+        object.__setattr__(self, "spread", spread)
+        object.__setattr__(self, "bounds", (low, high))
+        object.__setattr__(self, "fixed", bool(self.fixed))
+
+    def with_value(self, value: float) -> "Parameter":
+        """Give the same parameter with another value.
+
+        Parameters
+        ----------
+        value : float
+            The new value, in `unit`.
+
+        Returns
+        -------
+        Parameter
+            A new parameter; this one is unchanged.
+        """
+        return replace(self, value=float(value))
