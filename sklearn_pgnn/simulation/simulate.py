@@ -1,0 +1,202 @@
+"""Simulate a model along a trajectory: the answer is a value that carries its remedy."""
+
+import warnings
+from dataclasses import dataclass
+
+import numpy as np
+
+from sklearn_pgnn.exceptions import SimulationError, SimulationWarning
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.compiled import compile_model
+from sklearn_pgnn.simulation.inputs import delayed_inputs
+from sklearn_pgnn.simulation.stepping import METHODS, run_trajectory
+
+HOLDS = ("zoh", "foh")
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """A simulated trajectory.
+
+    Parameters
+    ----------
+    t : ndarray of shape (n_samples,)
+        Time [s].
+    x : ndarray of shape (n_samples, n_states)
+        States; NaN from where the simulation left the finite numbers.
+    y : ndarray of shape (n_samples, n_outputs)
+        Outputs.
+    wrt : tuple of str
+        What `sensitivities` are taken by: parameters, then initial states as ``"x(0)"``.
+    sensitivities : ndarray of shape (n_samples, n_outputs, n_wrt) or None
+        Derivatives of the outputs.
+    message : str
+        Empty, or where and when the simulation failed and what to do.
+    """
+
+    t: np.ndarray
+    x: np.ndarray
+    y: np.ndarray
+    wrt: tuple[str, ...] = ()
+    sensitivities: np.ndarray | None = None
+    message: str = ""
+
+    @property
+    def success(self) -> bool:
+        """Whether every sample is finite."""
+        return not self.message
+
+    def check(self) -> "Simulation":
+        """Give the simulation itself if it is whole.
+
+        Returns
+        -------
+        Simulation
+            This simulation.
+
+        Raises
+        ------
+        SimulationError
+            If it left the finite numbers, with the remedy.
+        """
+        if self.message:
+            raise SimulationError(self.message)
+        return self
+
+
+def simulate(
+    model: PhysicsModel,
+    t,
+    u=None,
+    x0=None,
+    *,
+    method: str = "rk4",
+    substeps: int = 1,
+    hold: str = "zoh",
+    wrt: tuple[str, ...] | None = None,
+) -> Simulation:
+    """Simulate a model on the record's own clock.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    t : array-like of shape (n_samples,)
+        Time [s], increasing; the steps may be uneven.
+    u : array-like of shape (n_samples, n_inputs) or (n_samples,), optional
+        Inputs; ``u[k]`` acts from ``t[k]`` on.
+    x0 : array-like of shape (n_states,), optional
+        Initial state; by default the model's `initial_state`.
+    method : {"rk4", "euler"}, default="rk4"
+        Runge-Kutta scheme of order four, or explicit Euler.
+    substeps : int, default=1
+        Steps from one sample to the next.
+    hold : {"zoh", "foh"}, default="zoh"
+        Whether an input is held between two samples or runs straight from one to the next.
+    wrt : tuple of str, optional
+        Parameters to differentiate the outputs by; the initial state is added.
+
+    Returns
+    -------
+    Simulation
+        States and outputs. If it leaves the finite numbers, the rest is NaN, `message` says
+        where, when and which remedy, and a `SimulationWarning` is given.
+
+    Raises
+    ------
+    ValueError
+        If the time does not increase, a shape does not fit or an input is not finite.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
+    >>> t = np.linspace(0, 10, 101)
+    >>> bool(abs(simulate(lag, t, np.ones(101)).y[-1, 0] - (1 - np.exp(-5))) < 1e-6)
+    True
+    """
+    t, u, x0 = _check_arrays(model, t, u, x0)
+    _check_options(method, substeps, hold)
+    unknown = [name for name in wrt or () if name not in model.parameters]
+    if unknown:
+        raise ValueError(f"wrt: unknown parameter {unknown[0]!r}.")
+    function, source = compile_model(model, wrt)
+    nx, ny, n = len(model.states), len(model.outputs), t.size
+    nq = 0 if wrt is None else len(wrt) + nx
+    X, Y = np.full((n, nx), np.nan), np.full((n, ny), np.nan)
+    SY = np.full((n, ny, nq), np.nan)
+    S = np.zeros((nx, nq))
+    if wrt is not None:
+        S[:, len(wrt) :] = np.eye(nx)
+    failed = run_trajectory(
+        function,
+        t,
+        delayed_inputs(model, t, u, hold == "foh"),
+        hold == "foh",
+        parameter_values(model),
+        x0.copy(),
+        S,
+        np.array(source.dry),
+        substeps,
+        *METHODS[method],
+        source.size,
+        X,
+        Y,
+        SY,
+    )
+    message = "" if failed < 0 else _remedy(model, t, X, failed, substeps)
+    if message:
+        warnings.warn(message, SimulationWarning, stacklevel=2)
+    names = () if wrt is None else (*wrt, *(f"{state}(0)" for state in model.states))
+    return Simulation(t, X, Y, names, None if wrt is None else SY, message)
+
+
+def parameter_values(model: PhysicsModel) -> np.ndarray:
+    """Give the parameters' values in the model's order."""
+    return np.array([parameter.value for parameter in model.parameters.values()], dtype=float)
+
+
+def _check_arrays(model, t, u, x0):
+    t = np.ascontiguousarray(t, dtype=float)
+    if t.ndim != 1 or t.size < 1 or not np.all(np.isfinite(t)):
+        raise ValueError(f"t: expected finite times of shape (n_samples,), got shape {t.shape}.")
+    backward = np.flatnonzero(np.diff(t) <= 0)
+    if backward.size:
+        k = int(backward[0])
+        raise ValueError(
+            f"t: expected increasing times, got {t[k]:g} s then {t[k + 1]:g} s at sample {k + 1}."
+        )
+    n_inputs = len(model.inputs)
+    u = np.zeros((t.size, 0)) if u is None and not n_inputs else np.asarray(u, dtype=float)
+    u = u[:, None] if u.ndim == 1 else u
+    if u.shape != (t.size, n_inputs):
+        raise ValueError(f"u: expected shape {(t.size, n_inputs)}, got {u.shape}.")
+    if not np.all(np.isfinite(u)):
+        row, column = np.argwhere(~np.isfinite(u))[0]
+        raise ValueError(f"u: {list(model.inputs)[column]!r} is not finite at sample {row}.")
+    start = list(model.initial_state.values()) if x0 is None else x0
+    x0 = np.asarray(start, dtype=float).ravel()
+    if x0.shape != (len(model.states),) or not np.all(np.isfinite(x0)):
+        raise ValueError(f"x0: expected {len(model.states)} finite numbers, got {x0}.")
+    return t, np.ascontiguousarray(u), x0
+
+
+def _check_options(method, substeps, hold):
+    if method not in METHODS:
+        raise ValueError(f"method: expected one of {', '.join(METHODS)}, got {method!r}.")
+    if hold not in HOLDS:
+        raise ValueError(f"hold: expected one of {', '.join(HOLDS)}, got {hold!r}.")
+    if not isinstance(substeps, int | np.integer) or substeps < 1:
+        raise ValueError(f"substeps: expected an integer >= 1, got {substeps!r}.")
+
+
+def _remedy(model, t, X, failed, substeps) -> str:
+    """Say where and when a simulation failed and what can be done."""
+    last = X[failed - 1] if failed else X[0]
+    at = ", ".join(f"{name} = {value:.3g}" for name, value in zip(model.states, last, strict=True))
+    return (
+        f"the simulation of {model.name!r} left the finite numbers at t = {t[failed]:g} s "
+        f"(sample {failed}; before: {at}). Remedy: raise substeps (now {substeps}), or check the "
+        f"initial state, the parameters' values and that no square root or logarithm sees a "
+        f"negative number."
+    )

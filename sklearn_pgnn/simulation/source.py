@@ -1,0 +1,185 @@
+r"""A model as straight-line source code: the right-hand side, the outputs and their derivatives.
+
+For the states :math:`x`, inputs :math:`u` and parameters :math:`p` of a model two functions of
+``(t, x, u, p, s, out)`` are written; they fill ``out`` with, one after the other,
+
+- ``dynamics``: :math:`f, g`
+- ``linearised``: :math:`f, g, \partial f/\partial x, \partial f/\partial p,
+  \partial g/\partial x, \partial g/\partial p`
+
+``s`` stands for the sign of every state under dry friction: where :math:`\dot x_i` depends on
+:math:`\mathrm{sign}(x_i)`, the time loop sets it (and lets the state stick), see
+`sklearn_pgnn.simulation.stepping`.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import sympy
+from sympy.printing.pycode import PythonCodePrinter
+
+from sklearn_pgnn.physics.expressions import TIME, symbol
+from sklearn_pgnn.physics.model import PhysicsModel
+
+
+@dataclass(frozen=True)
+class Source:
+    """Source code of a model's functions, and which states are under dry friction.
+
+    Parameters
+    ----------
+    text : str
+        A module that defines one function.
+    size : int
+        Length of ``out``.
+    dry : tuple of bool
+        For every state, whether its rate jumps where the state changes its sign.
+    """
+
+    text: str
+    size: int
+    dry: tuple[bool, ...]
+
+
+class _Printer(PythonCodePrinter):
+    """Python code in which every function is one numba compiles."""
+
+    def _print_Float(self, expr):
+        return repr(float(expr))
+
+    def _print_sign(self, expr):
+        z = self._print(expr.args[0])
+        return f"(1.0 if {z} > 0.0 else (-1.0 if {z} < 0.0 else 0.0))"
+
+    def _print_Heaviside(self, expr):
+        z = self._print(expr.args[0])
+        return f"(1.0 if {z} > 0.0 else 0.0)"
+
+    def _print_Rational(self, expr):
+        return repr(float(expr))
+
+    def _print_Half(self, expr):
+        return "0.5"
+
+
+def slope_name(name: str) -> str:
+    """Name the extra input that carries the derivative of a late input by its delay."""
+    return f"_slope_{name}"
+
+
+def _differentiate(expression, variable):
+    """Differentiate almost everywhere: jumps contribute nothing."""
+    derivative = sympy.diff(expression, variable)
+    return derivative.replace(
+        lambda e: isinstance(e, sympy.DiracDelta | sympy.Derivative | sympy.Subs),
+        lambda e: sympy.Integer(0),
+    )
+
+
+def _real(expression):
+    """Write magnitudes whose derivative SymPy cannot take over the reals as maxima."""
+    return expression.replace(
+        lambda e: isinstance(e, sympy.Abs) and not e.args[0].is_extended_real,
+        lambda e: sympy.Max(e.args[0], -e.args[0]),
+    )
+
+
+def dry_states(model: PhysicsModel) -> tuple[bool, ...]:
+    """Tell for every state whether its own rate jumps where it changes its sign."""
+    return tuple(rate.has(sympy.sign(symbol(state))) for state, rate in model.equations.items())
+
+
+def write_source(model: PhysicsModel, wrt: tuple[str, ...] | None = None) -> Source:
+    """Write a model's function.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    wrt : tuple of str, optional
+        Parameters to differentiate by, besides the states; without it only ``dynamics`` is
+        written.
+
+    Returns
+    -------
+    Source
+        The code.
+    """
+    return _write(_Frozen(model), wrt)
+
+
+class _Frozen:
+    """A model as a cache key that does not depend on parameter values."""
+
+    def __init__(self, model):
+        self.model = model
+        self.key = (
+            tuple(model.states),
+            tuple(model.inputs),
+            tuple(model.parameters),
+            tuple(model.equations.values()),
+            tuple(model.outputs.values()),
+            tuple(model.delays.items()),
+        )
+
+    def __hash__(self):
+        return hash(self.key)
+
+    def __eq__(self, other):
+        return self.key == other.key
+
+
+@lru_cache(maxsize=1024)
+def _write(frozen: _Frozen, wrt) -> Source:
+    model = frozen.model
+    dry = dry_states(model)
+    x = [symbol(name) for name in model.states]
+    signs = {sympy.sign(v): sympy.Symbol(f"s{i}") for i, v in enumerate(x) if dry[i]}
+    f = [_real(rate.xreplace(signs)) for rate in model.equations.values()]
+    g = [_real(output.xreplace(signs)) for output in model.outputs.values()]
+    entries = f + g
+    if wrt is not None:
+        entries += [_differentiate(e, v) for e in f for v in x]
+        entries += [_by_parameter(model, e, name) for e in f for name in wrt]
+        entries += [_differentiate(e, v) for e in g for v in x]
+        entries += [_by_parameter(model, e, name) for e in g for name in wrt]
+    return Source(_function(_locals(model, dry), entries), len(entries), dry)
+
+
+def _by_parameter(model, expression, name):
+    """Differentiate by a parameter, through a late input where it is a delay."""
+    derivative = _differentiate(expression, symbol(name))
+    for late, delay in model.delays.items():
+        if delay == name:
+            slope = sympy.Symbol(slope_name(late), real=True)
+            derivative += _differentiate(expression, symbol(late)) * slope
+    return derivative
+
+
+def _locals(model, dry):
+    """Give every symbol's place in the arguments."""
+    inputs = [*model.inputs, *(slope_name(late) for late in model.delays)]
+    places = {symbol(name): ("x", i) for i, name in enumerate(model.states)}
+    places |= {sympy.Symbol(name, real=True): ("u", i) for i, name in enumerate(inputs)}
+    places |= {symbol(name): ("p", i) for i, name in enumerate(model.parameters)}
+    places |= {sympy.Symbol(f"s{i}"): ("s", i) for i, is_dry in enumerate(dry) if is_dry}
+    return places
+
+
+def _function(places, entries) -> str:
+    """Write the straight-line function that fills ``out`` with the entries."""
+    to_local = {old: sympy.Symbol(f"{a}{i}", real=True) for old, (a, i) in places.items()}
+    to_local[TIME] = sympy.Symbol("t", real=True)
+    entries = [sympy.sympify(entry).xreplace(to_local) for entry in entries]
+    names = sympy.numbered_symbols("c", real=True)
+    shared, entries = sympy.cse(entries, symbols=names, order="none", list=True)
+    used = set().union(*(e.free_symbols for e in entries), *(e.free_symbols for _, e in shared))
+    write = _Printer().doprint
+    lines = [
+        f"{to_local[old]} = {array}[{i}]"
+        for old, (array, i) in places.items()
+        if to_local[old] in used
+    ]
+    lines += [f"{name} = {write(expression)}" for name, expression in shared]
+    lines += [f"out[{i}] = {write(entry)}" for i, entry in enumerate(entries)]
+    return "import math\n\n\ndef function(t, x, u, p, s, out):\n    " + "\n    ".join(lines) + "\n"

@@ -1,0 +1,312 @@
+r"""The time loop: explicit Runge-Kutta steps of a model and of its sensitivities, compiled.
+
+The sensitivities :math:`S = \partial x / \partial(p, x_0)` follow
+:math:`\dot S = \frac{\partial f}{\partial x} S + \frac{\partial f}{\partial p}` and are carried
+through the same steps.
+
+Dry friction is not smoothed. Between two changes of sign the equations are smooth; where a state
+under dry friction crosses zero the step is cut there, and the state sticks as long as both
+directions push it back (Filippov's rule). At such an event at time :math:`\tau` the sensitivities
+jump, :math:`S^+ = S^- - (f^- - f^+)\, S_i^- / f_i^-`, with :math:`i` the state that crossed.
+"""
+
+import math
+
+import numpy as np
+from numba import boolean, int64, njit, types
+
+from sklearn_pgnn.simulation.compiled import FUNCTION
+
+#: events handled exactly within one step; further ones are stepped over
+MAX_EVENTS = 6
+#: weights of the stages, and where in the step each stage stands
+METHODS = {
+    "euler": (np.array([0.0]), np.array([1.0])),
+    "rk4": (np.array([0.0, 0.5, 0.5, 1.0]), np.array([1.0, 2.0, 2.0, 1.0]) / 6.0),
+}
+
+_F = types.float64
+_F1, _F2, _F3 = types.float64[::1], types.float64[:, ::1], types.float64[:, :, ::1]
+_B1 = boolean[::1]
+_OPTIONS = {"cache": True, "error_model": "numpy", "nogil": True}
+
+
+@njit(**_OPTIONS)
+def _runge_kutta(function, t, h, x, S, u_start, u_end, p, s, stuck, nodes, weights, work):
+    """Advance x and S by one explicit step, in place; stuck states stay."""
+    xs, Ss, us, kx, kS, ax, aS, out = work
+    nx, nq = S.shape
+    n_p = nq - nx
+    ny = 0
+    if nq > 0:
+        ny = (out.size - nx * (1 + nq)) // (1 + nq)
+    ax[:] = 0.0
+    aS[:, :] = 0.0
+    kx[:] = 0.0
+    kS[:, :] = 0.0
+    for stage in range(nodes.size):
+        step = h * nodes[stage]
+        for i in range(nx):
+            xs[i] = x[i] + step * kx[i]
+            for j in range(nq):
+                Ss[i, j] = S[i, j] + step * kS[i, j]
+        for i in range(us.size):
+            us[i] = u_start[i] + nodes[stage] * (u_end[i] - u_start[i])
+        function(t + step, xs, us, p, s, out)
+        for i in range(nx):
+            kx[i] = 0.0 if stuck[i] else out[i]
+            ax[i] += weights[stage] * kx[i]
+            if nq > 0:
+                row_x, row_p = nx + ny + i * nx, nx + ny + nx * nx + i * n_p
+                for j in range(nq):
+                    value = 0.0
+                    if not stuck[i]:
+                        if j < n_p:
+                            value = out[row_p + j]
+                        for m in range(nx):
+                            value += out[row_x + m] * Ss[m, j]
+                    kS[i, j] = value
+                    aS[i, j] += weights[stage] * value
+    for i in range(nx):
+        x[i] += h * ax[i]
+        for j in range(nq):
+            S[i, j] += h * aS[i, j]
+
+
+@njit(**_OPTIONS)
+def _side(function, t, x, u, p, s, stuck, i, out):
+    """Set the friction's direction of state i: moving forward, backward or stuck at zero."""
+    stuck[i] = False
+    if x[i] > 0.0:
+        s[i] = 1.0
+    elif x[i] < 0.0:
+        s[i] = -1.0
+    else:
+        s[i] = 1.0
+        function(t, x, u, p, s, out)
+        forward = out[i]
+        s[i] = -1.0
+        function(t, x, u, p, s, out)
+        backward = out[i]
+        if forward > 0.0:
+            s[i] = 1.0
+        elif backward >= 0.0:
+            stuck[i] = True
+            jump = backward - forward
+            s[i] = (backward + forward) / jump if jump > 0.0 else 0.0
+
+
+@njit(**_OPTIONS)
+def _first_crossing(x_old, x, stuck, dry):
+    """Find the state that changes its sign first, and the share of the step until then."""
+    first, share = -1, 1.0
+    for i in range(x.size):
+        if dry[i] and not stuck[i] and x_old[i] * x[i] < 0.0:
+            at = x_old[i] / (x_old[i] - x[i])
+            if at < share:
+                first, share = i, at
+    return first, share
+
+
+@njit(**_OPTIONS)
+def advance(function, t, h, x, S, u_start, u_end, p, s, stuck, dry, nodes, weights, work, old):
+    """Advance x and S by h, in place, cutting the step where dry friction changes its side."""
+    x_old, S_old, u_now, u_mid, before = old
+    any_dry = False
+    for i in range(x.size):
+        any_dry = any_dry or dry[i]
+    if not any_dry:
+        _runge_kutta(
+            function, t, h, x, S, u_start, u_end, p, s, stuck, nodes, weights, work
+        )
+        return
+    out = work[7]
+    done = 0.0
+    u_now[:] = u_start
+    for i in range(x.size):
+        if dry[i]:
+            _side(function, t, x, u_now, p, s, stuck, i, out)
+            if stuck[i]:
+                S[i, :] = 0.0
+    for event in range(MAX_EVENTS + 1):
+        x_old[:] = x
+        S_old[:, :] = S
+        now, left = t + done * h, (1.0 - done) * h
+        _runge_kutta(
+            function, now, left, x, S, u_now, u_end, p, s, stuck, nodes, weights, work
+        )
+        i, share = _first_crossing(x_old, x, stuck, dry)
+        if i < 0 or event == MAX_EVENTS:
+            return
+        x[:] = x_old
+        S[:, :] = S_old
+        for k in range(u_mid.size):
+            u_mid[k] = u_now[k] + share * (u_end[k] - u_now[k])
+        _runge_kutta(
+            function, now, share * left, x, S, u_now, u_mid, p, s, stuck, nodes, weights, work
+        )
+        done += share * (1.0 - done)
+        u_now[:] = u_mid
+        x[i] = 0.0
+        function(t + done * h, x, u_now, p, s, out)
+        before[:] = out[: x.size]
+        _side(function, t + done * h, x, u_now, p, s, stuck, i, out)
+        function(t + done * h, x, u_now, p, s, out)
+        _jump(S, before, out, stuck, i)
+        if not stuck[i]:
+            x[i] = 1e-300 * s[i]
+
+
+@njit(**_OPTIONS)
+def _jump(S, before, after, stuck, i):
+    """Let the sensitivities jump where state i crosses zero."""
+    if before[i] == 0.0:
+        return
+    for j in range(S.shape[1]):
+        shift = -S[i, j] / before[i]
+        for m in range(S.shape[0]):
+            rate = 0.0 if stuck[m] else after[m]
+            if m == i or before[m] != rate:
+                S[m, j] += (before[m] - rate) * shift
+
+
+@njit(**_OPTIONS)
+def _workspace(nx, nq, nu, size):
+    """Allocate what a step needs, once per trajectory."""
+    work = (
+        np.zeros(nx),
+        np.zeros((nx, nq)),
+        np.zeros(nu),
+        np.zeros(nx),
+        np.zeros((nx, nq)),
+        np.zeros(nx),
+        np.zeros((nx, nq)),
+        np.zeros(size),
+    )
+    old = (np.zeros(nx), np.zeros((nx, nq)), np.zeros(nu), np.zeros(nu), np.zeros(nx))
+    return work, old
+
+
+@njit(**_OPTIONS)
+def _observe(function, t, x, S, u, p, s, out, y, Sy):
+    """Evaluate the outputs and their sensitivities at one sample."""
+    function(t, x, u, p, s, out)
+    nx, nq = S.shape
+    ny = y.size
+    n_p = nq - nx
+    for i in range(ny):
+        y[i] = out[nx + i]
+        if nq > 0:
+            row_x = nx + ny + nx * (nx + n_p) + i * nx
+            row_p = nx + ny + nx * (nx + n_p) + ny * nx + i * n_p
+            for j in range(nq):
+                value = out[row_p + j] if j < n_p else 0.0
+                for m in range(nx):
+                    value += out[row_x + m] * S[m, j]
+                Sy[i, j] = value
+
+
+@njit(**_OPTIONS)
+def _to_next_sample(
+    function, t, u, linear_hold, k, x, S, p, s, stuck, dry, substeps, nodes, weights, work, old,
+    u_start, u_end,
+):  # fmt: skip
+    """Advance from sample k to sample k + 1 in equal substeps."""
+    h = (t[k + 1] - t[k]) / substeps
+    for step in range(substeps):
+        for i in range(u_start.size):
+            slope = u[k + 1, i] - u[k, i] if linear_hold else 0.0
+            u_start[i] = u[k, i] + slope * step / substeps
+            u_end[i] = u[k, i] + slope * (step + 1) / substeps
+        advance(
+            function, t[k] + step * h, h, x, S, u_start, u_end, p, s, stuck, dry, nodes, weights,
+            work, old,
+        )  # fmt: skip
+
+
+@njit(
+    int64(FUNCTION, _F1, _F2, boolean, _F1, _F1, _F2, _B1, int64, _F1, _F1, int64, _F2, _F2, _F3),
+    **_OPTIONS,
+)
+def run_trajectory(
+    function, t, u, linear_hold, p, x, S, dry, substeps, nodes, weights, size, X, Y, SY
+):
+    """Simulate one trajectory into X, Y and SY; give the sample that is not finite, or -1."""
+    nx, nq = S.shape
+    work, old = _workspace(nx, nq, u.shape[1], size)
+    s, stuck = np.zeros(nx), np.zeros(nx, dtype=np.bool_)
+    Sy = np.zeros((Y.shape[1], nq))
+    u_start, u_end = np.zeros(u.shape[1]), np.zeros(u.shape[1])
+    for k in range(t.size):
+        for i in range(nx):
+            if not math.isfinite(x[i]):
+                return k
+            X[k, i] = x[i]
+            if dry[i] and not stuck[i]:
+                s[i] = 1.0 if x[i] > 0.0 else (-1.0 if x[i] < 0.0 else 0.0)
+        _observe(function, t[k], x, S, u[k], p, s, work[7], Y[k], Sy)
+        if nq > 0:
+            SY[k] = Sy
+        if k + 1 < t.size:
+            _to_next_sample(
+                function, t, u, linear_hold, k, x, S, p, s, stuck, dry, substeps, nodes, weights,
+                work, old, u_start, u_end,
+            )  # fmt: skip
+    return -1
+
+
+@njit(
+    types.void(
+        FUNCTION, _F1, _F2, boolean, _F2, types.int64[::1], types.int64[::1], _F1, _F2, _F1, _B1,
+        int64, _F1, _F1, int64, int64, _F3, _F2,
+    ),
+    **_OPTIONS,
+)  # fmt: skip
+def run_windows(
+    function, t, u, linear_hold, y, starts, lengths, p, X0, scale, dry, substeps, nodes, weights,
+    size, n_p, G, R,
+):  # fmt: skip
+    """Simulate every window from its own initial state and sum up its squares.
+
+    ``G[w]`` becomes the Gram matrix of the rows ``[dy/dp, dy/dx0, y - y_model] / scale`` of window
+    w (upper triangle; infinite where the window diverged), ``R`` the residuals ``y - y_model``.
+    """
+    nx, ny = X0.shape[1], y.shape[1]
+    nq = n_p + nx
+    work, old = _workspace(nx, nq, u.shape[1], size)
+    x, S = np.zeros(nx), np.zeros((nx, nq))
+    s, stuck = np.zeros(nx), np.zeros(nx, dtype=np.bool_)
+    Sy, y_model, row = np.zeros((ny, nq)), np.zeros(ny), np.zeros(nq + 1)
+    u_start, u_end = np.zeros(u.shape[1]), np.zeros(u.shape[1])
+    for w in range(starts.size):
+        x[:] = X0[w]
+        S[:, :] = 0.0
+        stuck[:] = False
+        for i in range(nx):
+            S[i, n_p + i] = 1.0
+        G[w] = 0.0
+        for k in range(starts[w], starts[w] + lengths[w]):
+            finite = True
+            for i in range(nx):
+                finite = finite and math.isfinite(x[i])
+                if dry[i] and not stuck[i]:
+                    s[i] = 1.0 if x[i] > 0.0 else (-1.0 if x[i] < 0.0 else 0.0)
+            if not finite:
+                G[w] = np.inf
+                break
+            _observe(function, t[k], x, S, u[k], p, s, work[7], y_model, Sy)
+            for i in range(ny):
+                R[k, i] = y[k, i] - y_model[i]
+                if math.isnan(y[k, i]):
+                    continue
+                for j in range(nq):
+                    row[j] = Sy[i, j] / scale[i]
+                row[nq] = R[k, i] / scale[i]
+                for a in range(nq + 1):
+                    for b in range(a, nq + 1):
+                        G[w, a, b] += row[a] * row[b]
+            if k + 1 < starts[w] + lengths[w]:
+                _to_next_sample(
+                    function, t, u, linear_hold, k, x, S, p, s, stuck, dry, substeps, nodes,
+                    weights, work, old, u_start, u_end,
+                )  # fmt: skip
