@@ -111,3 +111,79 @@ def servo_valve(limits: bool = False) -> PhysicsModel:
             "dissipated": "4*pi*f_V*D_V*v**2",
         },
     )
+
+
+def two_tanks() -> PhysicsModel:
+    r"""Give two tanks in a cascade: a pump fills the upper one, only the lower level is measured.
+
+    .. math::
+        \dot x_1 = -k_1 \sqrt{x_1} + k_4 u, \qquad \dot x_2 = k_2 \sqrt{x_1} - k_3 \sqrt{x_2}
+
+    The outflows follow Torricelli's law; an empty tank gives nothing. The constants are of the
+    order of a laboratory rig (tanks of 20 cm, minutes to settle) and hold 3 V at the start.
+
+    Returns
+    -------
+    PhysicsModel
+        States ``x1`` and ``x2`` [cm], input ``pump`` [V], output ``level``.
+
+    References
+    ----------
+    .. [1] M. Schoukens, P. Mattsson, T. Wigren, J.-P. Noel, "Cascaded tanks benchmark combining
+       soft and hard nonlinearities", Workshop on Nonlinear System Identification Benchmarks, 2016.
+
+    Examples
+    --------
+    >>> two_tanks().kinematic_pairs
+    {}
+    """
+    return PhysicsModel(
+        name="two tanks",
+        states={"x1": "cm", "x2": "cm"},
+        inputs={"pump": "V"},
+        outputs={"level": "x2"},
+        parameters=[
+            Parameter("k1", 0.05, unit="cm^0.5/s", bounds=(0.001, 1.0)),
+            Parameter("k2", 0.05, unit="cm^0.5/s", bounds=(0.001, 1.0)),
+            Parameter("k3", 0.055, unit="cm^0.5/s", bounds=(0.001, 1.0)),
+            Parameter("k4", 0.04, unit="cm/(V s)", bounds=(0.001, 1.0)),
+        ],
+        equations={
+            "x1": "-k1*sqrt(max(x1, 0)) + k4*pump",
+            "x2": "k2*sqrt(max(x1, 0)) - k3*sqrt(max(x2, 0))",
+        },
+        initial_state={"x1": 5.76, "x2": 4.760330578512396},
+    )
+
+
+def cart_on_spring() -> PhysicsModel:
+    r"""Give a cart between springs, pushed by a force: :math:`m \ddot x = F - k x - d \dot x`.
+
+    Returns
+    -------
+    PhysicsModel
+        States ``x`` [m] and ``v`` [m/s], input ``force`` [N], output ``position``.
+
+    Examples
+    --------
+    >>> cart_on_spring().kinematic_pairs
+    {'v': 'x'}
+    """
+    return PhysicsModel(
+        name="cart on a spring",
+        states={"x": "m", "v": "m/s"},
+        inputs={"force": "N"},
+        outputs={"position": "x"},
+        parameters=[
+            Parameter("m", 2.0, unit="kg", bounds=(0.1, 50.0)),
+            Parameter("k", 40.0, unit="N/m", bounds=(0.1, 1000.0)),
+            Parameter("d", 1.5, unit="N s/m", bounds=(0.0, 50.0)),
+        ],
+        equations={"x": "v", "v": "(-k*x - d*v + force)/m"},
+        inertia={"v": "m"},
+        energy={
+            "stored": "m*v**2/2 + k*x**2/2",
+            "supplied": "force*v",
+            "dissipated": "d*v**2",
+        },
+    )
