@@ -55,6 +55,11 @@ class _Printer(PythonCodePrinter):
         z = self._print(expr.args[0])
         return f"(1.0 if {z} > 0.0 else 0.0)"
 
+    def _print_Pow(self, expr, **options):
+        if expr.exp.is_number and expr.exp.is_negative and expr.exp != -1:
+            return f"(1.0/{self.parenthesize(expr.base**-expr.exp, 100)})"
+        return super()._print_Pow(expr, **options)
+
     def _print_Rational(self, expr):
         return repr(float(expr))
 

@@ -1,0 +1,210 @@
+"""Fit hypotheses on the windows of a setting; remember what was fitted."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sklearn_pgnn.diagnosis.hypothesis import Cause, Hypothesis, freedoms
+from sklearn_pgnn.diagnosis.setting import Setting
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.window_fit import WindowFit, fit_windows
+
+#: starts that are followed to their end after a first look at all of them
+FOLLOWED_STARTS = 2
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A hypothesis fitted on all windows.
+
+    Parameters
+    ----------
+    hypothesis : Hypothesis
+        What is said to be missing.
+    fit : WindowFit
+        The extended model and its residuals.
+    """
+
+    hypothesis: Hypothesis
+    fit: WindowFit
+
+    @property
+    def squares(self) -> float:
+        """Sum of squared residuals in units of the noise."""
+        return self.fit.squares
+
+    @property
+    def per_window(self) -> np.ndarray:
+        """Sum of squared residuals of every window."""
+        return self.fit.evaluation.squares
+
+
+class Fitter:
+    """Fits hypotheses, each once.
+
+    Parameters
+    ----------
+    setting : Setting
+        The ground of the diagnosis.
+    """
+
+    def __init__(self, setting: Setting):
+        self.setting = setting
+        self._trials: dict[frozenset, Trial] = {}
+        self._held_out: dict[frozenset, np.ndarray] = {}
+
+    def prior(self) -> WindowFit:
+        """Fit only the initial states, at the prior's parameters."""
+        return self._fit(self.setting.prior, (), None)
+
+    def base(self) -> Trial:
+        """Re-tune the prior within its spread."""
+        return self._remember(
+            Hypothesis(), lambda: self._fit_hypothesis(Hypothesis(), self.setting.prior, None)
+        )
+
+    def extend(self, trial: Trial, cause: Cause) -> Trial:
+        """Fit a hypothesis with one more cause, from all the starts the effect proposes."""
+        hypothesis = trial.hypothesis.plus(cause)
+        return self._remember(hypothesis, lambda: self._best_start(trial, hypothesis, cause))
+
+    def reduce(self, trial: Trial, cause: Cause) -> Trial:
+        """Fit a hypothesis with one cause less."""
+        hypothesis = trial.hypothesis.without(cause)
+
+        def fit():
+            start = self._rebuild(hypothesis, trial.fit.model)
+            return self._fit_hypothesis(hypothesis, start, trial)
+
+        return self._remember(hypothesis, fit)
+
+    def _remember(self, hypothesis, fit) -> Trial:
+        if hypothesis.key not in self._trials:
+            self._trials[hypothesis.key] = Trial(hypothesis, fit())
+        known = self._trials[hypothesis.key]
+        return known if known.hypothesis == hypothesis else Trial(hypothesis, known.fit)
+
+    def _best_start(self, trial, hypothesis, cause):
+        """Look at every start for two steps, follow the most promising to the end."""
+        effect, target = cause
+        prior, scales = self.setting.prior, self.setting.scales
+        starts = effect.starts(target, prior, scales)
+        models = [start.apply(trial.fit.model) for start in starts]
+        if len(starts) <= 4:
+            untuned = self._rebuild(trial.hypothesis, prior)
+            models += [start.apply(untuned) for start in starts]
+        looks = [self._fit_hypothesis(hypothesis, m, trial, max_steps=2) for m in models]
+        looks.sort(key=lambda fit: fit.objective)
+        fits = [
+            self._fit_hypothesis(hypothesis, look.model, trial, x0_start=look.x0)
+            for look in looks[:FOLLOWED_STARTS]
+        ]
+        return min(fits, key=lambda fit: fit.objective)
+
+    def _rebuild(self, hypothesis, values_of: PhysicsModel) -> PhysicsModel:
+        """Extend the prior by the causes, with the parameter values of another model."""
+        model = self.setting.prior
+        for effect, target in hypothesis.causes:
+            start = effect.starts(target, model, self.setting.scales)[0]
+            model = start.apply(model)
+        known = {n: p.value for n, p in values_of.parameters.items() if n in model.parameters}
+        return model.with_parameters(**known)
+
+    def _fit_hypothesis(self, hypothesis, model, trial, **options) -> WindowFit:
+        return self._fit(model, freedoms(self.setting, hypothesis, model), trial, **options)
+
+    def _fit(self, model, free, trial, **options) -> WindowFit:
+        setting = self.setting
+        estimate = setting.states.estimate(model)
+        expected = estimate.x[setting.windows.starts]
+        if trial is not None and "x0_start" not in options:
+            options["x0_start"] = _carry_over(trial.fit, model, expected)
+        return fit_windows(model, setting.windows, free, expected, estimate.spread, **options)
+
+    def held_out(self, trial: Trial, folds: np.ndarray) -> np.ndarray:
+        """Give every window's squares under parameters fitted without its fold.
+
+        Parameters
+        ----------
+        trial : Trial
+            The hypothesis, fitted on all windows.
+        folds : ndarray of shape (n_windows,)
+            Fold of every window.
+
+        Returns
+        -------
+        ndarray of shape (n_windows, n_outputs)
+            Sum of squared residuals, in units of the noise.
+        """
+        key = trial.hypothesis.key
+        if key not in self._held_out:
+            self._held_out[key] = self._cross_validate(trial, folds)
+        return self._held_out[key]
+
+    def _cross_validate(self, trial, folds):
+        setting, fit = self.setting, trial.fit
+        squares = np.zeros((len(setting.windows), setting.windows.y.shape[1]))
+        estimate = setting.states.estimate(fit.model)
+        expected = estimate.x[setting.windows.starts]
+        for fold in np.unique(folds):
+            inside, outside = folds == fold, folds != fold
+            learned = fit_windows(
+                fit.model,
+                setting.windows.select(outside),
+                fit.freedoms,
+                expected[outside],
+                estimate.spread,
+                x0_start=fit.x0[outside],
+            )
+            judged = fit_windows(
+                learned.model,
+                setting.windows.select(inside),
+                (),
+                expected[inside],
+                estimate.spread,
+                x0_start=fit.x0[inside],
+            )
+            squares[inside] = window_squares(setting, judged, inside)
+        return squares
+
+
+def window_squares(setting: Setting, fit: WindowFit, which=slice(None)) -> np.ndarray:
+    """Sum the squared residuals of every window and output, in units of the noise."""
+    windows = setting.windows.select(which)
+    squares = np.nan_to_num((fit.evaluation.residual / windows.scale) ** 2)
+    total = np.concatenate([np.zeros((1, squares.shape[1])), np.cumsum(squares, axis=0)])
+    sums = total[windows.starts + windows.lengths] - total[windows.starts]
+    sums[~np.isfinite(fit.evaluation.squares)] = np.inf
+    return sums
+
+
+def make_folds(setting: Setting, n_folds: int = 4) -> np.ndarray:
+    """Deal the windows into folds: by whole records, or by stretches of a few records.
+
+    Parameters
+    ----------
+    setting : Setting
+        The ground of the diagnosis.
+    n_folds : int, default=4
+        Number of folds.
+
+    Returns
+    -------
+    ndarray of shape (n_windows,)
+        Fold of every window.
+    """
+    record = setting.windows.record
+    n_records = record.max() + 1
+    if n_records >= n_folds:
+        return record % n_folds
+    order = np.arange(record.size)
+    return (order * n_folds // record.size) if n_records == 1 else record
+
+
+def _carry_over(fit: WindowFit, model: PhysicsModel, expected) -> np.ndarray:
+    """Start from fitted initial states where the model has the same state."""
+    start, names = expected.copy(), list(fit.model.states)
+    for i, state in enumerate(model.states):
+        if state in names:
+            start[:, i] = fit.x0[:, names.index(state)]
+    return start

@@ -1,0 +1,165 @@
+"""A hypothesis: a set of effects; and what re-tuning under it may do."""
+
+import math
+from dataclasses import dataclass
+
+import sympy
+
+from sklearn_pgnn.diagnosis.setting import Setting
+from sklearn_pgnn.physics.effect import Effect
+from sklearn_pgnn.physics.effects import WrongParameter
+from sklearn_pgnn.physics.expressions import symbol
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.window_fit import Freedom
+
+Cause = tuple[type[Effect], str]
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """What is said to be missing: effects and their targets, in the order they were found.
+
+    Parameters
+    ----------
+    causes : tuple of (effect class, target)
+        The causes.
+    """
+
+    causes: tuple[Cause, ...] = ()
+
+    @property
+    def key(self) -> frozenset:
+        """The causes without their order."""
+        return frozenset(self.causes)
+
+    @property
+    def n_parameters(self) -> int:
+        """Number of parameters the causes add or free."""
+        return sum(count_parameters(cause) for cause in self.causes)
+
+    def plus(self, cause: Cause) -> "Hypothesis":
+        """Give the hypothesis with one more cause."""
+        return Hypothesis((*self.causes, cause))
+
+    def without(self, cause: Cause) -> "Hypothesis":
+        """Give the hypothesis with one cause less."""
+        return Hypothesis(tuple(c for c in self.causes if c != cause))
+
+    def swapped(self, old: Cause, new: Cause) -> "Hypothesis":
+        """Give the hypothesis with one cause in another's place."""
+        return Hypothesis(tuple(new if c == old else c for c in self.causes))
+
+
+def count_parameters(cause: Cause) -> int:
+    """Count the parameters a cause adds or frees."""
+    return max(1, len(cause[0].quantities()))
+
+
+def possible_causes(model: PhysicsModel, catalogue, targets=None) -> tuple[Cause, ...]:
+    """List the causes of a catalogue that a model's own parameters do not already hold.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The prior.
+    catalogue : iterable of type[Effect]
+        The effects to think of.
+    targets : collection of str, optional
+        Targets to think of; by default all.
+
+    Returns
+    -------
+    tuple of (effect class, target)
+        The suspects.
+    """
+    return tuple(
+        (effect, target)
+        for effect in catalogue
+        for target in effect.targets(model)
+        if (targets is None or target in targets) and same_parameter(model, effect(target)) is None
+    )
+
+
+def same_parameter(model: PhysicsModel, effect: Effect) -> str | None:
+    """Name the free parameter of a model that does just what an effect would do.
+
+    An effect with a single parameter :math:`q` is the same as the parameter :math:`p` if
+    :math:`\\partial (f, g)/\\partial q` is :math:`\\partial (f, g)/\\partial p` times a factor
+    that depends on parameters only.
+    """
+    names = tuple(effect.names().values())
+    if isinstance(effect, WrongParameter) or len(names) != 1:
+        return None
+    extended = effect.apply(model)
+    if extended.delays != model.delays or extended.states != model.states:
+        return None
+    moving = {symbol(name) for name in (*model.states, *model.inputs)} | {symbol("t")}
+    mine = _derivatives(extended, names[0])
+    for name in model.free_parameters:
+        theirs = _derivatives(extended, name)
+        if _proportional(mine, theirs, moving):
+            return name
+    return None
+
+
+def _derivatives(model, name):
+    expressions = (*model.equations.values(), *model.outputs.values())
+    return [sympy.diff(expression, symbol(name)) for expression in expressions]
+
+
+def _proportional(mine, theirs, moving) -> bool:
+    factor = None
+    for a, b in zip(mine, theirs, strict=True):
+        if a == 0 and b == 0:
+            continue
+        if a == 0 or b == 0:
+            return False
+        ratio = sympy.cancel(a / b) if not (a / b).free_symbols & moving == set() else a / b
+        if ratio.free_symbols & moving or (factor is not None and sympy.cancel(ratio - factor) != 0):
+            return False
+        factor = ratio
+    return factor is not None
+
+
+def freedoms(setting: Setting, hypothesis: Hypothesis, start: PhysicsModel) -> tuple[Freedom, ...]:
+    """Say how far every parameter may go under a hypothesis.
+
+    The prior's parameters stay within their spread, softly and by bounds; one that is said to be
+    wrong may go to its bounds; the effects' own stay within their limits.
+
+    Parameters
+    ----------
+    setting : Setting
+        The ground of the diagnosis.
+    hypothesis : Hypothesis
+        What is said to be missing.
+    start : PhysicsModel
+        The extended model.
+
+    Returns
+    -------
+    tuple of Freedom
+        One for every free parameter.
+    """
+    wrong = {target for effect, target in hypothesis.causes if effect is WrongParameter}
+    free = [_prior_freedom(setting.prior, name, name in wrong) for name in setting.prior.free_parameters]
+    for effect, target in hypothesis.causes:
+        limits = effect.limits(target, setting.prior, setting.scales)
+        for field_name, name in effect(target).names().items():
+            if name not in setting.prior.parameters:
+                low, high = start.parameters[name].bounds
+                inner = limits.get(field_name, (low, high))
+                value = start.parameters[name].value
+                free.append(
+                    Freedom(name, max(low, inner[0]), min(high, inner[1]), value, math.inf, 1.0)
+                )
+    return tuple(free)
+
+
+def _prior_freedom(prior, name, wrong) -> Freedom:
+    parameter = prior.parameters[name]
+    value, (low, high) = parameter.value, parameter.bounds
+    reach = abs(value) * parameter.spread
+    if wrong or reach == 0.0 or not math.isfinite(reach):
+        return Freedom(name, low, high, value, math.inf, max(reach, 1e-12))
+    return Freedom(name, max(low, value - reach), min(high, value + reach), value, reach, reach)

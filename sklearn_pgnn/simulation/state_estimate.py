@@ -1,0 +1,164 @@
+"""States of a record: smoothed where they are measured, differentiated or simulated where not."""
+
+import warnings
+from dataclasses import dataclass
+
+import numpy as np
+
+from sklearn_pgnn.physics.expressions import symbol
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.simulate import Simulation, simulate
+from sklearn_pgnn.simulation.windows import Windows
+from sklearn_pgnn.trajectories.smoothing import Smoothed, choose_penalty, smooth
+
+#: how many of its standard errors a smoothed state may be off
+SAFETY = 3.0
+
+
+@dataclass(frozen=True)
+class StateEstimate:
+    """States at every sample of the records.
+
+    Parameters
+    ----------
+    x : ndarray of shape (n_samples, n_states)
+        Estimated states.
+    spread : ndarray of shape (n_states,)
+        How far each may be off.
+    """
+
+    x: np.ndarray
+    spread: np.ndarray
+
+
+class StateEstimator:
+    """Estimate the states of a model, or of one of its extensions, from records.
+
+    A state that an output shows is smoothed; the velocity of such a position is its smoothed
+    slope; every other state is taken from a free-run simulation.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model without extensions: its outputs tell what the record shows.
+    windows : Windows
+        The records.
+    starts : list of ndarray of shape (n_states,)
+        Initial state of every record, NaN where unknown.
+    """
+
+    def __init__(self, model: PhysicsModel, windows: Windows, starts: list[np.ndarray]):
+        self.windows = windows
+        self.starts = [dict(zip(model.states, x0, strict=True)) for x0 in starts]
+        self.known = self._smooth_outputs(model)
+
+    def _smooth_outputs(self, model):
+        """Smooth what is measured: values and spread by state name."""
+        known = {}
+        positions = {position: velocity for velocity, position in model.kinematic_pairs.items()}
+        for column, output in enumerate(model.outputs.values()):
+            states = [name for name in model.states if output == symbol(name)]
+            for state in states:
+                value, slope = self._smooth_column(column)
+                known[state] = value
+                velocity = positions.get(state)
+                if velocity is not None and velocity not in known:
+                    known[velocity] = slope
+        return known
+
+    def _smooth_column(self, column):
+        """Smooth one output of every record, with the spread of value and slope."""
+        windows, penalty = self.windows, None
+        values, slopes, errors = [], [], []
+        for a, b in zip(windows.bounds[:-1], windows.bounds[1:], strict=True):
+            t, y = windows.t[a:b], windows.y[a:b, column]
+            if penalty is None:
+                seen = np.isfinite(y)
+                clock = (t[seen] - t[seen][0]) / np.mean(np.diff(t[seen]))
+                penalty = choose_penalty(clock, y[seen])
+            whole = smooth(t, y, penalty)
+            values.append(whole.value(t))
+            slopes.append(whole.slope(t))
+            errors.append(_halves_differ(t, y, penalty))
+        value_error, slope_error = SAFETY * np.sqrt(np.mean(errors, axis=0))
+        return (np.concatenate(values), value_error), (np.concatenate(slopes), slope_error)
+
+    def estimate(self, model: PhysicsModel) -> StateEstimate:
+        """Estimate the states of an extension of the model.
+
+        Parameters
+        ----------
+        model : PhysicsModel
+            The model or an extension of it, at its present parameters.
+
+        Returns
+        -------
+        StateEstimate
+            Its states at every sample.
+        """
+        x = np.full((self.windows.t.size, len(model.states)), np.nan)
+        spread = np.full(len(model.states), np.nan)
+        for i, state in enumerate(model.states):
+            if state in self.known:
+                x[:, i], spread[i] = self.known[state]
+        unknown = np.flatnonzero(np.isnan(spread))
+        if unknown.size:
+            self._simulate_unknown(model, x, unknown)
+            spread[unknown] = np.std(x[:, unknown], axis=0)
+        return StateEstimate(x, np.maximum(spread, _smallest_spread(x)))
+
+    def _simulate_unknown(self, model, x, unknown):
+        """Fill the states nothing shows from a free-run simulation of every record."""
+        windows = self.windows
+        for r, (a, b) in enumerate(zip(windows.bounds[:-1], windows.bounds[1:], strict=True)):
+            start = {**settled_start(model, windows.u[a]), **_finite(self.starts[r])}
+            known = {s: v[0][a] for s, v in self.known.items()}
+            x0 = [{**start, **known}[state] for state in model.states]
+            run = free_run(model, windows, a, b, x0)
+            filled = np.where(np.isfinite(run.x), run.x, np.array(x0))
+            x[a:b, unknown] = filled[:, unknown]
+
+
+def free_run(model: PhysicsModel, windows: Windows, a: int, b: int, x0) -> Simulation:
+    """Simulate samples `a` to `b` of the records; a failure is left to the reader of the result."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return simulate(
+            model,
+            windows.t[a:b],
+            windows.u[a:b],
+            x0,
+            substeps=windows.substeps,
+            hold=windows.hold,
+        )
+
+
+def settled_start(model: PhysicsModel, u: np.ndarray) -> dict[str, float]:
+    """Give the model's initial state, actuators settled at the first input."""
+    start = dict(model.initial_state)
+    for name, value in zip(model.inputs, u, strict=True):
+        if f"{name}_lagged" in start:
+            start[f"{name}_lagged"] = float(value)
+    return start
+
+
+def _finite(start: dict) -> dict:
+    return {name: float(value) for name, value in start.items() if np.isfinite(value)}
+
+
+def _halves_differ(t, y, penalty):
+    """Estimate the variance of value and slope from two halves of the samples."""
+    if t.size < 20:
+        return np.inf, np.inf
+    # a half has twice the sample interval: the same smoothing in time is 1/8 of the penalty
+    first: Smoothed = smooth(t[::2], y[::2], penalty / 8)
+    second: Smoothed = smooth(t[1::2], y[1::2], penalty / 8)
+    inner = t[2:-2]
+    value = np.mean((first.value(inner) - second.value(inner)) ** 2) / 4
+    slope = np.mean((first.slope(inner) - second.slope(inner)) ** 2) / 4
+    return value, slope
+
+
+def _smallest_spread(x):
+    """Keep a spread from vanishing where a record is free of noise."""
+    return 1e-6 * np.maximum(np.std(x, axis=0), 1e-9)

@@ -1,0 +1,174 @@
+r"""Windows: a record cut into short pieces, each restarted from its own initial state.
+
+A free-run simulation of a lightly damped machine forgets nothing, so its error has many local
+minima. Over short windows it has few (multiple shooting). Every window's initial state is a
+nuisance: it is fitted with the parameters and projected out of their normal equations.
+"""
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.compiled import compile_model
+from sklearn_pgnn.simulation.inputs import delayed_inputs
+from sklearn_pgnn.simulation.simulate import parameter_values
+from sklearn_pgnn.simulation.stepping import METHODS, run_windows
+
+
+@dataclass(frozen=True)
+class Windows:
+    """Records laid end to end, and the pieces of them that a model is judged on.
+
+    Parameters
+    ----------
+    t : ndarray of shape (n_samples,)
+        Time [s] of all records, one after the other.
+    u : ndarray of shape (n_samples, n_inputs)
+        Inputs as commanded.
+    y : ndarray of shape (n_samples, n_outputs)
+        Measured outputs; NaN where there is none.
+    bounds : ndarray of shape (n_records + 1,)
+        Where each record begins, and the end.
+    starts, lengths : ndarray of shape (n_windows,)
+        First sample and number of samples of every window.
+    scale : ndarray of shape (n_outputs,)
+        Noise of every output; residuals are divided by it.
+    hold : {"zoh", "foh"}
+        How inputs run between samples.
+    substeps : int
+        Integration steps from sample to sample.
+    threads : int
+        Threads to simulate on.
+    """
+
+    t: np.ndarray
+    u: np.ndarray
+    y: np.ndarray
+    bounds: np.ndarray
+    starts: np.ndarray
+    lengths: np.ndarray
+    scale: np.ndarray
+    hold: str = "zoh"
+    substeps: int = 1
+    threads: int = 1
+
+    def __len__(self):
+        return self.starts.size
+
+    @property
+    def record(self) -> np.ndarray:
+        """Index of every window's record."""
+        return np.searchsorted(self.bounds, self.starts, side="right") - 1
+
+    def select(self, which) -> "Windows":
+        """Give some of the windows.
+
+        Parameters
+        ----------
+        which : ndarray of bool or int
+            The windows to keep.
+
+        Returns
+        -------
+        Windows
+            The same records with fewer windows.
+        """
+        return replace(self, starts=self.starts[which], lengths=self.lengths[which])
+
+    def acting_inputs(self, model: PhysicsModel) -> np.ndarray:
+        """Give the inputs with the model's delays applied, record by record."""
+        if not model.delays:
+            return self.u
+        pieces = [
+            delayed_inputs(model, self.t[a:b], self.u[a:b], self.hold == "foh")
+            for a, b in zip(self.bounds[:-1], self.bounds[1:], strict=True)
+        ]
+        return np.ascontiguousarray(np.concatenate(pieces))
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """What a model makes of the windows.
+
+    Parameters
+    ----------
+    gram : ndarray of shape (n_windows, q + 1, q + 1)
+        Per window, the products of the columns ``[dy/dp, dy/dx0, residual]`` in units of the
+        noise; infinite where the window diverged.
+    residual : ndarray of shape (n_samples, n_outputs)
+        Measured minus simulated outputs, NaN outside the windows.
+    """
+
+    gram: np.ndarray
+    residual: np.ndarray
+
+    @property
+    def squares(self) -> np.ndarray:
+        """Sum of squared residuals of every window, in units of the noise."""
+        return self.gram[:, -1, -1]
+
+
+def evaluate(model: PhysicsModel, windows: Windows, x0, wrt: tuple[str, ...]) -> Evaluation:
+    """Simulate every window from its initial state, with sensitivities.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model, at its parameters' values.
+    windows : Windows
+        The windows.
+    x0 : ndarray of shape (n_windows, n_states)
+        Initial state of every window.
+    wrt : tuple of str
+        Parameters to differentiate by.
+
+    Returns
+    -------
+    Evaluation
+        Squares, gradients and residuals.
+    """
+    function, source = compile_model(model, tuple(wrt))
+    u, p = windows.acting_inputs(model), parameter_values(model)
+    q = len(wrt) + len(model.states)
+    gram = np.zeros((len(windows), q + 1, q + 1))
+    residual = np.full(windows.y.shape, np.nan)
+    dry = np.array(source.dry)
+    x0 = np.ascontiguousarray(x0, dtype=float)
+
+    def run(part):
+        run_windows(
+            function,
+            windows.t,
+            u,
+            windows.hold == "foh",
+            windows.y,
+            windows.starts[part],
+            windows.lengths[part],
+            p,
+            x0[part],
+            windows.scale,
+            dry,
+            windows.substeps,
+            *METHODS["rk4"],
+            source.size,
+            len(wrt),
+            gram[part],
+            residual,
+        )
+
+    parts = _parts(len(windows), windows.threads)
+    if len(parts) == 1:
+        run(parts[0])
+    else:
+        with ThreadPoolExecutor(windows.threads) as pool:
+            list(pool.map(run, parts))
+    lower = np.tril_indices(q + 1, -1)
+    gram[:, lower[0], lower[1]] = gram[:, lower[1], lower[0]]
+    return Evaluation(np.where(np.isfinite(gram), gram, np.inf), residual)
+
+
+def _parts(count: int, threads: int) -> list[slice]:
+    edges = np.linspace(0, count, max(1, min(threads, count)) + 1).astype(int)
+    return [slice(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True)]
