@@ -1,0 +1,210 @@
+"""Records of a machine that hides a physical effect from the engineer's model."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from sklearn.utils import check_random_state
+
+from sklearn_pgnn.datasets.excitation import excite
+from sklearn_pgnn.datasets.records import add_noise, make_tables, noise_levels
+from sklearn_pgnn.datasets.rig import Rig, find_amplitudes, resting_input, run_bounded
+from sklearn_pgnn.datasets.sizes import draw_size, family, measure_scales
+from sklearn_pgnn.physics.effect import Effect
+from sklearn_pgnn.physics.effects import CATALOGUE
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.systems import golf_robot
+
+#: noise of an output, as a share of its motion, where sizes need one and none is asked for
+QUIET = 1e-3
+
+
+@dataclass(frozen=True)
+class HiddenEffect:
+    """Records, the model handed to the engineer, and the truth.
+
+    Parameters
+    ----------
+    X : pandas.DataFrame
+        Columns ``trajectory``, ``t``, the inputs and the states; the states are known in the
+        first row of a trajectory and NaN in the others.
+    y : pandas.DataFrame
+        The measured outputs.
+    prior : PhysicsModel
+        The model handed to the engineer: parameters a little off, without the effect.
+    truth : PhysicsModel
+        The machine.
+    effect : Effect or None
+        What is hidden.
+    """
+
+    X: pd.DataFrame
+    y: pd.DataFrame
+    prior: PhysicsModel
+    truth: PhysicsModel
+    effect: Effect | None
+
+
+def make_hidden_effect(
+    model=None,
+    effect=None,
+    *,
+    n_records: int = 8,
+    duration: float = 10.0,
+    sample_rate: float = 500.0,
+    noise=1e-3,
+    parameter_error: float = 0.07,
+    excitation="mixed",
+    amplitude: float | None = None,
+    substeps: int = 4,
+    random_state=None,
+) -> HiddenEffect:
+    r"""Drive a machine that differs from its model by a hidden effect.
+
+    .. math:: \dot x = f(x, u, p) + \text{effect}, \qquad y_k = g(x_k, u_k) + e_k,
+        \qquad p_\text{prior} = p\,(1 + \epsilon)
+
+    The machine is simulated by an integrator of its own, not by `sklearn_pgnn.simulation`.
+
+    Parameters
+    ----------
+    model : PhysicsModel, optional
+        The machine without the effect; by default `golf_robot`.
+    effect : Effect, str or None, default=None
+        An effect as it is; an effect's id, its target and size drawn so that on short windows it
+        changes the outputs by 10 to 40 times the noise; ``"random"`` for one drawn from the
+        catalogue; None for nothing.
+    n_records : int, default=8
+        Number of records.
+    duration : float, default=10
+        Length of a record [s].
+    sample_rate : float, default=500
+        Sampling rate [Hz].
+    noise : float or mapping of str to float, default=1e-3
+        Standard deviation of the measurement noise [output], common or by output.
+    parameter_error : float, default=0.07
+        Largest relative error of the prior's parameters; those marked as fixed have none.
+    excitation : str or sequence of str, default="mixed"
+        ``"multisine"``, ``"sine"``, ``"chirp"``, ``"steps"``, or several taken in turn record by
+        record; ``"mixed"`` stands for multisine, chirp and steps.
+    amplitude : float, optional
+        Largest amplitude of the inputs about the value that holds the initial state; the records
+        have between half of it and all of it. By default every record is driven until the first
+        output moves by half of its reach to all of it (1.2 rad, 70 deg, or 1 of any other unit).
+        Records that go beyond 1.2 times the reach are driven less, unless an amplitude is given.
+    substeps : int, default=4
+        Integration steps per sample interval.
+    random_state : int, RandomState instance or None, default=None
+        What draws everything random.
+
+    Returns
+    -------
+    HiddenEffect
+        The records, the prior, the truth and the effect.
+
+    Raises
+    ------
+    ValueError
+        If the effect is unknown, the model has no target for it, or a number is out of range.
+
+    Examples
+    --------
+    >>> hidden = make_hidden_effect(effect="input_bias", n_records=1, duration=2, sample_rate=100,
+    ...                             random_state=0)
+    >>> hidden.effect.id
+    'input_bias'
+    >>> list(hidden.X.columns)
+    ['trajectory', 't', 'torque', 'phi', 'omega']
+    >>> hidden.prior.parameters["J"].value == hidden.truth.parameters["J"].value
+    False
+    """
+    _check(n_records, duration, sample_rate, parameter_error)
+    rng = check_random_state(random_state)
+    model = golf_robot() if model is None else model
+    t = np.arange(max(2, round(duration * sample_rate))) / sample_rate
+    waves = excite(excitation, t, n_records, len(model.inputs), rng)
+    rig = Rig(t, waves, resting_input(model))
+    goals = rng.uniform(0.5, 1.0, n_records)
+    amplitudes = find_amplitudes(rig, model, goals) if amplitude is None else amplitude * goals
+    effect = _choose(effect, model, rig, amplitudes, noise_levels(model, noise), rng)
+    truth = model if effect is None else model + effect
+    if amplitude is None:
+        amplitudes, x, y = run_bounded(rig, truth, model, amplitudes, substeps)
+    else:
+        x, y = rig.run(truth, amplitudes, states=model.states, substeps=substeps)
+    x0 = x[:, 0, : len(model.states)]
+    measured = add_noise(model, y, noise, rng)
+    tables = make_tables(model, t, rig.inputs(amplitudes), x0, measured)
+    return HiddenEffect(*tables, perturb(model, parameter_error, rng), truth, effect)
+
+
+def perturb(model, error: float, rng):
+    r"""Put every free parameter off by a random factor :math:`1 + \epsilon`, within its bounds.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    error : float
+        Largest :math:`|\epsilon|`.
+    rng : numpy.random.RandomState
+        What draws the factors.
+
+    Returns
+    -------
+    PhysicsModel
+        A new model.
+
+    Examples
+    --------
+    >>> model = perturb(golf_robot(), 0.05, np.random.RandomState(0))
+    >>> 0.95 < model.parameters["J"].value / 0.1445 < 1.05
+    True
+    """
+    values = {}
+    for name in model.free_parameters:
+        parameter = model.parameters[name]
+        value = parameter.value * (1 + rng.uniform(-error, error))
+        values[name] = float(np.clip(value, *parameter.bounds))
+    return model.with_parameters(**values)
+
+
+def _choose(effect, model, rig, amplitudes, noise, rng):
+    """Give the effect to hide, its target and size drawn where they are left open."""
+    if effect is None or isinstance(effect, Effect):
+        return effect
+    x, y = rig.run(model, amplitudes)
+    u = rig.inputs(amplitudes)
+    scales = measure_scales(model, rig.t, u, x, y)
+    floor = np.where(noise > 0, noise, QUIET * y.std(axis=(0, 1)) + np.finfo(float).tiny)
+    kind = _kind(effect, model, rng)
+    for target in rng.permutation(kind.targets(model)):
+        open_size = family(kind, str(target), model, scales, rng)
+        chosen, matters = draw_size(open_size, model, rig.t, u, x, floor, rng)
+        if matters:
+            break
+    return chosen
+
+
+def _kind(effect, model, rng):
+    """Look an effect up by its id, or draw one that the model has a target for."""
+    kinds = {kind.id: kind for kind in CATALOGUE if kind.targets(model)}
+    if isinstance(effect, str) and effect == "random":
+        return kinds[rng.choice(sorted(kinds))]
+    if effect not in kinds:
+        raise ValueError(
+            f"effect: expected an Effect, None, 'random' or one of {', '.join(kinds)} "
+            f"for {model.name!r}, got {effect!r}."
+        )
+    return kinds[effect]
+
+
+def _check(n_records, duration, sample_rate, parameter_error):
+    """Refuse numbers that make no records."""
+    for name, value in (
+        ("n_records", n_records), ("duration", duration), ("sample_rate", sample_rate),
+    ):  # fmt: skip
+        if not value > 0:
+            raise ValueError(f"{name}: expected a number > 0, got {value!r}.")
+    if not 0 <= parameter_error < 1:
+        raise ValueError(f"parameter_error: expected a number in [0, 1), got {parameter_error!r}.")

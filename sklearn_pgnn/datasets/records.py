@@ -1,0 +1,108 @@
+"""From simulated arrays to the tables `X` and `y` that the estimators read."""
+
+import numpy as np
+import pandas as pd
+
+
+def make_tables(model, t, u, x0, y):
+    """Write records as two tables, one row a sample, one trajectory after the other.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        Names the columns.
+    t : ndarray of shape (n_samples,)
+        Time [s], common to the records.
+    u : ndarray of shape (n_records, n_samples, n_inputs)
+        Inputs.
+    x0 : ndarray of shape (n_records, n_states)
+        Initial states.
+    y : ndarray of shape (n_records, n_samples, n_outputs)
+        What the sensors showed.
+
+    Returns
+    -------
+    X : pandas.DataFrame
+        Columns ``trajectory``, ``t``, the inputs and the states; the states are known in the
+        first row of a trajectory and NaN in the others.
+    y : pandas.DataFrame
+        The outputs.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.physics import systems
+    >>> X, y = make_tables(systems.golf_robot(), np.arange(2.0), np.ones((1, 2, 1)),
+    ...                    np.zeros((1, 2)), np.zeros((1, 2, 1)))
+    >>> X
+       trajectory    t  torque  phi  omega
+    0           0  0.0     1.0  0.0    0.0
+    1           0  1.0     1.0  NaN    NaN
+    """
+    n_records, n_samples = u.shape[:2]
+    x = np.full((n_records, n_samples, len(model.states)), np.nan)
+    x[:, 0] = x0
+    columns = {
+        "trajectory": np.repeat(np.arange(n_records), n_samples),
+        "t": np.tile(t, n_records),
+        **_columns(model.inputs, u),
+        **_columns(model.states, x),
+    }
+    return pd.DataFrame(columns), pd.DataFrame(_columns(model.outputs, y))
+
+
+def add_noise(model, y, noise, rng):
+    """Add white Gaussian noise to the outputs.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        Names the outputs.
+    y : ndarray of shape (n_records, n_samples, n_outputs)
+        What the sensors would show.
+    noise : float or mapping of str to float
+        Standard deviation, common or by output.
+    rng : numpy.random.RandomState
+        What draws it.
+
+    Returns
+    -------
+    ndarray of shape (n_records, n_samples, n_outputs)
+        What the sensors show.
+    """
+    return y + noise_levels(model, noise) * rng.standard_normal(y.shape)
+
+
+def noise_levels(model, noise):
+    """Give the standard deviation of the noise of every output.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        Names the outputs.
+    noise : float or mapping of str to float
+        Standard deviation, common or by output; outputs that a mapping leaves out have none.
+
+    Returns
+    -------
+    ndarray of shape (n_outputs,)
+        Standard deviations.
+
+    Raises
+    ------
+    ValueError
+        If one is negative or an output unknown.
+    """
+    levels = noise if hasattr(noise, "get") else dict.fromkeys(model.outputs, noise)
+    unknown = [name for name in levels if name not in model.outputs]
+    values = np.array([float(levels.get(name, 0.0)) for name in model.outputs])
+    if unknown or (values < 0).any():
+        raise ValueError(
+            f"noise: expected a number >= 0, or one for each of {', '.join(model.outputs)}, "
+            f"got {noise!r}."
+        )
+    return values
+
+
+def _columns(names, values):
+    """Name the last axis and lay the records under each other."""
+    return {name: values[..., i].ravel() for i, name in enumerate(names)}

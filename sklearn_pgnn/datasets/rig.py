@@ -1,0 +1,217 @@
+"""A test rig: excitations, how strongly they may drive a machine, and the machine's answer."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sklearn_pgnn.datasets.integrator import Plant, integrate
+
+#: how far the first output may move from its start, by unit; 1 for any other
+REACH = {"rad": 1.2, "deg": 70.0}
+#: a record that moves further than this share of its reach is driven less
+TOO_FAR = 1.2
+#: rounds to find the amplitudes, and when they are near enough
+ROUNDS, NEAR = 8, 0.2
+
+
+@dataclass(frozen=True)
+class Rig:
+    """What is commanded in a set of records of equal length.
+
+    Parameters
+    ----------
+    t : ndarray of shape (n_samples,)
+        Time [s].
+    waves : ndarray of shape (n_records, n_samples, n_inputs)
+        Excitations with a largest magnitude of 1.
+    offset : ndarray of shape (n_inputs,)
+        Inputs about which the rig is driven.
+    """
+
+    t: np.ndarray
+    waves: np.ndarray
+    offset: np.ndarray
+
+    def inputs(self, amplitudes):
+        """Give the commanded inputs.
+
+        Parameters
+        ----------
+        amplitudes : ndarray of shape (n_records,)
+            Amplitude of every record [input].
+
+        Returns
+        -------
+        ndarray of shape (n_records, n_samples, n_inputs)
+            Inputs.
+        """
+        return self.offset + amplitudes[:, None, None] * self.waves
+
+    def run(self, plant, amplitudes, *, states=(), substeps: int = 1):
+        """Drive a machine from its initial state.
+
+        Parameters
+        ----------
+        plant : PhysicsModel
+            The machine.
+        amplitudes : ndarray of shape (n_records,)
+            Amplitude of every record [input].
+        states : collection of str, default=()
+            States that start where `initial_state` says; the others of the plant start where
+            they stay at `offset`. By default all start where `initial_state` says.
+        substeps : int, default=1
+            Integration steps per sample interval.
+
+        Returns
+        -------
+        x : ndarray of shape (n_records, n_samples, n_states)
+            States.
+        y : ndarray of shape (n_records, n_samples, n_outputs)
+            Outputs without noise.
+        """
+        start = np.array([list(plant.initial_state.values())] * len(amplitudes))
+        start = settled(plant, states or plant.states, start, self.offset)
+        return integrate(plant, self.t, self.inputs(amplitudes), start, substeps=substeps)
+
+
+def resting_input(model):
+    r"""Give the inputs that hold a machine in its initial state.
+
+    The least-squares solution of :math:`f(0, x_0, u) = 0`, the rates being affine in the inputs.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The machine.
+
+    Returns
+    -------
+    ndarray of shape (n_inputs,)
+        The inputs.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.physics import systems
+    >>> resting_input(systems.two_tanks()).round(6)
+    array([3.])
+    """
+    plant, n = Plant(model), len(model.inputs)
+    x = np.tile(np.array(list(model.initial_state.values()))[:, None], n + 1)
+    u = np.hstack([np.zeros((n, 1)), np.eye(n)])
+    rates = plant.rates(0.0, x, list(u), np.sign(x[plant.dry]))
+    return -np.linalg.pinv(rates[:, 1:] - rates[:, :1]) @ rates[:, 0]
+
+
+def settled(plant, known, x, u):
+    r"""Put the states that nobody knows (an actuator's own) where their rate is zero.
+
+    Parameters
+    ----------
+    plant : PhysicsModel
+        The machine.
+    known : collection of str
+        States that stay as they are.
+    x : ndarray of shape (n_records, n_states)
+        States.
+    u : ndarray of shape (n_inputs,) or (n_records, n_inputs)
+        Inputs.
+
+    Returns
+    -------
+    ndarray of shape (n_records, n_states)
+        States; a rate is taken as affine in its own state.
+    """
+    x, unknown = x.copy(), [i for i, name in enumerate(plant.states) if name not in known]
+    if not unknown:
+        return x
+    rates = Plant(plant)
+    u = list(np.broadcast_to(u, (len(x), np.shape(u)[-1])).T)
+    for i in unknown:
+        at = []
+        for value in (0.0, 1.0):
+            x[:, i] = value
+            at.append(rates.rates(0.0, x.T, u, np.sign(x.T[rates.dry]))[i])
+        slope = at[1] - at[0]
+        x[:, i] = np.where(slope != 0, -at[0] / np.where(slope != 0, slope, 1.0), 0.0)
+    return x
+
+
+def excursion(model, y):
+    """Say how far the first output moves from its start, in shares of its reach.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        Gives the output's unit.
+    y : ndarray of shape (n_records, n_samples, n_outputs)
+        Outputs.
+
+    Returns
+    -------
+    ndarray of shape (n_records,)
+        Excursions; infinite where a record is not finite.
+    """
+    reach = REACH.get(model.unit(next(iter(model.outputs))), 1.0)
+    moved = np.abs(y[..., 0] - y[:, :1, 0]).max(axis=1)
+    return np.where(np.isfinite(y).all(axis=(1, 2)), moved, np.inf) / reach
+
+
+def find_amplitudes(rig: Rig, model, goals):
+    """Find how strongly to drive every record so that it moves as far as its goal.
+
+    Parameters
+    ----------
+    rig : Rig
+        The excitations.
+    model : PhysicsModel
+        The machine.
+    goals : ndarray of shape (n_records,)
+        Wanted excursions, in shares of the reach.
+
+    Returns
+    -------
+    ndarray of shape (n_records,)
+        Amplitudes [input].
+    """
+    amplitudes = np.full(goals.size, max(1.0, np.abs(rig.offset).max(initial=0.0)))
+    for _ in range(ROUNDS):
+        moved = np.maximum(excursion(model, rig.run(model, amplitudes)[1]), 1e-9)
+        if np.abs(moved / goals - 1).max() < NEAR:
+            break
+        amplitudes = amplitudes * np.clip((goals / moved) ** 0.8, 0.1, 5.0)
+    return amplitudes
+
+
+def run_bounded(rig: Rig, plant, model, amplitudes, substeps: int):
+    """Drive a machine, and every record that goes too far again with less.
+
+    Parameters
+    ----------
+    rig : Rig
+        The excitations.
+    plant, model : PhysicsModel
+        The machine, and the model of it that says which states are known.
+    amplitudes : ndarray of shape (n_records,)
+        Amplitudes to begin with [input].
+    substeps : int
+        Integration steps per sample interval.
+
+    Returns
+    -------
+    amplitudes : ndarray of shape (n_records,)
+        Amplitudes in the end [input].
+    x, y : ndarray of shape (n_records, n_samples, n)
+        States and outputs without noise.
+    """
+    x, y = rig.run(plant, amplitudes, states=model.states, substeps=substeps)
+    amplitudes = amplitudes.copy()
+    for _ in range(4 * ROUNDS):
+        far = excursion(plant, y) > TOO_FAR
+        if not far.any():
+            break
+        amplitudes[far] *= 0.8
+        part = Rig(rig.t, rig.waves[far], rig.offset)
+        x[far], y[far] = part.run(
+            plant, amplitudes[far], states=model.states, substeps=substeps
+        )
+    return amplitudes, x, y

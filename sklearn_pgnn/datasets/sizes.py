@@ -1,0 +1,211 @@
+"""How large a hidden effect must be to matter: found by trial on short windows.
+
+An effect of size 0 does nothing, one of size 1 is as large as the motion itself (a force as large
+as the typical inertial force, a bias as large as the largest input, a delay as long as a window).
+"""
+
+import numpy as np
+import sympy
+
+from sklearn_pgnn.datasets.integrator import integrate
+from sklearn_pgnn.datasets.rig import settled
+from sklearn_pgnn.exceptions import ModelError
+from sklearn_pgnn.physics.effect import Scales
+from sklearn_pgnn.physics.expressions import parse_expression, symbol
+
+#: a window's share of a record, and how many windows are tried
+SHARE, WINDOWS = 0.05, 40
+#: what an effect should do to the outputs on a window, in times the noise
+MATTERS = (10.0, 40.0)
+#: sizes tried, and rounds of bisection between them
+SMALLEST, BISECTIONS = 1e-3, 7
+#: effects whose size may have either sign
+EITHER_SIGN = frozenset({"constant_load", "input_bias", "input_gain", "sensor_bias", "sensor_gain"})
+#: parameters that are not in proportion to the size: value from size and the signals' scales
+SHAPES = {
+    ("stribeck_friction", "level"): lambda size, scale: 0.3 * size * scale["force"],
+    ("stribeck_friction", "velocity"): lambda size, scale: 0.1 * scale["velocity"],
+    ("asymmetric_friction", "level_backward"): lambda size, scale: 0.3 * size * scale["force"],
+    ("asymmetric_friction", "viscous_backward"): lambda size, scale: (
+        0.3 * size * scale["force"] / scale["velocity"]
+    ),
+    ("cogging", "period"): lambda size, scale: 0.5 * scale["position"],
+    ("input_saturation", "limit"): lambda size, scale: (1 - 0.7 * size) * scale["target"],
+    ("input_dead_zone", "width"): lambda size, scale: 0.6 * size * scale["target"],
+}
+
+
+def measure_scales(model, t, u, x, y) -> Scales:
+    """Measure how large the signals of a set of records are.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        Names the signals.
+    t : ndarray of shape (n_samples,)
+        Time [s].
+    u, x, y : ndarray of shape (n_records, n_samples, n)
+        Inputs, states and outputs.
+
+    Returns
+    -------
+    Scales
+        The scales.
+    """
+    signals = {
+        name: values[..., i]
+        for names, values in ((model.outputs, y), (model.states, x), (model.inputs, u))
+        for i, name in enumerate(names)
+    }
+    rates = np.gradient(x, t, axis=1)
+    return Scales(
+        typical={name: float(np.std(signal)) for name, signal in signals.items()},
+        peak={name: float(np.abs(signal).max()) for name, signal in signals.items()},
+        rate={name: _rms(rates[..., i]) for i, name in enumerate(model.states)},
+        sample_time=float(np.median(np.diff(t))),
+        window=float(SHARE * (t[-1] - t[0])),
+    )
+
+
+def family(kind, target: str, model, scales: Scales, rng):
+    """Draw an effect whose size is still open.
+
+    Parameters
+    ----------
+    kind : type of Effect
+        What kind of effect.
+    target : str
+        What it acts on.
+    model : PhysicsModel
+        The machine.
+    scales : Scales
+        How large its signals are.
+    rng : numpy.random.RandomState
+        What draws the shares of its parameters and its sign.
+
+    Returns
+    -------
+    callable
+        The effect as a function of its size.
+    """
+    sign = rng.choice([-1.0, 1.0])
+    if kind.id == "wrong_parameter":
+        return _wrong_parameter(kind, model.parameters[target], sign)
+    scale = _scale_by_kind(target, model, scales)
+    shares = {f.name: rng.uniform(0.6, 1.0) for f in kind.quantities()}
+    sign = sign if kind.id in EITHER_SIGN else 1.0
+
+    def value(quantity, size):
+        shape = SHAPES.get((kind.id, quantity.name))
+        if shape is not None:
+            return shape(size, scale)
+        return sign * size * shares[quantity.name] * _in_units(quantity.metadata["unit"], scale)
+
+    return lambda size: kind(target, **{f.name: value(f, size) for f in kind.quantities()})
+
+
+def draw_size(effect, model, t, u, x, floor, rng):
+    r"""Give an effect the size that matters.
+
+    The size is bisected until the outputs with and without the effect, both started from the
+    same states, differ on short windows by a drawn multiple (`MATTERS`) of the noise.
+
+    Parameters
+    ----------
+    effect : callable
+        The effect as a function of its size.
+    model : PhysicsModel
+        The machine without the effect.
+    t : ndarray of shape (n_samples,)
+        Time [s].
+    u, x : ndarray of shape (n_records, n_samples, n)
+        Inputs, and the states of the machine without the effect.
+    floor : ndarray of shape (n_outputs,)
+        Noise of the outputs.
+    rng : numpy.random.RandomState
+        What draws the windows and the multiple.
+
+    Returns
+    -------
+    effect : Effect
+        The effect.
+    matters : bool
+        Whether it reaches the least multiple; if not, it has the largest size.
+    """
+    wanted = np.exp(rng.uniform(*np.log(MATTERS)))
+    windows = _windows(t, u, x, rng)
+    without = integrate(model, *windows, substeps=1)[1]
+
+    def does(size):
+        return _difference(model, effect(size), windows, without, floor)
+
+    largest = does(1.0)
+    if largest < wanted:
+        return effect(1.0), bool(largest >= MATTERS[0])
+    low, high = SMALLEST, 1.0
+    for _ in range(BISECTIONS):
+        middle = np.sqrt(low * high)
+        low, high = (low, middle) if does(middle) > wanted else (middle, high)
+    return effect(high), True
+
+
+def _rms(values):
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def _wrong_parameter(kind, parameter, sign):
+    """Change a value by a fifth at least."""
+
+    def of_size(size):
+        value = parameter.value * (1 + sign * (0.2 + 0.5 * size))
+        return kind(parameter.name, value=float(np.clip(value, *parameter.bounds)))
+
+    return of_size
+
+
+def _scale_by_kind(target, model, scales):
+    """Give a typical value of every kind of unit an effect may speak of."""
+    scale = {"s": scales.window, "target": scales.peak.get(target, 1.0)}
+    if target in model.states:
+        values = {symbol(name): p.value for name, p in model.parameters.items()}
+        inertia = sympy.Float(model.inertia.get(target, sympy.Integer(1)).subs(values))
+        pair = model.kinematic_pairs.get(target)
+        scale["force"] = float(inertia) * scales.rate[target]
+        scale["velocity"] = scales.typical[target]
+        scale["position"] = scales.typical[pair] if pair else 1.0
+    return {key: max(value, 1e-12) for key, value in scale.items()}
+
+
+class _OneByDefault(dict):
+    def __missing__(self, key):
+        return 1.0
+
+
+def _in_units(template, scale):
+    """Give the typical value of a quantity from the template of its unit."""
+    text = template.format_map(_OneByDefault(scale)).replace("^", "**") or "1"
+    try:
+        return float(parse_expression(text, ["s"]).subs(symbol("s"), scale["s"]))
+    except ModelError:
+        return 1.0
+
+
+def _windows(t, u, x, rng):
+    """Cut windows at random: times, inputs and initial states."""
+    n_records, n_samples = u.shape[:2]
+    length = min(n_samples, max(10, int(SHARE * n_samples)))
+    records = rng.randint(n_records, size=WINDOWS)
+    starts = rng.randint(n_samples - length + 1, size=WINDOWS)
+    rows = starts[:, None] + np.arange(length)
+    return t[:length], u[records[:, None], rows], x[records, starts]
+
+
+def _difference(model, effect, windows, without, floor):
+    """Say by how many times the noise an effect changes the outputs on the windows."""
+    t, u, x0 = windows
+    plant = model + effect
+    added = len(plant.states) - len(model.states)
+    start = settled(plant, model.states, np.pad(x0, ((0, 0), (0, added))), u[:, 0])
+    y = integrate(plant, t, u, start, substeps=1)[1]
+    ratio = np.sqrt(np.mean((y - without) ** 2, axis=(0, 1))) / floor
+    return np.inf if np.isnan(ratio).any() else ratio.max()
