@@ -8,6 +8,7 @@ import pkgutil
 import re
 import subprocess
 import sys
+import textwrap
 import types
 from pathlib import Path
 
@@ -102,6 +103,16 @@ def test_docstring(name):
 def test_example_runs(path, tmp_path):
     result = run(path, folder=tmp_path)
     assert result.returncode == 0, result.stderr
+
+
+def test_the_model_file_of_the_user_guide_is_one(tmp_path):
+    text = (ROOT / "docs" / "user_guide.rst").read_text(encoding="utf-8")
+    block = re.search(r"code-block:: yaml\n\n((?:    .*\n|\n)+)", text)[1]
+    path = tmp_path / "model.yaml"
+    path.write_text(textwrap.dedent(block), encoding="utf-8")
+    model = sklearn_pgnn.PhysicsModel.from_yaml(path)
+    assert model.name == "pendulum"
+    assert model.columns == {"torque": "tau_cmd"}
 
 
 def test_the_example_of_the_readme_runs(tmp_path):
