@@ -112,7 +112,7 @@ def steps(t, rng):
     """
     levels = rng.uniform(-1, 1, LEVELS)
     levels[rng.uniform(size=LEVELS) < PAUSES] = 0.0
-    levels[rng.randint(LEVELS)] = 1.0
+    levels[rng.randint(LEVELS)] = rng.choice([-1.0, 1.0])
     edges = np.sort(rng.uniform(size=LEVELS - 1))
     return _normalised(levels[np.searchsorted(edges, _progress(t))])
 

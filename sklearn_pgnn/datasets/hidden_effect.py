@@ -1,6 +1,6 @@
 """Records of a machine that hides a physical effect from the engineer's model."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -56,7 +56,7 @@ def make_hidden_effect(
     parameter_error: float = 0.07,
     excitation="mixed",
     amplitude: float | None = None,
-    substeps: int = 4,
+    substeps: int = 2,
     random_state=None,
 ) -> HiddenEffect:
     r"""Drive a machine that differs from its model by a hidden effect.
@@ -88,12 +88,13 @@ def make_hidden_effect(
         ``"multisine"``, ``"sine"``, ``"chirp"``, ``"steps"``, or several taken in turn record by
         record; ``"mixed"`` stands for multisine, chirp and steps.
     amplitude : float, optional
-        Largest amplitude of the inputs about the value that holds the initial state; the records
-        have between half of it and all of it. By default every record is driven until the first
-        output moves by half of its reach to all of it (1.2 rad, 70 deg, or 1 of any other unit).
-        Records that go beyond 1.2 times the reach are driven less, unless an amplitude is given.
-    substeps : int, default=4
-        Integration steps per sample interval.
+        Amplitude of the inputs about the value that holds the initial state. By default every
+        record is driven until the first output moves by half of its reach to all of it (1.2 rad,
+        70 deg, or 1 of any other unit); with the effect, one that goes beyond 1.2 times the reach
+        is driven less, and one that hardly moves more.
+    substeps : int, default=2
+        Integration steps per sample interval; a stiff machine needs more. Amplitudes and sizes
+        are found with half of them.
     random_state : int, RandomState instance or None, default=None
         What draws everything random.
 
@@ -123,15 +124,16 @@ def make_hidden_effect(
     model = golf_robot() if model is None else model
     t = np.arange(max(2, round(duration * sample_rate))) / sample_rate
     waves = excite(excitation, t, n_records, len(model.inputs), rng)
-    rig = Rig(t, waves, resting_input(model))
+    rig = Rig(t, waves, resting_input(model), substeps)
+    trial = replace(rig, substeps=max(1, substeps // 2))
     goals = rng.uniform(0.5, 1.0, n_records)
-    amplitudes = find_amplitudes(rig, model, goals) if amplitude is None else amplitude * goals
-    effect = _choose(effect, model, rig, amplitudes, noise_levels(model, noise), rng)
+    amplitudes = _amplitudes(trial, model, goals, amplitude)
+    effect = _choose(effect, model, trial, amplitudes, noise_levels(model, noise), rng)
     truth = model if effect is None else model + effect
     if amplitude is None:
-        amplitudes, x, y = run_bounded(rig, truth, model, amplitudes, substeps)
+        amplitudes, x, y = run_bounded(rig, truth, model, amplitudes)
     else:
-        x, y = rig.run(truth, amplitudes, states=model.states, substeps=substeps)
+        x, y = rig.run(truth, amplitudes, states=model.states)
     x0 = x[:, 0, : len(model.states)]
     measured = add_noise(model, y, noise, rng)
     tables = make_tables(model, t, rig.inputs(amplitudes), x0, measured)
@@ -169,6 +171,13 @@ def perturb(model, error: float, rng):
     return model.with_parameters(**values)
 
 
+def _amplitudes(rig, model, goals, amplitude):
+    """Give the amplitude of every record: as asked for, or as far as its goal."""
+    if amplitude is None:
+        return find_amplitudes(rig, model, goals)
+    return np.full(goals.size, float(amplitude))
+
+
 def _choose(effect, model, rig, amplitudes, noise, rng):
     """Give the effect to hide, its target and size drawn where they are left open."""
     if effect is None or isinstance(effect, Effect):
@@ -180,7 +189,7 @@ def _choose(effect, model, rig, amplitudes, noise, rng):
     kind = _kind(effect, model, rng)
     for target in rng.permutation(kind.targets(model)):
         open_size = family(kind, str(target), model, scales, rng)
-        chosen, matters = draw_size(open_size, model, rig.t, u, x, floor, rng)
+        chosen, matters = draw_size(open_size, model, rig.t, u, x, floor, rng, rig.substeps)
         if matters:
             break
     return chosen

@@ -38,7 +38,7 @@ def integrate(model, t, u=None, x0=None, *, substeps: int = 4):
     t : ndarray of shape (n_samples,)
         Time [s], increasing, common to the records.
     u : ndarray of shape (n_records, n_samples, n_inputs), optional
-        Inputs, held from sample to sample; not needed by a model without inputs.
+        Inputs, held from sample to sample; by default zero.
     x0 : ndarray of shape (n_records, n_states), optional
         Initial states; by default the model's `initial_state` in every record.
     substeps : int, default=4
@@ -64,7 +64,7 @@ def integrate(model, t, u=None, x0=None, *, substeps: int = 4):
     if x0 is None:
         x0 = np.tile(list(model.initial_state.values()), (1 if u is None else len(u), 1))
     if u is None:
-        u = np.empty((len(x0), t.size, 0))
+        u = np.zeros((len(x0), t.size, len(model.inputs)))
     plant = Plant(model)
     edges, acting = _edges(model, t)
     u, sampled = np.moveaxis(np.asarray(u, dtype=float), 0, -1), np.searchsorted(edges, t)
@@ -111,8 +111,8 @@ def _held(u, acting, edge):
 def _advance(plant, t, h, x, u, crossings=MAX_CROSSINGS):
     """Give the columns a step later, each cut where its dry friction changes side."""
     side = np.sign(x[plant.dry])
-    moving = side != 0
-    if not moving.all():
+    moving = np.ones_like(side)
+    if not side.all():
         side, moving = _leave_rest(plant, t, x, u)
     new = _runge_kutta(plant, t, h, x, u, side, moving)
     cut = np.flatnonzero((side * new[plant.dry] < 0).any(axis=0))
@@ -149,17 +149,17 @@ def _first_zero(plant, t, h, x, u, side, moving, new):
 
 
 def _leave_rest(plant, t, x, u):
-    """Give the side of every dry friction, and whether it lets its velocity move."""
+    """Give the side of every dry friction, and 1 where it lets its velocity move, else 0."""
     side = np.sign(x[plant.dry])
-    moving = side != 0
+    moving = np.ones_like(side)
     for i, row in enumerate(plant.dry):
         forward = _rate_on_side(plant, t, x, u, side, i, 1.0)[row]
         backward = _rate_on_side(plant, t, x, u, side, i, -1.0)[row]
         leaving = np.where(forward > 0, 1.0, np.where(backward < 0, -1.0, 0.0))
         holding = (backward + forward) / np.where(backward > forward, backward - forward, np.inf)
-        rest = ~moving[i]
+        rest = side[i] == 0
         side[i, rest] = np.where(leaving != 0, leaving, holding)[rest]
-        moving[i] = ~rest | (leaving != 0)
+        moving[i, rest] = np.abs(leaving[rest])
     return side, moving
 
 
@@ -213,8 +213,9 @@ class Plant:
         out = np.empty_like(x)
         for i, rate in enumerate(self._rates(t, x, u, side)):
             out[i] = rate
-        if self.dry.size and moving is not None:
-            out[self.dry] *= moving
+        if moving is not None:
+            for i, row in enumerate(self.dry):
+                out[row] *= moving[i]
         return out
 
     def outputs(self, t, x, u):

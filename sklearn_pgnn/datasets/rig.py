@@ -1,6 +1,6 @@
 """A test rig: excitations, how strongly they may drive a machine, and the machine's answer."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -8,8 +8,9 @@ from sklearn_pgnn.datasets.integrator import Plant, integrate
 
 #: how far the first output may move from its start, by unit; 1 for any other
 REACH = {"rad": 1.2, "deg": 70.0}
-#: a record that moves further than this share of its reach is driven less
-TOO_FAR = 1.2
+#: a record that moves further than this share of its reach is driven less, one that hardly
+#: moves is driven more
+TOO_FAR, HARDLY = 1.2, 0.15
 #: rounds to find the amplitudes, and when they are near enough
 ROUNDS, NEAR = 8, 0.2
 
@@ -26,11 +27,14 @@ class Rig:
         Excitations with a largest magnitude of 1.
     offset : ndarray of shape (n_inputs,)
         Inputs about which the rig is driven.
+    substeps : int, default=1
+        Integration steps per sample interval.
     """
 
     t: np.ndarray
     waves: np.ndarray
     offset: np.ndarray
+    substeps: int = 1
 
     def inputs(self, amplitudes):
         """Give the commanded inputs.
@@ -47,7 +51,7 @@ class Rig:
         """
         return self.offset + amplitudes[:, None, None] * self.waves
 
-    def run(self, plant, amplitudes, *, states=(), substeps: int = 1):
+    def run(self, plant, amplitudes, *, states=()):
         """Drive a machine from its initial state.
 
         Parameters
@@ -59,8 +63,6 @@ class Rig:
         states : collection of str, default=()
             States that start where `initial_state` says; the others of the plant start where
             they stay at `offset`. By default all start where `initial_state` says.
-        substeps : int, default=1
-            Integration steps per sample interval.
 
         Returns
         -------
@@ -71,7 +73,7 @@ class Rig:
         """
         start = np.array([list(plant.initial_state.values())] * len(amplitudes))
         start = settled(plant, states or plant.states, start, self.offset)
-        return integrate(plant, self.t, self.inputs(amplitudes), start, substeps=substeps)
+        return integrate(plant, self.t, self.inputs(amplitudes), start, substeps=self.substeps)
 
 
 def resting_input(model):
@@ -182,8 +184,8 @@ def find_amplitudes(rig: Rig, model, goals):
     return amplitudes
 
 
-def run_bounded(rig: Rig, plant, model, amplitudes, substeps: int):
-    """Drive a machine, and every record that goes too far again with less.
+def run_bounded(rig: Rig, plant, model, amplitudes):
+    """Drive a machine; every record that goes too far or hardly moves is driven again.
 
     Parameters
     ----------
@@ -193,8 +195,6 @@ def run_bounded(rig: Rig, plant, model, amplitudes, substeps: int):
         The machine, and the model of it that says which states are known.
     amplitudes : ndarray of shape (n_records,)
         Amplitudes to begin with [input].
-    substeps : int
-        Integration steps per sample interval.
 
     Returns
     -------
@@ -203,15 +203,15 @@ def run_bounded(rig: Rig, plant, model, amplitudes, substeps: int):
     x, y : ndarray of shape (n_records, n_samples, n)
         States and outputs without noise.
     """
-    x, y = rig.run(plant, amplitudes, states=model.states, substeps=substeps)
+    x, y = rig.run(plant, amplitudes, states=model.states)
     amplitudes = amplitudes.copy()
-    for _ in range(4 * ROUNDS):
-        far = excursion(plant, y) > TOO_FAR
-        if not far.any():
+    for round_ in range(4 * ROUNDS):
+        moved = excursion(plant, y)
+        hardly = (moved < HARDLY) & (round_ < ROUNDS)
+        again = np.flatnonzero((moved > TOO_FAR) | hardly)
+        if not again.size:
             break
-        amplitudes[far] *= 0.8
-        part = Rig(rig.t, rig.waves[far], rig.offset)
-        x[far], y[far] = part.run(
-            plant, amplitudes[far], states=model.states, substeps=substeps
-        )
+        amplitudes[again] *= np.where(hardly[again], 1.3, 0.8)
+        part = replace(rig, waves=rig.waves[again])
+        x[again], y[again] = part.run(plant, amplitudes[again], states=model.states)
     return amplitudes, x, y

@@ -101,10 +101,10 @@ def family(kind, target: str, model, scales: Scales, rng):
             return shape(size, scale)
         return sign * size * shares[quantity.name] * _in_units(quantity.metadata["unit"], scale)
 
-    return lambda size: kind(target, **{f.name: value(f, size) for f in kind.quantities()})
+    return lambda size: kind(target, **{f.name: float(value(f, size)) for f in kind.quantities()})
 
 
-def draw_size(effect, model, t, u, x, floor, rng):
+def draw_size(effect, model, t, u, x, floor, rng, substeps: int = 1):
     r"""Give an effect the size that matters.
 
     The size is bisected until the outputs with and without the effect, both started from the
@@ -124,6 +124,8 @@ def draw_size(effect, model, t, u, x, floor, rng):
         Noise of the outputs.
     rng : numpy.random.RandomState
         What draws the windows and the multiple.
+    substeps : int, default=1
+        Integration steps per sample interval.
 
     Returns
     -------
@@ -134,10 +136,10 @@ def draw_size(effect, model, t, u, x, floor, rng):
     """
     wanted = np.exp(rng.uniform(*np.log(MATTERS)))
     windows = _windows(t, u, x, rng)
-    without = integrate(model, *windows, substeps=1)[1]
+    without = integrate(model, *windows, substeps=substeps)[1]
 
     def does(size):
-        return _difference(model, effect(size), windows, without, floor)
+        return _difference(model, effect(size), windows, without, floor, substeps)
 
     largest = does(1.0)
     if largest < wanted:
@@ -200,12 +202,12 @@ def _windows(t, u, x, rng):
     return t[:length], u[records[:, None], rows], x[records, starts]
 
 
-def _difference(model, effect, windows, without, floor):
+def _difference(model, effect, windows, without, floor, substeps):
     """Say by how many times the noise an effect changes the outputs on the windows."""
     t, u, x0 = windows
     plant = model + effect
     added = len(plant.states) - len(model.states)
     start = settled(plant, model.states, np.pad(x0, ((0, 0), (0, added))), u[:, 0])
-    y = integrate(plant, t, u, start, substeps=1)[1]
+    y = integrate(plant, t, u, start, substeps=substeps)[1]
     ratio = np.sqrt(np.mean((y - without) ** 2, axis=(0, 1))) / floor
     return np.inf if np.isnan(ratio).any() else ratio.max()

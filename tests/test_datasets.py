@@ -1,0 +1,353 @@
+"""The rigs and their hidden effects, judged by the laws they must keep."""
+
+import ast
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.integrate import solve_ivp
+
+import sklearn_pgnn.datasets
+from sklearn_pgnn.datasets import (
+    golf_robot_plant,
+    make_cart,
+    make_golf_robot,
+    make_hidden_effect,
+    make_servo_valve,
+    make_two_tanks,
+    servo_valve_plant,
+)
+from sklearn_pgnn.datasets.excitation import EXCITATIONS
+from sklearn_pgnn.datasets.integrator import integrate
+from sklearn_pgnn.physics import PhysicsModel, effects, systems
+
+SYSTEMS = {"golf": systems.golf_robot, "cart": systems.cart_on_spring, "tanks": systems.two_tanks}
+#: short records of every system, for what does not need long ones
+SHORT = {
+    "golf": {"n_records": 3, "duration": 4.0, "sample_rate": 200.0},
+    "cart": {"n_records": 3, "duration": 4.0, "sample_rate": 200.0},
+    "tanks": {"n_records": 3, "duration": 1000.0, "sample_rate": 0.2, "noise": 0.01},
+}
+HIDEABLE = [
+    (system, kind.id)
+    for system, model in SYSTEMS.items()
+    for kind in effects.CATALOGUE
+    if kind.targets(model())
+]
+
+
+def pendulum(**parameters):
+    """Give the golf robot without dry friction."""
+    return systems.golf_robot().with_parameters(mu=0.0, **parameters)
+
+
+def sliding_block(level=0.5):
+    """Give a block of 2 kg on a dry surface."""
+    block = PhysicsModel(
+        {"x": "m", "v": "m/s"}, {"x": "v", "v": "F/m"}, {"m": 2.0}, {"F": "N"}, inertia={"v": "m"}
+    )
+    return block + effects.CoulombFriction("v", level=level)
+
+
+def lag(delay=None):
+    """Give a first-order lag, its input late."""
+    model = PhysicsModel({"x": "V"}, {"x": "(u - x)/T"}, {"T": 0.5}, {"u": "V"})
+    return model if delay is None else model + effects.InputDelay("u", delay=delay)
+
+
+#: the equations once more, written by hand
+BY_HAND = {
+    "golf": lambda x, u, p: [
+        x[1],
+        (-p["m"] * p["g"] * p["a"] * np.sin(x[0]) - p["d"] * x[1] + 4 * u) / p["J"],
+    ],
+    "cart": lambda x, u, p: [x[1], (u - p["k"] * x[0] - p["d"] * x[1]) / p["m"]],
+    "tanks": lambda x, u, p: [
+        p["k4"] * u - p["k1"] * np.sqrt(x[0]),
+        p["k2"] * np.sqrt(x[0]) - p["k3"] * np.sqrt(x[1]),
+    ],
+}
+
+
+def by_scipy(rates, t, u, x0, **options):
+    """Simulate one record with SciPy's solver, interval by interval."""
+    options = {"rtol": 1e-9, "atol": 1e-11, **options}
+    states = [np.asarray(x0, dtype=float)]
+    for k in range(t.size - 1):
+        solved = solve_ivp(lambda _, x, held: rates(x, held), t[k : k + 2], states[-1],
+                           args=(u[k],), **options)  # fmt: skip
+        states.append(solved.y[:, -1])
+    return np.array(states)
+
+
+def values(model):
+    """Give the parameters as plain numbers."""
+    return {name: p.value for name, p in model.parameters.items()}
+
+
+def records(X):
+    """Give the row numbers of every trajectory."""
+    return list(X.groupby("trajectory").indices.values())
+
+
+# -- the integrator ------------------------------------------------------------------------------
+
+
+def test_the_method_is_of_fourth_order():
+    t = np.linspace(0, 3, 16)
+    u = 0.1 * np.sin(np.arange(16.0))[None, :, None]
+    exact = integrate(pendulum(), t, u, substeps=64)[1]
+    errors = [np.abs(integrate(pendulum(), t, u, substeps=n)[1] - exact).max() for n in (2, 4)]
+    assert 12 < errors[0] / errors[1] < 20
+
+
+@pytest.mark.parametrize(
+    "friction",
+    [
+        effects.CoulombFriction("omega", level=0.05),
+        effects.StribeckFriction("omega", level=0.03, peak=0.1, velocity=0.1),
+        effects.AsymmetricFriction("omega", 0.06, 0.03, 0.02, 0.01),
+    ],
+)
+def test_finer_steps_agree_through_stick_and_slip(friction):
+    truth = systems.golf_robot() + friction
+    t = np.arange(1000) / 200
+    u = 0.2 * np.sin(2 * np.pi * np.outer([0.3, 0.5, 1.1], t))[..., None]
+    y, finer = (integrate(truth, t, u, substeps=n)[1] for n in (2, 20))
+    assert np.abs(y - finer).max() < 1e-5 * np.ptp(y)
+
+
+def test_without_friction_the_energy_stays():
+    model = pendulum(d=0.0)
+    t = np.arange(2000) / 100
+    (x,), _ = integrate(model, t, None, [[1.4, 0.0]], substeps=10)
+    p = values(model)
+    energy = p["J"] * x[:, 1] ** 2 / 2 + p["m"] * p["g"] * p["a"] * (1 - np.cos(x[:, 0]))
+    assert np.ptp(energy) < 1e-8 * energy[0]
+
+
+def test_a_sliding_block_stops_where_the_law_says_and_stays():
+    t = np.linspace(0, 10, 41)
+    (x,), _ = integrate(sliding_block(level=0.5), t, np.zeros((1, 41, 1)), [[0.0, 1.0]])
+    slides = t < 4.0
+    np.testing.assert_allclose(x[slides, 1], 1 - 0.25 * t[slides], atol=1e-12)
+    np.testing.assert_allclose(x[t >= 4.0], np.broadcast_to([2.0, 0.0], (25, 2)), atol=1e-12)
+
+
+def test_a_stuck_club_stays_until_the_torque_breaks_it_away():
+    t = np.arange(3000) / 500
+    p = values(systems.golf_robot())
+    level = p["r"] * p["mu"] * p["m"] * p["g"] / 4
+    u = np.stack([np.full(3000, 0.99 * level), np.full(3000, 1.01 * level)])[..., None]
+    (below, above), _ = integrate(systems.golf_robot(), t, u)
+    assert (below == 0).all()
+    assert above[-1, 0] > 1e-3
+
+
+def test_dry_friction_agrees_with_a_steep_smooth_one_in_a_stiff_solver():
+    model = systems.golf_robot()
+    p = values(model)
+    t = np.arange(200) / 100
+    u = 0.3 * np.sin(2 * np.pi * 0.9 * t)
+
+    def rates(x, held):
+        load = max(p["m"] * p["a"] * x[1] ** 2 + p["m"] * p["g"] * np.cos(x[0]), 0)
+        friction = p["r"] * p["mu"] * np.tanh(x[1] / 1e-6) * load
+        smooth = BY_HAND["golf"](x, held, p)
+        return [smooth[0], smooth[1] - friction / p["J"]]
+
+    expected = by_scipy(rates, t, u, [0, 0], method="Radau", rtol=1e-7, atol=1e-9)
+    (x,), _ = integrate(model, t, u[None, :, None])
+    np.testing.assert_allclose(x[:, 0], expected[:, 0], atol=2e-5)
+
+
+@pytest.mark.parametrize("samples", [1, 7])
+def test_a_delay_of_whole_samples_shifts_exactly(samples):
+    t = np.arange(200) * 0.05
+    u = np.random.RandomState(0).standard_normal((2, 200, 1))
+    late = integrate(lag(samples * 0.05), t, u)[1]
+    shifted = np.concatenate([np.repeat(u[:, :1], samples, axis=1), u[:, :-samples]], axis=1)
+    np.testing.assert_allclose(late, integrate(lag(), t, shifted)[1], atol=1e-14)
+
+
+def test_a_delay_between_samples_shifts_in_time():
+    t = np.arange(100) * 0.05
+    u = np.where(t >= 0.5, 1.0, 0.0)[None, :, None]
+    y = integrate(lag(0.123), t, u)[1][0, :, 0]
+    after = np.maximum(t - 0.5 - 0.123, 0)
+    np.testing.assert_allclose(y, 1 - np.exp(-after / 0.5), atol=1e-8)
+
+
+def test_a_record_on_its_own_is_the_record_among_others():
+    t = np.arange(500) / 100
+    u = 0.2 * np.random.RandomState(0).standard_normal((4, 500, 1))
+    together = integrate(systems.golf_robot(), t, u)[1]
+    alone = integrate(systems.golf_robot(), t, u[2:3])[1]
+    np.testing.assert_allclose(together[2:3], alone, atol=1e-12)
+
+
+def test_the_rigs_import_nothing_of_what_they_test():
+    folder = Path(sklearn_pgnn.datasets.__file__).parent
+    for file in folder.glob("*.py"):
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            names = [a.name for a in node.names] if isinstance(node, ast.Import) else []
+            names += [node.module] if isinstance(node, ast.ImportFrom) else []
+            for name in names:
+                assert not name.startswith(("sklearn_pgnn.simulation", "numba")), file.name
+
+
+# -- hidden effects ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("system", SYSTEMS)
+def test_with_nothing_hidden_the_records_are_those_of_the_model(system):
+    model = pendulum() if system == "golf" else SYSTEMS[system]()
+    options = {**SHORT[system], "noise": 0.0, "parameter_error": 0.0, "n_records": 1}
+    hidden = make_hidden_effect(model, random_state=0, **options)
+    assert hidden.truth == hidden.prior == model
+    X = hidden.X
+    x0, u = X[list(model.states)].iloc[0], X[list(model.inputs)].to_numpy()[:, 0]
+    p = values(model)
+    x = by_scipy(lambda x, held: BY_HAND[system](x, held, p), X["t"].to_numpy(), u, x0)
+    measured = x[:, 1] if system == "tanks" else x[:, 0]
+    np.testing.assert_allclose(hidden.y.to_numpy()[:, 0], measured, atol=1e-6)
+
+
+@pytest.mark.parametrize(("system", "kind"), HIDEABLE)
+def test_every_effect_of_the_catalogue_can_be_hidden(system, kind):
+    model, options = SYSTEMS[system](), SHORT[system]
+    hidden = make_hidden_effect(model, kind, random_state=1, **options)
+    assert hidden.effect.id == kind
+    assert hidden.truth == model + hidden.effect
+    assert np.isfinite(hidden.y.to_numpy()).all()
+    assert list(hidden.X.columns) == ["trajectory", "t", *model.inputs, *model.states]
+    if system == "golf":
+        assert hidden.y.abs().to_numpy().max() < 1.5
+    nothing = make_hidden_effect(model, None, random_state=1, **options)
+    change = np.sqrt(np.mean((hidden.y - nothing.y).to_numpy() ** 2))
+    assert change > 3 * options.get("noise", 1e-3)
+
+
+def test_a_seed_gives_the_same_records_and_another_seed_others():
+    one, same, other = (
+        make_hidden_effect(effect="random", random_state=seed, **SHORT["golf"])
+        for seed in (4, 4, 5)
+    )
+    pd.testing.assert_frame_equal(one.X, same.X)
+    pd.testing.assert_frame_equal(one.y, same.y)
+    assert one.effect == same.effect
+    assert one.prior == same.prior
+    assert not one.y.equals(other.y)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_prior_is_off_within_the_error_and_never_right(seed):
+    hidden = make_hidden_effect(random_state=seed, n_records=1, duration=1.0, sample_rate=100.0)
+    truth, prior = values(hidden.truth), values(hidden.prior)
+    for name in hidden.prior.free_parameters:
+        assert 0 < abs(prior[name] / truth[name] - 1) <= 0.07
+    assert prior["g"] == truth["g"]
+
+
+def test_states_are_known_at_the_start_only():
+    X = make_hidden_effect(random_state=0, **SHORT["golf"]).X
+    for rows in records(X):
+        states = X[["phi", "omega"]].iloc[rows]
+        assert states.iloc[0].notna().all()
+        assert states.iloc[1:].isna().all(axis=None)
+        assert X["t"].iloc[rows].is_monotonic_increasing
+
+
+def test_an_effect_is_hidden_as_it_is_given():
+    effect = effects.InputBias("torque", bias=0.02)
+    hidden = make_hidden_effect(effect=effect, random_state=0, **SHORT["golf"])
+    assert hidden.effect is effect
+    assert hidden.truth.parameters["bu_torque"].value == 0.02
+
+
+def test_the_noise_is_as_large_as_asked():
+    options = {**SHORT["golf"], "random_state": 0}
+    quiet, noisy = (make_hidden_effect(noise=level, **options).y for level in (0.0, 0.02))
+    assert (noisy - quiet).to_numpy().std() == pytest.approx(0.02, rel=0.05)
+
+
+@pytest.mark.parametrize("kind", EXCITATIONS)
+def test_an_excitation_keeps_to_the_amplitude(kind):
+    hidden = make_hidden_effect(
+        systems.two_tanks(), excitation=kind, amplitude=2.0, random_state=0, **SHORT["tanks"]
+    )
+    assert hidden.X["pump"].between(1 - 1e-9, 5 + 1e-9).all()
+    assert (hidden.X["pump"] - 3).abs().max() == pytest.approx(2.0, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"effect": "gremlins"}, "effect: expected .*coulomb_friction.* got 'gremlins'"),
+        ({"excitation": "noise"}, "excitation: expected .*chirp.* got"),
+        ({"noise": -1.0}, "noise: expected a number >= 0"),
+        ({"noise": {"omega": 1.0}}, "noise: expected .*phi_measured"),
+        ({"parameter_error": 1.0}, r"parameter_error: expected a number in \[0, 1\)"),
+        ({"n_records": 0}, "n_records: expected a number > 0"),
+    ],
+)
+def test_what_makes_no_records_is_refused(options, said):
+    with pytest.raises(ValueError, match=said):
+        make_hidden_effect(random_state=0, **{**SHORT["golf"], **options})
+
+
+# -- ready rigs ----------------------------------------------------------------------------------
+
+
+def test_golf_robot_records():
+    X, y = make_golf_robot(n_records=3, duration=3.0)
+    assert len(records(X)) == 3
+    assert np.diff(X["t"].iloc[:3000]) == pytest.approx(1e-3)
+    assert 0.3 < y["phi_measured"].abs().max() < 1.5
+    X_ref, y_ref = make_golf_robot(duration=3.0, reference=True)
+    assert len(records(X_ref)) == 1
+    assert not np.allclose(y_ref, y.iloc[:3000])
+
+
+def test_the_golf_robot_plant_sticks_and_then_slips():
+    p = values(systems.golf_robot())
+    sliding = p["r"] * p["mu"] * p["m"] * p["g"] * 1.02 / 4
+    t = np.arange(2000) / 500
+    ramp = np.minimum(t / 2.0, 1.0)
+    u = np.stack([1.2 * sliding * ramp, 1.6 * sliding * ramp])[..., None]
+    (below, above), _ = integrate(golf_robot_plant(), t, u, substeps=8)
+    yields = -1.5 * p["r"] * p["mu"] / 40.0 * np.log(1 - 1.2 / 1.5)
+    assert below[-1, 0] == pytest.approx(yields, rel=0.1)
+    assert above[-1, 0] > 0.02
+
+
+def test_servo_valve_records():
+    X, y = make_servo_valve()
+    assert len(records(X)) == 10
+    assert X["voltage"].abs().max() <= 10
+    assert y["y_measured"].abs().max() < 1.0
+
+
+def test_the_servo_valve_plant_is_limited():
+    t = np.arange(200) / 2000
+    u = np.stack([np.full(200, 10.0), np.full(200, -10.0)])[..., None]
+    _, y = integrate(servo_valve_plant(), t, u, substeps=20)
+    assert np.diff(y[..., 0], axis=1).max() <= 200 / 2000 + 1e-9
+    assert np.diff(y[..., 0], axis=1).min() >= -185 / 2000 - 1e-9
+    assert np.abs(y).max() < 1.0
+    assert y[0, -1, 0] > -y[1, -1, 0]
+
+
+def test_the_pump_of_the_tanks_passes_through_its_dead_zone():
+    tanks = make_two_tanks()
+    assert tanks.effect == effects.InputDeadZone("pump", width=0.8)
+    assert tanks.X["pump"].min() < 0.4
+    u = tanks.X["pump"].to_numpy().reshape(4, -1, 1)
+    x, _ = integrate(tanks.truth, np.arange(600.0), u)
+    assert x.min() > 0.1
+
+
+def test_the_cart_hides_what_is_asked():
+    assert make_cart(n_records=1, duration=2.0, effect=None).effect is None
+    assert make_cart(n_records=1, duration=2.0, effect="cogging").effect.id == "cogging"
