@@ -10,6 +10,8 @@ from pkgutil import resolve_name
 READINGS = {
     "simulate": "sklearn_pgnn.simulation:simulate",
     "read_model": "sklearn_pgnn.physics.model_file:read_model",
+    "write_report": "sklearn_pgnn.inspection:write_report",
+    "plot_diagnosis": "sklearn_pgnn.inspection:plot_diagnosis",
     "write_model": "sklearn_pgnn.physics.model_file:write_model",
 }
 

@@ -11,6 +11,8 @@ from sklearn_pgnn.simulation.window_fit import WindowFit, fit_windows
 
 #: starts that are followed to their end after a first look at all of them
 FOLLOWED_STARTS = 2
+#: a first look takes every so many windows that about this many samples remain
+SCOUT_SAMPLES, SCOUT_WINDOWS = 8000, 24
 
 
 @dataclass(frozen=True)
@@ -39,6 +41,25 @@ class Trial:
         return self.fit.evaluation.squares
 
 
+@dataclass(frozen=True)
+class Scouted:
+    """A first look at a cause, on some of the windows.
+
+    Parameters
+    ----------
+    cause : (effect class, target)
+        The cause.
+    model : PhysicsModel
+        The extended model as fitted on those windows.
+    left : float
+        Squares it leaves there, relative to those without the cause.
+    """
+
+    cause: Cause
+    model: PhysicsModel
+    left: float
+
+
 class Fitter:
     """Fits hypotheses, each once.
 
@@ -52,6 +73,8 @@ class Fitter:
         self.setting = setting
         self._trials: dict[frozenset, Trial] = {}
         self._held_out: dict[frozenset, np.ndarray] = {}
+        self._scouted: dict[frozenset, Scouted] = {}
+        self.some = _some_windows(setting)
 
     def prior(self) -> WindowFit:
         """Fit only the initial states, at the prior's parameters."""
@@ -63,10 +86,21 @@ class Fitter:
             Hypothesis(), lambda: self._fit_hypothesis(Hypothesis(), self.setting.prior, None)
         )
 
-    def extend(self, trial: Trial, cause: Cause) -> Trial:
-        """Fit a hypothesis with one more cause, from all the starts the effect proposes."""
+    def scout(self, trial: Trial, cause: Cause) -> Scouted:
+        """Look at one more cause on some windows, from all the starts the effect proposes."""
         hypothesis = trial.hypothesis.plus(cause)
-        return self._remember(hypothesis, lambda: self._best_start(trial, hypothesis, cause))
+        if hypothesis.key not in self._scouted:
+            self._scouted[hypothesis.key] = self._best_start(trial, hypothesis, cause)
+        return self._scouted[hypothesis.key]
+
+    def extend(self, trial: Trial, cause: Cause) -> Trial:
+        """Fit a hypothesis with one more cause on all windows."""
+        hypothesis = trial.hypothesis.plus(cause)
+
+        def fit():
+            return self._fit_hypothesis(hypothesis, self.scout(trial, cause).model, trial)
+
+        return self._remember(hypothesis, fit)
 
     def reduce(self, trial: Trial, cause: Cause) -> Trial:
         """Fit a hypothesis with one cause less."""
@@ -78,13 +112,24 @@ class Fitter:
 
         return self._remember(hypothesis, fit)
 
+    def split(self, trial: Trial, cause: Cause, part: Cause) -> Trial:
+        """Fit a hypothesis in which a part of a cause stands as a cause of its own."""
+        hypothesis = trial.hypothesis.before(cause, part)
+        zero = {cause[0](cause[1]).names()[name]: 0.0 for name in hypothesis.taken_over(cause)}
+
+        def fit():
+            start = self._rebuild(hypothesis, trial.fit.model).with_parameters(**zero)
+            return self._fit_hypothesis(hypothesis, start, trial)
+
+        return self._remember(hypothesis, fit)
+
     def _remember(self, hypothesis, fit) -> Trial:
         if hypothesis.key not in self._trials:
             self._trials[hypothesis.key] = Trial(hypothesis, fit())
         known = self._trials[hypothesis.key]
         return known if known.hypothesis == hypothesis else Trial(hypothesis, known.fit)
 
-    def _best_start(self, trial, hypothesis, cause):
+    def _best_start(self, trial, hypothesis, cause) -> Scouted:
         """Look at every start for two steps, follow the most promising to the end."""
         effect, target = cause
         prior, scales = self.setting.prior, self.setting.scales
@@ -93,13 +138,15 @@ class Fitter:
         if len(starts) <= 4:
             untuned = self._rebuild(trial.hypothesis, prior)
             models += [start.apply(untuned) for start in starts]
-        looks = [self._fit_hypothesis(hypothesis, m, trial, max_steps=2) for m in models]
+
+        def look(model, **options):
+            return self._fit_hypothesis(hypothesis, model, trial, which=self.some, **options)
+
+        looks = [look(model, max_steps=2) for model in models]
         looks.sort(key=lambda fit: fit.objective)
-        fits = [
-            self._fit_hypothesis(hypothesis, look.model, trial, x0_start=look.x0)
-            for look in looks[:FOLLOWED_STARTS]
-        ]
-        return min(fits, key=lambda fit: fit.objective)
+        fits = [look(fit.model, x0_start=fit.x0) for fit in looks[:FOLLOWED_STARTS]]
+        best = min(fits, key=lambda fit: fit.objective)
+        return Scouted(cause, best.model, best.squares / trial.per_window[self.some].sum())
 
     def _rebuild(self, hypothesis, values_of: PhysicsModel) -> PhysicsModel:
         """Extend the prior by the causes, with the parameter values of another model."""
@@ -113,13 +160,14 @@ class Fitter:
     def _fit_hypothesis(self, hypothesis, model, trial, **options) -> WindowFit:
         return self._fit(model, freedoms(self.setting, hypothesis, model), trial, **options)
 
-    def _fit(self, model, free, trial, **options) -> WindowFit:
+    def _fit(self, model, free, trial, which=slice(None), **options) -> WindowFit:
         setting = self.setting
+        windows = setting.windows.select(which)
         estimate = setting.states.estimate(model)
-        expected = estimate.x[setting.windows.starts]
+        expected = estimate.x[windows.starts]
         if trial is not None and "x0_start" not in options:
-            options["x0_start"] = _carry_over(trial.fit, model, expected)
-        return fit_windows(model, setting.windows, free, expected, estimate.spread, **options)
+            options["x0_start"] = _carry_over(trial.fit, model, expected, which)
+        return fit_windows(model, windows, free, expected, estimate.spread, **options)
 
     def held_out(self, trial: Trial, folds: np.ndarray) -> np.ndarray:
         """Give every window's squares under parameters fitted without its fold.
@@ -201,10 +249,17 @@ def make_folds(setting: Setting, n_folds: int = 4) -> np.ndarray:
     return (order * n_folds // record.size) if n_records == 1 else record
 
 
-def _carry_over(fit: WindowFit, model: PhysicsModel, expected) -> np.ndarray:
+def _some_windows(setting: Setting) -> np.ndarray:
+    """Take every k-th window, so that a first look is cheap whatever the length of the record."""
+    count = len(setting.windows)
+    step = setting.n_samples // SCOUT_SAMPLES
+    return np.arange(0, count, max(1, min(step, count // SCOUT_WINDOWS)))
+
+
+def _carry_over(fit: WindowFit, model: PhysicsModel, expected, which) -> np.ndarray:
     """Start from fitted initial states where the model has the same state."""
     start, names = expected.copy(), list(fit.model.states)
     for i, state in enumerate(model.states):
         if state in names:
-            start[:, i] = fit.x0[:, names.index(state)]
+            start[:, i] = fit.x0[which, names.index(state)]
     return start

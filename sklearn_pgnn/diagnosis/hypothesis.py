@@ -35,7 +35,15 @@ class Hypothesis:
     @property
     def n_parameters(self) -> int:
         """Number of parameters the causes add or free."""
-        return sum(count_parameters(cause) for cause in self.causes)
+        return sum(count_parameters(c) - len(self.taken_over(c)) for c in self.causes)
+
+    def taken_over(self, cause: Cause) -> tuple[str, ...]:
+        """Give the fields of a cause that another cause of the hypothesis speaks for."""
+        effect, target = cause
+        beside = {other.id for other, its_target in self.causes if its_target == target}
+        return tuple(
+            name for id, names in effect.shared.items() if id in beside for name in names
+        )
 
     def plus(self, cause: Cause) -> "Hypothesis":
         """Give the hypothesis with one more cause."""
@@ -45,9 +53,10 @@ class Hypothesis:
         """Give the hypothesis with one cause less."""
         return Hypothesis(tuple(c for c in self.causes if c != cause))
 
-    def swapped(self, old: Cause, new: Cause) -> "Hypothesis":
-        """Give the hypothesis with one cause in another's place."""
-        return Hypothesis(tuple(new if c == old else c for c in self.causes))
+    def before(self, cause: Cause, new: Cause) -> "Hypothesis":
+        """Give the hypothesis with one more cause in front of another."""
+        at = self.causes.index(cause)
+        return Hypothesis((*self.causes[:at], new, *self.causes[at:]))
 
 
 def count_parameters(cause: Cause) -> int:
@@ -145,8 +154,9 @@ def freedoms(setting: Setting, hypothesis: Hypothesis, start: PhysicsModel) -> t
     free = [_prior_freedom(setting.prior, name, name in wrong) for name in setting.prior.free_parameters]
     for effect, target in hypothesis.causes:
         limits = effect.limits(target, setting.prior, setting.scales)
+        taken = hypothesis.taken_over((effect, target))
         for field_name, name in effect(target).names().items():
-            if name not in setting.prior.parameters:
+            if name not in setting.prior.parameters and field_name not in taken:
                 low, high = start.parameters[name].bounds
                 inner = limits.get(field_name, (low, high))
                 value = start.parameters[name].value

@@ -16,6 +16,8 @@ from sklearn_pgnn.trajectories.smoothing import noise_level
 MIN_SAMPLES, MIN_WINDOWS = 20, 8
 #: share of the dominant period of the fastest output that makes a window
 WINDOW_SHARE = 1 / 3
+#: shortest window, as a share of that period
+SHORTEST = 1 / 24
 MAX_SUBSTEPS = 32
 
 
@@ -35,6 +37,8 @@ class Setting:
         How large the signals are.
     n_samples : int
         Number of measured values in all windows.
+    period : float
+        Dominant period of the outputs [s].
     """
 
     prior: PhysicsModel
@@ -42,6 +46,7 @@ class Setting:
     states: StateEstimator
     scales: Scales
     n_samples: int
+    period: float
 
 
 def make_setting(
@@ -90,7 +95,8 @@ def make_setting(
     ]
     states = StateEstimator(model, whole, starts)
     x = states.estimate(model).x
-    length = dominant_period(records) * WINDOW_SHARE if window is None else float(window)
+    period = dominant_period(records)
+    length = period * WINDOW_SHARE if window is None else float(window)
     windows = cut(whole, length)
     windows = replace(
         windows,
@@ -99,8 +105,25 @@ def make_setting(
     states.windows = windows
     seen = np.concatenate([np.arange(s, s + n) for s, n in zip(windows.starts, windows.lengths)])
     return Setting(
-        model, windows, states, _scales(model, windows, x), int(np.isfinite(y[seen]).sum())
+        model,
+        windows,
+        states,
+        _scales(model, windows, x),
+        int(np.isfinite(y[seen]).sum()),
+        period,
     )
+
+
+def halve(setting: Setting) -> Setting | None:
+    """Give the setting with windows of half the length, or None where they would be too short."""
+    length = setting.scales.window / 2
+    if length < max(MIN_SAMPLES * setting.scales.sample_time, SHORTEST * setting.period):
+        return None
+    windows = cut(setting.windows, length)
+    if np.array_equal(windows.starts, setting.windows.starts):
+        return None
+    length = float(np.median(windows.lengths) * setting.scales.sample_time)
+    return replace(setting, windows=windows, scales=replace(setting.scales, window=length))
 
 
 def output_noise(records) -> np.ndarray:

@@ -85,6 +85,9 @@ class Effect(ABC):
     check: ClassVar[str] = ""
     #: ids of effects that are a special case of this one
     generalises: ClassVar[tuple[str, ...]] = ()
+    #: by id of an effect that stands beside this one on the same target, the fields that it
+    #: takes over and that stay at zero here
+    shared: ClassVar[Mapping[str, tuple[str, ...]]] = {}
 
     @classmethod
     @abstractmethod
@@ -139,6 +142,26 @@ class Effect(ABC):
         tuple of Effect
             Starts, the most likely first.
         """
+
+    @classmethod
+    def limits(cls, target: str, model: PhysicsModel, scales: Scales) -> dict:
+        """Say within what a fit of the effect's parameters makes sense on a record.
+
+        Parameters
+        ----------
+        target : str
+            One of `targets`.
+        model : PhysicsModel
+            The model to extend.
+        scales : Scales
+            How large the signals are.
+
+        Returns
+        -------
+        dict of str to tuple of float
+            Lowest and highest value by field name, narrower than the quantity's own bounds.
+        """
+        return {}
 
     @classmethod
     def quantities(cls) -> tuple:

@@ -96,3 +96,18 @@ class Parameter:
             A new parameter; this one is unchanged.
         """
         return replace(self, value=float(value))
+
+    def with_spread(self, spread: float) -> "Parameter":
+        """Give the same parameter with another spread.
+
+        Parameters
+        ----------
+        spread : float
+            The new spread, as a share of the value.
+
+        Returns
+        -------
+        Parameter
+            A new parameter; this one is unchanged.
+        """
+        return replace(self, spread=float(spread))

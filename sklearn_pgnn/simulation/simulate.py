@@ -151,6 +151,63 @@ def simulate(
     return Simulation(t, X, Y, names, None if wrt is None else SY, message)
 
 
+def simulate_records(model: PhysicsModel, records, **options) -> np.ndarray:
+    """Simulate the outputs of every record in free run, laid end to end.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model, or an extension of the one the records were read for.
+    records : tuple of Record
+        Time, inputs and initial states; a state that is not known starts at the model's
+        `initial_state`.
+    **options
+        See `simulate`.
+
+    Returns
+    -------
+    ndarray of shape (n_samples, n_outputs)
+        Simulated outputs.
+    """
+    return np.concatenate(
+        [
+            simulate(model, r.t, r.u, start_of(model, r), **options).y
+            for r in records
+        ]
+    )
+
+
+def start_of(model: PhysicsModel, record) -> list[float]:
+    """Give a record's initial state: what it tells, actuators settled, the model's for the rest."""
+    start = settled_start(model, record.u[0])
+    if record.x0 is not None:
+        told = zip(model.states, record.x0, strict=False)
+        start |= {name: float(value) for name, value in told if np.isfinite(value)}
+    return [start[name] for name in model.states]
+
+
+def settled_start(model: PhysicsModel, u) -> dict[str, float]:
+    """Give the model's initial state, actuators settled at the first input.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    u : array-like of shape (n_inputs,)
+        First sample of the inputs.
+
+    Returns
+    -------
+    dict of str to float
+        Value by state.
+    """
+    start = dict(model.initial_state)
+    for name, value in zip(model.inputs, u, strict=True):
+        if f"{name}_lagged" in start:
+            start[f"{name}_lagged"] = float(value)
+    return start
+
+
 def parameter_values(model: PhysicsModel) -> np.ndarray:
     """Give the parameters' values in the model's order."""
     return np.array([parameter.value for parameter in model.parameters.values()], dtype=float)

@@ -7,12 +7,14 @@ import numpy as np
 
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.simulate import Simulation, simulate
+from sklearn_pgnn.simulation.simulate import Simulation, settled_start, simulate
 from sklearn_pgnn.simulation.windows import Windows
 from sklearn_pgnn.trajectories.smoothing import Smoothed, choose_penalty, smooth
 
 #: how many of its standard errors a smoothed state may be off
 SAFETY = 3.0
+#: how far a measured state may be off, as a share of its range: a sensor may lie
+MEASURED_SPREAD = 0.3
 
 
 @dataclass(frozen=True)
@@ -60,7 +62,8 @@ class StateEstimator:
             states = [name for name in model.states if output == symbol(name)]
             for state in states:
                 value, slope = self._smooth_column(column)
-                known[state] = value
+                # the window's own samples fix a measured state: leave it free within its range
+                known[state] = value[0], max(value[1], MEASURED_SPREAD * np.std(value[0]))
                 velocity = positions.get(state)
                 if velocity is not None and velocity not in known:
                     known[velocity] = slope
@@ -131,15 +134,6 @@ def free_run(model: PhysicsModel, windows: Windows, a: int, b: int, x0) -> Simul
             substeps=windows.substeps,
             hold=windows.hold,
         )
-
-
-def settled_start(model: PhysicsModel, u: np.ndarray) -> dict[str, float]:
-    """Give the model's initial state, actuators settled at the first input."""
-    start = dict(model.initial_state)
-    for name, value in zip(model.inputs, u, strict=True):
-        if f"{name}_lagged" in start:
-            start[f"{name}_lagged"] = float(value)
-    return start
 
 
 def _finite(start: dict) -> dict:

@@ -106,6 +106,11 @@ class InputDeadZone(InputEffect):
         """Start from small to large shares of the input."""
         return tuple(cls(target, share * scales.peak[target]) for share in (0.03, 0.15, 0.4))
 
+    @classmethod
+    def limits(cls, target, model, scales):
+        """Let some of the input through."""
+        return {"width": (0.0, 0.95 * scales.peak[target])}
+
 
 @dataclass(frozen=True)
 class InputSaturation(InputEffect):
@@ -137,6 +142,11 @@ class InputSaturation(InputEffect):
     def starts(cls, target, model, scales):
         """Start from a light to a heavy cut."""
         return tuple(cls(target, share * scales.peak[target]) for share in (0.95, 0.75, 0.5))
+
+    @classmethod
+    def limits(cls, target, model, scales):
+        """Cut something: a limit above the largest input does nothing."""
+        return {"limit": (0.02 * scales.peak[target], scales.peak[target])}
 
 
 @dataclass(frozen=True)
@@ -176,6 +186,11 @@ class InputDelay(Effect):
         shortest, longest = scales.sample_time, 0.2 * scales.window
         middle = (shortest * longest) ** 0.5
         return tuple(cls(target, delay) for delay in sorted({shortest, middle, longest}))
+
+    @classmethod
+    def limits(cls, target, model, scales):
+        """Stay below half a window."""
+        return {"delay": (0.0, 0.5 * scales.window)}
 
 
 @dataclass(frozen=True)
@@ -220,3 +235,8 @@ class ActuatorLag(Effect):
         """Start from a few samples to a third of a window."""
         shortest, longest = 3 * scales.sample_time, 0.3 * scales.window
         return tuple(cls(target, value) for value in sorted({shortest, max(shortest, longest)}))
+
+    @classmethod
+    def limits(cls, target, model, scales):
+        """Stay between what one sample and what two windows can show."""
+        return {"time_constant": (0.3 * scales.sample_time, 2.0 * scales.window)}

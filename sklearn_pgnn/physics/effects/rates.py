@@ -210,10 +210,10 @@ class StribeckFriction(RateEffect):
     Examples
     --------
     >>> StribeckFriction("omega", level=0.05, peak=0.03, velocity=0.1).names()
-    {'level': 'Fc_omega', 'peak': 'Fp_omega', 'velocity': 'vs_omega'}
+    {'level': 'Fk_omega', 'peak': 'Fp_omega', 'velocity': 'vs_omega'}
     """
 
-    level: float = quantity("Fc", "{force}", low=0.0)
+    level: float = quantity("Fk", "{force}", low=0.0)
     peak: float = quantity("Fp", "{force}", low=0.0)
     velocity: float = quantity("vs", "{velocity}", default=1.0, low=0.0)
     id = "stribeck_friction"
@@ -231,6 +231,11 @@ class StribeckFriction(RateEffect):
         """Start from narrow to wide peaks."""
         force, v = _force_scale(target, model, scales), scales.typical[target]
         return tuple(cls(target, 0.02 * force, 0.05 * force, share * v) for share in (0.1, 0.5))
+
+    @classmethod
+    def limits(cls, target, model, scales):
+        """Keep the peak narrower than the speeds seen and wider than their finest part."""
+        return {"velocity": (0.005 * scales.typical[target], 2.0 * scales.typical[target])}
 
 
 @dataclass(frozen=True)
@@ -254,12 +259,13 @@ class AsymmetricFriction(RateEffect):
     'asymmetric_friction'
     """
 
-    level_forward: float = quantity("Fcp", "{force}")
-    level_backward: float = quantity("Fcn", "{force}")
+    level_forward: float = quantity("Fcp", "{force}", low=0.0)
+    level_backward: float = quantity("Fcn", "{force}", low=0.0)
     viscous_forward: float = quantity("dp", "{force}/({velocity})")
     viscous_backward: float = quantity("dn", "{force}/({velocity})")
     id = "asymmetric_friction"
     generalises = ("coulomb_friction", "viscous_friction", "constant_load")
+    shared = {"coulomb_friction": ("level_forward", "level_backward")}
     summary = "Friction that is different in the two directions of motion."
     check = "Run at the same speed forward and backward and compare the force."
 
@@ -449,7 +455,10 @@ class Cogging(PositionEffect):
         """Start at periods from the whole travel down to a fortieth of it."""
         travel = 2 * scales.peak[model.kinematic_pairs[target]]
         force = 0.01 * _force_scale(target, model, scales)
-        count = 24
-        return tuple(
-            cls(target, force, 0.0, travel / 1.2 ** (k + 2)) for k in range(count)
-        )
+        return tuple(cls(target, force, force, travel / 1.2 ** (k + 2)) for k in range(24))
+
+    @classmethod
+    def limits(cls, target, model, scales):
+        """Keep at least one and a half periods within the travel."""
+        travel = 2 * scales.peak[model.kinematic_pairs[target]]
+        return {"period": (travel / 150, travel / 1.5)}

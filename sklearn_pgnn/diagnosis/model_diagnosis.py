@@ -1,0 +1,293 @@
+"""The diagnosis as an estimator: records in, verdict, causes and an extended model out."""
+
+import numpy as np
+from joblib import effective_n_jobs
+from sklearn.base import BaseEstimator, RegressorMixin
+from sklearn.utils import check_random_state
+from sklearn.utils.validation import check_is_fitted
+
+from sklearn_pgnn.diagnosis.fitting import Fitter
+from sklearn_pgnn.diagnosis.hypothesis import possible_causes
+from sklearn_pgnn.diagnosis.result import (
+    measure_gain,
+    name_causes,
+    plain,
+    retuned_parameters,
+)
+from sklearn_pgnn.diagnosis.search import Outcome, Rules, Search
+from sklearn_pgnn.diagnosis.setting import check_records, halve, make_setting
+from sklearn_pgnn.physics.effects import CATALOGUE
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.readings import reading
+from sklearn_pgnn.simulation.simulate import simulate_records
+from sklearn_pgnn.trajectories import read_records
+
+#: re-tuned errors above so many times the noise call for shorter windows
+TOO_LARGE = 30.0
+#: what is left above the noise, as a share of the re-tuned prior's error power, when a cause
+#: outside the catalogue must be at work
+UNEXPLAINED = 0.5
+
+
+class ModelDiagnosis(RegressorMixin, BaseEstimator):
+    r"""Name the physical causes of a model's error and extend the model by them.
+
+    Every cause of the catalogue is fitted together with the model's free parameters and the
+    initial states on short windows of the records. Causes are added while they lower the error of
+    windows that their parameters have not seen, and dropped when others make them needless; the
+    search ends where only noise is left.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The prior.
+    catalogue : sequence of type[Effect], optional
+        Effects to think of; by default `sklearn_pgnn.effects.CATALOGUE`.
+    targets : sequence of str, optional
+        States, inputs, outputs and parameters to suspect; by default all.
+    max_causes : int, default=4
+        Causes named at most.
+    window : float, optional
+        Window length [s]; by default the records tell.
+    noise : array-like of shape (n_outputs,), optional
+        Standard deviation of the outputs' noise; by default the records tell.
+    significance : float, default=4
+        A cause's held-out gain must be so many of its standard errors.
+    hold : {"zoh", "foh"}, default="zoh"
+        Whether an input is held between two samples or runs straight from one to the next.
+    substeps : int, optional
+        Integration steps from sample to sample; by default as many as accuracy needs.
+    time : int or str, optional
+        Column of X that holds the time; by default the first, or ``"t"``.
+    n_jobs : int, optional
+        Threads to simulate on; -1 means all.
+    random_state : int, RandomState or None, default=0
+        Draws the resampled windows of the gain's interval.
+    progress : callable, optional
+        Called as ``progress(stage, done, total)`` while fitting.
+
+    Attributes
+    ----------
+    verdict_ : {"model_adequate", "cause_named", "ambiguous", "unexplained"}
+        What the records say.
+    causes_ : tuple of NamedCause
+        What is missing, the most telling first.
+    extended_model_ : PhysicsModel
+        The prior, re-tuned and extended by the causes.
+    refitted_model_ : PhysicsModel
+        The prior, re-tuned only.
+    parameters_ : dict of str to RetunedParameter
+        The prior's free parameters in the extended model.
+    gain_ : dict of str to Gain
+        Held-out error of every output before, after re-tuning and after extending.
+    window_ : float
+        Window length used [s].
+    tried_ : dict
+        Every suspect, and the share of the re-tuned prior's error power it leaves alone.
+    n_features_in_ : int
+        Number of columns of X.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sklearn_pgnn import PhysicsModel, effects
+    >>> cart = PhysicsModel({"v": "m/s"}, {"v": "(F - d*v)/m"}, {"m": 2.0, "d": 0.5}, {"F": "N"},
+    ...                     inertia={"v": "m"})
+    >>> t = np.arange(0, 60, 0.02)
+    >>> F = 2 * np.sin(0.7 * t) + np.sin(1.9 * t)
+    >>> rig = cart + effects.CoulombFriction("v", level=0.4)
+    >>> v = rig.simulate(t, F, substeps=5).y + 1e-3 * np.random.default_rng(0).normal(
+    ...     size=(t.size, 1))
+    >>> diagnosis = ModelDiagnosis(cart).fit(np.column_stack([t, F]), v)
+    >>> diagnosis.causes_[0].effect
+    'coulomb_friction'
+    """
+
+    def __init__(
+        self,
+        model: PhysicsModel,
+        *,
+        catalogue=None,
+        targets=None,
+        max_causes=4,
+        window=None,
+        noise=None,
+        significance=4.0,
+        hold="zoh",
+        substeps=None,
+        time=None,
+        n_jobs=None,
+        random_state=0,
+        progress=None,
+    ):
+        self.model = model
+        self.catalogue = catalogue
+        self.targets = targets
+        self.max_causes = max_causes
+        self.window = window
+        self.noise = noise
+        self.significance = significance
+        self.hold = hold
+        self.substeps = substeps
+        self.time = time
+        self.n_jobs = n_jobs
+        self.random_state = random_state
+        self.progress = progress
+
+    def fit(self, X, y):
+        """Diagnose the model on records.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_samples, n_columns)
+            Time [s], inputs and, where known, initial states; see `read_records`.
+        y : array-like of shape (n_samples, n_outputs) or (n_samples,)
+            Measured outputs.
+
+        Returns
+        -------
+        self : ModelDiagnosis
+            The fitted diagnosis.
+
+        Raises
+        ------
+        ValueError
+            If X or y cannot be read as records of the model, or hold too little.
+        """
+        records = read_records(self.model, X, y, time=self.time)
+        check_records(self.model, records)
+        fitter = self._ground(records)
+        catalogue = CATALOGUE if self.catalogue is None else tuple(self.catalogue)
+        suspects = possible_causes(self.model, catalogue, self.targets)
+        rules = Rules(significance=self.significance, max_causes=self.max_causes)
+        search = Search(fitter, suspects, rules, self.progress or _silent)
+        self._keep(fitter, search, search.run())
+        self.n_features_in_ = np.shape(X)[1]
+        self._single_output = np.ndim(y) == 1
+        return self
+
+    def _ground(self, records) -> Fitter:
+        """Cut windows short enough that errors stay small, if the user does not say how long."""
+        setting = make_setting(
+            self.model,
+            records,
+            window=self.window,
+            noise=self.noise,
+            hold=self.hold,
+            substeps=self.substeps,
+            threads=effective_n_jobs(self.n_jobs),
+        )
+        fitter = Fitter(setting)
+        while self.window is None and fitter.base().squares > TOO_LARGE**2 * setting.n_samples:
+            setting = halve(setting)
+            if setting is None:
+                break
+            fitter = Fitter(setting)
+        return fitter
+
+    def _keep(self, fitter: Fitter, search: Search, outcome: Outcome) -> None:
+        """Turn the outcome of the search into learned attributes."""
+        setting, final = fitter.setting, outcome.final
+        self.causes_ = name_causes(fitter, outcome, search.folds)
+        self.gain_ = measure_gain(
+            fitter, outcome, search.folds, np.random.default_rng(_seed(self.random_state))
+        )
+        self.parameters_ = retuned_parameters(setting, final.fit)
+        self.refitted_model_ = outcome.base.fit.model
+        self.extended_model_ = _with_prior_spreads(final.fit.model, self.model)
+        self.verdict_ = self._verdict(search, outcome)
+        self.window_ = setting.scales.window
+        self.tried_ = {(e.id, target): left for (e, target), left in outcome.tried.items()}
+
+    def _verdict(self, search: Search, outcome: Outcome) -> str:
+        left, before = search.excess(outcome.final), search.excess(outcome.base)
+        if not outcome.steps:
+            enough = left < search.rules.share * outcome.base.squares
+            return "model_adequate" if enough else "unexplained"
+        if left > UNEXPLAINED * before:
+            return "unexplained"
+        ambiguous = any(cause.confused_with for cause in self.causes_)
+        return "ambiguous" if ambiguous else "cause_named"
+
+    def predict(self, X):
+        """Simulate the extended model in free run from every trajectory's initial state.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_samples, n_columns)
+            Time [s], inputs and initial states.
+
+        Returns
+        -------
+        ndarray of shape (n_samples, n_outputs) or (n_samples,)
+            Simulated outputs.
+        """
+        check_is_fitted(self)
+        records = read_records(self.model, X, time=self.time)
+        outputs = simulate_records(self.extended_model_, records, hold=self.hold)
+        return outputs.ravel() if self._single_output else outputs
+
+    def to_dict(self) -> dict:
+        """Give the diagnosis as plain data, as ``diagnosis.json`` holds it.
+
+        Returns
+        -------
+        dict
+            Verdict, causes, parameters and gain.
+        """
+        check_is_fitted(self)
+        causes = []
+        for cause in self.causes_:
+            causes.append(
+                {
+                    "effect": cause.effect,
+                    "target": cause.target,
+                    "parameters": {k: plain(v) for k, v in cause.parameters.items()},
+                    "gain_percent": cause.gain,
+                    "confused_with": [plain(other) for other in cause.confused_with],
+                }
+            )
+        return {
+            "verdict": self.verdict_,
+            "causes": causes,
+            "parameters": {name: plain(p) for name, p in self.parameters_.items()},
+            "gain": {name: plain(gain) for name, gain in self.gain_.items()},
+            "window": self.window_,
+        }
+
+    def to_html(self, path) -> None:
+        """Write the report, one self-contained file.
+
+        Parameters
+        ----------
+        path : str or path-like
+            Where to write.
+        """
+        reading("write_report")(self, path)
+
+    def plot(self):
+        """Draw measured against prior and extended simulation.
+
+        Returns
+        -------
+        DiagnosisDisplay
+            The figure and its axes.
+        """
+        return reading("plot_diagnosis")(self)
+
+
+def _silent(stage: str, done: int, total: int) -> None:
+    """Show nothing."""
+
+
+def _seed(random_state) -> int:
+    return int(check_random_state(random_state).randint(2**31 - 1))
+
+
+def _with_prior_spreads(model: PhysicsModel, prior: PhysicsModel) -> PhysicsModel:
+    """Give freed parameters the spread they had in the prior."""
+    changes = {
+        name: model.parameters[name].with_spread(prior.parameters[name].spread)
+        for name in prior.parameters
+    }
+    return model.with_parameters(**changes)

@@ -1,0 +1,278 @@
+"""What a diagnosis says: causes with their sizes, parameters, and what the extension is worth."""
+
+from dataclasses import asdict, dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from sklearn_pgnn.diagnosis.fitting import Fitter, Trial, window_squares
+from sklearn_pgnn.diagnosis.hypothesis import Cause
+from sklearn_pgnn.diagnosis.search import Outcome
+from sklearn_pgnn.diagnosis.setting import Setting
+from sklearn_pgnn.simulation.window_fit import WindowFit, project
+
+#: half-width of a 95 % interval in standard errors
+NORMAL_95 = 1.96
+RESAMPLINGS = 1000
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A parameter's value with its 95 % interval.
+
+    Parameters
+    ----------
+    value, low, high : float
+        Estimate and interval [unit].
+    unit : str
+        Its unit.
+    """
+
+    value: float
+    low: float
+    high: float
+    unit: str = ""
+
+
+class Suspect(NamedTuple):
+    """An effect and what it acts on."""
+
+    effect: str
+    target: str
+
+
+@dataclass(frozen=True)
+class NamedCause:
+    """A cause of the model's error.
+
+    Parameters
+    ----------
+    effect : str
+        Id of the effect in the catalogue.
+    target : str
+        What it acts on.
+    parameters : dict of str to Estimate
+        Its physical parameters.
+    gain : float
+        By how much it lowers the held-out error of the model without it [%].
+    confused_with : tuple of Suspect
+        Causes that explain the records as well in its place.
+    summary, check : str
+        What it is, and how to check it on the rig.
+    """
+
+    effect: str
+    target: str
+    parameters: dict[str, Estimate]
+    gain: float
+    confused_with: tuple[Suspect, ...]
+    summary: str = ""
+    check: str = ""
+
+
+@dataclass(frozen=True)
+class RetunedParameter:
+    """A parameter of the prior after re-tuning.
+
+    Parameters
+    ----------
+    prior, value, low, high : float
+        Prior value, estimate and its 95 % interval [unit].
+    unit : str
+        Its unit.
+    changed : bool
+        Whether the interval leaves the prior value out.
+    """
+
+    prior: float
+    value: float
+    low: float
+    high: float
+    unit: str
+    changed: bool
+
+
+@dataclass(frozen=True)
+class Gain:
+    """The error of an output over windows that the parameters have not seen.
+
+    Parameters
+    ----------
+    prior, refitted, extended : float
+        Root mean square error of the prior, the re-tuned prior and the extended model.
+    noise : float
+        The white part of what the extended model leaves.
+    explained_share, low, high : float
+        Share of the prior's error power above the noise that the extension removes, with its
+        95 % interval from resampled windows.
+    unit : str
+        Unit of the errors.
+    """
+
+    prior: float
+    refitted: float
+    extended: float
+    noise: float
+    explained_share: float
+    low: float
+    high: float
+    unit: str = ""
+
+
+def standard_errors(setting: Setting, fit: WindowFit) -> dict[str, float]:
+    r"""Give the parameters' standard errors, robust to residuals that are not white.
+
+    .. math:: \mathrm{cov} = H^{-1} \left(\sum_w g_w g_w^T\right) H^{-1} \frac{W}{W - n}
+
+    with the Hessian :math:`H` and the gradients :math:`g_w` of the windows.
+
+    Parameters
+    ----------
+    setting : Setting
+        The ground of the diagnosis.
+    fit : WindowFit
+        The fitted model.
+
+    Returns
+    -------
+    dict of str to float
+        Standard error by parameter; infinite where the records say nothing.
+
+    References
+    ----------
+    .. [1] H. White, "Maximum likelihood estimation of misspecified models", Econometrica 50,
+       1982, :doi:`10.2307/1912526`.
+    """
+    names = [freedom.name for freedom in fit.freedoms]
+    if not names:
+        return {}
+    estimate = setting.states.estimate(fit.model)
+    offset = fit.x0 - estimate.x[setting.windows.starts]
+    normal = project(fit.evaluation.gram, len(names), 1.0 / estimate.spread**2, offset)
+    pull = np.array([1.0 / freedom.spread**2 for freedom in fit.freedoms])
+    hessian = normal.hessian.sum(axis=0) + np.diag(pull)
+    size = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
+    inverse = np.linalg.pinv(hessian / np.outer(size, size), rcond=1e-10, hermitian=True)
+    inverse = inverse / np.outer(size, size)
+    scores = normal.gradient - normal.gradient.mean(axis=0)
+    count = max(len(setting.windows) - len(names), 1)
+    covariance = inverse @ (scores.T @ scores) @ inverse * len(setting.windows) / count
+    return dict(zip(names, np.sqrt(np.diag(covariance)), strict=True))
+
+
+def name_causes(fitter: Fitter, outcome: Outcome, folds) -> tuple[NamedCause, ...]:
+    """Describe the causes of the accepted hypothesis, the most telling first."""
+    errors = standard_errors(fitter.setting, outcome.final.fit)
+    causes, before = [], outcome.base
+    for step in outcome.steps:
+        cause = step.hypothesis.causes[-1]
+        causes.append(
+            NamedCause(
+                effect=cause[0].id,
+                target=cause[1],
+                parameters=_estimates(fitter.setting, outcome.final, cause, errors),
+                gain=_gain_percent(fitter, before, step, folds),
+                confused_with=tuple(Suspect(e.id, t) for e, t in outcome.alternatives[cause]),
+                summary=cause[0].summary,
+                check=cause[0].check,
+            )
+        )
+        before = step
+    return tuple(causes)
+
+
+def _estimates(setting, trial: Trial, cause: Cause, errors) -> dict[str, Estimate]:
+    effect, target = cause
+    names = effect(target).names()
+    taken = trial.hypothesis.taken_over(cause)
+    return {
+        field: _estimate(trial.fit, name, errors)
+        for field, name in names.items()
+        if field not in taken
+    }
+
+
+def _estimate(fit: WindowFit, name: str, errors) -> Estimate:
+    parameter = fit.model.parameters[name]
+    reach = NORMAL_95 * errors.get(name, 0.0)
+    low, high = parameter.bounds
+    return Estimate(
+        parameter.value,
+        float(max(low, parameter.value - reach)),
+        float(min(high, parameter.value + reach)),
+        parameter.unit,
+    )
+
+
+def _gain_percent(fitter, before: Trial, after: Trial, folds) -> float:
+    worse = fitter.held_out(before, folds).sum()
+    better = fitter.held_out(after, folds).sum()
+    return float(100.0 * (1.0 - np.sqrt(better / worse)))
+
+
+def retuned_parameters(setting: Setting, fit: WindowFit) -> dict[str, RetunedParameter]:
+    """Compare the prior's free parameters with their re-tuned values."""
+    errors = standard_errors(setting, fit)
+    table = {}
+    for name in setting.prior.free_parameters:
+        found, prior = _estimate(fit, name, errors), setting.prior.parameters[name].value
+        changed = not found.low <= prior <= found.high
+        table[name] = RetunedParameter(
+            prior, found.value, found.low, found.high, found.unit, changed
+        )
+    return table
+
+
+def measure_gain(fitter: Fitter, outcome: Outcome, folds, random_state) -> dict[str, Gain]:
+    """Measure what re-tuning and extending are worth on held-out windows."""
+    setting = fitter.setting
+    counts = _counts(setting)
+    squares = {
+        "prior": window_squares(setting, fitter.prior()),
+        "refitted": fitter.held_out(outcome.base, folds),
+        "extended": fitter.held_out(outcome.final, folds),
+    }
+    draws = random_state.integers(0, len(counts), (RESAMPLINGS, len(counts)))
+    gains = {}
+    for i, output in enumerate(setting.prior.outputs):
+        scale = setting.windows.scale[i]
+        noise = float(outcome.noise[i])
+
+        def power(which, rows, i=i):
+            return squares[which][rows, i].sum(axis=-1) / counts[rows, i].sum(axis=-1)
+
+        whole = np.arange(len(counts))
+        share = explained_share(power("prior", whole), power("extended", whole), noise)
+        shares = explained_share(power("prior", draws), power("extended", draws), noise)
+        low, high = np.percentile(shares, [2.5, 97.5])
+        errors = {which: float(scale * np.sqrt(power(which, whole))) for which in squares}
+        gains[output] = Gain(
+            **errors,
+            noise=float(scale * noise),
+            explained_share=float(share),
+            low=float(low),
+            high=float(high),
+            unit=setting.prior.unit(output),
+        )
+    return gains
+
+
+def explained_share(before, after, noise):
+    """Give the share of the error power above the noise that is gone, between 0 and 1."""
+    above = np.maximum(np.asarray(before) - noise**2, 1e-12 * np.maximum(before, 1e-300))
+    return np.clip((np.asarray(before) - after) / above, 0.0, 1.0)
+
+
+def _counts(setting: Setting) -> np.ndarray:
+    """Count the measured values of every window and output."""
+    windows = setting.windows
+    seen = np.isfinite(windows.y).astype(float)
+    total = np.concatenate([np.zeros((1, seen.shape[1])), np.cumsum(seen, axis=0)])
+    return total[windows.starts + windows.lengths] - total[windows.starts]
+
+
+def plain(value):
+    """Turn a result into what JSON holds."""
+    if hasattr(value, "_asdict"):
+        return value._asdict()
+    return asdict(value)
