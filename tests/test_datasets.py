@@ -319,7 +319,7 @@ def test_the_golf_robot_plant_sticks_and_then_slips():
     (below, above), _ = integrate(golf_robot_plant(), t, u, substeps=8)
     yields = -1.5 * p["r"] * p["mu"] / 40.0 * np.log(1 - 1.2 / 1.5)
     assert below[-1, 0] == pytest.approx(yields, rel=0.1)
-    assert above[-1, 0] > 0.02
+    assert above[-1, 0] > 3 * yields
 
 
 def test_servo_valve_records():

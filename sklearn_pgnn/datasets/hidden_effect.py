@@ -189,7 +189,7 @@ def _choose(effect, model, rig, amplitudes, noise, rng):
     kind = _kind(effect, model, rng)
     for target in rng.permutation(kind.targets(model)):
         open_size = family(kind, str(target), model, scales, rng)
-        chosen, matters = draw_size(open_size, model, rig.t, u, x, floor, rng, rig.substeps)
+        chosen, matters = draw_size(open_size, model, rig.t, u, x, scales, floor, rng, rig.substeps)
         if matters:
             break
     return chosen

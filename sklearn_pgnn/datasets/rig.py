@@ -11,8 +11,10 @@ REACH = {"rad": 1.2, "deg": 70.0}
 #: a record that moves further than this share of its reach is driven less, one that hardly
 #: moves is driven more
 TOO_FAR, HARDLY = 1.2, 0.15
+#: least share of its amplitude a record keeps: an effect may shift the machine at any amplitude
+KEPT = 0.3
 #: rounds to find the amplitudes, and when they are near enough
-ROUNDS, NEAR = 8, 0.2
+ROUNDS, NEAR = 8, 0.3
 
 
 @dataclass(frozen=True)
@@ -204,14 +206,14 @@ def run_bounded(rig: Rig, plant, model, amplitudes):
         States and outputs without noise.
     """
     x, y = rig.run(plant, amplitudes, states=model.states)
-    amplitudes = amplitudes.copy()
-    for round_ in range(4 * ROUNDS):
+    least, amplitudes = KEPT * amplitudes, amplitudes.copy()
+    for _ in range(ROUNDS):
         moved = excursion(plant, y)
-        hardly = (moved < HARDLY) & (round_ < ROUNDS)
-        again = np.flatnonzero((moved > TOO_FAR) | hardly)
+        hardly = moved < HARDLY
+        again = np.flatnonzero((moved > TOO_FAR) & (amplitudes > least) | hardly)
         if not again.size:
             break
-        amplitudes[again] *= np.where(hardly[again], 1.3, 0.8)
+        amplitudes[again] *= np.where(hardly[again], 1.5, 0.7)
         part = replace(rig, waves=rig.waves[again])
         x[again], y[again] = part.run(plant, amplitudes[again], states=model.states)
     return amplitudes, x, y

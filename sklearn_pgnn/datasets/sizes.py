@@ -1,7 +1,9 @@
 """How large a hidden effect must be to matter: found by trial on short windows.
 
 An effect of size 0 does nothing, one of size 1 is as large as the motion itself (a force as large
-as the typical inertial force, a bias as large as the largest input, a delay as long as a window).
+as the typical inertial force, a bias as large as the input's ups and downs, a delay as long as a
+window). A window is as long as the slowest state takes to change, three times its spread over its
+typical rate.
 """
 
 import numpy as np
@@ -13,8 +15,8 @@ from sklearn_pgnn.exceptions import ModelError
 from sklearn_pgnn.physics.effect import Scales
 from sklearn_pgnn.physics.expressions import parse_expression, symbol
 
-#: a window's share of a record, and how many windows are tried
-SHARE, WINDOWS = 0.05, 40
+#: a window in the slowest state's time of change, at most this share of a record; how many
+CHANGES, SHARE, WINDOWS = 3.0, 0.25, 40
 #: what an effect should do to the outputs on a window, in times the noise
 MATTERS = (10.0, 40.0)
 #: sizes tried, and rounds of bisection between them
@@ -30,8 +32,10 @@ SHAPES = {
         0.3 * size * scale["force"] / scale["velocity"]
     ),
     ("cogging", "period"): lambda size, scale: 0.5 * scale["position"],
-    ("input_saturation", "limit"): lambda size, scale: (1 - 0.7 * size) * scale["target"],
-    ("input_dead_zone", "width"): lambda size, scale: 0.6 * size * scale["target"],
+    ("input_saturation", "limit"): lambda size, scale: (
+        scale["peak"] - size * min(0.7 * scale["peak"], 2 * scale["target"])
+    ),
+    ("input_dead_zone", "width"): lambda size, scale: 0.6 * size * scale["peak"],
 }
 
 
@@ -58,12 +62,13 @@ def measure_scales(model, t, u, x, y) -> Scales:
         for i, name in enumerate(names)
     }
     rates = np.gradient(x, t, axis=1)
+    changes = np.std(x, axis=(0, 1)) / np.maximum(_rms(rates), np.finfo(float).tiny)
     return Scales(
         typical={name: float(np.std(signal)) for name, signal in signals.items()},
         peak={name: float(np.abs(signal).max()) for name, signal in signals.items()},
-        rate={name: _rms(rates[..., i]) for i, name in enumerate(model.states)},
+        rate=dict(zip(model.states, _rms(rates).tolist(), strict=True)),
         sample_time=float(np.median(np.diff(t))),
-        window=float(SHARE * (t[-1] - t[0])),
+        window=float(min(CHANGES * changes.max(), SHARE * (t[-1] - t[0]))),
     )
 
 
@@ -104,7 +109,7 @@ def family(kind, target: str, model, scales: Scales, rng):
     return lambda size: kind(target, **{f.name: float(value(f, size)) for f in kind.quantities()})
 
 
-def draw_size(effect, model, t, u, x, floor, rng, substeps: int = 1):
+def draw_size(effect, model, t, u, x, scales: Scales, floor, rng, substeps: int = 1):
     r"""Give an effect the size that matters.
 
     The size is bisected until the outputs with and without the effect, both started from the
@@ -120,6 +125,8 @@ def draw_size(effect, model, t, u, x, floor, rng, substeps: int = 1):
         Time [s].
     u, x : ndarray of shape (n_records, n_samples, n)
         Inputs, and the states of the machine without the effect.
+    scales : Scales
+        How large the signals are, and how long a window is.
     floor : ndarray of shape (n_outputs,)
         Noise of the outputs.
     rng : numpy.random.RandomState
@@ -135,7 +142,7 @@ def draw_size(effect, model, t, u, x, floor, rng, substeps: int = 1):
         Whether it reaches the least multiple; if not, it has the largest size.
     """
     wanted = np.exp(rng.uniform(*np.log(MATTERS)))
-    windows = _windows(t, u, x, rng)
+    windows = _windows(t, u, x, scales.window, rng)
     without = integrate(model, *windows, substeps=substeps)[1]
 
     def does(size):
@@ -151,8 +158,9 @@ def draw_size(effect, model, t, u, x, floor, rng, substeps: int = 1):
     return effect(high), True
 
 
-def _rms(values):
-    return float(np.sqrt(np.mean(np.square(values))))
+def _rms(signals):
+    """Give the root mean square of every quantity over records and samples."""
+    return np.sqrt(np.mean(np.square(signals), axis=(0, 1)))
 
 
 def _wrong_parameter(kind, parameter, sign):
@@ -167,7 +175,11 @@ def _wrong_parameter(kind, parameter, sign):
 
 def _scale_by_kind(target, model, scales):
     """Give a typical value of every kind of unit an effect may speak of."""
-    scale = {"s": scales.window, "target": scales.peak.get(target, 1.0)}
+    scale = {
+        "s": scales.window,
+        "target": scales.typical.get(target, 1.0),
+        "peak": scales.peak.get(target, 1.0),
+    }
     if target in model.states:
         values = {symbol(name): p.value for name, p in model.parameters.items()}
         inertia = sympy.Float(model.inertia.get(target, sympy.Integer(1)).subs(values))
@@ -192,10 +204,10 @@ def _in_units(template, scale):
         return 1.0
 
 
-def _windows(t, u, x, rng):
+def _windows(t, u, x, window, rng):
     """Cut windows at random: times, inputs and initial states."""
     n_records, n_samples = u.shape[:2]
-    length = min(n_samples, max(10, int(SHARE * n_samples)))
+    length = min(n_samples, max(10, int(np.searchsorted(t - t[0], window))))
     records = rng.randint(n_records, size=WINDOWS)
     starts = rng.randint(n_samples - length + 1, size=WINDOWS)
     rows = starts[:, None] + np.arange(length)
