@@ -1,0 +1,253 @@
+"""The one reader of X and y: a table of samples becomes records.
+
+A row is a sample. As a DataFrame, columns count by name: the time ``t``, the inputs, and the
+states, of which only each trajectory's first row is read. As an array, the columns stand in that
+order: time, inputs, then states if there are as many more. A new trajectory begins wherever the
+time does not increase; a column ``trajectory`` overrules that.
+"""
+
+import numpy as np
+import pandas as pd
+
+from sklearn_pgnn.exceptions import RecordError
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.trajectories.record import Record
+
+#: a trajectory with outputs has at least so many samples
+MIN_SAMPLES = 4
+TIME, TRAJECTORY = "t", "trajectory"
+
+
+def read_records(model: PhysicsModel, X, y=None, *, time=None) -> tuple[Record, ...]:
+    """Read a table of samples as records of a model.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        Names the inputs, states and outputs; its `columns` say what the table calls them.
+    X : DataFrame or array-like of shape (n_samples, n_columns)
+        Time [s], inputs and, where known, the states in each trajectory's first row.
+    y : DataFrame or array-like of shape (n_samples, n_outputs) or (n_samples,), optional
+        Measured outputs; NaN where there is none.
+    time : int or str, optional
+        Column of the time; by default ``"t"``, of an array the first.
+
+    Returns
+    -------
+    tuple of Record
+        One a trajectory, in the order of their first rows.
+
+    Raises
+    ------
+    RecordError
+        If a column is missing, a time or an input is not finite, time runs backward inside a
+        named trajectory, or a trajectory has too few samples; with row, column and trajectory.
+
+    Examples
+    --------
+    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
+    >>> X = [[0, 1], [0.1, 1], [0.2, 1], [0, 0], [0.1, 0]]
+    >>> [record.t.size for record in read_records(lag, X)]
+    [3, 2]
+    """
+    table = _as_table(model, X, time)
+    outputs = None if y is None else _as_outputs(model, y, len(table))
+    t = _numbers(table, TIME, "time")
+    u = _inputs(model, table)
+    _refuse_not_finite(t[:, None], [TIME], table)
+    _refuse_not_finite(u, list(model.inputs), table)
+    pieces = split_rows(t, table[TRAJECTORY].to_numpy() if TRAJECTORY in table else None)
+    states = _states(model, table, [rows[0] for _, rows in pieces])
+    records = tuple(
+        Record(
+            t[rows],
+            u[rows],
+            None if outputs is None else outputs[rows],
+            states[i],
+            name,
+            rows,
+        )
+        for i, (name, rows) in enumerate(pieces)
+    )
+    for record in records:
+        _check(record, needs_outputs=y is not None)
+    return records
+
+
+def split_rows(t: np.ndarray, names=None) -> list[tuple[str, np.ndarray]]:
+    """Find the trajectories of a table.
+
+    Parameters
+    ----------
+    t : ndarray of shape (n_samples,)
+        Time [s].
+    names : array-like of shape (n_samples,), optional
+        Trajectory of every row; by default a new one begins wherever time does not increase.
+
+    Returns
+    -------
+    list of (str, ndarray)
+        Name and row numbers of every trajectory, in the order of their first rows.
+
+    Examples
+    --------
+    >>> [rows.tolist() for _, rows in split_rows(np.array([0.0, 1.0, 0.0, 1.0]))]
+    [[0, 1], [2, 3]]
+    """
+    if names is None:
+        starts = np.flatnonzero(np.diff(t) <= 0) + 1
+        pieces = np.split(np.arange(t.size), starts)
+        return [(str(i), rows) for i, rows in enumerate(pieces)]
+    codes, found = pd.factorize(np.asarray(names), use_na_sentinel=False)
+    order = np.argsort(codes, kind="stable")
+    edges = np.flatnonzero(np.diff(codes[order])) + 1
+    return [(str(found[codes[rows[0]]]), rows) for rows in np.split(order, edges)]
+
+
+def rows_in_order(records: tuple[Record, ...], values: np.ndarray) -> np.ndarray:
+    """Put what was computed record by record back into the order of the table.
+
+    Parameters
+    ----------
+    records : tuple of Record
+        As `read_records` gave them.
+    values : ndarray of shape (n_samples, ...)
+        A value a sample, record after record.
+
+    Returns
+    -------
+    ndarray of shape (n_samples, ...)
+        The values in the order of the table's rows.
+    """
+    ordered = np.empty_like(values)
+    ordered[np.concatenate([record.rows for record in records])] = values
+    return ordered
+
+
+# -- columns ---------------------------------------------------------------------------------------
+
+
+def _as_table(model: PhysicsModel, X, time) -> pd.DataFrame:
+    """Give the table with the model's own column names; nothing of X is changed."""
+    if isinstance(X, pd.DataFrame):
+        called = {model.columns.get(name, name): name for name in (*model.inputs, *model.states)}
+        called[TIME if time is None else time] = TIME
+        if time is None:
+            called[model.columns.get(TIME, TIME)] = TIME
+        return X.rename(columns={old: new for old, new in called.items() if old in X.columns})
+    array = np.asarray(X)
+    if array.ndim != 2:
+        raise RecordError(f"X: expected a table of shape (n_samples, n_columns), got {array.shape}.")
+    return _from_array(model, array, 0 if time is None else time)
+
+
+def _from_array(model: PhysicsModel, array: np.ndarray, time) -> pd.DataFrame:
+    names = [*model.inputs]
+    width = array.shape[1] - 1
+    if width == len(names) + len(model.states):
+        names += list(model.states)
+    if width != len(names):
+        raise RecordError(
+            f"X: expected the columns time, {', '.join([*model.inputs, *model.states])} (the "
+            f"states may be left out), got {array.shape[1]} columns."
+        )
+    if not isinstance(time, int | np.integer) or not -array.shape[1] <= time <= width:
+        raise RecordError(f"time: expected a column number from 0 to {width}, got {time!r}.")
+    names.insert(time % array.shape[1], TIME)
+    return pd.DataFrame(array, columns=names)
+
+
+def _column(table: pd.DataFrame, name: str, what: str) -> pd.Series:
+    if name not in table.columns:
+        raise RecordError(
+            f"X: {what} {name!r} is missing; the columns are {', '.join(map(str, table.columns))}. "
+            f"Remedy: name the column in the model's 'columns'."
+        )
+    return table[name]
+
+
+def _numbers(table: pd.DataFrame, name: str, what: str) -> np.ndarray:
+    column = _column(table, name, what)
+    try:
+        return column.to_numpy(dtype=float)
+    except (TypeError, ValueError):
+        row = int(np.argmax(pd.to_numeric(column, errors="coerce").isna().to_numpy()))
+        raise RecordError(
+            f"X: {what} {name!r}: expected a number, got {column.iloc[row]!r} in row {row}."
+        ) from None
+
+
+def _inputs(model: PhysicsModel, table: pd.DataFrame) -> np.ndarray:
+    columns = [_numbers(table, name, "input") for name in model.inputs]
+    return np.column_stack(columns) if columns else np.zeros((len(table), 0))
+
+
+def _states(model: PhysicsModel, table: pd.DataFrame, firsts) -> np.ndarray:
+    """Read the states in the first row of every trajectory, NaN where there is none."""
+    states = np.full((len(firsts), len(model.states)), np.nan)
+    first = table.iloc[firsts]
+    for i, name in enumerate(model.states):
+        if name in table.columns:
+            states[:, i] = _numbers(first, name, "state")
+    states[~np.isfinite(states)] = np.nan
+    return states
+
+
+def _as_outputs(model: PhysicsModel, y, n_samples: int) -> np.ndarray:
+    names = list(model.outputs)
+    if isinstance(y, pd.DataFrame):
+        called = [model.columns.get(name, name) for name in names]
+        chosen = called if all(name in y.columns for name in called) else names
+        missing = [name for name in chosen if name not in y.columns]
+        if missing and y.shape[1] != len(names):
+            raise RecordError(
+                f"y: output {missing[0]!r} is missing; the columns are "
+                f"{', '.join(map(str, y.columns))}."
+            )
+        y = y if missing else y[chosen]
+    try:
+        array = np.asarray(y, dtype=float)
+    except (TypeError, ValueError):
+        raise RecordError("y: expected numbers, got something else.") from None
+    array = array[:, None] if array.ndim == 1 else array
+    if array.shape != (n_samples, len(names)):
+        raise RecordError(
+            f"y: expected shape {(n_samples, len(names))} (the outputs {', '.join(names)}), "
+            f"got {array.shape}."
+        )
+    if np.any(np.isinf(array)):
+        row, column = np.argwhere(np.isinf(array))[0]
+        raise RecordError(f"y: output {names[column]!r} is infinite in row {row}.")
+    return array
+
+
+# -- checks ----------------------------------------------------------------------------------------
+
+
+def _refuse_not_finite(values: np.ndarray, names: list[str], table: pd.DataFrame) -> None:
+    bad = np.argwhere(~np.isfinite(values))
+    if bad.size:
+        row, column = bad[0]
+        place = f" (trajectory {table[TRAJECTORY].iloc[row]!r})" if TRAJECTORY in table else ""
+        raise RecordError(
+            f"X: column {names[column]!r} is {values[row, column]} in row {row}{place}; expected "
+            f"a finite number. Remedy: fill the gap or cut the record there."
+        )
+
+
+def _check(record: Record, needs_outputs: bool) -> None:
+    backward = np.flatnonzero(np.diff(record.t) <= 0)
+    if backward.size:
+        k = int(backward[0])
+        raise RecordError(
+            f"X: time does not increase inside trajectory {record.name!r}: "
+            f"{record.t[k]:g} s in row {record.rows[k]}, then {record.t[k + 1]:g} s in row "
+            f"{record.rows[k + 1]}."
+        )
+    if needs_outputs and record.t.size < MIN_SAMPLES:
+        raise RecordError(
+            f"X: trajectory {record.name!r} has {record.t.size} samples; expected at least "
+            f"{MIN_SAMPLES}. Remedy: leave it out, or check that time increases along the rows."
+        )
+    if needs_outputs and not np.any(np.isfinite(record.y)):
+        raise RecordError(f"y: trajectory {record.name!r} has no measured output at all.")

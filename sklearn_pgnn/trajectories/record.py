@@ -1,0 +1,33 @@
+"""A record: one trajectory of a machine, as measured."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Record:
+    """One trajectory.
+
+    Parameters
+    ----------
+    t : ndarray of shape (n_samples,)
+        Time [s], increasing.
+    u : ndarray of shape (n_samples, n_inputs)
+        Inputs.
+    y : ndarray of shape (n_samples, n_outputs) or None
+        Measured outputs, NaN where there is none; None where only inputs are known.
+    x0 : ndarray of shape (n_states,)
+        Initial state, NaN where it is not known.
+    name : str
+        What the trajectory is called.
+    rows : ndarray of shape (n_samples,)
+        Where its samples stand in the table they came from.
+    """
+
+    t: np.ndarray
+    u: np.ndarray
+    y: np.ndarray | None
+    x0: np.ndarray
+    name: str
+    rows: np.ndarray
