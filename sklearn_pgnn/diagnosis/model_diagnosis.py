@@ -8,6 +8,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from sklearn_pgnn.diagnosis.fitting import Fitter
 from sklearn_pgnn.diagnosis.hypothesis import possible_causes
+from sklearn_pgnn.diagnosis.records import keep_records
 from sklearn_pgnn.diagnosis.result import (
     measure_gain,
     name_causes,
@@ -84,6 +85,8 @@ class ModelDiagnosis(RegressorMixin, BaseEstimator):
         Window length used [s].
     tried_ : dict
         Every suspect, and the share of the re-tuned prior's error power it leaves alone.
+    records_ : DiagnosisRecords
+        The records and what the models make of them, for pictures.
     n_features_in_ : int
         Number of columns of X.
 
@@ -161,7 +164,9 @@ class ModelDiagnosis(RegressorMixin, BaseEstimator):
         suspects = possible_causes(self.model, catalogue, self.targets)
         rules = Rules(significance=self.significance, max_causes=self.max_causes)
         search = Search(fitter, suspects, rules, self.progress or _silent)
-        self._keep(fitter, search, search.run())
+        outcome = search.run()
+        self._keep(fitter, search, outcome)
+        self.records_ = keep_records(fitter, outcome, (record.name for record in records))
         self.n_features_in_ = np.shape(X)[1]
         self._single_output = np.ndim(y) == 1
         return self

@@ -1,0 +1,88 @@
+"""What the pictures of a diagnosis need: the records, and what each model makes of them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sklearn_pgnn.diagnosis.fitting import Fitter
+from sklearn_pgnn.diagnosis.search import Outcome
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.window_fit import WindowFit
+from sklearn_pgnn.simulation.windows import Windows
+
+
+@dataclass(frozen=True)
+class FittedWindows:
+    """A model on the windows of a diagnosis.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model at its fitted values.
+    x0 : ndarray of shape (n_windows, n_states)
+        Fitted initial states of the windows.
+    residual : ndarray of shape (n_samples, n_outputs)
+        Measured minus simulated outputs [unit of the output].
+    """
+
+    model: PhysicsModel
+    x0: np.ndarray
+    residual: np.ndarray
+
+
+@dataclass(frozen=True)
+class DiagnosisRecords:
+    """The records of a diagnosis and what the models make of them.
+
+    Parameters
+    ----------
+    windows : Windows
+        The records, end to end, and the windows on which the models were judged.
+    names : tuple of str
+        What each record is called.
+    states : ndarray of shape (n_samples, n_states)
+        The prior's states as estimated from the records.
+    fits : dict of str to FittedWindows
+        The ``"prior"``, the ``"refitted"`` prior and the ``"extended"`` model.
+    """
+
+    windows: Windows
+    names: tuple[str, ...]
+    states: np.ndarray
+    fits: Mapping[str, FittedWindows]
+
+
+def keep_records(fitter: Fitter, outcome: Outcome, names) -> DiagnosisRecords:
+    """Gather what the pictures need.
+
+    Parameters
+    ----------
+    fitter : Fitter
+        What fitted the hypotheses.
+    outcome : Outcome
+        What the search found.
+    names : iterable of str
+        What each record is called.
+
+    Returns
+    -------
+    DiagnosisRecords
+        The records and the fits.
+    """
+    setting = fitter.setting
+    fits = {
+        "prior": fitter.prior(),
+        "refitted": outcome.base.fit,
+        "extended": outcome.final.fit,
+    }
+    return DiagnosisRecords(
+        windows=replace(setting.windows, threads=1),
+        names=tuple(map(str, names)),
+        states=setting.states.estimate(setting.prior).x,
+        fits={which: _slim(fit) for which, fit in fits.items()},
+    )
+
+
+def _slim(fit: WindowFit) -> FittedWindows:
+    return FittedWindows(fit.model, fit.x0, fit.evaluation.residual)
