@@ -18,6 +18,7 @@ from numpydoc.validate import validate
 import sklearn_pgnn
 
 ROOT = Path(__file__).parents[1]
+PACKAGES = Path(sklearn_pgnn.__file__).parents[1]
 MODULES = [
     module.name
     for module in pkgutil.walk_packages(sklearn_pgnn.__path__, "sklearn_pgnn.")
@@ -72,11 +73,11 @@ def methods(value):
 
 
 def run(*command, folder):
-    """Run Python in a folder without a display; give its result."""
+    """Run Python in a folder, without a display, with the package under test; give its result."""
     return subprocess.run(
         [sys.executable, *command],
         cwd=folder,
-        env={**os.environ, "MPLBACKEND": "Agg"},
+        env={**os.environ, "MPLBACKEND": "Agg", "PYTHONPATH": str(PACKAGES)},
         stdin=subprocess.DEVNULL,
         capture_output=True,
         text=True,

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -15,9 +16,14 @@ HEAVY = {"matplotlib", "numba", "pysindy", "skorch", "torch"}
 )
 def test_heavy_libraries_wait_until_they_are_used(statement):
     show = f"{statement}; import sys; print(*{{name.split('.')[0] for name in sys.modules}})"
-    loaded = subprocess.run(
-        [sys.executable, "-c", show], capture_output=True, text=True, check=True
-    ).stdout.split()
+    result = subprocess.run(
+        [sys.executable, "-c", show],
+        cwd=Path(sklearn_pgnn.__file__).parents[1],
+        stdout=subprocess.PIPE,
+        text=True,
+        check=True,
+    )
+    loaded = result.stdout.split()
     assert "sklearn_pgnn" in loaded
     assert HEAVY.isdisjoint(loaded)
 
