@@ -9,29 +9,10 @@ from sklearn_pgnn.diagnosis.fitting import Fitter, Trial, window_squares
 from sklearn_pgnn.diagnosis.hypothesis import Cause
 from sklearn_pgnn.diagnosis.search import Outcome
 from sklearn_pgnn.diagnosis.setting import Setting
-from sklearn_pgnn.simulation.window_fit import WindowFit, project
+from sklearn_pgnn.simulation.uncertainty import Estimate, estimate_of, standard_errors
+from sklearn_pgnn.simulation.window_fit import WindowFit
 
-#: half-width of a 95 % interval in standard errors
-NORMAL_95 = 1.96
 RESAMPLINGS = 1000
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """A parameter's value with its 95 % interval.
-
-    Parameters
-    ----------
-    value, low, high : float
-        Estimate and interval [unit].
-    unit : str
-        Its unit.
-    """
-
-    value: float
-    low: float
-    high: float
-    unit: str = ""
 
 
 class Suspect(NamedTuple):
@@ -119,50 +100,15 @@ class Gain:
     unit: str = ""
 
 
-def standard_errors(setting: Setting, fit: WindowFit) -> dict[str, float]:
-    r"""Give the parameters' standard errors, robust to residuals that are not white.
-
-    .. math:: \mathrm{cov} = H^{-1} \left(\sum_w g_w g_w^T\right) H^{-1} \frac{W}{W - n}
-
-    with the Hessian :math:`H` and the gradients :math:`g_w` of the windows.
-
-    Parameters
-    ----------
-    setting : Setting
-        The ground of the diagnosis.
-    fit : WindowFit
-        The fitted model.
-
-    Returns
-    -------
-    dict of str to float
-        Standard error by parameter; infinite where the records say nothing.
-
-    References
-    ----------
-    .. [1] H. White, "Maximum likelihood estimation of misspecified models", Econometrica 50,
-       1982, :doi:`10.2307/1912526`.
-    """
-    names = [freedom.name for freedom in fit.freedoms]
-    if not names:
-        return {}
+def _errors(setting: Setting, fit: WindowFit) -> dict[str, float]:
+    """Give the parameters' standard errors."""
     estimate = setting.states.estimate(fit.model)
-    offset = fit.x0 - estimate.x[setting.windows.starts]
-    normal = project(fit.evaluation.gram, len(names), 1.0 / estimate.spread**2, offset)
-    pull = np.array([1.0 / freedom.spread**2 for freedom in fit.freedoms])
-    hessian = normal.hessian.sum(axis=0) + np.diag(pull)
-    size = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
-    inverse = np.linalg.pinv(hessian / np.outer(size, size), rcond=1e-10, hermitian=True)
-    inverse = inverse / np.outer(size, size)
-    scores = normal.gradient - normal.gradient.mean(axis=0)
-    count = max(len(setting.windows) - len(names), 1)
-    covariance = inverse @ (scores.T @ scores) @ inverse * len(setting.windows) / count
-    return dict(zip(names, np.sqrt(np.diag(covariance)), strict=True))
+    return standard_errors(fit, estimate.x[setting.windows.starts], estimate.spread)
 
 
 def name_causes(fitter: Fitter, outcome: Outcome, folds) -> tuple[NamedCause, ...]:
     """Describe the causes of the accepted hypothesis, the most telling first."""
-    errors = standard_errors(fitter.setting, outcome.final.fit)
+    errors = _errors(fitter.setting, outcome.final.fit)
     causes, before = [], outcome.base
     for step in outcome.steps:
         cause = step.hypothesis.causes[-1]
@@ -186,22 +132,10 @@ def _estimates(setting, trial: Trial, cause: Cause, errors) -> dict[str, Estimat
     names = effect(target).names()
     taken = trial.hypothesis.taken_over(cause)
     return {
-        field: _estimate(trial.fit, name, errors)
+        field: estimate_of(trial.fit.model, name, errors)
         for field, name in names.items()
         if field not in taken
     }
-
-
-def _estimate(fit: WindowFit, name: str, errors) -> Estimate:
-    parameter = fit.model.parameters[name]
-    reach = NORMAL_95 * errors.get(name, 0.0)
-    low, high = parameter.bounds
-    return Estimate(
-        parameter.value,
-        float(max(low, parameter.value - reach)),
-        float(min(high, parameter.value + reach)),
-        parameter.unit,
-    )
 
 
 def _gain_percent(fitter, before: Trial, after: Trial, folds) -> float:
@@ -212,10 +146,10 @@ def _gain_percent(fitter, before: Trial, after: Trial, folds) -> float:
 
 def retuned_parameters(setting: Setting, fit: WindowFit) -> dict[str, RetunedParameter]:
     """Compare the prior's free parameters with their re-tuned values."""
-    errors = standard_errors(setting, fit)
+    errors = _errors(setting, fit)
     table = {}
     for name in setting.prior.free_parameters:
-        found, prior = _estimate(fit, name, errors), setting.prior.parameters[name].value
+        found, prior = estimate_of(fit.model, name, errors), setting.prior.parameters[name].value
         changed = not found.low <= prior <= found.high
         table[name] = RetunedParameter(
             prior, found.value, found.low, found.high, found.unit, changed

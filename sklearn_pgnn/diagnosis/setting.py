@@ -7,18 +7,13 @@ import numpy as np
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.physics.effect import Scales
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.record_windows import MIN_SAMPLES, cut, window_records
 from sklearn_pgnn.simulation.state_estimate import StateEstimator
-from sklearn_pgnn.simulation.windows import Windows, evaluate
+from sklearn_pgnn.simulation.windows import Windows
 from sklearn_pgnn.trajectories.record import Record
-from sklearn_pgnn.trajectories.smoothing import noise_level
 
-#: a window holds at least so many samples, and there are at least so many windows
-MIN_SAMPLES, MIN_WINDOWS = 20, 8
-#: share of the dominant period of the fastest output that makes a window
-WINDOW_SHARE = 1 / 3
 #: shortest window, as a share of that period
 SHORTEST = 1 / 24
-MAX_SUBSTEPS = 32
 
 
 @dataclass(frozen=True)
@@ -83,34 +78,18 @@ def make_setting(
     Setting
         The ground of the diagnosis.
     """
-    t = np.concatenate([record.t for record in records])
-    u = np.ascontiguousarray(np.concatenate([record.u for record in records]), dtype=float)
-    y = np.ascontiguousarray(np.concatenate([record.y for record in records]), dtype=float)
-    bounds = np.concatenate([[0], np.cumsum([record.t.size for record in records])])
-    scale = output_noise(records) if noise is None else np.asarray(noise, dtype=float).ravel()
-    whole = Windows(t, u, y, bounds, bounds[:-1], np.diff(bounds), scale, hold, 1, threads)
-    starts = [
-        np.full(len(model.states), np.nan) if record.x0 is None else record.x0
-        for record in records
-    ]
-    states = StateEstimator(model, whole, starts)
-    x = states.estimate(model).x
-    period = dominant_period(records)
-    length = period * WINDOW_SHARE if window is None else float(window)
-    windows = cut(whole, length)
-    windows = replace(
-        windows,
-        substeps=_enough_substeps(model, windows, x) if substeps is None else int(substeps),
+    ground = window_records(
+        model, records, window=window, noise=noise, hold=hold, substeps=substeps, threads=threads
     )
-    states.windows = windows
+    windows = ground.windows
     seen = np.concatenate([np.arange(s, s + n) for s, n in zip(windows.starts, windows.lengths)])
     return Setting(
         model,
         windows,
-        states,
-        _scales(model, windows, x),
-        int(np.isfinite(y[seen]).sum()),
-        period,
+        ground.states,
+        _scales(model, windows, ground.states.estimate(model).x),
+        int(np.isfinite(windows.y[seen]).sum()),
+        ground.period,
     )
 
 
@@ -124,86 +103,6 @@ def halve(setting: Setting) -> Setting | None:
         return None
     length = float(np.median(windows.lengths) * setting.scales.sample_time)
     return replace(setting, windows=windows, scales=replace(setting.scales, window=length))
-
-
-def output_noise(records) -> np.ndarray:
-    """Estimate the noise of every output, never below a millionth of its range."""
-    y = np.concatenate([record.y for record in records])
-    spread = np.nanstd(y, axis=0)
-    levels = [[noise_level(column) for column in record.y.T] for record in records]
-    return np.maximum(np.median(levels, axis=0), np.where(spread > 0, 1e-6 * spread, 1.0))
-
-
-def dominant_period(records) -> float:
-    r"""Give the shortest dominant period of the outputs, :math:`2\pi\,\mathrm{rms}(y)/\mathrm{rms}(\dot y)`.
-
-    The differences are taken over a stretch long enough that noise does not matter.
-    """
-    periods = []
-    for column in range(records[0].y.shape[1]):
-        period = np.inf
-        noise = float(np.median([noise_level(record.y[:, column]) for record in records]))
-        for lag in (1, 2, 4, 8, 16, 32, 64):
-            squares, steps, count = 0.0, 0.0, 0
-            for record in records:
-                y, t = record.y[:, column], record.t
-                if t.size <= 4 * lag:
-                    continue
-                rate = (y[lag:] - y[:-lag]) / (t[lag:] - t[:-lag])
-                floor = 2 * (noise / np.median(t[lag:] - t[:-lag])) ** 2
-                good = np.isfinite(rate)
-                steps += np.sum(rate[good] ** 2) - floor * good.sum()
-                squares += np.nansum((y - np.nanmean(y)) ** 2) / t.size * good.sum()
-                count += good.sum()
-            if count and steps > 0.5 * count * floor:
-                period = 2 * np.pi * np.sqrt(squares / steps)
-                break
-        periods.append(period)
-    duration = max(record.t[-1] - record.t[0] for record in records)
-    return float(min(*periods, duration) if len(periods) > 1 else min(periods[0], duration))
-
-
-def cut(whole: Windows, length: float) -> Windows:
-    """Cut every record into windows of about equal length.
-
-    Parameters
-    ----------
-    whole : Windows
-        One window a record.
-    length : float
-        Wanted length [s]; at least `MIN_SAMPLES` samples, and short enough for `MIN_WINDOWS`
-        windows in all.
-
-    Returns
-    -------
-    Windows
-        The windows.
-    """
-    durations = np.array(
-        [whole.t[b - 1] - whole.t[a] for a, b in zip(whole.bounds[:-1], whole.bounds[1:])]
-    )
-    length = min(length, durations.sum() / MIN_WINDOWS)
-    starts, lengths = [], []
-    for a, b, duration in zip(whole.bounds[:-1], whole.bounds[1:], durations, strict=True):
-        count = max(1, min(round(duration / length), (b - a) // MIN_SAMPLES))
-        edges = np.linspace(a, b, count + 1).astype(int)
-        starts.append(edges[:-1])
-        lengths.append(np.diff(edges))
-    return replace(whole, starts=np.concatenate(starts), lengths=np.concatenate(lengths))
-
-
-def _enough_substeps(model, windows, x) -> int:
-    """Double the substeps until the prior's outputs change by less than a tenth of the noise."""
-    x0 = x[windows.starts]
-    substeps = 1
-    residual = evaluate(model, replace(windows, substeps=1), x0, ()).residual
-    while substeps < MAX_SUBSTEPS:
-        finer = evaluate(model, replace(windows, substeps=2 * substeps), x0, ()).residual
-        difference = np.sqrt(np.nanmean(((finer - residual) / windows.scale) ** 2))
-        if np.isfinite(difference) and difference < 0.1:
-            return substeps
-        substeps, residual = 2 * substeps, finer
-    return substeps
 
 
 def _scales(model, windows, x) -> Scales:

@@ -1,0 +1,169 @@
+"""From records to windows: the records themselves say how long and how noisy."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.state_estimate import StateEstimator
+from sklearn_pgnn.simulation.windows import Windows, evaluate
+from sklearn_pgnn.trajectories.record import Record
+from sklearn_pgnn.trajectories.smoothing import noise_level
+
+#: a window holds at least so many samples, and there are at least so many windows
+MIN_SAMPLES, MIN_WINDOWS = 20, 8
+#: share of the dominant period of the fastest output that makes a window
+WINDOW_SHARE = 1 / 3
+MAX_SUBSTEPS = 32
+
+
+@dataclass(frozen=True)
+class WindowedRecords:
+    """Records cut into windows.
+
+    Parameters
+    ----------
+    windows : Windows
+        The windows, with the noise of every output.
+    states : StateEstimator
+        Estimates their initial states.
+    period : float
+        Dominant period of the outputs [s].
+    """
+
+    windows: Windows
+    states: StateEstimator
+    period: float
+
+
+def window_records(
+    model: PhysicsModel,
+    records: tuple[Record, ...],
+    *,
+    window: float | None = None,
+    noise=None,
+    hold: str = "zoh",
+    substeps: int | None = None,
+    threads: int = 1,
+) -> WindowedRecords:
+    """Cut records into windows and get ready to estimate their initial states.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    records : tuple of Record
+        Measured trajectories.
+    window : float, optional
+        Window length [s]; by default a third of the dominant period of the outputs.
+    noise : array-like of shape (n_outputs,), optional
+        Standard deviation of every output's noise; by default estimated.
+    hold : {"zoh", "foh"}, default="zoh"
+        How inputs run between samples.
+    substeps : int, optional
+        Integration steps from sample to sample; by default as many as accuracy needs.
+    threads : int, default=1
+        Threads to simulate on.
+
+    Returns
+    -------
+    WindowedRecords
+        The windows.
+    """
+    t = np.concatenate([record.t for record in records])
+    u = np.ascontiguousarray(np.concatenate([record.u for record in records]), dtype=float)
+    y = np.ascontiguousarray(np.concatenate([record.y for record in records]), dtype=float)
+    bounds = np.concatenate([[0], np.cumsum([record.t.size for record in records])])
+    scale = output_noise(records) if noise is None else np.asarray(noise, dtype=float).ravel()
+    whole = Windows(t, u, y, bounds, bounds[:-1], np.diff(bounds), scale, hold, 1, threads)
+    states = StateEstimator(model, whole, [_told_start(model, record) for record in records])
+    period = dominant_period(records)
+    windows = cut(whole, period * WINDOW_SHARE if window is None else float(window))
+    if substeps is None:
+        substeps = _enough_substeps(model, windows, states.estimate(model).x)
+    windows = replace(windows, substeps=int(substeps))
+    states.windows = windows
+    return WindowedRecords(windows, states, period)
+
+
+def _told_start(model, record) -> np.ndarray:
+    """Give the initial state a record tells, NaN where it does not."""
+    return np.full(len(model.states), np.nan) if record.x0 is None else record.x0
+
+
+def output_noise(records) -> np.ndarray:
+    """Estimate the noise of every output, never below a millionth of its range."""
+    y = np.concatenate([record.y for record in records])
+    spread = np.nanstd(y, axis=0)
+    levels = [[noise_level(column) for column in record.y.T] for record in records]
+    return np.maximum(np.median(levels, axis=0), np.where(spread > 0, 1e-6 * spread, 1.0))
+
+
+def dominant_period(records) -> float:
+    r"""Give the shortest dominant period of the outputs [s].
+
+    It is :math:`2\pi\,\mathrm{rms}(y)/\mathrm{rms}(\dot y)`. The differences are taken over a stretch long enough that noise does not matter.
+    """
+    periods = []
+    for column in range(records[0].y.shape[1]):
+        period = np.inf
+        noise = float(np.median([noise_level(record.y[:, column]) for record in records]))
+        for lag in (1, 2, 4, 8, 16, 32, 64):
+            squares, steps, count = 0.0, 0.0, 0
+            for record in records:
+                y, t = record.y[:, column], record.t
+                if t.size <= 4 * lag:
+                    continue
+                rate = (y[lag:] - y[:-lag]) / (t[lag:] - t[:-lag])
+                floor = 2 * (noise / np.median(t[lag:] - t[:-lag])) ** 2
+                good = np.isfinite(rate)
+                steps += np.sum(rate[good] ** 2) - floor * good.sum()
+                squares += np.nansum((y - np.nanmean(y)) ** 2) / t.size * good.sum()
+                count += good.sum()
+            if count and steps > 0.5 * count * floor:
+                period = 2 * np.pi * np.sqrt(squares / steps)
+                break
+        periods.append(period)
+    duration = max(record.t[-1] - record.t[0] for record in records)
+    return float(min(*periods, duration) if len(periods) > 1 else min(periods[0], duration))
+
+
+def cut(whole: Windows, length: float) -> Windows:
+    """Cut every record into windows of about equal length.
+
+    Parameters
+    ----------
+    whole : Windows
+        One window a record.
+    length : float
+        Wanted length [s]; at least `MIN_SAMPLES` samples, and short enough for `MIN_WINDOWS`
+        windows in all.
+
+    Returns
+    -------
+    Windows
+        The windows.
+    """
+    durations = whole.t[whole.bounds[1:] - 1] - whole.t[whole.bounds[:-1]]
+    length = min(length, durations.sum() / MIN_WINDOWS)
+    starts, lengths = [], []
+    for a, b, duration in zip(whole.bounds[:-1], whole.bounds[1:], durations, strict=True):
+        count = max(1, min(round(duration / length), (b - a) // MIN_SAMPLES))
+        edges = np.linspace(a, b, count + 1).astype(int)
+        starts.append(edges[:-1])
+        lengths.append(np.diff(edges))
+    return replace(whole, starts=np.concatenate(starts), lengths=np.concatenate(lengths))
+
+
+def _enough_substeps(model, windows, x) -> int:
+    """Double the substeps until the prior's outputs change by less than a tenth of the noise."""
+    x0 = x[windows.starts]
+    substeps = 1
+    residual = evaluate(model, replace(windows, substeps=1), x0, ()).residual
+    while substeps < MAX_SUBSTEPS:
+        finer = evaluate(model, replace(windows, substeps=2 * substeps), x0, ()).residual
+        difference = np.sqrt(np.nanmean(((finer - residual) / windows.scale) ** 2))
+        if np.isfinite(difference) and difference < 0.1:
+            return substeps
+        substeps, residual = 2 * substeps, finer
+    return substeps

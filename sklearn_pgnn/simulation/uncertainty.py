@@ -1,0 +1,114 @@
+"""How well records fix parameters: standard errors and 95 % intervals."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.window_fit import WindowFit, project
+
+#: half-width of a 95 % interval in standard errors
+NORMAL_95 = 1.96
+#: curvature along a direction, relative to the sharpest, below which it is rounding; and the
+#: share of a parameter in such a direction from which on it counts as not fixed
+FLAT, SHARE = 1e-10, 1e-3
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A parameter's value with its 95 % interval.
+
+    Parameters
+    ----------
+    value, low, high : float
+        Estimate and interval [unit].
+    unit : str
+        Its unit.
+    """
+
+    value: float
+    low: float
+    high: float
+    unit: str = ""
+
+
+def estimate_of(model: PhysicsModel, name: str, errors: Mapping[str, float]) -> Estimate:
+    """Give a parameter's value and interval, kept within its bounds.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The fitted model.
+    name : str
+        The parameter.
+    errors : mapping of str to float
+        Standard errors; a parameter that is not among them is exact.
+
+    Returns
+    -------
+    Estimate
+        The estimate.
+    """
+    parameter = model.parameters[name]
+    reach = NORMAL_95 * errors.get(name, 0.0)
+    low, high = parameter.bounds
+    return Estimate(
+        parameter.value,
+        float(max(low, parameter.value - reach)),
+        float(min(high, parameter.value + reach)),
+        parameter.unit,
+    )
+
+
+def standard_errors(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) -> dict[str, float]:
+    r"""Give the parameters' standard errors, robust to residuals that are not white.
+
+    .. math:: \mathrm{cov} = H^{-1} \left(\sum_w g_w g_w^T\right) H^{-1} \frac{W}{W - n}
+
+    with the Hessian :math:`H` and the gradients :math:`g_w` of the windows.
+
+    Parameters
+    ----------
+    fit : WindowFit
+        The fitted model.
+    expected : ndarray of shape (n_windows, n_states)
+        Expected initial states of the windows.
+    spread : ndarray of shape (n_states,)
+        How uncertain they are.
+
+    Returns
+    -------
+    dict of str to float
+        Standard error by parameter; infinite where the records say nothing.
+
+    References
+    ----------
+    .. [1] H. White, "Maximum likelihood estimation of misspecified models", Econometrica 50,
+       1982, :doi:`10.2307/1912526`.
+    """
+    names = [freedom.name for freedom in fit.freedoms]
+    if not names:
+        return {}
+    if not np.isfinite(fit.objective):
+        return dict.fromkeys(names, np.inf)
+    normal = project(fit.evaluation.gram, len(names), 1.0 / spread**2, fit.x0 - expected)
+    pull = np.array([1.0 / freedom.spread**2 for freedom in fit.freedoms])
+    inverse, flat = _invert(normal.hessian.sum(axis=0) + np.diag(pull))
+    scores = normal.gradient - normal.gradient.mean(axis=0)
+    windows = len(fit.x0)
+    factor = windows / max(windows - len(names), 1)
+    variances = np.diag(inverse @ (scores.T @ scores) @ inverse) * factor
+    return dict(zip(names, np.where(flat, np.inf, np.sqrt(variances)).tolist(), strict=True))
+
+
+def _invert(hessian: np.ndarray):
+    """Invert a Hessian where it is not flat, and tell which parameters lie in flat directions."""
+    size = np.sqrt(np.diag(hessian))
+    blind = ~(size > 0)
+    size = np.where(blind, 1.0, size)
+    values, vectors = np.linalg.eigh(hessian / np.outer(size, size))
+    is_flat = values <= FLAT * values[-1]
+    inverse = (vectors / np.where(is_flat, np.inf, values)) @ vectors.T
+    flat = blind | (np.abs(vectors[:, is_flat]) > SHARE).any(axis=1)
+    return inverse / np.outer(size, size), flat
