@@ -1,0 +1,384 @@
+"""Model files: a model as YAML text, read by its nodes, so that no text ever becomes an object.
+
+A file is composed into YAML nodes, which know their line and column, and every scalar is taken as
+the text it is. Tags, anchors and merge keys are refused. Whatever is wrong is told as
+``FILE:LINE:COLUMN: what was expected, what came``.
+"""
+
+import io
+import math
+import os
+import re
+from pathlib import Path
+
+from ruamel.yaml import YAML
+from ruamel.yaml.comments import CommentedMap, CommentedSeq
+from ruamel.yaml.error import MarkedYAMLError, YAMLError
+from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
+from ruamel.yaml.scalarstring import DoubleQuotedScalarString
+
+from sklearn_pgnn.exceptions import ModelError
+from sklearn_pgnn.physics.model import PhysicsModel
+
+#: largest model file [byte]
+MAX_BYTES = 1_000_000
+_PLAIN_TAGS = {
+    f"tag:yaml.org,2002:{name}"
+    for name in ("map", "seq", "str", "int", "float", "bool", "null", "timestamp")
+}
+_NULL = "tag:yaml.org,2002:null"
+#: what the errors of a model call a part of it, where that is not the part's key
+_PARTS = {"parameter": "parameters", "state": "states", "input": "inputs", "output": "outputs"}
+
+
+def read_model(path) -> PhysicsModel:
+    """Read a model file.
+
+    Parameters
+    ----------
+    path : str or path-like
+        The YAML file.
+
+    Returns
+    -------
+    PhysicsModel
+        The model.
+
+    Raises
+    ------
+    ModelError
+        If the file says something a model cannot say: ``FILE:LINE:COLUMN: what``.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> lag = PhysicsModel({"y": "V"}, {"y": "-y/T"}, {"T": 2.0})
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     text = write_model(lag, f"{folder}/lag.yaml")
+    ...     read_model(f"{folder}/lag.yaml") == lag
+    True
+    """
+    return _Reader(os.fspath(path)).model()
+
+
+def write_model(model: PhysicsModel, path=None) -> str:
+    """Write a model as a model file.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    path : str or path-like, optional
+        Where to write; by default nothing is written. The file is replaced as a whole or not
+        at all.
+
+    Returns
+    -------
+    str
+        The YAML text.
+
+    Examples
+    --------
+    >>> print(write_model(PhysicsModel({"y": "V"}, {"y": "-y/T"}, {"T": 2.0})), end="")
+    name: model
+    states: {y: V}
+    outputs: {y: y}
+    parameters:
+      T: {value: 2.0}
+    equations:
+      y: "-y/T"
+    """
+    yaml = YAML(typ="rt")
+    yaml.width = 2**31
+    text = io.StringIO()
+    yaml.dump(_written(model.to_dict()), text)
+    if path is not None:
+        _replace_file(Path(path), text.getvalue())
+    return text.getvalue()
+
+
+# -- reading ---------------------------------------------------------------------------------------
+
+
+class _Reader:
+    """Read the nodes of one file; `places` holds the node of every key."""
+
+    def __init__(self, path: str):
+        self.path = path
+        self.places: dict[tuple[str, ...], Node] = {}
+        self.seen: set[int] = set()
+
+    def refuse(self, node: Node | None, why: str):
+        mark = None if node is None else node.start_mark
+        self.refuse_at(mark, why)
+
+    def refuse_at(self, mark, why: str):
+        line, column = (1, 1) if mark is None else (mark.line + 1, mark.column + 1)
+        raise ModelError(f"{self.path}:{line}:{column}: {' '.join(why.split())}") from None
+
+    def model(self) -> PhysicsModel:
+        data = self.document(self.root())
+        try:
+            return PhysicsModel(**data)
+        except ModelError as error:
+            self.refuse(self.place_of(str(error)), str(error))
+
+    def root(self) -> Node:
+        yaml = YAML(typ="safe", pure=True)
+        try:
+            node = yaml.compose(self.text())
+        except MarkedYAMLError as error:
+            what = error.problem or error.context or "something else"
+            self.refuse_at(error.problem_mark or error.context_mark, f"expected YAML: {what}.")
+        except (YAMLError, RecursionError) as error:
+            self.refuse(None, f"expected YAML: {type(error).__name__}.")
+        if node is None:
+            self.refuse(None, "expected a model, got an empty file.")
+        return node
+
+    def text(self) -> str:
+        try:
+            with open(self.path, "rb") as file:
+                raw = file.read(MAX_BYTES + 1)
+        except OSError as error:
+            self.refuse(None, f"expected a model file, got: {error.strerror}.")
+        if len(raw) > MAX_BYTES:
+            self.refuse(None, f"expected at most {MAX_BYTES} bytes, got more.")
+        try:
+            return raw.decode("utf-8-sig")
+        except UnicodeDecodeError as error:
+            line = raw.count(b"\n", 0, error.start) + 1
+            raise ModelError(f"{self.path}:{line}:1: expected text in UTF-8, got bytes.") from None
+
+    def document(self, root: Node) -> dict:
+        data = {}
+        for key, value in self.items(root, "a model"):
+            if key not in _SECTIONS:
+                expected = ", ".join(_SECTIONS)
+                self.refuse(self.places[(key,)], f"unknown key {key!r}; expected {expected}.")
+            data[key] = _SECTIONS[key](self, value, key)
+        for key in ("states", "equations"):
+            if not data.get(key):
+                self.refuse(self.places.get((key,), root), f"expected {key!r}, got none.")
+        data.setdefault("parameters", {})
+        self.check_columns(data)
+        return data
+
+    def check_columns(self, data: dict) -> None:
+        outputs = data.get("outputs") or data["states"]
+        known = ["t", *data["states"], *data.get("inputs", {}), *outputs]
+        for key in data.get("columns", {}):
+            if key not in known:
+                expected = ", ".join(dict.fromkeys(known))
+                self.refuse(
+                    self.places[("columns", key)],
+                    f"columns: unknown name {key!r}; expected one of {expected}.",
+                )
+
+    # -- nodes -------------------------------------------------------------------------------------
+
+    def plain(self, node: Node, what: str) -> Node:
+        """Refuse a tag or an alias."""
+        if id(node) in self.seen:
+            self.refuse(node, f"expected {what}, got an alias.")
+        self.seen.add(id(node))
+        if str(node.tag) not in _PLAIN_TAGS:
+            self.refuse(node, f"expected {what}, got the tag {str(node.tag)!r}.")
+        return node
+
+    def items(self, node: Node, what: str, place: tuple[str, ...] = ()):
+        """Give keys and value nodes of a mapping, each key once."""
+        if not isinstance(self.plain(node, what), MappingNode):
+            self.refuse(node, f"expected {what} as names and values, got {_shown(node)}.")
+        for key_node, value in node.value:
+            key = self.scalar(key_node, "a name")
+            here = (*place, key)
+            if here in self.places:
+                first = self.places[here].start_mark.line + 1
+                self.refuse(key_node, f"{key!r} is here twice; first in line {first}.")
+            self.places[here] = key_node
+            yield key, value
+
+    def scalar(self, node: Node, what: str) -> str:
+        if not isinstance(self.plain(node, what), ScalarNode):
+            self.refuse(node, f"expected {what}, got {_shown(node)}.")
+        return node.value
+
+    def text_of(self, node: Node, what: str) -> str:
+        text = self.scalar(node, what)
+        if str(node.tag) == _NULL or not text.strip():
+            self.refuse(node, f"{what}: expected text, got nothing.")
+        return text
+
+    def number(self, node: Node, what: str) -> float:
+        text = self.scalar(node, what)
+        try:
+            return float(re.sub(r"^([-+]?)\.(inf|nan)$", r"\1\2", text.strip().lower()))
+        except ValueError:
+            self.refuse(node, f"{what}: expected a number, got {text!r}.")
+
+    def truth(self, node: Node, what: str) -> bool:
+        text = self.scalar(node, what).lower()
+        if text not in ("true", "false"):
+            self.refuse(node, f"{what}: expected true or false, got {text!r}.")
+        return text == "true"
+
+    def list_of(self, node: Node, what: str) -> list[Node]:
+        if not isinstance(self.plain(node, what), SequenceNode):
+            self.refuse(node, f"{what}: expected a list, got {_shown(node)}.")
+        return node.value
+
+    # -- sections ----------------------------------------------------------------------------------
+
+    def title(self, node, part):
+        return self.text_of(node, part)
+
+    def section(self, node, part, read) -> dict:
+        """Read a mapping; nothing at all is an empty one."""
+        if str(node.tag) == _NULL:
+            return {}
+        return {key: read(value, f"{part}.{key}") for key, value in self.items(node, part, (part,))}
+
+    def named(self, node, part, of_name, read) -> dict:
+        """Read a mapping or a plain list of names."""
+        if not isinstance(node, SequenceNode):
+            return self.section(node, part, read)
+        found = {}
+        for item in self.list_of(node, part):
+            name = self.text_of(item, part)
+            if name in found:
+                self.refuse(item, f"{name!r} is here twice.")
+            self.places[(part, name)] = item
+            found[name] = of_name(name)
+        return found
+
+    def units(self, node, part):
+        return self.named(node, part, lambda name: "", self.unit)
+
+    def unit(self, node, what) -> str:
+        text = self.scalar(node, f"{what} as a unit")
+        return "" if str(node.tag) == _NULL else text
+
+    def outputs(self, node, part):
+        return self.named(node, part, lambda name: name, self.text_of)
+
+    def texts(self, node, part):
+        return self.section(node, part, self.text_of)
+
+    def numbers(self, node, part):
+        return self.section(node, part, self.finite)
+
+    def finite(self, node, what) -> float:
+        value = self.number(node, what)
+        if not math.isfinite(value):
+            self.refuse(node, f"{what}: expected a finite number, got {value}.")
+        return value
+
+    def parameters(self, node, part):
+        return self.section(node, part, self.parameter)
+
+    def parameter(self, node, what) -> dict:
+        if not isinstance(node, MappingNode):
+            return {"value": self.number(node, what)}
+        name = what.split(".", 1)[1]
+        found = {}
+        for key, value in self.items(node, what, ("parameters", name)):
+            if key not in _PARAMETER:
+                expected = ", ".join(_PARAMETER)
+                key_node = self.places[("parameters", name, key)]
+                self.refuse(key_node, f"{what}: unknown key {key!r}; expected {expected}.")
+            found[key] = _PARAMETER[key](self, value, f"{what}.{key}")
+        if "value" not in found:
+            self.refuse(self.places[("parameters", name)], f"{what}: expected a value, got none.")
+        return found
+
+    def bounds(self, node, what) -> tuple[float, ...]:
+        numbers = tuple(self.number(item, what) for item in self.list_of(node, what))
+        if len(numbers) != 2:
+            self.refuse(node, f"{what}: expected [low, high], got {len(numbers)} numbers.")
+        return numbers
+
+    # -- errors of the model -----------------------------------------------------------------------
+
+    def place_of(self, message: str) -> Node | None:
+        """Find the key that an error of `PhysicsModel` speaks of."""
+        found = re.match(r"(\w+)(?:\.(\w+))?", message)
+        part = _PARTS.get(found[1], found[1]) if found else ""
+        quoted = re.search(r"'([^']*)'", message)
+        name = (found and found[2]) or (quoted[1] if quoted else "")
+        return self.places.get((part, name)) or self.places.get((part,))
+
+
+_SECTIONS = {
+    "name": _Reader.title,
+    "states": _Reader.units,
+    "inputs": _Reader.units,
+    "outputs": _Reader.outputs,
+    "parameters": _Reader.parameters,
+    "equations": _Reader.texts,
+    "inertia": _Reader.texts,
+    "energy": _Reader.texts,
+    "delays": _Reader.texts,
+    "initial_state": _Reader.numbers,
+    "columns": _Reader.texts,
+}
+_PARAMETER = {
+    "value": _Reader.number,
+    "unit": _Reader.unit,
+    "bounds": _Reader.bounds,
+    "fixed": _Reader.truth,
+    "spread": _Reader.number,
+}
+
+
+def _shown(node: Node) -> str:
+    if isinstance(node, SequenceNode):
+        return "a list"
+    if isinstance(node, MappingNode):
+        return "names and values"
+    return repr(node.value) if node.value else "nothing"
+
+
+# -- writing ---------------------------------------------------------------------------------------
+
+
+def _written(data: dict) -> CommentedMap:
+    """Lay out a model's plain data as a person would write it."""
+    written = CommentedMap()
+    for part, content in data.items():
+        if part == "name":
+            written[part] = content
+        elif part in ("equations", "energy"):
+            written[part] = CommentedMap((key, _quoted(text)) for key, text in content.items())
+        elif part == "parameters":
+            written[part] = CommentedMap((key, _flow(p)) for key, p in content.items())
+        else:
+            quote = part in ("outputs", "inertia")
+            written[part] = _flow({k: _quoted(v) if quote else v for k, v in content.items()})
+    return written
+
+
+def _quoted(text: str) -> str:
+    return text if text.isidentifier() else DoubleQuotedScalarString(text)
+
+
+def _flow(content: dict) -> CommentedMap:
+    """Write a mapping, and the lists in it, on one line."""
+    flow = CommentedMap()
+    for key, value in content.items():
+        if isinstance(value, list):
+            value = CommentedSeq(value)
+            value.fa.set_flow_style()
+        flow[key] = value
+    flow.fa.set_flow_style()
+    return flow
+
+
+def _replace_file(path: Path, text: str) -> None:
+    """Write beside the file and move over it, so that nothing is left half-written."""
+    beside = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        beside.write_text(text, encoding="utf-8", newline="\n")
+        os.replace(beside, path)
+    finally:
+        beside.unlink(missing_ok=True)
