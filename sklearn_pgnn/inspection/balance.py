@@ -1,0 +1,158 @@
+r"""What is missing in an equation, as the records show it.
+
+The rate of a state that is measured (or whose position is) is compared with what the model says at
+the same states and inputs, over spans long enough to be seen through the noise:
+
+.. math:: d_k = \frac{x_{k+m} - x_{k-m}}{t_{k+m} - t_{k-m}}
+    - \frac{1}{2m} \sum_{i=k-m}^{k+m-1} f(x_i, u_i, p)
+"""
+
+from dataclasses import dataclass
+from functools import reduce
+
+import numpy as np
+import sympy
+
+from sklearn_pgnn.diagnosis.records import DiagnosisRecords
+from sklearn_pgnn.physics.expressions import symbol
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.state_estimate import free_run
+
+#: a span is this share of a window, and at least two samples
+SPAN_SHARE = 0.04
+
+#: NumPy's own do not take numbers beside arrays
+_EXTREMES = {
+    "amax": lambda values, axis: reduce(np.maximum, values),
+    "amin": lambda values, axis: reduce(np.minimum, values),
+}
+
+
+@dataclass(frozen=True)
+class Samples:
+    """A model and the value of its quantities at every sample of the records.
+
+    Parameters
+    ----------
+    records : DiagnosisRecords
+        The records.
+    model : PhysicsModel
+        The model, at its values.
+    table : dict of str to ndarray or float
+        Values by name: time, states, inputs as they act, parameters.
+    """
+
+    records: DiagnosisRecords
+    model: PhysicsModel
+    table: dict
+
+    @classmethod
+    def of(cls, records: DiagnosisRecords, model: PhysicsModel, states_of: PhysicsModel):
+        """Take states and inputs from the records; states they do not show from a simulation.
+
+        Parameters
+        ----------
+        records : DiagnosisRecords
+            The records.
+        model : PhysicsModel
+            The model.
+        states_of : PhysicsModel
+            The extended model, whose simulation fills the states that an effect added.
+
+        Returns
+        -------
+        Samples
+            The values.
+        """
+        windows = records.windows
+        table = {"t": windows.t, **_states(records, states_of)}
+        acting = windows.acting_inputs(model)
+        table |= {name: acting[:, i] for i, name in enumerate(model.inputs)}
+        table |= {name: parameter.value for name, parameter in model.parameters.items()}
+        return cls(records, model, table)
+
+    def value(self, expression, **other) -> np.ndarray:
+        """Evaluate an expression at every sample, with other values in place of some."""
+        table = {**self.table, **other}
+        names = sorted(map(str, expression.free_symbols))
+        function = sympy.lambdify([symbol(n) for n in names], expression, [_EXTREMES, "numpy"])
+        with np.errstate(all="ignore"):
+            value = np.asarray(function(*(table[name] for name in names)), dtype=float)
+        return np.broadcast_to(value, np.shape(next(iter(other.values()), self.table["t"])))
+
+    @property
+    def span(self) -> int:
+        """Half of the span, in samples, over which rates are compared."""
+        return max(1, round(SPAN_SHARE * float(np.median(self.records.windows.lengths)) / 2))
+
+    def rate(self, state: str) -> np.ndarray:
+        """Give the measured rate of a state; NaN at the ends of the records."""
+        return self._by_record(self.table[state], _slope)
+
+    def mean(self, values: np.ndarray) -> np.ndarray:
+        """Give the mean over the span about every sample."""
+        return self._by_record(values, _mean)
+
+    def _by_record(self, values, function):
+        windows, m = self.records.windows, self.span
+        out = np.full(windows.t.size, np.nan)
+        for a, b in zip(windows.bounds[:-1], windows.bounds[1:], strict=True):
+            if b - a > 2 * m + 1:
+                out[a + m : b - m] = function(windows.t[a:b], values[a:b], m)
+        return out
+
+
+def shown_states(model: PhysicsModel) -> frozenset[str]:
+    """Name the states that the outputs show: directly, or by the position of a velocity.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.physics import systems
+    >>> sorted(shown_states(systems.golf_robot())), sorted(shown_states(systems.two_tanks()))
+    (['omega', 'phi'], ['x2'])
+    """
+    seen = {str(output) for output in model.outputs.values() if str(output) in model.states}
+    velocities = {v for v, position in model.kinematic_pairs.items() if position in seen}
+    return frozenset(seen | velocities)
+
+
+def _slope(t, x, m):
+    return (x[2 * m :] - x[: -2 * m]) / (t[2 * m :] - t[: -2 * m])
+
+
+def _mean(t, f, m):
+    total = np.concatenate([[0.0], np.cumsum(f[:-1] * np.diff(t))])
+    return (total[2 * m :] - total[: -2 * m]) / (t[2 * m :] - t[: -2 * m])
+
+
+def _states(records: DiagnosisRecords, model: PhysicsModel) -> dict[str, np.ndarray]:
+    prior = records.fits["prior"].model
+    table = {name: records.states[:, i] for i, name in enumerate(prior.states)}
+    added = [name for name in model.states if name not in table]
+    if added:
+        run = np.concatenate([x for _, x, _ in free_runs(records, "extended")])
+        table |= {name: run[:, list(model.states).index(name)] for name in added}
+    return table
+
+
+def free_runs(records: DiagnosisRecords, which: str):
+    """Simulate every record in free run from its fitted initial state.
+
+    Parameters
+    ----------
+    records : DiagnosisRecords
+        The records.
+    which : {"prior", "refitted", "extended"}
+        The model.
+
+    Returns
+    -------
+    list of (slice, ndarray, ndarray)
+        Samples, states and outputs of every record.
+    """
+    windows, fit = records.windows, records.fits[which]
+    return [
+        (slice(a, b), run.x, run.y)
+        for a, b in zip(windows.bounds[:-1], windows.bounds[1:], strict=True)
+        for run in [free_run(fit.model, windows, a, b, fit.x0[np.searchsorted(windows.starts, a)])]
+    ]

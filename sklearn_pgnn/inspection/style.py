@@ -1,0 +1,62 @@
+"""How pictures look: colours, names, figures that need no screen."""
+
+from io import BytesIO
+
+#: colour of the record and of every model
+COLOURS = {
+    "measured": "#222222",
+    "prior": "#d1600b",
+    "refitted": "#8a8a8a",
+    "extended": "#1766ad",
+}
+#: what a person reads
+LABELS = {
+    "measured": "measured",
+    "prior": "model as given",
+    "refitted": "model re-tuned",
+    "extended": "model extended",
+}
+DPI = 130
+
+
+def new_figure(width: float, height: float):
+    """Give an empty figure of some size [inch] that no window shows."""
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def tidy(axes) -> None:
+    """Take away what a curve does not need."""
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.grid(True, linewidth=0.4, alpha=0.5)
+    axes.tick_params(labelsize=8)
+
+
+def label(quantity: str, unit: str) -> str:
+    """Name an axis with its unit.
+
+    Examples
+    --------
+    >>> label("phi", "rad"), label("x", "")
+    ('phi [rad]', 'x [-]')
+    """
+    return f"{plain(quantity)} [{plain(unit) or '-'}]"
+
+
+def plain(text: str) -> str:
+    r"""Keep matplotlib from reading mathematics into a name.
+
+    Examples
+    --------
+    >>> print(plain("price in $"))
+    price in \$
+    """
+    return str(text).replace("$", r"\$")
+
+
+def to_png(figure, dpi: int = DPI) -> bytes:
+    """Draw a figure as PNG."""
+    stream = BytesIO()
+    figure.savefig(stream, format="png", dpi=dpi, metadata={"Software": None})
+    return stream.getvalue()

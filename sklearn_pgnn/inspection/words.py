@@ -1,0 +1,143 @@
+"""A diagnosis in words: what an engineer reads on a screen or in a report."""
+
+import math
+
+VERDICTS = {
+    "model_adequate": "Model adequate",
+    "cause_named": "Cause named",
+    "ambiguous": "Several causes fit",
+    "unexplained": "Not explained",
+}
+
+
+def number(value: float, digits: int = 4) -> str:
+    """Write a number with some significant digits.
+
+    Examples
+    --------
+    >>> number(0.0804999), number(float("nan")), number(12345678.0)
+    ('0.0805', '-', '1.235e+07')
+    """
+    return f"{value:.{digits}g}" if math.isfinite(value) else "-"
+
+
+def measured(value: float, low: float, high: float, unit: str = "") -> str:
+    """Write a value with its interval, no finer than the interval makes sense.
+
+    Examples
+    --------
+    >>> measured(0.0804999, 0.07912, 0.08188, "N m")
+    '0.0805 (0.0791 to 0.0819) N m'
+    >>> measured(2.0, 2.0, 2.0)
+    '2'
+    """
+    if not (math.isfinite(low) and math.isfinite(high)) or low == high:
+        return f"{number(value)} {unit}".rstrip()
+    places = _places(value, (high - low) / 2)
+    text = " ".join(
+        (_rounded(value, places), f"({_rounded(low, places)} to {_rounded(high, places)})", unit)
+    )
+    return text.rstrip()
+
+
+def _places(value: float, half_width: float) -> int:
+    """Give the decimal places at which two digits of the half-width stand, six of the value."""
+    places = 1 - math.floor(math.log10(half_width))
+    if value:
+        places = min(places, 5 - math.floor(math.log10(abs(value))))
+    return places
+
+
+def _rounded(value: float, places: int) -> str:
+    if value and not 1e-4 <= abs(value) < 1e6 and abs(round(value, places)) > 0:
+        return f"{value:.{max(places + math.floor(math.log10(abs(value))), 0)}e}"
+    return f"{round(value, places):.{max(places, 0)}f}"
+
+
+def percent(share: float) -> str:
+    """Write a share in percent; all but everything is not everything.
+
+    Examples
+    --------
+    >>> percent(0.704), percent(0.9996), percent(1.0)
+    ('70 %', '> 99.9 %', '100 %')
+    """
+    if not math.isfinite(share):
+        return "-"
+    if 0.9995 <= share < 1.0:
+        return "> 99.9 %"
+    return f"{100 * share:.{1 if share > 0.99 else 0}f} %" if share < 1 else "100 %"
+
+
+def cause_name(effect: str, target: str, model=None) -> str:
+    """Name an effect and what it acts on.
+
+    Examples
+    --------
+    >>> cause_name("coulomb_friction", "omega"), cause_name("wrong_parameter", "J")
+    ('coulomb friction on omega', 'wrong value of J')
+    """
+    if effect == "wrong_parameter":
+        return f"wrong value of {target}"
+    words = effect.replace("_", " ")
+    on_input = effect.startswith(("input", "actuator")) or (model and target in model.inputs)
+    return f"{words} of {target}" if on_input or effect.startswith("sensor") else f"{words} on {target}"
+
+
+def listed(items) -> str:
+    """Write a list as a sentence does.
+
+    Examples
+    --------
+    >>> listed(["a", "b", "c"])
+    'a, b and c'
+    """
+    items = list(items)
+    return " and ".join([", ".join(items[:-1]), items[-1]] if len(items) > 1 else items)
+
+
+def verdict_sentence(diagnosis) -> str:
+    """Say in plain words what a diagnosis found.
+
+    Parameters
+    ----------
+    diagnosis : ModelDiagnosis
+        A fitted diagnosis.
+
+    Returns
+    -------
+    str
+        One or two sentences.
+    """
+    name, causes = diagnosis.model.name, diagnosis.causes_
+    names = listed(cause_name(c.effect, c.target, diagnosis.model) for c in causes)
+    sentences = {
+        "model_adequate": f"The model of the {name} is adequate: what it misses is within the "
+        f"noise, and no other effect makes it better.",
+        "cause_named": f"The model of the {name} misses {names}. {_worth(diagnosis)}",
+        "ambiguous": f"The model of the {name} misses {names}, or {_others(diagnosis)}: "
+        f"these records cannot tell. {_worth(diagnosis)}",
+        "unexplained": f"The model of the {name} misses something that no known effect "
+        f"explains{f'; {names} is a part of it' if causes else ''}.",
+    }
+    return sentences[diagnosis.verdict_].rstrip()
+
+
+def _others(diagnosis) -> str:
+    others = {
+        cause_name(other.effect, other.target, diagnosis.model): None
+        for cause in diagnosis.causes_
+        for other in cause.confused_with
+    }
+    place = "in its place" if len(diagnosis.causes_) == 1 else "in the place of one of them"
+    return f"{' or '.join(others)} {place}"
+
+
+def _worth(diagnosis) -> str:
+    """Say what the extension removes of the error, output by output."""
+    parts = [
+        f"{percent(gain.explained_share)} ({percent(gain.low)} to {percent(gain.high)}) of the "
+        f"error power of {output} above the noise"
+        for output, gain in diagnosis.gain_.items()
+    ]
+    return f"The extended model removes {listed(parts)}, on data held out of the fit."
