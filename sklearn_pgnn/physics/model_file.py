@@ -10,6 +10,7 @@ import math
 import os
 import re
 from pathlib import Path
+from typing import NoReturn
 
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
@@ -108,11 +109,11 @@ class _Reader:
         self.places: dict[tuple[str, ...], Node] = {}
         self.seen: set[int] = set()
 
-    def refuse(self, node: Node | None, why: str):
+    def refuse(self, node: Node | None, why: str) -> NoReturn:
         mark = None if node is None else node.start_mark
         self.refuse_at(mark, why)
 
-    def refuse_at(self, mark, why: str):
+    def refuse_at(self, mark, why: str) -> NoReturn:
         line, column = (1, 1) if mark is None else (mark.line + 1, mark.column + 1)
         raise ModelError(f"{self.path}:{line}:{column}: {' '.join(why.split())}") from None
 
