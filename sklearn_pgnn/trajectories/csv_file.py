@@ -54,7 +54,7 @@ def read_csv(path, model: PhysicsModel) -> tuple[pd.DataFrame, pd.DataFrame]:
     >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = Path(folder, "run.csv")
-    ...     _ = path.write_text("t;u [V];y\\n0;1,5;0\\n1;1,5;0,6\\n2;1,5;0,9\\n3;1,5;1,2\\n")
+    ...     _ = path.write_text("t;u [V];y\n0;1,5;0\n1;1,5;0,6\n2;1,5;0,9\n3;1,5;1,2\n")
     ...     X, y = read_csv(path, lag)
     >>> X["u"].tolist(), y["y"].tolist()
     ([1.5, 1.5, 1.5, 1.5], [0.0, 0.6, 0.9, 1.2])
@@ -98,7 +98,7 @@ def read_csv_files(paths: Iterable, model: PhysicsModel) -> tuple[pd.DataFrame, 
     >>> lag = PhysicsModel({"y": "V"}, {"y": "-y/T"}, {"T": 2.0})
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = Path(folder, "run.csv")
-    ...     _ = path.write_text("t,y\\n0,1\\n1,0.6\\n2,0.4\\n3,0.2\\n")
+    ...     _ = path.write_text("t,y\n0,1\n1,0.6\n2,0.4\n3,0.2\n")
     ...     X, y = read_csv_files([path, path], lag)
     >>> X["trajectory"].unique().tolist()
     ['run', 'run-2']
