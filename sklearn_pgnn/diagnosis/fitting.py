@@ -12,7 +12,7 @@ from sklearn_pgnn.simulation.window_fit import WindowFit, fit_windows
 #: starts that are followed to their end after a first look at all of them
 FOLLOWED_STARTS = 2
 #: a first look takes every so many windows that about this many samples remain
-SCOUT_SAMPLES, SCOUT_WINDOWS = 8000, 24
+SCOUT_SAMPLES, SCOUT_WINDOWS = 8000, 3
 
 
 @dataclass(frozen=True)
@@ -36,9 +36,9 @@ class Trial:
         return self.fit.squares
 
     @property
-    def per_window(self) -> np.ndarray:
-        """Sum of squared residuals of every window."""
-        return self.fit.evaluation.squares
+    def pieces(self) -> np.ndarray:
+        """Sum of squared residuals of every piece of every window."""
+        return self.fit.evaluation.piece_squares
 
 
 @dataclass(frozen=True)
@@ -85,6 +85,10 @@ class Fitter:
         return self._remember(
             Hypothesis(), lambda: self._fit_hypothesis(Hypothesis(), self.setting.prior, None)
         )
+
+    def base_error(self) -> float:
+        """Give the re-tuned prior's error in units of the noise."""
+        return float(np.sqrt(self.base().squares / self.setting.n_samples))
 
     def scout(self, trial: Trial, cause: Cause) -> Scouted:
         """Look at one more cause on some windows, from all the starts the effect proposes."""
@@ -146,7 +150,7 @@ class Fitter:
         looks.sort(key=lambda fit: fit.objective)
         fits = [look(fit.model, x0_start=fit.x0) for fit in looks[:FOLLOWED_STARTS]]
         best = min(fits, key=lambda fit: fit.objective)
-        return Scouted(cause, best.model, best.squares / trial.per_window[self.some].sum())
+        return Scouted(cause, best.model, best.squares / trial.pieces[self.some].sum())
 
     def _rebuild(self, hypothesis, values_of: PhysicsModel) -> PhysicsModel:
         """Extend the prior by the causes, with the parameter values of another model."""
@@ -181,8 +185,8 @@ class Fitter:
 
         Returns
         -------
-        ndarray of shape (n_windows, n_outputs)
-            Sum of squared residuals, in units of the noise.
+        ndarray of shape (n_windows, n_pieces, n_outputs)
+            Sum of squared residuals of every piece, in units of the noise.
         """
         key = trial.hypothesis.key
         if key not in self._held_out:
@@ -191,7 +195,8 @@ class Fitter:
 
     def _cross_validate(self, trial, folds):
         setting, fit = self.setting, trial.fit
-        squares = np.zeros((len(setting.windows), setting.windows.y.shape[1]))
+        windows = setting.windows
+        squares = np.zeros((len(windows), windows.pieces, windows.y.shape[1]))
         estimate = setting.states.estimate(fit.model)
         expected = estimate.x[setting.windows.starts]
         for fold in np.unique(folds):
@@ -212,16 +217,14 @@ class Fitter:
                 estimate.spread,
                 x0_start=fit.x0[inside],
             )
-            squares[inside] = window_squares(setting, judged, inside)
+            squares[inside] = piece_squares(setting, judged, inside)
         return squares
 
 
-def window_squares(setting: Setting, fit: WindowFit, which=slice(None)) -> np.ndarray:
-    """Sum the squared residuals of every window and output, in units of the noise."""
+def piece_squares(setting: Setting, fit: WindowFit, which=slice(None)) -> np.ndarray:
+    """Sum the squared residuals of every piece and output, in units of the noise."""
     windows = setting.windows.select(which)
-    squares = np.nan_to_num((fit.evaluation.residual / windows.scale) ** 2)
-    total = np.concatenate([np.zeros((1, squares.shape[1])), np.cumsum(squares, axis=0)])
-    sums = total[windows.starts + windows.lengths] - total[windows.starts]
+    sums = windows.sum_pieces((fit.evaluation.residual / windows.scale) ** 2)
     sums[~np.isfinite(fit.evaluation.squares)] = np.inf
     return sums
 

@@ -16,15 +16,16 @@ from sklearn_pgnn.diagnosis.result import (
     retuned_parameters,
 )
 from sklearn_pgnn.diagnosis.search import Outcome, Rules, Search
-from sklearn_pgnn.diagnosis.setting import check_records, halve, make_setting
+from sklearn_pgnn.diagnosis.setting import check_records, longer, make_setting, shorter
 from sklearn_pgnn.physics.effects import CATALOGUE
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.readings import reading
 from sklearn_pgnn.simulation.simulate import simulate_records
 from sklearn_pgnn.trajectories import read_records
 
-#: re-tuned errors above so many times the noise call for shorter windows
-TOO_LARGE = 30.0
+#: windows are as long as the re-tuned prior can follow: its error, in units of the noise, at which
+#: they are halved, and below which they are doubled
+TOO_LARGE, SMALL = 30.0, 3.0
 #: what is left above the noise, as a share of the re-tuned prior's error power, when a cause
 #: outside the catalogue must be at work
 UNEXPLAINED = 0.5
@@ -172,7 +173,7 @@ class ModelDiagnosis(RegressorMixin, BaseEstimator):
         return self
 
     def _ground(self, records) -> Fitter:
-        """Cut windows short enough that errors stay small, if the user does not say how long."""
+        """Cut the records into windows, as long as the user or the records say."""
         setting = make_setting(
             self.model,
             records,
@@ -182,13 +183,7 @@ class ModelDiagnosis(RegressorMixin, BaseEstimator):
             substeps=self.substeps,
             threads=effective_n_jobs(self.n_jobs),
         )
-        fitter = Fitter(setting)
-        while self.window is None and fitter.base().squares > TOO_LARGE**2 * setting.n_samples:
-            setting = halve(setting)
-            if setting is None:
-                break
-            fitter = Fitter(setting)
-        return fitter
+        return Fitter(setting) if self.window is not None else _fit_window_length(setting)
 
     def _keep(self, fitter: Fitter, search: Search, outcome: Outcome) -> None:
         """Turn the outcome of the search into learned attributes."""
@@ -279,6 +274,20 @@ class ModelDiagnosis(RegressorMixin, BaseEstimator):
             The figure and its axes.
         """
         return reading("plot_diagnosis")(self)
+
+
+def _fit_window_length(setting) -> Fitter:
+    """Make the windows as long as the re-tuned prior can follow."""
+    fitter = Fitter(setting)
+    while fitter.base_error() > TOO_LARGE and (setting := shorter(setting)) is not None:
+        fitter = Fitter(setting)
+    setting = fitter.setting
+    while fitter.base_error() < SMALL and (setting := longer(setting)) is not None:
+        further = Fitter(setting)
+        if further.base_error() > TOO_LARGE:
+            break
+        fitter = further
+    return fitter
 
 
 def _silent(stage: str, done: int, total: int) -> None:

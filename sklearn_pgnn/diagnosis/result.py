@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sklearn_pgnn.diagnosis.fitting import Fitter, Trial, window_squares
+from sklearn_pgnn.diagnosis.fitting import Fitter, Trial, piece_squares
 from sklearn_pgnn.diagnosis.hypothesis import Cause
 from sklearn_pgnn.diagnosis.search import Outcome
 from sklearn_pgnn.diagnosis.setting import Setting
@@ -160,11 +160,16 @@ def retuned_parameters(setting: Setting, fit: WindowFit) -> dict[str, RetunedPar
 def measure_gain(fitter: Fitter, outcome: Outcome, folds, random_state) -> dict[str, Gain]:
     """Measure what re-tuning and extending are worth on held-out windows."""
     setting = fitter.setting
-    counts = _counts(setting)
+    windows = setting.windows
+    seen = windows.sum_pieces(np.isfinite(windows.y).astype(float))
+    counts = seen.reshape(-1, seen.shape[-1])
     squares = {
-        "prior": window_squares(setting, fitter.prior()),
-        "refitted": fitter.held_out(outcome.base, folds),
-        "extended": fitter.held_out(outcome.final, folds),
+        which: found.reshape(counts.shape)
+        for which, found in {
+            "prior": piece_squares(setting, fitter.prior()),
+            "refitted": fitter.held_out(outcome.base, folds),
+            "extended": fitter.held_out(outcome.final, folds),
+        }.items()
     }
     draws = random_state.integers(0, len(counts), (RESAMPLINGS, len(counts)))
     gains = {}
@@ -195,14 +200,6 @@ def explained_share(before, after, noise):
     """Give the share of the error power above the noise that is gone, between 0 and 1."""
     above = np.maximum(np.asarray(before) - noise**2, 1e-12 * np.maximum(before, 1e-300))
     return np.clip((np.asarray(before) - after) / above, 0.0, 1.0)
-
-
-def _counts(setting: Setting) -> np.ndarray:
-    """Count the measured values of every window and output."""
-    windows = setting.windows
-    seen = np.isfinite(windows.y).astype(float)
-    total = np.concatenate([np.zeros((1, seen.shape[1])), np.cumsum(seen, axis=0)])
-    return total[windows.starts + windows.lengths] - total[windows.starts]
 
 
 def plain(value):

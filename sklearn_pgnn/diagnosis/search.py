@@ -17,7 +17,7 @@ class Rules:
     Parameters
     ----------
     significance : float
-        A gain must be so many of its standard errors, taken over windows.
+        A gain must be so many of its standard errors, taken over pieces of windows.
     share : float
         A cause must explain so much of the error power that is left above the noise; so must
         the finer of two causes explain of what the simpler one leaves.
@@ -194,7 +194,7 @@ class Search:
         noise = self.floor / self.fitter.setting.n_samples
         if worse.squares - better.squares < self.rules.significance**2 * noise:
             return False
-        return _t_value(worse.per_window, better.per_window) > self.rules.significance / 2
+        return _t_value(worse.pieces, better.pieces) > self.rules.significance / 2
 
     def _is_gain(self, before: Trial, after: Trial) -> bool:
         """Decide on windows that the parameters have not seen."""
@@ -209,7 +209,7 @@ class Search:
         )
 
     def _held_out(self, trial: Trial) -> np.ndarray:
-        return self.fitter.held_out(trial, self.folds).sum(axis=1)
+        return self.fitter.held_out(trial, self.folds).sum(axis=-1)
 
     # -- backward ------------------------------------------------------------------------------
 
@@ -232,7 +232,7 @@ class Search:
             for other in self._worth_a_look(trial, cause, tried):
                 swapped = self.fitter.extend(without, other)
                 self._learn_noise(swapped)
-                if _t_value(trial.per_window, swapped.per_window) > self.rules.significance:
+                if _t_value(trial.pieces, swapped.pieces) > self.rules.significance:
                     return self._swap(base, swapped, tried)
         return trial
 
@@ -288,8 +288,8 @@ class Search:
 
 
 def _t_value(worse: np.ndarray, better: np.ndarray) -> float:
-    """Give the mean fall of the windows' error norms in units of its standard error."""
-    fall = np.sqrt(worse) - np.sqrt(better)
+    """Give the mean fall of the pieces' error norms in units of its standard error."""
+    fall = (np.sqrt(worse) - np.sqrt(better)).ravel()
     spread = np.std(fall, ddof=1) if fall.size > 1 else 0.0
     mean = np.mean(fall)
     if spread == 0.0:

@@ -93,12 +93,24 @@ def make_setting(
     )
 
 
-def halve(setting: Setting) -> Setting | None:
+def shorter(setting: Setting) -> Setting | None:
     """Give the setting with windows of half the length, or None where they would be too short."""
     length = setting.scales.window / 2
     if length < max(MIN_SAMPLES * setting.scales.sample_time, SHORTEST * setting.period):
         return None
-    windows = cut(setting.windows, length)
+    return _recut(setting, length, 1)
+
+
+def longer(setting: Setting) -> Setting | None:
+    """Give the setting with windows of twice the length, or None where they are whole records.
+
+    Statistics stay with pieces of the old length.
+    """
+    return _recut(setting, 2 * setting.scales.window, 2 * setting.windows.pieces)
+
+
+def _recut(setting: Setting, length: float, pieces: int) -> Setting | None:
+    windows = replace(cut(setting.windows, length, min_windows=1), pieces=pieces)
     if np.array_equal(windows.starts, setting.windows.starts):
         return None
     length = float(np.median(windows.lengths) * setting.scales.sample_time)

@@ -128,7 +128,7 @@ def dominant_period(records) -> float:
     return float(min(*periods, duration) if len(periods) > 1 else min(periods[0], duration))
 
 
-def cut(whole: Windows, length: float) -> Windows:
+def cut(whole: Windows, length: float, min_windows: int = MIN_WINDOWS) -> Windows:
     """Cut every record into windows of about equal length.
 
     Parameters
@@ -136,8 +136,9 @@ def cut(whole: Windows, length: float) -> Windows:
     whole : Windows
         One window a record.
     length : float
-        Wanted length [s]; at least `MIN_SAMPLES` samples, and short enough for `MIN_WINDOWS`
-        windows in all.
+        Wanted length [s]; at least `MIN_SAMPLES` samples.
+    min_windows : int, default=8
+        The length is short enough for so many windows in all.
 
     Returns
     -------
@@ -145,7 +146,7 @@ def cut(whole: Windows, length: float) -> Windows:
         The windows.
     """
     durations = whole.t[whole.bounds[1:] - 1] - whole.t[whole.bounds[:-1]]
-    length = min(length, durations.sum() / MIN_WINDOWS)
+    length = min(length, durations.sum() / min_windows)
     starts, lengths = [], []
     for a, b, duration in zip(whole.bounds[:-1], whole.bounds[1:], durations, strict=True):
         count = max(1, min(round(duration / length), (b - a) // MIN_SAMPLES))

@@ -214,7 +214,7 @@ def parameter_values(model: PhysicsModel) -> np.ndarray:
 
 
 def _check_arrays(model, t, u, x0):
-    t = np.ascontiguousarray(t, dtype=float)
+    t = np.array(t, dtype=float)
     if t.ndim != 1 or t.size < 1 or not np.all(np.isfinite(t)):
         raise ValueError(f"t: expected finite times of shape (n_samples,), got shape {t.shape}.")
     backward = np.flatnonzero(np.diff(t) <= 0)
@@ -235,7 +235,7 @@ def _check_arrays(model, t, u, x0):
     x0 = np.asarray(start, dtype=float).ravel()
     if x0.shape != (len(model.states),) or not np.all(np.isfinite(x0)):
         raise ValueError(f"x0: expected {len(model.states)} finite numbers, got {x0}.")
-    return t, np.ascontiguousarray(u), x0
+    return t, np.array(u, order="C"), x0
 
 
 def _check_options(method, substeps, hold):

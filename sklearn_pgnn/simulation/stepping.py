@@ -26,7 +26,8 @@ METHODS = {
 }
 
 _F = types.float64
-_F1, _F2, _F3 = types.float64[::1], types.float64[:, ::1], types.float64[:, :, ::1]
+_F1, _F2 = types.float64[::1], types.float64[:, ::1]
+_F3, _F4 = types.float64[:, :, ::1], types.float64[:, :, :, ::1]
 _B1 = boolean[::1]
 _OPTIONS = {"cache": True, "error_model": "numpy", "nogil": True}
 
@@ -258,7 +259,7 @@ def run_trajectory(
 @njit(
     types.void(
         FUNCTION, _F1, _F2, boolean, _F2, types.int64[::1], types.int64[::1], _F1, _F2, _F1, _B1,
-        int64, _F1, _F1, int64, int64, _F3, _F2,
+        int64, _F1, _F1, int64, int64, _F4, _F2,
     ),
     **_OPTIONS,
 )  # fmt: skip
@@ -268,8 +269,9 @@ def run_windows(
 ):  # fmt: skip
     """Simulate every window from its own initial state and sum up its squares.
 
-    ``G[w]`` becomes the Gram matrix of the rows ``[dy/dp, dy/dx0, y - y_model] / scale`` of window
-    w (upper triangle; infinite where the window diverged), ``R`` the residuals ``y - y_model``.
+    ``G[w, j]`` becomes the Gram matrix of the rows ``[dy/dp, dy/dx0, y - y_model] / scale`` of
+    piece j of window w (upper triangle; infinite where the window diverged), ``R`` the residuals
+    ``y - y_model``.
     """
     nx, ny = X0.shape[1], y.shape[1]
     nq = n_p + nx
@@ -294,6 +296,7 @@ def run_windows(
             if not finite:
                 G[w] = np.inf
                 break
+            piece = (k - starts[w]) * G.shape[1] // lengths[w]
             _observe(function, t[k], x, S, u[k], p, s, work[7], y_model, Sy)
             for i in range(ny):
                 R[k, i] = y[k, i] - y_model[i]
@@ -304,7 +307,7 @@ def run_windows(
                 row[nq] = R[k, i] / scale[i]
                 for a in range(nq + 1):
                     for b in range(a, nq + 1):
-                        G[w, a, b] += row[a] * row[b]
+                        G[w, piece, a, b] += row[a] * row[b]
             if k + 1 < starts[w] + lengths[w]:
                 _to_next_sample(
                     function, t, u, linear_hold, k, x, S, p, s, stuck, dry, substeps, nodes,

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.window_fit import WindowFit, project
+from sklearn_pgnn.simulation.window_fit import Normal, WindowFit, project
 
 #: half-width of a 95 % interval in standard errors
 NORMAL_95 = 1.96
@@ -66,7 +66,7 @@ def standard_errors(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) ->
 
     .. math:: \mathrm{cov} = H^{-1} \left(\sum_w g_w g_w^T\right) H^{-1} \frac{W}{W - n}
 
-    with the Hessian :math:`H` and the gradients :math:`g_w` of the windows.
+    with the Hessian :math:`H` and the gradients :math:`g_w` of the :math:`W` pieces of the windows.
 
     Parameters
     ----------
@@ -95,11 +95,19 @@ def standard_errors(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) ->
     normal = project(fit.evaluation.gram, len(names), 1.0 / spread**2, fit.x0 - expected)
     pull = np.array([1.0 / freedom.spread**2 for freedom in fit.freedoms])
     inverse, flat = _invert(normal.hessian.sum(axis=0) + np.diag(pull))
-    scores = normal.gradient - normal.gradient.mean(axis=0)
-    windows = len(fit.x0)
-    factor = windows / max(windows - len(names), 1)
+    scores = _piece_scores(fit, normal)
+    factor = len(scores) / max(len(scores) - len(names), 1)
     variances = np.diag(inverse @ (scores.T @ scores) @ inverse) * factor
     return dict(zip(names, np.where(flat, np.inf, np.sqrt(variances)).tolist(), strict=True))
+
+
+def _piece_scores(fit: WindowFit, normal: Normal) -> np.ndarray:
+    """Give every piece's gradient with the initial state of its window projected out."""
+    n_p, gram = len(fit.freedoms), fit.evaluation.piece_gram
+    by_parameter, by_state = gram[:, :, :n_p, -1], gram[:, :, n_p:-1, -1]
+    scores = by_parameter - np.einsum("wxp,wjx->wjp", normal.to_state, by_state)
+    scores = scores.reshape(-1, n_p)
+    return scores - scores.mean(axis=0)
 
 
 def _invert(hessian: np.ndarray):

@@ -41,6 +41,8 @@ class Windows:
         Integration steps from sample to sample.
     threads : int
         Threads to simulate on.
+    pieces : int
+        Pieces of a window whose squares are summed apart, for statistics.
     """
 
     t: np.ndarray
@@ -53,6 +55,7 @@ class Windows:
     hold: str = "zoh"
     substeps: int = 1
     threads: int = 1
+    pieces: int = 1
 
     def __len__(self):
         return self.starts.size
@@ -77,6 +80,29 @@ class Windows:
         """
         return replace(self, starts=self.starts[which], lengths=self.lengths[which])
 
+    @property
+    def piece_edges(self) -> np.ndarray:
+        """First sample of every piece, and the end of the window, of shape (n_windows, n + 1)."""
+        shares = np.arange(self.pieces + 1)
+        return self.starts[:, None] + -(-self.lengths[:, None] * shares // self.pieces)
+
+    def sum_pieces(self, values: np.ndarray) -> np.ndarray:
+        """Sum a quantity of every sample over every piece of every window.
+
+        Parameters
+        ----------
+        values : ndarray of shape (n_samples, n)
+            The quantity; NaN counts as nothing.
+
+        Returns
+        -------
+        ndarray of shape (n_windows, n_pieces, n)
+            The sums.
+        """
+        start = np.zeros((1, values.shape[1]))
+        total = np.concatenate([start, np.cumsum(np.nan_to_num(values), axis=0)])
+        return np.diff(total[self.piece_edges], axis=1)
+
     def acting_inputs(self, model: PhysicsModel) -> np.ndarray:
         """Give the inputs with the model's delays applied, record by record."""
         if not model.delays:
@@ -94,20 +120,30 @@ class Evaluation:
 
     Parameters
     ----------
-    gram : ndarray of shape (n_windows, q + 1, q + 1)
-        Per window, the products of the columns ``[dy/dp, dy/dx0, residual]`` in units of the
+    piece_gram : ndarray of shape (n_windows, n_pieces, q + 1, q + 1)
+        Per piece, the products of the columns ``[dy/dp, dy/dx0, residual]`` in units of the
         noise; infinite where the window diverged.
     residual : ndarray of shape (n_samples, n_outputs)
         Measured minus simulated outputs, NaN outside the windows.
     """
 
-    gram: np.ndarray
+    piece_gram: np.ndarray
     residual: np.ndarray
+
+    @property
+    def gram(self) -> np.ndarray:
+        """The products summed over every window, of shape (n_windows, q + 1, q + 1)."""
+        return self.piece_gram.sum(axis=1)
 
     @property
     def squares(self) -> np.ndarray:
         """Sum of squared residuals of every window, in units of the noise."""
-        return self.gram[:, -1, -1]
+        return self.piece_squares.sum(axis=1)
+
+    @property
+    def piece_squares(self) -> np.ndarray:
+        """Sum of squared residuals of every piece, of shape (n_windows, n_pieces)."""
+        return self.piece_gram[:, :, -1, -1]
 
 
 def evaluate(model: PhysicsModel, windows: Windows, x0, wrt: tuple[str, ...]) -> Evaluation:
@@ -132,7 +168,7 @@ def evaluate(model: PhysicsModel, windows: Windows, x0, wrt: tuple[str, ...]) ->
     function, source = compile_model(model, tuple(wrt))
     u, p = windows.acting_inputs(model), parameter_values(model)
     q = len(wrt) + len(model.states)
-    gram = np.zeros((len(windows), q + 1, q + 1))
+    gram = np.zeros((len(windows), windows.pieces, q + 1, q + 1))
     residual = np.full(windows.y.shape, np.nan)
     dry = np.array(source.dry)
     x0 = np.ascontiguousarray(x0, dtype=float)
@@ -165,8 +201,17 @@ def evaluate(model: PhysicsModel, windows: Windows, x0, wrt: tuple[str, ...]) ->
         with ThreadPoolExecutor(windows.threads) as pool:
             list(pool.map(run, parts))
     lower = np.tril_indices(q + 1, -1)
-    gram[:, lower[0], lower[1]] = gram[:, lower[1], lower[0]]
-    return Evaluation(np.where(np.isfinite(gram), gram, np.inf), residual)
+    gram[..., lower[0], lower[1]] = gram[..., lower[1], lower[0]]
+    return Evaluation(_without_endless_slopes(gram), residual)
+
+
+def _without_endless_slopes(gram):
+    """Take the slopes of a window for zero where only they, not its outputs, are not finite."""
+    squares = gram[..., -1, -1].copy()
+    bad = ~np.isfinite(gram).all(axis=(1, 2, 3))
+    gram[bad] = 0.0
+    gram[bad, :, -1, -1] = np.where(np.isfinite(squares[bad]), squares[bad], np.inf)
+    return gram
 
 
 def _parts(count: int, threads: int) -> list[slice]:

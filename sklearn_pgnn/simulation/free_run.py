@@ -1,0 +1,82 @@
+"""Free run of whole records: from the first sample on, nothing measured is read again."""
+
+import warnings
+
+import numpy as np
+
+from sklearn_pgnn.exceptions import SimulationWarning
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.simulate import Simulation, simulate, start_of
+from sklearn_pgnn.trajectories.record import Record
+
+#: finest steps that are tried, and the change of an output, as a share of its range, that is small
+MAX_SUBSTEPS, SMALL = 32, 1e-3
+
+
+def simulate_record(model: PhysicsModel, record: Record, **options) -> Simulation:
+    """Simulate a record from its initial state; the result says whether it is whole.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    record : Record
+        Time, inputs and initial state.
+    **options
+        See `simulate`.
+
+    Returns
+    -------
+    Simulation
+        States and outputs; no warning is given.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.trajectories import read_records
+    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
+    >>> (record,) = read_records(lag, [[0.0, 1.0], [1.0, 1.0]])
+    >>> simulate_record(lag, record, substeps=4).y.round(4).ravel().tolist()
+    [0.0, 0.3935]
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SimulationWarning)
+        return simulate(model, record.t, record.u, start_of(model, record), **options)
+
+
+def enough_substeps(model: PhysicsModel, records, **options) -> int:
+    """Double the substeps until the outputs hardly change.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    records : sequence of Record
+        What is simulated.
+    **options
+        See `simulate`.
+
+    Returns
+    -------
+    int
+        Steps from sample to sample, at most `MAX_SUBSTEPS`.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.trajectories import read_records
+    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
+    >>> enough_substeps(lag, read_records(lag, [[0.0, 1.0], [4.0, 1.0], [8.0, 1.0]]))
+    4
+    """
+
+    def run(substeps):
+        runs = [simulate_record(model, record, substeps=substeps, **options) for record in records]
+        return np.concatenate([each.y for each in runs])
+
+    substeps, outputs = 1, run(1)
+    while substeps < MAX_SUBSTEPS:
+        finer = run(2 * substeps)
+        change = np.max(np.abs(finer - outputs), axis=0)
+        if np.all(change <= SMALL * np.ptp(finer, axis=0)):
+            return substeps
+        substeps, outputs = 2 * substeps, finer
+    return substeps
