@@ -2,7 +2,19 @@
 
 
 class ModelError(ValueError):
-    """A model, an equation or a model file does not say what it must."""
+    """A model, an equation or a model file does not say what it must.
+
+    Parameters
+    ----------
+    message : str
+        What was expected, what came, and where.
+    where : tuple of str, default=()
+        Which entry of the model is meant, e.g. ``("equations", "omega")``.
+    """
+
+    def __init__(self, message, where=()):
+        super().__init__(message)
+        self.where = tuple(where)
 
 
 class RecordError(ValueError):

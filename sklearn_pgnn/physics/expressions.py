@@ -6,8 +6,11 @@ refused with its line and column.
 """
 
 import ast
+import math
 import operator
+import unicodedata
 from collections.abc import Collection
+from functools import lru_cache
 
 import sympy
 from sympy.printing.str import StrPrinter
@@ -38,16 +41,13 @@ FUNCTIONS = {
 }
 _SEVERAL_ARGUMENTS = {"atan2": (2, 2), "max": (2, 20), "min": (2, 20)}
 CONSTANTS = {"pi": sympy.pi}
-_BINARY = {
-    ast.Add: operator.add,
-    ast.Sub: operator.sub,
-    ast.Mult: operator.mul,
-    ast.Div: operator.truediv,
-    ast.Pow: operator.pow,
-}
 _UNARY = {ast.UAdd: operator.pos, ast.USub: operator.neg}
+#: operators that follow each other in one sum or one product
+_CHAINS = {ast.Add: sympy.Add, ast.Sub: sympy.Add, ast.Mult: sympy.Mul, ast.Div: sympy.Mul}
 #: longest text and deepest nesting an equation may have
 MAX_LENGTH, MAX_DEPTH, MAX_EXPONENT = 10_000, 60, 100
+#: most bits a whole number may need after it is raised to a power
+MAX_BITS = 2048
 #: names that an equation may not give to a state, an input or a parameter
 RESERVED = frozenset(FUNCTIONS) | frozenset(CONSTANTS) | {"t"}
 TIME = sympy.Symbol("t", real=True)
@@ -86,32 +86,88 @@ def parse_expression(text: str | float, names: Collection[str], where: str = "ex
     >>> parse_expression("-k*x/m", ["k", "x", "m"])
     -k*x/m
     """
-    text = str(text)
+    text = str(text).strip()
     if len(text) > MAX_LENGTH:
         raise ModelError(f"{where}: expected at most {MAX_LENGTH} characters, got {len(text)}.")
     try:
-        tree = ast.parse(text.strip(), mode="eval")
+        tree = ast.parse(text, mode="eval")
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         column = getattr(error, "offset", None) or 1
         raise ModelError(
-            f"{where}: {text!r} is not an arithmetic expression (column {column})."
+            f"{where}: {_short(text)} is not an arithmetic expression (column {column})."
         ) from None
-    expression = _Translator(frozenset(names), where).translate(tree.body, 0)
-    if expression.has(sympy.zoo, sympy.nan, sympy.oo, -sympy.oo, sympy.I):
-        raise ModelError(f"{where}: {text!r} has no finite real value ({expression}).")
-    return expression
+    try:
+        return _Translator(text, names, where).expression(tree.body)
+    except RecursionError:
+        raise ModelError(f"{where}: {_short(text)} is nested too deeply.") from None
+
+
+@lru_cache(maxsize=2048)
+def standard_form(expression: sympy.Expr, names: tuple[str, ...], where: str = "expression"):
+    """Give an expression the form it has when it is read from its own text.
+
+    Parameters
+    ----------
+    expression : sympy.Expr
+        The expression.
+    names : tuple of str
+        The states, inputs and parameters that may appear.
+    where : str
+        What is read, for the error's text.
+
+    Returns
+    -------
+    sympy.Expr
+        The same value; two expressions with the same text are equal.
+
+    Raises
+    ------
+    ModelError
+        If it holds a name or a function that an equation may not.
+
+    Examples
+    --------
+    >>> x = sympy.Symbol("x")
+    >>> standard_form(x + 1, ("x",)) == symbol("x") + 1
+    True
+    """
+    return parse_expression(to_text(expression), names, where)
+
+
+def same_name(name: str) -> str:
+    """Give the form of a name that Python's parser gives it: the two signs for mu are one."""
+    return unicodedata.normalize("NFKC", name)
+
+
+def _short(text: str) -> str:
+    """Quote a text, cut where it is long."""
+    return repr(text if len(text) <= 60 else f"{text[:57]}...")
 
 
 class _Translator:
     """Walk the syntax tree and build the expression node by node."""
 
-    def __init__(self, names: frozenset[str], where: str):
-        self.names = names
+    def __init__(self, text: str, names: Collection[str], where: str):
+        self.text = text
+        self.names = {same_name(name): name for name in names}
         self.where = where
 
+    def expression(self, node: ast.AST):
+        """Translate a whole equation."""
+        expression = self.translate(node, 0)
+        if expression.has(sympy.zoo, sympy.nan, sympy.oo, -sympy.oo, sympy.I):
+            self.refuse(node, f"{self.quote(node)} has no finite real value")
+        for power in expression.atoms(sympy.Pow):
+            self.check_exponent(node, power.exp)
+        return expression
+
     def refuse(self, node: ast.AST, why: str):
-        column = getattr(node, "col_offset", 0) + 1
+        line = self.text.encode().splitlines()[node.lineno - 1]
+        column = len(line[: node.col_offset].decode()) + 1
         raise ModelError(f"{self.where}: {why} (column {column}).")
+
+    def quote(self, node: ast.AST) -> str:
+        return _short(ast.get_source_segment(self.text, node))
 
     def translate(self, node: ast.AST, depth: int):
         if depth > MAX_DEPTH:
@@ -126,21 +182,72 @@ class _Translator:
         if translate is None:
             self.refuse(
                 node,
-                f"{ast.unparse(node)!r} is not allowed; use numbers, names, + - * / ** and "
+                f"{self.quote(node)} is not allowed; use numbers, names, + - * / ** and "
                 f"{', '.join(sorted(FUNCTIONS))}",
             )
-        return translate(node, depth + 1)
+        value = translate(node, depth + 1)
+        self.check_number(node, value)
+        return value
+
+    def check_number(self, node, value):
+        """Refuse numbers a float cannot hold; checked at every node, they never grow large."""
+        number = value if value.is_number else value.as_coeff_Mul()[0]
+        try:
+            size = abs(float(number))
+        except (TypeError, OverflowError):
+            size = math.nan
+        if not math.isfinite(size) or (size == 0 and not number.is_zero):
+            self.refuse(node, f"{self.quote(node)} has no finite real value")
+
+    def check_exponent(self, node, exponent):
+        if exponent.is_number and abs(float(exponent)) > MAX_EXPONENT:
+            self.refuse(node, f"expected an exponent of at most {MAX_EXPONENT}, got {exponent}")
 
     def binary(self, node, depth):
-        operation = _BINARY.get(type(node.op))
-        if operation is None:
+        if type(node.op) in _CHAINS:
+            return self.chain(node, depth)
+        if not isinstance(node.op, ast.Pow):
             self.refuse(node, f"operator {type(node.op).__name__} is not allowed; use + - * / **")
-        left, right = self.translate(node.left, depth), self.translate(node.right, depth)
-        if operation is operator.pow and right.is_number and abs(right) > MAX_EXPONENT:
-            self.refuse(node, f"expected an exponent of at most {MAX_EXPONENT}, got {right}")
-        if operation is operator.truediv and right.is_zero:
-            self.refuse(node, "division by zero")
-        return operation(left, right)
+        base, exponent = self.translate(node.left, depth), self.translate(node.right, depth)
+        self.check_power(node, base, exponent)
+        return base**exponent
+
+    def chain(self, node, depth):
+        """Translate a chain such as a + b - c at once: a long sum is not deep.
+
+        A product of many is also left as it is written, where SymPy would multiply 2*(a + b) out.
+        """
+        together = _CHAINS[type(node.op)]
+        links = [node]
+        while _CHAINS.get(type(getattr(links[-1].left, "op", None))) is together:
+            links.append(links[-1].left)
+        first, operands = links[-1].left, []
+        while together is sympy.Mul and isinstance(getattr(first, "op", None), ast.USub):
+            first = first.operand
+            operands.append(sympy.Integer(-1))
+        operands.append(self.translate(first, depth))
+        operands += [self.operand(link, depth) for link in reversed(links)]
+        return together(*operands)
+
+    def operand(self, link, depth):
+        """Give what a link adds to a sum or multiplies into a product."""
+        value = self.translate(link.right, depth)
+        if isinstance(link.op, ast.Sub):
+            return -value
+        if not isinstance(link.op, ast.Div):
+            return value
+        if value.is_zero:
+            self.refuse(link, "division by zero")
+        return 1 / value
+
+    def check_power(self, node, base, exponent):
+        """Refuse a power before it is taken: SymPy raises whole numbers digit by digit."""
+        self.check_exponent(node, exponent)
+        number = base.as_coeff_Mul()[0]
+        if number.is_Rational and exponent.is_number:
+            bits = max(int(number.p).bit_length(), int(number.q).bit_length())
+            if bits * abs(float(exponent)) > MAX_BITS:
+                self.refuse(node, f"{self.quote(node)} has no finite real value")
 
     def unary(self, node, depth):
         operation = _UNARY.get(type(node.op))
@@ -153,7 +260,7 @@ class _Translator:
         if name not in FUNCTIONS or node.keywords:
             self.refuse(
                 node,
-                f"{ast.unparse(node.func)!r} is not one of the functions "
+                f"{self.quote(node.func)} is not one of the functions "
                 f"{', '.join(sorted(FUNCTIONS))}",
             )
         low, high = _SEVERAL_ARGUMENTS.get(name, (1, 1))
@@ -167,16 +274,16 @@ class _Translator:
         if node.id == "t":
             return TIME
         if node.id not in self.names:
-            known = ", ".join(sorted(self.names)) or "none"
+            known = ", ".join(sorted(self.names.values())) or "none"
             self.refuse(node, f"unknown name {node.id!r}; known names are {known}")
-        return symbol(node.id)
+        return symbol(self.names[node.id])
 
     def number(self, node, depth):
         if isinstance(node.value, bool) or not isinstance(node.value, int | float):
-            self.refuse(node, f"{node.value!r} is not a number")
-        if isinstance(node.value, int) and abs(node.value) < 2**53:
+            self.refuse(node, f"{self.quote(node)} is not a number")
+        if isinstance(node.value, int):
             return sympy.Integer(node.value)
-        return sympy.Float(float(node.value))
+        return sympy.Float(node.value)
 
 
 class _TextPrinter(StrPrinter):
@@ -199,6 +306,9 @@ class _TextPrinter(StrPrinter):
 
     def _print_ExpBase(self, expr):
         return f"exp({self._print(expr.exp)})"
+
+    def _print_Exp1(self, expr):
+        return "exp(1)"
 
 
 def to_text(expression) -> str:

@@ -5,6 +5,7 @@ the outputs and ``p`` the parameters; the last axis of an array is the quantity,
 are samples.
 """
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from types import MappingProxyType
@@ -12,15 +13,54 @@ from types import MappingProxyType
 import sympy
 
 from sklearn_pgnn.exceptions import ModelError
-from sklearn_pgnn.physics.expressions import parse_expression, symbol, to_text
+from sklearn_pgnn.physics.expressions import (
+    parse_expression,
+    same_name,
+    standard_form,
+    symbol,
+    to_text,
+)
 from sklearn_pgnn.physics.parameter import Parameter, check_name
 from sklearn_pgnn.readings import reading
 
 ENERGY_PARTS = ("stored", "supplied", "dissipated")
 
 
+def _as_expression(item, names, where) -> sympy.Expr:
+    read = standard_form if isinstance(item, sympy.Expr) else parse_expression
+    try:
+        return read(item, names, ".".join(where))
+    except ModelError as error:
+        raise ModelError(str(error), where) from None
+
+
+def _as_mapping(part, items) -> dict:
+    if not isinstance(items, Mapping):
+        raise ModelError(f"{part}: expected names and values, got {items!r}.", (part,))
+    return dict(items)
+
+
+def _as_units(part, items) -> dict[str, str]:
+    return {name: str(unit or "") for name, unit in _as_mapping(part, items).items()}
+
+
+def _as_state(name, value) -> float:
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        number = math.nan
+    if not math.isfinite(number):
+        raise ModelError(
+            f"initial_state.{name}: expected a finite number, got {value!r}.",
+            ("initial_state", name),
+        )
+    return number
+
+
 def _as_parameter(name, value) -> Parameter:
     if isinstance(value, Parameter):
+        if value.name != name:
+            raise ModelError(f"parameter {value.name!r} is listed under another name, {name!r}.")
         return value
     if isinstance(value, Mapping):
         known = {f.name for f in fields(Parameter)} - {"name"}
@@ -28,7 +68,8 @@ def _as_parameter(name, value) -> Parameter:
         if unknown or "value" not in value:
             raise ModelError(
                 f"parameter {name!r}: expected 'value' and optionally {sorted(known - {'value'})}, "
-                f"got {sorted(value)}."
+                f"got {sorted(value)}.",
+                ("parameters", name),
             )
         return Parameter(name, **value)
     return Parameter(name, value)
@@ -38,8 +79,12 @@ def _as_parameters(parameters) -> dict[str, Parameter]:
     if isinstance(parameters, Mapping):
         found = {name: _as_parameter(name, value) for name, value in parameters.items()}
     else:
+        parameters = tuple(parameters)
+        strange = [p for p in parameters if not isinstance(p, Parameter)]
+        if strange:
+            raise ModelError(f"parameters: expected Parameter objects, got {strange[0]!r}.")
         found = {parameter.name: parameter for parameter in parameters}
-        if len(found) < len(tuple(parameters)):
+        if len(found) < len(parameters):
             raise ModelError("expected every parameter once, got the same name twice.")
     return found
 
@@ -59,7 +104,7 @@ class PhysicsModel:
         State names and their units, in order.
     equations : mapping of str to str or sympy.Expr
         Right-hand side of every state, over states, inputs, parameters and the time ``t``.
-    parameters : mapping of str to Parameter, dict or float, or iterable of Parameter
+    parameters : mapping of str to Parameter, dict or float, or iterable of Parameter, default={}
         The constants.
     inputs : mapping of str to str, default={}
         Input names and their units.
@@ -77,7 +122,7 @@ class PhysicsModel:
     initial_state : mapping of str to float, default: zeros
         State at the start of a trajectory that does not tell its own.
     columns : mapping of str to str, default={}
-        What a table calls a quantity, where that is not its name.
+        What a table calls a quantity (also ``t`` and ``trajectory``), where that is not its name.
 
     Raises
     ------
@@ -96,7 +141,7 @@ class PhysicsModel:
 
     states: Mapping[str, str]
     equations: Mapping[str, sympy.Expr]
-    parameters: Mapping[str, Parameter]
+    parameters: Mapping[str, Parameter] = field(default_factory=dict)
     inputs: Mapping[str, str] = field(default_factory=dict)
     outputs: Mapping[str, sympy.Expr] | None = None
     name: str = "model"
@@ -107,31 +152,32 @@ class PhysicsModel:
     columns: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self):
-        states = {name: str(unit or "") for name, unit in dict(self.states).items()}
-        inputs = {name: str(unit or "") for name, unit in dict(self.inputs or {}).items()}
+        states = _as_units("states", self.states)
+        inputs = _as_units("inputs", self.inputs or {})
         parameters = _as_parameters(self.parameters or {})
         if not states:
-            raise ModelError("expected at least one state, got none.")
+            raise ModelError("expected at least one state, got none.", ("states",))
         self._check_names(states, inputs, parameters)
         self._check_keys("equations", self.equations, states, complete=True)
         self._check_keys("inertia", self.inertia, states)
         self._check_keys("energy", self.energy, ENERGY_PARTS)
         self._check_keys("delays", self.delays, inputs)
         self._check_keys("initial_state", self.initial_state, states)
-        outputs = dict(self.outputs) if self.outputs else {name: name for name in states}
+        outputs = _as_mapping("outputs", self.outputs or {name: name for name in states})
         for output in outputs:
             check_name(output, "output")
-        names = [*states, *inputs, *parameters]
+        names = (*states, *inputs, *parameters)
         for delayed, delay in dict(self.delays or {}).items():
             if delay not in parameters:
-                raise ModelError(f"delays: {delayed!r} expects a parameter, got {delay!r}.")
+                raise ModelError(
+                    f"delays: {delayed!r} expects a parameter, got {delay!r}.", ("delays", delayed)
+                )
+        self._check_columns(states, inputs, outputs)
 
         def expressions(part, items):
             return MappingProxyType(
                 {
-                    key: item
-                    if isinstance(item, sympy.Expr)
-                    else parse_expression(item, names, f"{part}.{key}")
+                    key: _as_expression(item, names, (part, key))
                     for key, item in dict(items or {}).items()
                 }
             )
@@ -147,7 +193,7 @@ class PhysicsModel:
             "energy": expressions("energy", self.energy),
             "delays": MappingProxyType(dict(self.delays or {})),
             "initial_state": MappingProxyType(
-                {s: float(dict(self.initial_state or {}).get(s, 0.0)) for s in states}
+                {s: _as_state(s, dict(self.initial_state or {}).get(s, 0.0)) for s in states}
             ),
             "columns": MappingProxyType(dict(self.columns or {})),
         }
@@ -160,24 +206,43 @@ class PhysicsModel:
         for what, names in (("state", states), ("input", inputs), ("parameter", parameters)):
             for name in names:
                 check_name(name, what)
-                if name in seen:
-                    raise ModelError(f"{what} {name!r}: the name is taken by a {seen[name]}.")
-                seen[name] = what
+                taken = seen.get(same_name(name))
+                if taken:
+                    raise ModelError(
+                        f"{what} {name!r}: the name is taken by a {taken}.", (f"{what}s", name)
+                    )
+                seen[same_name(name)] = what
+
+    def _check_columns(self, states, inputs, outputs):
+        own = ("t", "trajectory", *inputs, *states)
+        self._check_keys("columns", self.columns, (*own, *outputs))
+        for name, column in dict(self.columns or {}).items():
+            if not isinstance(column, str) or not column:
+                raise ModelError(
+                    f"columns.{name}: expected a column's name, got {column!r}.", ("columns", name)
+                )
+            if name in own and column in own and column != name:
+                raise ModelError(
+                    f"columns.{name}: the column {column!r} has the name of another quantity; "
+                    "rename one of them.",
+                    ("columns", name),
+                )
 
     @staticmethod
     def _check_keys(part, items, known: Iterable[str], complete: bool = False):
         items = items or {}
         known = list(known)
-        if not isinstance(items, Mapping):
-            raise ModelError(f"{part}: expected names and values, got {items!r}.")
+        _as_mapping(part, items)
         unknown = [key for key in items if key not in known]
         missing = [key for key in known if key not in items] if complete else []
         if unknown:
+            expected = ", ".join(known) or "none"
             raise ModelError(
-                f"{part}: unknown name {unknown[0]!r}; expected one of {', '.join(known) or 'none'}."
+                f"{part}: unknown name {unknown[0]!r}; expected one of {expected}.",
+                (part, unknown[0]),
             )
         if missing:
-            raise ModelError(f"{part}: the equation of state {missing[0]!r} is missing.")
+            raise ModelError(f"{part}: the equation of state {missing[0]!r} is missing.", (part,))
 
     # -- names ---------------------------------------------------------------------------------
 
@@ -324,7 +389,21 @@ class PhysicsModel:
         -------
         PhysicsModel
             The model.
+
+        Raises
+        ------
+        ModelError
+            If a key is unknown or missing, or the model says something it cannot.
         """
+        known = [f.name for f in fields(cls)]
+        unknown = [key for key in data if key not in known]
+        missing = [key for key in ("states", "equations") if key not in data]
+        if unknown:
+            raise ModelError(
+                f"unknown key {unknown[0]!r}; expected one of {', '.join(known)}.", (unknown[0],)
+            )
+        if missing:
+            raise ModelError(f"expected the key {missing[0]!r}, got {', '.join(data) or 'none'}.")
         return cls(**data)
 
     @classmethod
@@ -363,7 +442,7 @@ class PhysicsModel:
         """
         return reading("write_model")(self, path)
 
-    # -- readings ------------------------------------------------------------------------------------
+    # -- readings --------------------------------------------------------------------------------
 
     def simulate(self, t, u=None, x0=None, **options):
         """Simulate the model on the record's own clock.
@@ -386,7 +465,7 @@ class PhysicsModel:
         """
         return reading("simulate")(self, t, u, x0, **options)
 
-    # -- a value -------------------------------------------------------------------------------------
+    # -- a value ---------------------------------------------------------------------------------
 
     def __getstate__(self):
         return self.to_dict()
@@ -397,10 +476,14 @@ class PhysicsModel:
     def __eq__(self, other):
         if not isinstance(other, PhysicsModel):
             return NotImplemented
-        return self.to_dict() == other.to_dict()
+        return self._content() == other._content()
 
     def __hash__(self):
-        return hash(self.to_text())
+        return hash(self._content())
+
+    def _content(self) -> str:
+        """Give everything the model says, in its order: arrays follow it."""
+        return repr(self.to_dict())
 
     def __repr__(self):
         return f"<PhysicsModel {self.name!r}: {', '.join(self.states)}>"

@@ -13,10 +13,13 @@ DEFAULT_SPREAD = 0.1
 
 def check_name(name: str, what: str) -> None:
     """Raise `ModelError` unless `name` can name a quantity in an equation."""
+    where = (f"{what}s", name)
     if not isinstance(name, str) or not name.isidentifier() or keyword.iskeyword(name):
-        raise ModelError(f"{what} {name!r} is not a name; use letters, digits and underscores.")
+        raise ModelError(
+            f"{what} {name!r} is not a name; use letters, digits and underscores.", where
+        )
     if name in RESERVED or name.startswith("_"):
-        raise ModelError(f"{what} {name!r} is reserved; choose another name.")
+        raise ModelError(f"{what} {name!r} is reserved; choose another name.", where)
 
 
 @dataclass(frozen=True)
@@ -64,23 +67,27 @@ class Parameter:
             low, high = map(float, self.bounds)
             value, spread = float(self.value), float(self.spread)
         except (TypeError, ValueError):
-            raise ModelError(
-                f"parameter {self.name!r}: expected numbers for value, spread and bounds "
-                f"[low, high], got {self.value!r}, {self.spread!r} and {self.bounds!r}."
-            ) from None
+            self._refuse(
+                "expected numbers for value, spread and bounds [low, high], "
+                f"got {self.value!r}, {self.spread!r} and {self.bounds!r}"
+            )
         if not math.isfinite(value):
-            raise ModelError(f"parameter {self.name!r}: expected a finite value, got {value}.")
+            self._refuse(f"expected a finite value, got {value}")
         if not low <= value <= high:
-            raise ModelError(
-                f"parameter {self.name!r}: expected a value within its bounds "
-                f"[{low:g}, {high:g}], got {value:g}."
+            self._refuse(
+                f"expected a value within its bounds [{low:.9g}, {high:.9g}], got {value:.9g}"
             )
         if not spread > 0:
-            raise ModelError(f"parameter {self.name!r}: expected a spread > 0, got {spread:g}.")
+            self._refuse(f"expected a spread > 0, got {spread:g}")
+        if not isinstance(self.fixed, bool):
+            self._refuse(f"expected true or false for fixed, got {self.fixed!r}")
+        object.__setattr__(self, "unit", str(self.unit or ""))
         object.__setattr__(self, "value", value)
         object.__setattr__(self, "spread", spread)
         object.__setattr__(self, "bounds", (low, high))
-        object.__setattr__(self, "fixed", bool(self.fixed))
+
+    def _refuse(self, why: str):
+        raise ModelError(f"parameter {self.name!r}: {why}.", ("parameters", self.name)) from None
 
     def with_value(self, value: float) -> "Parameter":
         """Give the same parameter with another value.
