@@ -1,0 +1,324 @@
+"""The picture of a diagnosis: measured, prior and extended model, and the evidence."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from sklearn.utils.validation import check_is_fitted
+
+from sklearn_pgnn.inspection.balance import free_runs
+from sklearn_pgnn.inspection.evidence import Evidence, find_evidence
+from sklearn_pgnn.inspection.style import COLOURS, LABELS, label, new_figure, plain, tidy, to_png
+from sklearn_pgnn.inspection.words import cause_name
+from sklearn_pgnn.simulation.simulate import simulate_records
+from sklearn_pgnn.trajectories import read_records
+
+#: points drawn of a cloud, and bins of its median
+CLOUD, BINS = 4000, 45
+MODELS = ("prior", "extended")
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A record and what the models make of it.
+
+    Parameters
+    ----------
+    title : str
+        Which record, and how it was simulated.
+    t : ndarray of shape (n_samples,)
+        Time [s].
+    outputs : dict of str to str
+        Output names and units.
+    measured : ndarray of shape (n_samples, n_outputs) or None
+        What was measured.
+    simulated : dict of str to ndarray of shape (n_samples, n_outputs)
+        What each model gives.
+    """
+
+    title: str
+    t: np.ndarray
+    outputs: dict[str, str]
+    measured: np.ndarray | None
+    simulated: dict[str, np.ndarray]
+
+
+class DiagnosisDisplay:
+    """Picture of a diagnosis: measured against prior against extended model, and the evidence.
+
+    Use `from_estimator` to make one.
+
+    Parameters
+    ----------
+    comparison : Comparison
+        A record and what the models make of it.
+    evidence : sequence of Evidence, default=()
+        The evidence for every named cause.
+
+    Attributes
+    ----------
+    figure_ : matplotlib.figure.Figure
+        The figure, once drawn.
+    axes_ : ndarray of matplotlib.axes.Axes
+        For every output its curves and its errors, then the evidence.
+    """
+
+    def __init__(self, comparison: Comparison, evidence=()):
+        self.comparison = comparison
+        self.evidence = tuple(evidence)
+
+    @classmethod
+    def from_estimator(
+        cls, diagnosis, X=None, y=None, *, kind="free_run", record=None, figure=None
+    ):
+        """Draw a fitted diagnosis.
+
+        Parameters
+        ----------
+        diagnosis : ModelDiagnosis
+            The fitted diagnosis.
+        X, y : DataFrame or array, optional
+            Records to simulate; by default those it was fitted on.
+        kind : {"free_run", "windows"}, default="free_run"
+            Whether a model runs through the record from its first state only, or restarts from
+            the record on every window of the diagnosis.
+        record : int, optional
+            Number of the record; by default one with a typical error.
+        figure : matplotlib.figure.Figure, optional
+            Where to draw; by default a new figure that no window shows.
+
+        Returns
+        -------
+        DiagnosisDisplay
+            The picture, drawn.
+        """
+        check_is_fitted(diagnosis)
+        evidence = [find_evidence(diagnosis, cause) for cause in diagnosis.causes_]
+        return cls(compare(diagnosis, X, y, kind=kind, record=record), evidence).plot(figure=figure)
+
+    def plot(self, *, figure=None):
+        """Draw the picture.
+
+        Parameters
+        ----------
+        figure : matplotlib.figure.Figure, optional
+            Where to draw; by default a new figure that no window shows.
+
+        Returns
+        -------
+        DiagnosisDisplay
+            This display, with `figure_` and `axes_`.
+        """
+        n_outputs, shown = len(self.comparison.outputs), len(self.evidence)
+        rows = 2 * n_outputs + shown
+        self.figure_ = new_figure(8.0, 3.6 * n_outputs + 3.2 * shown) if figure is None else figure
+        heights = [2.2, 1.3] * n_outputs + [3.2] * shown
+        self.axes_ = self.figure_.subplots(rows, height_ratios=heights, squeeze=False)[:, 0]
+        draw_comparison(self.axes_[: 2 * n_outputs], self.comparison)
+        for axes, evidence in zip(self.axes_[2 * n_outputs :], self.evidence, strict=True):
+            draw_evidence(axes, evidence)
+        return self
+
+    def _repr_png_(self):
+        """Show the picture in a notebook."""
+        return to_png(self.figure_)
+
+
+def plot_diagnosis(diagnosis) -> DiagnosisDisplay:
+    """Draw a fitted diagnosis on the records it was fitted on.
+
+    Parameters
+    ----------
+    diagnosis : ModelDiagnosis
+        The fitted diagnosis.
+
+    Returns
+    -------
+    DiagnosisDisplay
+        The picture, drawn.
+    """
+    return DiagnosisDisplay.from_estimator(diagnosis)
+
+
+# -- what is compared ------------------------------------------------------------------------------
+
+
+def compare(diagnosis, X=None, y=None, *, kind="free_run", record=None) -> Comparison:
+    """Give one record and what the prior and the extended model make of it.
+
+    Parameters
+    ----------
+    diagnosis : ModelDiagnosis
+        The fitted diagnosis.
+    X, y : DataFrame or array, optional
+        Records to simulate; by default those it was fitted on.
+    kind : {"free_run", "windows"}, default="free_run"
+        How they are simulated.
+    record : int, optional
+        Number of the record; by default one with a typical error.
+
+    Returns
+    -------
+    Comparison
+        What to draw.
+
+    Raises
+    ------
+    ValueError
+        If the kind or the record is unknown, or windows are asked of new records.
+    """
+    if kind not in ("free_run", "windows"):
+        raise ValueError(f"kind: expected 'free_run' or 'windows', got {kind!r}.")
+    if X is not None and kind == "windows":
+        raise ValueError("kind: 'windows' shows the records of the fit; leave X out.")
+    return _of_fit(diagnosis, kind, record) if X is None else _of_new(diagnosis, X, y, record)
+
+
+def _of_fit(diagnosis, kind, record) -> Comparison:
+    records = diagnosis.records_
+    windows = records.windows
+    record = _typical(records) if record is None else _checked(record, len(records.names))
+    rows = slice(windows.bounds[record], windows.bounds[record + 1])
+    if kind == "windows":
+        simulated = {which: (windows.y - records.fits[which].residual)[rows] for which in MODELS}
+    else:
+        simulated = {which: free_runs(records, which)[record][2] for which in MODELS}
+    how = (
+        f"restarted from the record every {diagnosis.window_:.3g} s"
+        if kind == "windows"
+        else "free run"
+    )
+    title = f"record {records.names[record]!r} ({record + 1} of {len(records.names)}), {how}"
+    return Comparison(title, windows.t[rows], _outputs(diagnosis), windows.y[rows], simulated)
+
+
+def _of_new(diagnosis, X, y, record) -> Comparison:
+    records = read_records(diagnosis.model, X, y, time=diagnosis.time)
+    chosen = records[_checked(record or 0, len(records))]
+    models = {"prior": diagnosis.model, "extended": diagnosis.extended_model_}
+    simulated = {
+        which: simulate_records(model, (chosen,), hold=diagnosis.hold)
+        for which, model in models.items()
+    }
+    title = f"record {chosen.name!r}, free run"
+    return Comparison(title, chosen.t, _outputs(diagnosis), chosen.y, simulated)
+
+
+def _typical(records) -> int:
+    """Give the record whose error under the prior is the median one."""
+    bounds, squares = records.windows.bounds, (records.fits["prior"].residual) ** 2
+    scaled = squares / records.windows.scale**2
+    errors = [np.nanmean(scaled[a:b]) for a, b in zip(bounds[:-1], bounds[1:], strict=True)]
+    return int(np.argsort(errors)[len(errors) // 2])
+
+
+def _checked(record: int, count: int) -> int:
+    if not 0 <= record < count:
+        raise ValueError(f"record: expected a number from 0 to {count - 1}, got {record!r}.")
+    return int(record)
+
+
+def _outputs(diagnosis) -> dict[str, str]:
+    return {name: diagnosis.model.unit(name) for name in diagnosis.model.outputs}
+
+
+# -- drawing ---------------------------------------------------------------------------------------
+
+
+def draw_comparison(axes, comparison: Comparison) -> None:
+    """Draw every output's curves, and its errors below them."""
+    for i, (name, unit) in enumerate(comparison.outputs.items()):
+        curves, errors = axes[2 * i], axes[2 * i + 1]
+        _draw_curves(curves, comparison, i, label(name, unit))
+        _draw_errors(errors, comparison, i, label("error", unit))
+        errors.sharex(curves)
+        curves.tick_params(labelbottom=False)
+    axes[0].set_title(plain(comparison.title), fontsize=9, loc="left")
+    axes[0].legend(*_legend(axes[0]), fontsize=8, ncols=3, loc="upper right", framealpha=0.9)
+    axes[-1].set_xlabel("t [s]")
+
+
+def _legend(axes):
+    handles, labels = axes.get_legend_handles_labels()
+    return handles, labels
+
+
+def _draw_curves(axes, comparison, i, title):
+    if comparison.measured is not None:
+        _curve(axes, comparison.t, comparison.measured[:, i], "measured", 1.8)
+    for which in MODELS:
+        _curve(axes, comparison.t, comparison.simulated[which][:, i], which, 1.1)
+    axes.set_ylabel(title)
+    tidy(axes)
+    low, high = axes.get_ylim()
+    axes.set_ylim(low, high + 0.18 * (high - low))
+
+
+def _draw_errors(axes, comparison, i, title):
+    if comparison.measured is not None:
+        for which in MODELS:
+            error = comparison.measured[:, i] - comparison.simulated[which][:, i]
+            _curve(axes, comparison.t, error, which, 0.9)
+    axes.set_ylabel(title)
+    tidy(axes)
+
+
+def _curve(axes, x, y, which, width):
+    axes.plot(x, y, color=COLOURS[which], linewidth=width, label=LABELS[which])
+
+
+def draw_evidence(axes, evidence: Evidence) -> None:
+    """Draw the evidence for a cause: points of the records, their median, the cause's law."""
+    if evidence.points is not None:
+        draw_points(axes, *evidence.points)
+    for line in evidence.lines:
+        colour = COLOURS[line.whose]
+        axes.plot(line.x, line.y, color=colour, linewidth=1.8, label=plain(line.label))
+    if evidence.points is not None:
+        axes.set_ylim(*_limits(evidence))
+    axes.set_xlabel(plain(evidence.x_label))
+    axes.set_ylabel(plain(evidence.y_label))
+    axes.set_title(plain(evidence.title), fontsize=9, loc="left")
+    axes.legend(fontsize=8)
+    tidy(axes)
+
+
+def draw_points(axes, x, y) -> None:
+    """Draw a cloud thinly, and its medians over bins."""
+    good = np.isfinite(x) & np.isfinite(y)
+    x, y = x[good], y[good]
+    few = slice(None, None, max(1, x.size // CLOUD))
+    axes.plot(
+        x[few], y[few], ".", color=COLOURS["refitted"], markersize=2, alpha=0.35, label="records"
+    )
+    if np.all(np.diff(x) > 0):
+        return
+    centres, medians = binned_median(x, y)
+    axes.plot(centres, medians, "o", color=COLOURS["measured"], markersize=3, label="their median")
+
+
+def binned_median(x, y, bins: int = BINS):
+    """Give the median of `y` over equal bins of `x` that hold enough points.
+
+    Examples
+    --------
+    >>> x = np.linspace(0, 1, 1001)
+    >>> centres, medians = binned_median(x, 3 * x, bins=10)
+    >>> bool(np.allclose(medians, 3 * centres, atol=0.01))
+    True
+    """
+    edges = np.linspace(x.min(), x.max(), bins + 1)
+    which = np.clip(np.digitize(x, edges) - 1, 0, bins - 1)
+    enough = max(5, 0.002 * x.size)
+    full = [b for b in range(bins) if np.count_nonzero(which == b) >= enough]
+    centres = np.array([np.median(x[which == b]) for b in full])
+    return centres, np.array([np.median(y[which == b]) for b in full])
+
+
+def _limits(evidence: Evidence):
+    """Leave the farthest points out of sight, never a line."""
+    y = evidence.points[1]
+    parts = [np.nanpercentile(y, [1.0, 99.0]), *(line.y for line in evidence.lines)]
+    everything = np.concatenate(parts)
+    low, high = np.nanmin(everything), np.nanmax(everything)
+    reach = 0.12 * (high - low) or 1.0
+    return low - reach, high + reach

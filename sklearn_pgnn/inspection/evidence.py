@@ -1,0 +1,415 @@
+"""The evidence for a cause, on the user's own records: what is missing without it, and its law.
+
+Each function reads a `Case` and gives the evidence, or None where the records do not show it that
+way; `find_evidence` takes the first that does.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from sklearn_pgnn.diagnosis.records import DiagnosisRecords
+from sklearn_pgnn.inspection.balance import Samples, shown_states
+from sklearn_pgnn.inspection.style import label
+from sklearn_pgnn.inspection.words import cause_name
+from sklearn_pgnn.physics.effects import CATALOGUE
+from sklearn_pgnn.physics.effects.rates import force_unit
+from sklearn_pgnn.physics.expressions import symbol
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.windows import evaluate
+
+GRID = 801
+
+
+@dataclass(frozen=True)
+class Line:
+    """A curve of the evidence: its points, and whose it is."""
+
+    x: np.ndarray
+    y: np.ndarray
+    whose: str
+    label: str
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What the records show of a cause.
+
+    Parameters
+    ----------
+    title, x_label, y_label : str
+        What is drawn.
+    points : tuple of ndarray or None
+        Abscissa and ordinate of the records' points.
+    lines : tuple of Line
+        What the models say.
+    note : str
+        One sentence: what to look at.
+    """
+
+    title: str
+    x_label: str
+    y_label: str
+    points: tuple[np.ndarray, np.ndarray] | None
+    lines: tuple[Line, ...]
+    note: str
+
+
+@dataclass(frozen=True)
+class Case:
+    """A cause, the extended model with it and without it, and the records.
+
+    Parameters
+    ----------
+    records : DiagnosisRecords
+        The records.
+    full, without : PhysicsModel
+        The extended model with all causes, and with all but this one, at the same values.
+    effect, target : str
+        The cause.
+    fields : dict of str to str
+        The model's name of every parameter of the effect.
+    """
+
+    records: DiagnosisRecords
+    full: PhysicsModel
+    without: PhysicsModel
+    effect: str
+    target: str
+    fields: dict[str, str]
+
+    @property
+    def name(self) -> str:
+        """The cause in words."""
+        return cause_name(self.effect, self.target, self.full)
+
+    @cached_property
+    def samples(self) -> Samples:
+        """The records with the parameters of both models."""
+        return self._samples(self.without)
+
+    def _samples(self, model) -> Samples:
+        found = Samples.of(self.records, model, self.full)
+        values = {name: p.value for name, p in self.full.parameters.items()}
+        return Samples(self.records, model, {**values, **found.table})
+
+    @property
+    def seen(self) -> frozenset[str]:
+        """The states that the records show."""
+        return shown_states(self.records.fits["prior"].model)
+
+    def missing_rate(self, state: str) -> np.ndarray:
+        """Give the measured rate of a state minus the one without the cause."""
+        samples = self.samples
+        return samples.rate(state) - samples.mean(samples.value(self.without.equations[state]))
+
+
+def find_evidence(diagnosis, cause) -> Evidence:
+    """Give the evidence for a named cause.
+
+    Parameters
+    ----------
+    diagnosis : ModelDiagnosis
+        A fitted diagnosis.
+    cause : NamedCause
+        One of its causes.
+
+    Returns
+    -------
+    Evidence
+        Points of the records and the law of the cause.
+    """
+    case = make_case(diagnosis, cause)
+    found = (way(case) for way in WAYS)
+    return next(evidence for evidence in found if evidence is not None)
+
+
+def make_case(diagnosis, cause) -> Case:
+    """Build the extended model without a cause, and gather the records."""
+    known = {e.id: e for e in (*CATALOGUE, *(diagnosis.catalogue or ()))}
+    full, without = diagnosis.extended_model_, diagnosis.model
+    for other in diagnosis.causes_:
+        if other is not cause:
+            without = known[other.effect](other.target).apply(without)
+    values = {n: p.value for n, p in full.parameters.items() if n in without.parameters}
+    if cause.target in diagnosis.model.parameters:
+        values.pop(cause.target)
+    fields = known[cause.effect](cause.target).names()
+    return Case(
+        diagnosis.records_,
+        full,
+        _at_values(without, values),
+        cause.effect,
+        cause.target,
+        {name: fields[name] for name in cause.parameters},
+    )
+
+
+def _at_values(model: PhysicsModel, values) -> PhysicsModel:
+    return model.with_parameters(**values)
+
+
+# -- ways to show a cause --------------------------------------------------------------------------
+
+
+def over_motion(case: Case) -> Evidence | None:
+    """Show the missing force over the velocity, or over the position it depends on."""
+    state, model = case.target, case.full
+    if state not in case.seen or state not in model.equations:
+        return None
+    added = model.equations[state] - case.without.equations[state]
+    inertia = model.inertia.get(state)
+    position = model.kinematic_pairs.get(state)
+    over = position if position and _depends(added, position, model) else state
+    force = -added if inertia is None else -added * inertia
+    scale = 1.0 if inertia is None else case.samples.value(inertia)
+    x = case.samples.table[over]
+    unit = force_unit(model, state)
+    what = "force" if inertia is not None else "deceleration"
+    return Evidence(
+        title=f"Missing {what} over {over}",
+        x_label=label(over, model.unit(over)),
+        y_label=label(f"{what} against {state}", unit),
+        points=(x, -scale * case.missing_rate(state)),
+        lines=(_law(case, force, over, x),),
+        note=f"Every point is a moment of the records: the {what} that the model without this "
+        f"cause lacks. The line is the {case.name} as identified.",
+    )
+
+
+def over_input(case: Case) -> Evidence | None:
+    """Show the input that the machine behaves as if it had, over the commanded one."""
+    if case.target not in case.full.inputs or _changes_in_time(case):
+        return None
+    acting = _acting_input(case)
+    if acting is None:
+        return None
+    state, felt = acting
+    u = case.samples.table[case.target]
+    grid = _grid(u)
+    law = _seen_input(case, state, grid)
+    unit = case.full.unit(case.target)
+    return Evidence(
+        title=f"What the machine feels of {case.target}",
+        x_label=label(f"{case.target} as commanded", unit),
+        y_label=label(f"{case.target} as felt", unit),
+        points=(u, felt),
+        lines=(
+            Line(grid, grid, "prior", "as the model has it"),
+            Line(grid, law, "extended", case.name),
+        ),
+        note=f"Every point is a moment of the records: the {case.target} that would explain the "
+        f"measured motion, over the one that was commanded.",
+    )
+
+
+def over_time(case: Case) -> Evidence | None:
+    """Show commanded and felt input about the largest change of the command."""
+    if case.target not in case.full.inputs or not _changes_in_time(case):
+        return None
+    acting = _acting_input(case)
+    if acting is None:
+        return None
+    _, felt = acting
+    late = next(
+        p for name in case.fields.values() if (p := case.full.parameters[name]).unit == "s"
+    )
+    rows = _about_largest_change(case.records.windows, _column(case, case.target), late.value)
+    t, unit = case.records.windows.t[rows], case.full.unit(case.target)
+    commanded = _column(case, case.target)[rows]
+    return Evidence(
+        title=f"{case.target} about its largest change",
+        x_label=label("t", "s"),
+        y_label=label(case.target, unit),
+        points=(t, felt[rows]),
+        lines=(
+            Line(t, commanded, "prior", "commanded"),
+            Line(t, _late_input(case)[rows], "extended", f"with {case.name}"),
+        ),
+        note=f"The points are the {case.target} that would explain the measured motion: they "
+        f"follow the command late.",
+    )
+
+
+def over_output(case: Case) -> Evidence | None:
+    """Show the error of a sensor over what it should show."""
+    if case.target not in case.full.outputs or case.target in case.full.equations:
+        return None
+    column = list(case.full.outputs).index(case.target)
+    residual = _window_residual(case)[:, column]
+    windows, unit = case.records.windows, case.full.unit(case.target)
+    unit = unit or case.records.fits["prior"].model.unit(case.target)
+    true = windows.y[:, column] - residual
+    added = case.full.outputs[case.target] - case.without.outputs[case.target]
+    grid, order = _grid(true), np.argsort(true)
+    error = case.samples.value(added)
+    return Evidence(
+        title=f"Error of {case.target} over its true value",
+        x_label=label(f"{case.target} as simulated without this cause", unit),
+        y_label=label("measured minus simulated", unit),
+        points=(true, residual),
+        lines=(Line(grid, np.interp(grid, true[order], error[order]), "extended", case.name),),
+        note="Every point is a sample of the records: what the sensor shows too much, over what "
+        "it should show.",
+    )
+
+
+def over_correction(case: Case) -> Evidence | None:
+    """Show the missing rate over what the new value of a parameter adds to it."""
+    if case.target not in case.full.parameters:
+        return None
+    for state in case.full.equations:
+        change = case.full.equations[state]
+        if state in case.seen and symbol(case.target) in change.free_symbols:
+            return _over_correction(case, state)
+    return None
+
+
+def _over_correction(case, state):
+    rate, samples = case.full.equations[state], case.samples
+    old = samples.value(rate)
+    new = samples.value(rate, **{case.target: np.full(old.size, _value(case.full, case.target))})
+    added = samples.mean(new - old)
+    grid, unit = _grid(added), f"{case.full.unit(state)}/s".replace("/s/s", "/s^2")
+    return Evidence(
+        title=f"Missing rate of {state} over what the new {case.target} adds",
+        x_label=label(f"added by the new {case.target}", unit),
+        y_label=label(f"missing in {state}'", unit),
+        points=(added, case.missing_rate(state)),
+        lines=(Line(grid, grid, "extended", f"{case.target} as identified"),),
+        note=f"On the line, the new value of {case.target} adds just what was missing; with the "
+        f"prior value all points would have to lie at zero height.",
+    )
+
+
+def residual_over_time(case: Case) -> Evidence:
+    """Show what is left on the windows with and without the cause, where it matters most."""
+    windows, column = case.records.windows, _worst_output(case)
+    without = _window_residual(case)[:, column]
+    left = case.records.fits["extended"].residual[:, column]
+    rows = _worst_rows(windows, without)
+    name = list(case.full.outputs)[column]
+    t = windows.t[rows]
+    return Evidence(
+        title=f"Error of {name} with and without the cause",
+        x_label=label("t", "s"),
+        y_label=label(f"{name}: measured minus simulated", case.records.fits["prior"].model.unit(name)),
+        points=None,
+        lines=(
+            Line(t, without[rows], "prior", f"without {case.name}"),
+            Line(t, left[rows], "extended", f"with {case.name}"),
+        ),
+        note="The error on short windows, each started from the record, where the cause tells "
+        "most; both models have the same parameters.",
+    )
+
+
+#: tried in this order; the last always answers
+WAYS = (over_motion, over_input, over_time, over_output, over_correction, residual_over_time)
+
+
+# -- helpers ---------------------------------------------------------------------------------------
+
+
+def _depends(expression, name: str, model: PhysicsModel) -> bool:
+    """Tell whether a force over the inertia depends on a position by itself."""
+    return symbol(name) in expression.free_symbols
+
+
+def _value(model: PhysicsModel, name: str) -> float:
+    return model.parameters[name].value
+
+
+def _column(case: Case, name: str) -> np.ndarray:
+    return case.records.windows.u[:, list(case.full.inputs).index(name)]
+
+
+def _grid(x) -> np.ndarray:
+    low, high = np.nanmin(x), np.nanmax(x)
+    return np.linspace(low, high, GRID)
+
+
+def _law(case: Case, force, over: str, x) -> Line:
+    """Evaluate a force over one quantity, the others at their medians."""
+    grid = _grid(x)
+    table = {n: np.full(GRID, np.nanmedian(v)) for n, v in case.samples.table.items()}
+    return Line(grid, case.samples.value(force, **{**table, over: grid}), "extended", case.name)
+
+
+def _changes_in_time(case: Case) -> bool:
+    return case.full.delays != case.without.delays or set(case.full.states) != set(
+        case.without.states
+    )
+
+
+def _acting_input(case: Case):
+    """Solve a state's equation without the cause for the input; None where it cannot be."""
+    u = symbol(case.target)
+    for state, rate in case.without.equations.items():
+        slope = rate.diff(u)
+        if state in case.seen and slope != 0 and u not in slope.free_symbols:
+            samples = case.samples
+            per_unit = samples.mean(samples.value(slope))
+            felt = samples.mean(samples.table[case.target]) + case.missing_rate(state) / per_unit
+            return state, felt
+    return None
+
+
+def _seen_input(case: Case, state: str, grid) -> np.ndarray:
+    """Give what the extended model makes of the commanded input."""
+    u = symbol(case.target)
+    slope = case.without.equations[state].diff(u)
+    seen = u + (case.full.equations[state] - case.without.equations[state]) / slope
+    table = {n: np.full(GRID, np.nanmedian(v)) for n, v in case.samples.table.items()}
+    return case.samples.value(seen, **{**table, case.target: grid})
+
+
+def _late_input(case: Case) -> np.ndarray:
+    """Give the input as it acts in the extended model: delayed, or lagged."""
+    lagged = f"{case.target}_lagged"
+    if lagged in case.samples.table:
+        return case.samples.table[lagged]
+    acting = case.records.windows.acting_inputs(case.full)
+    return acting[:, list(case.full.inputs).index(case.target)]
+
+
+def _about_largest_change(windows, u, late: float) -> slice:
+    """Give some delays before and after the largest change of an input within a delay."""
+    step = float(np.median(np.diff(windows.t)))
+    reach = max(1, round(late / step))
+    change = np.abs(u[reach:] - u[:-reach])
+    for b in windows.bounds[1:-1]:
+        change[max(b - reach, 0) : b] = 0.0
+    at = int(np.argmax(change)) + reach // 2
+    record = np.searchsorted(windows.bounds, at, side="right") - 1
+    a, b = windows.bounds[record], windows.bounds[record + 1]
+    width = max(4 * reach, 20)
+    return slice(max(a, at - width), min(b, at + 2 * width))
+
+
+def _window_residual(case: Case) -> np.ndarray:
+    """Simulate the windows without the cause, from the initial states found with it."""
+    states = list(case.full.states)
+    x0 = case.records.fits["extended"].x0[:, [states.index(s) for s in case.without.states]]
+    return evaluate(case.without, case.records.windows, x0, ()).residual
+
+
+def _worst_output(case: Case) -> int:
+    scaled = _window_residual(case) / case.records.windows.scale
+    return int(np.argmax(np.nanmean(scaled**2, axis=0)))
+
+
+def _worst_rows(windows, residual, count: int = 6) -> slice:
+    """Give some windows of one record about the one with the largest error."""
+    power = [
+        np.nansum(residual[a : a + n] ** 2)
+        for a, n in zip(windows.starts, windows.lengths, strict=True)
+    ]
+    worst = int(np.argmax(power))
+    near = [
+        w
+        for w in range(max(0, worst - count // 2), min(len(windows), worst + count // 2 + 1))
+        if windows.record[w] == windows.record[worst]
+    ]
+    return slice(windows.starts[near[0]], windows.starts[near[-1]] + windows.lengths[near[-1]])
