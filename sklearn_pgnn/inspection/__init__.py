@@ -2,5 +2,4 @@
 
 from sklearn_pgnn.inspection.display import DiagnosisDisplay, plot_diagnosis
 
-
 __all__ = ["DiagnosisDisplay", "plot_diagnosis"]

@@ -136,7 +136,7 @@ def _states(records: DiagnosisRecords, model: PhysicsModel) -> dict[str, np.ndar
 
 
 def free_runs(records: DiagnosisRecords, which: str):
-    """Simulate every record in free run from its fitted initial state.
+    """Simulate every record in free run, from the first state that the extended model found.
 
     Parameters
     ----------
@@ -150,9 +150,17 @@ def free_runs(records: DiagnosisRecords, which: str):
     list of (slice, ndarray, ndarray)
         Samples, states and outputs of every record.
     """
-    windows, fit = records.windows, records.fits[which]
-    return [
-        (slice(a, b), run.x, run.y)
-        for a, b in zip(windows.bounds[:-1], windows.bounds[1:], strict=True)
-        for run in [free_run(fit.model, windows, a, b, fit.x0[np.searchsorted(windows.starts, a)])]
-    ]
+    windows, model = records.windows, records.fits[which].model
+    x0 = starts(records, model)
+    runs = []
+    for a, b in zip(windows.bounds[:-1], windows.bounds[1:], strict=True):
+        run = free_run(model, windows, a, b, x0[np.searchsorted(windows.starts, a)])
+        runs.append((slice(a, b), run.x, run.y))
+    return runs
+
+
+def starts(records: DiagnosisRecords, model: PhysicsModel) -> np.ndarray:
+    """Give a model's initial states of all windows, as the extended model found them."""
+    extended = records.fits["extended"]
+    order = list(extended.model.states)
+    return extended.x0[:, [order.index(state) for state in model.states]]

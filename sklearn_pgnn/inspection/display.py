@@ -1,6 +1,7 @@
 """The picture of a diagnosis: measured, prior and extended model, and the evidence."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from sklearn.utils.validation import check_is_fitted
@@ -8,7 +9,6 @@ from sklearn.utils.validation import check_is_fitted
 from sklearn_pgnn.inspection.balance import free_runs
 from sklearn_pgnn.inspection.evidence import Evidence, find_evidence
 from sklearn_pgnn.inspection.style import COLOURS, LABELS, label, new_figure, plain, tidy, to_png
-from sklearn_pgnn.inspection.words import cause_name
 from sklearn_pgnn.simulation.simulate import simulate_records
 from sklearn_pgnn.trajectories import read_records
 
@@ -207,7 +207,7 @@ def _typical(records) -> int:
     """Give the record whose error under the prior is the median one."""
     bounds, squares = records.windows.bounds, (records.fits["prior"].residual) ** 2
     scaled = squares / records.windows.scale**2
-    errors = [np.nanmean(scaled[a:b]) for a, b in zip(bounds[:-1], bounds[1:], strict=True)]
+    errors = [np.nanmean(scaled[a:b]) for a, b in pairwise(bounds)]
     return int(np.argsort(errors)[len(errors) // 2])
 
 
@@ -233,24 +233,29 @@ def draw_comparison(axes, comparison: Comparison) -> None:
         errors.sharex(curves)
         curves.tick_params(labelbottom=False)
     axes[0].set_title(plain(comparison.title), fontsize=9, loc="left")
-    axes[0].legend(*_legend(axes[0]), fontsize=8, ncols=3, loc="upper right", framealpha=0.9)
+    axes[0].legend(fontsize=8, ncols=3, loc="upper right", framealpha=0.9)
     axes[-1].set_xlabel("t [s]")
-
-
-def _legend(axes):
-    handles, labels = axes.get_legend_handles_labels()
-    return handles, labels
 
 
 def _draw_curves(axes, comparison, i, title):
     if comparison.measured is not None:
-        _curve(axes, comparison.t, comparison.measured[:, i], "measured", 1.8)
+        _curve(axes, comparison.t, comparison.measured[:, i], "measured", 3.5)
     for which in MODELS:
-        _curve(axes, comparison.t, comparison.simulated[which][:, i], which, 1.1)
+        _curve(axes, comparison.t, comparison.simulated[which][:, i], which, 1.2)
     axes.set_ylabel(title)
+    axes.set_ylim(*_in_sight(comparison, i))
     tidy(axes)
-    low, high = axes.get_ylim()
-    axes.set_ylim(low, high + 0.18 * (high - low))
+
+
+def _in_sight(comparison, i):
+    """Keep a model that runs away from hiding the rest; leave room for the legend."""
+    known = comparison.simulated["extended"] if comparison.measured is None else comparison.measured
+    low, high = np.nanmin(known[:, i]), np.nanmax(known[:, i])
+    reach = (high - low) or 1.0
+    curves = np.concatenate([known[:, i], *(y[:, i] for y in comparison.simulated.values())])
+    curves = np.clip(curves[np.isfinite(curves)], low - reach, high + reach)
+    low, high = curves.min(), curves.max()
+    return low - 0.05 * reach, high + 0.25 * reach
 
 
 def _draw_errors(axes, comparison, i, title):
@@ -288,12 +293,12 @@ def draw_points(axes, x, y) -> None:
     x, y = x[good], y[good]
     few = slice(None, None, max(1, x.size // CLOUD))
     axes.plot(
-        x[few], y[few], ".", color=COLOURS["refitted"], markersize=2, alpha=0.35, label="records"
+        x[few], y[few], ".", color=COLOURS["points"], markersize=2, alpha=0.35, label="records"
     )
     if np.all(np.diff(x) > 0):
         return
     centres, medians = binned_median(x, y)
-    axes.plot(centres, medians, "o", color=COLOURS["measured"], markersize=3, label="their median")
+    axes.plot(centres, medians, "o", color=COLOURS["medians"], markersize=3, label="their median")
 
 
 def binned_median(x, y, bins: int = BINS):

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import sympy
 
 from sklearn_pgnn.diagnosis.records import DiagnosisRecords
-from sklearn_pgnn.inspection.balance import Samples, shown_states
+from sklearn_pgnn.inspection.balance import Samples, shown_states, starts
 from sklearn_pgnn.inspection.style import label
 from sklearn_pgnn.inspection.words import cause_name
 from sklearn_pgnn.physics.effects import CATALOGUE
@@ -82,7 +83,12 @@ class Case:
     @property
     def name(self) -> str:
         """The cause in words."""
-        return cause_name(self.effect, self.target, self.full)
+        return cause_name(self.effect, self.target)
+
+    @property
+    def prior(self) -> PhysicsModel:
+        """The model as it was given."""
+        return self.records.fits["prior"].model
 
     @cached_property
     def samples(self) -> Samples:
@@ -97,7 +103,7 @@ class Case:
     @property
     def seen(self) -> frozenset[str]:
         """The states that the records show."""
-        return shown_states(self.records.fits["prior"].model)
+        return shown_states(self.prior)
 
     def missing_rate(self, state: str) -> np.ndarray:
         """Give the measured rate of a state minus the one without the cause."""
@@ -139,15 +145,11 @@ def make_case(diagnosis, cause) -> Case:
     return Case(
         diagnosis.records_,
         full,
-        _at_values(without, values),
+        without.with_parameters(**values),
         cause.effect,
         cause.target,
         {name: fields[name] for name in cause.parameters},
     )
-
-
-def _at_values(model: PhysicsModel, values) -> PhysicsModel:
-    return model.with_parameters(**values)
 
 
 # -- ways to show a cause --------------------------------------------------------------------------
@@ -158,15 +160,15 @@ def over_motion(case: Case) -> Evidence | None:
     state, model = case.target, case.full
     if state not in case.seen or state not in model.equations:
         return None
-    added = model.equations[state] - case.without.equations[state]
+    added = sympy.expand(model.equations[state] - case.without.equations[state])
     inertia = model.inertia.get(state)
     position = model.kinematic_pairs.get(state)
-    over = position if position and _depends(added, position, model) else state
+    over = position if position and symbol(position) in added.free_symbols else state
     force = -added if inertia is None else -added * inertia
     scale = 1.0 if inertia is None else case.samples.value(inertia)
     x = case.samples.table[over]
     unit = force_unit(model, state)
-    what = "force" if inertia is not None else "deceleration"
+    what = _what_is_missing(inertia, unit)
     return Evidence(
         title=f"Missing {what} over {over}",
         x_label=label(over, model.unit(over)),
@@ -212,9 +214,7 @@ def over_time(case: Case) -> Evidence | None:
     if acting is None:
         return None
     _, felt = acting
-    late = next(
-        p for name in case.fields.values() if (p := case.full.parameters[name]).unit == "s"
-    )
+    late = next(p for name in case.fields.values() if (p := case.full.parameters[name]).unit == "s")
     rows = _about_largest_change(case.records.windows, _column(case, case.target), late.value)
     t, unit = case.records.windows.t[rows], case.full.unit(case.target)
     commanded = _column(case, case.target)[rows]
@@ -238,8 +238,7 @@ def over_output(case: Case) -> Evidence | None:
         return None
     column = list(case.full.outputs).index(case.target)
     residual = _window_residual(case)[:, column]
-    windows, unit = case.records.windows, case.full.unit(case.target)
-    unit = unit or case.records.fits["prior"].model.unit(case.target)
+    windows, unit = case.records.windows, case.prior.unit(case.target)
     true = windows.y[:, column] - residual
     added = case.full.outputs[case.target] - case.without.outputs[case.target]
     grid, order = _grid(true), np.argsort(true)
@@ -294,7 +293,7 @@ def residual_over_time(case: Case) -> Evidence:
     return Evidence(
         title=f"Error of {name} with and without the cause",
         x_label=label("t", "s"),
-        y_label=label(f"{name}: measured minus simulated", case.records.fits["prior"].model.unit(name)),
+        y_label=label(f"error of {name}", case.prior.unit(name)),
         points=None,
         lines=(
             Line(t, without[rows], "prior", f"without {case.name}"),
@@ -312,9 +311,10 @@ WAYS = (over_motion, over_input, over_time, over_output, over_correction, residu
 # -- helpers ---------------------------------------------------------------------------------------
 
 
-def _depends(expression, name: str, model: PhysicsModel) -> bool:
-    """Tell whether a force over the inertia depends on a position by itself."""
-    return symbol(name) in expression.free_symbols
+def _what_is_missing(inertia, unit: str) -> str:
+    if inertia is None:
+        return "deceleration"
+    return "torque" if unit.replace("*", " ").endswith("N m") else "force"
 
 
 def _value(model: PhysicsModel, name: str) -> float:
@@ -390,8 +390,7 @@ def _about_largest_change(windows, u, late: float) -> slice:
 
 def _window_residual(case: Case) -> np.ndarray:
     """Simulate the windows without the cause, from the initial states found with it."""
-    states = list(case.full.states)
-    x0 = case.records.fits["extended"].x0[:, [states.index(s) for s in case.without.states]]
+    x0 = starts(case.records, case.without)
     return evaluate(case.without, case.records.windows, x0, ()).residual
 
 

@@ -2,12 +2,14 @@
 
 from io import BytesIO
 
-#: colour of the record and of every model
+#: colour of the record, of every model and of the evidence
 COLOURS = {
-    "measured": "#222222",
+    "measured": "#b4b4b4",
     "prior": "#d1600b",
     "refitted": "#8a8a8a",
     "extended": "#1766ad",
+    "points": "#8a8a8a",
+    "medians": "#222222",
 }
 #: what a person reads
 LABELS = {

@@ -69,7 +69,7 @@ def percent(share: float) -> str:
     return f"{100 * share:.{1 if share > 0.99 else 0}f} %" if share < 1 else "100 %"
 
 
-def cause_name(effect: str, target: str, model=None) -> str:
+def cause_name(effect: str, target: str) -> str:
     """Name an effect and what it acts on.
 
     Examples
@@ -79,9 +79,8 @@ def cause_name(effect: str, target: str, model=None) -> str:
     """
     if effect == "wrong_parameter":
         return f"wrong value of {target}"
-    words = effect.replace("_", " ")
-    on_input = effect.startswith(("input", "actuator")) or (model and target in model.inputs)
-    return f"{words} of {target}" if on_input or effect.startswith("sensor") else f"{words} on {target}"
+    of = effect.startswith(("input", "actuator", "sensor"))
+    return f"{effect.replace('_', ' ')} {'of' if of else 'on'} {target}"
 
 
 def listed(items) -> str:
@@ -110,7 +109,7 @@ def verdict_sentence(diagnosis) -> str:
         One or two sentences.
     """
     name, causes = diagnosis.model.name, diagnosis.causes_
-    names = listed(cause_name(c.effect, c.target, diagnosis.model) for c in causes)
+    names = listed(cause_name(c.effect, c.target) for c in causes)
     sentences = {
         "model_adequate": f"The model of the {name} is adequate: what it misses is within the "
         f"noise, and no other effect makes it better.",
@@ -125,7 +124,7 @@ def verdict_sentence(diagnosis) -> str:
 
 def _others(diagnosis) -> str:
     others = {
-        cause_name(other.effect, other.target, diagnosis.model): None
+        cause_name(other.effect, other.target): None
         for cause in diagnosis.causes_
         for other in cause.confused_with
     }
