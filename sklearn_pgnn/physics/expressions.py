@@ -159,6 +159,8 @@ class _Translator:
             self.refuse(node, f"{self.quote(node)} has no finite real value")
         for power in expression.atoms(sympy.Pow):
             self.check_exponent(node, power.exp)
+        for number in expression.atoms(sympy.Number):
+            self.check_number(node, number)
         return expression
 
     def refuse(self, node: ast.AST, why: str):
@@ -265,7 +267,8 @@ class _Translator:
             )
         low, high = _SEVERAL_ARGUMENTS.get(name, (1, 1))
         if not low <= len(node.args) <= high:
-            self.refuse(node, f"{name} takes {low} argument(s), got {len(node.args)}")
+            wanted = str(low) if low == high else f"{low} to {high}"
+            self.refuse(node, f"{name} takes {wanted} argument(s), got {len(node.args)}")
         return FUNCTIONS[name](*(self.translate(argument, depth) for argument in node.args))
 
     def name(self, node, depth):
