@@ -5,12 +5,13 @@ import warnings
 import numpy as np
 import pandas as pd
 from sklearn.base import BaseEstimator, TransformerMixin
-from sklearn.utils.validation import _check_feature_names_in, check_is_fitted, validate_data
+from sklearn.utils.validation import _check_feature_names_in, check_is_fitted
 
 from sklearn_pgnn.exceptions import SimulationWarning
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.free_run import enough_substeps, simulate_record
 from sklearn_pgnn.trajectories import read_records, rows_in_order
+from sklearn_pgnn.trajectories.validation import validate_table
 
 SUFFIX, TRAJECTORY = "_phy", "trajectory"
 
@@ -105,7 +106,7 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
         ValueError
             If X cannot be read as records of the model, or a name in `outputs` is unknown.
         """
-        records = read_records(self.model, self._validate(X, reset=True), time=self.time)
+        records = read_records(self.model, validate_table(self, X, reset=True), time=self.time)
         self._quantities()
         if self.append not in (True, False, "all"):
             raise ValueError(f"append: expected True, False or 'all', got {self.append!r}.")
@@ -130,7 +131,7 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
             X and the simulation.
         """
         check_is_fitted(self)
-        X = self._validate(X, reset=False)
+        X = validate_table(self, X, reset=False)
         records = read_records(self.model, X, time=self.time)
         simulated = rows_in_order(records, np.concatenate([self._simulate(r) for r in records]))
         kept = X.iloc[:, self._kept()] if isinstance(X, pd.DataFrame) else X[:, self._kept()]
@@ -153,12 +154,6 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
         names = _check_feature_names_in(self, input_features)
         new = [name + SUFFIX for name in self._quantities()]
         return np.asarray([*names[self._kept()], *new], dtype=object)
-
-    def _validate(self, X, reset):
-        if hasattr(X, "columns"):
-            validate_data(self, X, reset=reset, skip_check_array=True)
-            return X
-        return validate_data(self, X, reset=reset, ensure_all_finite="allow-nan")
 
     def _quantities(self) -> list[str]:
         """Name the states and outputs that are appended."""
@@ -203,5 +198,5 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
 
     def __sklearn_tags__(self):
         tags = super().__sklearn_tags__()
-        tags.input_tags.allow_nan = True
+        tags.input_tags.allow_nan = True  # in states, which are read in a trajectory's first row
         return tags

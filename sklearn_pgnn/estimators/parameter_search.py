@@ -1,0 +1,221 @@
+r"""Find a model's parameters from windows: a local fit, and a global search for poor starts.
+
+The local fit follows the gradient from the model's own values and finds the nearest minimum. The
+global search looks, on some of the windows, at the least error
+:math:`\min_{x_0} \sum_w |r_w(p, x_w)|^2` all over the parameters' bounds by differential
+evolution, and fits locally from the best it meets.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import differential_evolution
+
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.record_windows import WindowedRecords
+from sklearn_pgnn.simulation.window_fit import Freedom, WindowFit, fit_windows
+
+#: a search is local, global, or global only where the local one leaves so many times the noise
+SEARCHES, POOR = ("local", "global", "auto"), 3.0
+#: how far beyond its value a parameter without a bound is searched, in times the value
+REACH = 10.0
+#: a global search takes every so many windows that about so many samples remain
+SOME_SAMPLES, SOME_WINDOWS = 2000, 12
+#: members per parameter, generations, and members that are followed to their minimum
+POPULATION, GENERATIONS, FOLLOWED = 12, 40, 4
+#: an error so large that nothing is worse: the logarithm of a diverging simulation's
+WORST = 700.0
+#: refits with the states that nothing shows simulated anew
+ROUNDS = 3
+
+
+@dataclass(frozen=True)
+class ParameterFit:
+    """A model fitted to records.
+
+    Parameters
+    ----------
+    fit : WindowFit
+        The fitted model and its residuals.
+    expected : ndarray of shape (n_windows, n_states)
+        Expected initial states of the windows.
+    spread : ndarray of shape (n_states,)
+        How uncertain they are.
+    """
+
+    fit: WindowFit
+    expected: np.ndarray
+    spread: np.ndarray
+
+
+def find_parameters(
+    model: PhysicsModel,
+    ground: WindowedRecords,
+    names: tuple[str, ...],
+    search: str = "auto",
+    random_state=None,
+) -> ParameterFit:
+    """Fit parameters of a model to windows.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model; its values are the start.
+    ground : WindowedRecords
+        The windows.
+    names : tuple of str
+        The parameters to fit.
+    search : {"local", "global", "auto"}, default="auto"
+        Whether to start from the model's values only, to search their bounds first, or to do so
+        where the local fit leaves much more than the noise.
+    random_state : int, RandomState instance or None, default=None
+        What draws the global search.
+
+    Returns
+    -------
+    ParameterFit
+        The better of the fits.
+    """
+    free = tuple(free_between_bounds(model, name) for name in names)
+    local = fit_locally(model, ground, free)
+    if search == "local" or not names or (search == "auto" and not _is_poor(local, ground)):
+        return local
+    start = search_globally(local.fit.model, ground, free, random_state)
+    found = fit_locally(start, ground, free)
+    return min(local, found, key=lambda each: each.fit.objective)
+
+
+def free_between_bounds(model: PhysicsModel, name: str) -> Freedom:
+    """Let a parameter go anywhere between its bounds, without a pull to its prior."""
+    parameter = model.parameters[name]
+    return Freedom(name, *parameter.bounds, parameter.value, np.inf, abs(parameter.value) or 1.0)
+
+
+def fit_locally(model: PhysicsModel, ground: WindowedRecords, free, tolerance=1e-9) -> ParameterFit:
+    """Follow the gradient to the nearest minimum on all windows.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model; its values are the start.
+    ground : WindowedRecords
+        The windows.
+    free : tuple of Freedom
+        The parameters to fit.
+    tolerance : float, default=1e-9
+        Relative decrease of the objective at which the fit ends.
+
+    Returns
+    -------
+    ParameterFit
+        The fit.
+    """
+    x0_start, starts = None, ground.windows.starts
+    for _ in range(ROUNDS):
+        estimate = ground.states.estimate(model)
+        expected = estimate.x[starts]
+        fit = fit_windows(
+            model, ground.windows, free, expected, estimate.spread, x0_start=x0_start,
+            max_steps=60, tolerance=tolerance,
+        )  # fmt: skip
+        if set(model.states) <= set(ground.states.known) or not np.isfinite(fit.objective):
+            break
+        model, x0_start = fit.model, fit.x0
+    return ParameterFit(fit, expected, estimate.spread)
+
+
+def search_globally(model: PhysicsModel, ground: WindowedRecords, free, random_state=None):
+    """Look all over the bounds for values from which a local fit ends lowest.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model; its values are one member of the first generation.
+    ground : WindowedRecords
+        The windows.
+    free : tuple of Freedom
+        The parameters to fit.
+    random_state : int, RandomState instance or None, default=None
+        What draws the members.
+
+    Returns
+    -------
+    PhysicsModel
+        The model at the best values met.
+    """
+    scales = [_Scale.of(freedom) for freedom in free]
+    which = _some(ground.windows)
+    windows = ground.windows.select(which)
+    estimate = ground.states.estimate(model)
+    expected = estimate.x[windows.starts]
+
+    def at(point) -> PhysicsModel:
+        values = {f.name: s.value(z) for f, s, z in zip(free, scales, point, strict=True)}
+        return model.with_parameters(**values)
+
+    def fit(point, freedoms=(), **options) -> WindowFit:
+        return fit_windows(at(point), windows, freedoms, expected, estimate.spread, **options)
+
+    def error(point) -> float:
+        objective = fit(point, max_steps=3, tolerance=1e-2).objective
+        return min(np.log(objective + 1e-300), WORST) if np.isfinite(objective) else WORST
+
+    start = [s.place(model.parameters[f.name].value) for f, s in zip(free, scales, strict=True)]
+    result = differential_evolution(
+        error,
+        [(0.0, 1.0)] * len(free),
+        popsize=POPULATION,
+        maxiter=GENERATIONS,
+        tol=0.0,
+        atol=1e-2,
+        polish=False,
+        init="sobol",
+        x0=start,
+        rng=random_state,
+    )
+    order = np.argsort(result.population_energies)[:FOLLOWED]
+    fits = [fit(result.population[k], free) for k in order]
+    return min(fits, key=lambda each: each.objective).model
+
+
+@dataclass(frozen=True)
+class _Scale:
+    """Where a value stands between the ends of its search: in proportion where all are positive."""
+
+    low: float
+    high: float
+
+    @classmethod
+    def of(cls, freedom: Freedom) -> "_Scale":
+        reach = REACH * freedom.scale
+        low = freedom.low if np.isfinite(freedom.low) else freedom.centre - reach
+        high = freedom.high if np.isfinite(freedom.high) else freedom.centre + reach
+        return cls(low, high)
+
+    def value(self, place: float) -> float:
+        if self.low > 0:
+            value = self.low * (self.high / self.low) ** place
+        else:
+            value = self.low + (self.high - self.low) * place
+        return float(np.clip(value, self.low, self.high))
+
+    def place(self, value: float) -> float:
+        if self.high == self.low:
+            return 0.5
+        if self.low > 0:
+            place = np.log(value / self.low) / np.log(self.high / self.low)
+        else:
+            place = (value - self.low) / (self.high - self.low)
+        return float(np.clip(place, 0.0, 1.0))
+
+
+def _some(windows) -> np.ndarray:
+    """Take every k-th window, so that a search is cheap whatever the length of the records."""
+    step = min(windows.lengths.sum() // SOME_SAMPLES, len(windows) // SOME_WINDOWS)
+    return np.arange(0, len(windows), max(1, step))
+
+
+def _is_poor(found: ParameterFit, ground: WindowedRecords) -> bool:
+    """Tell whether a fit leaves much more than the noise."""
+    measured = np.isfinite(ground.windows.y).sum()
+    return not found.fit.squares <= POOR**2 * measured

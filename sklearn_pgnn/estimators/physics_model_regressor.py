@@ -1,0 +1,211 @@
+"""A physical model whose parameters are fitted to records."""
+
+import warnings
+
+import numpy as np
+from joblib import effective_n_jobs
+from sklearn.base import BaseEstimator, MultiOutputMixin, RegressorMixin
+from sklearn.utils.validation import check_is_fitted
+
+from sklearn_pgnn.estimators.parameter_search import SEARCHES, ParameterFit, find_parameters
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.record_windows import window_records
+from sklearn_pgnn.simulation.simulate import simulate_records
+from sklearn_pgnn.simulation.uncertainty import NORMAL_95, estimate_of, standard_errors
+from sklearn_pgnn.trajectories import read_records, rows_in_order
+from sklearn_pgnn.trajectories.validation import validate_table
+
+
+class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
+    r"""Fit a model's free parameters to records; predict by simulation in free run.
+
+    The records are cut into windows, each restarted from its own initial state (multiple
+    shooting), and the parameters minimise the squared error over all windows. Against poor starts
+    the bounds can be searched first, as the particle swarm of [1]_ does.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model; its values are the start.
+    free : sequence of str, optional
+        Parameters to fit; by default all that are not fixed.
+    search : {"local", "global", "auto"}, default="auto"
+        Whether to start from the model's values only, to search the parameters' bounds first, or
+        to do so where the local fit leaves more than three times the noise. A parameter without a
+        bound is searched up to ten times its value away.
+    window : float, optional
+        Window length [s]; by default a third of the dominant period of the outputs.
+    noise : array-like of shape (n_outputs,), optional
+        Standard deviation of the outputs' noise, which weights them; by default the records tell.
+    hold : {"zoh", "foh"}, default="zoh"
+        Whether an input is held between two samples or runs straight from one to the next.
+    substeps : int, optional
+        Integration steps from sample to sample; by default as many as accuracy needs.
+    time : int or str, optional
+        Column of X that holds the time; by default the first, or ``"t"``.
+    n_jobs : int, optional
+        Threads to simulate on; -1 means all.
+    random_state : int, RandomState instance or None, default=0
+        What draws the global search.
+
+    Attributes
+    ----------
+    model_ : PhysicsModel
+        The model at the fitted values.
+    parameters_ : dict of str to Estimate
+        Value, 95 % interval and unit of every fitted parameter. The interval holds also where the
+        residuals are not white; it is as wide as the bounds where the records say nothing.
+    window_ : float
+        Median length of the windows [s].
+    substeps_ : int
+        Integration steps from sample to sample.
+    n_features_in_ : int
+        Number of columns of X.
+    feature_names_in_ : ndarray of str
+        Their names, if X has any.
+
+    See Also
+    --------
+    ModelDiagnosis : Finds what the model lacks, besides other parameters.
+
+    References
+    ----------
+    .. [1] R.-S. Goette, J. Timmermann, "Composed Physics- and Data-driven System Identification
+       for Non-autonomous Systems in Control Engineering", 2021, arXiv:2112.08148.
+
+    Examples
+    --------
+    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
+    >>> t = np.linspace(0, 20, 401)
+    >>> X = np.column_stack([t, np.sin(t)])
+    >>> y = lag.with_parameters(T=3.0).simulate(t, X[:, 1]).y
+    >>> print(round(PhysicsModelRegressor(lag).fit(X, y).parameters_["T"].value, 6))
+    3.0
+    """
+
+    def __init__(
+        self,
+        model: PhysicsModel,
+        *,
+        free=None,
+        search="auto",
+        window=None,
+        noise=None,
+        hold="zoh",
+        substeps=None,
+        time=None,
+        n_jobs=None,
+        random_state=0,
+    ):
+        self.model = model
+        self.free = free
+        self.search = search
+        self.window = window
+        self.noise = noise
+        self.hold = hold
+        self.substeps = substeps
+        self.time = time
+        self.n_jobs = n_jobs
+        self.random_state = random_state
+
+    def fit(self, X, y):
+        """Fit the free parameters.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_samples, n_columns)
+            Time [s], inputs and, where known, the states in each trajectory's first row.
+        y : array-like of shape (n_samples, n_outputs) or (n_samples,)
+            Measured outputs; NaN where there is none.
+
+        Returns
+        -------
+        self : PhysicsModelRegressor
+            The fitted regressor. Parameters that the records do not fix are named in a warning.
+
+        Raises
+        ------
+        ValueError
+            If X and y cannot be read as records of the model, or a parameter is unknown.
+        """
+        if y is None:
+            raise ValueError(
+                f"{type(self).__name__} requires y to be passed, but the target y is None."
+            )
+        X = validate_table(self, X, reset=True)
+        names = self._free_names()
+        if self.search not in SEARCHES:
+            raise ValueError(f"search: expected one of {', '.join(SEARCHES)}, got {self.search!r}.")
+        ground = window_records(
+            self.model,
+            read_records(self.model, X, y, time=self.time),
+            window=self.window,
+            noise=self.noise,
+            hold=self.hold,
+            substeps=self.substeps,
+            threads=effective_n_jobs(self.n_jobs),
+        )
+        found = find_parameters(self.model, ground, names, self.search, self.random_state)
+        self.model_ = found.fit.model
+        self._keep_estimates(found)
+        windows = ground.windows
+        self.substeps_ = windows.substeps
+        self.window_ = float(
+            np.median(windows.t[windows.starts + windows.lengths - 1] - windows.t[windows.starts])
+        )
+        self._single_output = np.ndim(y) == 1
+        return self
+
+    def predict(self, X):
+        """Simulate every trajectory in free run from its initial state.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_samples, n_columns)
+            As in `fit`; of the states only the first row of a trajectory is read.
+
+        Returns
+        -------
+        ndarray of shape (n_samples, n_outputs) or (n_samples,)
+            Simulated outputs; NaN after a simulation has left the finite numbers, of which a
+            `SimulationWarning` tells.
+        """
+        check_is_fitted(self)
+        records = read_records(self.model, validate_table(self, X, reset=False), time=self.time)
+        outputs = simulate_records(self.model_, records, hold=self.hold, substeps=self.substeps_)
+        outputs = rows_in_order(records, outputs)
+        return outputs.ravel() if self._single_output else outputs
+
+    def _free_names(self) -> tuple[str, ...]:
+        names = self.model.free_parameters if self.free is None else tuple(self.free)
+        unknown = [name for name in names if name not in self.model.parameters]
+        if unknown:
+            raise ValueError(
+                f"free: expected parameters among {', '.join(self.model.parameters)}, "
+                f"got {unknown[0]!r}."
+            )
+        return names
+
+    def _keep_estimates(self, found: ParameterFit) -> None:
+        errors = standard_errors(found.fit, found.expected, found.spread)
+        self.parameters_ = {name: estimate_of(self.model_, name, errors) for name in errors}
+        loose = [name for name, error in errors.items() if self._is_loose(name, error)]
+        if loose:
+            warnings.warn(
+                f"the records do not fix {', '.join(loose)}: other values fit as well. Remedy: "
+                f"fix what is known (fixed=True, or leave it out of 'free'), or excite the machine "
+                f"so that they show.",
+                UserWarning,
+                stacklevel=3,
+            )
+
+    def _is_loose(self, name: str, error: float) -> bool:
+        """Tell whether a parameter's interval is wider than the parameter is large."""
+        prior = abs(self.model.parameters[name].value)
+        size = max(prior, abs(self.model_.parameters[name].value)) if prior else np.inf
+        return not np.isfinite(error) or NORMAL_95 * error > size
+
+    def __sklearn_tags__(self):
+        tags = super().__sklearn_tags__()
+        tags.input_tags.allow_nan = True  # in states, which are read in a trajectory's first row
+        return tags
