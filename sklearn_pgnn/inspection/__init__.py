@@ -1,5 +1,6 @@
 """Pictures of a diagnosis, and the report; the only room of matplotlib."""
 
 from sklearn_pgnn.inspection.display import DiagnosisDisplay, plot_diagnosis
+from sklearn_pgnn.inspection.report import write_report
 
-__all__ = ["DiagnosisDisplay", "plot_diagnosis"]
+__all__ = ["DiagnosisDisplay", "plot_diagnosis", "write_report"]

@@ -131,9 +131,14 @@ def find_evidence(diagnosis, cause) -> Evidence:
     return next(evidence for evidence in found if evidence is not None)
 
 
+def known_effects(diagnosis) -> dict:
+    """Give the effects that a diagnosis may name, by id."""
+    return {effect.id: effect for effect in (*CATALOGUE, *(diagnosis.catalogue or ()))}
+
+
 def make_case(diagnosis, cause) -> Case:
     """Build the extended model without a cause, and gather the records."""
-    known = {e.id: e for e in (*CATALOGUE, *(diagnosis.catalogue or ()))}
+    known = known_effects(diagnosis)
     full, without = diagnosis.extended_model_, diagnosis.model
     for other in diagnosis.causes_:
         if other is not cause:

@@ -1,0 +1,242 @@
+"""The report of a diagnosis: one HTML file that needs nothing else."""
+
+import base64
+import os
+import platform
+import tempfile
+from datetime import date
+from importlib import import_module
+from importlib.metadata import PackageNotFoundError, version
+from importlib.resources import files
+from pathlib import Path
+
+from sklearn.utils.validation import check_is_fitted
+
+from sklearn_pgnn.inspection.display import compare, draw_comparison, draw_evidence
+from sklearn_pgnn.inspection.equations import equations_of
+from sklearn_pgnn.inspection.evidence import find_evidence, known_effects
+from sklearn_pgnn.inspection.style import new_figure, to_png
+from sklearn_pgnn.inspection.words import (
+    VERDICTS,
+    cause_name,
+    listed,
+    measured,
+    number,
+    percent,
+    verdict_sentence,
+)
+
+TEMPLATE = "report.html.j2"
+LIBRARIES = ("numpy", "scipy", "sympy", "numba", "scikit-learn")
+
+
+def write_report(diagnosis, path) -> None:
+    """Write the report of a diagnosis.
+
+    The file holds its pictures and styles and asks nothing of the network. It is written whole or
+    not at all.
+
+    Parameters
+    ----------
+    diagnosis : ModelDiagnosis
+        The fitted diagnosis.
+    path : str or path-like
+        Where to write.
+    """
+    check_is_fitted(diagnosis)
+    _write_whole(Path(path), render_report(diagnosis))
+
+
+def render_report(diagnosis) -> str:
+    """Give the report as HTML.
+
+    Parameters
+    ----------
+    diagnosis : ModelDiagnosis
+        The fitted diagnosis.
+
+    Returns
+    -------
+    str
+        The HTML text; names and units of the model are escaped.
+    """
+    from jinja2 import Environment, StrictUndefined
+
+    room = Environment(
+        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    room.filters["capitalize_first"] = lambda text: text[:1].upper() + text[1:]
+    source = files("sklearn_pgnn.inspection").joinpath(TEMPLATE).read_text(encoding="utf-8")
+    return room.from_string(source).render(**report_content(diagnosis))
+
+
+def report_content(diagnosis) -> dict:
+    """Give what the report says, as plain text by the template's names."""
+    return {
+        "model": diagnosis.model.name,
+        "verdict": diagnosis.verdict_,
+        "verdict_title": VERDICTS[diagnosis.verdict_],
+        "sentence": verdict_sentence(diagnosis),
+        "causes": [_cause(diagnosis, cause) for cause in diagnosis.causes_],
+        "comparisons": [_comparison(diagnosis, kind) for kind in ("free_run", "windows")],
+        "evidence": [_evidence(diagnosis, cause) for cause in diagnosis.causes_],
+        "gain": [_gain(name, gain) for name, gain in diagnosis.gain_.items()],
+        "parameters": [_parameter(name, p) for name, p in diagnosis.parameters_.items()],
+        "equation_blocks": _equation_blocks(diagnosis),
+        "tried": _tried(diagnosis),
+        "method": _method(diagnosis),
+        "versions": _versions(),
+    }
+
+
+# -- what is said ----------------------------------------------------------------------------------
+
+
+def _cause(diagnosis, cause) -> dict:
+    symbols = known_effects(diagnosis)[cause.effect](cause.target).names()
+    return {
+        "name": cause_name(cause.effect, cause.target),
+        "summary": cause.summary,
+        "check": cause.check,
+        "parameters": [
+            {
+                "name": field.replace("_", " "),
+                "symbol": symbols[field],
+                "value": measured(e.value, e.low, e.high, e.unit),
+            }
+            for field, e in cause.parameters.items()
+        ],
+        "gain": percent(abs(cause.gain) / 100),
+        "direction": "smaller" if cause.gain >= 0 else "larger",
+        "confused": listed(cause_name(o.effect, o.target) for o in cause.confused_with),
+    }
+
+
+def _gain(output, gain) -> dict:
+    errors = ("prior", "refitted", "extended", "noise")
+    return {
+        "output": output,
+        **{which: number(getattr(gain, which), 3) for which in errors},
+        "unit": gain.unit or "-",
+        "share": f"{percent(gain.explained_share)} ({percent(gain.low)} to {percent(gain.high)})",
+    }
+
+
+def _parameter(name, parameter) -> dict:
+    p = parameter
+    change = f"{100 * (p.value / p.prior - 1):+.1f} %" if p.prior else number(p.value, 3)
+    return {
+        "name": name,
+        "prior": number(p.prior),
+        "value": measured(p.value, p.low, p.high, p.unit),
+        "change": change,
+        "changed": p.changed,
+    }
+
+
+def _equation_blocks(diagnosis):
+    prior, extended = diagnosis.model, diagnosis.extended_model_
+    if not diagnosis.causes_:
+        return [("Unchanged", equations_of(prior, prior), False)]
+    return [
+        ("Before", equations_of(prior, extended), False),
+        ("After", equations_of(extended, prior), True),
+    ]
+
+
+def _tried(diagnosis) -> list[dict]:
+    named = {(cause.effect, cause.target) for cause in diagnosis.causes_}
+    ranked = sorted(diagnosis.tried_.items(), key=lambda item: item[1])
+    return [
+        {
+            "name": cause_name(*suspect),
+            "left": percent(left),
+            "width": round(100 * min(max(float(left), 0.0), 1.0), 1),
+            "named": suspect in named,
+        }
+        for suspect, left in ranked
+    ]
+
+
+def _method(diagnosis) -> str:
+    records, window = diagnosis.records_, diagnosis.window_
+    count, samples = len(records.names), records.windows.t.size
+    return (
+        f"{samples} samples in {count} {'record' if count == 1 else 'records'} were cut into "
+        f"{len(records.windows)} windows of about {window:.3g} s, each with an initial state of "
+        f"its own. Every suspect was fitted together with the model's free parameters and these "
+        f"initial states. A cause is named only if it lowers the error on windows its parameters "
+        f"were not fitted to by more than {diagnosis.significance:g} standard errors; it is "
+        f"dropped again where others make it needless. Inputs: {_hold(diagnosis.hold)}. "
+        f"Intervals are 95 % intervals, robust to residuals that are not white."
+    )
+
+
+def _hold(hold: str) -> str:
+    return "held between samples" if hold == "zoh" else "straight from sample to sample"
+
+
+def _versions() -> str:
+    package = import_module(__name__.split(".")[0])
+    used = ", ".join(f"{name} {_version(name)}" for name in LIBRARIES)
+    return (
+        f"Written on {date.today().isoformat()} by sklearn-pgnn {package.__version__} "
+        f"(Python {platform.python_version()}, {used})."
+    )
+
+
+def _version(name: str) -> str:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return "of unknown version"
+
+
+# -- what is drawn ---------------------------------------------------------------------------------
+
+
+def _comparison(diagnosis, kind) -> dict:
+    comparison = compare(diagnosis, kind=kind)
+    outputs = len(comparison.outputs)
+    figure = new_figure(8.0, 3.6 * outputs)
+    draw_comparison(figure.subplots(2 * outputs, height_ratios=[2.2, 1.3] * outputs), comparison)
+    captions = {
+        "free_run": "Free run: the models see only the inputs and the first state of the record.",
+        "windows": f"Restarted from the record every {diagnosis.window_:.3g} s, as the models "
+        f"were judged: errors have no time to add up.",
+    }
+    return _figure(figure, f"measured and simulated outputs, {comparison.title}", captions[kind])
+
+
+def _evidence(diagnosis, cause) -> dict:
+    evidence = find_evidence(diagnosis, cause)
+    figure = new_figure(8.0, 3.6)
+    draw_evidence(figure.subplots(), evidence)
+    return _figure(figure, cause_name(cause.effect, cause.target), evidence.note)
+
+
+def _figure(figure, alt, caption) -> dict:
+    data = base64.b64encode(to_png(figure)).decode("ascii")
+    return {"alt": alt, "caption": caption, "source": f"data:image/png;base64,{data}"}
+
+
+# -- where it goes ---------------------------------------------------------------------------------
+
+
+def _write_whole(path: Path, text: str) -> None:
+    """Write beside the file and put it in place in one step."""
+    handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8") as stream:
+            stream.write(text)
+        os.chmod(name, 0o666 & ~_umask())
+        os.replace(name, path)
+    except BaseException:
+        os.unlink(name)
+        raise
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
