@@ -28,8 +28,6 @@ _PLAIN_TAGS = {
     for name in ("map", "seq", "str", "int", "float", "bool", "null", "timestamp")
 }
 _NULL = "tag:yaml.org,2002:null"
-#: what the errors of a model call a part of it, where that is not the part's key
-_PARTS = {"parameter": "parameters", "state": "states", "input": "inputs", "output": "outputs"}
 
 
 def read_model(path) -> PhysicsModel:
@@ -122,7 +120,8 @@ class _Reader:
         try:
             return PhysicsModel(**data)
         except ModelError as error:
-            self.refuse(self.place_of(str(error)), str(error))
+            place = self.places.get(error.where) or self.places.get(error.where[:1])
+            self.refuse(place, str(error))
 
     def root(self) -> Node:
         yaml = YAML(typ="safe", pure=True)
@@ -153,7 +152,7 @@ class _Reader:
 
     def document(self, root: Node) -> dict:
         data = {}
-        for key, value in self.items(root, "a model"):
+        for key, value in self.items(root):
             if key not in _SECTIONS:
                 expected = ", ".join(_SECTIONS)
                 self.refuse(self.places[(key,)], f"unknown key {key!r}; expected {expected}.")
@@ -162,71 +161,66 @@ class _Reader:
             if not data.get(key):
                 self.refuse(self.places.get((key,), root), f"expected {key!r}, got none.")
         data.setdefault("parameters", {})
-        self.check_columns(data)
         return data
-
-    def check_columns(self, data: dict) -> None:
-        outputs = data.get("outputs") or data["states"]
-        known = ["t", *data["states"], *data.get("inputs", {}), *outputs]
-        for key in data.get("columns", {}):
-            if key not in known:
-                expected = ", ".join(dict.fromkeys(known))
-                self.refuse(
-                    self.places[("columns", key)],
-                    f"columns: unknown name {key!r}; expected one of {expected}.",
-                )
 
     # -- nodes -------------------------------------------------------------------------------------
 
-    def plain(self, node: Node, what: str) -> Node:
+    def plain(self, node: Node, expected: str) -> Node:
         """Refuse a tag or an alias."""
         if id(node) in self.seen:
-            self.refuse(node, f"expected {what}, got an alias.")
+            self.refuse(node, f"{expected}, got an alias.")
         self.seen.add(id(node))
         if str(node.tag) not in _PLAIN_TAGS:
-            self.refuse(node, f"expected {what}, got the tag {str(node.tag)!r}.")
+            self.refuse(node, f"{expected}, got the tag {str(node.tag)!r}.")
         return node
 
-    def items(self, node: Node, what: str, place: tuple[str, ...] = ()):
+    def items(self, node: Node, what: str = "", place: tuple[str, ...] = ()):
         """Give keys and value nodes of a mapping, each key once."""
-        if not isinstance(self.plain(node, what), MappingNode):
-            self.refuse(node, f"expected {what} as names and values, got {_shown(node)}.")
+        expected = f"{what}: expected names and values" if what else "expected a model"
+        if not isinstance(self.plain(node, expected), MappingNode):
+            self.refuse(node, f"{expected}, got {_shown(node)}.")
         for key_node, value in node.value:
-            key = self.scalar(key_node, "a name")
+            key = self.scalar(key_node, "expected a name")
             here = (*place, key)
             if here in self.places:
                 first = self.places[here].start_mark.line + 1
                 self.refuse(key_node, f"{key!r} is here twice; first in line {first}.")
             self.places[here] = key_node
+            if isinstance(value, ScalarNode) and not value.value:
+                value.start_mark = key_node.start_mark  # nothing stands somewhere behind the key
             yield key, value
 
-    def scalar(self, node: Node, what: str) -> str:
-        if not isinstance(self.plain(node, what), ScalarNode):
-            self.refuse(node, f"expected {what}, got {_shown(node)}.")
+    def scalar(self, node: Node, expected: str) -> str:
+        if not isinstance(self.plain(node, expected), ScalarNode):
+            self.refuse(node, f"{expected}, got {_shown(node)}.")
         return node.value
 
     def text_of(self, node: Node, what: str) -> str:
-        text = self.scalar(node, what)
+        expected = f"{what}: expected text"
+        text = self.scalar(node, expected)
         if str(node.tag) == _NULL or not text.strip():
-            self.refuse(node, f"{what}: expected text, got nothing.")
+            self.refuse(node, f"{expected}, got nothing.")
         return text
 
     def number(self, node: Node, what: str) -> float:
-        text = self.scalar(node, what)
+        expected = f"{what}: expected a number"
+        text = self.scalar(node, expected)
         try:
             return float(re.sub(r"^([-+]?)\.(inf|nan)$", r"\1\2", text.strip().lower()))
         except ValueError:
-            self.refuse(node, f"{what}: expected a number, got {text!r}.")
+            self.refuse(node, f"{expected}, got {_shown(node)}.")
 
     def truth(self, node: Node, what: str) -> bool:
-        text = self.scalar(node, what).lower()
+        expected = f"{what}: expected true or false"
+        text = self.scalar(node, expected).lower()
         if text not in ("true", "false"):
-            self.refuse(node, f"{what}: expected true or false, got {text!r}.")
+            self.refuse(node, f"{expected}, got {_shown(node)}.")
         return text == "true"
 
     def list_of(self, node: Node, what: str) -> list[Node]:
-        if not isinstance(self.plain(node, what), SequenceNode):
-            self.refuse(node, f"{what}: expected a list, got {_shown(node)}.")
+        expected = f"{what}: expected a list"
+        if not isinstance(self.plain(node, expected), SequenceNode):
+            self.refuse(node, f"{expected}, got {_shown(node)}.")
         return node.value
 
     # -- sections ----------------------------------------------------------------------------------
@@ -257,7 +251,7 @@ class _Reader:
         return self.named(node, part, lambda name: "", self.unit)
 
     def unit(self, node, what) -> str:
-        text = self.scalar(node, f"{what} as a unit")
+        text = self.scalar(node, f"{what}: expected a unit")
         return "" if str(node.tag) == _NULL else text
 
     def outputs(self, node, part):
@@ -298,16 +292,6 @@ class _Reader:
         if len(numbers) != 2:
             self.refuse(node, f"{what}: expected [low, high], got {len(numbers)} numbers.")
         return numbers
-
-    # -- errors of the model -----------------------------------------------------------------------
-
-    def place_of(self, message: str) -> Node | None:
-        """Find the key that an error of `PhysicsModel` speaks of."""
-        found = re.match(r"(\w+)(?:\.(\w+))?", message)
-        part = _PARTS.get(found[1], found[1]) if found else ""
-        quoted = re.search(r"'([^']*)'", message)
-        name = (found and found[2]) or (quoted[1] if quoted else "")
-        return self.places.get((part, name)) or self.places.get((part,))
 
 
 _SECTIONS = {
