@@ -230,7 +230,7 @@ def cart_with(old, new):
         ("k: 40", "k: stiff", "6:6: parameters.k: expected a number, got 'stiff'."),
         ("k: 40", "k:", "6:3: parameters.k: expected a number, got nothing."),
         ("k: 40", "k: [40]", "6:6: parameters.k: expected a number, got a list."),
-        ("k: 40", "F: 40", "6:3: parameter 'F': the name is taken by a input."),
+        ("k: 40", "F: 40", "6:3: parameter 'F': the name is taken by an input."),
         ("k: 40", "sin: 40", "6:3: parameter 'sin' is reserved; choose another name."),
         ("k: 40", "_k: 40", "6:3: parameter '_k' is reserved; choose another name."),
         ("k: 40", "k-1: 40", "6:3: parameter 'k-1' is not a name; use letters, digits and"),

@@ -209,13 +209,13 @@ class PhysicsModel:
                 taken = seen.get(same_name(name))
                 if taken:
                     raise ModelError(
-                        f"{what} {name!r}: the name is taken by a {taken}.", (f"{what}s", name)
+                        f"{what} {name!r}: the name is taken by {taken}.", (f"{what}s", name)
                     )
-                seen[same_name(name)] = what
+                seen[same_name(name)] = f"{'an' if what == 'input' else 'a'} {what}"
 
     def _check_columns(self, states, inputs, outputs):
         own = ("t", "trajectory", *inputs, *states)
-        self._check_keys("columns", self.columns, (*own, *outputs))
+        self._check_keys("columns", self.columns, dict.fromkeys((*own, *outputs)))
         for name, column in dict(self.columns or {}).items():
             if not isinstance(column, str) or not column:
                 raise ModelError(
