@@ -4,13 +4,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sklearn_pgnn.diagnosis.hypothesis import Cause, Hypothesis, freedoms
+from sklearn_pgnn.diagnosis.hypothesis import Cause, Hypothesis, freedoms, held_parameters
 from sklearn_pgnn.diagnosis.setting import Setting
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.window_fit import WindowFit, fit_windows
+from sklearn_pgnn.simulation.window_fit import WindowFit, expected_decrease, fit_windows
 
 #: starts that are followed to their end after a first look at all of them
 FOLLOWED_STARTS = 2
+#: of more starts than these only the most promising by their slopes are looked at
+MANY_STARTS = 4
 #: a first look takes every so many windows that about this many samples remain
 SCOUT_SAMPLES, SCOUT_WINDOWS = 8000, 3
 
@@ -135,22 +137,35 @@ class Fitter:
 
     def _best_start(self, trial, hypothesis, cause) -> Scouted:
         """Look at every start for two steps, follow the most promising to the end."""
-        effect, target = cause
-        prior, scales = self.setting.prior, self.setting.scales
-        starts = effect.starts(target, prior, scales)
-        models = [start.apply(trial.fit.model) for start in starts]
-        if len(starts) <= 4:
-            untuned = self._rebuild(trial.hypothesis, prior)
-            models += [start.apply(untuned) for start in starts]
 
         def look(model, **options):
             return self._fit_hypothesis(hypothesis, model, trial, which=self.some, **options)
 
+        models = self._starts(trial, cause)
+        if len(models) > MANY_STARTS:
+            glances = [look(model, max_steps=0) for model in models]
+            gains = [self._expected_decrease(glance) for glance in glances]
+            models = [models[k] for k in np.argsort(gains)[::-1][:MANY_STARTS]]
         looks = [look(model, max_steps=2) for model in models]
         looks.sort(key=lambda fit: fit.objective)
         fits = [look(fit.model, x0_start=fit.x0) for fit in looks[:FOLLOWED_STARTS]]
         best = min(fits, key=lambda fit: fit.objective)
         return Scouted(cause, best.model, best.squares / trial.pieces[self.some].sum())
+
+    def _starts(self, trial, cause) -> list[PhysicsModel]:
+        """Extend the fitted model by every start, and the untuned one by a few."""
+        effect, target = cause
+        starts = effect.starts(target, self.setting.prior, self.setting.scales)
+        models = [start.apply(trial.fit.model) for start in starts]
+        if len(starts) <= MANY_STARTS:
+            untuned = self._rebuild(trial.hypothesis, self.setting.prior)
+            models += [start.apply(untuned) for start in starts]
+        return models
+
+    def _expected_decrease(self, fit: WindowFit) -> float:
+        estimate = self.setting.states.estimate(fit.model)
+        expected = estimate.x[self.setting.windows.select(self.some).starts]
+        return expected_decrease(fit, expected, estimate.spread)
 
     def _rebuild(self, hypothesis, values_of: PhysicsModel) -> PhysicsModel:
         """Extend the prior by the causes, with the parameter values of another model."""
@@ -162,6 +177,9 @@ class Fitter:
         return model.with_parameters(**known)
 
     def _fit_hypothesis(self, hypothesis, model, trial, **options) -> WindowFit:
+        prior = self.setting.prior
+        held = {n for cause in hypothesis.causes for n in held_parameters(prior, cause)}
+        model = model.with_parameters(**{name: prior.parameters[name].value for name in held})
         return self._fit(model, freedoms(self.setting, hypothesis, model), trial, **options)
 
     def _fit(self, model, free, trial, which=slice(None), **options) -> WindowFit:

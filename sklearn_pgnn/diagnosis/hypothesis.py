@@ -2,12 +2,13 @@
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import sympy
 
 from sklearn_pgnn.diagnosis.setting import Setting
 from sklearn_pgnn.physics.effect import Effect
-from sklearn_pgnn.physics.effects import WrongParameter
+from sklearn_pgnn.physics.effects import CATALOGUE, WrongParameter
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.window_fit import Freedom
@@ -111,6 +112,19 @@ def same_parameter(model: PhysicsModel, effect: Effect) -> str | None:
     return None
 
 
+@lru_cache(maxsize=256)
+def held_parameters(model: PhysicsModel, cause: Cause) -> tuple[str, ...]:
+    """Name the model's parameters that a cause speaks for: re-tuning both would be one too many.
+
+    Friction that differs by direction holds the viscous friction that a model may have: the
+    model's own stays at its prior value, and the cause tells what comes on top.
+    """
+    effect, target = cause
+    special = [e for e in CATALOGUE if e.id in effect.generalises and target in e.targets(model)]
+    found = [same_parameter(model, e(target)) for e in special]
+    return tuple(name for name in found if name is not None)
+
+
 def _derivatives(model, name):
     expressions = (*model.equations.values(), *model.outputs.values())
     return [sympy.diff(expression, symbol(name)) for expression in expressions]
@@ -151,7 +165,12 @@ def freedoms(setting: Setting, hypothesis: Hypothesis, start: PhysicsModel) -> t
         One for every free parameter.
     """
     wrong = {target for effect, target in hypothesis.causes if effect is WrongParameter}
-    free = [_prior_freedom(setting.prior, name, name in wrong) for name in setting.prior.free_parameters]
+    held = {n for cause in hypothesis.causes for n in held_parameters(setting.prior, cause)} - wrong
+    free = [
+        _prior_freedom(setting.prior, name, name in wrong)
+        for name in setting.prior.free_parameters
+        if name not in held
+    ]
     for effect, target in hypothesis.causes:
         limits = effect.limits(target, setting.prior, setting.scales)
         taken = hypothesis.taken_over((effect, target))

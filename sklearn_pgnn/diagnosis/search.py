@@ -229,7 +229,7 @@ class Search:
             return trial
         for cause in trial.hypothesis.causes:
             without = self.fitter.reduce(trial, cause)
-            for other in self._worth_a_look(trial, cause, tried):
+            for other in self._worth_a_look(trial, without, cause, tried):
                 swapped = self.fitter.extend(without, other)
                 self._learn_noise(swapped)
                 if _t_value(trial.pieces, swapped.pieces) > self.rules.significance:
@@ -247,13 +247,16 @@ class Search:
                         return split
         return trial
 
-    def _worth_a_look(self, trial, cause, tried):
-        """Give the suspects that alone explain at least a part of what the cause does alone."""
-        explained = 1.0 - tried.get(cause, 1.0)
+    def _worth_a_look(self, trial, without, cause, tried):
+        """Give the suspects that come near to a cause's part, alone and at a first look."""
+        alone = 1.0 - tried.get(cause, 1.0)
+        needed = 1.0 - trial.squares / without.squares
         return [
             other
             for other, left in tried.items()
-            if other not in trial.hypothesis.causes and 1.0 - left > 0.3 * explained
+            if other not in trial.hypothesis.causes
+            and 1.0 - left > 0.3 * alone
+            and 1.0 - self.fitter.scout(without, other).left > 0.8 * needed
         ]
 
     # -- result --------------------------------------------------------------------------------
@@ -264,7 +267,7 @@ class Search:
         if not self._is_better(without, trial):
             return ()
         found = []
-        for other in self._worth_a_look(trial, cause, tried):
+        for other in self._worth_a_look(trial, without, cause, tried):
             if count_parameters(other) > count_parameters(cause):
                 continue
             swapped = self.fitter.extend(without, other)

@@ -206,6 +206,33 @@ def project(
     return Normal(hessian, gradient, to_state, state_step)
 
 
+def expected_decrease(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) -> float:
+    """Tell by how much a linear model of the residuals would lower the objective further.
+
+    Parameters
+    ----------
+    fit : WindowFit
+        A fit, not at its minimum.
+    expected : ndarray of shape (n_windows, n_states)
+        Expected initial states.
+    spread : ndarray of shape (n_states,)
+        How uncertain they are.
+
+    Returns
+    -------
+    float
+        Decrease of the sum of squares; zero where the fit diverged.
+    """
+    if not np.isfinite(fit.objective):
+        return 0.0
+    n_p, weight = len(fit.freedoms), 1.0 / spread**2
+    normal = project(fit.evaluation.gram, n_p, weight, fit.x0 - expected)
+    pull = 1.0 / _column(fit.freedoms, "spread") ** 2
+    hessian, gradient = normal.hessian.sum(0) + np.diag(pull), normal.gradient.sum(0)
+    step = _bounded_step(hessian, gradient, 1e-6, np.full(n_p, -np.inf), np.full(n_p, np.inf))
+    return float(gradient @ step)
+
+
 def _bounded_step(hessian, gradient, damping, low, high):
     """Solve the damped normal equations within bounds."""
     if gradient.size == 0:

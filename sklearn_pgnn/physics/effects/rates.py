@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+import numpy as np
 import sympy
 
 from sklearn_pgnn.physics.effect import Effect, quantity
@@ -22,6 +23,10 @@ def is_velocity(model, state: str) -> bool:
         or state in model.inertia
         or model.states[state].strip() in SPEED_UNITS
     )
+
+
+#: periods of a ripple that are looked for within the travel
+MOST_CYCLES = 40.0
 
 
 @dataclass(frozen=True)
@@ -452,13 +457,14 @@ class Cogging(PositionEffect):
 
     @classmethod
     def starts(cls, target, model, scales):
-        """Start at periods from the whole travel down to a fortieth of it."""
+        """Start at every period that the travel can tell from its neighbours."""
         travel = 2 * scales.peak[model.kinematic_pairs[target]]
-        force = 0.01 * _force_scale(target, model, scales)
-        return tuple(cls(target, force, force, travel / 1.2 ** (k + 2)) for k in range(24))
+        force = 1e-3 * _force_scale(target, model, scales)
+        cycles = np.arange(1.5, MOST_CYCLES, 0.35)
+        return tuple(cls(target, force, force, travel / count) for count in cycles)
 
     @classmethod
     def limits(cls, target, model, scales):
         """Keep at least one and a half periods within the travel."""
         travel = 2 * scales.peak[model.kinematic_pairs[target]]
-        return {"period": (travel / 150, travel / 1.5)}
+        return {"period": (travel / (2 * MOST_CYCLES), travel / 1.5)}
