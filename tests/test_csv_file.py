@@ -1,0 +1,285 @@
+"""CSV files as X and y: what is read, and that every error has its line."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sklearn_pgnn.exceptions import RecordError
+from sklearn_pgnn.physics import PhysicsModel
+from sklearn_pgnn.trajectories.csv_file import read_csv, read_csv_files
+from sklearn_pgnn.trajectories.reader import read_records
+
+CART = PhysicsModel(
+    name="cart",
+    states={"x": "m", "v": "m/s"},
+    inputs={"F": "N"},
+    outputs={"position": "x"},
+    parameters={"m": 2.0},
+    equations={"x": "v", "v": "F/m"},
+)
+RUN = "t,F,position\n0,1,0.5\n0.1,2,0.6\n0.2,3,0.7\n0.4,4,0.8\n"
+
+
+@pytest.fixture
+def file(tmp_path):
+    return tmp_path / "run.csv"
+
+
+def read(file, text, model=CART, **how):
+    file.write_text(text, encoding=how.pop("encoding", "utf-8"), **how)
+    return read_csv(file, model)
+
+
+def refusal(file, text, model=CART):
+    """Give what is said behind the file's name."""
+    with pytest.raises(RecordError) as caught:
+        read(file, text, model)
+    message = str(caught.value)
+    assert "\n" not in message
+    assert message.startswith(f"{file}:")
+    return message.removeprefix(f"{file}:")
+
+
+def is_the_run(X, y):
+    return (
+        list(X) == ["trajectory", "t", "F"]
+        and list(y) == ["position"]
+        and X["t"].tolist() == [0, 0.1, 0.2, 0.4]
+        and X["F"].tolist() == [1, 2, 3, 4]
+        and y["position"].tolist() == [0.5, 0.6, 0.7, 0.8]
+    )
+
+
+# -- what is read ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        RUN,
+        RUN.replace(",", "\t"),
+        RUN.replace(",", ";"),
+        RUN.replace(",", ";").replace(".", ","),
+        RUN.replace(",", "\t").replace(".", ","),
+        RUN.replace(",", " , "),
+        RUN.replace("\n", "\r\n"),
+        RUN.replace("\n", "\r"),
+        RUN.replace("\n", "\n\n"),
+        RUN.rstrip("\n"),
+        RUN.replace("0.2,3", "# a pause\n  # and another\n0.2,3"),
+        "# rig 3\n" + RUN,
+        "\ufeff" + RUN,
+        RUN.replace("F,", "F [N],").replace("t,", "t (s),"),
+        RUN.replace("F,", "F[N],").replace("position", "position [m]"),
+        RUN.replace("t,F", '"t","F"').replace("0.1,2", '"0.1","2"'),
+        RUN.replace("\n", ",\n"),
+        RUN.replace("position\n", "position,note\n").replace("0.6\n", "0.6,hot\n"),
+        RUN.replace("position\n", "position,F [kN]\n"),
+        RUN.replace("0.1,2", "1e-1,2.0e0"),
+    ],
+    ids=range(20),
+)
+def test_one_run_written_in_many_ways(file, text):
+    assert is_the_run(*read(file, text))
+
+
+def test_text_that_is_not_utf8_may_stand_in_a_header(file):
+    assert is_the_run(*read(file, RUN.replace("F,", "F [\xb0],"), encoding="latin-1"))
+
+
+def test_columns_are_named_by_the_model(file):
+    model = CART.replace(columns={"F": "tau_cmd", "t": "Time [s]", "position": "pos"})
+    text = RUN.replace("t,F,position", "Time [s],tau_cmd [N],pos")
+    assert is_the_run(*read(file, text, model))
+
+
+def test_the_order_of_the_columns_is_free_and_others_are_left_out(file):
+    X, y = read(file, "position,note,F,t\n1,a,2,0\n1,b,2,1\n1,c,2,2\n1,,2,3\n")
+    assert list(X) == ["trajectory", "t", "F"]
+    assert y["position"].tolist() == [1, 1, 1, 1]
+
+
+def test_states_are_read_where_the_file_has_them(file):
+    X, _ = read(file, "t,F,position,v\n0,1,0,0.3\n1,1,0,\n2,1,0,\n3,1,0,\n")
+    assert list(X) == ["trajectory", "t", "F", "v"]
+    assert X["v"].iloc[0] == 0.3
+    assert X["v"].iloc[1:].isna().all()
+
+
+@pytest.mark.parametrize("nothing", ["", "nan", "NaN", "NA", "null", " "])
+def test_an_output_may_have_gaps(file, nothing):
+    _, y = read(file, RUN.replace("0.6", nothing))
+    assert y["position"].isna().tolist() == [False, True, False, False]
+
+
+def test_a_file_is_one_trajectory_by_its_own_name(file):
+    X, _ = read(file, RUN)
+    assert X["trajectory"].unique().tolist() == ["run"]
+
+
+def test_a_file_may_hold_several_trajectories(file):
+    text = "t,F,position,trajectory\n" + "".join(
+        f"{k},1,{k},{name}\n" for name in ("up", "down") for k in range(4)
+    )
+    X, y = read(file, text)
+    assert X["trajectory"].unique().tolist() == ["up", "down"]
+    assert [record.name for record in read_records(CART, X, y)] == ["up", "down"]
+
+
+def test_rows_of_trajectories_may_be_mixed(file):
+    rows = "".join(f"{k},1,{k},a\n{k},2,{k},b\n" for k in range(4))
+    X, y = read(file, "t,F,position,trajectory\n" + rows)
+    records = read_records(CART, X, y)
+    assert [record.u[0, 0] for record in records] == [1, 2]
+
+
+def test_a_model_without_inputs_needs_no_input(file):
+    lag = PhysicsModel({"y": "V"}, {"y": "-y"})
+    X, y = read(file, "t,y\n0,1\n1,0\n2,0\n3,0\n", lag)
+    assert list(X) == ["trajectory", "t", "y"]
+    assert list(y) == ["y"]
+
+
+numbers = st.floats(allow_nan=False, allow_infinity=False)
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.lists(st.tuples(numbers, numbers), min_size=4, max_size=20), st.sampled_from(",;\t"))
+def test_pandas_files_come_back_to_the_last_digit(tmp_path_factory, rows, separator):
+    table = pd.DataFrame(rows, columns=["F", "position"]).astype(float)
+    table.insert(0, "t", np.arange(len(rows)) / 7)
+    file = tmp_path_factory.getbasetemp() / "drawn.csv"
+    table.to_csv(file, index=False, sep=separator)
+    X, y = read_csv(file, CART)
+    pd.testing.assert_frame_equal(X[["t", "F"]], table[["t", "F"]], check_exact=True)
+    pd.testing.assert_frame_equal(y, table[["position"]], check_exact=True)
+
+
+# -- several files ---------------------------------------------------------------------------------
+
+
+def test_several_files_are_trajectories_with_names_of_their_own(tmp_path):
+    paths = []
+    for folder in ("monday", "tuesday"):
+        (tmp_path / folder).mkdir()
+        paths.append(tmp_path / folder / "run.csv")
+        paths[-1].write_text(RUN)
+    paths.append(tmp_path / "run-2.csv")
+    paths[-1].write_text(RUN)
+    X, y = read_csv_files(map(str, paths), CART)
+    assert X["trajectory"].unique().tolist() == ["run", "run-2", "run-2-2"]
+    assert X.index.tolist() == y.index.tolist() == list(range(12))
+    assert [record.t.size for record in read_records(CART, X, y)] == [4, 4, 4]
+
+
+def test_trajectories_of_several_files_are_told_apart(tmp_path):
+    text = RUN.replace("position\n", "position,trajectory\n").replace("\n0", ",a\n0")
+    text = text.replace("position,trajectory,a", "position,trajectory").rstrip() + ",a\n"
+    for name in ("one.csv", "two.csv"):
+        (tmp_path / name).write_text(text)
+    X, _ = read_csv_files([tmp_path / "one.csv", tmp_path / "two.csv"], CART)
+    assert X["trajectory"].unique().tolist() == ["one/a", "two/a"]
+
+
+def test_no_file_is_refused():
+    with pytest.raises(RecordError, match=r"^expected at least one CSV file, got none\.$"):
+        read_csv_files([], CART)
+
+
+# -- what is refused -------------------------------------------------------------------------------
+
+GAP = "expected a number, got nothing. Remedy: fill the gap or cut the record there."
+SORT = "Remedy: sort the record, or tell several apart by a column 'trajectory'."
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "1: expected a CSV file, got an empty file."),
+        (" \n\n", "1: expected a CSV file, got an empty file."),
+        ("# nothing\n", "1: expected a header and samples, got comments only."),
+        ("a\nb\0c\n", "2: expected a CSV file (text in UTF-8), got a binary file."),
+        (
+            "0,1,0.5\n0.1,2,0.6\n",
+            "1: expected a header with the names of the columns, got '0, 1, 0.5'.",
+        ),
+        ("t,F,position\n", "1: column 't': expected at least 4 samples, got 0."),
+        (
+            RUN.replace("F", "torque"),
+            "1: column 'F': missing; the file has t, torque, position. Remedy: say in the model "
+            "file what the CSV calls it, as in columns: {F: t}.",
+        ),
+        ("# rig\n\n" + RUN.replace("position", "pos"), "3: column 'position': missing; the file "),
+        (RUN.replace("t,F", "time,F"), "1: column 't': missing; the file has time, F, position."),
+        (RUN.replace("position", "F"), "1: column 'F': expected it once, got it 2 times."),
+        (
+            RUN.replace("F,position", "F [N],F [kN]"),
+            "1: column 'F': expected it once, got it 2 times.",
+        ),
+        (RUN.replace("0.1,2", "0.1,two"), "3: column 'F': expected a number, got 'two'."),
+        (RUN.replace("0.1,2", "# warm\n0.1,two"), "4: column 'F': expected a number, got 'two'."),
+        (RUN.replace("F", "F [N]").replace(",2,", ",?,"), "3: column 'F [N]': expected a number"),
+        (RUN.replace("0.6", "off"), "3: column 'position': expected a number, got 'off'."),
+        (RUN.replace("0.6", "inf"), "3: column 'position': expected a number, got 'inf'."),
+        (RUN.replace("0.1,2", "0.1,1_000"), "3: column 'F': expected a number, got '1_000'."),
+        (RUN.replace("0.1,2", "12:30,2"), "3: column 't': expected a number, got '12:30'."),
+        (RUN.replace("0.1,2", "0.1,"), f"3: column 'F': {GAP}"),
+        (RUN.replace("0.1,2", "0.1,nan"), f"3: column 'F': {GAP}".replace("nothing", "'nan'")),
+        (RUN.replace("0.1,2", ",2"), f"3: column 't': {GAP}"),
+        (RUN.replace("0.2,3,0.7", "0.2"), f"4: column 'F': {GAP}"),
+        (
+            RUN.replace("0.2,3", "0.05,3"),
+            f"4: column 't': expected time to increase, got 0.05 after 0.1 in line 3. {SORT}",
+        ),
+        (RUN.replace("0.2,3", "0.1,3"), "4: column 't': expected time to increase, got 0.1 after"),
+        (
+            RUN.replace("0.4,4,0.8\n", ""),
+            "2: column 't': expected at least 4 samples in a record, got 3 in 'run'.",
+        ),
+        (RUN.replace("0.7", "0.7,9"), "4: expected 3 fields as in the header, got 4."),
+        (
+            "t,F,position\n0,1,\n1,1,\n2,1,nan\n3,1,\n",
+            "2: column 'position': expected a measured value, got none at all.",
+        ),
+        (
+            "t,F,position,trajectory\n0,1,1,a\n1,1,1,a\n2,1,1,a\n3,1,1,a\n0,1,1,b\n2,1,1,b\n1,1,1,b\n",
+            "8: column 't': expected time to increase, got 1 after 2 in line 7.",
+        ),
+        (
+            "t,F,position,trajectory\n0,1,1,a\n1,1,1,a\n2,1,1,a\n3,1,1,a\n0,1,1,b\n2,1,1,b\n3,1,1,b\n",
+            "6: column 't': expected at least 4 samples in a record, got 3 in 'b'.",
+        ),
+    ],
+    ids=range(29),
+)
+def test_an_error_has_its_line(file, text, said):
+    message = refusal(file, text)
+    assert message.startswith(said), message
+
+
+def test_a_missing_column_is_called_what_the_model_calls_it(file):
+    model = CART.replace(columns={"F": "tau_cmd"})
+    message = refusal(file, RUN, model)
+    assert message == (
+        "1: column 'tau_cmd': missing; the file has t, F, position. Remedy: say in the model "
+        "file what the CSV calls it, as in columns: {F: t}."
+    )
+
+
+def test_a_missing_file_and_a_folder_are_refused(tmp_path):
+    with pytest.raises(RecordError, match=r"none\.csv:1: expected a CSV file, got: No such file"):
+        read_csv(tmp_path / "none.csv", CART)
+    with pytest.raises(RecordError, match=r":1: expected a CSV file, got: Is a directory"):
+        read_csv(tmp_path, CART)
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.one_of(st.binary(max_size=60), st.text("t,;F0.1\n\r\"'#\tposition", max_size=60)))
+def test_any_file_is_read_or_refused_in_one_line(tmp_path_factory, content):
+    file = tmp_path_factory.getbasetemp() / "any.csv"
+    file.write_bytes(content if isinstance(content, bytes) else content.encode())
+    with pytest.raises(RecordError) as caught:
+        read_csv(file, CART)
+    assert len(str(caught.value).splitlines()) == 1
