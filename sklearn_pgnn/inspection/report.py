@@ -23,6 +23,7 @@ from sklearn_pgnn.inspection.words import (
     measured,
     number,
     percent,
+    share,
     verdict_sentence,
 )
 
@@ -118,7 +119,7 @@ def _gain(output, gain) -> dict:
         "output": output,
         **{which: number(getattr(gain, which), 3) for which in errors},
         "unit": gain.unit or "-",
-        "share": f"{percent(gain.explained_share)} ({percent(gain.low)} to {percent(gain.high)})",
+        "share": share(gain),
     }
 
 

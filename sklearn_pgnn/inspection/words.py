@@ -54,19 +54,39 @@ def _rounded(value: float, places: int) -> str:
     return f"{round(value, places):.{max(places, 0)}f}"
 
 
-def percent(share: float) -> str:
-    """Write a share in percent; all but everything is not everything.
+def percent(part: float) -> str:
+    """Write a share in percent; nearly all is not all, a little is not nothing.
 
     Examples
     --------
-    >>> percent(0.704), percent(0.9996), percent(1.0)
-    ('70 %', '> 99.9 %', '100 %')
+    >>> percent(0.704), percent(0.9934), percent(0.99996), percent(1.0)
+    ('70 %', '99.3 %', '> 99.9 %', '100 %')
     """
-    if not math.isfinite(share):
+    if not math.isfinite(part):
         return "-"
-    if 0.9995 <= share < 1.0:
+    if part >= 1.0 or part <= 0.0:
+        return f"{100 * part:.0f} %"
+    if part > 0.9995:
         return "> 99.9 %"
-    return f"{100 * share:.{1 if share > 0.99 else 0}f} %" if share < 1 else "100 %"
+    return f"{100 * part:.{1 if part > 0.985 else 0}f} %"
+
+
+def share(gain) -> str:
+    """Write the explained share of a gain with its interval.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace as Gain
+    >>> share(Gain(explained_share=0.927, low=0.874, high=0.963))
+    '93 % (87 to 96 %)'
+    >>> share(Gain(explained_share=1.0, low=0.9999, high=1.0))
+    '> 99.9 %'
+    """
+    low, high = 100 * gain.low, 100 * gain.high
+    if low > 99.95:
+        return "> 99.9 %"
+    places = 1 if low > 98.5 else 0
+    return f"{100 * gain.explained_share:.{places}f} % ({low:.{places}f} to {high:.{places}f} %)"
 
 
 def cause_name(effect: str, target: str) -> str:
@@ -135,8 +155,7 @@ def _others(diagnosis) -> str:
 def _worth(diagnosis) -> str:
     """Say what the extension removes of the error, output by output."""
     parts = [
-        f"{percent(gain.explained_share)} ({percent(gain.low)} to {percent(gain.high)}) of the "
-        f"error power of {output} above the noise"
+        f"{share(gain).replace('> ', 'more than ')} of the error power of {output} above the noise"
         for output, gain in diagnosis.gain_.items()
     ]
     return f"The extended model removes {listed(parts)}, on data held out of the fit."

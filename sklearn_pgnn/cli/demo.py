@@ -1,0 +1,109 @@
+"""The job of ``sklearn-pgnn demo``: a golf robot whose model misses its stick-slip."""
+
+import shlex
+from pathlib import Path
+
+import click
+
+from sklearn_pgnn.cli.diagnose import Job
+from sklearn_pgnn.cli.screen import one_line
+from sklearn_pgnn.datasets import make_hidden_effect
+from sklearn_pgnn.physics.effects import StribeckFriction
+from sklearn_pgnn.physics.systems import golf_robot
+
+HIDDEN = StribeckFriction("omega", level=0.1, peak=0.1, velocity=0.3)
+RECORDS, DURATION, SAMPLE_RATE = 6, 10.0, 200.0
+
+
+def run_demo(output, *, jobs: int = -1, quiet: bool = False) -> None:
+    """Write the model file and the records, and diagnose them.
+
+    Parameters
+    ----------
+    output : str or path-like
+        Folder; the input goes to its folder ``input``.
+    jobs : int, default=-1
+        Threads to use.
+    quiet : bool, default=False
+        Whether to print the verdict only.
+    """
+    model, data = write_input(Path(output) / "input")
+    if not quiet:
+        _tell_what(model, data)
+    Job(model, data, output, jobs=jobs, quiet=quiet).run()
+    if not quiet:
+        _tell_truth(model, data, output)
+
+
+def write_input(folder: Path) -> tuple[Path, list[Path]]:
+    """Write the model file and the records.
+
+    Parameters
+    ----------
+    folder : Path
+        Where they go.
+
+    Returns
+    -------
+    model : Path
+        The model file.
+    data : list of Path
+        The CSV files.
+    """
+    hidden = make_hidden_effect(
+        golf_robot(),
+        HIDDEN,
+        n_records=RECORDS,
+        duration=DURATION,
+        sample_rate=SAMPLE_RATE,
+        random_state=0,
+    )
+    folder.mkdir(parents=True, exist_ok=True)
+    model = folder / "golf_robot.yaml"
+    _rounded(hidden.prior).to_yaml(model)
+    return model, _write_records(hidden, folder)
+
+
+def _write_records(hidden, folder: Path) -> list[Path]:
+    """Write one file a record, with units in the header as a measuring system would."""
+    prior, paths = hidden.prior, []
+    names = [*prior.inputs, *prior.outputs]
+    titles = {"t": "t [s]", **{name: f"{name} [{prior.unit(name)}]" for name in names}}
+    table = hidden.X[["trajectory", "t", *prior.inputs]].join(hidden.y)
+    for number, rows in table.groupby("trajectory"):
+        paths.append(folder / f"record_{number + 1}.csv")
+        rows = rows.drop(columns="trajectory").rename(columns=titles)
+        rows.to_csv(paths[-1], index=False, float_format="%.6g")
+    return paths
+
+
+def _rounded(model):
+    """Round the parameters to what a data sheet would say."""
+    values = {name: float(f"{p.value:.4g}") for name, p in model.parameters.items()}
+    return model.with_parameters(**values)
+
+
+def _tell_what(model: Path, data: list[Path]) -> None:
+    click.echo(
+        f"A golf robot, a driven pendulum, was simulated with stick-slip in its bearing: "
+        f"{len(data)} records of {DURATION:g} s.\n"
+        f"Its model does not know of the stick-slip, and its parameters are some percent off.\n"
+        f"Model file and records are in {one_line(model.parent)}.\n"
+    )
+
+
+def _tell_truth(model: Path, data: list[Path], output) -> None:
+    fields = {"level": "N m", "peak": "N m", "velocity": "rad/s"}
+    truth = ", ".join(f"{name} {getattr(HIDDEN, name):g} {unit}" for name, unit in fields.items())
+    command = shlex.join(
+        [
+            "sklearn-pgnn",
+            "diagnose",
+            "--model",
+            str(model),
+            *map(str, data),
+            "--output",
+            str(output),
+        ]
+    )
+    click.echo(f"\nWhat was hidden: stick-slip with {truth}.\nThe same by hand:\n  {command}")

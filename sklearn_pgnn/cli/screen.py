@@ -1,0 +1,185 @@
+"""What a person sees on the terminal: progress on stderr, the result on stdout."""
+
+from contextlib import contextmanager
+from pathlib import Path
+
+from rich.console import Console
+from rich.padding import Padding
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    SpinnerColumn,
+    TextColumn,
+    TimeElapsedColumn,
+)
+from rich.table import Table
+from rich.text import Text
+
+from sklearn_pgnn.inspection.words import (
+    VERDICTS,
+    cause_name,
+    listed,
+    measured,
+    number,
+    share,
+    verdict_sentence,
+)
+
+FILES = {
+    "report.html": "the whole story with pictures; open it first",
+    "diagnosis.json": "the same for programs",
+    "extended_model.yaml": "the mended model, to be used as a model file",
+}
+
+
+def one_line(text: str) -> str:
+    r"""Keep a text on one line and free of control characters.
+
+    Examples
+    --------
+    >>> one_line("two\nlines \x1b[31m")
+    'two lines ?[31m'
+    """
+    return "".join(c if c.isprintable() else "?" for c in " ".join(str(text).split()))
+
+
+# -- progress --------------------------------------------------------------------------------------
+
+
+@contextmanager
+def show_progress(quiet: bool):
+    """Give a callback for a diagnosis that shows how far it is, on stderr."""
+    console = Console(stderr=True)
+    if quiet:
+        yield None
+    elif console.is_terminal:
+        with _bars(console) as bars:
+            yield _on_bars(bars)
+    else:
+        yield _in_lines(console)
+
+
+def _bars(console) -> Progress:
+    return Progress(
+        SpinnerColumn(),
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        console=console,
+        transient=True,
+    )
+
+
+def _on_bars(bars: Progress):
+    tasks = {"start": bars.add_task("compiling the model", total=None)}
+
+    def progress(stage: str, done: int, total: int) -> None:
+        if "start" in tasks:
+            bars.remove_task(tasks.pop("start"))
+        if stage not in tasks:
+            tasks[stage] = bars.add_task(_described(stage), total=total)
+        bars.update(tasks[stage], completed=done, total=total)
+
+    return progress
+
+
+def _in_lines(console):
+    seen = set()
+
+    def progress(stage: str, done: int, total: int) -> None:
+        if stage not in seen:
+            seen.add(stage)
+            console.print(f"{_described(stage)}: {total} suspects ...", highlight=False)
+
+    return progress
+
+
+def _described(stage: str) -> str:
+    return f"searching {stage}"
+
+
+# -- result ----------------------------------------------------------------------------------------
+
+
+def tell(diagnosis, output: Path, *, quiet: bool) -> None:
+    """Print what a diagnosis found and where its files are."""
+    console = Console(highlight=False, markup=False, emoji=False)
+    _say(console, f"{VERDICTS[diagnosis.verdict_]}. {verdict_sentence(diagnosis)}", "bold")
+    if quiet:
+        return
+    for place, cause in enumerate(diagnosis.causes_, start=1):
+        _tell_cause(console, place, cause)
+    _tell_parameters(console, diagnosis.parameters_)
+    _tell_gain(console, diagnosis)
+    _tell_files(console, output)
+
+
+def _say(console, text: str, style: str = "") -> None:
+    console.print(Text(one_line(text), style=style))
+
+
+def _heading(console, text: str) -> None:
+    console.print()
+    _say(console, text, "bold")
+
+
+def _tell_cause(console, place: int, cause) -> None:
+    worth = f"{abs(cause.gain):.0f} % {'smaller' if cause.gain >= 0 else 'larger'}"
+    _heading(console, f"Cause {place}: {cause_name(cause.effect, cause.target)}")
+    table = _table("", "")
+    for name, e in cause.parameters.items():
+        table.add_row(name.replace("_", " "), _cell(measured(e.value, e.low, e.high, e.unit)))
+    others = listed(cause_name(o.effect, o.target) for o in cause.confused_with)
+    table.add_row("gain", f"error on held-out windows {worth}")
+    table.add_row("confused with", _cell(others or "nothing"))
+    if cause.check:
+        table.add_row("check on the rig", _cell(cause.check))
+    _print(console, table)
+
+
+def _tell_parameters(console, parameters) -> None:
+    changed = {name: p for name, p in parameters.items() if p.changed}
+    if not parameters:
+        return
+    if not changed:
+        _heading(console, "Parameters: none changed beyond its 95 % interval")
+        return
+    _heading(console, "Parameters changed (95 % interval)")
+    table = _table("", "as given", "re-tuned", "change")
+    for name, p in changed.items():
+        change = f"{100 * (p.value / p.prior - 1):+.1f} %" if p.prior else ""
+        now = measured(p.value, p.low, p.high, p.unit)
+        table.add_row(_cell(name), number(p.prior), _cell(now), change)
+    _print(console, table)
+
+
+def _tell_gain(console, diagnosis) -> None:
+    _heading(console, f"Error on held-out windows of {diagnosis.window_:.3g} s (root mean square)")
+    table = _table("", "as given", "re-tuned", "extended", "noise", "", "explained")
+    for output, gain in diagnosis.gain_.items():
+        errors = (gain.prior, gain.refitted, gain.extended, gain.noise)
+        table.add_row(_cell(output), *(number(e, 3) for e in errors), _cell(gain.unit), share(gain))
+    _print(console, table)
+
+
+def _tell_files(console, output: Path) -> None:
+    _heading(console, "Written")
+    for name, what in FILES.items():
+        console.print(Text(f"  {one_line(output / name)}  ({what})"), soft_wrap=True)
+
+
+def _cell(text) -> Text:
+    return Text(one_line(text))
+
+
+def _table(*headers) -> Table:
+    table = Table(box=None, show_header=any(headers), header_style="", pad_edge=False)
+    for header in headers:
+        table.add_column(header, overflow="fold")
+    return table
+
+
+def _print(console, table: Table) -> None:
+    console.print(Padding(table, (0, 0, 0, 2)))
