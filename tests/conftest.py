@@ -1,0 +1,16 @@
+"""What several tests share."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+
+@pytest.fixture(scope="session")
+def real_data() -> Path:
+    """Give the folder of the measured records, or skip the test where it is not there."""
+    beside = Path(__file__).resolve().parents[1] / "../shared/data"
+    folder = Path(os.environ.get("SKLEARN_PGNN_DATA") or beside).resolve()
+    if not folder.is_dir():
+        pytest.skip("no measured records here; SKLEARN_PGNN_DATA names their folder")
+    return folder

@@ -1,0 +1,71 @@
+"""Measured records, as a person gives them: CSV files and a prior."""
+
+import numpy as np
+import pytest
+
+from sklearn_pgnn.physics import PhysicsModel
+from sklearn_pgnn.trajectories.csv_file import read_csv_files
+from sklearn_pgnn.trajectories.reader import read_records
+
+
+@pytest.fixture(scope="module")
+def emps() -> PhysicsModel:
+    return PhysicsModel(
+        name="EMPS",
+        states={"q": "m", "v": "m/s"},
+        inputs={"tau": "N"},
+        outputs={"q_m": "q"},
+        parameters={"M": {"value": 95, "unit": "kg"}, "Fv": {"value": 203, "unit": "N s/m"}},
+        equations={"q": "v", "v": "(tau - Fv*v)/M"},
+        inertia={"v": "M"},
+        columns={"tau": "u_force_N"},
+    )
+
+
+@pytest.fixture(scope="module")
+def emps_files(real_data):
+    return [real_data / "emps" / f"emps_{name}.csv" for name in ("train", "test")]
+
+
+def test_emps_is_read_as_two_records(emps, emps_files):
+    X, y = read_csv_files(emps_files, emps)
+    assert list(X) == ["trajectory", "t", "tau"]
+    assert list(y) == ["q_m"]
+    records = read_records(emps, X, y)
+    assert [record.name for record in records] == ["emps_train", "emps_test"]
+    for record in records:
+        assert record.t.size == 24_841
+        np.testing.assert_allclose(np.diff(record.t), 1e-3, atol=1e-6)
+        assert np.all(np.isnan(record.x0))
+
+
+def test_emps_numbers_are_those_in_the_file(emps, emps_files):
+    X, y = read_csv_files(emps_files, emps)
+    for path, rows in zip(
+        emps_files, X.groupby("trajectory", sort=False).groups.values(), strict=True
+    ):
+        table = np.genfromtxt(path, delimiter=",", names=True)
+        np.testing.assert_array_equal(X["t"][rows], table["t"])
+        np.testing.assert_array_equal(X["tau"][rows], table["u_force_N"])
+        np.testing.assert_array_equal(y["q_m"][rows], table["q_m"])
+
+
+def test_emps_has_the_published_mass_and_friction(emps, emps_files):
+    r"""The balance of momentum over windows, apart from the package's own fit.
+
+    .. math:: M\,\Delta v + F_v\,\Delta q + F_c \int \mathrm{sign}(v)\,dt + F_0\,T = \int \tau\,dt
+    """
+    X, y = read_csv_files(emps_files[:1], emps)
+    q, tau, step = y["q_m"].to_numpy(), X["tau"].to_numpy(), 1e-3
+    v = np.convolve(q, [1, *[0] * 19, -1], "same") / (20 * step)
+
+    def over_windows(signal):
+        return (signal[400:] - signal[:-400])[100:-100]
+
+    def integral(signal):
+        return np.cumsum(signal) * step
+
+    terms = [v, q, integral(np.tanh(v / 1e-3)), integral(np.ones(q.size))]
+    balance = np.column_stack([over_windows(term) for term in terms])
+    M, Fv, Fc, _ = np.linalg.lstsq(balance, over_windows(integral(tau)), rcond=None)[0]
+    assert [M, Fv, Fc] == pytest.approx([95.1, 203.5, 20.4], rel=0.05)
