@@ -42,9 +42,7 @@ class Hypothesis:
         """Give the fields of a cause that another cause of the hypothesis speaks for."""
         effect, target = cause
         beside = {other.id for other, its_target in self.causes if its_target == target}
-        return tuple(
-            name for id, names in effect.shared.items() if id in beside for name in names
-        )
+        return tuple(name for id, names in effect.shared.items() if id in beside for name in names)
 
     def plus(self, cause: Cause) -> "Hypothesis":
         """Give the hypothesis with one more cause."""
@@ -91,10 +89,10 @@ def possible_causes(model: PhysicsModel, catalogue, targets=None) -> tuple[Cause
 
 
 def same_parameter(model: PhysicsModel, effect: Effect) -> str | None:
-    """Name the free parameter of a model that does just what an effect would do.
+    r"""Name the free parameter of a model that does just what an effect would do.
 
     An effect with a single parameter :math:`q` is the same as the parameter :math:`p` if
-    :math:`\\partial (f, g)/\\partial q` is :math:`\\partial (f, g)/\\partial p` times a factor
+    :math:`\partial (f, g)/\partial q` is :math:`\partial (f, g)/\partial p` times a factor
     that depends on parameters only.
     """
     names = tuple(effect.names().values())
@@ -137,8 +135,10 @@ def _proportional(mine, theirs, moving) -> bool:
             continue
         if a == 0 or b == 0:
             return False
-        ratio = sympy.cancel(a / b) if not (a / b).free_symbols & moving == set() else a / b
-        if ratio.free_symbols & moving or (factor is not None and sympy.cancel(ratio - factor) != 0):
+        ratio = sympy.cancel(a / b)
+        if ratio.free_symbols & moving:
+            return False
+        if factor is not None and sympy.cancel(ratio - factor) != 0:
             return False
         factor = ratio
     return factor is not None

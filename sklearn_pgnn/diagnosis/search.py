@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from sklearn_pgnn.diagnosis.fitting import Fitter, Scouted, Trial, make_folds
-from sklearn_pgnn.diagnosis.hypothesis import Cause, Hypothesis, count_parameters
+from sklearn_pgnn.diagnosis.hypothesis import Cause, count_parameters
 from sklearn_pgnn.physics.effects import WrongParameter
 
 

@@ -5,6 +5,7 @@ import re
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
+from types import MappingProxyType
 from typing import ClassVar
 
 import sympy
@@ -87,7 +88,7 @@ class Effect(ABC):
     generalises: ClassVar[tuple[str, ...]] = ()
     #: by id of an effect that stands beside this one on the same target, the fields that it
     #: takes over and that stay at zero here
-    shared: ClassVar[Mapping[str, tuple[str, ...]]] = {}
+    shared: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
 
     @classmethod
     @abstractmethod

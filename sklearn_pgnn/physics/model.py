@@ -9,6 +9,7 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from types import MappingProxyType
+from typing import Any
 
 import sympy
 
@@ -143,7 +144,7 @@ class PhysicsModel:
     equations: Mapping[str, sympy.Expr]
     parameters: Mapping[str, Parameter] = field(default_factory=dict)
     inputs: Mapping[str, str] = field(default_factory=dict)
-    outputs: Mapping[str, sympy.Expr] | None = None
+    outputs: Mapping[str, Any] = field(default_factory=dict)
     name: str = "model"
     inertia: Mapping[str, sympy.Expr] = field(default_factory=dict)
     energy: Mapping[str, sympy.Expr] = field(default_factory=dict)
@@ -492,7 +493,7 @@ class PhysicsModel:
 def _parameter_dict(parameter: Parameter) -> dict:
     """Write a parameter without what is left at its default."""
     default = Parameter(parameter.name, parameter.value)
-    written = {"value": parameter.value}
+    written: dict[str, Any] = {"value": parameter.value}
     for key in ("unit", "bounds", "fixed", "spread"):
         if getattr(parameter, key) != getattr(default, key):
             value = getattr(parameter, key)

@@ -66,6 +66,8 @@ def _compile(text: str):
     if not path.exists():
         _write_whole(path, text)
     spec = importlib.util.spec_from_file_location(f"sklearn_pgnn_model_{digest}", path)
+    if spec is None or spec.loader is None:
+        raise ImportError(f"cannot load the compiled model {path}")
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module  # numba finds the function's module by name
     spec.loader.exec_module(module)

@@ -102,7 +102,8 @@ def output_noise(records) -> np.ndarray:
 def dominant_period(records) -> float:
     r"""Give the shortest dominant period of the outputs [s].
 
-    It is :math:`2\pi\,\mathrm{rms}(y)/\mathrm{rms}(\dot y)`. The differences are taken over a stretch long enough that noise does not matter.
+    It is :math:`2\pi\,\mathrm{rms}(y)/\mathrm{rms}(\dot y)`. The differences are taken over a
+    stretch long enough that noise does not matter.
     """
     periods = []
     for column in range(records[0].y.shape[1]):

@@ -170,10 +170,7 @@ def simulate_records(model: PhysicsModel, records, **options) -> np.ndarray:
         Simulated outputs.
     """
     return np.concatenate(
-        [
-            simulate(model, r.t, r.u, start_of(model, r), **options).y
-            for r in records
-        ]
+        [simulate(model, r.t, r.u, start_of(model, r), **options).y for r in records]
     )
 
 

@@ -117,9 +117,7 @@ def advance(function, t, h, x, S, u_start, u_end, p, s, stuck, dry, nodes, weigh
     for i in range(x.size):
         any_dry = any_dry or dry[i]
     if not any_dry:
-        _runge_kutta(
-            function, t, h, x, S, u_start, u_end, p, s, stuck, nodes, weights, work
-        )
+        _runge_kutta(function, t, h, x, S, u_start, u_end, p, s, stuck, nodes, weights, work)
         return
     out = work[7]
     done = 0.0
@@ -133,9 +131,7 @@ def advance(function, t, h, x, S, u_start, u_end, p, s, stuck, dry, nodes, weigh
         x_old[:] = x
         S_old[:, :] = S
         now, left = t + done * h, (1.0 - done) * h
-        _runge_kutta(
-            function, now, left, x, S, u_now, u_end, p, s, stuck, nodes, weights, work
-        )
+        _runge_kutta(function, now, left, x, S, u_now, u_end, p, s, stuck, nodes, weights, work)
         i, share = _first_crossing(x_old, x, stuck, dry)
         if i < 0 or event == MAX_EVENTS:
             return

@@ -7,6 +7,7 @@ nuisance: it is fitted with the parameters and projected out of their normal equ
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -216,4 +217,4 @@ def _without_endless_slopes(gram):
 
 def _parts(count: int, threads: int) -> list[slice]:
     edges = np.linspace(0, count, max(1, min(threads, count)) + 1).astype(int)
-    return [slice(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    return [slice(a, b) for a, b in pairwise(edges)]

@@ -137,7 +137,7 @@ def _as_table(model: PhysicsModel, X, time) -> pd.DataFrame:
         return X.rename(columns={old: new for old, new in called.items() if old in X.columns})
     array = np.asarray(X)
     if array.ndim != 2:
-        raise RecordError(f"X: expected a table of shape (n_samples, n_columns), got {array.shape}.")
+        raise RecordError(f"X: expected shape (n_samples, n_columns), got {array.shape}.")
     return _from_array(model, array, 0 if time is None else time)
 
 
@@ -249,5 +249,5 @@ def _check(record: Record, needs_outputs: bool) -> None:
             f"X: trajectory {record.name!r} has {record.t.size} samples; expected at least "
             f"{MIN_SAMPLES}. Remedy: leave it out, or check that time increases along the rows."
         )
-    if needs_outputs and not np.any(np.isfinite(record.y)):
+    if record.y is not None and not np.any(np.isfinite(record.y)):
         raise RecordError(f"y: trajectory {record.name!r} has no measured output at all.")

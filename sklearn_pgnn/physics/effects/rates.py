@@ -1,6 +1,7 @@
 """Effects on the rate of a velocity: friction, springs, loads."""
 
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 import sympy
@@ -270,7 +271,7 @@ class AsymmetricFriction(RateEffect):
     viscous_backward: float = quantity("dn", "{force}/({velocity})")
     id = "asymmetric_friction"
     generalises = ("coulomb_friction", "viscous_friction", "constant_load")
-    shared = {"coulomb_friction": ("level_forward", "level_backward")}
+    shared = MappingProxyType({"coulomb_friction": ("level_forward", "level_backward")})
     summary = "Friction that is different in the two directions of motion."
     check = "Run at the same speed forward and backward and compare the force."
 
