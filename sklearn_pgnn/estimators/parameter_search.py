@@ -1,9 +1,9 @@
 r"""Find a model's parameters from windows: a local fit, and a global search for poor starts.
 
 The local fit follows the gradient from the model's own values and finds the nearest minimum. The
-global search looks, on some of the windows, at the least error
-:math:`\min_{x_0} \sum_w |r_w(p, x_w)|^2` all over the parameters' bounds by differential
-evolution, and fits locally from the best it meets.
+global search looks, on some of the windows, at the error that the best initial states leave,
+:math:`\sum_w \min_{x_w} |r_w(p, x_w)|^2` to first order in :math:`x_w`, all over the
+parameters' bounds by differential evolution, and fits locally from the best it meets.
 """
 
 from dataclasses import dataclass
@@ -13,7 +13,8 @@ from scipy.optimize import differential_evolution
 
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.record_windows import WindowedRecords
-from sklearn_pgnn.simulation.window_fit import Freedom, WindowFit, fit_windows
+from sklearn_pgnn.simulation.window_fit import Freedom, WindowFit, fit_windows, project
+from sklearn_pgnn.simulation.windows import Windows, evaluate
 
 #: a search is local, global, or global only where the local one leaves so many times the noise
 SEARCHES, POOR = ("local", "global", "auto"), 3.0
@@ -22,7 +23,7 @@ REACH = 10.0
 #: a global search takes every so many windows that about so many samples remain
 SOME_SAMPLES, SOME_WINDOWS = 2000, 12
 #: members per parameter, generations, and members that are followed to their minimum
-POPULATION, GENERATIONS, FOLLOWED = 12, 40, 4
+POPULATION, GENERATIONS, FOLLOWED = 15, 40, 4
 #: an error so large that nothing is worse: the logarithm of a diverging simulation's
 WORST = 700.0
 #: refits with the states that nothing shows simulated anew
@@ -153,12 +154,9 @@ def search_globally(model: PhysicsModel, ground: WindowedRecords, free, random_s
         values = {f.name: s.value(z) for f, s, z in zip(free, scales, point, strict=True)}
         return model.with_parameters(**values)
 
-    def fit(point, freedoms=(), **options) -> WindowFit:
-        return fit_windows(at(point), windows, freedoms, expected, estimate.spread, **options)
-
     def error(point) -> float:
-        objective = fit(point, max_steps=3, tolerance=1e-2).objective
-        return min(np.log(objective + 1e-300), WORST) if np.isfinite(objective) else WORST
+        squares = _least_squares(at(point), windows, expected, estimate.spread)
+        return float(np.log(squares)) if 0 < squares < np.inf else WORST
 
     start = [s.place(model.parameters[f.name].value) for f, s in zip(free, scales, strict=True)]
     result = differential_evolution(
@@ -174,8 +172,18 @@ def search_globally(model: PhysicsModel, ground: WindowedRecords, free, random_s
         rng=random_state,
     )
     order = np.argsort(result.population_energies)[:FOLLOWED]
-    fits = [fit(result.population[k], free) for k in order]
+    found = [at(result.population[k]) for k in order]
+    fits = [fit_windows(each, windows, free, expected, estimate.spread) for each in found]
     return min(fits, key=lambda each: each.objective).model
+
+
+def _least_squares(model: PhysicsModel, windows: Windows, expected, spread) -> float:
+    """Give the squares that the best initial states leave, to first order about the expected."""
+    gram = evaluate(model, windows, expected, ()).gram
+    if not np.isfinite(gram).all():
+        return np.inf
+    step = project(gram, 0, 1.0 / spread**2, np.zeros_like(expected)).state_step
+    return float(gram[:, -1, -1].sum() - np.sum(gram[:, :-1, -1] * step))
 
 
 @dataclass(frozen=True)
