@@ -52,11 +52,13 @@ def read_records(model: PhysicsModel, X, y=None, *, time=None) -> tuple[Record, 
     """
     table = _as_table(model, X, time)
     outputs = None if y is None else _as_outputs(model, y, len(table))
-    t = _numbers(table, TIME, "time")
+    if not len(table):
+        raise RecordError("X: expected samples, got none.")
+    t = _numbers(table[TIME], "X: time 't'")
     u = _inputs(model, table)
     _refuse_not_finite(t[:, None], [TIME], table)
     _refuse_not_finite(u, list(model.inputs), table)
-    pieces = split_rows(t, table[TRAJECTORY].to_numpy() if TRAJECTORY in table else None)
+    pieces = split_rows(t, _trajectories(table))
     states = _states(model, table, [rows[0] for _, rows in pieces])
     records = tuple(
         Record(
@@ -128,17 +130,39 @@ def rows_in_order(records: tuple[Record, ...], values: np.ndarray) -> np.ndarray
 
 
 def _as_table(model: PhysicsModel, X, time) -> pd.DataFrame:
-    """Give the table with the model's own column names; nothing of X is changed."""
-    if isinstance(X, pd.DataFrame):
-        called = {model.columns.get(name, name): name for name in (*model.inputs, *model.states)}
-        called[TIME if time is None else time] = TIME
-        if time is None:
-            called[model.columns.get(TIME, TIME)] = TIME
-        return X.rename(columns={old: new for old, new in called.items() if old in X.columns})
+    """Give the columns that count under the model's own names; nothing of X is changed."""
+    if isinstance(X, pd.DataFrame) and all(isinstance(name, str) for name in X.columns):
+        return _from_names(model, X, time)
     array = np.asarray(X)
     if array.ndim != 2:
         raise RecordError(f"X: expected shape (n_samples, n_columns), got {array.shape}.")
     return _from_array(model, array, 0 if time is None else time)
+
+
+def _from_names(model: PhysicsModel, X: pd.DataFrame, time) -> pd.DataFrame:
+    """Find every quantity by what the table calls it, else by its own name."""
+    found = {}
+    for name in (TRAJECTORY, TIME, *model.inputs, *model.states):
+        given = name == TIME and time is not None
+        called = time if given else model.columns.get(name, name)
+        if called not in X.columns and not given:
+            called = name
+        if called in X.columns:
+            found[name] = _once(X, called, "X: column")
+        elif name == TIME or name in model.inputs:
+            what = f"time {called!r}" if name == TIME else f"input {name!r}"
+            raise RecordError(
+                f"X: {what} is missing; the columns are {', '.join(X.columns)}. "
+                f"Remedy: name the column in the model's 'columns'."
+            )
+    return pd.DataFrame(found)
+
+
+def _once(table: pd.DataFrame, name: str, what: str) -> pd.Series:
+    column = table[name]
+    if isinstance(column, pd.DataFrame):
+        raise RecordError(f"{what} {name!r} is there {column.shape[1]} times; expected it once.")
+    return column
 
 
 def _from_array(model: PhysicsModel, array: np.ndarray, time) -> pd.DataFrame:
@@ -157,28 +181,23 @@ def _from_array(model: PhysicsModel, array: np.ndarray, time) -> pd.DataFrame:
     return pd.DataFrame(array, columns=names)
 
 
-def _column(table: pd.DataFrame, name: str, what: str) -> pd.Series:
-    if name not in table.columns:
-        raise RecordError(
-            f"X: {what} {name!r} is missing; the columns are {', '.join(map(str, table.columns))}. "
-            f"Remedy: name the column in the model's 'columns'."
-        )
-    return table[name]
-
-
-def _numbers(table: pd.DataFrame, name: str, what: str) -> np.ndarray:
-    column = _column(table, name, what)
+def _numbers(column: pd.Series, what: str) -> np.ndarray:
+    """Read a column as real numbers, NaN where there is nothing."""
+    if column.dtype.kind in "mMc":
+        expected = "seconds as numbers" if what.startswith("X: time") else "real numbers"
+        raise RecordError(f"{what}: expected {expected}, got {column.dtype}.")
     try:
-        return column.to_numpy(dtype=float)
+        return column.to_numpy(dtype=float, na_value=np.nan)
     except (TypeError, ValueError):
-        row = int(np.argmax(pd.to_numeric(column, errors="coerce").isna().to_numpy()))
+        strange = pd.to_numeric(column, errors="coerce").isna() & column.notna()
+        row = int(np.argmax(strange.to_numpy()))
         raise RecordError(
-            f"X: {what} {name!r}: expected a number, got {column.iloc[row]!r} in row {row}."
+            f"{what}: expected a number, got {column.iloc[row]!r} in row {row}."
         ) from None
 
 
 def _inputs(model: PhysicsModel, table: pd.DataFrame) -> np.ndarray:
-    columns = [_numbers(table, name, "input") for name in model.inputs]
+    columns = [_numbers(table[name], f"X: input {name!r}") for name in model.inputs]
     return np.column_stack(columns) if columns else np.zeros((len(table), 0))
 
 
@@ -188,37 +207,58 @@ def _states(model: PhysicsModel, table: pd.DataFrame, firsts) -> np.ndarray:
     first = table.iloc[firsts]
     for i, name in enumerate(model.states):
         if name in table.columns:
-            states[:, i] = _numbers(first, name, "state")
+            states[:, i] = _numbers(first[name], f"X: state {name!r}")
     states[~np.isfinite(states)] = np.nan
     return states
+
+
+def _trajectories(table: pd.DataFrame) -> np.ndarray | None:
+    """Read what trajectory every row belongs to, if the table says so."""
+    if TRAJECTORY not in table:
+        return None
+    empty = np.flatnonzero(table[TRAJECTORY].isna())
+    if empty.size:
+        raise RecordError(
+            f"X: column 'trajectory' is empty in row {empty[0]}; expected a name in every row."
+        )
+    return table[TRAJECTORY].to_numpy()
 
 
 def _as_outputs(model: PhysicsModel, y, n_samples: int) -> np.ndarray:
     names = list(model.outputs)
     if isinstance(y, pd.DataFrame):
-        called = [model.columns.get(name, name) for name in names]
-        chosen = called if all(name in y.columns for name in called) else names
-        missing = [name for name in chosen if name not in y.columns]
-        if missing and y.shape[1] != len(names):
-            raise RecordError(
-                f"y: output {missing[0]!r} is missing; the columns are "
-                f"{', '.join(map(str, y.columns))}."
-            )
-        y = y if missing else y[chosen]
-    try:
-        array = np.asarray(y, dtype=float)
-    except (TypeError, ValueError):
-        raise RecordError("y: expected numbers, got something else.") from None
-    array = array[:, None] if array.ndim == 1 else array
-    if array.shape != (n_samples, len(names)):
+        y = _named_outputs(model, y)
+    table = pd.DataFrame(y if isinstance(y, pd.DataFrame) else np.asarray(y))
+    if table.shape != (n_samples, len(names)):
         raise RecordError(
             f"y: expected shape {(n_samples, len(names))} (the outputs {', '.join(names)}), "
-            f"got {array.shape}."
+            f"got {table.shape}."
         )
+    array = np.column_stack(
+        [_numbers(table.iloc[:, i], f"y: output {name!r}") for i, name in enumerate(names)]
+    )
     if np.any(np.isinf(array)):
         row, column = np.argwhere(np.isinf(array))[0]
         raise RecordError(f"y: output {names[column]!r} is infinite in row {row}.")
     return array
+
+
+def _named_outputs(model: PhysicsModel, y: pd.DataFrame) -> pd.DataFrame:
+    """Choose the outputs by name; without names, or if there is but one, by place."""
+    named = any(isinstance(name, str) for name in y.columns)
+    if not named or y.shape[1] == len(model.outputs) == 1:
+        return y
+    found = {}
+    for name in model.outputs:
+        called = model.columns.get(name, name)
+        called = called if called in y.columns else name
+        if called not in y.columns:
+            raise RecordError(
+                f"y: output {name!r} is missing; the columns are {', '.join(map(str, y.columns))}. "
+                f"Remedy: name the column in the model's 'columns'."
+            )
+        found[name] = _once(y, called, "y: column")
+    return pd.DataFrame(found)
 
 
 # -- checks ----------------------------------------------------------------------------------------
