@@ -259,6 +259,11 @@ def test_an_error_has_its_line(file, text, said):
     assert message.startswith(said), message
 
 
+def test_a_field_without_end_has_its_line(file):
+    text = RUN.replace("0.1,2", '0.1,"' + 200_000 * "2")
+    assert refusal(file, text).startswith("3: expected CSV, got: field larger than field limit")
+
+
 def test_a_missing_column_is_called_what_the_model_calls_it(file):
     model = CART.replace(columns={"F": "tau_cmd"})
     message = refusal(file, RUN, model)

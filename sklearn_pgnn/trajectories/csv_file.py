@@ -178,7 +178,7 @@ class _Table:
         rows: list[list[str]] = []
         try:
             for text in texts:
-                rows.extend(csv.reader([text], delimiter=separator, skipinitialspace=True))
+                rows.append(_fields(text, separator))
         except csv.Error as error:
             self.refuse(self.lines[len(rows)], f"expected CSV, got: {error}.")
         return rows
@@ -229,14 +229,15 @@ class _Table:
 
     def number(self, text: str) -> float | None:
         """Read a number, NaN where there is nothing, None where there is something else."""
-        if text.lower() in _NOTHING:
-            return math.nan
-        if self.decimal_comma and "." not in text:
-            text = text.replace(",", ".")
         try:
             return float(text) if "_" not in text else None
         except ValueError:
-            return None
+            pass
+        if text.lower() in _NOTHING:
+            return math.nan
+        if self.decimal_comma and text.count(",") == 1 and "." not in text:
+            return self.number(text.replace(",", "."))
+        return None
 
     def numbers(self, name: str) -> np.ndarray:
         """Read a column; NaN where it is empty."""
@@ -309,3 +310,10 @@ def _separator(header: str) -> str:
     """Find the separator in a header, outside of quotes."""
     bare = re.sub(r'"[^"]*"', "", header)
     return next((sign for sign in ("\t", ";") if sign in bare), ",")
+
+
+def _fields(text: str, separator: str) -> list[str]:
+    """Cut a line into fields; the csv module is asked only where there are quotes."""
+    if '"' not in text:
+        return text.split(separator)
+    return next(csv.reader([text], delimiter=separator, skipinitialspace=True))
