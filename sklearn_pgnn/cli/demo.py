@@ -32,7 +32,7 @@ def run_demo(output, *, jobs: int = -1, quiet: bool = False) -> None:
         _tell_what(model, data)
     Job(model, data, output, jobs=jobs, quiet=quiet).run()
     if not quiet:
-        _tell_truth(model, data, output)
+        _tell_truth(model, output)
 
 
 def write_input(folder: Path) -> tuple[Path, list[Path]]:
@@ -92,18 +92,11 @@ def _tell_what(model: Path, data: list[Path]) -> None:
     )
 
 
-def _tell_truth(model: Path, data: list[Path], output) -> None:
+def _tell_truth(model: Path, output) -> None:
     fields = {"level": "N m", "peak": "N m", "velocity": "rad/s"}
     truth = ", ".join(f"{name} {getattr(HIDDEN, name):g} {unit}" for name, unit in fields.items())
-    command = shlex.join(
-        [
-            "sklearn-pgnn",
-            "diagnose",
-            "--model",
-            str(model),
-            *map(str, data),
-            "--output",
-            str(output),
-        ]
+    command = (
+        f"sklearn-pgnn diagnose --model {shlex.quote(str(model))} "
+        f"{shlex.quote(str(model.parent))}/record_*.csv --output {shlex.quote(str(output))}"
     )
     click.echo(f"\nWhat was hidden: stick-slip with {truth}.\nThe same by hand:\n  {command}")

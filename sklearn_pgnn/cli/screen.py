@@ -128,6 +128,8 @@ def _heading(console, text: str) -> None:
 def _tell_cause(console, place: int, cause) -> None:
     worth = f"{abs(cause.gain):.0f} % {'smaller' if cause.gain >= 0 else 'larger'}"
     _heading(console, f"Cause {place}: {cause_name(cause.effect, cause.target)}")
+    if cause.summary:
+        _say(console, cause.summary)
     table = _table("", "")
     for name, e in cause.parameters.items():
         table.add_row(name.replace("_", " "), _cell(measured(e.value, e.low, e.high, e.unit)))
@@ -182,4 +184,4 @@ def _table(*headers) -> Table:
 
 
 def _print(console, table: Table) -> None:
-    console.print(Padding(table, (0, 0, 0, 2)))
+    console.print(Padding(table, (0, 0, 0, 2), expand=False))

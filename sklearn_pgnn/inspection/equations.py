@@ -82,7 +82,7 @@ def _mathml(left, right) -> str:
         return ""
     printer = MathMLPresentationPrinter({"mul_symbol": None})
     body = "".join((_part(printer, left), "<mo>=</mo>", _part(printer, right)))
-    return f'<math display="block"><mrow>{body}</mrow></math>'
+    return f'<math displaystyle="true"><mrow>{body}</mrow></math>'
 
 
 def _part(printer, expression) -> str:

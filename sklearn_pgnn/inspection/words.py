@@ -2,6 +2,8 @@
 
 import math
 
+#: words of an effect's id that are names of people
+PEOPLE = {"coulomb": "Coulomb", "stribeck": "Stribeck"}
 VERDICTS = {
     "model_adequate": "Model adequate",
     "cause_named": "Cause named",
@@ -41,8 +43,8 @@ def measured(value: float, low: float, high: float, unit: str = "") -> str:
 
 
 def _places(value: float, half_width: float) -> int:
-    """Give the decimal places at which two digits of the half-width stand, six of the value."""
-    places = 1 - math.floor(math.log10(half_width))
+    """Give the decimal places that show one or two digits of the half-width, six of the value."""
+    places = -math.floor(math.log10(half_width / 3))
     if value:
         places = min(places, 5 - math.floor(math.log10(abs(value))))
     return places
@@ -95,12 +97,13 @@ def cause_name(effect: str, target: str) -> str:
     Examples
     --------
     >>> cause_name("coulomb_friction", "omega"), cause_name("wrong_parameter", "J")
-    ('coulomb friction on omega', 'wrong value of J')
+    ('Coulomb friction on omega', 'wrong value of J')
     """
     if effect == "wrong_parameter":
         return f"wrong value of {target}"
     of = effect.startswith(("input", "actuator", "sensor"))
-    return f"{effect.replace('_', ' ')} {'of' if of else 'on'} {target}"
+    words = " ".join(PEOPLE.get(word, word) for word in effect.split("_"))
+    return f"{words} {'of' if of else 'on'} {target}"
 
 
 def listed(items) -> str:
