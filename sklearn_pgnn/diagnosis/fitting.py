@@ -9,10 +9,14 @@ from sklearn_pgnn.diagnosis.setting import Setting
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.window_fit import WindowFit, expected_decrease, fit_windows
 
-#: starts that are followed to their end after a first look at all of them
-FOLLOWED_STARTS = 2
-#: of more starts than these only the most promising by their slopes are looked at
-MANY_STARTS = 4
+#: starts that are looked at for two steps, after a glance at all of them
+LOOKED_AT = 3
+#: the untuned prior is a ground to start from too, for effects of at most so many starts
+FEW_STARTS = 4
+#: relative decrease at which a first look ends
+SCOUT_TOLERANCE = 1e-3
+#: steps for the initial states alone, which are nearly linear
+PRIOR_STEPS = 8
 #: a first look takes every so many windows that about this many samples remain
 SCOUT_SAMPLES, SCOUT_WINDOWS = 8000, 3
 
@@ -76,11 +80,12 @@ class Fitter:
         self._trials: dict[frozenset, Trial] = {}
         self._held_out: dict[frozenset, np.ndarray] = {}
         self._scouted: dict[frozenset, Scouted] = {}
+        self._held_names: dict[Cause, tuple[str, ...]] = {}
         self.some = _some_windows(setting)
 
     def prior(self) -> WindowFit:
         """Fit only the initial states, at the prior's parameters."""
-        return self._fit(self.setting.prior, (), None)
+        return self._fit(self.setting.prior, (), None, max_steps=PRIOR_STEPS)
 
     def base(self) -> Trial:
         """Re-tune the prior within its spread."""
@@ -136,36 +141,32 @@ class Fitter:
         return known if known.hypothesis == hypothesis else Trial(hypothesis, known.fit)
 
     def _best_start(self, trial, hypothesis, cause) -> Scouted:
-        """Look at every start for two steps, follow the most promising to the end."""
+        """Glance at every start, look at the best for two steps, follow the very best."""
 
         def look(model, **options):
             return self._fit_hypothesis(hypothesis, model, trial, which=self.some, **options)
 
-        models = self._starts(trial, cause)
-        if len(models) > MANY_STARTS:
-            glances = [look(model, max_steps=0) for model in models]
-            gains = [self._expected_decrease(glance) for glance in glances]
-            models = [models[k] for k in np.argsort(gains)[::-1][:MANY_STARTS]]
-        looks = [look(model, max_steps=2) for model in models]
-        looks.sort(key=lambda fit: fit.objective)
-        fits = [look(fit.model, x0_start=fit.x0) for fit in looks[:FOLLOWED_STARTS]]
-        best = min(fits, key=lambda fit: fit.objective)
+        glances = [look(model, max_steps=0) for model in self._starts(trial, cause)]
+        glances.sort(key=self._expected_objective)
+        looks = [look(glance.model, max_steps=2) for glance in glances[:LOOKED_AT]]
+        start = min(looks, key=lambda fit: fit.objective)
+        best = look(start.model, x0_start=start.x0, tolerance=SCOUT_TOLERANCE)
         return Scouted(cause, best.model, best.squares / trial.pieces[self.some].sum())
 
     def _starts(self, trial, cause) -> list[PhysicsModel]:
         """Extend the fitted model by every start, and the untuned one by a few."""
         effect, target = cause
         starts = effect.starts(target, self.setting.prior, self.setting.scales)
-        models = [start.apply(trial.fit.model) for start in starts]
-        if len(starts) <= MANY_STARTS:
-            untuned = self._rebuild(trial.hypothesis, self.setting.prior)
-            models += [start.apply(untuned) for start in starts]
-        return models
+        grounds = [trial.fit.model]
+        if len(starts) <= FEW_STARTS:
+            grounds.append(self._rebuild(trial.hypothesis, self.setting.prior))
+        extended = [starts[0].apply(ground) for ground in grounds]
+        return [_at_start(model, start) for model in extended for start in starts]
 
-    def _expected_decrease(self, fit: WindowFit) -> float:
+    def _expected_objective(self, fit: WindowFit) -> float:
         estimate = self.setting.states.estimate(fit.model)
         expected = estimate.x[self.setting.windows.select(self.some).starts]
-        return expected_decrease(fit, expected, estimate.spread)
+        return fit.objective - expected_decrease(fit, expected, estimate.spread)
 
     def _rebuild(self, hypothesis, values_of: PhysicsModel) -> PhysicsModel:
         """Extend the prior by the causes, with the parameter values of another model."""
@@ -178,9 +179,16 @@ class Fitter:
 
     def _fit_hypothesis(self, hypothesis, model, trial, **options) -> WindowFit:
         prior = self.setting.prior
-        held = {n for cause in hypothesis.causes for n in held_parameters(prior, cause)}
+        held = {name for cause in hypothesis.causes for name in self._held(cause)}
         model = model.with_parameters(**{name: prior.parameters[name].value for name in held})
-        return self._fit(model, freedoms(self.setting, hypothesis, model), trial, **options)
+        free = freedoms(self.setting, hypothesis, model, held)
+        return self._fit(model, free, trial, **options)
+
+    def _held(self, cause: Cause) -> tuple[str, ...]:
+        """Name the prior's parameters that a cause speaks for, looked up once."""
+        if cause not in self._held_names:
+            self._held_names[cause] = held_parameters(self.setting.prior, cause)
+        return self._held_names[cause]
 
     def _fit(self, model, free, trial, which=slice(None), **options) -> WindowFit:
         setting = self.setting
@@ -237,6 +245,12 @@ class Fitter:
             )
             squares[inside] = piece_squares(setting, judged, inside)
         return squares
+
+
+def _at_start(model: PhysicsModel, start) -> PhysicsModel:
+    """Put an extended model's new parameters at another start of the effect."""
+    own = {name: getattr(start, field) for field, name in start.names().items()}
+    return model.with_parameters(**{n: value for n, value in own.items() if value is not None})
 
 
 def piece_squares(setting: Setting, fit: WindowFit, which=slice(None)) -> np.ndarray:

@@ -1,8 +1,8 @@
 """A hypothesis: a set of effects; and what re-tuning under it may do."""
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass
-from functools import lru_cache
 
 import sympy
 
@@ -110,7 +110,6 @@ def same_parameter(model: PhysicsModel, effect: Effect) -> str | None:
     return None
 
 
-@lru_cache(maxsize=256)
 def held_parameters(model: PhysicsModel, cause: Cause) -> tuple[str, ...]:
     """Name the model's parameters that a cause speaks for: re-tuning both would be one too many.
 
@@ -144,7 +143,9 @@ def _proportional(mine, theirs, moving) -> bool:
     return factor is not None
 
 
-def freedoms(setting: Setting, hypothesis: Hypothesis, start: PhysicsModel) -> tuple[Freedom, ...]:
+def freedoms(
+    setting: Setting, hypothesis: Hypothesis, start: PhysicsModel, held: Collection[str] = ()
+) -> tuple[Freedom, ...]:
     """Say how far every parameter may go under a hypothesis.
 
     The prior's parameters stay within their spread, softly and by bounds; one that is said to be
@@ -158,6 +159,8 @@ def freedoms(setting: Setting, hypothesis: Hypothesis, start: PhysicsModel) -> t
         What is said to be missing.
     start : PhysicsModel
         The extended model.
+    held : collection of str, default=()
+        Parameters of the prior that stay where they are, see `held_parameters`.
 
     Returns
     -------
@@ -165,11 +168,10 @@ def freedoms(setting: Setting, hypothesis: Hypothesis, start: PhysicsModel) -> t
         One for every free parameter.
     """
     wrong = {target for effect, target in hypothesis.causes if effect is WrongParameter}
-    held = {n for cause in hypothesis.causes for n in held_parameters(setting.prior, cause)} - wrong
     free = [
         _prior_freedom(setting.prior, name, name in wrong)
         for name in setting.prior.free_parameters
-        if name not in held
+        if name not in held or name in wrong
     ]
     for effect, target in hypothesis.causes:
         limits = effect.limits(target, setting.prior, setting.scales)
