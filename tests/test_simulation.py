@@ -1,0 +1,472 @@
+"""Laws of the simulation: exact solutions, balances, other integrators, finite differences."""
+
+import os
+import pickle
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import sympy
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm
+
+import sklearn_pgnn
+from sklearn_pgnn import Parameter, PhysicsModel, effects, systems
+from sklearn_pgnn.exceptions import SimulationError, SimulationWarning
+from sklearn_pgnn.physics.expressions import TIME, symbol
+from sklearn_pgnn.simulation import simulate
+from sklearn_pgnn.simulation.record_windows import window_records
+from sklearn_pgnn.simulation.uncertainty import standard_errors
+from sklearn_pgnn.simulation.window_fit import Freedom, fit_windows, project
+from sklearn_pgnn.simulation.windows import evaluate
+from sklearn_pgnn.trajectories import read_records
+
+LAG = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
+PENDULUM = PhysicsModel(
+    states={"phi": "rad", "omega": "rad/s"},
+    inputs={"M": "N m"},
+    parameters={"J": 0.15, "k": 2.4, "d": 0.02},
+    equations={"phi": "omega", "omega": "(M - k*sin(phi) - d*omega)/J"},
+    inertia={"omega": "J"},
+)
+#: a mass on a rough table; without drive it stops
+SLIDER = PhysicsModel(
+    states={"v": "m/s"}, inputs={"F": "N"}, parameters={"m": 2.0}, equations={"v": "F/m"},
+    inertia={"v": "m"},
+) + effects.CoulombFriction("v", level=1.0)  # fmt: skip
+T = np.arange(0, 3, 0.01)
+
+
+def torque(t):
+    return 0.8 * np.sin(2.1 * t) + 0.5 * np.sin(5.3 * t + 1)
+
+
+def dense(model, t, u, x0, hold="zoh"):
+    """Integrate sample by sample with SciPy's tightest tolerance."""
+    values = {symbol(name): p.value for name, p in model.parameters.items()}
+    names = [TIME, *map(symbol, [*model.states, *model.inputs])]
+    f = sympy.lambdify(names, [e.subs(values) for e in model.equations.values()], "numpy")
+    x, states = np.asarray(x0, dtype=float), [x0]
+    for k in range(t.size - 1):
+        h = t[k + 1] - t[k]
+        slope = (u[k + 1] - u[k]) / h if hold == "foh" else 0 * u[k]
+
+        def rhs(s, x, k=k, slope=slope):
+            return np.array(f(s, *x, *(u[k] + slope * (s - t[k]))), dtype=float)
+
+        x = solve_ivp(rhs, (t[k], t[k + 1]), x, rtol=1e-9, atol=1e-12, method="DOP853").y[:, -1]
+        states.append(x)
+    return np.array(states)
+
+
+def by_differences(model, name, step, **options):
+    """Differentiate the outputs by a parameter, or by an initial state, by central differences."""
+    x0 = np.asarray(options.pop("x0"), dtype=float)
+
+    def run(sign):
+        if name in model.parameters:
+            value = model.parameters[name].value + sign * step
+            return simulate(model.with_parameters(**{name: value}), x0=x0, **options).y
+        shift = sign * step * np.eye(x0.size)[list(model.states).index(name.removesuffix("(0)"))]
+        return simulate(model, x0=x0 + shift, **options).y
+
+    return (run(1) - run(-1)) / (2 * step)
+
+
+# -- accuracy -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("method", "order"), [("euler", 1), ("rk4", 4)])
+def test_error_falls_with_the_order_of_the_method(method, order):
+    t, x0 = np.linspace(0, 2, 21), [1.0, 0.0]
+    u = torque(t)[:, None]
+    exact = dense(PENDULUM, t, u, x0)
+    counts = np.array([4, 8, 16])
+    errors = [
+        np.abs(simulate(PENDULUM, t, u, x0, method=method, substeps=int(n)).x - exact).max()
+        for n in counts
+    ]
+    slope = np.polyfit(np.log(counts), np.log(errors), 1)[0]
+    assert slope == pytest.approx(-order, abs=0.15)
+
+
+def test_frictionless_pendulum_keeps_its_energy():
+    free = PENDULUM.with_parameters(d=0.0)
+    run = simulate(free, np.arange(0, 60, 0.01), np.zeros(6000), [2.0, 0.0])
+    phi, omega = run.x.T
+    energy = 0.15 * omega**2 / 2 + 2.4 * (1 - np.cos(phi))
+    assert np.ptp(energy) < 1e-6 * energy.mean()
+
+
+@pytest.mark.parametrize("hold", ["zoh", "foh"])
+def test_agrees_with_scipy(hold):
+    u = torque(T)[:, None]
+    run = simulate(PENDULUM, T, u, [0.3, -1.0], hold=hold, substeps=8)
+    assert run.success
+    assert run.x == pytest.approx(dense(PENDULUM, T, u, [0.3, -1.0], hold), abs=1e-8)
+
+
+def test_linear_system_under_held_input_follows_the_matrix_exponential():
+    t = np.arange(0, 5, 0.05)
+    u = np.sign(np.sin(3 * t))
+    cart = systems.cart_on_spring()
+    A, B = np.array([[0, 1], [-20, -0.75]]), np.array([0, 0.5])
+    step = expm(np.block([[A, B[:, None]], [np.zeros((1, 3))]]) * 0.05)
+    x, states = np.zeros(2), []
+    for force in u:
+        states.append(x)
+        x = step[:2, :2] @ x + step[:2, 2] * force
+    assert simulate(cart, t, u, substeps=20).x == pytest.approx(np.array(states), abs=1e-8)
+
+
+def test_holds_differ_by_half_a_sample():
+    t = np.arange(0, 4, 0.1)
+    u = t.copy()  # a ramp: held, it acts half a sample late
+    held = simulate(LAG, t, u).y[:, 0]
+    straight = simulate(LAG, t, u, hold="foh").y[:, 0]
+    assert straight == pytest.approx(t - 2 * (1 - np.exp(-t / 2)), abs=1e-7)
+    assert straight - held == pytest.approx(0.05 * (1 - np.exp(-t / 2)), abs=1e-3)
+
+
+def test_uneven_sampling_is_stepped_on_its_own_clock():
+    rng = np.random.default_rng(0)
+    t = np.cumsum(rng.uniform(0.005, 0.1, 200))
+    u = torque(t)[:, None]
+    run = simulate(PENDULUM, t, u, [0.1, 0.0], substeps=16)
+    assert run.x == pytest.approx(dense(PENDULUM, t, u, [0.1, 0.0]), abs=1e-7)
+
+
+def test_time_may_stand_in_the_equations():
+    clock = PhysicsModel({"y": ""}, {"y": "cos(w*t)"}, {"w": 3.0})
+    run = simulate(clock, T + 1, x0=[0.0], substeps=4)
+    assert run.y[:, 0] == pytest.approx((np.sin(3 * (T + 1)) - np.sin(3)) / 3, abs=1e-9)
+
+
+# -- late inputs ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("hold", ["zoh", "foh"])
+def test_delay_of_whole_samples_shifts_exactly(hold):
+    late = PENDULUM + effects.InputDelay("M", delay=0.07)
+    u = torque(T)
+    u[:20] = u[0] = 0.0
+    now = simulate(PENDULUM, T, u, hold=hold).x
+    then = simulate(late, T, u, hold=hold).x
+    assert then[7:] == pytest.approx(now[:-7], abs=1e-10)
+    assert np.all(then[:20] == 0)
+
+
+def test_delay_of_part_of_a_sample_keeps_the_impulse():
+    t = np.arange(0, 1, 0.1)
+    u = np.where(t >= 0.35, 1.0, 0.0)
+    integrator = PhysicsModel({"y": ""}, {"y": "u"}, {}, {"u": ""})
+    late = integrator + effects.InputDelay("u", delay=0.025)
+    difference = simulate(integrator, t, u).y[-1] - simulate(late, t, u).y[-1]
+    assert difference == pytest.approx(0.025, abs=1e-12)
+
+
+@pytest.mark.parametrize("hold", ["zoh", "foh"])
+def test_sensitivity_to_a_delay(hold):
+    late = PENDULUM + effects.InputDelay("M", delay=0.073)
+    delay = late.delays["M"]
+    options = {"t": T, "u": torque(T), "hold": hold}
+    run = simulate(late, x0=[0.2, 0.0], wrt=(delay,), **options)
+    numeric = by_differences(late, delay, 1e-6, x0=[0.2, 0.0], **options)
+    assert run.sensitivities[:, :, 0] == pytest.approx(numeric, abs=1e-5)
+
+
+# -- sensitivities --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("method", ["euler", "rk4"])
+def test_sensitivities_are_the_derivatives_of_what_was_computed(method):
+    options = {"t": T, "u": torque(T), "method": method}
+    run = simulate(PENDULUM, x0=[0.5, 0.1], wrt=("J", "k", "d"), **options)
+    assert run.wrt == ("J", "k", "d", "phi(0)", "omega(0)")
+    for j, name in enumerate(run.wrt):
+        numeric = by_differences(PENDULUM, name, 1e-6, x0=[0.5, 0.1], **options)
+        assert run.sensitivities[:, :, j] == pytest.approx(numeric, rel=1e-5, abs=1e-6), name
+
+
+def test_values_do_not_depend_on_whether_sensitivities_are_asked_for():
+    plain = simulate(PENDULUM, T, torque(T), [0.5, 0.1])
+    with_them = simulate(PENDULUM, T, torque(T), [0.5, 0.1], wrt=("k",))
+    assert plain.x == pytest.approx(with_them.x, abs=1e-13)
+
+
+@pytest.mark.parametrize(("level", "sticks"), [(0.2, False), (0.5, True)])
+def test_sensitivities_through_stick_and_slip(level, sticks):
+    rubbing = PENDULUM + effects.CoulombFriction("omega", level=level)
+    name = effects.CoulombFriction("omega").names()["level"]
+    options = {"t": np.arange(0, 6, 0.01), "u": 0.9 * torque(np.arange(0, 6, 0.01)), "substeps": 4}
+    run = simulate(rubbing, x0=[0.5, 0.1], wrt=("J", "k", name), **options)
+    omega = run.x[:, 1]
+    assert (omega == 0).any() == sticks
+    assert (np.diff(np.sign(omega)) != 0).sum() > 3
+    for j, parameter in enumerate(run.wrt):
+        numeric = by_differences(rubbing, parameter, 1e-6, x0=[0.5, 0.1], **options)
+        size = np.abs(numeric).max()
+        off = np.abs(run.sensitivities[:, :, j] - numeric).max(axis=1)
+        # at the very sample of an event a difference quotient straddles it
+        assert np.mean(off < 5e-3 * size) > 0.99, parameter
+
+
+# -- dry friction ---------------------------------------------------------------------------------
+
+
+def test_sliding_mass_stops_exactly_and_stays():
+    t = np.arange(0, 5, 0.013)
+    run = simulate(SLIDER, t, np.zeros(t.size), [1.0])
+    v = run.x[:, 0]  # decelerates by 1 N / 2 kg, stops at 2 s
+    assert v == pytest.approx(np.maximum(1 - 0.5 * t, 0), abs=1e-12)
+    assert np.all(v[t > 2.0] == 0)
+
+
+def test_stuck_below_the_level_and_away_above():
+    t = np.arange(0, 4, 0.01)
+    drive = 0.6 * t  # reaches 1 N at 5/3 s
+    v = simulate(SLIDER, t, drive, [0.0], hold="foh", substeps=2).x[:, 0]
+    assert np.all(v[t < 5 / 3] == 0)
+    moving = t > 5 / 3
+    assert np.all(v[moving][1:] > 0)
+    assert v[moving] == pytest.approx(0.3 * (t[moving] - 5 / 3) ** 2 / 2, abs=0.01)
+
+
+def test_breaks_away_in_either_direction():
+    t = np.arange(0, 1, 0.01)
+    forward = simulate(SLIDER, t, np.full(t.size, 1.5), [0.0]).x[:, 0]
+    backward = simulate(SLIDER, t, np.full(t.size, -1.5), [0.0]).x[:, 0]
+    assert forward == pytest.approx(0.25 * t, abs=1e-12)
+    assert np.array_equal(backward, -forward)
+
+
+def test_dry_friction_never_gives_energy():
+    rubbing = PENDULUM.with_parameters(d=0.0) + effects.CoulombFriction("omega", level=0.3)
+    run = simulate(rubbing, np.arange(0, 20, 0.01), np.zeros(2000), [2.5, 0.0])
+    phi, omega = run.x.T
+    energy = 0.15 * omega**2 / 2 + 2.4 * (1 - np.cos(phi))
+    assert np.all(np.diff(energy) < 1e-6)
+    assert np.all(run.x[-100:, 1] == 0)
+
+
+def test_finer_steps_change_friction_little():
+    rubbing = PENDULUM + effects.CoulombFriction("omega", level=0.4)
+    coarse = simulate(rubbing, T, torque(T), [0.5, 0.0]).x[:, 0]
+    fine = simulate(rubbing, T, torque(T), [0.5, 0.0], substeps=20).x[:, 0]
+    assert coarse == pytest.approx(fine, abs=1e-4)
+
+
+# -- failing solves -------------------------------------------------------------------------------
+
+RUNAWAY = PhysicsModel({"x": "m"}, {"x": "k*x**2"}, {"k": 1.0}, name="runaway")
+
+
+def test_divergence_is_told_with_place_time_and_remedy():
+    t = np.linspace(0, 2, 41)  # x = 1/(1 - t)
+    with pytest.warns(SimulationWarning) as caught:
+        run = simulate(RUNAWAY, t, x0=[1.0])
+    message = str(caught[0].message)
+    first = int(np.flatnonzero(np.isnan(run.x[:, 0]))[0])
+    assert message == run.message
+    assert not run.success
+    assert "'runaway' left the finite numbers" in message
+    assert f"at t = {t[first]:g} s (sample {first}; before: x = " in message
+    assert "Remedy: raise substeps (now 1)" in message
+    assert np.isfinite(run.x[:first]).all()
+    assert np.isnan(run.x[first:]).all()
+    assert np.isnan(run.y[first:]).all()
+    with pytest.raises(SimulationError, match="Remedy"):
+        run.check()
+
+
+def test_whole_solve_passes_its_own_check():
+    run = simulate(LAG, T, np.ones(T.size))
+    assert run.check() is run
+    assert run.message == ""
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        ({"t": [0.0, 0.2, 0.1]}, "t: expected increasing times, got 0.2 s then 0.1 s at sample 2."),
+        ({"t": [0.0, np.nan, 1.0]}, r"t: expected finite times of shape (n_samples,), got shape"),
+        ({"t": [[0.0, 1.0, 2.0]]}, "t: expected finite times of shape (n_samples,)"),
+        ({"u": [1.0, 2.0]}, "u: expected shape (3, 1), got (2, 1)."),
+        ({"u": None}, "u: expected shape (3, 1), got ()."),
+        ({"u": [1.0, np.inf, 2.0]}, "u: 'u' is not finite at sample 1."),
+        ({"x0": [1.0, 2.0]}, "x0: expected 1 finite numbers, got [1. 2.]."),
+        ({"x0": [np.nan]}, "x0: expected 1 finite numbers"),
+        ({"method": "heun"}, "method: expected one of euler, rk4, got 'heun'."),
+        ({"hold": "none"}, "hold: expected one of zoh, foh, got 'none'."),
+        ({"substeps": 0}, "substeps: expected an integer >= 1, got 0."),
+        ({"substeps": 1.5}, "substeps: expected an integer >= 1, got 1.5."),
+        ({"wrt": ("K",)}, "wrt: unknown parameter 'K'."),
+    ],
+)
+def test_bad_arguments_are_named(change, text):
+    arguments = {"t": [0.0, 0.1, 0.2], "u": [1.0, 1.0, 1.0], **change}
+    with pytest.raises(ValueError) as error:  # noqa: PT011 - the whole text is compared
+        simulate(LAG, **arguments)
+    assert text in str(error.value)
+
+
+def test_arguments_are_not_changed():
+    t, u, x0 = T.copy(), torque(T)[:, None], np.array([0.5, 0.1])
+    kept = t.copy(), u.copy(), x0.copy()
+    simulate(PENDULUM + effects.InputDelay("M", delay=0.03), t, u, x0, wrt=("k",))
+    for now, before in zip((t, u, x0), kept, strict=True):
+        assert np.array_equal(now, before)
+
+
+# -- other processes ------------------------------------------------------------------------------
+
+SCRIPT = """
+import pickle, sys
+import numpy as np
+model, t, u, x0 = pickle.load(open(sys.argv[1], "rb"))
+run = model.simulate(t, u, x0, wrt=tuple(model.parameters))
+np.savez(sys.argv[2], x=run.x, s=run.sensitivities)
+"""
+
+
+def elsewhere(folder, cache):
+    """Simulate a pickled model in another process."""
+    model = PENDULUM + effects.CoulombFriction("omega", level=0.3)
+    arguments = model, T, torque(T), np.array([0.5, 0.0])
+    (folder / "model.pickle").write_bytes(pickle.dumps(arguments))
+    path = os.pathsep.join([str(Path(sklearn_pgnn.__file__).parents[1]), *sys.path])
+    subprocess.run(
+        [sys.executable, "-c", SCRIPT, folder / "model.pickle", folder / "result.npz"],
+        env={**os.environ, "PYTHONPATH": path, "SKLEARN_PGNN_CACHE": str(cache)},
+        check=True,
+    )
+    result = np.load(folder / "result.npz")
+    return model, result["x"], result["s"]
+
+
+def test_pickled_model_gives_the_same_bits_in_another_process_from_kept_machine_code(tmp_path):
+    cache = tmp_path / "cache"
+    model, x, s = elsewhere(tmp_path, cache)
+    here = simulate(model, T, torque(T), [0.5, 0.0], wrt=tuple(model.parameters))
+    assert np.array_equal(x, here.x)
+    assert np.array_equal(s, here.sensitivities)
+
+    def files():
+        found = {file: file.stat() for file in cache.rglob("*") if file.is_file()}
+        return {file: (stat.st_mtime_ns, stat.st_ino) for file, stat in found.items()}
+
+    kept = files()
+    assert any(file.suffix == ".nbc" for file in kept)
+    _, again, _ = elsewhere(tmp_path, cache)
+    assert np.array_equal(again, x)
+    assert files() == kept
+
+
+# -- windows --------------------------------------------------------------------------------------
+
+
+def grounds(model, noise=1e-3, seed=0, window=None):
+    """Cut a noisy record of the pendulum into windows."""
+    t = np.arange(0, 20, 0.02)
+    rng = np.random.default_rng(seed)
+    truth = PENDULUM.with_parameters(J=0.16, k=2.3, d=0.03)
+    y = simulate(truth, t, torque(t), [0.2, 0.0], substeps=4).y
+    table = np.column_stack([t, torque(t)])
+    records = read_records(model, table, y + noise * rng.standard_normal(y.shape))
+    return truth, window_records(model, records, window=window, substeps=4)
+
+
+def fitted(ground, model=PENDULUM):
+    """Fit the pendulum's parameters; give the fit and what the initial states were expected."""
+    estimate = ground.states.estimate(model)
+    expected = estimate.x[ground.windows.starts]
+    free = tuple(Freedom(name, 1e-3, 10.0, 1.0, np.inf, 1.0) for name in ("J", "k", "d"))
+    fit = fit_windows(
+        model, ground.windows, free, expected, estimate.spread, max_steps=50, tolerance=1e-12
+    )
+    return fit, expected, estimate.spread
+
+
+def test_gradient_of_windows_is_the_derivative_of_their_squares():
+    _, ground = grounds(PENDULUM)
+    x0 = ground.states.estimate(PENDULUM).x[ground.windows.starts]
+
+    def squares(**values):
+        return evaluate(PENDULUM.with_parameters(**values), ground.windows, x0, ()).squares.sum()
+
+    gram = evaluate(PENDULUM, ground.windows, x0, ("J", "k", "d")).gram
+    for j, name in enumerate(("J", "k", "d")):
+        value, step = PENDULUM.parameters[name].value, 1e-6
+        slope = squares(**{name: value + step}) - squares(**{name: value - step})
+        assert -2 * gram[:, j, -1].sum() == pytest.approx(slope / (2 * step), rel=1e-4)
+
+
+def test_window_fit_ends_where_the_gradient_vanishes():
+    truth, ground = grounds(PENDULUM)
+    fit, expected, spread = fitted(ground)
+    normal = project(fit.evaluation.gram, 3, spread**-2.0, fit.x0 - expected)
+    # Newton's decrement: what a further step could still gain, of some 2000 squares
+    gradient, hessian = normal.gradient.sum(axis=0), normal.hessian.sum(axis=0)
+    assert gradient @ np.linalg.solve(hessian, gradient) < 1e-6 * fit.squares
+    state_gradient = fit.evaluation.gram[:, 3:5, 5] - (fit.x0 - expected) / spread**2
+    scale = np.sqrt(np.einsum("wii->wi", fit.evaluation.gram[:, 3:5, 3:5]))
+    assert np.abs(state_gradient / scale).max() < 1e-2
+    assert fit.squares == pytest.approx(np.isfinite(ground.windows.y).sum(), rel=0.2)
+    errors = standard_errors(fit, expected, spread)
+    for name, error in errors.items():
+        assert abs(fit.model.parameters[name].value - truth.parameters[name].value) < 4 * error
+
+
+def test_windows_give_the_same_on_several_threads():
+    _, ground = grounds(PENDULUM)
+    x0 = ground.states.estimate(PENDULUM).x[ground.windows.starts]
+    one = evaluate(PENDULUM, ground.windows, x0, ("J",))
+    three = evaluate(PENDULUM, replace(ground.windows, threads=3), x0, ("J",))
+    assert np.array_equal(one.gram, three.gram)
+    assert np.array_equal(one.residual, three.residual)
+
+
+def test_fit_respects_bounds():
+    _, ground = grounds(PENDULUM)
+    estimate = ground.states.estimate(PENDULUM)
+    free = (Freedom("k", 2.35, 3.0, 2.4, np.inf, 1.0),)
+    start = estimate.x[ground.windows.starts]
+    fit = fit_windows(PENDULUM, ground.windows, free, start, estimate.spread)
+    assert fit.values[0] == 2.35  # the truth, 2.3, is out of bounds
+
+
+def test_standard_errors_are_those_of_repeated_experiments():
+    truth, ground = grounds(PENDULUM)
+    windows, rng = ground.windows, np.random.default_rng(1)
+    clean = simulate(truth, windows.t, windows.u, [0.2, 0.0], substeps=4).y
+    found, claimed = [], []
+    for _ in range(30):
+        y = clean + 1e-3 * rng.standard_normal(clean.shape)
+        fit, *start = fitted(replace(ground, windows=replace(windows, y=y)))
+        found.append(fit.values)
+        claimed.append(list(standard_errors(fit, *start).values()))
+    ratio = np.median(claimed, axis=0) / np.std(found, axis=0)
+    assert np.all((ratio > 0.6) & (ratio < 1.6))
+    truths = [truth.parameters[name].value for name in "Jkd"]
+    assert np.mean(np.abs(np.array(found) - truths) < 1.96 * np.array(claimed)) > 0.85
+
+
+def test_parameters_seen_only_together_have_no_finite_error():
+    twice = PhysicsModel(
+        {"y": "V"}, {"y": "a*b*u - c*y"},
+        [Parameter("a", 1.0), Parameter("b", 1.0), Parameter("c", 0.5)], {"u": "V"},
+    )  # fmt: skip
+    t = np.arange(0, 20, 0.05)
+    u = np.sin(t) + np.sin(3.1 * t)
+    y = simulate(twice, t, u).y + 1e-3 * np.random.default_rng(0).standard_normal((t.size, 1))
+    ground = window_records(twice, read_records(twice, np.column_stack([t, u]), y))
+    estimate = ground.states.estimate(twice)
+    expected = estimate.x[ground.windows.starts]
+    free = tuple(Freedom(name, 0.01, 10, 1.0, np.inf, 1.0) for name in "abc")
+    fit = fit_windows(twice, ground.windows, free, expected, estimate.spread)
+    errors = standard_errors(fit, expected, estimate.spread)
+    assert np.isinf([errors["a"], errors["b"]]).all()
+    assert 0 < errors["c"] < 0.05
