@@ -41,7 +41,7 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
         Runge-Kutta scheme of order four, or explicit Euler.
     substeps : int, optional
         Integration steps from sample to sample; by default as many as the records of `fit` need
-        until the outputs change by less than a thousandth of their range.
+        until nothing changes by more than a thousandth of its range.
     hold : {"zoh", "foh"}, default="zoh"
         Whether an input is held between two samples or runs straight from one to the next.
     time : int or str, optional

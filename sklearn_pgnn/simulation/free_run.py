@@ -9,7 +9,7 @@ from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.simulate import Simulation, simulate, start_of
 from sklearn_pgnn.trajectories.record import Record
 
-#: finest steps that are tried, and the change of an output, as a share of its range, that is small
+#: finest steps that are tried, and the change of a quantity, as a share of its range, that is small
 MAX_SUBSTEPS, SMALL = 32, 1e-3
 
 
@@ -44,7 +44,7 @@ def simulate_record(model: PhysicsModel, record: Record, **options) -> Simulatio
 
 
 def enough_substeps(model: PhysicsModel, records, **options) -> int:
-    """Double the substeps until the outputs hardly change.
+    """Double the substeps until states and outputs hardly change.
 
     Parameters
     ----------
@@ -70,13 +70,13 @@ def enough_substeps(model: PhysicsModel, records, **options) -> int:
 
     def run(substeps):
         runs = [simulate_record(model, record, substeps=substeps, **options) for record in records]
-        return np.concatenate([each.y for each in runs])
+        return np.concatenate([np.column_stack([each.x, each.y]) for each in runs])
 
-    substeps, outputs = 1, run(1)
+    substeps, coarse = 1, run(1)
     while substeps < MAX_SUBSTEPS:
         finer = run(2 * substeps)
-        change = np.max(np.abs(finer - outputs), axis=0)
+        change = np.max(np.abs(finer - coarse), axis=0)
         if np.all(change <= SMALL * np.ptp(finer, axis=0)):
             return substeps
-        substeps, outputs = 2 * substeps, finer
+        substeps, coarse = 2 * substeps, finer
     return substeps

@@ -1,0 +1,289 @@
+"""PhysicsModelRegressor: certificates of its fits, and what it works with."""
+
+import copy
+import pickle
+import subprocess
+import sys
+import warnings
+from pathlib import Path
+
+import joblib
+import numpy as np
+import pandas as pd
+import pytest
+from sklearn.base import clone
+from sklearn.compose import TransformedTargetRegressor
+from sklearn.model_selection import GridSearchCV, GroupKFold, cross_val_score
+
+import sklearn_pgnn
+from sklearn_pgnn import Parameter, PhysicsModel, PhysicsModelRegressor, systems
+from sklearn_pgnn.estimators.parameter_search import find_parameters
+from sklearn_pgnn.exceptions import SimulationWarning
+from sklearn_pgnn.simulation.record_windows import window_records
+from sklearn_pgnn.simulation.window_fit import project
+from sklearn_pgnn.trajectories import read_records
+
+CART = systems.cart_on_spring()
+TRUTH = {"m": 2.3, "k": 47.0, "d": 1.2}
+NOISE = 1e-3
+
+
+def cart_records(truth=TRUTH, n_records=3, duration=8.0, noise=NOISE, seed=0):
+    """Give records of a cart whose parameters are not the prior's."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(0, duration, 0.02)
+    frames, outputs = [], []
+    for name in range(n_records):
+        force = 4 * np.sin(3 * t + name) + 3 * np.sin((5 + 2 * name) * t)
+        x0 = rng.normal(size=2) * 0.05
+        run = CART.with_parameters(**truth).simulate(t, force, x0, substeps=4)
+        frame = pd.DataFrame({"trajectory": name, "t": t, "force": force})
+        frame[["x", "v"]] = np.vstack([x0, np.full((t.size - 1, 2), np.nan)])
+        frames.append(frame)
+        outputs.append(run.y[:, 0] + noise * rng.standard_normal(t.size))
+    return pd.concat(frames, ignore_index=True), np.concatenate(outputs)
+
+
+X, Y = cart_records()
+
+
+@pytest.fixture(scope="module")
+def fitted():
+    return PhysicsModelRegressor(CART).fit(X, Y)
+
+
+# -- certificates ---------------------------------------------------------------------------------
+
+
+def test_recovers_the_parameters_within_narrow_intervals(fitted):
+    for name, true in TRUTH.items():
+        found = fitted.parameters_[name]
+        reach = found.high - found.value
+        assert abs(found.value - true) < 2 * reach, name
+        assert 0 < reach < 0.05 * true, name
+        assert found.unit == CART.parameters[name].unit
+        assert fitted.model_.parameters[name].value == found.value
+
+
+def test_intervals_hold_the_truth_as_often_as_they_say():
+    hits = []
+    for seed in range(6):
+        table, y = cart_records(n_records=1, duration=12.0, seed=seed)
+        found = PhysicsModelRegressor(CART, substeps=2).fit(table, y).parameters_
+        hits += [found[name].low <= true <= found[name].high for name, true in TRUTH.items()]
+    assert np.mean(hits) >= 0.8
+
+
+def test_free_run_is_the_true_machine(fitted):
+    clean = cart_records(noise=0.0)[1]
+    assert np.sqrt(np.mean((fitted.predict(X) - clean) ** 2)) < NOISE
+    assert fitted.score(X, Y) > 0.999
+
+
+def test_gradient_vanishes_at_the_optimum():
+    ground = window_records(CART, read_records(CART, X, Y))
+    found = find_parameters(CART, ground, ("m", "k", "d"), "local")
+    offset = found.fit.x0 - found.expected
+    normal = project(found.fit.evaluation.gram, 3, found.spread**-2.0, offset)
+    gradient, hessian = normal.gradient.sum(axis=0), normal.hessian.sum(axis=0)
+    # what one more Newton step could still gain, against squares of about one a sample
+    assert gradient @ np.linalg.solve(hessian, gradient) < 1e-6 * found.fit.squares
+
+
+def test_no_other_values_fit_better(fitted):
+    def left(**values):
+        near = CART.with_parameters(**values)
+        ground = window_records(near, read_records(CART, X, Y), substeps=fitted.substeps_)
+        return find_parameters(near, ground, (), "local").fit.objective
+
+    best = {name: each.value for name, each in fitted.parameters_.items()}
+    least = left(**best)
+    for name, value in best.items():
+        assert left(**{**best, name: 1.02 * value}) > least
+        assert left(**{**best, name: 0.98 * value}) > least
+
+
+def test_local_fit_survives_a_start_three_times_off():
+    far = CART.with_parameters(m=6.0, k=15.0, d=4.0)
+    found = PhysicsModelRegressor(far, search="local").fit(X, Y).parameters_
+    assert found["k"].value == pytest.approx(TRUTH["k"], rel=0.02)
+
+
+#: a resonator shaken at a frequency that is a parameter: the error has a minimum at every beat
+SHAKEN = PhysicsModel(
+    states={"x": "m", "v": "m/s"},
+    equations={"x": "v", "v": "w**2*(A*sin(q*t) - x) - 0.2*w*v"},
+    outputs={"position": "x"},
+    parameters=[
+        Parameter("w", 3.0, unit="rad/s", bounds=(0.5, 30.0)),
+        Parameter("A", 1.0, unit="m", bounds=(0.1, 5.0)),
+        Parameter("q", 2.0, unit="rad/s", bounds=(0.3, 20.0)),
+    ],
+)
+
+
+@pytest.fixture(scope="module")
+def shaken():
+    t = np.arange(0, 20, 0.04)
+    run = SHAKEN.with_parameters(w=9.0, q=6.0).simulate(t, None, [0.5, 0.0], substeps=4)
+    return t[:, None], run.y + 1e-3 * np.random.default_rng(0).standard_normal(run.y.shape)
+
+
+def test_global_search_finds_what_a_local_fit_misses(shaken):
+    local = PhysicsModelRegressor(SHAKEN, search="local", window=4.0).fit(*shaken)
+    found = PhysicsModelRegressor(SHAKEN, search="auto", window=4.0).fit(*shaken)
+    assert abs(local.model_.parameters["q"].value - 6.0) > 1.0
+    for name, true in {"w": 9.0, "A": 1.0, "q": 6.0}.items():
+        assert found.model_.parameters[name].value == pytest.approx(true, rel=2e-3), name
+    assert found.score(*shaken) > local.score(*shaken)
+    again = PhysicsModelRegressor(SHAKEN, search="auto", window=4.0).fit(*shaken)
+    assert again.parameters_ == found.parameters_
+
+
+def test_only_what_is_free_moves(fitted):
+    some = PhysicsModelRegressor(CART, free=["k"]).fit(X, Y)
+    assert list(some.parameters_) == ["k"]
+    assert some.model_.parameters["m"] == CART.parameters["m"]
+    known = CART.with_parameters(m=Parameter("m", 2.3, "kg", (0.1, 50.0), fixed=True))
+    rest = PhysicsModelRegressor(known).fit(X, Y)
+    assert list(rest.parameters_) == ["k", "d"]
+    none = PhysicsModelRegressor(CART, free=()).fit(X, Y)
+    assert none.parameters_ == {}
+    assert none.model_ == CART
+
+
+def test_states_that_nothing_shows_are_simulated():
+    tanks = systems.two_tanks()
+    t = np.arange(0, 600, 1.0)
+    pump = 3 + 1.5 * np.sign(np.sin(0.03 * t)) + 0.5 * np.sin(0.11 * t)
+    level = tanks.with_parameters(k4=0.044).simulate(t, pump).y
+    level = level + 0.01 * np.random.default_rng(0).standard_normal(level.shape)
+    found = PhysicsModelRegressor(tanks, free=["k4"]).fit(np.column_stack([t, pump]), level)
+    assert found.parameters_["k4"].value == pytest.approx(0.044, rel=0.03)
+
+
+def test_what_the_records_cannot_fix_is_named():
+    motor = PhysicsModel(
+        {"w": "rad/s"}, {"w": "(K*u - F*w)/J"},
+        [Parameter(n, v) for n, v in {"K": 0.5, "F": 0.1, "J": 0.2}.items()], {"u": "V"},
+    )  # fmt: skip
+    t = np.arange(0, 30, 0.02)
+    u = np.sign(np.sin(0.7 * t)) + np.sin(2.3 * t)
+    w = motor.with_parameters(K=0.55).simulate(t, u).y
+    w = w + 1e-3 * np.random.default_rng(0).standard_normal(w.shape)
+    with pytest.warns(UserWarning, match="the records do not fix K, F, J: other values fit"):
+        regressor = PhysicsModelRegressor(motor).fit(np.column_stack([t, u]), w)
+    assert all(np.isinf(each.high - each.low) for each in regressor.parameters_.values())
+    values = {name: each.value for name, each in regressor.parameters_.items()}
+    assert values["K"] / values["J"] == pytest.approx(0.55 / 0.2, rel=0.01)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        PhysicsModelRegressor(motor, free=["K", "F"]).fit(np.column_stack([t, u]), w)
+
+
+def test_gaps_in_the_outputs_are_skipped():
+    holes = Y.copy()
+    holes[50:60] = np.nan
+    holes[300] = np.nan
+    found = PhysicsModelRegressor(CART).fit(X, holes).parameters_
+    assert found["k"].value == pytest.approx(TRUTH["k"], rel=0.02)
+
+
+def test_diverging_prediction_warns():
+    runaway = PhysicsModel({"x": "m"}, {"x": "k*x**2"}, {"k": 0.1}, initial_state={"x": 1.0})
+    t = np.arange(0, 5, 0.05)
+    regressor = PhysicsModelRegressor(runaway).fit(t[:, None], 1 / (1 - 0.1 * t))
+    with pytest.warns(SimulationWarning, match="Remedy"):
+        regressor.predict(np.arange(0, 20, 0.05)[:, None])
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        ({"free": ["q"]}, "free: expected parameters among m, k, d, got 'q'."),
+        ({"search": "swarm"}, "search: expected one of local, global, auto, got 'swarm'."),
+    ],
+)
+def test_bad_options_are_named(options, text):
+    with pytest.raises(ValueError, match=text):
+        PhysicsModelRegressor(CART, **options).fit(X, Y)
+
+
+# -- with scikit-learn ----------------------------------------------------------------------------
+
+
+def test_measured_states_after_the_first_row_change_nothing(fitted):
+    clean = X.copy()
+    later = clean["t"] > 0
+    clean.loc[later, ["x", "v"]] = 1e3
+    assert np.array_equal(fitted.predict(clean), fitted.predict(X))
+    again = PhysicsModelRegressor(CART).fit(clean, Y)
+    assert again.parameters_ == fitted.parameters_
+
+
+def test_fit_leaves_everything_alone():
+    table, y, regressor = X.copy(), Y.copy(), PhysicsModelRegressor(CART)
+    before, text = regressor.get_params(), CART.to_dict()
+    regressor.fit(table, y)
+    pd.testing.assert_frame_equal(table, X)
+    assert np.array_equal(y, Y)
+    assert CART.to_dict() == text
+    assert all(regressor.get_params()[key] is value for key, value in before.items())
+
+
+def test_copies_give_the_same_numbers(fitted):
+    expected = fitted.predict(X)
+    for other in (pickle.loads(pickle.dumps(fitted)), copy.deepcopy(fitted)):
+        assert np.array_equal(other.predict(X), expected)
+        assert other.parameters_ == fitted.parameters_
+    again = clone(fitted).fit(X, Y)
+    assert np.array_equal(again.predict(X), expected)
+
+
+def test_another_process_gives_the_same_numbers(fitted, tmp_path):
+    joblib.dump((fitted, X), tmp_path / "fitted.joblib")
+    script = (
+        "import joblib, numpy, sys; fitted, X = joblib.load(sys.argv[1]); "
+        "numpy.save(sys.argv[2], fitted.predict(X))"
+    )
+    files = [str(tmp_path / "fitted.joblib"), str(tmp_path / "y.npy")]
+    root = Path(sklearn_pgnn.__file__).parents[1]
+    subprocess.run([sys.executable, "-c", script, *files], cwd=root, check=True)
+    assert np.array_equal(np.load(files[1]), fitted.predict(X))
+
+
+def test_shape_of_y_comes_back(fitted):
+    assert fitted.predict(X).shape == (len(X),)
+    column = PhysicsModelRegressor(CART).fit(X, Y[:, None])
+    assert column.predict(X).shape == (len(X), 1)
+    table = PhysicsModelRegressor(CART).fit(X, pd.DataFrame({"position": Y}))
+    assert np.array_equal(table.predict(X), column.predict(X))
+    assert fitted.n_features_in_ == 5
+    assert fitted.feature_names_in_.tolist() == list(X.columns)
+
+
+def test_interleaved_rows_are_predicted_in_their_order(fitted):
+    order = np.argsort(X["t"].to_numpy(), kind="stable")
+    assert np.array_equal(fitted.predict(X.iloc[order]), fitted.predict(X)[order])
+
+
+def test_threads_change_no_number(fitted):
+    assert PhysicsModelRegressor(CART, n_jobs=2).fit(X, Y).parameters_ == fitted.parameters_
+
+
+def test_searches_and_scores():
+    folds = list(GroupKFold(3).split(X, Y, X["trajectory"]))
+    regressor = PhysicsModelRegressor(CART, search="local", substeps=1)
+    assert cross_val_score(regressor, X, Y, cv=folds).min() > 0.99
+    search = GridSearchCV(regressor, {"free": [["d"], ["m", "k", "d"]]}, cv=folds).fit(X, Y)
+    assert search.best_params_["free"] == ["m", "k", "d"]
+
+
+def test_millimetres_by_a_transformed_target():
+    scaled = TransformedTargetRegressor(
+        PhysicsModelRegressor(CART, search="local"),
+        func=lambda y: y / 1000,
+        inverse_func=lambda y: y * 1000,
+    )
+    scaled.fit(X, 1000 * Y)
+    assert scaled.score(X, 1000 * Y) > 0.999
