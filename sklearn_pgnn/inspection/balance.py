@@ -4,7 +4,7 @@ The rate of a state that is measured (or whose position is) is compared with wha
 the same states and inputs, over spans long enough to be seen through the noise:
 
 .. math:: d_k = \frac{x_{k+m} - x_{k-m}}{t_{k+m} - t_{k-m}}
-    - \frac{1}{2m} \sum_{i=k-m}^{k+m-1} f(x_i, u_i, p)
+    - \frac{1}{2m} \sum_{i=k-m}^{k+m-1} \frac{f(x_i, u_i, p) + f(x_{i+1}, u_i, p)}{2}
 """
 
 from dataclasses import dataclass
@@ -78,7 +78,7 @@ class Samples:
         function = sympy.lambdify([symbol(n) for n in names], expression, [_EXTREMES, "numpy"])
         with np.errstate(all="ignore"):
             value = np.asarray(function(*(table[name] for name in names)), dtype=float)
-        return np.broadcast_to(value, np.shape(next(iter(other.values()), self.table["t"])))
+        return np.broadcast_to(value, np.shape(table["t"]))
 
     @property
     def span(self) -> int:
@@ -89,9 +89,14 @@ class Samples:
         """Give the measured rate of a state; NaN at the ends of the records."""
         return self._by_record(self.table[state], _slope)
 
-    def mean(self, values: np.ndarray) -> np.ndarray:
-        """Give the mean over the span about every sample."""
-        return self._by_record(values, _mean)
+    def mean(self, expression, **other) -> np.ndarray:
+        """Give the mean of an expression over the span about every sample."""
+        moving = [*self.records.fits["extended"].model.states, "t"]
+        if self.records.windows.hold == "foh":
+            moving += self.model.inputs
+        ends = {name: _next(self.table[name]) for name in moving if name in self.table}
+        both = self.value(expression, **other) + self.value(expression, **ends, **other)
+        return self._by_record(both / 2, _mean)
 
     def _by_record(self, values, function):
         windows, m = self.records.windows, self.span
@@ -114,6 +119,11 @@ def shown_states(model: PhysicsModel) -> frozenset[str]:
     seen = {str(output) for output in model.outputs.values() if str(output) in model.states}
     velocities = {v for v, position in model.kinematic_pairs.items() if position in seen}
     return frozenset(seen | velocities)
+
+
+def _next(values):
+    """Give the value at the end of every sample's interval."""
+    return np.append(values[1:], values[-1])
 
 
 def _slope(t, x, m):

@@ -283,7 +283,7 @@ def draw_evidence(axes, evidence: Evidence) -> None:
     axes.set_xlabel(plain(evidence.x_label))
     axes.set_ylabel(plain(evidence.y_label))
     axes.set_title(plain(evidence.title), fontsize=9, loc="left")
-    axes.legend(fontsize=8)
+    axes.legend(fontsize=8, markerscale=2)
     tidy(axes)
 
 
@@ -292,8 +292,15 @@ def draw_points(axes, x, y) -> None:
     good = np.isfinite(x) & np.isfinite(y)
     x, y = x[good], y[good]
     few = slice(None, None, max(1, x.size // CLOUD))
+    size, alpha = (2, 0.35) if x.size > 500 else (4, 0.8)
     axes.plot(
-        x[few], y[few], ".", color=COLOURS["points"], markersize=2, alpha=0.35, label="records"
+        x[few],
+        y[few],
+        ".",
+        color=COLOURS["points"],
+        markersize=size,
+        alpha=alpha,
+        label="records",
     )
     if np.all(np.diff(x) > 0):
         return

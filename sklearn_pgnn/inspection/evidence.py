@@ -108,7 +108,7 @@ class Case:
     def missing_rate(self, state: str) -> np.ndarray:
         """Give the measured rate of a state minus the one without the cause."""
         samples = self.samples
-        return samples.rate(state) - samples.mean(samples.value(self.without.equations[state]))
+        return samples.rate(state) - samples.mean(self.without.equations[state])
 
 
 def find_evidence(diagnosis, cause) -> Evidence:
@@ -193,7 +193,7 @@ def over_input(case: Case) -> Evidence | None:
     if acting is None:
         return None
     state, felt = acting
-    u = case.samples.table[case.target]
+    u = case.samples.mean(symbol(case.target))
     grid = _grid(u)
     law = _seen_input(case, state, grid)
     unit = case.full.unit(case.target)
@@ -242,18 +242,17 @@ def over_output(case: Case) -> Evidence | None:
     if case.target not in case.full.outputs or case.target in case.full.equations:
         return None
     column = list(case.full.outputs).index(case.target)
-    residual = _window_residual(case)[:, column]
-    windows, unit = case.records.windows, case.prior.unit(case.target)
-    true = windows.y[:, column] - residual
-    added = case.full.outputs[case.target] - case.without.outputs[case.target]
-    grid, order = _grid(true), np.argsort(true)
-    error = case.samples.value(added)
+    residual = _window_residual(case, case.without)[:, column]
+    unit = case.prior.unit(case.target)
+    true = case.records.windows.y[:, column] - residual
+    added = residual - _window_residual(case, case.full)[:, column]
+    order = np.argsort(true)
     return Evidence(
         title=f"Error of {case.target} over its true value",
         x_label=label(f"{case.target} as simulated without this cause", unit),
         y_label=label("measured minus simulated", unit),
         points=(true, residual),
-        lines=(Line(grid, np.interp(grid, true[order], error[order]), "extended", case.name),),
+        lines=(Line(true[order], added[order], "extended", case.name),),
         note="Every point is a sample of the records: what the sensor shows too much, over what "
         "it should show.",
     )
@@ -272,9 +271,8 @@ def over_correction(case: Case) -> Evidence | None:
 
 def _over_correction(case, state):
     rate, samples = case.full.equations[state], case.samples
-    old = samples.value(rate)
-    new = samples.value(rate, **{case.target: np.full(old.size, _value(case.full, case.target))})
-    added = samples.mean(new - old)
+    new = {case.target: case.full.parameters[case.target].value}
+    added = samples.mean(rate, **new) - samples.mean(rate)
     grid, unit = _grid(added), f"{case.full.unit(state)}/s".replace("/s/s", "/s^2")
     return Evidence(
         title=f"Missing rate of {state} over what the new {case.target} adds",
@@ -290,7 +288,7 @@ def _over_correction(case, state):
 def residual_over_time(case: Case) -> Evidence:
     """Show what is left on the windows with and without the cause, where it matters most."""
     windows, column = case.records.windows, _worst_output(case)
-    without = _window_residual(case)[:, column]
+    without = _window_residual(case, case.without)[:, column]
     left = case.records.fits["extended"].residual[:, column]
     rows = _worst_rows(windows, without)
     name = list(case.full.outputs)[column]
@@ -322,10 +320,6 @@ def _what_is_missing(inertia, unit: str) -> str:
     return "torque" if unit.replace("*", " ").endswith("N m") else "force"
 
 
-def _value(model: PhysicsModel, name: str) -> float:
-    return model.parameters[name].value
-
-
 def _column(case: Case, name: str) -> np.ndarray:
     return case.records.windows.u[:, list(case.full.inputs).index(name)]
 
@@ -355,8 +349,7 @@ def _acting_input(case: Case):
         slope = rate.diff(u)
         if state in case.seen and slope != 0 and u not in slope.free_symbols:
             samples = case.samples
-            per_unit = samples.mean(samples.value(slope))
-            felt = samples.mean(samples.table[case.target]) + case.missing_rate(state) / per_unit
+            felt = samples.mean(u) + case.missing_rate(state) / samples.mean(slope)
             return state, felt
     return None
 
@@ -393,14 +386,13 @@ def _about_largest_change(windows, u, late: float) -> slice:
     return slice(max(a, at - width), min(b, at + 2 * width))
 
 
-def _window_residual(case: Case) -> np.ndarray:
-    """Simulate the windows without the cause, from the initial states found with it."""
-    x0 = starts(case.records, case.without)
-    return evaluate(case.without, case.records.windows, x0, ()).residual
+def _window_residual(case: Case, model: PhysicsModel) -> np.ndarray:
+    """Simulate the windows with or without the cause, from the initial states found with it."""
+    return evaluate(model, case.records.windows, starts(case.records, model), ()).residual
 
 
 def _worst_output(case: Case) -> int:
-    scaled = _window_residual(case) / case.records.windows.scale
+    scaled = _window_residual(case, case.without) / case.records.windows.scale
     return int(np.argmax(np.nanmean(scaled**2, axis=0)))
 
 

@@ -1,0 +1,254 @@
+"""Pictures and report of a diagnosis: what they show, and what they refuse to carry."""
+
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects, systems
+from sklearn_pgnn.inspection import DiagnosisDisplay, plot_diagnosis, write_report
+from sklearn_pgnn.inspection.balance import Samples, shown_states
+from sklearn_pgnn.inspection.evidence import find_evidence, make_case
+
+INJECTED = "<script>alert(1)</script>"
+
+
+def cart(name="cart", mass_unit="kg"):
+    return PhysicsModel(
+        states={"x": "m", "v": "m/s"},
+        equations={"x": "v", "v": "(F - k*x - d*v)/m"},
+        parameters={
+            "m": {"value": 2.0, "unit": mass_unit},
+            "k": {"value": 10.0, "unit": "N/m"},
+            "d": {"value": 1.0, "unit": "N s/m"},
+        },
+        inputs={"F": "N"},
+        outputs={"position": "x"},
+        inertia={"v": "m"},
+        name=name,
+    )
+
+
+def records(truth, n_records=5, seed=0):
+    """Simulate records of a cart finely, with a little noise."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(0, 8, 0.02)
+    tables, outputs = [], []
+    for i in range(n_records):
+        force = 4 * np.sin((1.3 + 0.4 * i) * t) + 3 * np.sin((3.1 + i) * t) + 2 * (t % 3 > 2)
+        run = truth.simulate(t, force, substeps=4).check()
+        tables.append(pd.DataFrame({"trajectory": i, "t": t, "F": force}))
+        outputs.append(run.y + 1e-4 * rng.standard_normal(run.y.shape))
+    return pd.concat(tables, ignore_index=True), np.concatenate(outputs)
+
+
+def diagnose(effect, catalogue, model=None):
+    model = cart() if model is None else model
+    truth = model if effect is None else model + effect
+    return ModelDiagnosis(model, catalogue=catalogue).fit(*records(truth))
+
+
+@pytest.fixture(scope="module")
+def friction():
+    catalogue = (effects.CoulombFriction, effects.InputBias)
+    model = cart(name=f"cart {INJECTED}", mass_unit=f"kg{INJECTED}")
+    return diagnose(effects.CoulombFriction("v", level=1.0), catalogue, model)
+
+
+@pytest.fixture(scope="module")
+def report(friction, tmp_path_factory):
+    path = tmp_path_factory.mktemp("report") / "report.html"
+    friction.to_html(path)
+    assert list(path.parent.iterdir()) == [path]
+    return path.read_text(encoding="utf-8")
+
+
+class Reader(HTMLParser):
+    """Collect tags, headings and what the file asks from elsewhere."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.tags, self.sources, self.headings, self.inside = [], [], [], None
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append(tag)
+        self.sources += [value for key, value in attrs if key in ("src", "href")]
+        self.inside = tag
+
+    def handle_data(self, data):
+        if self.inside in ("h1", "h2"):
+            self.headings.append(data.strip())
+        self.inside = None
+
+
+# -- the report ------------------------------------------------------------------------------------
+
+
+def test_the_report_needs_nothing_else(report):
+    read = Reader(report)
+    assert read.sources
+    assert all(source.startswith("data:image/png;base64,") for source in read.sources)
+    assert not {"script", "link", "iframe", "object"} & set(read.tags)
+    assert "url(" not in report
+    assert "@import" not in report
+
+
+def test_names_of_the_model_are_escaped(report):
+    assert "<script" not in report
+    for text in ("cart &lt;script&gt;alert(1)&lt;/script&gt;", "kg&lt;script&gt;"):
+        assert text in report
+
+
+def test_the_verdict_comes_first_and_everything_is_there(report, friction):
+    headings = Reader(report).headings
+    order = ["Diagnosis", "What is missing", "Measured", "Evidence", "Equations", "Parameters"]
+    found = [next(i for i, h in enumerate(headings) if h.startswith(name)) for name in order]
+    assert found == sorted(found)
+    text = re.sub(r"<[^>]+>", "", report)
+    assert text.index("misses Coulomb friction on v") < text.index("What is missing")
+    cause = friction.causes_[0]
+    for what in (cause.summary, cause.check, "Fc_v", "nothing:", "input bias of F", "windows of"):
+        assert what in text
+    assert "Fc_v*sign(v)" in text
+    assert report.count("<math") == 4
+
+
+def test_the_report_is_written_whole_or_not_at_all(friction, tmp_path, monkeypatch):
+    path = tmp_path / "report.html"
+    path.write_text("old")
+    monkeypatch.setattr("os.replace", lambda *_: (_ for _ in ()).throw(PermissionError("no room")))
+    with pytest.raises(PermissionError):
+        write_report(friction, path)
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_an_adequate_model_is_told_so(tmp_path):
+    diagnosis = diagnose(None, (effects.CoulombFriction,))
+    diagnosis.to_html(tmp_path / "report.html")
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert diagnosis.verdict_ == "model_adequate"
+    assert "is adequate" in text
+    assert "What is missing" not in text
+
+
+# -- the picture -----------------------------------------------------------------------------------
+
+
+def test_the_picture_has_curves_errors_and_evidence(friction):
+    display = plot_diagnosis(friction)
+    assert isinstance(display, DiagnosisDisplay)
+    assert len(display.axes_) == 3
+    assert [len(axes.lines) for axes in display.axes_[:2]] == [3, 2]
+    assert display.axes_[0].get_ylabel() == "position [m]"
+    assert display._repr_png_().startswith(b"\x89PNG")
+
+
+def test_the_picture_can_show_windows_new_records_and_a_given_figure(friction):
+    from matplotlib.figure import Figure
+
+    figure = Figure()
+    display = DiagnosisDisplay.from_estimator(friction, kind="windows", record=1, figure=figure)
+    assert display.figure_ is figure
+    X, y = records(friction.extended_model_, n_records=1, seed=1)
+    new = DiagnosisDisplay.from_estimator(friction, X, y)
+    left = {which: np.std(y - c) for which, c in new.comparison.simulated.items()}
+    assert left["extended"] < 0.1 * left["prior"]
+
+
+@pytest.mark.parametrize(
+    ("options", "what"),
+    [
+        ({"kind": "dream"}, "kind"),
+        ({"record": 7}, "record"),
+        ({"X": [[0.0, 0.0]], "kind": "windows"}, "windows"),
+    ],
+)
+def test_what_cannot_be_drawn_is_refused(friction, options, what):
+    with pytest.raises(ValueError, match=what):
+        DiagnosisDisplay.from_estimator(friction, **options)
+
+
+# -- the evidence: the points of the records lie on the law that was hidden ------------------------
+
+HIDDEN = [
+    (effects.CoulombFriction("v", level=1.0), "v", lambda v: np.sign(v)),
+    (effects.CubicStiffness("v", stiffness=15.0), "x", lambda x: 15.0 * x**3),
+    (effects.ConstantLoad("v", load=2.0), "v", lambda v: 2.0 + 0 * v),
+    (
+        effects.InputDeadZone("F", width=1.5),
+        "F",
+        lambda u: np.maximum(u - 1.5, 0) + np.minimum(u + 1.5, 0),
+    ),
+    (effects.InputSaturation("F", limit=4.0), "F", lambda u: np.clip(u, -4, 4)),
+    (effects.SensorGain("position", error=0.2), "position", lambda y: 0.2 * y),
+]
+
+
+@pytest.mark.parametrize(("effect", "over", "law"), HIDDEN, ids=lambda v: getattr(v, "id", ""))
+def test_the_evidence_lies_on_the_hidden_law(effect, over, law):
+    free = ("m", "k", "d") if effect.id != "sensor_gain" else ()
+    model = cart()
+    model = model.with_parameters(
+        **{n: _fixed(p) for n, p in model.parameters.items() if n not in free}
+    )
+    diagnosis = diagnose(effect, (type(effect),), model)
+    evidence = find_evidence(diagnosis, diagnosis.causes_[0])
+    assert over in evidence.x_label
+    x, y = evidence.points
+    expected = law(x)
+    good = np.isfinite(y)
+    # moments of sticking and turning are not on the law
+    assert np.median(np.abs(y - expected)[good]) < 0.1 * np.max(np.abs(expected[good]))
+    line = evidence.lines[-1]
+    inner = np.abs(line.x) > 0.02 * np.ptp(line.x)
+    assert np.allclose(line.y[inner], law(line.x[inner]), atol=0.2 * np.max(np.abs(line.y)))
+
+
+def _fixed(parameter):
+    from dataclasses import replace
+
+    return replace(parameter, fixed=True)
+
+
+def test_a_late_input_is_shown_in_time():
+    diagnosis = diagnose(effects.ActuatorLag("F", time_constant=0.15), (effects.ActuatorLag,))
+    evidence = find_evidence(diagnosis, diagnosis.causes_[0])
+    assert evidence.x_label == "t [s]"
+    _, felt = evidence.points
+    commanded, late = evidence.lines
+    error = [np.nanstd(felt - line.y) for line in (commanded, late)]
+    assert error[1] < 0.5 * error[0]
+
+
+def test_a_wrong_parameter_adds_what_was_missing():
+    diagnosis = diagnose(effects.WrongParameter("k", value=14.0), (effects.WrongParameter,))
+    evidence = find_evidence(diagnosis, diagnosis.causes_[0])
+    x, y = evidence.points
+    good = np.isfinite(x) & np.isfinite(y)
+    assert np.polyfit(x[good], y[good], 1)[0] == pytest.approx(1.0, abs=0.1)
+
+
+def test_where_states_are_not_seen_the_error_is_shown_over_time():
+    tanks = systems.two_tanks()
+    truth = tanks + effects.InputDeadZone("pump", width=1.0)
+    t = np.arange(0, 600, 2.0)
+    pump = 3 + 1.5 * np.sin(0.05 * t) + (t % 200 > 100)
+    y = truth.simulate(t, pump).y + 1e-3 * np.random.default_rng(0).standard_normal((t.size, 1))
+    X = np.column_stack([t, pump])
+    diagnosis = ModelDiagnosis(tanks, catalogue=(effects.InputDeadZone,)).fit(X, y)
+    evidence = find_evidence(diagnosis, diagnosis.causes_[0])
+    assert evidence.points is None
+    without, left = evidence.lines
+    assert np.nanstd(left.y) < 0.5 * np.nanstd(without.y)
+
+
+def test_expressions_are_evaluated_sample_by_sample(friction):
+    samples = make_case(friction, friction.causes_[0]).samples
+    rate = friction.extended_model_.equations["v"]
+    assert samples.value(rate).shape == friction.records_.windows.t.shape
+    assert isinstance(samples, Samples)
+    assert shown_states(friction.model) == {"x", "v"}
