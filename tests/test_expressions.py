@@ -106,8 +106,8 @@ def test_an_expression_means_what_its_text_says(text):
     if expression is None or not np.isrealobj(expected) or not 1e-9 < abs(expected) < 1e9:
         return
     value = complex(expression.subs({symbol(name): value for name, value in POINT.items()}))
-    # near a jump (floor, sign) or where large terms cancel, the last digit decides
-    if not re.search(r"floor|ceil|sign|\d{5}|\de", text):
+    # at a jump (floor, sign, atan2) or where large terms cancel, the last digit decides
+    if not re.search(r"floor|ceil|sign|atan2|\d{5}|\de", text):
         assert value == pytest.approx(expected, rel=1e-4, abs=1e-4)
 
 

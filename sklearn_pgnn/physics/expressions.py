@@ -144,6 +144,20 @@ def _short(text: str) -> str:
     return repr(text if len(text) <= 60 else f"{text[:57]}...")
 
 
+def _as_reread(expression: sympy.Expr) -> sympy.Expr:
+    """Settle what SymPy leaves open, so that the text reads back to the same expression.
+
+    It may keep more digits than a float has, and a Max(0, 1) inside of a Min.
+    """
+    exact = {x: sympy.Float(float(x)) for x in expression.atoms(sympy.Float)}
+    expression = expression.xreplace(exact)
+    if not expression.has(sympy.Max, sympy.Min):
+        return expression
+    return expression.replace(
+        lambda part: isinstance(part, sympy.Max | sympy.Min), lambda part: part.func(*part.args)
+    )
+
+
 class _Translator:
     """Walk the syntax tree and build the expression node by node."""
 
@@ -161,7 +175,7 @@ class _Translator:
             self.check_exponent(node, power.exp)
         for number in expression.atoms(sympy.Number):
             self.check_number(node, number)
-        return expression
+        return _as_reread(expression)
 
     def refuse(self, node: ast.AST, why: str):
         line = self.text.encode().splitlines()[node.lineno - 1]
