@@ -153,7 +153,7 @@ class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         self.window_ = float(
             np.median(windows.t[windows.starts + windows.lengths - 1] - windows.t[windows.starts])
         )
-        self._single_output = np.ndim(y) == 1
+        self._single_output = np.asarray(y).ndim == 1
         return self
 
     def predict(self, X):
@@ -208,4 +208,5 @@ class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
     def __sklearn_tags__(self):
         tags = super().__sklearn_tags__()
         tags.input_tags.allow_nan = True  # in states, which are read in a trajectory's first row
+        tags.regressor_tags.poor_score = True  # on numbers that no such machine gave
         return tags
