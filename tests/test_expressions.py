@@ -83,7 +83,7 @@ def parse_or_none(text):
         return None
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(expressions)
 def test_text_reads_back_to_the_same_expression(text):
     expression = parse_or_none(text)
@@ -93,7 +93,7 @@ def test_text_reads_back_to_the_same_expression(text):
         assert to_text(parse(written)) == written
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(expressions)
 def test_an_expression_means_what_its_text_says(text):
     expression = parse_or_none(text)
@@ -293,13 +293,11 @@ def test_too_long_and_too_deep_say_the_limit():
     assert "expected at most 60 nested operations" in refusal("-" * 61 + "x")
 
 
-@settings(deadline=None)
 @given(st.text(max_size=40))
 def test_any_text_is_an_expression_or_a_model_error(text):
     parse_or_none(text)
 
 
-@settings(deadline=None)
 @given(
     st.lists(
         st.sampled_from(["x", "9", "**", "(", ")", "exp", ",", "-", "/", "0", "max", "1e300", "*"]),

@@ -154,7 +154,7 @@ def test_a_parameter_keeps_every_digit(value, low, high):
     assert again.parameters["m"] == Parameter("m", value, bounds=(low, high))
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(st.permutations(["m", "k", "d"]), st.permutations(["x", "v"]))
 def test_order_is_kept(parameters, states):
     model = PhysicsModel(

@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from sklearn_pgnn.exceptions import RecordError
@@ -76,7 +76,6 @@ def test_a_record_holds_what_the_table_says():
     assert (first.name, second.name) == ("0", "1")
 
 
-@settings(deadline=None)
 @given(lengths, st.integers(0, 99))
 def test_trajectories_read_together_are_those_read_alone(lengths, seed):
     X, y = table(*lengths, seed=seed)
@@ -85,7 +84,6 @@ def test_trajectories_read_together_are_those_read_alone(lengths, seed):
     assert_same(read_records(MODEL, X, y), alone, names=False)
 
 
-@settings(deadline=None)
 @given(lengths, st.randoms(use_true_random=False))
 def test_a_trajectory_column_may_mix_the_rows(lengths, random):
     X, y = table(*lengths)
@@ -99,7 +97,6 @@ def test_a_trajectory_column_may_mix_the_rows(lengths, random):
     assert_same(sorted(mixed, key=lambda r: r.name), sorted(together, key=lambda r: r.name))
 
 
-@settings(deadline=None)
 @given(lengths)
 def test_a_frame_and_an_array_say_the_same(lengths):
     X, y = table(*lengths)
@@ -112,7 +109,6 @@ def test_a_frame_and_an_array_say_the_same(lengths):
     assert_same(read_records(MODEL, np.roll(array, -1, axis=1), y, time=-1), expected)
 
 
-@settings(deadline=None)
 @given(st.permutations(["t", "tau", "load", "q", "v", "extra"]), st.permutations(["q_m", "v_m"]))
 def test_columns_count_by_name(columns, outputs):
     X, y = table(5, 4)
