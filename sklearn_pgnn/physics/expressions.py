@@ -11,6 +11,7 @@ import operator
 import unicodedata
 from collections.abc import Collection
 from functools import lru_cache
+from typing import NoReturn
 
 import sympy
 from sympy.printing.str import StrPrinter
@@ -166,7 +167,7 @@ class _Translator:
         self.names = {same_name(name): name for name in names}
         self.where = where
 
-    def expression(self, node: ast.AST):
+    def expression(self, node: ast.expr):
         """Translate a whole equation."""
         expression = self.translate(node, 0)
         if expression.has(sympy.zoo, sympy.nan, sympy.oo, -sympy.oo, sympy.I):
@@ -177,15 +178,15 @@ class _Translator:
             self.check_number(node, number)
         return _as_reread(expression)
 
-    def refuse(self, node: ast.AST, why: str):
+    def refuse(self, node: ast.expr, why: str) -> NoReturn:
         line = self.text.encode().splitlines()[node.lineno - 1]
         column = len(line[: node.col_offset].decode()) + 1
         raise ModelError(f"{self.where}: {why} (column {column}).")
 
-    def quote(self, node: ast.AST) -> str:
-        return _short(ast.get_source_segment(self.text, node))
+    def quote(self, node: ast.expr) -> str:
+        return _short(ast.get_source_segment(self.text, node) or "")
 
-    def translate(self, node: ast.AST, depth: int):
+    def translate(self, node: ast.expr, depth: int):
         if depth > MAX_DEPTH:
             self.refuse(node, f"expected at most {MAX_DEPTH} nested operations")
         translate = {

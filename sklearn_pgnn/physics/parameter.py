@@ -3,6 +3,7 @@
 import keyword
 import math
 from dataclasses import dataclass, replace
+from typing import NoReturn
 
 from sklearn_pgnn.exceptions import ModelError
 from sklearn_pgnn.physics.expressions import RESERVED
@@ -86,7 +87,7 @@ class Parameter:
         object.__setattr__(self, "spread", spread)
         object.__setattr__(self, "bounds", (low, high))
 
-    def _refuse(self, why: str):
+    def _refuse(self, why: str) -> NoReturn:
         raise ModelError(f"parameter {self.name!r}: {why}.", ("parameters", self.name)) from None
 
     def with_value(self, value: float) -> "Parameter":
