@@ -12,7 +12,7 @@ from sklearn_pgnn.physics.effects import StribeckFriction
 from sklearn_pgnn.physics.systems import golf_robot
 
 HIDDEN = StribeckFriction("omega", level=0.1, peak=0.1, velocity=0.3)
-RECORDS, DURATION, SAMPLE_RATE = 6, 10.0, 200.0
+RECORDS, DURATION, SAMPLE_RATE = 6, 10.0, 100.0
 
 
 def run_demo(output, *, jobs: int = -1, quiet: bool = False) -> None:

@@ -184,4 +184,8 @@ def _table(*headers) -> Table:
 
 
 def _print(console, table: Table) -> None:
-    console.print(Padding(table, (0, 0, 0, 2), expand=False))
+    """Print a table indented, without blanks at the ends of its lines."""
+    with console.capture() as captured:
+        console.print(Padding(table, (0, 0, 0, 2), expand=False))
+    for line in captured.get().splitlines():
+        console.out(line.rstrip(), highlight=False)

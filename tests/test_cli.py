@@ -1,0 +1,298 @@
+"""The command line: what it writes and prints, and how it refuses unusable input."""
+
+import json
+import os
+import subprocess
+import sys
+
+import click
+import numpy as np
+import pandas as pd
+import pytest
+from click.testing import CliRunner
+
+from sklearn_pgnn import PhysicsModel, __version__, effects
+from sklearn_pgnn.cli import main
+from sklearn_pgnn.cli.diagnose import guarded
+from sklearn_pgnn.cli.output import result_folder, strict_json
+
+MODEL = """\
+name: cart
+states: {v: m/s}
+inputs: {F: N}
+outputs: {speed: v}
+parameters:
+  m: {value: 2.0, unit: kg, bounds: [0.1, 10]}
+  d: {value: 0.5, unit: N s/m}
+equations: {v: "(F - d*v)/m"}
+inertia: {v: m}
+"""
+FILES = ["diagnosis.json", "extended_model.yaml", "report.html"]
+
+
+def table(seed=0, level=0.4):
+    rng = np.random.default_rng(seed)
+    t = np.arange(0, 15, 0.05)
+    force = 2 * np.sin((0.7 + 0.2 * seed) * t) + np.sin(1.9 * t)
+    model = PhysicsModel(
+        {"v": "m/s"},
+        {"v": "(F - d*v)/m"},
+        {"m": 2.0, "d": 0.5},
+        {"F": "N"},
+        inertia={"v": "m"},
+    )
+    rig = model + effects.CoulombFriction("v", level=level)
+    speed = rig.simulate(t, force, substeps=5).y[:, 0] + 1e-3 * rng.standard_normal(t.size)
+    return pd.DataFrame({"t": t, "F": force, "speed": speed})
+
+
+def write(folder, model=MODEL, tables=None):
+    """Write a model file and CSV files; give the command's arguments."""
+    (folder / "cart.yaml").write_text(model)
+    tables = {"a.csv": table(0), "b.csv": table(1)} if tables is None else tables
+    for name, content in tables.items():
+        if isinstance(content, pd.DataFrame):
+            content = content.to_csv(index=False).encode()
+        (folder / name).write_bytes(content)
+    data = [str(folder / name) for name in tables]
+    options = ["--output", str(folder / "out"), "--jobs", "1"]
+    return ["diagnose", "--model", str(folder / "cart.yaml"), *data, *options]
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("cart")
+    result = CliRunner().invoke(main, write(folder), catch_exceptions=False)
+    return folder / "out", result
+
+
+# -- what it does ----------------------------------------------------------------------------------
+
+
+def test_a_diagnosis_writes_its_three_files_and_nothing_else(done):
+    out, result = done
+    assert result.exit_code == 0
+    assert sorted(path.name for path in out.iterdir()) == FILES
+    assert {path.name for path in out.parent.iterdir()} == {"a.csv", "b.csv", "cart.yaml", "out"}
+
+
+def test_it_says_what_was_found_and_where_it_is(done):
+    out, result = done
+    text = " ".join(result.stdout.split())
+    for what in ("Coulomb friction on v", "level", "N", "check on the rig", "held-out"):
+        assert what in text
+    assert all(str(out / name) in result.stdout for name in FILES)
+    assert not any(line != line.rstrip() for line in result.stdout.splitlines() if line.strip())
+    assert "searching cause 1" in result.stderr
+
+
+def test_the_json_is_strict_and_complete(done):
+    def refuse(constant):
+        raise AssertionError(constant)
+
+    data = json.loads((done[0] / "diagnosis.json").read_text(), parse_constant=refuse)
+    assert data["version"] == __version__
+    assert data["verdict"] in {"cause_named", "ambiguous"}
+    cause = data["causes"][0]
+    assert (cause["effect"], cause["target"]) == ("coulomb_friction", "v")
+    assert cause["gain_percent"] > 50
+    level = cause["parameters"]["level"]
+    assert level["low"] <= level["value"] <= level["high"]
+    assert level["value"] == pytest.approx(0.4, rel=0.05)
+    assert level["unit"] == "N"
+    assert set(data["parameters"]["m"]) == {"prior", "value", "low", "high", "unit", "changed"}
+    assert {"prior", "refitted", "extended", "noise", "explained_share", "low", "high"} <= set(
+        data["gain"]["speed"]
+    )
+
+
+def test_what_is_not_finite_is_null():
+    class Diagnosis:
+        def to_dict(self):
+            return {"a": float("nan"), "b": [np.float64("inf"), np.int64(3)], "c": np.bool_(True)}
+
+    assert json.loads(strict_json(Diagnosis())) == {
+        "a": None,
+        "b": [None, 3],
+        "c": True,
+        "version": __version__,
+    }
+
+
+def test_the_extended_model_is_a_model_file(done):
+    model = PhysicsModel.from_yaml(done[0] / "extended_model.yaml")
+    assert model.parameters["Fc_v"].value == pytest.approx(0.4, rel=0.05)
+
+
+def test_a_second_run_replaces_the_results_and_leaves_the_rest(done, tmp_path):
+    args = write(tmp_path)
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "notes.txt").write_text("mine")
+    (tmp_path / "out" / "report.html").write_text("old")
+    result = CliRunner().invoke(main, [*args, "--quiet", "--max-causes", "1"])
+    assert result.exit_code == 0
+    assert result.stderr == ""
+    assert "Coulomb friction on v" in " ".join(result.stdout.split())
+    assert "Written" not in result.stdout
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == sorted([*FILES, "notes.txt"])
+    assert (tmp_path / "out" / "notes.txt").read_text() == "mine"
+    assert (tmp_path / "out" / "report.html").read_text() != "old"
+
+
+def test_help_has_an_example_and_the_version_is_told():
+    for args in (["--help"], ["diagnose", "--help"]):
+        assert "sklearn-pgnn diagnose --model model.yaml" in CliRunner().invoke(main, args).stdout
+    assert __version__ in CliRunner().invoke(main, ["--version"]).stdout
+
+
+def test_help_is_quick_to_import():
+    code = "import sys, sklearn_pgnn.cli; print(*{n.split('.')[0] for n in sys.modules})"
+    shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert {"numba", "sympy", "matplotlib", "pandas"}.isdisjoint(shown.stdout.split())
+
+
+# -- unusable input: one line that says what and where, exit 2, nothing written --------------------
+
+
+def lines_of(frame, change):
+    lines = frame.to_csv(index=False).splitlines()
+    change(lines)
+    return ("\n".join(lines) + "\n").encode()
+
+
+def cell(row, column, value):
+    def change(lines):
+        parts = lines[row].split(",")
+        parts[column] = value
+        lines[row] = ",".join(parts)
+
+    return change
+
+
+def swapped(lines):
+    lines[50], lines[51] = lines[51], lines[50]
+
+
+BAD_DATA = {
+    "binary": (bytes(range(256)) * 4, "a.csv"),
+    "empty": (b"", "a.csv"),
+    "header only": (b"t,F,speed\n", "a.csv"),
+    "missing column": (table().drop(columns="F").to_csv(index=False).encode(), "'F'"),
+    "text in a number column": (lines_of(table(), cell(7, 2, "fast")), "a.csv:8"),
+    "NaN in an input": (lines_of(table(), cell(9, 1, "nan")), "a.csv:10"),
+    "time running backward": (lines_of(table().assign(trajectory="a"), swapped), "a.csv:5"),
+    "three samples": (table().head(3).to_csv(index=False).encode(), "a.csv"),
+}
+BAD_MODELS = {
+    "unknown name": (MODEL.replace("d*v", "q*v"), "cart.yaml:8:"),
+    "out of bounds": (MODEL.replace("value: 2.0", "value: 20.0"), "cart.yaml:6:"),
+    "reaching for Python": (
+        MODEL.replace("(F - d*v)/m", "__import__('os').system('touch owned')"),
+        "cart.yaml:8:",
+    ),
+    "not YAML": (MODEL + "  : [", "cart.yaml"),
+    "not a mapping": ("- 1\n- 2\n", "cart.yaml"),
+}
+
+
+def refused(args, folder, place):
+    before = sorted(folder.rglob("*"))
+    result = CliRunner().invoke(main, args)
+    assert result.exit_code == 2
+    assert result.stdout == ""
+    assert len(result.stderr.splitlines()) == 1
+    assert place in result.stderr
+    assert "Traceback" not in result.stderr
+    assert sorted(folder.rglob("*")) == before
+
+
+@pytest.mark.parametrize(("content", "place"), BAD_DATA.values(), ids=BAD_DATA)
+def test_unusable_records_are_refused_in_one_line(tmp_path, content, place):
+    refused(write(tmp_path, tables={"a.csv": content}), tmp_path, place)
+
+
+@pytest.mark.parametrize(("model", "place"), BAD_MODELS.values(), ids=BAD_MODELS)
+def test_unusable_models_are_refused_in_one_line(tmp_path, monkeypatch, model, place):
+    monkeypatch.chdir(tmp_path)
+    refused(write(tmp_path, model=model), tmp_path, place)
+
+
+def test_files_that_are_not_there_are_refused(tmp_path):
+    args = write(tmp_path)
+    refused([*args, str(tmp_path / "none.csv")], tmp_path, "none.csv")
+    args[2] = str(tmp_path / "none.yaml")
+    refused(args, tmp_path, "none.yaml")
+
+
+def test_an_output_that_is_a_file_is_refused(tmp_path):
+    args = write(tmp_path)
+    (tmp_path / "out").write_text("a file")
+    refused(args, tmp_path, "out")
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may write")
+def test_an_output_that_cannot_be_written_is_refused(tmp_path):
+    args = write(tmp_path)
+    tmp_path.chmod(0o500)
+    refused(args, tmp_path, "out")
+
+
+def test_too_few_samples_in_all_are_refused(tmp_path):
+    refused(write(tmp_path, tables={"a.csv": table().head(10)}), tmp_path, "samples")
+
+
+def test_an_output_that_never_changes_is_refused(tmp_path):
+    refused(write(tmp_path, tables={"a.csv": table().assign(speed=1.0)}), tmp_path, "'speed'")
+
+
+def test_a_real_process_refuses_as_well(tmp_path):
+    args = write(tmp_path, model=MODEL.replace("d*v", "q*v"))
+    call = "import sys; from sklearn_pgnn.cli import main; main(sys.argv[1:])"
+    result = subprocess.run([sys.executable, "-c", call, *args], capture_output=True, text=True)
+    assert result.returncode == 2
+    assert result.stdout == ""
+    assert len(result.stderr.splitlines()) == 1
+    assert "cart.yaml:8:" in result.stderr
+    assert "'q'" in result.stderr
+
+
+# -- what goes wrong on the way --------------------------------------------------------------------
+
+
+def test_nothing_is_half_written(tmp_path):
+    class Stop(Exception):
+        pass
+
+    def work():
+        with result_folder(tmp_path / "deep" / "out") as folder:
+            (folder / "report.html").write_text("half")
+            raise Stop
+
+    with pytest.raises(Stop):
+        work()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_unexpected_is_one_line_unless_debugging():
+    refusal = pytest.raises(click.ClickException, match="unexpected ZeroDivisionError")
+    with refusal as caught, guarded(debug=False):
+        _ = 1 / 0
+    assert caught.value.exit_code == 1
+    with pytest.raises(ZeroDivisionError), guarded(debug=True):
+        _ = 1 / 0
+
+
+# -- the demo --------------------------------------------------------------------------------------
+
+
+def test_the_demo_shows_its_input_and_names_the_stick_slip(tmp_path):
+    out = tmp_path / "demo"
+    result = CliRunner().invoke(main, ["demo", "--output", str(out)], catch_exceptions=False)
+    assert result.exit_code == 0
+    assert {*FILES, "input"} == {path.name for path in out.iterdir()}
+    data = json.loads((out / "diagnosis.json").read_text())
+    assert data["causes"][0]["effect"] == "stribeck_friction"
+    assert data["verdict"] == "cause_named"
+    header = (out / "input" / "record_1.csv").read_text().splitlines()[0]
+    assert header == "t [s],torque [N m],phi_measured [rad]"
+    assert f"--model {out}/input/golf_robot.yaml" in result.stdout
