@@ -187,20 +187,33 @@ def _of_fit(diagnosis, kind, record) -> Comparison:
         if kind == "windows"
         else "free run"
     )
-    title = f"record {records.names[record]!r} ({record + 1} of {len(records.names)}), {how}"
+    title = f"{_called(records.names[record], record, len(records.names))}, {how}"
     return Comparison(title, windows.t[rows], _outputs(diagnosis), windows.y[rows], simulated)
 
 
 def _of_new(diagnosis, X, y, record) -> Comparison:
     records = read_records(diagnosis.model, X, y, time=diagnosis.time)
-    chosen = records[_checked(record or 0, len(records))]
+    record = _checked(record or 0, len(records))
+    chosen = records[record]
     models = {"prior": diagnosis.model, "extended": diagnosis.extended_model_}
     simulated = {
         which: simulate_records(model, (chosen,), hold=diagnosis.hold)
         for which, model in models.items()
     }
-    title = f"record {chosen.name!r}, free run"
+    title = f"{_called(chosen.name, record, len(records))}, free run"
     return Comparison(title, chosen.t, _outputs(diagnosis), chosen.y, simulated)
+
+
+def _called(name: str, record: int, count: int) -> str:
+    """Name a record; one that has only a number gets its place.
+
+    Examples
+    --------
+    >>> _called("3", 3, 6), _called("monday", 0, 2)
+    ('record 4 of 6', "record 'monday' (1 of 2)")
+    """
+    place = f"{record + 1} of {count}"
+    return f"record {place}" if str(name).isdigit() else f"record {name!r} ({place})"
 
 
 def _typical(records) -> int:
