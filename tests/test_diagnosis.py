@@ -1,0 +1,166 @@
+"""A diagnosis finds what a seed has hidden, and nothing where nothing is.
+
+The machine is simulated by the integrator of `datasets`, which is not the package's own; the
+diagnosis sees the records and a prior whose parameters are up to 7 % off.
+"""
+
+import copy
+import json
+import pickle
+
+import numpy as np
+import pytest
+from sklearn.base import clone
+
+from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects, systems
+from sklearn_pgnn.datasets import make_hidden_effect, make_two_tanks
+from sklearn_pgnn.diagnosis.hypothesis import held_parameters, possible_causes, same_parameter
+from sklearn_pgnn.exceptions import RecordError
+
+RECORDS = {"n_records": 6, "sample_rate": 250.0}
+SEED = 7
+
+
+def expected_name(model, effect):
+    """Give what must be named: an effect that a parameter already holds is that parameter."""
+    parameter = same_parameter(model, effect)
+    return (effect.id, effect.target) if parameter is None else ("wrong_parameter", parameter)
+
+
+def names(cause):
+    """Give a cause and all it is said to be confused with."""
+    return {(cause.effect, cause.target), *map(tuple, cause.confused_with)}
+
+
+def diagnose(hidden, **options):
+    return ModelDiagnosis(hidden.prior, **options).fit(hidden.X, hidden.y)
+
+
+@pytest.fixture(scope="module")
+def friction():
+    hidden = make_hidden_effect(effect="coulomb_friction", random_state=SEED, **RECORDS)
+    return hidden, diagnose(hidden)
+
+
+@pytest.mark.parametrize("effect", [effect.id for effect in effects.CATALOGUE])
+def test_a_hidden_effect_is_named(effect):
+    hidden = make_hidden_effect(effect=effect, random_state=SEED, **RECORDS)
+    diagnosis = diagnose(hidden)
+    assert len(diagnosis.causes_) == 1, diagnosis.causes_
+    assert expected_name(hidden.prior, hidden.effect) in names(diagnosis.causes_[0])
+    gain = diagnosis.gain_["phi_measured"]
+    assert gain.extended < 1.05 * gain.noise
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_nothing_is_named_where_nothing_is_hidden(seed):
+    hidden = make_hidden_effect(effect=None, random_state=seed, **RECORDS)
+    diagnosis = diagnose(hidden)
+    assert diagnosis.verdict_ == "model_adequate"
+    assert diagnosis.causes_ == ()
+    assert same_structure(diagnosis.extended_model_, hidden.prior)
+
+
+def same_structure(one, other):
+    return dict(one.equations) == dict(other.equations) and dict(one.outputs) == dict(other.outputs)
+
+
+@pytest.mark.parametrize("parameter", ["J", "d"])
+def test_a_wrong_parameter_is_named_as_one(parameter):
+    golf = systems.golf_robot()
+    value = 1.6 * golf.parameters[parameter].value
+    hidden = make_hidden_effect(
+        golf, effects.WrongParameter(parameter, value), random_state=SEED, **RECORDS
+    )
+    diagnosis = diagnose(hidden)
+    assert [(c.effect, c.target) for c in diagnosis.causes_] == [("wrong_parameter", parameter)]
+    found = diagnosis.causes_[0].parameters["value"]
+    assert abs(found.value / value - 1) < 0.05
+    assert diagnosis.parameters_[parameter].changed
+
+
+def test_a_cause_is_found_where_only_one_of_two_states_is_measured():
+    hidden = make_two_tanks(random_state=SEED)
+    diagnosis = diagnose(hidden)
+    assert [c.effect for c in diagnosis.causes_] == [hidden.effect.id]
+
+
+def test_the_size_of_a_cause_lies_in_its_interval(friction):
+    hidden, diagnosis = friction
+    level = diagnosis.causes_[0].parameters["level"]
+    assert level.low <= hidden.effect.level <= level.high
+    assert level.high - level.low < 0.3 * hidden.effect.level
+    assert level.unit == "N m"
+
+
+def test_causes_that_cannot_be_told_apart_are_said_to_be_confused():
+    load = effects.ConstantLoad("omega", load=0.05)
+    hidden = make_hidden_effect(effect=load, random_state=SEED, **RECORDS)
+    diagnosis = diagnose(hidden)
+    assert diagnosis.verdict_ == "ambiguous"
+    assert {("constant_load", "omega"), ("input_bias", "torque")} <= names(diagnosis.causes_[0])
+
+
+def test_the_extended_model_is_a_model_that_simulates_the_machine(friction):
+    hidden, diagnosis = friction
+    assert diagnosis.score(hidden.X, hidden.y) > 0.999
+    assert isinstance(diagnosis.extended_model_, PhysicsModel)
+    refitted = ModelDiagnosis(diagnosis.refitted_model_)
+    assert refitted.model == diagnosis.refitted_model_
+
+
+def test_the_dictionary_is_strict_json(friction):
+    _, diagnosis = friction
+    data = json.loads(json.dumps(diagnosis.to_dict(), allow_nan=False))
+    assert data["verdict"] == "cause_named"
+    assert data["causes"][0]["effect"] == "coulomb_friction"
+    assert set(data["gain"]["phi_measured"]) >= {"prior", "refitted", "extended", "noise"}
+
+
+def test_a_fitted_diagnosis_survives_pickle_copy_and_clone(friction):
+    hidden, diagnosis = friction
+    expected = diagnosis.predict(hidden.X)
+    for copied in (pickle.loads(pickle.dumps(diagnosis)), copy.deepcopy(diagnosis)):
+        np.testing.assert_array_equal(copied.predict(hidden.X), expected)
+        assert copied.to_dict() == diagnosis.to_dict()
+    assert clone(diagnosis).model == hidden.prior
+
+
+def test_fit_changes_nothing_it_was_given(friction):
+    hidden, diagnosis = friction
+    before = hidden.X.copy(), hidden.y.copy(), hidden.prior.to_dict()
+    ModelDiagnosis(hidden.prior, targets=["omega"], max_causes=1).fit(hidden.X, hidden.y)
+    assert before[0].equals(hidden.X)
+    assert before[1].equals(hidden.y)
+    assert before[2] == hidden.prior.to_dict()
+    assert diagnosis.get_params()["model"] is hidden.prior
+
+
+def test_the_catalogue_and_the_targets_can_be_narrowed(friction):
+    hidden, _ = friction
+    diagnosis = diagnose(hidden, catalogue=[effects.CoulombFriction, effects.InputBias])
+    assert set(diagnosis.tried_) == {("coulomb_friction", "omega"), ("input_bias", "torque")}
+
+
+def test_an_effect_that_a_parameter_holds_is_no_suspect():
+    golf = systems.golf_robot()
+    assert same_parameter(golf, effects.ViscousFriction("omega")) == "d"
+    assert same_parameter(golf, effects.CoulombFriction("omega")) is None
+    suspects = {(effect.id, target) for effect, target in possible_causes(golf, effects.CATALOGUE)}
+    assert ("viscous_friction", "omega") not in suspects
+    assert ("wrong_parameter", "d") in suspects
+    assert held_parameters(golf, (effects.AsymmetricFriction, "omega")) == ("d",)
+
+
+def test_too_little_data_is_refused():
+    golf = systems.golf_robot()
+    t = np.arange(10) * 0.01
+    with pytest.raises(RecordError, match=r"expected at least 40 samples in all records .* got 10"):
+        ModelDiagnosis(golf).fit(np.column_stack([t, np.sin(t)]), np.sin(t))
+
+
+def test_an_output_that_never_changes_is_refused():
+    golf = systems.golf_robot()
+    t = np.arange(100) * 0.01
+    with pytest.raises(RecordError, match=r"'phi_measured': expected a signal that changes"):
+        ModelDiagnosis(golf).fit(np.column_stack([t, np.sin(t)]), np.zeros(100))
