@@ -117,7 +117,7 @@ def tell(diagnosis, output: Path, *, quiet: bool) -> None:
 
 
 def _say(console, text: str, style: str = "") -> None:
-    console.print(Text(one_line(text), style=style))
+    _print(console, Text(one_line(text), style=style))
 
 
 def _heading(console, text: str) -> None:
@@ -138,7 +138,7 @@ def _tell_cause(console, place: int, cause) -> None:
     table.add_row("confused with", _cell(others or "nothing"))
     if cause.check:
         table.add_row("check on the rig", _cell(cause.check))
-    _print(console, table)
+    _print_indented(console, table)
 
 
 def _tell_parameters(console, parameters) -> None:
@@ -154,7 +154,7 @@ def _tell_parameters(console, parameters) -> None:
         change = f"{100 * (p.value / p.prior - 1):+.1f} %" if p.prior else ""
         now = measured(p.value, p.low, p.high, p.unit)
         table.add_row(_cell(name), number(p.prior), _cell(now), change)
-    _print(console, table)
+    _print_indented(console, table)
 
 
 def _tell_gain(console, diagnosis) -> None:
@@ -163,7 +163,7 @@ def _tell_gain(console, diagnosis) -> None:
     for output, gain in diagnosis.gain_.items():
         errors = (gain.prior, gain.refitted, gain.extended, gain.noise)
         table.add_row(_cell(output), *(number(e, 3) for e in errors), _cell(gain.unit), share(gain))
-    _print(console, table)
+    _print_indented(console, table)
 
 
 def _tell_files(console, output: Path) -> None:
@@ -183,9 +183,13 @@ def _table(*headers) -> Table:
     return table
 
 
-def _print(console, table: Table) -> None:
-    """Print a table indented, without blanks at the ends of its lines."""
+def _print(console, what) -> None:
+    """Print without blanks at the ends of lines."""
     with console.capture() as captured:
-        console.print(Padding(table, (0, 0, 0, 2), expand=False))
+        console.print(what)
     for line in captured.get().splitlines():
         console.out(line.rstrip(), highlight=False)
+
+
+def _print_indented(console, table: Table) -> None:
+    _print(console, Padding(table, (0, 0, 0, 2), expand=False))

@@ -80,7 +80,7 @@ def _equation(name: str, left, right, changed: bool) -> Equation:
 def _mathml(left, right) -> str:
     if right.count_ops() > MAX_OPERATIONS:
         return ""
-    printer = MathMLPresentationPrinter({"mul_symbol": None})
+    printer = MathMLPresentationPrinter({"mul_symbol": "dot"})
     body = "".join((_part(printer, left), "<mo>=</mo>", _part(printer, right)))
     return f'<math displaystyle="true"><mrow>{body}</mrow></math>'
 
@@ -88,4 +88,5 @@ def _mathml(left, right) -> str:
 def _part(printer, expression) -> str:
     if isinstance(expression, sympy.Derivative):
         return f"<mover>{_part(printer, expression.expr)}<mo>&#x2D9;</mo></mover>"
-    return printer._print(expression).toxml()
+    # as a function of its own an exponential is not pressed into a fraction
+    return printer._print(expression.replace(sympy.exp, sympy.Function("exp"))).toxml()
