@@ -4,6 +4,7 @@ import warnings
 from collections.abc import Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from os import PathLike
 from pathlib import Path
 
 import click
@@ -16,12 +17,16 @@ from sklearn_pgnn.physics import PhysicsModel
 from sklearn_pgnn.trajectories.csv_file import read_csv_files
 
 
-class Refusal(click.ClickException):
-    """An end with one line on stderr."""
+class Unusable(click.ClickException):
+    """Input that cannot be used: one line on stderr."""
 
-    def __init__(self, message: str, exit_code: int):
-        super().__init__(one_line(message))
-        self.exit_code = exit_code
+    exit_code = 2
+
+
+class Unexpected(click.ClickException):
+    """What should not have happened: one line on stderr."""
+
+    exit_code = 1
 
 
 @contextmanager
@@ -34,13 +39,12 @@ def guarded(debug: bool):
     except (ValueError, SimulationError, OSError) as error:
         if debug:
             raise
-        raise Refusal(_said(error), 2) from None
+        raise Unusable(one_line(_said(error))) from None
     except Exception as error:
         if debug:
             raise
-        raise Refusal(
-            f"unexpected {type(error).__name__}: {error}. --debug shows where; please report it.", 1
-        ) from None
+        what = f"unexpected {type(error).__name__}: {error}. --debug shows where; please report it."
+        raise Unexpected(one_line(what)) from None
 
 
 def _said(error: Exception) -> str:
@@ -67,9 +71,9 @@ class Job:
         Whether to print the verdict only.
     """
 
-    model: str
-    data: Sequence[str]
-    output: str
+    model: str | PathLike
+    data: Sequence[str | PathLike]
+    output: str | PathLike
     hold: str = "zoh"
     window: float | None = None
     max_causes: int = 4

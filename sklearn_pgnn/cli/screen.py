@@ -33,7 +33,7 @@ FILES = {
 }
 
 
-def one_line(text: str) -> str:
+def one_line(text: object) -> str:
     r"""Keep a text on one line and free of control characters.
 
     Examples

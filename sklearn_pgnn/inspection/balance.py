@@ -65,7 +65,7 @@ class Samples:
             The values.
         """
         windows = records.windows
-        table = {"t": windows.t, **_states(records, states_of)}
+        table: dict[str, np.ndarray | float] = {"t": windows.t, **_states(records, states_of)}
         acting = windows.acting_inputs(model)
         table |= {name: acting[:, i] for i, name in enumerate(model.inputs)}
         table |= {name: parameter.value for name, parameter in model.parameters.items()}

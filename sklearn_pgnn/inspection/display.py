@@ -292,7 +292,7 @@ def draw_evidence(axes, evidence: Evidence) -> None:
         colour = COLOURS[line.whose]
         axes.plot(line.x, line.y, color=colour, linewidth=1.8, label=plain(line.label))
     if evidence.points is not None:
-        axes.set_ylim(*_limits(evidence))
+        axes.set_ylim(*_limits(evidence.points[1], evidence.lines))
     axes.set_xlabel(plain(evidence.x_label))
     axes.set_ylabel(plain(evidence.y_label))
     axes.set_title(plain(evidence.title), fontsize=9, loc="left")
@@ -339,10 +339,9 @@ def binned_median(x, y, bins: int = BINS):
     return centres, np.array([np.median(y[which == b]) for b in full])
 
 
-def _limits(evidence: Evidence):
+def _limits(y, lines):
     """Leave the farthest points out of sight, never a line."""
-    y = evidence.points[1]
-    parts = [np.nanpercentile(y, [1.0, 99.0]), *(line.y for line in evidence.lines)]
+    parts = [np.nanpercentile(y, [1.0, 99.0]), *(line.y for line in lines)]
     everything = np.concatenate(parts)
     low, high = np.nanmin(everything), np.nanmax(everything)
     reach = 0.12 * (high - low) or 1.0
