@@ -16,7 +16,7 @@ to seven per cent.
 from sklearn_pgnn import ModelDiagnosis, datasets
 
 machine = datasets.make_hidden_effect(
-    effect="stribeck_friction", n_records=6, sample_rate=250.0, random_state=1
+    effect="stribeck_friction", n_records=6, sample_rate=125.0, random_state=1
 )
 print(machine.X.head(3))
 

@@ -17,7 +17,7 @@ from sklearn_pgnn.datasets import make_hidden_effect, make_two_tanks
 from sklearn_pgnn.diagnosis.hypothesis import held_parameters, possible_causes, same_parameter
 from sklearn_pgnn.exceptions import RecordError
 
-RECORDS = {"n_records": 6, "sample_rate": 250.0}
+RECORDS = {"n_records": 6, "sample_rate": 125.0}
 SEED = 7
 
 

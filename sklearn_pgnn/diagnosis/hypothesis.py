@@ -3,17 +3,21 @@
 import math
 from collections.abc import Collection
 from dataclasses import dataclass
+from functools import lru_cache
 
+import numpy as np
 import sympy
 
 from sklearn_pgnn.diagnosis.setting import Setting
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects import CATALOGUE, WrongParameter
-from sklearn_pgnn.physics.expressions import symbol
+from sklearn_pgnn.physics.expressions import TIME, symbol
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.window_fit import Freedom
 
 Cause = tuple[type[Effect], str]
+#: points at which two effects are compared, and at how many of them both must act
+POINTS, ACTIVE = 12, 4
 
 
 @dataclass(frozen=True)
@@ -101,13 +105,9 @@ def same_parameter(model: PhysicsModel, effect: Effect) -> str | None:
     extended = effect.apply(model)
     if extended.delays != model.delays or extended.states != model.states:
         return None
-    moving = {symbol(name) for name in (*model.states, *model.inputs)} | {symbol("t")}
-    mine = _derivatives(extended, names[0])
-    for name in model.free_parameters:
-        theirs = _derivatives(extended, name)
-        if _proportional(mine, theirs, moving):
-            return name
-    return None
+    mine = _derivatives(extended, names)[names[0]]
+    theirs = _derivatives_by_parameters(model)
+    return next((name for name, values in theirs.items() if _proportional(mine, values)), None)
 
 
 def held_parameters(model: PhysicsModel, cause: Cause) -> tuple[str, ...]:
@@ -122,25 +122,41 @@ def held_parameters(model: PhysicsModel, cause: Cause) -> tuple[str, ...]:
     return tuple(name for name in found if name is not None)
 
 
-def _derivatives(model, name):
-    expressions = (*model.equations.values(), *model.outputs.values())
-    return [sympy.diff(expression, symbol(name)) for expression in expressions]
+@lru_cache(maxsize=16)
+def _derivatives_by_parameters(model: PhysicsModel) -> dict[str, np.ndarray]:
+    return _derivatives(model, model.free_parameters)
 
 
-def _proportional(mine, theirs, moving) -> bool:
-    factor = None
-    for a, b in zip(mine, theirs, strict=True):
-        if a == 0 and b == 0:
-            continue
-        if a == 0 or b == 0:
-            return False
-        ratio = sympy.cancel(a / b)
-        if ratio.free_symbols & moving:
-            return False
-        if factor is not None and sympy.cancel(ratio - factor) != 0:
-            return False
-        factor = ratio
-    return factor is not None
+def _derivatives(model: PhysicsModel, names) -> dict[str, np.ndarray]:
+    """Evaluate the derivatives of rates and outputs by parameters at a few random points."""
+    fixed = {symbol(n): sympy.Float(p.value) for n, p in model.parameters.items()}
+    moving = [symbol(n) for n in (*model.states, *model.inputs)] + [TIME]
+    draws = np.random.default_rng(0).uniform(0.1, 1.0, (POINTS, len(moving)))
+    draws *= 10.0 ** np.linspace(-4, 1, POINTS)[:, None]  # small enough not to meet every limit
+    draws[1::2] *= -1.0
+    points = [fixed | dict(zip(moving, map(sympy.Float, draw), strict=True)) for draw in draws]
+    expressions = [*model.equations.values(), *model.outputs.values()]
+    return {
+        name: np.array([[_number(slope, point) for slope in slopes] for point in points])
+        for name, slopes in ((n, [sympy.diff(e, symbol(n)) for e in expressions]) for n in names)
+    }
+
+
+def _number(expression, point) -> float:
+    try:
+        return float(expression.xreplace(point))
+    except TypeError:  # not real there, or a derivative of a jump
+        return np.nan
+
+
+def _proportional(mine: np.ndarray, theirs: np.ndarray) -> bool:
+    """Tell whether all that is not zero has one and the same ratio."""
+    both = np.isfinite(mine) & np.isfinite(theirs)
+    mine, theirs = mine[both], theirs[both]
+    if np.count_nonzero(mine) < ACTIVE or not np.array_equal(mine != 0, theirs != 0):
+        return False
+    ratio = mine[mine != 0] / theirs[mine != 0]
+    return bool(np.ptp(ratio) < 1e-9 * np.abs(ratio).max())
 
 
 def freedoms(
