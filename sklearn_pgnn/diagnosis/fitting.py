@@ -123,6 +123,16 @@ class Fitter:
 
         return self._remember(hypothesis, fit)
 
+    def retry(self, trial: Trial, better: Trial) -> Trial:
+        """Fit a hypothesis again from the numbers of a finer one: its own fit may have got stuck."""
+        start = self._rebuild(trial.hypothesis, better.fit.model)
+        fit = self._fit_hypothesis(trial.hypothesis, start, better)
+        if fit.objective >= trial.fit.objective:
+            return trial
+        self._held_out.pop(trial.hypothesis.key, None)
+        self._trials[trial.hypothesis.key] = Trial(trial.hypothesis, fit)
+        return self._trials[trial.hypothesis.key]
+
     def split(self, trial: Trial, cause: Cause, part: Cause) -> Trial:
         """Fit a hypothesis in which a part of a cause stands as a cause of its own."""
         hypothesis = trial.hypothesis.before(cause, part)

@@ -2,7 +2,7 @@
 
 import numpy as np
 from joblib import effective_n_jobs
-from sklearn.base import BaseEstimator, RegressorMixin
+from sklearn.base import BaseEstimator, MultiOutputMixin, RegressorMixin
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
@@ -21,7 +21,8 @@ from sklearn_pgnn.physics.effects import CATALOGUE
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.readings import reading
 from sklearn_pgnn.simulation.simulate import simulate_records
-from sklearn_pgnn.trajectories import read_records
+from sklearn_pgnn.trajectories import read_records, rows_in_order
+from sklearn_pgnn.trajectories.validation import validate_table
 
 #: windows are as long as the re-tuned prior can follow: its error, in units of the noise, at which
 #: they are halved, and below which they are doubled
@@ -31,7 +32,7 @@ TOO_LARGE, SMALL = 30.0, 3.0
 UNEXPLAINED = 0.5
 
 
-class ModelDiagnosis(RegressorMixin, BaseEstimator):
+class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
     r"""Name the physical causes of a model's error and extend the model by them.
 
     Every cause of the catalogue is fitted together with the model's free parameters and the
@@ -84,12 +85,16 @@ class ModelDiagnosis(RegressorMixin, BaseEstimator):
         Held-out error of every output before, after re-tuning and after extending.
     window_ : float
         Window length used [s].
+    substeps_ : int
+        Integration steps from sample to sample.
     tried_ : dict
         Every suspect, and the share of the re-tuned prior's error power it leaves alone.
     records_ : DiagnosisRecords
         The records and what the models make of them, for pictures.
     n_features_in_ : int
         Number of columns of X.
+    feature_names_in_ : ndarray of str
+        Their names, if X has any.
 
     Examples
     --------
@@ -138,6 +143,13 @@ class ModelDiagnosis(RegressorMixin, BaseEstimator):
         self.random_state = random_state
         self.progress = progress
 
+    def __sklearn_tags__(self):
+        """Say that states may be NaN and that random numbers follow no physical model."""
+        tags = super().__sklearn_tags__()
+        tags.input_tags.allow_nan = True
+        tags.regressor_tags.poor_score = True
+        return tags
+
     def fit(self, X, y):
         """Diagnose the model on records.
 
@@ -158,6 +170,11 @@ class ModelDiagnosis(RegressorMixin, BaseEstimator):
         ValueError
             If X or y cannot be read as records of the model, or hold too little.
         """
+        if y is None:
+            raise ValueError(
+                f"{type(self).__name__} requires y to be passed, but the target y is None."
+            )
+        X = validate_table(self, X, reset=True)
         records = read_records(self.model, X, y, time=self.time)
         check_records(self.model, records)
         fitter = self._ground(records)
@@ -168,8 +185,7 @@ class ModelDiagnosis(RegressorMixin, BaseEstimator):
         outcome = search.run()
         self._keep(fitter, search, outcome)
         self.records_ = keep_records(fitter, outcome, (record.name for record in records))
-        self.n_features_in_ = np.shape(X)[1]
-        self._single_output = np.ndim(y) == 1
+        self._single_output = np.asarray(y).ndim == 1
         return self
 
     def _ground(self, records) -> Fitter:
@@ -197,6 +213,7 @@ class ModelDiagnosis(RegressorMixin, BaseEstimator):
         self.extended_model_ = _with_prior_spreads(final.fit.model, self.model)
         self.verdict_ = self._verdict(search, outcome)
         self.window_ = setting.scales.window
+        self.substeps_ = setting.windows.substeps
         self.tried_ = {(e.id, target): left for (e, target), left in outcome.tried.items()}
 
     def _verdict(self, search: Search, outcome: Outcome) -> str:
@@ -223,8 +240,11 @@ class ModelDiagnosis(RegressorMixin, BaseEstimator):
             Simulated outputs.
         """
         check_is_fitted(self)
-        records = read_records(self.model, X, time=self.time)
-        outputs = simulate_records(self.extended_model_, records, hold=self.hold)
+        records = read_records(self.model, validate_table(self, X, reset=False), time=self.time)
+        outputs = simulate_records(
+            self.extended_model_, records, hold=self.hold, substeps=self.substeps_
+        )
+        outputs = rows_in_order(records, outputs)
         return outputs.ravel() if self._single_output else outputs
 
     def to_dict(self) -> dict:

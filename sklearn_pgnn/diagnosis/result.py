@@ -1,5 +1,6 @@
 """What a diagnosis says: causes with their sizes, parameters, and what the extension is worth."""
 
+import math
 from dataclasses import asdict, dataclass
 from typing import NamedTuple
 
@@ -202,8 +203,10 @@ def explained_share(before, after, noise):
     return np.clip((np.asarray(before) - after) / above, 0.0, 1.0)
 
 
-def plain(value):
-    """Turn a result into what JSON holds."""
-    if hasattr(value, "_asdict"):
-        return value._asdict()
-    return asdict(value)
+def plain(value) -> dict:
+    """Turn a result into what JSON holds; a number that is not finite becomes None."""
+    items = value._asdict() if hasattr(value, "_asdict") else asdict(value)
+    return {
+        key: None if isinstance(item, float) and not math.isfinite(item) else item
+        for key, item in items.items()
+    }

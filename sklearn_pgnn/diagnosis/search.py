@@ -9,6 +9,10 @@ from sklearn_pgnn.diagnosis.fitting import Fitter, Scouted, Trial, make_folds
 from sklearn_pgnn.diagnosis.hypothesis import Cause, count_parameters
 from sklearn_pgnn.physics.effects import WrongParameter
 
+#: an effect shows itself in at least so many pieces, and the error falls by so many times more than
+#: it rises, where it does not show itself in most
+FEW, CLEARLY = 3, 10.0
+
 
 @dataclass(frozen=True)
 class Rules:
@@ -29,7 +33,7 @@ class Rules:
 
     significance: float = 4.0
     share: float = 0.15
-    whole: float = 0.01
+    whole: float = 0.05
     max_causes: int = 4
 
 
@@ -111,9 +115,13 @@ class Search:
                 tried = {look.cause: look.left for look in scouted}
             trials = self._extend(current, scouted)
             best = self._simplest_of_the_best(current, trials)
-            if best is None or not self._is_gain(current, best):
+            if best is None:
+                break
+            current = self.fitter.retry(current, best)
+            if not self._is_gain(current, best):
                 break
             current = self._eliminate(best)
+        base = self.fitter.base()
         current = self._split(self._swap(base, current, tried))
         steps = self._in_order(base, current)
         alternatives = {c: self._alternatives(current, c, tried) for c in current.hypothesis.causes}
@@ -194,7 +202,7 @@ class Search:
         noise = self.floor / self.fitter.setting.n_samples
         if worse.squares - better.squares < self.rules.significance**2 * noise:
             return False
-        return _t_value(worse.pieces, better.pieces) > self.rules.significance / 2
+        return _is_fall(worse.pieces, better.pieces, self.rules.significance / 2)
 
     def _is_gain(self, before: Trial, after: Trial) -> bool:
         """Decide on windows that the parameters have not seen."""
@@ -205,7 +213,7 @@ class Search:
         return bool(
             gain > self.rules.whole * worse.sum()
             and gain > self.rules.share * self.excess(before)
-            and _t_value(worse, better) > self.rules.significance
+            and _is_fall(worse, better, self.rules.significance)
         )
 
     def _held_out(self, trial: Trial) -> np.ndarray:
@@ -232,7 +240,7 @@ class Search:
             for other in self._worth_a_look(trial, without, cause, tried):
                 swapped = self.fitter.extend(without, other)
                 self._learn_noise(swapped)
-                if _t_value(trial.pieces, swapped.pieces) > self.rules.significance:
+                if _is_fall(trial.pieces, swapped.pieces, self.rules.significance):
                     return self._swap(base, swapped, tried)
         return trial
 
@@ -290,11 +298,15 @@ class Search:
         return steps
 
 
-def _t_value(worse: np.ndarray, better: np.ndarray) -> float:
-    """Give the mean fall of the pieces' error norms in units of its standard error."""
+def _is_fall(worse: np.ndarray, better: np.ndarray, significance: float) -> bool:
+    """Tell whether the error norms of the pieces fall, and not by chance.
+
+    Either their mean fall is so many of its standard errors; or, where an effect shows itself in a
+    few pieces only, some fall by more than the noise and hardly any rises.
+    """
     fall = (np.sqrt(worse) - np.sqrt(better)).ravel()
-    spread = np.std(fall, ddof=1) if fall.size > 1 else 0.0
-    mean = np.mean(fall)
-    if spread == 0.0:
-        return np.inf * np.sign(mean) if mean else 0.0
-    return float(mean / spread * np.sqrt(fall.size))
+    mean = fall.mean()
+    error = np.std(fall, ddof=1) / np.sqrt(fall.size) if fall.size > 1 else 0.0
+    falls, rises = fall[fall > 0].sum(), -fall[fall < 0].sum()
+    few_but_clear = np.count_nonzero(fall > 1.0) >= FEW and falls > CLEARLY * rises
+    return bool(mean > 0 and (mean > significance * error or few_but_clear))

@@ -64,9 +64,10 @@ def estimate_of(model: PhysicsModel, name: str, errors: Mapping[str, float]) -> 
 def standard_errors(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) -> dict[str, float]:
     r"""Give the parameters' standard errors, robust to residuals that are not white.
 
-    .. math:: \mathrm{cov} = H^{-1} \left(\sum_w g_w g_w^T\right) H^{-1} \frac{W}{W - n}
+    .. math:: \mathrm{cov} = H^{-1} \left(\frac{W}{W - n} \sum_w g_w g_w^T + P\right) H^{-1}
 
-    with the Hessian :math:`H` and the gradients :math:`g_w` of the :math:`W` pieces of the windows.
+    with the Hessian :math:`H`, the gradients :math:`g_w` of the :math:`W` pieces of the windows, and
+    the inverse variances :math:`P` of the parameters' priors, which speak where the records do not.
 
     Parameters
     ----------
@@ -97,7 +98,8 @@ def standard_errors(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) ->
     inverse, flat = _invert(normal.hessian.sum(axis=0) + np.diag(pull))
     scores = _piece_scores(fit, normal)
     factor = len(scores) / max(len(scores) - len(names), 1)
-    variances = np.diag(inverse @ (scores.T @ scores) @ inverse) * factor
+    meat = scores.T @ scores * factor + np.diag(pull)
+    variances = np.diag(inverse @ meat @ inverse)
     return dict(zip(names, np.where(flat, np.inf, np.sqrt(variances)).tolist(), strict=True))
 
 
