@@ -136,8 +136,8 @@ def make_hidden_effect(
         x, y = rig.run(truth, amplitudes, states=model.states)
     x0 = x[:, 0, : len(model.states)]
     measured = add_noise(model, y, noise, rng)
-    tables = make_tables(model, t, rig.inputs(amplitudes), x0, measured)
-    return HiddenEffect(*tables, perturb(model, parameter_error, rng), truth, effect)
+    X, y = make_tables(model, t, rig.inputs(amplitudes), x0, measured)
+    return HiddenEffect(X, y, perturb(model, parameter_error, rng), truth, effect)
 
 
 def perturb(model, error: float, rng):

@@ -124,7 +124,7 @@ class Fitter:
         return self._remember(hypothesis, fit)
 
     def retry(self, trial: Trial, better: Trial) -> Trial:
-        """Fit a hypothesis again from the numbers of a finer one: its own fit may have got stuck."""
+        """Fit a hypothesis again from the numbers of a finer one: its own may have got stuck."""
         start = self._rebuild(trial.hypothesis, better.fit.model)
         fit = self._fit_hypothesis(trial.hypothesis, start, better)
         if fit.objective >= trial.fit.objective:

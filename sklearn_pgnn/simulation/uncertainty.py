@@ -66,8 +66,9 @@ def standard_errors(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) ->
 
     .. math:: \mathrm{cov} = H^{-1} \left(\frac{W}{W - n} \sum_w g_w g_w^T + P\right) H^{-1}
 
-    with the Hessian :math:`H`, the gradients :math:`g_w` of the :math:`W` pieces of the windows, and
-    the inverse variances :math:`P` of the parameters' priors, which speak where the records do not.
+    with the Hessian :math:`H`, the gradients :math:`g_w` of the :math:`W` pieces of the windows,
+    and the inverse variances :math:`P` of the parameters' priors, which speak where the records
+    do not.
 
     Parameters
     ----------
