@@ -54,7 +54,7 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         Window length [s]; by default the records tell.
     noise : array-like of shape (n_outputs,), optional
         Standard deviation of the outputs' noise; by default the records tell.
-    significance : float, default=4
+    significance : float, default=3
         A cause's held-out gain must be so many of its standard errors.
     hold : {"zoh", "foh"}, default="zoh"
         Whether an input is held between two samples or runs straight from one to the next.
@@ -121,7 +121,7 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         max_causes=4,
         window=None,
         noise=None,
-        significance=4.0,
+        significance=3.0,
         hold="zoh",
         substeps=None,
         time=None,

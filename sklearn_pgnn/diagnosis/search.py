@@ -12,6 +12,10 @@ from sklearn_pgnn.physics.effects import WrongParameter
 #: an effect shows itself in at least so many pieces, and the error falls by so many times more than
 #: it rises, where it does not show itself in most
 FEW, CLEARLY = 3, 10.0
+#: standard errors by which two fits must differ to be told apart
+NOTICED = 2.0
+#: suspects that are judged on held-out windows, the best first, before a search ends
+JUDGED = 3
 
 
 @dataclass(frozen=True)
@@ -31,7 +35,7 @@ class Rules:
         Causes named at most.
     """
 
-    significance: float = 4.0
+    significance: float = 3.0
     share: float = 0.15
     whole: float = 0.05
     max_causes: int = 4
@@ -114,11 +118,8 @@ class Search:
             if current is base:
                 tried = {look.cause: look.left for look in scouted}
             trials = self._extend(current, scouted)
-            best = self._simplest_of_the_best(current, trials)
+            best = self._decide(current, trials)
             if best is None:
-                break
-            current = self.fitter.retry(current, best)
-            if not self._is_gain(current, best):
                 break
             current = self._eliminate(best)
         base = self.fitter.base()
@@ -178,10 +179,19 @@ class Search:
                     trials.append(trial)
         return trials
 
-    def _simplest_of_the_best(self, current: Trial, trials: list[Trial]) -> Trial | None:
+    def _decide(self, current: Trial, trials: list[Trial]) -> Trial | None:
+        """Give the best trial that proves itself on windows it has not seen."""
+        left = list(trials)
+        while left and len(trials) - len(left) < JUDGED:
+            best = self._simplest_of_the_best(left)
+            current = self.fitter.retry(current, best)
+            if self._is_gain(current, best):
+                return best
+            left.remove(best)
+        return None
+
+    def _simplest_of_the_best(self, trials: list[Trial]) -> Trial:
         """Give the trial with the fewest parameters among those as good as the best."""
-        if not trials:
-            return None
         best = min(trials, key=lambda trial: trial.squares)
         equal = [trial for trial in trials if self._as_good(best, trial)]
         return min(equal, key=lambda trial: (*self._complexity(trial), trial.squares))
@@ -200,9 +210,9 @@ class Search:
     def _is_better(self, worse: Trial, better: Trial) -> bool:
         """Tell whether the windows can tell two fits apart, and by more than noise would."""
         noise = self.floor / self.fitter.setting.n_samples
-        if worse.squares - better.squares < self.rules.significance**2 * noise:
+        if worse.squares - better.squares < NOTICED**2 * noise:
             return False
-        return _is_fall(worse.pieces, better.pieces, self.rules.significance / 2)
+        return _is_fall(worse.pieces, better.pieces, NOTICED)
 
     def _is_gain(self, before: Trial, after: Trial) -> bool:
         """Decide on windows that the parameters have not seen."""
