@@ -13,7 +13,7 @@ from sklearn_pgnn.simulation.window_fit import WindowFit, expected_decrease, fit
 LOOKED_AT = 3
 #: the untuned prior is a ground to start from too, for effects of at most so many starts
 FEW_STARTS = 4
-#: relative decrease at which a first look ends
+#: relative decrease at which a first look and a fit from a known minimum end
 SCOUT_TOLERANCE = 1e-3
 #: steps for the initial states alone, which are nearly linear
 PRIOR_STEPS = 8
@@ -244,6 +244,7 @@ class Fitter:
                 expected[outside],
                 estimate.spread,
                 x0_start=fit.x0[outside],
+                tolerance=SCOUT_TOLERANCE,
             )
             judged = fit_windows(
                 learned.model,
@@ -252,6 +253,7 @@ class Fitter:
                 expected[inside],
                 estimate.spread,
                 x0_start=fit.x0[inside],
+                tolerance=SCOUT_TOLERANCE,
             )
             squares[inside] = piece_squares(setting, judged, inside)
         return squares
