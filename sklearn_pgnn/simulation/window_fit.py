@@ -97,7 +97,7 @@ def fit_windows(
     *,
     x0_start: np.ndarray | None = None,
     max_steps: int = 25,
-    tolerance: float = 1e-4,
+    tolerance: float = 1e-5,
 ) -> WindowFit:
     """Fit a model's parameters and every window's initial state.
 
@@ -117,7 +117,7 @@ def fit_windows(
         Where the initial states start; by default where they are expected.
     max_steps : int, default=25
         Largest number of steps.
-    tolerance : float, default=1e-4
+    tolerance : float, default=1e-5
         Relative decrease of the objective at which the fit ends.
 
     Returns
