@@ -123,7 +123,7 @@ class Search:
                 break
             current = self._eliminate(best)
         base = self.fitter.base()
-        current = self._split(self._swap(base, current, tried))
+        current = self._split(self._swap(current, tried))
         steps = self._in_order(base, current)
         alternatives = {c: self._alternatives(current, c, tried) for c in current.hypothesis.causes}
         return Outcome(base, steps, alternatives, self._noise(current), tried)
@@ -241,7 +241,7 @@ class Search:
             trial = least
         return trial
 
-    def _swap(self, base: Trial, trial: Trial, tried) -> Trial:
+    def _swap(self, trial: Trial, tried) -> Trial:
         """Put another cause in a cause's place where that is clearly better."""
         if len(trial.hypothesis.causes) < 2:
             return trial
@@ -250,8 +250,9 @@ class Search:
             for other in self._worth_a_look(trial, without, cause, tried):
                 swapped = self.fitter.extend(without, other)
                 self._learn_noise(swapped)
-                if _is_fall(trial.pieces, swapped.pieces, self.rules.significance):
-                    return self._swap(base, swapped, tried)
+                better = swapped.squares < trial.squares
+                if better and _is_fall(trial.pieces, swapped.pieces, self.rules.significance):
+                    return self._swap(swapped, tried)
         return trial
 
     def _split(self, trial: Trial) -> Trial:
@@ -300,7 +301,7 @@ class Search:
             if len(left) == 1:
                 steps.append(Trial(trial.hypothesis.plus(left[0]), final.fit))
                 break
-            ready = [c for c in left if not any(p[0].id in c[0].shared for p in left)]
+            ready = [c for c in left if not any(part.id in c[0].shared for part, _ in left)]
             options = [self.fitter.extend(trial, cause) for cause in ready]
             trial = min(options, key=lambda t: t.squares)
             left.remove(trial.hypothesis.causes[-1])
