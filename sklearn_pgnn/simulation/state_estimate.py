@@ -13,7 +13,7 @@ from sklearn_pgnn.trajectories.smoothing import Smoothed, choose_penalty, smooth
 
 #: how many of its standard errors a smoothed state may be off
 SAFETY = 3.0
-#: how far a measured state may be off, as a share of its range: a sensor may lie
+#: how far a state seen by a sensor may be off, as a share of its range: the sensor may lie
 MEASURED_SPREAD = 0.3
 
 
@@ -62,11 +62,10 @@ class StateEstimator:
             states = [name for name in model.states if output == symbol(name)]
             for state in states:
                 value, slope = self._smooth_column(column)
-                # the window's own samples fix a measured state: leave it free within its range
-                known[state] = value[0], max(value[1], MEASURED_SPREAD * np.std(value[0]))
+                known[state] = _free_within_range(*value)
                 velocity = positions.get(state)
                 if velocity is not None and velocity not in known:
-                    known[velocity] = slope
+                    known[velocity] = _free_within_range(*slope)
         return known
 
     def _smooth_column(self, column):
@@ -134,6 +133,11 @@ def free_run(model: PhysicsModel, windows: Windows, a: int, b: int, x0) -> Simul
             substeps=windows.substeps,
             hold=windows.hold,
         )
+
+
+def _free_within_range(values, spread):
+    """Let a state go as far as a sensor may lie: the window's own samples say where it is."""
+    return values, max(spread, MEASURED_SPREAD * float(np.std(values)))
 
 
 def _finite(start: dict) -> dict:
