@@ -61,6 +61,11 @@ def test_nothing_is_named_where_nothing_is_hidden(seed):
     assert same_structure(diagnosis.extended_model_, hidden.prior)
 
 
+def test_records_without_noise_are_judged_too():
+    hidden = make_hidden_effect(effect=None, noise=0.0, random_state=SEED, **RECORDS)
+    assert diagnose(hidden).verdict_ == "model_adequate"
+
+
 def same_structure(one, other):
     return dict(one.equations) == dict(other.equations) and dict(one.outputs) == dict(other.outputs)
 

@@ -12,6 +12,8 @@ from sklearn_pgnn.physics.effects import WrongParameter
 #: an effect shows itself in at least so many pieces, and the error falls by so many times more than
 #: it rises, where it does not show itself in most
 FEW, CLEARLY = 3, 10.0
+#: smallest error that counts, as a share of an output's range: records may be free of noise
+RESOLUTION = 1e-5
 #: standard errors by which two fits must differ to be told apart
 NOTICED = 2.0
 #: suspects that are judged on held-out windows, the best first, before a search ends
@@ -146,7 +148,14 @@ class Search:
         counts = np.isfinite(trial.fit.evaluation.residual).sum(axis=0)
         fitted = len(setting.windows) * len(trial.fit.model.states) + trial.fit.values.size
         left = max(0.1, 1.0 - fitted / max(setting.n_samples, 1))
-        self.floor = min(self.floor, float((self._noise(trial) ** 2 * counts).sum() * left))
+        noise = np.maximum(self._noise(trial), self._resolution())
+        self.floor = min(self.floor, float((noise**2 * counts).sum() * left))
+
+    def _resolution(self) -> np.ndarray:
+        """Give what no simulation is finer than, in units of the noise."""
+        setting = self.fitter.setting
+        typical = [setting.scales.typical[output] for output in setting.prior.outputs]
+        return RESOLUTION * np.array(typical) / setting.windows.scale
 
     def excess(self, trial: Trial) -> float:
         """Give the squares a fit leaves above the floor."""
