@@ -138,18 +138,19 @@ class Search:
         residual = trial.fit.evaluation.residual / setting.windows.scale
         step = np.diff(residual, axis=0)
         step[setting.windows.starts[1:] - 1] = np.nan
+        return np.sqrt(np.nanmean(step**2, axis=0) / 2.0 / self._freedom(trial))
+
+    def _freedom(self, trial: Trial) -> float:
+        """Give the share of the samples that the fitted numbers have not used up."""
+        setting = self.fitter.setting
         fitted = len(setting.windows) * len(trial.fit.model.states) + trial.fit.values.size
-        freedom = max(0.1, 1.0 - fitted / max(setting.n_samples, 1))
-        return np.sqrt(np.nanmean(step**2, axis=0) / 2.0 / freedom)
+        return max(0.1, 1.0 - fitted / max(setting.n_samples, 1))
 
     def _learn_noise(self, trial: Trial) -> None:
         """Lower the floor: the squares that would be left if only white noise were."""
-        setting = self.fitter.setting
         counts = np.isfinite(trial.fit.evaluation.residual).sum(axis=0)
-        fitted = len(setting.windows) * len(trial.fit.model.states) + trial.fit.values.size
-        left = max(0.1, 1.0 - fitted / max(setting.n_samples, 1))
         noise = np.maximum(self._noise(trial), self._resolution())
-        self.floor = min(self.floor, float((noise**2 * counts).sum() * left))
+        self.floor = min(self.floor, float((noise**2 * counts).sum() * self._freedom(trial)))
 
     def _resolution(self) -> np.ndarray:
         """Give what no simulation is finer than, in units of the noise."""

@@ -44,16 +44,7 @@ class Setting:
     period: float
 
 
-def make_setting(
-    model: PhysicsModel,
-    records: tuple[Record, ...],
-    *,
-    window: float | None = None,
-    noise=None,
-    hold: str = "zoh",
-    substeps: int | None = None,
-    threads: int = 1,
-) -> Setting:
+def make_setting(model: PhysicsModel, records: tuple[Record, ...], **options) -> Setting:
     """Cut records into windows and estimate what a diagnosis needs to know of them.
 
     Parameters
@@ -62,25 +53,15 @@ def make_setting(
         The prior.
     records : tuple of Record
         Measured trajectories.
-    window : float, optional
-        Window length [s]; by default a third of the dominant period of the outputs.
-    noise : array-like of shape (n_outputs,), optional
-        Standard deviation of every output's noise; by default estimated.
-    hold : {"zoh", "foh"}, default="zoh"
-        How inputs run between samples.
-    substeps : int, optional
-        Integration steps from sample to sample; by default as many as accuracy needs.
-    threads : int, default=1
-        Threads to simulate on.
+    **options
+        See `sklearn_pgnn.simulation.record_windows.window_records`.
 
     Returns
     -------
     Setting
         The ground of the diagnosis.
     """
-    ground = window_records(
-        model, records, window=window, noise=noise, hold=hold, substeps=substeps, threads=threads
-    )
+    ground = window_records(model, records, **options)
     windows = ground.windows
     return Setting(
         model,

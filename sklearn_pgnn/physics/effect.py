@@ -4,7 +4,7 @@ import math
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 from types import MappingProxyType
 from typing import ClassVar
 
@@ -244,21 +244,6 @@ class Effect(ABC):
         changes = self.rewrite(model, symbols)
         parameters = {**changes.pop("parameters", model.parameters), **new}
         return model.replace(parameters=parameters, **changes)
-
-    def with_values(self, **values) -> "Effect":
-        """Give the effect with other parameter values.
-
-        Parameters
-        ----------
-        **values : float
-            New value by field name.
-
-        Returns
-        -------
-        Effect
-            A new effect.
-        """
-        return replace(self, **values)
 
 
 def _tidy_unit(unit: str) -> str:
