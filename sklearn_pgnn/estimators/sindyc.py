@@ -1,0 +1,359 @@
+"""Sparse identification of nonlinear dynamics with control, as an estimator."""
+
+import warnings
+from numbers import Integral, Real
+
+import numpy as np
+from sklearn.base import BaseEstimator, MultiOutputMixin, RegressorMixin
+from sklearn.utils.validation import check_is_fitted, validate_data
+
+from sklearn_pgnn.estimators.sindyc_library import read_library, term_texts, term_values
+from sklearn_pgnn.estimators.sindyc_model import (
+    complete,
+    equation_texts,
+    identified_model,
+    starting_where,
+)
+from sklearn_pgnn.estimators.sindyc_names import blank_model, identifiers, is_timed, target_names
+from sklearn_pgnn.estimators.sindyc_records import (
+    measure_states,
+    on_even_clock,
+    rate_rows,
+    span_samples,
+    step_rows,
+)
+from sklearn_pgnn.estimators.sindyc_regression import sparse_coefficients, stepwise_least_squares
+from sklearn_pgnn.exceptions import SimulationWarning
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.free_run import enough_substeps, simulate_record
+from sklearn_pgnn.simulation.simulate import HOLDS
+from sklearn_pgnn.trajectories import read_records, rows_in_order
+from sklearn_pgnn.trajectories.validation import validate_table
+
+#: a simulation that gets so many times as large as any measured output tells nothing
+RUNAWAY = 1e3
+
+
+class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
+    r"""Find few terms of a library that make up a machine's rates; predict by simulation.
+
+    .. math:: \dot x = \Xi\,\Psi(x, u) \qquad \text{or} \qquad x_{k+1} = \Xi\,\Psi(x_k, u_k)
+
+    with the library's terms :math:`\Psi` and a sparse matrix :math:`\Xi` [1]_. The states are
+    estimated from the records' outputs; a position's rate is its velocity, which is not
+    identified. Rates are averaged over a short span, for which the equations hold as well: from
+    one sample to the next they would be noise. No span reaches from one trajectory to another.
+
+    Without a model the states are the columns of y, under their own names, and every other column
+    of X is an input. Without a model and a time (plain arrays, no column ``t``) the rows are
+    independent, and the same regression finds :math:`y = \Xi\,\Psi(X)`.
+
+    Parameters
+    ----------
+    model : PhysicsModel, optional
+        Names states, inputs and outputs, and gives the terms of ``"model"``.
+    library : str, pysindy library or list of these, default="polynomial"
+        Candidate terms: ``"polynomial"`` of states and inputs; ``"fourier"`` or
+        ``"trigonometric"``, the sine and cosine of each; ``"model"``, what the model's own rates
+        are sums of, besides states and inputs; an expression such as ``"tanh(omega/0.02)"``; a
+        library of pysindy whose terms are named by what they compute; of a list all together.
+    degree : int, default=2
+        Degree of ``"polynomial"``.
+    threshold : float, default=0.005
+        Least share that a term must contribute to the rate's (the step's, for a map) standard
+        deviation, both over the records: ``0.005`` drops what moves the state by less than half a
+        percent of all that moves it. Viscous damping easily is as small as one percent.
+    alpha : float, default=1e-6
+        Ridge penalty while terms are chosen, as a share of the terms' own mean squares.
+    optimizer : pysindy optimizer, optional
+        What chooses the terms, instead of sequentially thresholded least squares with `threshold`
+        and `alpha`. It is cloned. It sees every term divided by its root mean square and every
+        rate by its standard deviation; `coefficients_` are in physical units all the same.
+    discrete : bool, default=False
+        Whether to identify a map from sample to sample (the states are then always in the
+        library) instead of rates.
+    span : float, optional
+        Time over which rates and steps are averaged [s]; by default a thirtieth of the dominant
+        period of the outputs. 0 takes neighbouring samples.
+    time : int or str, optional
+        Column of X that holds the time; by default ``"t"`` or, with a model, an array's first.
+    hold : {"zoh", "foh"}, default="zoh"
+        Whether an input is held between two samples or runs straight from one to the next. A map
+        knows only the input at its sample.
+    substeps : int, optional
+        Integration steps from sample to sample; by default as many as accuracy needs. A map takes
+        one.
+
+    Attributes
+    ----------
+    model_ : PhysicsModel or None
+        The identified model, coefficients as parameters such as ``c_omega_sin_phi``. A map is
+        written as the rate :math:`(\Xi\Psi(x, u) - x)/T` with the sample interval :math:`T`: an
+        explicit Euler step of one sample (``simulate(..., method="euler")``) is exactly the map.
+        None if rows are independent.
+    coefficients_ : ndarray of shape (n_states, n_terms)
+        :math:`\Xi` in physical units; without time of shape (n_outputs, n_terms).
+    terms_ : list of str
+        The library, term by term.
+    equations_ : list of str
+        What was found, an equation a state, coefficients rounded to four digits.
+    substeps_ : int
+        Integration steps from sample to sample.
+    n_features_in_ : int
+        Number of columns of X.
+    feature_names_in_ : ndarray of str
+        Their names, if X has any.
+
+    See Also
+    --------
+    PhysicsModelRegressor : Fits the coefficients of `model_` to the records by simulation.
+
+    Notes
+    -----
+    On records of a golf robot with stick-slip, a servo valve with limits and a cart on a hardening
+    spring the defaults kept every term that lowers the error in free run; thresholds above 0.02
+    dropped the golf robot's viscous damping.
+
+    References
+    ----------
+    .. [1] S. L. Brunton, J. L. Proctor, J. N. Kutz, "Sparse identification of nonlinear dynamics
+       with control (SINDYc)", IFAC-PapersOnLine 49(18), 2016, :doi:`10.1016/j.ifacol.2016.10.249`.
+    .. [2] H. Schaeffer, S. G. McCalla, "Sparse model selection via integral terms", Physical
+       Review E 96, 2017, :doi:`10.1103/PhysRevE.96.023302`.
+
+    Examples
+    --------
+    >>> cart = PhysicsModel(
+    ...     {"x": "m", "v": "m/s"}, {"x": "v", "v": "force - 9*x - 0.5*v - 4*x**3"},
+    ...     inputs={"force": "N"}, outputs={"position": "x"})
+    >>> t = np.linspace(0, 20, 2001)
+    >>> X = pd.DataFrame({"t": t, "force": 4 * np.sin(t**2 / 6)})
+    >>> y = cart.simulate(t, X["force"]).y
+    >>> sindyc = SINDYcRegressor(cart, degree=3).fit(X, y)
+    >>> print(sindyc.equations_[1])
+    v' = ...
+    """
+
+    def __init__(
+        self,
+        model: PhysicsModel | None = None,
+        *,
+        library="polynomial",
+        degree=2,
+        threshold=0.005,
+        alpha=1e-6,
+        optimizer=None,
+        discrete=False,
+        span=None,
+        time=None,
+        hold="zoh",
+        substeps=None,
+    ):
+        self.model = model
+        self.library = library
+        self.degree = degree
+        self.threshold = threshold
+        self.alpha = alpha
+        self.optimizer = optimizer
+        self.discrete = discrete
+        self.span = span
+        self.time = time
+        self.hold = hold
+        self.substeps = substeps
+
+    def fit(self, X, y):
+        """Identify the equations.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_samples, n_columns)
+            Time [s], inputs and, where known, the states in each trajectory's first row.
+        y : DataFrame or array-like of shape (n_samples, n_outputs) or (n_samples,)
+            Measured outputs of the model, or the states; NaN where there is none.
+
+        Returns
+        -------
+        self : SINDYcRegressor
+            The fitted regressor.
+
+        Raises
+        ------
+        ValueError
+            If X and y cannot be read as records, or a parameter is out of its range.
+        ImportError
+            If pysindy is not installed.
+        """
+        if y is None:
+            raise ValueError(
+                f"{type(self).__name__} requires y to be passed, but the target y is None."
+            )
+        self._check_parameters()
+        self._single_output = np.ndim(y) == 1
+        if is_timed(X, self.model, self.time):
+            return self._fit_records(validate_table(self, X, reset=True), y)
+        if self.discrete:
+            raise ValueError(
+                "discrete=True needs samples in time, got rows without one. Remedy: give X a "
+                "column 't', or say by time=... which column it is."
+            )
+        return self._fit_rows(X, y)
+
+    def predict(self, X):
+        """Simulate every trajectory in free run from its first row.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_samples, n_columns)
+            As in `fit`; of the states only the first row of a trajectory is read, and one that is
+            not there starts at ``model_.initial_state``.
+
+        Returns
+        -------
+        ndarray of shape (n_samples, n_outputs) or (n_samples,)
+            Simulated outputs. All rows of a trajectory whose simulation leaves the finite numbers,
+            or grows to a thousand times what was measured, get the values of the first one, of
+            which a `SimulationWarning` tells.
+        """
+        check_is_fitted(self)
+        outputs = self._predict_rows(X) if self.model_ is None else self._predict_records(X)
+        return outputs.ravel() if self._single_output else outputs
+
+    # -- samples in time ---------------------------------------------------------------------------
+
+    def _fit_records(self, X, y):
+        base = blank_model(X, y, self.time) if self.model is None else self.model
+        records = read_records(base, X, y, time=self.time)
+        states = measure_states(base, records, hold=self.hold, substeps=self.substeps)
+        names = [*base.states, *base.inputs]
+        library = read_library(self.library, names, self.degree, self.model)
+
+        def values(x, u, t):
+            return _finite(term_values(library, names, np.column_stack([x, u]), t), library)
+
+        rows = step_rows if self.discrete else rate_rows
+        terms, rates = rows(states, values, span_samples(states, self.span))
+        found = self._regress(terms, rates, base.states)
+        terms, self.coefficients_ = complete(base, library, found, self.discrete)
+        T = states.interval if self.discrete else None
+        self.model_ = identified_model(base, terms, self.coefficients_, T)
+        if self.model is None:
+            firsts = [rows.start for rows in states.pieces]
+            self.model_ = starting_where(self.model_, states.x[firsts].mean(axis=0))
+        self._keep_texts(terms, base.states)
+        self._interval = T
+        self._limit = RUNAWAY * np.nanmax(np.abs(states.windows.y), axis=0)
+        self.substeps_ = self._enough_substeps(records)
+        return self
+
+    def _enough_substeps(self, records) -> int:
+        if self.discrete:
+            return 1
+        if self.substeps is not None:
+            return self.substeps
+        return enough_substeps(self.model_, records, hold=self.hold)
+
+    def _predict_records(self, X):
+        records = read_records(self.model_, validate_table(self, X, reset=False), time=self.time)
+        if self._interval is not None:
+            records = on_even_clock(records, self._interval)
+        return rows_in_order(records, np.concatenate([self._simulate(r) for r in records]))
+
+    def _simulate(self, record) -> np.ndarray:
+        """Simulate one trajectory; where it runs away repeat its first row."""
+        method = "rk4" if self._interval is None else "euler"
+        run = simulate_record(
+            self.model_, record, method=method, substeps=self.substeps_, hold=self.hold
+        )
+        away = ~(np.abs(run.y) <= self._limit).all(axis=1)
+        if not away.any():
+            return run.y
+        warnings.warn(
+            f"trajectory {record.name!r}: the identified model runs away; at "
+            f"t = {record.t[np.argmax(away)]:g} s its outputs are no longer within {RUNAWAY:g} "
+            f"times what was measured. All its rows get the values of its first row. Remedy: "
+            f"raise threshold (now {self.threshold:g}), take a smaller library, or longer spans.",
+            SimulationWarning,
+            stacklevel=4,
+        )
+        return np.nan_to_num(np.repeat(run.y[:1], len(run.y), axis=0), posinf=0.0, neginf=0.0)
+
+    # -- independent rows --------------------------------------------------------------------------
+
+    def _fit_rows(self, X, y):
+        names = target_names(y, "y")
+        X, y = validate_data(self, X, y, multi_output=True, y_numeric=True, dtype=float)
+        columns = self._columns()
+        terms = read_library(self.library, columns, self.degree)
+        values = _finite(term_values(terms, columns, X), terms)
+        self.coefficients_ = self._regress(values, y.reshape(len(y), -1), names)
+        self.model_ = None
+        self._keep_texts(terms, names)
+        return self
+
+    def _predict_rows(self, X):
+        X = validate_data(self, X, reset=False, dtype=float)
+        terms = read_library(self.terms_, self._columns())
+        return _finite(term_values(terms, self._columns(), X), terms) @ self.coefficients_.T
+
+    def _columns(self) -> list[str]:
+        """Name the columns of X as its terms do."""
+        default = [f"x{i}" for i in range(self.n_features_in_)]
+        return identifiers(getattr(self, "feature_names_in_", default))
+
+    # -- both --------------------------------------------------------------------------------------
+
+    def _regress(self, terms, targets, names) -> np.ndarray:
+        optimizer = self.optimizer
+        if optimizer is None:
+            optimizer = stepwise_least_squares(self.threshold, self.alpha, *terms.shape)
+        found = sparse_coefficients(terms, targets, optimizer)
+        for name, row, target in zip(names, found, targets.T, strict=True):
+            if not row.any() and target.any():
+                warnings.warn(
+                    f"no term of the library is left for {name!r}. Remedy: lower threshold (now "
+                    f"{self.threshold:g}), or give the library other terms.",
+                    UserWarning,
+                    stacklevel=4,
+                )
+        return found
+
+    def _keep_texts(self, terms, names) -> None:
+        self.terms_ = term_texts(terms)
+        timed = self.model_ is not None
+        self.equations_ = equation_texts(
+            names, self.terms_, self.coefficients_, self.discrete, timed
+        )
+
+    def _check_parameters(self) -> None:
+        _check_number("degree", self.degree, Integral, 1)
+        _check_number("threshold", self.threshold, Real, 0)
+        _check_number("alpha", self.alpha, Real, 0)
+        if self.span is not None:
+            _check_number("span", self.span, Real, 0)
+        if self.hold not in HOLDS:
+            raise ValueError(f"hold: expected one of {', '.join(HOLDS)}, got {self.hold!r}.")
+
+    def __sklearn_tags__(self):
+        tags = super().__sklearn_tags__()
+        # in states, which are read in a trajectory's first row
+        tags.input_tags.allow_nan = self.model is not None or self.time is not None
+        return tags
+
+
+def _check_number(name: str, value, kind, least) -> None:
+    if isinstance(value, bool) or not isinstance(value, kind) or not least <= value < np.inf:
+        what = "an integer" if kind is Integral else "a number"
+        raise ValueError(f"{name}: expected {what} >= {least}, got {value!r}.")
+
+
+def _finite(values, terms) -> np.ndarray:
+    """Refuse terms that have no value at some sample."""
+    bad = ~np.isfinite(values)
+    if bad.any():
+        row, column = np.argwhere(bad)[0]
+        raise ValueError(
+            f"library: the term {term_texts(terms)[column]!r} has no finite value at "
+            f"{bad[:, column].sum()} samples, first at sample {row}. Remedy: leave it out, or "
+            f"write it so that it has one."
+        )
+    return values

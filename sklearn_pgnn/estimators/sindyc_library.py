@@ -1,0 +1,206 @@
+r"""Libraries: the candidate terms :math:`\Psi(x, u)` of a sparse regression, as expressions.
+
+Whatever a library is given as (a name, text, the terms of a model, an object of pysindy), it ends
+as a list of symbolic terms, so that what is identified can be simulated, printed and kept.
+"""
+
+import copy
+import re
+from collections.abc import Sequence
+from functools import reduce
+from itertools import combinations_with_replacement
+
+import numpy as np
+import sympy
+
+from sklearn_pgnn.exceptions import ModelError
+from sklearn_pgnn.physics.expressions import TIME, parse_expression, standard_form, symbol, to_text
+from sklearn_pgnn.physics.model import PhysicsModel
+
+#: NumPy's own stumble over numbers among arrays
+_EXTREMES = {
+    "amax": lambda items, axis: reduce(np.maximum, items),
+    "amin": lambda items, axis: reduce(np.minimum, items),
+}
+#: a blank between two factors, as pysindy writes a product
+_PRODUCT = re.compile(r"(?<=[\w)]) +(?=[\w(])")
+#: points at which a term read from its name is compared with pysindy's own value
+POINTS = 16
+
+
+def read_library(
+    library, names: Sequence[str], degree: int = 2, model: PhysicsModel | None = None
+) -> tuple[sympy.Expr, ...]:
+    """Give the terms of a library.
+
+    Parameters
+    ----------
+    library : str, pysindy library or list of these
+        ``"polynomial"``, ``"fourier"`` (or ``"trigonometric"``), ``"model"``, an expression such
+        as ``"tanh(omega/0.02)"``, or an object of pysindy; of a list all together.
+    names : sequence of str
+        The states and inputs.
+    degree : int, default=2
+        Degree of ``"polynomial"``.
+    model : PhysicsModel, optional
+        What ``"model"`` means.
+
+    Returns
+    -------
+    tuple of sympy.Expr
+        The terms, each once.
+
+    Raises
+    ------
+    ValueError
+        If an entry is no library, or a library of pysindy cannot be written as expressions.
+
+    Examples
+    --------
+    >>> read_library(["polynomial", "sin(x)"], ["x", "u"], degree=1)
+    (1, x, u, sin(x))
+    """
+    entries = library if isinstance(library, list | tuple) else [library]
+    terms = [term for entry in entries for term in _read_entry(entry, names, degree, model)]
+    if not terms:
+        raise ValueError(f"library: expected at least one term, got {library!r}.")
+    return tuple(dict.fromkeys(standard_form(term, tuple(names)) for term in terms))
+
+
+def _read_entry(entry, names, degree, model) -> list[sympy.Expr]:
+    if hasattr(entry, "get_feature_names"):
+        return _terms_of_pysindy(entry, names)
+    if not isinstance(entry, str):
+        raise ValueError(
+            f"library: expected a name, an expression or a library of pysindy, got {entry!r}."
+        )
+    if entry == "polynomial":
+        return polynomial(names, degree)
+    if entry in ("fourier", "trigonometric"):
+        return [function(symbol(name)) for name in names for function in (sympy.sin, sympy.cos)]
+    if entry == "model":
+        return model_terms(model)
+    try:
+        return [parse_expression(entry, names, "library")]
+    except ModelError as error:
+        raise ValueError(
+            f"{error} Remedy: use 'polynomial', 'fourier', 'model' or an expression of "
+            f"{', '.join(names)}."
+        ) from None
+
+
+def polynomial(names: Sequence[str], degree: int) -> list[sympy.Expr]:
+    """Give the monomials of the quantities up to a degree, beginning with the constant.
+
+    Parameters
+    ----------
+    names : sequence of str
+        The quantities.
+    degree : int
+        Highest degree.
+
+    Returns
+    -------
+    list of sympy.Expr
+        The monomials.
+
+    Examples
+    --------
+    >>> polynomial(["x", "u"], 2)
+    [1, x, u, x**2, u*x, u**2]
+    """
+    quantities = [symbol(name) for name in names]
+    return [
+        sympy.Mul(*factors)
+        for order in range(degree + 1)
+        for factors in combinations_with_replacement(quantities, order)
+    ]
+
+
+def model_terms(model: PhysicsModel | None) -> list[sympy.Expr]:
+    """Give a model's states, inputs and what its rates are sums of, without constant factors.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model. Parameters inside of a nonlinear function stay at their values.
+
+    Returns
+    -------
+    list of sympy.Expr
+        The terms.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn import systems
+    >>> model_terms(systems.cart_on_spring())
+    [x, v, force]
+    """
+    if model is None:
+        raise ValueError("library: 'model' needs a model, got none. Remedy: give model=...")
+    values = {symbol(name): p.value for name, p in model.parameters.items()}
+    terms = [symbol(name) for name in (*model.states, *model.inputs)]
+    for rate in model.equations.values():
+        expanded = sympy.expand(rate.xreplace(values), log=False, power_base=False, power_exp=False)
+        for addend in sympy.Add.make_args(expanded):
+            terms.append(addend.as_independent(*addend.free_symbols, as_Add=False)[1])
+    return [term for term in dict.fromkeys(terms) if not term.is_zero]
+
+
+def _terms_of_pysindy(library, names) -> list[sympy.Expr]:
+    """Read the terms of a library of pysindy from their names, and compare their values."""
+    points = np.random.default_rng(0).uniform(0.5, 1.5, (POINTS, len(names)))
+    library = copy.deepcopy(library).fit(points)
+    values = np.asarray(library.transform(points))
+    terms = []
+    for text, value in zip(library.get_feature_names(list(names)), values.T, strict=True):
+        try:
+            term = parse_expression(_PRODUCT.sub("*", text).replace("^", "**"), names, "library")
+        except ModelError:
+            term = None
+        if term is None or not np.allclose(term_values([term], names, points).ravel(), value):
+            raise ValueError(
+                f"library: the term {text!r} of {type(library).__name__} is not named by what it "
+                f"computes. Remedy: give function_names that are expressions, or the expressions "
+                f"themselves as text."
+            )
+        terms.append(term)
+    return terms
+
+
+def term_values(terms, names: Sequence[str], columns, t=0.0) -> np.ndarray:
+    """Evaluate terms at samples.
+
+    Parameters
+    ----------
+    terms : sequence of sympy.Expr
+        The terms.
+    names : sequence of str
+        The states and inputs.
+    columns : ndarray of shape (n_samples, n_names)
+        Their values.
+    t : float or ndarray of shape (n_samples,), default=0
+        Time [s].
+
+    Returns
+    -------
+    ndarray of shape (n_samples, n_terms)
+        The terms' values; not finite where a term has none.
+
+    Examples
+    --------
+    >>> terms = read_library("polynomial", ["x"])
+    >>> term_values(terms, ["x"], np.array([[2.0], [3.0]]))
+    array([[1., 2., 4.],
+           [1., 3., 9.]])
+    """
+    arguments = [TIME, *(symbol(name) for name in names)]
+    function = sympy.lambdify(arguments, list(terms), [_EXTREMES, "numpy"])
+    with np.errstate(all="ignore"):
+        found = function(t, *columns.T)
+    return np.column_stack([np.broadcast_to(value, len(columns)) for value in found]).astype(float)
+
+
+def term_texts(terms) -> list[str]:
+    """Write terms as text that `parse_expression` reads."""
+    return [to_text(term) for term in terms]

@@ -1,0 +1,207 @@
+r"""From coefficients to a model: :math:`\dot x = \Xi\Psi(x, u)` as a `PhysicsModel`.
+
+A map :math:`x_{k+1} = \Xi\Psi(x_k, u_k)` is written as the rate :math:`(\Xi\Psi(x, u) - x)/T` with
+the sample interval :math:`T`, so that one explicit Euler step of a sample is exactly the map.
+"""
+
+import re
+
+import numpy as np
+import sympy
+
+from sklearn_pgnn.physics.expressions import symbol, to_text
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.parameter import Parameter
+
+#: longest part of a coefficient's name that tells its term
+NAME_LENGTH = 24
+
+
+def identified_model(
+    base: PhysicsModel, terms, coefficients, T: float | None = None
+) -> PhysicsModel:
+    """Give a model with identified equations.
+
+    Parameters
+    ----------
+    base : PhysicsModel
+        Gives names, units, inputs, outputs, delays and columns, and the rate of every position.
+    terms : sequence of sympy.Expr
+        The library.
+    coefficients : ndarray of shape (n_states, n_terms)
+        Coefficients of rates, or of a map if `T` is given; zero where a term is left out.
+    T : float, optional
+        Sample interval of a map [s].
+
+    Returns
+    -------
+    PhysicsModel
+        The model; its coefficients are parameters such as ``c_omega_sin_phi``.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn import systems
+    >>> cart = systems.cart_on_spring()
+    >>> terms = [symbol("x"), symbol("force")]
+    >>> print(identified_model(cart, terms, np.array([[0, 0], [-20, 0.5]])).to_text())
+    x' = v
+    v' = c_v_force*force + c_v_x*x
+    """
+    kept = _kept_parameters(base, with_inertia=T is None)
+    taken = {*base.states, *base.inputs, *kept}
+    known = {} if T is not None else _velocities(base)
+    equations = {position: symbol(velocity) for position, velocity in known.items()}
+    new: dict[str, Parameter] = {}
+    if T is not None:
+        interval = Parameter(_free_name("T", taken), T, unit="s", fixed=True)
+        kept[interval.name] = interval
+    for state, row in zip(base.states, coefficients, strict=True):
+        if state in known:
+            continue
+        found = _coefficients(state, terms, row, taken, base.unit(state), T)
+        total = sympy.Add(*(symbol(p.name) * term for p, term in found))
+        if T is not None:
+            total = (_without_sticking(total, base) - symbol(state)) / symbol(interval.name)
+        equations[state] = total
+        new |= {parameter.name: parameter for parameter, _ in found}
+    return base.replace(
+        name=f"{base.name}, identified",
+        equations=equations,
+        parameters={**new, **kept},
+        inertia=base.inertia if T is None else {},
+        energy={},
+    )
+
+
+def complete(base: PhysicsModel, library, found, discrete: bool):
+    """Add to what was found what is known: a state's own step, a position's velocity.
+
+    Parameters
+    ----------
+    base : PhysicsModel
+        The model.
+    library : sequence of sympy.Expr
+        The library.
+    found : ndarray of shape (n_states, n_terms)
+        Coefficients of rates or steps.
+    discrete : bool
+        Whether they are steps.
+
+    Returns
+    -------
+    terms : list of sympy.Expr
+        The library and what it lacked.
+    coefficients : ndarray of shape (n_states, n_terms)
+        Coefficients of rates or of the map.
+    """
+    states, velocities = list(base.states), _velocities(base)
+    needed = states if discrete else velocities.values()
+    terms = list(dict.fromkeys([*library, *map(symbol, needed)]))
+    coefficients = np.zeros((len(states), len(terms)))
+    coefficients[:, : len(library)] = found
+    for i, state in enumerate(states):
+        if discrete:
+            coefficients[i, terms.index(symbol(state))] += 1.0
+        elif state in velocities:
+            coefficients[i] = 0.0
+            coefficients[i, terms.index(symbol(velocities[state]))] = 1.0
+    return terms, coefficients
+
+
+def equation_texts(states, terms, coefficients, discrete: bool, timed: bool = True) -> list[str]:
+    """Write identified equations as text with four digits.
+
+    Parameters
+    ----------
+    states : sequence of str
+        What the equations give.
+    terms : sequence of str
+        The library.
+    coefficients : ndarray of shape (n_states, n_terms)
+        Coefficients.
+    discrete : bool
+        Whether they are a map.
+    timed : bool, default=True
+        Whether they are about time at all.
+
+    Returns
+    -------
+    list of str
+        One equation a state.
+
+    Examples
+    --------
+    >>> equation_texts(["x"], ["1", "x", "sin(u) + 1"], np.array([[0.5, -2, 1]]), False)
+    ["x' = 0.5 - 2*x + (sin(u) + 1)"]
+    """
+    left = "{}[k+1]" if discrete else "{}'" if timed else "{}"
+    return [
+        f"{left.format(state)} = {_sum_text(terms, row)}"
+        for state, row in zip(states, coefficients, strict=True)
+    ]
+
+
+def _sum_text(terms, row) -> str:
+    parts = [_product_text(value, term) for value, term in zip(row, terms, strict=True) if value]
+    return " + ".join(parts).replace("+ -", "- ") or "0"
+
+
+def _product_text(value: float, term: str) -> str:
+    number = f"{value:.4g}"
+    if term == "1":
+        return number
+    factor = f"({term})" if re.search(r" [+-] (?![^(]*\))", term) else term
+    return {"1": factor, "-1": f"-{factor}"}.get(number, f"{number}*{factor}")
+
+
+def _velocities(base: PhysicsModel) -> dict[str, str]:
+    """Give the velocity of every position."""
+    return {position: velocity for velocity, position in base.kinematic_pairs.items()}
+
+
+def _kept_parameters(base: PhysicsModel, with_inertia: bool) -> dict[str, Parameter]:
+    """Give the parameters that outputs, delays and inertia go on using, as known ones."""
+    used = [*base.outputs.values(), *(base.inertia.values() if with_inertia else ())]
+    names = {str(s) for expression in used for s in expression.free_symbols}
+    names |= set(base.delays.values())
+    return {
+        name: Parameter(name, p.value, unit=p.unit, bounds=p.bounds, fixed=True)
+        for name, p in base.parameters.items()
+        if name in names
+    }
+
+
+def _coefficients(state, terms, row, taken, unit, T):
+    """Make a parameter of every coefficient that is not zero, with its term."""
+    found = []
+    for term, value in zip(terms, row, strict=True):
+        if value:
+            text = to_text(term)
+            slug = re.sub(r"\W+", "_", text).strip("_")[:NAME_LENGTH].strip("_")
+            name = _free_name(f"c_{state}_{slug}", taken)
+            per = unit or "1" if T is not None else f"{unit or 1}/s"
+            found.append((Parameter(name, float(value), unit=f"{per} per {text}"), term))
+    return found
+
+
+def _free_name(wanted: str, taken: set[str]) -> str:
+    name, number = wanted, 2
+    while name in taken:
+        name, number = f"{wanted}_{number}", number + 1
+    taken.add(name)
+    return name
+
+
+def _without_sticking(expression, base: PhysicsModel):
+    """Write the sign of a state so that a simulation does not cut its steps there.
+
+    A state under dry friction sticks between two samples; a map knows nothing between them.
+    """
+    signs = {sympy.sign(symbol(s)): sympy.sign(sympy.tanh(symbol(s))) for s in base.states}
+    return expression.xreplace(signs)
+
+
+def starting_where(model: PhysicsModel, x: np.ndarray) -> PhysicsModel:
+    """Give a model that starts at a state where a trajectory does not tell its own."""
+    start = {name: float(value) for name, value in zip(model.states, x, strict=True)}
+    return model.replace(initial_state=start)

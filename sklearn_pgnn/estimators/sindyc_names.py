@@ -1,0 +1,110 @@
+"""Without a model: which columns are states and which inputs, and names equations can use."""
+
+import keyword
+import re
+
+import numpy as np
+import pandas as pd
+
+from sklearn_pgnn.exceptions import RecordError
+from sklearn_pgnn.physics.expressions import RESERVED
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.trajectories.reader import TIME, TRAJECTORY
+
+
+def is_timed(X, model, time) -> bool:
+    """Tell whether the rows of X are samples in time, or independent."""
+    return model is not None or time is not None or TIME in getattr(X, "columns", ())
+
+
+def blank_model(X, y, time) -> PhysicsModel:
+    """Give the model that says nothing but names: its states are the columns of y.
+
+    Parameters
+    ----------
+    X : DataFrame or ndarray of shape (n_samples, n_columns)
+        Time and inputs; in a DataFrame also the states.
+    y : DataFrame, Series or array-like of shape (n_samples, n_states) or (n_samples,)
+        The states.
+    time : int, str or None
+        Column of the time.
+
+    Returns
+    -------
+    PhysicsModel
+        A model whose states rest.
+
+    Raises
+    ------
+    RecordError
+        If an input has gaps, as only states may.
+
+    Examples
+    --------
+    >>> X = pd.DataFrame({"t": [0.0, 0.1], "torque [N m]": 1.0})
+    >>> blank_model(X, pd.DataFrame({"phi": [0.0, 0.2]}), None).inputs
+    mappingproxy({'torque_N_m': ''})
+    """
+    states = target_names(y)
+    if isinstance(X, pd.DataFrame):
+        aside = {TIME if time is None else time, TRAJECTORY, *states}
+        inputs = [str(name) for name in X.columns if name not in aside]
+        _refuse_gaps(X, inputs, states)
+    else:
+        inputs = [f"u{i}" for i in range(X.shape[1] - 1)]
+    called = [*states, *inputs]
+    names = identifiers(called)
+    return PhysicsModel(
+        states=dict.fromkeys(names[: len(states)], ""),
+        equations=dict.fromkeys(names[: len(states)], "0"),
+        inputs=dict.fromkeys(names[len(states) :], ""),
+        columns={name: column for name, column in zip(names, called, strict=True) if name != column},
+    )
+
+
+def target_names(y, letter: str = "x") -> list[str]:
+    """Name the columns of y; ``x0``, ``x1`` ... where they have no names."""
+    if isinstance(y, pd.DataFrame):
+        return [str(name) for name in y.columns]
+    if isinstance(getattr(y, "name", None), str):
+        return [y.name]
+    shape = np.shape(y)
+    return [f"{letter}{i}" for i in range(shape[1] if len(shape) == 2 else 1)]
+
+
+def identifiers(called) -> list[str]:
+    """Turn names of columns into names that an equation may hold, each another one.
+
+    Parameters
+    ----------
+    called : sequence of str
+        Names of columns.
+
+    Returns
+    -------
+    list of str
+        Letters, digits and underscores, not beginning with a digit.
+
+    Examples
+    --------
+    >>> identifiers(["phi", "torque [N m]", "2nd", "sin", "phi"])
+    ['phi', 'torque_N_m', 'x2nd', 'sin_', 'phi_']
+    """
+    names: list[str] = []
+    for column in called:
+        name = re.sub(r"\W+", "_", str(column)).strip("_") or "x"
+        name = f"x{name}" if name[0].isdigit() else name
+        while name in names or name in RESERVED or keyword.iskeyword(name):
+            name += "_"
+        names.append(name)
+    return names
+
+
+def _refuse_gaps(X: pd.DataFrame, inputs, states) -> None:
+    gaps = [name for name in inputs if X[name].isna().any()]
+    if gaps:
+        raise RecordError(
+            f"X: column {gaps[0]!r} has gaps, as only states may, and y has no column of that "
+            f"name (it has {', '.join(states)}). Remedy: give y as a DataFrame that names the "
+            f"states, fill the gaps, or leave the column out."
+        )

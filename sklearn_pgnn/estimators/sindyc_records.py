@@ -1,0 +1,217 @@
+r"""From records to the rows of a regression: rates of the states, and terms, averaged over spans.
+
+The rate of a smoothed state is mostly noise from one sample to the next. Over a span of :math:`m`
+samples (of length :math:`h`) it is not, and the equations hold for the averages just as well:
+
+.. math::
+    \frac{x_{k+m} - x_k}{h} = \Xi\,\frac{1}{h}\int_{t_k}^{t_{k+m}} \Psi(x, u)\, dt, \qquad
+    \frac{x_{k+m} - x_k}{m} = (\Xi - S)\,\frac{1}{m}\sum_{j=k}^{k+m-1} \Psi(x_j, u_j)
+
+for :math:`\dot x = \Xi\Psi(x, u)` and for :math:`x_{k+1} = \Xi\Psi(x_k, u_k)`, where :math:`S`
+picks the states out of the terms. No row reaches over the end of a trajectory.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sklearn_pgnn.exceptions import RecordError
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.record_windows import window_records
+from sklearn_pgnn.simulation.windows import Windows
+from sklearn_pgnn.trajectories.record import Record
+
+#: span of a rate as a share of the outputs' dominant period
+SPAN_SHARE = 1 / 30
+#: a sample interval that differs by more than this share is another one
+UNEVEN = 0.01
+#: at least so many of the intervals between samples are equal in a map
+EVEN_SHARE = 0.5
+
+
+@dataclass(frozen=True)
+class MeasuredStates:
+    """The states of a machine at every sample of its records.
+
+    Parameters
+    ----------
+    windows : Windows
+        The records.
+    x : ndarray of shape (n_samples, n_states)
+        States.
+    u : ndarray of shape (n_samples, n_inputs)
+        Inputs as they act.
+    period : float
+        Dominant period of the outputs [s].
+    """
+
+    windows: Windows
+    x: np.ndarray
+    u: np.ndarray
+    period: float
+
+    @property
+    def interval(self) -> float:
+        """The median sample interval [s]."""
+        windows = self.windows
+        pieces = [np.diff(windows.t[rows]) for rows in self.pieces]
+        return float(np.median(np.concatenate(pieces)))
+
+    @property
+    def pieces(self) -> list[slice]:
+        """The rows of every record."""
+        bounds = self.windows.bounds
+        return [slice(a, b) for a, b in zip(bounds[:-1], bounds[1:], strict=True)]
+
+
+def measure_states(model: PhysicsModel, records, **options) -> MeasuredStates:
+    """Estimate the states of a model from the outputs of records.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    records : tuple of Record
+        The records.
+    **options
+        See `window_records`.
+
+    Returns
+    -------
+    MeasuredStates
+        The states.
+    """
+    ground = window_records(model, records, **options)
+    u = ground.windows.acting_inputs(model)[:, : len(model.inputs)]
+    return MeasuredStates(ground.windows, ground.states.estimate(model).x, u, ground.period)
+
+
+def span_samples(states: MeasuredStates, span: float | None) -> int:
+    """Give the number of samples over which rates are averaged.
+
+    Parameters
+    ----------
+    states : MeasuredStates
+        The states.
+    span : float or None
+        Wanted length [s]; by default `SPAN_SHARE` of the dominant period.
+
+    Returns
+    -------
+    int
+        At least one; less than the longest record has.
+    """
+    span = SPAN_SHARE * states.period if span is None else span
+    longest = int(np.diff(states.windows.bounds).max())
+    return int(np.clip(round(span / states.interval), 1, longest - 1))
+
+
+def rate_rows(states: MeasuredStates, library, m: int) -> tuple[np.ndarray, np.ndarray]:
+    """Give rates and terms of a continuous model, averaged over `m` samples.
+
+    Parameters
+    ----------
+    states : MeasuredStates
+        The states.
+    library : callable
+        Values of the terms at states, inputs and times.
+    m : int
+        Samples.
+
+    Returns
+    -------
+    terms : ndarray of shape (n_rows, n_terms)
+        Averages of the terms, by the trapezoidal rule with the inputs held as they are.
+    rates : ndarray of shape (n_rows, n_states)
+        Averages of the rates [unit of the state per second].
+    """
+    terms, rates = [], []
+    for rows in states.pieces:
+        t, x, u = states.windows.t[rows], states.x[rows], states.u[rows]
+        dt = np.diff(t)[:, None]
+        at_end = u[1:] if states.windows.hold == "foh" else u[:-1]
+        both = library(x[:-1], u[:-1], t[:-1]) + library(x[1:], at_end, t[1:])
+        h = t[m:] - t[:-m]
+        whole = h < 1.5 * m * states.interval  # no row reaches over a gap
+        terms.append((_sums(dt * both / 2, m) / h[:, None])[whole])
+        rates.append(((x[m:] - x[:-m]) / h[:, None])[whole])
+    return np.concatenate(terms), np.concatenate(rates)
+
+
+def step_rows(states: MeasuredStates, library, m: int) -> tuple[np.ndarray, np.ndarray]:
+    """Give steps and terms of a map from sample to sample, averaged over `m` samples.
+
+    Parameters
+    ----------
+    states : MeasuredStates
+        The states.
+    library : callable
+        Values of the terms at states, inputs and times.
+    m : int
+        Samples.
+
+    Returns
+    -------
+    terms : ndarray of shape (n_rows, n_terms)
+        Averages of the terms.
+    steps : ndarray of shape (n_rows, n_states)
+        Averages of the steps [unit of the state].
+
+    Raises
+    ------
+    RecordError
+        If the samples are not evenly spaced.
+    """
+    terms, steps, T = [], [], states.interval
+    for rows in states.pieces:
+        t, x, u = states.windows.t[rows], states.x[rows], states.u[rows]
+        even = _sums(np.abs(np.diff(t) / T - 1)[:, None] > UNEVEN, m)[:, 0] == 0
+        terms.append((_sums(library(x[:-1], u[:-1], t[:-1]), m) / m)[even])
+        steps.append(((x[m:] - x[:-m]) / m)[even])
+    terms, steps = np.concatenate(terms), np.concatenate(steps)
+    if len(terms) < EVEN_SHARE * sum(max(rows.stop - rows.start - m, 0) for rows in states.pieces):
+        raise RecordError(
+            f"X: a discrete model needs samples at equal intervals; most differ from their median "
+            f"of {T:g} s. Remedy: take discrete=False, or resample the records."
+        )
+    return terms, steps
+
+
+def on_even_clock(records, T: float) -> tuple[Record, ...]:
+    """Give records whose times are multiples of a sample interval.
+
+    Parameters
+    ----------
+    records : tuple of Record
+        The records.
+    T : float
+        The sample interval [s].
+
+    Returns
+    -------
+    tuple of Record
+        The same records; only the last digits of their times have changed.
+
+    Raises
+    ------
+    RecordError
+        If a record is sampled at other intervals.
+    """
+    for record in records:
+        uneven = np.flatnonzero(np.abs(np.diff(record.t) / T - 1) > UNEVEN)
+        if uneven.size:
+            k = int(uneven[0])
+            raise RecordError(
+                f"X: a discrete model steps by {T:g} s, the sample interval of its fit; in "
+                f"trajectory {record.name!r} the step from row {record.rows[k]} is "
+                f"{record.t[k + 1] - record.t[k]:g} s. Remedy: resample the record, or take "
+                f"discrete=False."
+            )
+    return tuple(replace(r, t=r.t[0] + T * np.arange(r.t.size)) for r in records)
+
+
+def _sums(values, m: int) -> np.ndarray:
+    """Sum every `m` values that follow each other."""
+    total = np.vstack([np.zeros((1, values.shape[1])), np.cumsum(values, axis=0)])
+    return total[m:] - total[:-m]
+

@@ -1,0 +1,95 @@
+r"""Sparse regression of targets on the terms of a library, scaled so that a threshold has a meaning.
+
+With the terms :math:`\Psi` divided by their root mean squares and the target by its standard
+deviation :math:`\sigma`, a coefficient is the share of the target's motion that its term makes up:
+
+.. math:: \theta_{ij} = \Xi_{ij}\, \mathrm{rms}(\Psi_j) / \sigma_i
+"""
+
+import warnings
+
+import numpy as np
+from sklearn.base import clone
+
+#: below this share of its root mean square a target does not move
+STILL = 1e-9
+
+
+def sparse_coefficients(terms, targets, optimizer) -> np.ndarray:
+    """Find few terms that make up the targets.
+
+    Parameters
+    ----------
+    terms : ndarray of shape (n_rows, n_terms)
+        Values of the terms.
+    targets : ndarray of shape (n_rows, n_targets)
+        What they shall make up.
+    optimizer : pysindy optimizer or linear regressor without intercept
+        It sees scaled terms and targets; it is cloned, not fitted itself.
+
+    Returns
+    -------
+    ndarray of shape (n_targets, n_terms)
+        Coefficients in the units of terms and targets; zero for terms that are left out.
+    """
+    size, spread = _sizes(terms), _spreads(targets)
+    optimizer = clone(optimizer)
+    with warnings.catch_warnings():
+        # the caller says it by the state's name
+        warnings.filterwarnings("ignore", message="Sparsity parameter is too big")
+        optimizer.fit(terms / size, targets / spread)
+    shares = np.reshape(optimizer.coef_, (targets.shape[1], terms.shape[1]))
+    return shares * spread[:, None] / size
+
+
+def stepwise_least_squares(threshold: float, alpha: float, n_rows: int, n_terms: int):
+    r"""Give the sequentially thresholded ridge regression of the paper on SINDY.
+
+    It minimises :math:`\frac1n |y - \Psi\theta|^2 + \alpha |\theta|^2`, drops every coefficient
+    below the threshold, begins anew until none is left there, and ends without the ridge.
+
+    Parameters
+    ----------
+    threshold : float
+        Least coefficient that stays.
+    alpha : float
+        Ridge penalty per row.
+    n_rows, n_terms : int
+        How large the regression is.
+
+    Returns
+    -------
+    pysindy.STLSQ
+        The optimizer.
+
+    Raises
+    ------
+    ImportError
+        If pysindy is not there.
+
+    References
+    ----------
+    .. [1] S. L. Brunton, J. L. Proctor, J. N. Kutz, "Discovering governing equations from data by
+       sparse identification of nonlinear dynamical systems", PNAS 113(15), 2016,
+       :doi:`10.1073/pnas.1517384113`.
+    """
+    try:
+        from pysindy import STLSQ
+    except ImportError as error:
+        raise ImportError(
+            "SINDYcRegressor needs pysindy, which is not installed. "
+            'Remedy: pip install "sklearn-pgnn[sindy]".'
+        ) from error
+    # every round but the last drops a term
+    return STLSQ(threshold=threshold, alpha=alpha * n_rows, max_iter=n_terms + 1)
+
+
+def _sizes(terms) -> np.ndarray:
+    size = np.sqrt(np.mean(terms**2, axis=0))
+    return np.where(size > 0, size, 1.0)
+
+
+def _spreads(targets) -> np.ndarray:
+    size, spread = np.sqrt(np.mean(targets**2, axis=0)), np.std(targets, axis=0)
+    spread = np.where(spread > STILL * size, spread, size)
+    return np.where(spread > 0, spread, 1.0)
