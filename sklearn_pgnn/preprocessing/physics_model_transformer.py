@@ -1,16 +1,13 @@
 """What a physical model makes of a table of samples, as further columns."""
 
-import warnings
-
 import numpy as np
 import pandas as pd
 from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils.validation import _check_feature_names_in, check_is_fitted
 
-from sklearn_pgnn.exceptions import SimulationWarning
-from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.free_run import enough_substeps, simulate_record
-from sklearn_pgnn.trajectories import read_records, rows_in_order
+from sklearn_pgnn.simulation.finite_run import quantities_of, simulate_quantities
+from sklearn_pgnn.simulation.free_run import enough_substeps
+from sklearn_pgnn.trajectories import read_records
 from sklearn_pgnn.trajectories.validation import validate_table
 
 SUFFIX, TRAJECTORY = "_phy", "trajectory"
@@ -29,8 +26,8 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
 
     Parameters
     ----------
-    model : PhysicsModel
-        The model.
+    model : PhysicsModel, optional
+        The model; without one X is passed on as it is.
     outputs : sequence of str, optional
         States and outputs to append; by default all, the states first.
     append : bool or "all", default=True
@@ -50,7 +47,7 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
     Attributes
     ----------
     substeps_ : int
-        Integration steps from sample to sample.
+        Integration steps from sample to sample, where there is a model.
     n_features_in_ : int
         Number of columns of X.
     feature_names_in_ : ndarray of str
@@ -58,6 +55,7 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
 
     Examples
     --------
+    >>> from sklearn_pgnn import PhysicsModel
     >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
     >>> X = pd.DataFrame({"t": [0.0, 1.0, 2.0], "u": 1.0})
     >>> PhysicsModelTransformer(lag).set_output(transform="pandas").fit_transform(X).round(3)
@@ -69,7 +67,7 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
 
     def __init__(
         self,
-        model: PhysicsModel,
+        model=None,
         *,
         outputs=None,
         append=True,
@@ -106,7 +104,10 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
         ValueError
             If X cannot be read as records of the model, or a name in `outputs` is unknown.
         """
-        records = read_records(self.model, validate_table(self, X, reset=True), time=self.time)
+        X = validate_table(self, X, reset=True)
+        if self.model is None:
+            return self
+        records = read_records(self.model, X, time=self.time)
         self._quantities()
         if self.append not in (True, False, "all"):
             raise ValueError(f"append: expected True, False or 'all', got {self.append!r}.")
@@ -132,8 +133,16 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
         """
         check_is_fitted(self)
         X = validate_table(self, X, reset=False)
-        records = read_records(self.model, X, time=self.time)
-        simulated = rows_in_order(records, np.concatenate([self._simulate(r) for r in records]))
+        if self.model is None:
+            return X
+        simulated = simulate_quantities(
+            self.model,
+            read_records(self.model, X, time=self.time),
+            self._quantities(),
+            method=self.method,
+            hold=self.hold,
+            substeps=self.substeps_,
+        )
         kept = X.iloc[:, self._kept()] if isinstance(X, pd.DataFrame) else X[:, self._kept()]
         return np.column_stack([kept, simulated])
 
@@ -152,12 +161,14 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
         """
         check_is_fitted(self)
         names = _check_feature_names_in(self, input_features)
+        if self.model is None:
+            return names
         new = [name + SUFFIX for name in self._quantities()]
         return np.asarray([*names[self._kept()], *new], dtype=object)
 
     def _quantities(self) -> list[str]:
         """Name the states and outputs that are appended."""
-        known = list(dict.fromkeys([*self.model.states, *self.model.outputs]))
+        known = quantities_of(self.model)
         names = known if self.outputs is None else list(self.outputs)
         unknown = [name for name in names if name not in known]
         if unknown:
@@ -177,24 +188,6 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
             return [i for i in everything if self.feature_names_in_[i] not in dropped]
         time = everything.pop(self.time or 0)
         return sorted([time, *everything[: len(self.model.inputs)]])
-
-    def _simulate(self, record) -> np.ndarray:
-        """Simulate one trajectory; where it diverges repeat its first row."""
-        run = simulate_record(
-            self.model, record, method=self.method, substeps=self.substeps_, hold=self.hold
-        )
-        columns = dict(zip(self.model.states, run.x.T, strict=True))
-        columns |= dict(zip(self.model.outputs, run.y.T, strict=True))
-        values = np.column_stack([columns[name] for name in self._quantities()])
-        if not run.message and np.isfinite(values).all():
-            return values
-        what = run.message or "an output is not finite. Remedy: check the output's expression."
-        warnings.warn(
-            f"trajectory {record.name!r}: {what} Its rows get the values of its first row.",
-            SimulationWarning,
-            stacklevel=3,
-        )
-        return np.nan_to_num(np.repeat(values[:1], len(values), axis=0), posinf=0.0, neginf=0.0)
 
     def __sklearn_tags__(self):
         tags = super().__sklearn_tags__()

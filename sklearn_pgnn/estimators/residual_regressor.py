@@ -1,0 +1,221 @@
+"""Residual modelling: a physical model, and a regressor of its error."""
+
+import numpy as np
+import pandas as pd
+from sklearn.base import BaseEstimator, MultiOutputMixin, RegressorMixin, clone
+from sklearn.linear_model import LinearRegression
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
+from sklearn.utils import check_array, check_consistent_length, get_tags
+from sklearn.utils.validation import check_is_fitted
+
+from sklearn_pgnn.simulation.finite_run import quantities_of, simulate_quantities
+from sklearn_pgnn.simulation.free_run import enough_substeps
+from sklearn_pgnn.trajectories import read_records, rows_in_order
+from sklearn_pgnn.trajectories.validation import validate_table
+
+TIME, TRAJECTORY, SUFFIX = "t", "trajectory", "_phy"
+
+
+class ResidualRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
+    r"""Add a regression of its own error to a simulated model: residual modelling.
+
+    .. math:: \hat y_k = y^{phy}_k + g(u_k, x^{phy}_k, y^{phy}_k)
+
+    :math:`x^{phy}, y^{phy}` are the model's simulation in free run from each trajectory's first
+    row, and any regressor of scikit-learn is fitted as :math:`g` to :math:`y - y^{phy}`. For it
+    every row stands alone; it sees neither time nor trajectory nor measured states. Rows without
+    all outputs measured (NaN) are left out of its fit.
+
+    A simulation that leaves the finite numbers is named in a `SimulationWarning`; its rows get the
+    values of the trajectory's first row, as in `PhysicsModelTransformer`.
+
+    Parameters
+    ----------
+    model : PhysicsModel, optional
+        The model. Without one, :math:`y = g(X)` on all columns of X but time and trajectory.
+    regressor : regressor, optional
+        What is fitted to the error; by default least squares on standardised features. It is
+        cloned, and draws what it draws by its own `random_state`. Of a model with several outputs
+        it must predict several (`sklearn.multioutput.MultiOutputRegressor` makes it do so).
+    time : int or str, optional
+        Column of X that holds the time; by default ``"t"``, of an array the first, or without a
+        model none.
+    hold : {"zoh", "foh"}, default="zoh"
+        Whether an input is held between two samples or runs straight from one to the next.
+    substeps : int, optional
+        Integration steps from sample to sample; by default as many as the records of `fit` need
+        until nothing changes by more than a thousandth of its range.
+
+    Attributes
+    ----------
+    regressor_ : regressor
+        The fitted :math:`g`; its features are the inputs, then the simulated states and outputs
+        with ``_phy`` added to their names.
+    substeps_ : int
+        Integration steps from sample to sample, where there is a model.
+    n_features_in_ : int
+        Number of columns of X.
+    feature_names_in_ : ndarray of str
+        Their names, if X has any.
+
+    See Also
+    --------
+    sklearn_pgnn.PhysicsModelTransformer : Appends the simulation to X.
+
+    Notes
+    -----
+    The extended form, :math:`\hat y_k = g(t_k, u_k, x^{phy}_k, y^{phy}_k)`, needs no class of its
+    own: it is any regressor behind `PhysicsModelTransformer`, as in the second example.
+
+    References
+    ----------
+    .. [1] J. Willard, X. Jia, S. Xu, M. Steinbach, V. Kumar, "Integrating Physics-Based Modeling
+       with Machine Learning: A Survey", 2020, arXiv:2003.04919.
+    .. [2] R.-S. Goette, J. Timmermann, "Composed Physics- and Data-driven System Identification
+       for Non-autonomous Systems in Control Engineering", 2021, arXiv:2112.08148.
+
+    Examples
+    --------
+    A lag whose sensor has an offset that the model lacks:
+
+    >>> from sklearn_pgnn import PhysicsModel
+    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
+    >>> t = np.linspace(0, 20, 201)
+    >>> X = pd.DataFrame({"t": t, "u": np.sin(t)})
+    >>> y = lag.simulate(t, np.sin(t)).y + 0.5
+    >>> residual = ResidualRegressor(lag).fit(X, y)
+    >>> print(round(residual.score(X, y), 6), list(residual.regressor_.feature_names_in_))
+    1.0 ['u', 'y_phy']
+
+    The extended form:
+
+    >>> from sklearn_pgnn import PhysicsModelTransformer
+    >>> extended = make_pipeline(PhysicsModelTransformer(lag), LinearRegression()).fit(X, y)
+    >>> print(round(extended.score(X, y), 6))
+    1.0
+    """
+
+    def __init__(
+        self,
+        model=None,
+        regressor=None,
+        *,
+        time=None,
+        hold="zoh",
+        substeps=None,
+    ):
+        self.model = model
+        self.regressor = regressor
+        self.time = time
+        self.hold = hold
+        self.substeps = substeps
+
+    def fit(self, X, y):
+        """Simulate the model, and fit the regressor to its error.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_samples, n_columns)
+            Time [s], inputs and, where known, the states in each trajectory's first row.
+        y : array-like of shape (n_samples, n_outputs) or (n_samples,)
+            Measured outputs; NaN where there is none.
+
+        Returns
+        -------
+        self : ResidualRegressor
+            The fitted regressor.
+
+        Raises
+        ------
+        ValueError
+            If X and y cannot be read as records of the model, or no row has all outputs.
+        """
+        if y is None:
+            raise ValueError(
+                f"{type(self).__name__} requires y to be passed, but the target y is None."
+            )
+        X = validate_table(self, X, reset=True)
+        self._single_output = np.asarray(y).ndim == 1
+        if self.model is None:
+            features, error = self._plain(X), _plain_outputs(X, y)
+        else:
+            features, error = self._simulate_and_compare(X, y)
+        rows = np.isfinite(error).all(axis=1)
+        if not rows.any():
+            raise ValueError(
+                "y: no row has all outputs measured. Remedy: regress one output at a time, with "
+                "a model of that output alone (model.replace(outputs=...))."
+            )
+        target = error[rows, 0] if error.shape[1] == 1 else error[rows]
+        self.regressor_ = clone(self._regressor()).fit(features[rows], target)
+        return self
+
+    def predict(self, X):
+        """Simulate every trajectory in free run, and add the expected error.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_samples, n_columns)
+            As in `fit`; of the states only the first row of a trajectory is read.
+
+        Returns
+        -------
+        ndarray of shape (n_samples, n_outputs) or (n_samples,)
+            Predicted outputs.
+        """
+        check_is_fitted(self)
+        X = validate_table(self, X, reset=False)
+        if self.model is None:
+            outputs = np.asarray(self.regressor_.predict(self._plain(X)))
+        else:
+            features, simulated = self._simulate(read_records(self.model, X, time=self.time))
+            outputs = simulated + self.regressor_.predict(features).reshape(simulated.shape)
+        return outputs.ravel() if self._single_output else outputs.reshape(len(outputs), -1)
+
+    def _simulate_and_compare(self, X, y) -> tuple[pd.DataFrame, np.ndarray]:
+        """Give the features and the model's error."""
+        records = read_records(self.model, X, y, time=self.time)
+        self.substeps_ = self.substeps
+        if self.substeps is None:
+            self.substeps_ = enough_substeps(self.model, records, hold=self.hold)
+        features, simulated = self._simulate(records)
+        measured = rows_in_order(records, np.concatenate([record.y for record in records]))
+        return features, measured - simulated
+
+    def _simulate(self, records) -> tuple[pd.DataFrame, np.ndarray]:
+        """Give the features (inputs, simulated states and outputs) and the simulated outputs."""
+        names = quantities_of(self.model)
+        values = simulate_quantities(
+            self.model, records, names, hold=self.hold, substeps=self.substeps_
+        )
+        inputs = rows_in_order(records, np.concatenate([record.u for record in records]))
+        columns = [*self.model.inputs, *(name + SUFFIX for name in names)]
+        features = pd.DataFrame(np.column_stack([inputs, values]), columns=columns)
+        return features, values[:, [names.index(output) for output in self.model.outputs]]
+
+    def _plain(self, X):
+        """Give all columns of X but time and trajectory."""
+        if isinstance(X, pd.DataFrame):
+            return X.drop(columns=[self.time or TIME, TRAJECTORY], errors="ignore")
+        return X if self.time is None else np.delete(X, self.time, axis=1)
+
+    def _regressor(self):
+        if self.regressor is None:
+            return make_pipeline(StandardScaler(), LinearRegression())
+        return self.regressor
+
+    def __sklearn_tags__(self):
+        tags, inner = super().__sklearn_tags__(), get_tags(self._regressor())
+        physical = self.model is not None
+        tags.target_tags.multi_output = inner.target_tags.multi_output
+        tags.input_tags.allow_nan = physical or inner.input_tags.allow_nan  # in states
+        tags.regressor_tags.poor_score = physical or inner.regressor_tags.poor_score
+        return tags
+
+
+def _plain_outputs(X, y) -> np.ndarray:
+    """Read outputs that no model names."""
+    y = check_array(y, ensure_2d=False, ensure_all_finite="allow-nan", dtype=float, input_name="y")
+    check_consistent_length(X, y)
+    return y.reshape(len(y), -1)

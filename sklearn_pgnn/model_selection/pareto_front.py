@@ -1,0 +1,185 @@
+"""Data against physics: what a heavier physical loss costs in accuracy."""
+
+import numpy as np
+import pandas as pd
+from joblib import Parallel, delayed
+from sklearn.base import clone
+from sklearn.pipeline import Pipeline
+
+from sklearn_pgnn.model_selection.pieces import take_rows
+from sklearn_pgnn.model_selection.trajectory_split import TrajectorySplit
+
+#: weights of the physical loss that are tried
+LAMBDAS = (0.0, 0.001, 0.01, 0.03, 0.1, 0.3, 0.6, 0.9)
+
+
+def pareto_front(
+    estimator,
+    X,
+    y,
+    *,
+    lambdas=LAMBDAS,
+    X_test=None,
+    y_test=None,
+    cv=None,
+    param="lambda_phy",
+    n_jobs=None,
+) -> pd.DataFrame:
+    r"""Weigh physics against data, and show which weights no other one beats in both.
+
+    .. math::
+        e = \sqrt{\overline{\,\overline{(\hat y - y)^2}\,/\,s^2\,}}, \qquad
+        r = \overline{h(\hat x)^2}
+
+    with the spread :math:`s` (standard deviation) of every tested output and the dimensionless
+    physical residuals :math:`h` of the prediction. A weight is on the front [1]_ if none has both
+    smaller or one smaller and the other equal.
+
+    Parameters
+    ----------
+    estimator : estimator
+        A network with a physical loss (`PGNNLRegressor`), or a pipeline that ends in one. Its last
+        step has ``physics_residual(X)``, which gives an array of shape (n_samples, n_terms), NaN in
+        rows that have none.
+    X : DataFrame or array of shape (n_samples, n_columns)
+        What to learn from: time, inputs, initial states.
+    y : array-like of shape (n_samples, n_outputs) or (n_samples,)
+        Measured outputs.
+    lambdas : sequence of float, default=(0, 0.001, 0.01, 0.03, 0.1, 0.3, 0.6, 0.9)
+        Weights to try.
+    X_test, y_test : as X and y, optional
+        What to test on.
+    cv : int or cross-validation splitter, optional
+        Instead, folds of X; a number means `TrajectorySplit`. By default, without test records, 5.
+    param : str, default="lambda_phy"
+        The weight's parameter, found wherever it stands in a pipeline; or its full name.
+    n_jobs : int, optional
+        Processes to fit in; -1 means all.
+
+    Returns
+    -------
+    DataFrame of shape (n_lambdas, 4)
+        The weight under the parameter's name, ``error`` :math:`e`, ``physics`` :math:`r` and
+        whether it is ``on_front``. A weight whose prediction is not finite has an infinite error.
+
+    Raises
+    ------
+    ValueError
+        If both or half of the test sets are given, the parameter is not found, the last step
+        cannot judge a prediction, or an output is constant.
+
+    References
+    ----------
+    .. [1] F. M. Rohrhofer, S. Posch, B. C. Geiger, "On the Pareto Front of Physics-Informed Neural
+       Networks", 2021, arXiv:2105.00862.
+    """
+    sets = _test_sets(X, y, X_test, y_test, cv)
+    name = _full_name(estimator, param)
+    judged = Parallel(n_jobs=n_jobs)(
+        delayed(_fit_and_judge)(clone(estimator).set_params(**{name: weight}), *each)
+        for weight in lambdas
+        for each in sets
+    )
+    spread = _spread([each[3] for each in sets])
+    folds = [judged[i : i + len(sets)] for i in range(0, len(judged), len(sets))]
+    error = np.array([_error([fold[0] for fold in each], spread) for each in folds])
+    physics = np.array([_mean_square([fold[1] for fold in each]) for each in folds])
+    return pd.DataFrame(
+        {
+            param.rpartition("__")[2]: list(lambdas),
+            "error": error,
+            "physics": physics,
+            "on_front": _not_dominated(error, physics),
+        }
+    )
+
+
+# -- what is fitted, and on what it is tested ------------------------------------------------------
+
+
+def _test_sets(X, y, X_test, y_test, cv) -> list[tuple]:
+    """Give training and test sets: X, y, X_test, y_test of every fold."""
+    if (X_test is None) != (y_test is None):
+        raise ValueError("X_test, y_test: expected both or none, got one of them.")
+    if X_test is not None and cv is not None:
+        raise ValueError("expected either cv or X_test and y_test, got both.")
+    if X_test is not None:
+        return [(X, y, X_test, y_test)]
+    splitter = cv if hasattr(cv, "split") else TrajectorySplit(5 if cv is None else cv)
+    return [
+        (take_rows(X, train), take_rows(y, train), take_rows(X, test), take_rows(y, test))
+        for train, test in splitter.split(X, y)
+    ]
+
+
+def _full_name(estimator, param) -> str:
+    """Find the one parameter with this name, in whatever step it stands."""
+    known = estimator.get_params()
+    found = [param] if param in known else [name for name in known if name.endswith(f"__{param}")]
+    if len(found) != 1:
+        raise ValueError(
+            f"param: expected one parameter {param!r} in {type(estimator).__name__}, got "
+            f"{', '.join(found) or 'none'}. Remedy: give the full name, such as 'step__{param}'."
+        )
+    return found[0]
+
+
+def _fit_and_judge(estimator, X, y, X_test, y_test) -> tuple[np.ndarray, np.ndarray]:
+    """Fit; give the errors of the prediction and its physical residuals."""
+    estimator.fit(X, y)
+    predicted, measured = _columns(estimator.predict(X_test)), _columns(y_test)
+    error = predicted - measured
+    error[np.isfinite(measured) & ~np.isfinite(predicted)] = np.inf
+    return error, _physics_residual(estimator, X_test)
+
+
+def _physics_residual(estimator, X) -> np.ndarray:
+    """Let the last step of a fitted estimator judge its own prediction."""
+    if isinstance(estimator, Pipeline):
+        before = estimator[:-1]
+        return _physics_residual(estimator[-1], before.transform(X) if len(before) else X)
+    if not hasattr(estimator, "physics_residual"):
+        raise ValueError(
+            f"{type(estimator).__name__} has no physics_residual(X). Remedy: end the pipeline in "
+            f"an estimator that has, such as PGNNLRegressor."
+        )
+    return _columns(estimator.physics_residual(X))
+
+
+# -- what is judged --------------------------------------------------------------------------------
+
+
+def _columns(values) -> np.ndarray:
+    values = np.asarray(values, dtype=float)
+    return values.reshape(len(values), -1)
+
+
+def _spread(measured) -> np.ndarray:
+    """Give the standard deviation of every tested output."""
+    spread = np.nanstd(np.concatenate([_columns(y) for y in measured]), axis=0)
+    still = np.flatnonzero(~(spread > 0))
+    if still.size:
+        raise ValueError(
+            f"y: output {still[0]} is constant on the tested samples; an error relative to its "
+            f"spread does not exist."
+        )
+    return spread
+
+
+def _error(errors, spread) -> float:
+    """Give the root mean square error in spreads, over all outputs."""
+    square = np.nanmean(np.concatenate(errors) ** 2, axis=0)
+    return float(np.sqrt(np.mean(square / spread**2)))
+
+
+def _mean_square(residuals) -> float:
+    """Give the mean square of all residuals that are there."""
+    return float(np.nanmean(np.concatenate(residuals) ** 2))
+
+
+def _not_dominated(error, physics) -> np.ndarray:
+    """Tell which points no other point beats."""
+    points = np.column_stack([error, physics])
+    no_worse = (points[:, None] <= points).all(axis=2)
+    better = (points[:, None] < points).any(axis=2)
+    return np.isfinite(points).all(axis=1) & ~(no_worse & better).any(axis=0)

@@ -1,0 +1,161 @@
+"""The trajectories of a table, and how they are dealt out whole."""
+
+from itertools import pairwise
+
+import numpy as np
+
+from sklearn_pgnn.trajectories import split_rows
+from sklearn_pgnn.trajectories.reader import TIME, TRAJECTORY
+
+
+def read_pieces(X, groups=None, time=None) -> list[np.ndarray]:
+    """Find the rows of every trajectory in a table.
+
+    Parameters
+    ----------
+    X : DataFrame or array-like of shape (n_samples, n_columns)
+        The table. Its column ``trajectory`` counts, else a trajectory begins wherever time does
+        not increase.
+    groups : array-like of shape (n_samples,), optional
+        Trajectory of every row; overrules X.
+    time : int or str, optional
+        Column of the time; by default ``"t"``, of an array the first.
+
+    Returns
+    -------
+    list of ndarray
+        Row numbers of every trajectory, in the order of their first rows.
+
+    Raises
+    ------
+    ValueError
+        If neither a trajectory nor a time can be read.
+
+    Examples
+    --------
+    >>> [rows.tolist() for rows in read_pieces([[0.0, 5.0], [0.1, 5.0], [0.0, 7.0]])]
+    [[0, 1], [2]]
+    """
+    names = _column(X, TRAJECTORY) if groups is None else np.asarray(groups)
+    if names is not None:
+        return [rows for _, rows in split_rows(np.empty(len(names)), names)]
+    return [rows for _, rows in split_rows(_read_time(X, time))]
+
+
+def refuse_merging(X, pieces, groups=None, time=None) -> None:
+    """Refuse trajectories that would read as one when they stand one behind the other.
+
+    Without a column ``trajectory`` a table tells a new trajectory by a time that does not
+    increase. Where one is left out, its neighbours may lose that sign.
+
+    Parameters
+    ----------
+    X : DataFrame or array-like of shape (n_samples, n_columns)
+        The table.
+    pieces : list of ndarray
+        Row numbers of the trajectories that stay together, in the order of the table.
+    groups : array-like of shape (n_samples,), optional
+        Trajectory of every row; whoever gives them answers for it.
+    time : int or str, optional
+        Column of the time.
+
+    Raises
+    ------
+    ValueError
+        If a trajectory begins later than the one before it ends.
+
+    Examples
+    --------
+    >>> X = [[0.0], [0.1], [0.0], [0.9], [0.4], [1.0]]
+    >>> first, second, third = read_pieces(X)
+    >>> refuse_merging(X, [first, third])
+    Traceback (most recent call last):
+        ...
+    ValueError: X: the trajectories that end in row 1 and begin in row 4 would read as one, \
+for time goes on increasing from 0.1 s to 0.4 s. Remedy: give X a column 'trajectory'.
+    """
+    if groups is not None or _column(X, TRAJECTORY) is not None:
+        return
+    t = _read_time(X, time)
+    for before, after in pairwise(pieces):
+        end, start = before[-1], after[0]
+        if t[start] > t[end]:
+            raise ValueError(
+                f"X: the trajectories that end in row {end} and begin in row {start} would read "
+                f"as one, for time goes on increasing from {t[end]:g} s to {t[start]:g} s. "
+                f"Remedy: give X a column 'trajectory'."
+            )
+
+
+def deal_in_order(lengths, shares) -> list[np.ndarray]:
+    """Cut a row of trajectories where the samples come nearest to the shares.
+
+    Parameters
+    ----------
+    lengths : array-like of shape (n_trajectories,)
+        Samples of every trajectory; there are at least as many as shares.
+    shares : array-like of shape (n_parts,)
+        Share of the samples in every part; they sum to one.
+
+    Returns
+    -------
+    list of ndarray
+        Numbers of the trajectories in every part, at least one each.
+
+    Examples
+    --------
+    >>> [part.tolist() for part in deal_in_order([10, 10, 10, 10, 10], [0.6, 0.2, 0.2])]
+    [[0, 1, 2], [3], [4]]
+    """
+    ends = np.cumsum(lengths)
+    wanted = np.cumsum(shares)[:-1] * ends[-1]
+    cuts, last = [], 0
+    for i, samples in enumerate(wanted):
+        nearest = int(np.argmin(np.abs(ends - samples))) + 1
+        last = min(max(nearest, last + 1), len(ends) - len(wanted) + i)
+        cuts.append(last)
+    return np.split(np.arange(len(ends)), cuts)
+
+
+def take_rows(table, rows):
+    """Give some rows of a table.
+
+    Parameters
+    ----------
+    table : DataFrame, Series or array-like of shape (n_samples, ...)
+        The table.
+    rows : array-like of int
+        Row numbers.
+
+    Returns
+    -------
+    DataFrame, Series or ndarray
+        The rows, of the table's own kind.
+    """
+    return table.iloc[rows] if hasattr(table, "iloc") else np.asarray(table)[rows]
+
+
+def _column(X, name) -> np.ndarray | None:
+    """Give a column by its name; None where there is none."""
+    if not hasattr(X, "columns") or name not in X.columns:
+        return None
+    return X[name].to_numpy()
+
+
+def _read_time(X, time) -> np.ndarray:
+    """Read the time [s] of every row."""
+    if hasattr(X, "columns") and not isinstance(time, int | np.integer):
+        t = _column(X, TIME if time is None else time)
+        if t is None:
+            raise ValueError(
+                f"X: no column 'trajectory' and no time {time or TIME!r} among "
+                f"{', '.join(map(str, X.columns))}. Remedy: name the time (time=...), or give "
+                f"the trajectory of every row (groups=...)."
+            )
+    else:
+        t = np.asarray(X)[:, 0 if time is None else time]
+    t = np.asarray(t, dtype=float)
+    bad = np.flatnonzero(~np.isfinite(t))
+    if bad.size:
+        raise ValueError(f"X: time is {t[bad[0]]} in row {bad[0]}; expected a finite number.")
+    return t

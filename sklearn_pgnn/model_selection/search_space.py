@@ -1,0 +1,143 @@
+"""What is worth searching in an estimator, as dimensions for `BayesSearchCV`."""
+
+from inspect import signature
+
+
+def search_space(estimator, **changes) -> dict:
+    r"""Give the dimensions in which scikit-optimize's `BayesSearchCV` shall search.
+
+    They follow from the parameters that an estimator has, wherever it stands: alone, in a
+    `Pipeline`, or inside another estimator such as `ResidualRegressor`.
+
+    =================  =====================================================  ====================
+    short name         dimension                                              of whom
+    =================  =====================================================  ====================
+    ``neurons``        3 to 20                                                `PGNNLRegressor`
+    ``layers``         1 or 2, where the core has layers
+    ``lr``             0.001 to 0.03, logarithmic
+    ``lambda_phy``     0.0001 (as good as none) to 0.9, logarithmic, where
+                       there is an energy or another physical loss
+    ``structure``      ``"output"``, ``"increment"`` or ``"correction"``,
+                       where there is a model
+    ``horizon``        1, 20 or 50
+    ``threshold``      0.0005 to 0.1, logarithmic                             `SINDYcRegressor`
+    ``library``        polynomials, trigonometric functions or, with a model,
+                       its own terms
+    =================  =====================================================  ====================
+
+    A category of `BayesSearchCV` is a single name or number; several libraries at once cannot be
+    one.
+
+    Parameters
+    ----------
+    estimator : estimator
+        What shall be tuned.
+    **changes
+        Other dimensions by short name or by an estimator's full parameter name, in any form that
+        `BayesSearchCV` takes; None leaves a dimension out.
+
+    Returns
+    -------
+    dict of str to Dimension
+        Dimensions by full parameter name.
+
+    Raises
+    ------
+    ImportError
+        If scikit-optimize is not installed.
+    ValueError
+        If a change names no parameter, or nothing is left to search.
+
+    Examples
+    --------
+    >>> from sklearn.linear_model import Ridge
+    >>> from sklearn.pipeline import make_pipeline
+    >>> from sklearn_pgnn import PhysicsModelTransformer, systems
+    >>> pipeline = make_pipeline(PhysicsModelTransformer(systems.golf_robot()), Ridge())
+    >>> search_space(pipeline, ridge__alpha=(1e-6, 1e3, "log-uniform"))
+    {'ridge__alpha': (1e-06, 1000.0, 'log-uniform')}
+    """
+    known = _dimensions_of(estimator)
+    parameters = estimator.get_params()
+    for name, dimension in changes.items():
+        places = [full for short, full in known if short == name]
+        if not places and name not in parameters and name.partition("__")[0] not in parameters:
+            shorts = ", ".join(dict.fromkeys(short for short, _ in known)) or "none"
+            raise ValueError(
+                f"{name}: expected a dimension's short name ({shorts}) or a parameter of "
+                f"{type(estimator).__name__} such as 'step__name'."
+            )
+        known |= {(name, full): dimension for full in places or [name]}
+    space = {full: dimension for (_, full), dimension in known.items() if dimension is not None}
+    if not space:
+        raise ValueError(
+            f"{type(estimator).__name__} has no parameter that is searched by default. Remedy: "
+            f"name what to search, as in search_space(pipeline, ridge__alpha=(1e-6, 1e3))."
+        )
+    return space
+
+
+def _dimensions_of(estimator) -> dict:
+    """Give the dimensions of an estimator and of all it holds, by short and by full name."""
+    found = {}
+    for prefix, part in _parts(estimator).items():
+        parameters = part.get_params(deep=False)
+        for own, dimension in {**_network(parameters), **_sparse(parameters)}.items():
+            found[own.removeprefix("module__"), prefix + own] = dimension
+    return found
+
+
+def _parts(estimator) -> dict:
+    """Give the estimator and every one inside it, by the prefix of its parameters."""
+    inside = {f"{name}__": part for name, part in estimator.get_params().items() if _is_one(part)}
+    return {"": estimator, **inside}
+
+
+def _is_one(part) -> bool:
+    return hasattr(part, "get_params") and not isinstance(part, type)
+
+
+def _network(parameters) -> dict:
+    """Give the dimensions of a network with a physical loss."""
+    if "lambda_phy" not in parameters:
+        return {}
+    space, model = _import_space(), parameters.get("model")
+    core = signature(parameters["module"]).parameters
+    energetic = bool(getattr(model, "energy", None)) or parameters.get("physics_loss") is not None
+    wanted = {
+        "module__neurons": ("neurons" in core, space.Integer(3, 20)),
+        "module__layers": ("layers" in core, space.Integer(1, 2)),
+        "lr": (True, space.Real(1e-3, 3e-2, prior="log-uniform")),
+        "lambda_phy": (energetic, space.Real(1e-4, 0.9, prior="log-uniform")),
+        "structure": (
+            model is not None,
+            space.Categorical(["output", "increment", "correction"]),
+        ),
+        "horizon": (True, space.Categorical([1, 20, 50])),
+    }
+    return {name: dimension for name, (there, dimension) in wanted.items() if there}
+
+
+def _sparse(parameters) -> dict:
+    """Give the dimensions of a sparse regression over a library."""
+    if not {"threshold", "library"} <= set(parameters):
+        return {}
+    space = _import_space()
+    libraries = ["polynomial", "fourier"]
+    own = [] if parameters.get("model") is None else ["model"]
+    found = {"library": space.Categorical(libraries + own)}
+    if parameters.get("optimizer") is None:  # one's own has a threshold of its own
+        found["threshold"] = space.Real(5e-4, 0.1, prior="log-uniform")
+    return found
+
+
+def _import_space():
+    """Import scikit-optimize's dimensions."""
+    try:
+        from skopt import space
+    except ImportError:
+        raise ImportError(
+            "search_space needs scikit-optimize, which is not installed. Remedy: "
+            "pip install 'sklearn-pgnn[tuning]'."
+        ) from None
+    return space

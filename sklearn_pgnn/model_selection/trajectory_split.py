@@ -1,0 +1,123 @@
+"""Cross-validation by whole trajectories."""
+
+from numbers import Integral
+from typing import ClassVar
+
+import numpy as np
+from sklearn.model_selection import BaseCrossValidator
+from sklearn.utils import check_random_state
+
+from sklearn_pgnn.model_selection.pieces import deal_in_order, read_pieces, refuse_merging
+
+
+class TrajectorySplit(BaseCrossValidator):
+    """Split records into folds of whole trajectories, balanced by samples.
+
+    Samples of one trajectory are far from independent; a fold that shares a trajectory with its
+    training set judges by memory. The trajectories are read from X itself, so the splitter goes
+    wherever scikit-learn takes a ``cv``. Unless shuffled they keep their order, and neighbours
+    share a fold.
+
+    A search that saves time by fewer samples (``resource="n_samples"``, the default of
+    `HalvingRandomSearchCV` and `HalvingGridSearchCV`) draws single rows and tears every trajectory
+    apart; let it save something else, such as ``resource="max_iter"``.
+
+    Parameters
+    ----------
+    n_splits : int, default=5
+        Number of folds, at least 2.
+    shuffle : bool, default=False
+        Whether to draw the order of the trajectories.
+    random_state : int, RandomState instance or None, default=None
+        What draws it.
+    time : int or str, optional
+        Column of X that holds the time; by default the first, or ``"t"``. Where X has a column
+        ``trajectory`` the time is not read.
+
+    See Also
+    --------
+    train_validation_test_split : Cuts once, into three.
+
+    Examples
+    --------
+    >>> X = np.column_stack([np.tile([0.0, 0.1], 3), np.arange(6)])  # three trajectories
+    >>> for train, test in TrajectorySplit(3).split(X):
+    ...     print(train, test)
+    [2 3 4 5] [0 1]
+    [0 1 4 5] [2 3]
+    [0 1 2 3] [4 5]
+    """
+
+    # under metadata routing too, groups are taken where they are given
+    __metadata_request__split: ClassVar = {"groups": True}
+
+    def __init__(self, n_splits=5, *, shuffle=False, random_state=None, time=None):
+        self.n_splits = n_splits
+        self.shuffle = shuffle
+        self.random_state = random_state
+        self.time = time
+
+    def split(self, X, y=None, groups=None):
+        """Generate the rows of every training and test set.
+
+        Parameters
+        ----------
+        X : DataFrame or array-like of shape (n_samples, n_columns)
+            The table, as the estimators read it.
+        y : array-like of shape (n_samples, n_outputs), optional
+            Not read.
+        groups : array-like of shape (n_samples,), optional
+            Trajectory of every row; overrules what X tells.
+
+        Yields
+        ------
+        train : ndarray
+            Rows of the training set.
+        test : ndarray
+            Rows of the test set.
+
+        Raises
+        ------
+        ValueError
+            If there are fewer trajectories than folds, or `n_splits` is no number above one.
+        """
+        return super().split(X, y, groups)
+
+    def get_n_splits(self, X=None, y=None, groups=None):
+        """Give the number of folds.
+
+        Parameters
+        ----------
+        X, y, groups : object
+            Not read.
+
+        Returns
+        -------
+        int
+            The number of folds.
+        """
+        return self.n_splits
+
+    def _iter_test_indices(self, X=None, y=None, groups=None):
+        pieces = read_pieces(X, groups, self.time)
+        self._check(len(pieces))
+        order = np.arange(len(pieces))
+        if self.shuffle:
+            check_random_state(self.random_state).shuffle(order)
+        lengths = [len(pieces[i]) for i in order]
+        for fold in deal_in_order(lengths, np.full(self.n_splits, 1 / self.n_splits)):
+            tested = np.isin(np.arange(len(pieces)), order[fold])
+            for side in (tested, ~tested):
+                kept = [pieces[i] for i in np.flatnonzero(side)]
+                refuse_merging(X, kept, groups, self.time)
+            yield np.concatenate([pieces[i] for i in np.flatnonzero(tested)])
+
+    def _check(self, n_trajectories):
+        if not isinstance(self.n_splits, Integral) or self.n_splits < 2:
+            raise ValueError(f"n_splits: expected an integer above 1, got {self.n_splits!r}.")
+        if n_trajectories < self.n_splits:
+            raise ValueError(
+                f"n_splits: expected at most one fold a trajectory, got {self.n_splits} folds and "
+                f"{n_trajectories} trajectories. Remedy: n_splits={max(n_trajectories, 2)}, or "
+                f"more records; a long one may be cut (train_validation_test_split, by='time')."
+            )
