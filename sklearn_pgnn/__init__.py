@@ -10,6 +10,7 @@ __version__ = "0.1.0.dev0"
 _OBJECTS = {
     "Effect": "sklearn_pgnn.physics",
     "ModelDiagnosis": "sklearn_pgnn.diagnosis",
+    "PGNNLRegressor": "sklearn_pgnn.estimators.pgnnl",
     "Parameter": "sklearn_pgnn.physics",
     "PhysicsModel": "sklearn_pgnn.physics",
     "PhysicsModelRegressor": "sklearn_pgnn.estimators",

@@ -168,7 +168,7 @@ def _jump(S, before, after, stuck, i):
 
 
 @njit(**_OPTIONS)
-def _workspace(nx, nq, nu, size):
+def workspace(nx, nq, nu, size):
     """Allocate what a step needs, once per trajectory."""
     work = (
         np.zeros(nx),
@@ -230,7 +230,7 @@ def run_trajectory(
 ):
     """Simulate one trajectory into X, Y and SY; give the sample that is not finite, or -1."""
     nx, nq = S.shape
-    work, old = _workspace(nx, nq, u.shape[1], size)
+    work, old = workspace(nx, nq, u.shape[1], size)
     s, stuck = np.zeros(nx), np.zeros(nx, dtype=np.bool_)
     Sy = np.zeros((Y.shape[1], nq))
     u_start, u_end = np.zeros(u.shape[1]), np.zeros(u.shape[1])
@@ -271,7 +271,7 @@ def run_windows(
     """
     nx, ny = X0.shape[1], y.shape[1]
     nq = n_p + nx
-    work, old = _workspace(nx, nq, u.shape[1], size)
+    work, old = workspace(nx, nq, u.shape[1], size)
     x, S = np.zeros(nx), np.zeros((nx, nq))
     s, stuck = np.zeros(nx), np.zeros(nx, dtype=np.bool_)
     Sy, y_model, row = np.zeros((ny, nq)), np.zeros(ny), np.zeros(nq + 1)

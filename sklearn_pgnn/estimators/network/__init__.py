@@ -1,0 +1,1 @@
+"""The network of `PGNNLRegressor`: its cores, its step, its losses and its training."""

@@ -1,0 +1,128 @@
+"""What a network is inside: layers in sequence, or a recurrent unit."""
+
+import torch
+from torch import nn
+
+_ACTIVATIONS = {
+    "tanh": nn.Tanh,
+    "relu": nn.ReLU,
+    "silu": nn.SiLU,
+    "sigmoid": nn.Sigmoid,
+    "identity": nn.Identity,
+}
+
+
+class FeedForward(nn.Module):
+    """Hidden layers of equal width, then a linear output.
+
+    Parameters
+    ----------
+    n_inputs : int, default=1
+        Number of features.
+    n_outputs : int, default=1
+        Number of outputs.
+    neurons : int, default=8
+        Neurons of every hidden layer.
+    layers : int, default=2
+        Hidden layers.
+    activation : {"tanh", "relu", "silu", "sigmoid", "identity"}, default="tanh"
+        Activation of the hidden neurons.
+
+    Examples
+    --------
+    >>> FeedForward(3, 1, neurons=5)(torch.zeros(7, 3)).shape
+    torch.Size([7, 1])
+    """
+
+    def __init__(self, n_inputs=1, n_outputs=1, neurons=8, layers=2, activation="tanh"):
+        super().__init__()
+        _check_at_least_one("neurons", neurons)
+        _check_at_least_one("layers", layers)
+        if activation not in _ACTIVATIONS:
+            raise ValueError(
+                f"module__activation: expected one of {', '.join(_ACTIVATIONS)}, "
+                f"got {activation!r}."
+            )
+        self.activation = activation
+        self.sizes = (n_inputs, *[int(neurons)] * int(layers), n_outputs)
+        parts: list[nn.Module] = []
+        for n_in, n_out in zip(self.sizes[:-1], self.sizes[1:], strict=True):
+            parts += [nn.Linear(n_in, n_out), _ACTIVATIONS[activation]()]
+        self.layers = nn.Sequential(*parts[:-1])
+
+    def forward(self, z):
+        """Evaluate the network.
+
+        Parameters
+        ----------
+        z : Tensor of shape (..., n_inputs)
+            Standardised features.
+
+        Returns
+        -------
+        Tensor of shape (..., n_outputs)
+            What it gives.
+        """
+        return self.layers(z)
+
+
+class Recurrent(nn.Module):
+    """A gated recurrent unit and a linear output.
+
+    Parameters
+    ----------
+    n_inputs : int, default=1
+        Number of features.
+    n_outputs : int, default=1
+        Number of outputs.
+    neurons : int, default=8
+        Hidden neurons.
+
+    References
+    ----------
+    .. [1] K. Cho et al., "Learning phrase representations using RNN encoder-decoder for
+       statistical machine translation", EMNLP 2014, :doi:`10.3115/v1/D14-1179`.
+
+    Examples
+    --------
+    >>> core = Recurrent(3, 1, neurons=5)
+    >>> output, hidden = core(torch.zeros(7, 3), core.at_rest(7))
+    >>> output.shape, hidden.shape
+    (torch.Size([7, 1]), torch.Size([7, 5]))
+    """
+
+    def __init__(self, n_inputs=1, n_outputs=1, neurons=8):
+        super().__init__()
+        _check_at_least_one("neurons", neurons)
+        self.sizes = (n_inputs, int(neurons), n_outputs)
+        self.unit = nn.GRUCell(n_inputs, int(neurons))
+        self.read = nn.Linear(int(neurons), n_outputs)
+
+    def at_rest(self, n: int) -> torch.Tensor:
+        """Give the hidden state of n trajectories that begin."""
+        return self.read.weight.new_zeros(n, self.sizes[1])
+
+    def forward(self, z, hidden):
+        """Advance by one sample.
+
+        Parameters
+        ----------
+        z : Tensor of shape (n, n_inputs)
+            Standardised features.
+        hidden : Tensor of shape (n, neurons)
+            Hidden state.
+
+        Returns
+        -------
+        output : Tensor of shape (n, n_outputs)
+            What it gives.
+        hidden : Tensor of shape (n, neurons)
+            The next hidden state.
+        """
+        hidden = self.unit(z, hidden)
+        return self.read(hidden), hidden
+
+
+def _check_at_least_one(name, number):
+    if int(number) != number or number < 1:
+        raise ValueError(f"module__{name}: expected an integer >= 1, got {number!r}.")

@@ -1,0 +1,117 @@
+"""Free run of a trained network: compiled where the core is ours, else torch's own loop."""
+
+from dataclasses import replace
+
+import numpy as np
+import torch
+from torch import nn
+
+from sklearn_pgnn.estimators.network.cores import FeedForward, Recurrent
+from sklearn_pgnn.estimators.network.step_network import StepNetwork
+from sklearn_pgnn.estimators.network.torch_functions import torch_value
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.network_run import NetworkRecord, NetworkStep, run_network
+
+
+def is_compiled(core: nn.Module) -> bool:
+    """Tell whether a core has a compiled loop."""
+    return type(core) in (FeedForward, Recurrent)
+
+
+def step_with(core: nn.Module, step: NetworkStep) -> NetworkStep:
+    """Complete a step by the core's sizes, for the compiled loop."""
+    if type(core) is FeedForward:
+        return replace(step, sizes=core.sizes, activation=core.activation)
+    if type(core) is Recurrent:
+        return replace(step, sizes=core.sizes, core="recurrent")
+    return step
+
+
+def weights_of(core: nn.Module) -> np.ndarray:
+    """Give all weights of a core in one array."""
+    return nn.utils.parameters_to_vector(core.parameters()).detach().cpu().numpy().astype(float)
+
+
+def run_core(core: nn.Module, step: NetworkStep, record: NetworkRecord):
+    """Run a network in free run along a trajectory.
+
+    Parameters
+    ----------
+    core : Module
+        The trained core.
+    step : NetworkStep
+        What a step is made of.
+    record : NetworkRecord
+        The trajectory.
+
+    Returns
+    -------
+    x : ndarray of shape (n_samples, n_states)
+        The states; from where they leave the reach on, the last within.
+    failed : int
+        The first sample out of reach, -1 if there is none.
+    """
+    if is_compiled(core):
+        return run_network(step_with(core, step), weights_of(core), record)
+    x = record.x0[None] if len(record.t) == 1 else _run_torch(core, step, record)
+    inside = np.all((step.reach[0] <= x) & (x <= step.reach[1]), axis=1)
+    failed = -1 if inside.all() else int(np.argmin(inside))
+    if failed > 0:
+        x[failed:] = x[failed - 1]
+    return x, failed
+
+
+def _run_torch(core, step, record):
+    """Run another author's core, step by step."""
+    n = len(record.t) - 1
+    samples = {
+        "t": record.t,
+        "dt": np.append(np.diff(record.t), 0.0),
+        "acting": record.acting,
+        "acting_next": np.vstack([record.acting[1:], record.acting[-1:]]),
+    }
+    device = next(core.parameters()).device
+    network = StepNetwork(core, step, samples).to(device)
+    network.teacher_forcing = False
+
+    def tensor(values):
+        return torch.as_tensor(values, device=device)[None]
+
+    further = {}
+    if step.guide == "simulation":
+        further["simulated"] = tensor(record.simulated[1:])
+    if record.features.shape[1]:
+        further["features"] = tensor(record.features[1:])
+    core.eval()
+    with torch.no_grad():
+        x = network(
+            tensor(record.x0[None]), tensor(record.u[:-1]), tensor(record.t),
+            tensor(np.arange(n)), **further,
+        )[0]  # fmt: skip
+    return np.vstack([record.x0[None], x.cpu().numpy()])
+
+
+def outputs_of(model: PhysicsModel, x: torch.Tensor, u: torch.Tensor, t: torch.Tensor):
+    """Give the outputs of states.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    x : Tensor of shape (..., n_states)
+        States.
+    u : Tensor of shape (..., n_inputs)
+        Inputs.
+    t : Tensor of shape (...)
+        Times [s].
+
+    Returns
+    -------
+    Tensor of shape (..., n_outputs)
+        The outputs.
+    """
+    values = {"t": t}
+    values |= {name: x[..., i] for i, name in enumerate(model.states)}
+    values |= {name: u[..., i] for i, name in enumerate(model.inputs)}
+    values |= {name: torch.full_like(t, p.value) for name, p in model.parameters.items()}
+    return torch.stack([torch_value(g, values) for g in model.outputs.values()], dim=-1)

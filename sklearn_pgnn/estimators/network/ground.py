@@ -1,0 +1,166 @@
+"""From records to what is trained: the structure, its step, and what errors are measured by."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from sklearn_pgnn.estimators.network.records import TrainingRecord, Windows
+from sklearn_pgnn.estimators.network.structure import (
+    STRUCTURES,
+    TRIAL_SHARE,
+    base_of,
+    choose_structure,
+    gain_of,
+)
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.network_run import NetworkStep, run_network
+from sklearn_pgnn.simulation.record_windows import dominant_period
+from sklearn_pgnn.simulation.simulate import simulate
+
+#: windows in which the model is compared with persistence
+TRIALS = 200
+#: a state so many of its deviations away from its mean has diverged
+REACH = 1e3
+
+
+def find_structure(model: PhysicsModel, records, states, **options) -> str:
+    """Compare the model with persistence, a tenth of the outputs' dominant period ahead.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    records : tuple of Record
+        The training records.
+    states : list of ndarray
+        Their estimated states.
+    **options
+        Of the simulation.
+
+    Returns
+    -------
+    {"increment", "correction"}
+        The structure.
+    """
+    ahead = TRIAL_SHARE * dominant_period(records)
+    count = max(1, TRIALS // len(records))
+    trials = []
+    for record, x in zip(records, states, strict=True):
+        length = int(np.clip(round(ahead / np.median(np.diff(record.t))), 1, len(x) - 1))
+        starts = np.linspace(0, len(x) - 1 - length, count).astype(int)
+        for k in np.unique(starts):
+            rows = slice(k, k + length + 1)
+            run = simulate(model, record.t[rows], record.u[rows], x[k], **options)
+            trials.append((record.y[k + length], run.y[-1], record.y[k]))
+    return choose_structure(model, [[part[None] for part in trial] for trial in trials])
+
+
+def check_structure(structure: str, guide, has_model: bool) -> None:
+    """Refuse a structure or a guide that is none, or needs a model where there is none.
+
+    Parameters
+    ----------
+    structure : str
+        The parameter.
+    guide : str or None
+        The parameter.
+    has_model : bool
+        Whether there is a model.
+
+    Raises
+    ------
+    ValueError
+        If so.
+    """
+    if structure not in ("auto", *STRUCTURES):
+        raise ValueError(
+            f"structure: expected 'auto' or one of {', '.join(STRUCTURES)}, got {structure!r}."
+        )
+    if guide not in ("auto", "simulation", "step", None):
+        raise ValueError(f"guide: expected 'auto', 'simulation', 'step' or None, got {guide!r}.")
+    if not has_model and (structure == "correction" or guide in ("simulation", "step")):
+        what = "structure='correction'" if structure == "correction" else f"guide={guide!r}"
+        raise ValueError(f"{what} needs a model, got none. Remedy: give model=.")
+
+
+def make_step(
+    model: PhysicsModel, windows: Windows, structure: str, guide, *, hold: str, substeps: int
+) -> NetworkStep:
+    """Scale what the network sees and gives by the training data.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    windows : Windows
+        The training data.
+    structure : {"output", "increment", "correction"}
+        What the network's output means.
+    guide : {None, "simulation", "step"}
+        What of the model the network sees.
+    hold : {"zoh", "foh"}
+        How the inputs run between two samples.
+    substeps : int
+        Integration steps from sample to sample.
+
+    Returns
+    -------
+    NetworkStep
+        The step, still without the core's sizes.
+    """
+    now = windows.pairs
+    after, dt = now + 1, windows.samples["dt"][now]
+    x, prior = windows.x[now], windows.prior[now]
+    seen = [x, windows.u[now]]
+    if guide == "simulation":
+        seen.append(windows.simulated[after])
+    elif guide == "step":
+        seen.append((prior - x) / dt[:, None])
+    z = np.hstack([*seen, windows.features[after]])
+    mean, spread = windows.x.mean(axis=0), windows.x.std(axis=0)
+    spread = np.where(spread > 0, spread, 1.0)
+    return NetworkStep(
+        model,
+        base_of(structure),
+        guide,
+        windows.x[after].mean(axis=0),
+        gain_of(model, structure, x, windows.x[after], prior, dt),
+        z.mean(axis=0),
+        np.where(z.std(axis=0) > 0, z.std(axis=0), 1.0),
+        mean + REACH * np.array([[-1.0], [1.0]]) * spread,
+        substeps=substeps,
+        hold=hold,
+    )
+
+
+def base_error(step: NetworkStep, records: list[TrainingRecord], outputs, length: int | None):
+    """Measure what the base alone leaves: root mean square error of the outputs.
+
+    Parameters
+    ----------
+    step : NetworkStep
+        The step.
+    records : list of TrainingRecord
+        Trajectories.
+    outputs : callable
+        Gives the outputs of a `NetworkRecord` and its states.
+    length : int or None
+        Steps after which the base starts again from the measured state; None for never.
+
+    Returns
+    -------
+    ndarray of shape (n_outputs,)
+        The error, positive.
+    """
+    n_in, n_out = len(step.mean), step.n_network_outputs
+    idle, zero = replace(step, sizes=(n_in, n_out)), np.zeros((n_in + 1) * n_out)
+    squares = []
+    for each in records:
+        count = len(each.x) - 1
+        for k in range(0, count, length or count):
+            end = min(k + (length or count), count) + 1
+            piece = each.record.piece(k, end, each.x[k] if k else None)
+            x = run_network(idle, zero, piece)[0]
+            squares.append((outputs(piece, x) - each.y[k : k + len(x)])[1:] ** 2)
+    error = np.sqrt(np.nanmean(np.concatenate(squares), axis=0))
+    return np.where(error > 0, error, 1.0)

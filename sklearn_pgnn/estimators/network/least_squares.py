@@ -1,0 +1,221 @@
+r"""The second phase: all weights at once, on the free-run simulation of whole trajectories.
+
+Minimised is :math:`F = (1 - \lambda)\,L_{error} + \lambda\,L_{phy}`, with the exact gradient from
+the compiled sensitivities, by Levenberg and Marquardt's steps or by L-BFGS. An inequality's
+ReLU counts in the curvature like the parabola that touches it,
+:math:`h \le h^2/(2 h_0) + h_0/2`.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from scipy.linalg import LinAlgError, cho_factor, cho_solve
+from scipy.optimize import minimize
+
+from sklearn_pgnn.estimators.network.free_run import outputs_of
+from sklearn_pgnn.estimators.network.physics_loss import PhysicsLoss
+from sklearn_pgnn.estimators.network.records import TrainingRecord
+from sklearn_pgnn.simulation.network_run import NetworkSensitivities, NetworkStep
+
+#: damping to begin with, its largest value, and the factors after success and failure
+DAMPING, MOST_DAMPING, EASE, STIFFEN = 1e-3, 1e12, 0.3, 4.0
+#: relative decrease that ends the search
+TOLERANCE = 1e-7
+#: an inequality is never taken for nearer to its edge than this
+EDGE = 1e-6
+
+
+@dataclass
+class Sums:
+    """Cost, gradient and curvature, summed up piece by piece."""
+
+    cost: float
+    gradient: np.ndarray
+    curvature: np.ndarray
+
+    def add(self, residual, jacobian, factor: float) -> None:
+        """Add ``factor`` times the squares of residuals."""
+        self.cost += factor * float(residual @ residual)
+        self.gradient += 2 * factor * (residual @ jacobian)
+        self.curvature += 2 * factor * (jacobian.T @ jacobian)
+
+    def add_linear(self, excess, jacobian, factor: float) -> None:
+        """Add ``factor`` times what exceeds an inequality."""
+        over = excess > 0
+        excess, jacobian = excess[over], jacobian[over]
+        self.cost += factor * float(excess.sum())
+        self.gradient += factor * jacobian.sum(axis=0)
+        scaled = jacobian / np.sqrt(np.maximum(excess, EDGE))[:, None]
+        self.curvature += factor * (scaled.T @ scaled)
+
+
+class SimulationObjective:
+    """The loss of a network in free run, as a function of its weights.
+
+    Parameters
+    ----------
+    step : NetworkStep
+        What a step is made of.
+    records : list of TrainingRecord
+        The trajectories.
+    scale : ndarray of shape (n_outputs,)
+        What an error of every output is measured by.
+    physics : PhysicsLoss or None
+        The physical terms.
+    lambda_phy : float
+        Their weight.
+    """
+
+    def __init__(
+        self,
+        step: NetworkStep,
+        records: list[TrainingRecord],
+        scale: np.ndarray,
+        physics: PhysicsLoss | None,
+        lambda_phy: float,
+    ):
+        self.step, self.records, self.scale = step, records, scale
+        self.physics, self.lambda_phy = physics, lambda_phy if physics else 0.0
+        self._n_errors = sum(int(np.isfinite(record.y[1:]).sum()) for record in records)
+        self._n_steps = sum(len(record.x) - 1 for record in records)
+
+    def __call__(self, theta: np.ndarray) -> Sums:
+        """Give cost, gradient and curvature; the cost is infinite where a simulation diverges.
+
+        Parameters
+        ----------
+        theta : ndarray of shape (n_weights,)
+            The weights.
+
+        Returns
+        -------
+        Sums
+            The sums.
+        """
+        n = theta.size
+        sums = Sums(0.0, np.zeros(n), np.zeros((n, n)))
+        for record in self.records:
+            run = NetworkSensitivities(self.step, theta, record.record)
+            for start, x, S in run.pieces():
+                if not np.isfinite(x).all():
+                    return Sums(np.inf, sums.gradient, sums.curvature)
+                rows = slice(start, start + len(x))
+                self._add_errors(sums, record, rows, x, S)
+                if self.lambda_phy:
+                    self._add_physics(sums, record, rows, x, S)
+        return sums
+
+    def _add_errors(self, sums, record, rows, x, S):
+        states = torch.as_tensor(x[1:]).requires_grad_()
+        after = slice(rows.start + 1, rows.stop)
+        u = torch.as_tensor(record.record.acting[after, : record.record.u.shape[1]])
+        outputs = outputs_of(self.step.model, states, u, torch.as_tensor(record.record.t[after]))
+        factor = (1.0 - self.lambda_phy) / self._n_errors
+        for i, scale in enumerate(self.scale):
+            slope = _slope(outputs[:, i], states)
+            error = outputs[:, i].detach().numpy() - record.y[after, i]
+            seen = np.isfinite(error)
+            jacobian = np.einsum("nj,njw->nw", slope[seen], S[1:][seen])
+            sums.add(error[seen] / scale, jacobian / scale, factor)
+
+    def _add_physics(self, sums, record, rows, x, S):
+        ends = torch.as_tensor(np.stack([x[:-1], x[1:]], axis=1)).requires_grad_()
+        u = torch.as_tensor(record.record.u[rows][:-1, None])
+        t = torch.as_tensor(record.record.t[rows])
+        found = self.physics.residuals(ends, u, torch.stack([t[:-1], t[1:]], dim=1))
+        for term, h in zip(self.physics.terms, found, strict=True):
+            factor = self.lambda_phy * term.weight / (self._n_steps * h.shape[2])
+            for column in range(h.shape[2]):
+                slope = _slope(h[:, 0, column], ends)
+                jacobian = np.einsum("nj,njw->nw", slope[:, 0], S[:-1])
+                jacobian += np.einsum("nj,njw->nw", slope[:, 1], S[1:])
+                add = sums.add_linear if term.kind == "inequality" else sums.add
+                add(h[:, 0, column].detach().numpy(), jacobian, factor)
+
+
+def _slope(values, by) -> np.ndarray:
+    """Differentiate values, each of its own sample."""
+    if not values.requires_grad:
+        return np.zeros(by.shape)
+    return torch.autograd.grad(values.sum(), by, retain_graph=True)[0].numpy()
+
+
+def levenberg_marquardt(objective, theta: np.ndarray, iterations: int, on_step) -> np.ndarray:
+    """Minimise by damped Gauss-Newton steps.
+
+    Parameters
+    ----------
+    objective : callable
+        Gives `Sums` of the weights.
+    theta : ndarray of shape (n_weights,)
+        The start.
+    iterations : int
+        Most steps that are tried.
+    on_step : callable
+        Is told of every accepted step, ``on_step(theta, cost)``; True ends the search.
+
+    Returns
+    -------
+    ndarray of shape (n_weights,)
+        The last weights that were accepted.
+
+    References
+    ----------
+    .. [1] D. W. Marquardt, "An algorithm for least-squares estimation of nonlinear parameters",
+       SIAM Journal on Applied Mathematics 11(2), 1963, :doi:`10.1137/0111030`.
+    """
+    now, damping = objective(theta), DAMPING
+    if not np.isfinite(now.cost):
+        return theta
+    size = np.diag(now.curvature).copy()
+    for _ in range(iterations):
+        size = np.maximum(size, np.diag(now.curvature))
+        trial = theta + _damped_step(now, damping * np.maximum(size, 1e-12 * size.max()))
+        new = objective(trial)
+        if new.cost < now.cost:
+            decrease, damping = 1.0 - new.cost / now.cost, damping * EASE
+            theta, now = trial, new
+            if on_step(theta, now.cost) or decrease < TOLERANCE:
+                break
+        else:
+            damping *= STIFFEN
+            if damping > MOST_DAMPING:
+                break
+    return theta
+
+
+def _damped_step(sums: Sums, damping: np.ndarray) -> np.ndarray:
+    for raised in (1.0, 1e3, 1e6):
+        try:
+            factor = cho_factor(sums.curvature + np.diag(raised * damping))
+            return cho_solve(factor, -sums.gradient)
+        except LinAlgError:
+            continue
+    return -sums.gradient / damping
+
+
+def l_bfgs(objective, theta: np.ndarray, iterations: int, on_step) -> np.ndarray:
+    """Minimise by the limited-memory method of Broyden, Fletcher, Goldfarb and Shanno.
+
+    Parameters
+    ----------
+    objective, theta, iterations, on_step
+        As for `levenberg_marquardt`.
+
+    Returns
+    -------
+    ndarray of shape (n_weights,)
+        The last weights that were accepted.
+    """
+
+    def both(weights):
+        sums = objective(weights)
+        return (sums.cost if np.isfinite(sums.cost) else 1e30), sums.gradient
+
+    def told(intermediate_result):
+        if on_step(intermediate_result.x, intermediate_result.fun):
+            raise StopIteration
+
+    options = {"maxiter": iterations, "maxfun": 2 * iterations}
+    return minimize(both, theta, jac=True, method="L-BFGS-B", callback=told, options=options).x

@@ -1,0 +1,385 @@
+r"""What a prediction must obey: residuals of physical relations, as terms of a loss.
+
+A term is a dimensionless residual :math:`h(x, u, t)`, evaluated from each sample to the next, and
+either an equality, which costs :math:`h^2`, or an inequality :math:`h \le 0`, which costs
+:math:`\mathrm{ReLU}(h)`.
+"""
+
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+import torch
+from sklearn.base import BaseEstimator
+
+from sklearn_pgnn.estimators.network.torch_functions import torch_value
+from sklearn_pgnn.physics.model import PhysicsModel
+
+KINDS = ("equality", "inequality")
+
+
+class PhysicsTerm(BaseEstimator):
+    """A physical relation as one's own function.
+
+    Parameters
+    ----------
+    residual : callable
+        ``residual(x, u, t)`` of the states at both ends of every step, Tensor of shape
+        (n, length + 1, n_states), the inputs from sample to sample, (n, length, n_inputs), and the
+        time [s], (n, length + 1); gives the dimensionless residual, (n, length) or (n, length, m).
+        Physical units, whatever scaler stands in the pipeline.
+    kind : {"equality", "inequality"}, default="equality"
+        Whether the residual shall be zero, or not above zero.
+    weight : float, default=1
+        Weight among several terms.
+
+    Examples
+    --------
+    >>> slow = PhysicsTerm(lambda x, u, t: x[:, 1:, 1].abs() - 2.0, kind="inequality")
+    >>> slow.kind
+    'inequality'
+    """
+
+    def __init__(self, residual=None, *, kind="equality", weight=1.0):
+        self.residual = residual
+        self.kind = kind
+        self.weight = weight
+
+    def bind(self, model: PhysicsModel, motion: "Motion"):
+        """Get ready for a model and the motion it is trained on.
+
+        Parameters
+        ----------
+        model : PhysicsModel
+            Names the states and inputs.
+        motion : Motion
+            The training data, from which references are taken.
+
+        Returns
+        -------
+        callable
+            ``residual(x, u, t)``.
+        """
+        if not callable(self.residual):
+            raise ValueError(
+                f"{type(self).__name__}: expected a function residual(x, u, t), "
+                f"got {self.residual!r}."
+            )
+        return self.residual
+
+
+class EnergyBalance(PhysicsTerm):
+    r"""The energy of a step: what is stored grows by what is supplied less what is dissipated.
+
+    .. math:: h = \frac{\Delta E_{kin} + \Delta E_{pot} + \Delta E_{diss} - \Delta E_{con}}
+              {\Delta t\,P_{ref}}
+
+    The powers are taken in the middle of the step; :math:`P_{ref}` is the root mean square of the
+    supplied power of the training data (of the change of the stored energy, where nothing is
+    supplied), so that the residual does not depend on the units.
+
+    Parameters
+    ----------
+    weight : float, default=1
+        Weight among several terms.
+
+    References
+    ----------
+    .. [1] R.-S. Goette, J. Timmermann, "Composed Physics- and Data-driven System Identification
+       for Non-autonomous Systems in Control Engineering", 2021, arXiv:2112.08148.
+
+    Examples
+    --------
+    >>> EnergyBalance().kind
+    'equality'
+    """
+
+    def __init__(self, weight=1.0):
+        super().__init__(None, kind="equality", weight=weight)
+
+    def bind(self, model, motion):
+        """Get ready for a model and the motion it is trained on; see `PhysicsTerm.bind`."""
+        return partial(_Energy(model, motion).surplus, dissipates=True)
+
+
+class Passivity(PhysicsTerm):
+    r"""An inequality: no more energy comes out than went in.
+
+    .. math:: h = \frac{\Delta E_{kin} + \Delta E_{pot} - \Delta E_{con}}
+              {\Delta t\,P_{ref}} \le 0
+
+    It holds whatever dissipates the energy, so that a wrong friction model does no harm.
+
+    Parameters
+    ----------
+    weight : float, default=1
+        Weight among several terms.
+
+    Examples
+    --------
+    >>> Passivity().kind
+    'inequality'
+    """
+
+    def __init__(self, weight=1.0):
+        super().__init__(None, kind="inequality", weight=weight)
+
+    def bind(self, model, motion):
+        """Get ready for a model and the motion it is trained on; see `PhysicsTerm.bind`."""
+        return partial(_Energy(model, motion).surplus, dissipates=False)
+
+
+class Bounds(PhysicsTerm):
+    r"""An inequality: states stay between two bounds.
+
+    .. math:: h = \max\left(\frac{l - x}{h - l}, \frac{x - h}{h - l}\right) \le 0
+
+    Parameters
+    ----------
+    bounds : mapping of str to (float, float), default=None
+        Lower and upper bound by state, in its unit.
+    weight : float, default=1
+        Weight among several terms.
+
+    Examples
+    --------
+    >>> Bounds({"y": (-1.0, 1.0)}).bounds["y"]
+    (-1.0, 1.0)
+    """
+
+    def __init__(self, bounds=None, weight=1.0):
+        super().__init__(None, kind="inequality", weight=weight)
+        self.bounds = bounds
+
+    def bind(self, model, motion):
+        """Get ready for a model and the motion it is trained on; see `PhysicsTerm.bind`."""
+        return partial(_state_excess, *_limits(self, model))
+
+
+class RateBounds(Bounds):
+    r"""An inequality: rates of change stay between two bounds.
+
+    .. math:: h = \max\left(\frac{l - \Delta x/\Delta t}{h - l},
+              \frac{\Delta x/\Delta t - h}{h - l}\right) \le 0
+
+    Parameters
+    ----------
+    bounds : mapping of str to (float, float), default=None
+        Lower and upper bound of the rate by state, in its unit per second.
+    weight : float, default=1
+        Weight among several terms.
+
+    Examples
+    --------
+    >>> RateBounds({"v": (-9e5, 9e5)}).kind
+    'inequality'
+    """
+
+    def bind(self, model, motion):
+        """Get ready for a model and the motion it is trained on; see `PhysicsTerm.bind`."""
+        return partial(_rate_excess, *_limits(self, model))
+
+
+@dataclass(frozen=True)
+class Motion:
+    """What the machine did in the training data, from each sample to the next.
+
+    Parameters
+    ----------
+    x : ndarray of shape (n, 2, n_states)
+        States at both ends.
+    u : ndarray of shape (n, 1, n_inputs)
+        Inputs.
+    t : ndarray of shape (n, 2)
+        Times [s].
+    """
+
+    x: np.ndarray
+    u: np.ndarray
+    t: np.ndarray
+
+
+class PhysicsLoss:
+    """Terms, bound to a model, as one loss.
+
+    Parameters
+    ----------
+    terms : list of PhysicsTerm
+        The terms.
+    model : PhysicsModel
+        Names the states and inputs.
+    motion : Motion
+        The training data.
+    """
+
+    def __init__(self, terms, model: PhysicsModel, motion: Motion):
+        self.terms = terms
+        self._residuals = [term.bind(model, motion) for term in terms]
+
+    def residuals(self, x, u, t) -> list[torch.Tensor]:
+        """Give every term's residual, each of shape (n, length, m).
+
+        Parameters
+        ----------
+        x : Tensor of shape (n, length + 1, n_states)
+            States.
+        u : Tensor of shape (n, length, n_inputs)
+            Inputs.
+        t : Tensor of shape (n, length + 1)
+            Times [s].
+
+        Returns
+        -------
+        list of Tensor
+            The residuals, of an inequality only what is above zero.
+
+        Raises
+        ------
+        ValueError
+            If one's own term gives another shape.
+        """
+        found = []
+        for term, residual in zip(self.terms, self._residuals, strict=True):
+            h = residual(x, u, t)
+            if tuple(h.shape[:2]) != tuple(u.shape[:2]):
+                raise ValueError(
+                    f"physics_loss: {type(term).__name__} gave shape {tuple(h.shape)}; expected "
+                    f"{tuple(u.shape[:2])}, a residual for every step."
+                )
+            h = h.reshape(*h.shape[:2], -1)
+            found.append(torch.relu(h) if term.kind == "inequality" else h)
+        return found
+
+    def __call__(self, x, u, t) -> torch.Tensor:
+        """Give the weighted mean cost of all terms."""
+        costs = [
+            term.weight * (h.mean() if term.kind == "inequality" else (h**2).mean())
+            for term, h in zip(self.terms, self.residuals(x, u, t), strict=True)
+        ]
+        return torch.stack(costs).sum()
+
+
+def as_terms(physics_loss, model: PhysicsModel | None) -> list[PhysicsTerm]:
+    """Read the parameter ``physics_loss``: nothing, one term, several, or a function.
+
+    Parameters
+    ----------
+    physics_loss : None, PhysicsTerm, callable or list of them
+        What the user gave; None means the energy balance.
+    model : PhysicsModel or None
+        The model.
+
+    Returns
+    -------
+    list of PhysicsTerm
+        The terms.
+
+    Raises
+    ------
+    ValueError
+        If something is no term, or the energy balance is meant and the model has no energy.
+    """
+    given: list[Any] = physics_loss if isinstance(physics_loss, list | tuple) else [physics_loss]
+    if physics_loss is None:
+        given = [EnergyBalance()]
+    terms = [
+        PhysicsTerm(item) if callable(item) and not isinstance(item, PhysicsTerm) else item
+        for item in given
+    ]
+    for term in terms:
+        if not isinstance(term, PhysicsTerm):
+            raise ValueError(
+                f"physics_loss: expected terms such as EnergyBalance() or functions of (x, u, t), "
+                f"got {term!r}."
+            )
+        if term.kind not in KINDS:
+            raise ValueError(f"kind: expected one of {', '.join(KINDS)}, got {term.kind!r}.")
+    if not terms or model is None:
+        what = "a model" if model is None else "at least one term"
+        raise ValueError(f"physics_loss: expected {what}, got none. Remedy: give it, or leave out.")
+    return terms
+
+
+class _Energy:
+    """The energy of a model's motion."""
+
+    def __init__(self, model: PhysicsModel, motion: Motion):
+        if "stored" not in model.energy:
+            raise ValueError(
+                f"the energy of {model.name!r} is not known: expected the model's 'energy' with "
+                f"'stored', 'supplied' and 'dissipated', got "
+                f"{', '.join(model.energy) or 'nothing'}. Remedy: give the model its energy, set "
+                f"lambda_phy=0, or name another physics_loss."
+            )
+        self.model = model
+        x, u, t = (torch.as_tensor(part) for part in (motion.x, motion.u, motion.t))
+        supplied = self._power("supplied", *_middle(x, u, t))
+        stored = self._stored(x, u, t)
+        change = torch.diff(stored, dim=1) / torch.diff(t, dim=1)
+        rms = [float(torch.sqrt(torch.mean(power**2))) for power in (supplied, change)]
+        self.reference = rms[0] or rms[1] or 1.0
+
+    def surplus(self, x, u, t, *, dissipates: bool):
+        """Give the power by which the stored energy grows more than it is fed, over the scale."""
+        middle = _middle(x, u, t)
+        change = torch.diff(self._stored(x, u, t), dim=1) / torch.diff(t, dim=1)
+        surplus = change - self._power("supplied", *middle)
+        if dissipates:
+            surplus = surplus + self._power("dissipated", *middle)
+        return surplus / self.reference
+
+    def _stored(self, x, u, t):
+        return self._power("stored", x, torch.cat([u, u[:, -1:]], dim=1), t)
+
+    def _power(self, part, x, u, t):
+        if part not in self.model.energy:
+            return torch.zeros_like(t)
+        values = {"t": t}
+        values |= {name: x[..., i] for i, name in enumerate(self.model.states)}
+        values |= {name: u[..., i] for i, name in enumerate(self.model.inputs)}
+        values |= {
+            name: torch.full_like(t, parameter.value)
+            for name, parameter in self.model.parameters.items()
+        }
+        return torch_value(self.model.energy[part], values)
+
+
+def _state_excess(columns, low, high, x, u, t):
+    return _excess(x[:, 1:, columns], low, high)
+
+
+def _rate_excess(columns, low, high, x, u, t):
+    rate = torch.diff(x[..., columns], dim=1) / torch.diff(t, dim=1)[..., None]
+    return _excess(rate, low, high)
+
+
+def _excess(values, low, high):
+    """Give how far values lie outside of their bounds, in widths of the range."""
+    low, high = values.new_tensor(low), values.new_tensor(high)
+    return torch.maximum(low - values, values - high) / (high - low)
+
+
+def _middle(x, u, t):
+    """Give the states and the time in the middle of every step."""
+    return (x[:, 1:] + x[:, :-1]) / 2, u, (t[:, 1:] + t[:, :-1]) / 2
+
+
+def _limits(term, model):
+    """Give the columns of the states a term bounds, and their lower and upper bounds."""
+    bounds = dict(term.bounds or {})
+    unknown = [name for name in bounds if name not in model.states]
+    if unknown or not bounds:
+        raise ValueError(
+            f"{type(term).__name__}: expected bounds of states among {', '.join(model.states)}, "
+            f"got {', '.join(map(repr, unknown)) or 'none'}."
+        )
+    for name, (low, high) in bounds.items():
+        if not low < high:
+            raise ValueError(
+                f"{type(term).__name__}: expected a lower and a higher bound of {name!r}, "
+                f"got {low:g} and {high:g}."
+            )
+    columns = [list(model.states).index(name) for name in bounds]
+    low, high = np.array(list(bounds.values()), dtype=float).T
+    return columns, low, high

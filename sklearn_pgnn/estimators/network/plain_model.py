@@ -1,0 +1,69 @@
+"""What a network without a physical model takes for one: integrators, which only name things."""
+
+import numpy as np
+import pandas as pd
+
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.trajectories.reader import TRAJECTORY
+
+
+def plain_model(X: pd.DataFrame, y, time: str, states) -> PhysicsModel:
+    """Name the states, inputs and outputs of records of a machine without a model.
+
+    The state is every output and, for a machine that has inertia, its rate.
+
+    Parameters
+    ----------
+    X : DataFrame of shape (n_samples, n_columns)
+        Its columns besides the time, ``trajectory`` and the states are inputs.
+    y : array-like of shape (n_samples, n_outputs)
+        Measured outputs.
+    time : str
+        Column of the time.
+    states : sequence of str, optional
+        Columns that hold the initial state: the outputs, or the outputs and then their rates. By
+        default the state is the outputs and their rates, at rest at the first output.
+
+    Returns
+    -------
+    PhysicsModel
+        Chains of integrators.
+
+    Raises
+    ------
+    ValueError
+        If the number of states does not fit the outputs, or one of their columns is missing.
+
+    Examples
+    --------
+    >>> X = pd.DataFrame({"t": [0.0, 1.0], "voltage": [1.0, 1.0]})
+    >>> print(plain_model(X, np.zeros((2, 1)), "t", None).to_text())
+    x0' = v0
+    v0' = 0
+    """
+    n_outputs = 1 if np.ndim(y) == 1 else np.shape(y)[1]
+    named = [] if states is None else list(states)
+    if named and len(named) not in (n_outputs, 2 * n_outputs):
+        raise ValueError(
+            f"states: expected {n_outputs} outputs, or {2 * n_outputs} outputs and rates, "
+            f"got {len(named)} names."
+        )
+    missing = [name for name in named if name not in X.columns]
+    if missing:
+        raise ValueError(f"states: X has no column {missing[0]!r}; it has {', '.join(X.columns)}.")
+    positions = [f"x{i}" for i in range(n_outputs)]
+    velocities = [] if len(named) == n_outputs else [f"v{i}" for i in range(n_outputs)]
+    equations = dict.fromkeys(positions, "0") | dict.fromkeys(velocities, "0")
+    equations |= dict(zip(positions, velocities, strict=False))
+    taken = {time, TRAJECTORY, *named}
+    inputs = {f"u{i}": c for i, c in enumerate(c for c in X.columns if c not in taken)}
+    first = np.nan_to_num(np.asarray(y, dtype=float).reshape(len(X), n_outputs)[0])
+    return PhysicsModel(
+        name="plain network",
+        states=dict.fromkeys(equations, ""),
+        equations=equations,
+        inputs=dict.fromkeys(inputs, ""),
+        outputs={f"y{i}": state for i, state in enumerate(positions)},
+        initial_state=dict(zip(positions, first.tolist(), strict=True)),
+        columns=inputs | dict(zip(equations, named, strict=False)),
+    )

@@ -1,0 +1,166 @@
+"""What a network finds in a table besides the model's own quantities."""
+
+import numpy as np
+import pandas as pd
+
+from sklearn_pgnn.exceptions import RecordError
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.trajectories.reader import TIME, TRAJECTORY
+
+#: what `PhysicsModelTransformer` adds to a name
+SIMULATED = "_phy"
+#: how near to 0 and 1 mean and deviation of a standardised column are
+EXACT = 1e-6
+
+
+def with_names(model: PhysicsModel, X):
+    """Name the columns of an array that `PhysicsModelTransformer` gave.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    X : DataFrame or ndarray of shape (n_samples, n_columns)
+        Time, inputs, and the simulated states and outputs.
+
+    Returns
+    -------
+    DataFrame or ndarray
+        The table, as it came where it is something else.
+    """
+    known = list(dict.fromkeys([*model.states, *model.outputs]))
+    names = [TIME, *model.inputs, *(name + SIMULATED for name in known)]
+    states = 1 + len(model.inputs) + len(model.states)
+    if isinstance(X, pd.DataFrame) or X.shape[1] != len(names) or X.shape[1] == states:
+        return X
+    called = [model.columns.get(name, name) for name in names]
+    return pd.DataFrame(np.asarray(X), columns=called)
+
+
+def simulated_states(model: PhysicsModel, X) -> np.ndarray | None:
+    """Give the columns of the simulated states, if a table has them all.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    X : DataFrame or ndarray of shape (n_samples, n_columns)
+        The table.
+
+    Returns
+    -------
+    ndarray of shape (n_samples, n_states) or None
+        The simulation, as it stands there.
+    """
+    names = [state + SIMULATED for state in model.states]
+    if not isinstance(X, pd.DataFrame) or not set(names) <= set(X.columns):
+        return None
+    return _numbers(X, names)
+
+
+def further_columns(model: PhysicsModel, X, time) -> list[str]:
+    """Name the columns that are neither time, trajectory, input, state nor simulation.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    X : DataFrame or ndarray of shape (n_samples, n_columns)
+        The table.
+    time : int or str or None
+        The parameter ``time``.
+
+    Returns
+    -------
+    list of str
+        Columns the network shall see besides.
+    """
+    if not isinstance(X, pd.DataFrame):
+        return []
+    own = [TIME, TRAJECTORY, *model.inputs, *model.states]
+    taken = {time, *own, *(model.columns.get(name, name) for name in own)}
+    taken |= {name + SIMULATED for name in (*model.states, *model.outputs)}
+    return [name for name in X.columns if name not in taken]
+
+
+def feature_values(X, names: list[str]) -> np.ndarray:
+    """Read the further columns.
+
+    Parameters
+    ----------
+    X : DataFrame or ndarray of shape (n_samples, n_columns)
+        The table.
+    names : list of str
+        As `further_columns` gave them in `fit`.
+
+    Returns
+    -------
+    ndarray of shape (n_samples, n_features)
+        Their values.
+
+    Raises
+    ------
+    RecordError
+        If one is not a number.
+    """
+    return _numbers(X, names) if names else np.zeros((len(X), 0))
+
+
+def refuse_standardised(model: PhysicsModel, records) -> None:
+    """Refuse records that have lost their units to a scaler.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    records : tuple of Record
+        The records.
+
+    Raises
+    ------
+    RecordError
+        If the time, an input or an output is exactly standardised over all records.
+    """
+    columns = {"time": np.concatenate([record.t for record in records])}
+    u = np.concatenate([record.u for record in records])
+    y = np.concatenate([record.y for record in records])
+    columns |= {f"input {name!r}": u[:, i] for i, name in enumerate(model.inputs)}
+    columns |= {f"output {name!r}": y[:, i] for i, name in enumerate(model.outputs)}
+    for what, values in columns.items():
+        if _is_standardised(values[np.isfinite(values)]):
+            raise RecordError(
+                f"X, y: the {what} is standardised, so that its unit is lost, but energies need "
+                f"physical units. Remedy: let time, inputs, states and outputs pass the scaler "
+                f"untouched (ColumnTransformer(..., remainder='passthrough')), or use "
+                f"make_pgnn_pipeline; or set lambda_phy=0."
+            )
+
+
+def _is_standardised(values) -> bool:
+    """Tell whether a column left StandardScaler or RobustScaler."""
+    if values.size < 10:
+        return False
+    low, middle, high = np.percentile(values, [25, 50, 75])
+    return bool(
+        (abs(values.mean()) < EXACT and abs(values.std() - 1) < EXACT)
+        or (abs(middle) < EXACT and abs(high - low - 1) < EXACT)
+    )
+
+
+def _numbers(X: pd.DataFrame, names) -> np.ndarray:
+    """Read columns as finite numbers."""
+    try:
+        values = X[names].to_numpy(dtype=float)
+    except (TypeError, ValueError):
+        strange = [name for name in names if X[name].dtype.kind not in "biuf"]
+        raise RecordError(
+            f"X: column {strange[0]!r} is not numeric. Remedy: encode it, or leave it out."
+        ) from None
+    if not np.isfinite(values).all():
+        row, column = np.argwhere(~np.isfinite(values))[0]
+        raise RecordError(
+            f"X: column {names[column]!r} is {values[row, column]} in row {row}; expected a finite "
+            f"number. Remedy: if it is an initial state, name it in the model's 'columns' or in "
+            f"'states'; else fill the gap or leave the column out."
+        )
+    return values

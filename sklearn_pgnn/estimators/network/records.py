@@ -1,0 +1,248 @@
+"""Records as a network trains on them: states estimated, the model simulated, windows cut."""
+
+import warnings
+from dataclasses import dataclass
+
+import numpy as np
+
+from sklearn_pgnn.estimators.network.physics_loss import Motion
+from sklearn_pgnn.exceptions import SimulationWarning
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.free_run import simulate_record
+from sklearn_pgnn.simulation.network_run import (
+    NetworkRecord,
+    NetworkStep,
+    network_record,
+    prior_steps,
+)
+from sklearn_pgnn.simulation.record_windows import window_records
+from sklearn_pgnn.simulation.simulate import start_of
+
+
+@dataclass(frozen=True)
+class TrainingRecord:
+    """One trajectory with what was measured.
+
+    Parameters
+    ----------
+    record : NetworkRecord
+        Time, inputs and what else the network sees.
+    x : ndarray of shape (n_samples, n_states)
+        Estimated states.
+    y : ndarray of shape (n_samples, n_outputs)
+        Measured outputs, NaN where there is none.
+    scored_from : int
+        The first sample that counts.
+    """
+
+    record: NetworkRecord
+    x: np.ndarray
+    y: np.ndarray
+    scored_from: int = 0
+
+    def first(self, n_samples: int) -> "TrainingRecord":
+        """Give the trajectory's first samples."""
+        return TrainingRecord(
+            self.record.piece(0, n_samples), self.x[:n_samples], self.y[:n_samples]
+        )
+
+
+def prepare(model: PhysicsModel, records, features, simulated, *, hold: str, substeps: int):
+    """Make records ready for the network's loop.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    records : tuple of Record
+        Trajectories.
+    features : list of ndarray of shape (n_samples, n_features)
+        Further columns of every trajectory.
+    simulated : list of ndarray or None
+        Open-loop simulation of every trajectory; by default the model is simulated.
+    hold : {"zoh", "foh"}
+        How the inputs run between two samples.
+    substeps : int
+        Integration steps from sample to sample.
+
+    Returns
+    -------
+    list of NetworkRecord
+        The trajectories.
+    """
+    if simulated is None:
+        simulated = [open_loop(model, record, hold, substeps) for record in records]
+    return [
+        network_record(
+            model, record.t, record.u, start_of(model, record),
+            hold=hold, simulated=guide, features=further,
+        )
+        for record, further, guide in zip(records, features, simulated, strict=True)
+    ]  # fmt: skip
+
+
+def open_loop(model: PhysicsModel, record, hold: str, substeps: int) -> np.ndarray:
+    """Simulate a record in open loop; where the model diverges its first state is repeated."""
+    run = simulate_record(model, record, substeps=substeps, hold=hold)
+    if not run.message:
+        return run.x
+    warnings.warn(
+        f"trajectory {record.name!r}: {run.message} The network is guided by its first state.",
+        SimulationWarning,
+        stacklevel=2,
+    )
+    return np.repeat(run.x[:1], len(run.x), axis=0)
+
+
+def estimate_states(model: PhysicsModel, records, *, hold: str, substeps: int) -> list[np.ndarray]:
+    """Estimate the states of every record from its outputs.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    records : tuple of Record
+        Trajectories with outputs.
+    hold : {"zoh", "foh"}
+        How the inputs run between two samples.
+    substeps : int
+        Integration steps from sample to sample.
+
+    Returns
+    -------
+    list of ndarray of shape (n_samples, n_states)
+        The states.
+    """
+    ground = window_records(model, records, hold=hold, substeps=substeps)
+    x = ground.states.estimate(model).x
+    edges = np.cumsum([record.t.size for record in records])[:-1]
+    return np.split(x, edges)
+
+
+def split_for_validation(records: list[TrainingRecord], share: float, random):
+    """Hold out whole trajectories, or the end of every trajectory where there are few.
+
+    Parameters
+    ----------
+    records : list of TrainingRecord
+        The trajectories.
+    share : float
+        Share to hold out.
+    random : RandomState
+        Draws the trajectories.
+
+    Returns
+    -------
+    training, validation : list of TrainingRecord
+        What to learn from, and what to choose the network by: held-out trajectories, or all
+        trajectories from their beginning, of which only the held-out end counts.
+    """
+    if not share:
+        return records, []
+    if len(records) >= 3:
+        n = min(max(1, round(share * len(records))), len(records) - 1)
+        held = set(random.permutation(len(records))[:n].tolist())
+        training = [record for i, record in enumerate(records) if i not in held]
+        return training, [records[i] for i in sorted(held)]
+    cuts = [max(2, round((1 - share) * len(record.x))) for record in records]
+    training = [record.first(cut) for record, cut in zip(records, cuts, strict=True)]
+    validation = [
+        TrainingRecord(record.record, record.x, record.y, cut)
+        for record, cut in zip(records, cuts, strict=True)
+    ]
+    return training, [record for record in validation if len(record.y) > record.scored_from]
+
+
+class Windows:
+    """Windows of the training data, cut inside trajectories only.
+
+    Parameters
+    ----------
+    records : list of TrainingRecord
+        The trajectories.
+    model : PhysicsModel
+        The model.
+    hold : {"zoh", "foh"}
+        How the inputs run between two samples.
+    substeps : int
+        Integration steps from sample to sample.
+    needs_prior : bool
+        Whether the model's step from every measured state is needed.
+    """
+
+    def __init__(self, records: list[TrainingRecord], model, *, hold, substeps, needs_prior):
+        parts = [each.record for each in records]
+        self.lengths = [len(part.t) for part in parts]
+        self.x = np.concatenate([each.x for each in records])
+        self.y = np.concatenate([each.y for each in records])
+        self.u = np.concatenate([part.u for part in parts])
+        self.t = np.concatenate([part.t for part in parts])
+        self.simulated = np.concatenate([part.simulated for part in parts])
+        self.features = np.concatenate([part.features for part in parts])
+        acting = np.concatenate([part.acting for part in parts])
+        self.samples = {
+            "t": self.t,
+            "dt": np.append(np.diff(self.t), 0.0),
+            "acting": acting,
+            "acting_next": np.vstack([acting[1:], acting[-1:]]),
+        }
+        self.pairs = self.starts(1, 1)
+        self.prior = np.full_like(self.x, np.nan)
+        if needs_prior:
+            k = self.pairs
+            self.prior[k] = prior_steps(
+                model, substeps, hold, self.t[k], self.samples["dt"][k], self.x[k], acting[k],
+                self.samples["acting_next"][k],
+            )[0]  # fmt: skip
+
+    def starts(self, length: int, stride: int) -> np.ndarray:
+        """Give where windows of so many steps begin, so many samples apart."""
+        begin = np.concatenate([[0], np.cumsum(self.lengths)[:-1]])
+        return np.concatenate(
+            [np.arange(a, a + n - length, stride) for a, n in zip(begin, self.lengths, strict=True)]
+        ).astype(int)
+
+    def motion(self) -> Motion:
+        """Give what the machine did from each sample to the next."""
+        k = self.pairs
+        ends = k[:, None] + [0, 1]
+        return Motion(self.x[ends], self.u[k][:, None], self.t[ends])
+
+    def cut(self, length: int, step: NetworkStep, *, teacher: bool) -> dict[str, np.ndarray]:
+        """Cut windows as the module takes them.
+
+        Parameters
+        ----------
+        length : int
+            Steps of a window.
+        step : NetworkStep
+            Tells what the network sees.
+        teacher : bool
+            Whether the measured states are fed back.
+
+        Returns
+        -------
+        dict of str to ndarray
+            Keyword arguments of `StepNetwork.forward`.
+        """
+        start = self.starts(length, max(1, length // 2))[:, None]
+        now, after = start + np.arange(length), start + 1 + np.arange(length)
+        ends = start + np.arange(length + 1)
+        found = {
+            "x": self.x[ends],
+            "u": self.u[now],
+            "t": self.t[ends],
+            "index": now,
+        }
+        if step.needs_prior and teacher:
+            found["prior"] = self.prior[now]
+        if step.guide == "simulation":
+            found["simulated"] = self.simulated[after]
+        if self.features.shape[1]:
+            found["features"] = self.features[after]
+        return found
+
+    def at_ends(self, values: np.ndarray, length: int) -> np.ndarray:
+        """Cut the same windows from values, the samples after the first."""
+        start = self.starts(length, max(1, length // 2))[:, None]
+        return values[start + 1 + np.arange(length)]

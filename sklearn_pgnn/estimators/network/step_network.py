@@ -1,0 +1,113 @@
+"""The network in feedback as a torch module: the compiled loop's step, differentiable."""
+
+import torch
+from torch import nn
+
+from sklearn_pgnn.simulation.network_run import NetworkStep, prior_steps
+
+
+class StepNetwork(nn.Module):
+    """A core in feedback, over windows of several steps.
+
+    Parameters
+    ----------
+    core : Module
+        Maps standardised features to the network's outputs; one that has ``at_rest`` also takes
+        and gives a hidden state.
+    step : NetworkStep
+        What a step is made of.
+    samples : dict of str to ndarray
+        Time ``t``, step ``dt``, acting inputs ``acting`` and ``acting_next`` of every training
+        sample, which the model's own step needs.
+
+    Notes
+    -----
+    ``teacher_forcing`` feeds back what was measured; otherwise what was predicted is fed back.
+    """
+
+    def __init__(self, core: nn.Module, step: NetworkStep, samples: dict):
+        super().__init__()
+        self.core, self.step, self.samples = core, step, samples
+        self.teacher_forcing = True
+        for name in ("offset", "gain", "mean", "scale"):
+            self.register_buffer(name, torch.as_tensor(getattr(step, name)), persistent=False)
+
+    def forward(self, x, u, t, index, prior=None, simulated=None, features=None):
+        """Predict the states of windows.
+
+        Parameters
+        ----------
+        x : Tensor of shape (n, length + 1, n_states)
+            Measured states; only the first is read, unless ``teacher_forcing``.
+        u : Tensor of shape (n, length, n_inputs)
+            Inputs from each sample to the next.
+        t : Tensor of shape (n, length + 1)
+            Times [s].
+        index : Tensor of shape (n, length)
+            Where the samples stand in `samples`.
+        prior : Tensor of shape (n, length, n_states), optional
+            The model's step from the measured states.
+        simulated : Tensor of shape (n, length, n_states), optional
+            Open-loop simulation at the next sample.
+        features : Tensor of shape (n, length, n_features), optional
+            Further columns at the next sample.
+
+        Returns
+        -------
+        Tensor of shape (n, length, n_states)
+            Predicted states of the samples after the first.
+        """
+        hidden = self.core.at_rest(len(x)) if hasattr(self.core, "at_rest") else None
+        dt, state, predicted = torch.diff(t, dim=1), x[:, 0], []
+        for k in range(u.shape[1]):
+            known = None
+            if self.teacher_forcing:
+                state = x[:, k]
+                known = None if prior is None else prior[:, k]
+            further = [part[:, k] for part in (simulated, features) if part is not None]
+            state, hidden = self._advance(
+                state, u[:, k], dt[:, k, None], index[:, k], known, further, hidden
+            )
+            predicted.append(state)
+        return torch.stack(predicted, dim=1)
+
+    def _advance(self, x, u, dt, index, prior, further, hidden):
+        step = self.step
+        if step.needs_prior and prior is None:
+            prior = _PriorStep.apply(x, index, self)
+        seen = [x, u]
+        if step.guide == "step":
+            seen.append((prior - x) / dt)
+        z = (torch.cat([*seen, *further], dim=1) - self.mean) / self.scale
+        if hidden is None:
+            output = self.core(z)
+        else:
+            output, hidden = self.core(z, hidden)
+        base = {"constant": self.offset, "state": x, "prior": prior}[step.base]
+        at_once, rate, twice = (output @ matrix.T for matrix in self.gain)
+        return base + at_once + dt * (rate + dt * twice), hidden
+
+
+class _PriorStep(torch.autograd.Function):
+    """The model's own step, compiled, with its Jacobian as the backward pass."""
+
+    @staticmethod
+    def forward(ctx, x, index, network):
+        rows, samples, step = index.cpu().numpy(), network.samples, network.step
+        x_next, jacobian = prior_steps(
+            step.model,
+            step.substeps,
+            step.hold,
+            samples["t"][rows],
+            samples["dt"][rows],
+            x.detach().cpu().numpy(),
+            samples["acting"][rows],
+            samples["acting_next"][rows],
+        )
+        ctx.save_for_backward(torch.as_tensor(jacobian, device=x.device))
+        return torch.as_tensor(x_next, device=x.device)
+
+    @staticmethod
+    def backward(ctx, grad):
+        (jacobian,) = ctx.saved_tensors
+        return torch.einsum("ni,nij->nj", grad, jacobian), None, None

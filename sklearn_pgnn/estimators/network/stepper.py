@@ -1,0 +1,93 @@
+"""One step at a time, for a loop that runs with a clock."""
+
+from collections import deque
+from dataclasses import replace
+
+import numpy as np
+import torch
+from torch import nn
+
+from sklearn_pgnn.estimators.network.free_run import outputs_of, run_core
+from sklearn_pgnn.simulation.inputs import delayed_inputs
+from sklearn_pgnn.simulation.network_run import NetworkStep, network_record
+from sklearn_pgnn.simulation.simulate import simulate
+
+
+class Stepper:
+    """A trained network with its state, advanced sample by sample.
+
+    Made by `PGNNLRegressor.stepper`.
+
+    Parameters
+    ----------
+    core : Module
+        The trained core, feed-forward.
+    step : NetworkStep
+        What a step is made of.
+    x0 : array-like of shape (n_states,)
+        Initial state.
+    interval : float
+        Sample interval [s].
+    guide_line : (ndarray, ndarray)
+        Slope and offset by which the simulated columns of the training data follow the simulation.
+
+    Attributes
+    ----------
+    x : ndarray of shape (n_states,)
+        The state.
+    t : float
+        Time since the start [s].
+    """
+
+    def __init__(self, core: nn.Module, step: NetworkStep, x0, interval: float, guide_line):
+        self._late, self._core, self._line = step.model, core, guide_line
+        # delays are applied here, from the inputs that are remembered
+        self._step = replace(step, model=step.model.replace(delays={}))
+        self._interval, self.t = float(interval), 0.0
+        self.x = np.array(x0, dtype=float)
+        self._simulated = self.x.copy()
+        longest = max([step.model.parameters[p].value for p in step.model.delays.values()] or [0.0])
+        self._inputs: deque[np.ndarray] = deque(maxlen=int(longest / interval) + 3)
+
+    def step(self, u, features=()) -> np.ndarray:
+        """Advance by one sample.
+
+        Parameters
+        ----------
+        u : array-like of shape (n_inputs,)
+            Inputs, held until the next sample.
+        features : array-like of shape (n_features,), default=()
+            Further columns at the next sample.
+
+        Returns
+        -------
+        ndarray of shape (n_outputs,)
+            Outputs at the next sample.
+        """
+        acting = np.tile(self._acting(np.atleast_1d(np.asarray(u, dtype=float))), (2, 1))
+        t = np.array([self.t, self.t + self._interval])
+        guide = self._guide(t, acting) if self._step.guide == "simulation" else None
+        record = network_record(
+            self._step.model, t, acting, self.x,
+            simulated=guide, features=np.tile(np.asarray(features, dtype=float), (2, 1)),
+        )  # fmt: skip
+        self.x = run_core(self._core, self._step, record)[0][-1]
+        self.t = float(t[1])
+        now = (torch.as_tensor(part) for part in (self.x, acting[1], t[1]))
+        return outputs_of(self._step.model, *now).numpy()
+
+    def _acting(self, u) -> np.ndarray:
+        """Give the inputs as they act now; before the start they had their first value."""
+        if not self._inputs:
+            self._inputs.append(u)
+        self._inputs.append(u)
+        history = np.array(self._inputs)
+        t = self.t - self._interval * np.arange(len(history))[::-1]
+        return delayed_inputs(self._late, t, history)[-1, : u.size]
+
+    def _guide(self, t, acting) -> np.ndarray:
+        """Simulate the model along, in open loop."""
+        options = {"substeps": self._step.substeps, "hold": "zoh"}
+        self._simulated = simulate(self._step.model, t, acting, self._simulated, **options).x[-1]
+        slope, offset = self._line
+        return np.tile(self._simulated * slope + offset, (2, 1))

@@ -1,0 +1,104 @@
+r"""What the network's output means: the structures of a step, and which suits a model.
+
+- ``output``: :math:`x_{k+1} = n(u_k, x_k, \ldots)`
+- ``increment``: :math:`x_{k+1} = x_k + \Delta t\, n(u_k, x_k, \ldots)`
+- ``correction``: :math:`x_{k+1} = \Phi(x_k, u_k) + \Delta t\, n(u_k, x_k, \ldots)`, where only
+  rates that are not just another state are corrected; a position moves by half a step's square.
+"""
+
+import numpy as np
+
+from sklearn_pgnn.physics.model import PhysicsModel
+
+STRUCTURES = ("output", "increment", "correction")
+_BASES = {"output": "constant", "increment": "state", "correction": "prior"}
+#: share of the dominant period of the outputs over which the model is compared with persistence
+TRIAL_SHARE = 0.1
+
+
+def base_of(structure: str) -> str:
+    """Give what the network's output is added to."""
+    return _BASES[structure]
+
+
+def corrected_states(model: PhysicsModel, structure: str) -> list[int]:
+    """Give the states that have an output of the network of their own.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    structure : {"output", "increment", "correction"}
+        What the output means.
+
+    Returns
+    -------
+    list of int
+        Their places.
+    """
+    positions = set(model.kinematic_pairs.values()) if structure == "correction" else set()
+    return [i for i, state in enumerate(model.states) if state not in positions]
+
+
+def gain_of(model: PhysicsModel, structure: str, x, x_next, prior, dt) -> np.ndarray:
+    """Scale the network's outputs by what they have to explain.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    structure : {"output", "increment", "correction"}
+        What the output means.
+    x, x_next : ndarray of shape (n, n_states)
+        Measured states at both ends of every step.
+    prior : ndarray of shape (n, n_states) or None
+        The model's step from the measured states.
+    dt : ndarray of shape (n,)
+        Steps [s].
+
+    Returns
+    -------
+    ndarray of shape (3, n_states, n_outputs)
+        Matrices that stand before 1, the step and its square.
+    """
+    states = list(model.states)
+    own = corrected_states(model, structure)
+    gain = np.zeros((3, len(states), len(own)))
+    if structure == "output":
+        size = np.std(x_next, axis=0)
+    else:
+        base = x if structure == "increment" else prior
+        size = np.sqrt(np.mean(((x_next - base) / dt[:, None]) ** 2, axis=0))
+    size = np.where(size > 0, size, 1.0)
+    power = 0 if structure == "output" else 1
+    pairs = model.kinematic_pairs if structure == "correction" else {}
+    for column, i in enumerate(own):
+        gain[power, i, column] = size[i]
+        position = pairs.get(states[i])
+        if position is not None:
+            gain[2, states.index(position), column] = size[i] / 2
+    return gain
+
+
+def choose_structure(model: PhysicsModel, trials) -> str:
+    """Correct the model's step where the model foretells better than persistence.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    trials : sequence of (ndarray, ndarray, ndarray)
+        For several short windows the outputs that were measured at their end, those that the
+        model foretells from the measured state at the beginning, and those at the beginning.
+
+    Returns
+    -------
+    {"correction", "increment"}
+        The structure.
+    """
+    measured, foretold, begun = (np.concatenate(part) for part in zip(*trials, strict=True))
+    spread = np.nanstd(measured, axis=0)
+    spread = np.where(spread > 0, spread, 1.0)
+    by_model = np.nanmean(((measured - foretold) / spread) ** 2)
+    by_persistence = np.nanmean(((measured - begun) / spread) ** 2)
+    return "correction" if by_model < by_persistence else "increment"

@@ -1,0 +1,888 @@
+"""The paper's physics-guided neural network with a physical loss, as a skorch regressor."""
+
+import copy
+import warnings
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+import pandas as pd
+import torch
+from sklearn.base import MultiOutputMixin
+from sklearn.utils import check_random_state
+from sklearn.utils.validation import check_is_fitted, validate_data
+from skorch import NeuralNetRegressor
+from skorch.callbacks import EpochTimer, PassthroughScoring, PrintLog
+from torch import nn
+
+from sklearn_pgnn.estimators.network import ground
+from sklearn_pgnn.estimators.network.balance import ADAPTIVE, balanced_lambda, check_lambda
+from sklearn_pgnn.estimators.network.batches import TensorBatches
+from sklearn_pgnn.estimators.network.callbacks import BestFreeRun, CosineDecay, EnoughTraining
+from sklearn_pgnn.estimators.network.cores import FeedForward
+from sklearn_pgnn.estimators.network.free_run import outputs_of, run_core, step_with, weights_of
+from sklearn_pgnn.estimators.network.least_squares import (
+    SimulationObjective,
+    l_bfgs,
+    levenberg_marquardt,
+)
+from sklearn_pgnn.estimators.network.physics_loss import PhysicsLoss, as_terms
+from sklearn_pgnn.estimators.network.plain_model import plain_model
+from sklearn_pgnn.estimators.network.reading import (
+    feature_values,
+    further_columns,
+    refuse_standardised,
+    simulated_states,
+    with_names,
+)
+from sklearn_pgnn.estimators.network.records import (
+    TrainingRecord,
+    Windows,
+    estimate_states,
+    prepare,
+    split_for_validation,
+)
+from sklearn_pgnn.estimators.network.row_network import RowNetwork
+from sklearn_pgnn.estimators.network.step_network import StepNetwork
+from sklearn_pgnn.estimators.network.stepper import Stepper
+from sklearn_pgnn.estimators.network.structure import corrected_states
+from sklearn_pgnn.exceptions import SimulationWarning
+from sklearn_pgnn.simulation.free_run import enough_substeps
+from sklearn_pgnn.trajectories import read_records, rows_in_order
+from sklearn_pgnn.trajectories.validation import validate_table
+
+REFINEMENTS = ("auto", "lm", "lbfgs", None)
+#: "auto" refines by Levenberg and Marquardt's steps up to so many weights
+FEW_WEIGHTS = 1000
+#: what is made anew from the weights when a pickle is loaded
+_TRAINED = ("module_", "criterion_", "optimizer_", "callbacks_")
+
+
+@dataclass
+class _Phase:
+    """One phase of the training."""
+
+    epochs: int
+    horizon: int
+    windows: Windows
+    scale: torch.Tensor
+    rates: list[float]
+    epoch: int = 0
+
+
+class PGNNLRegressor(MultiOutputMixin, NeuralNetRegressor):
+    r"""A network in feedback, guided by a physical model and by a physical loss (PGNN-L).
+
+    .. math:: L = (1 - \lambda_{phy})\,L_{error} + \lambda_{phy}\,L_{phy}
+
+    :math:`L_{error}` is the mean squared error as a share of what the step's base alone leaves
+    over the same horizon, :math:`L_{phy}` the mean cost of dimensionless physical residuals; both
+    are free of units. One step of the network is, by `structure`,
+
+    .. math::
+        \text{output:}\quad x_{k+1} &= n(u_k, x_k, x_{phy,k+1}) \\
+        \text{increment:}\quad x_{k+1} &= x_k + \Delta t\,n(u_k, x_k, x_{phy,k+1}) \\
+        \text{correction:}\quad x_{k+1} &= \Phi(x_k, u_k) + \Delta t\,n(u_k, x_k)
+
+    with the model's simulation :math:`x_{phy}` and its own step :math:`\Phi` from the state that is
+    fed back. The network is trained on single steps (teacher forcing), then on rollouts with its
+    prediction fed back, then on the simulation of whole trajectories; of all epochs the weights
+    whose free run of held-out trajectories is best are kept. ``predict`` is the free run from each
+    trajectory's first row.
+
+    It is a skorch regressor: callbacks, devices, ``module__...`` and ``optimizer__...`` work as
+    there. Features are standardised inside, so that a scaler before it changes nothing, and
+    energies are taken in physical units.
+
+    Parameters
+    ----------
+    model : PhysicsModel, optional
+        The model that guides. Without it, and with a time, the network is plain; without a time
+        too, the rows are independent of each other.
+    structure : {"auto", "output", "increment", "correction"}, default="auto"
+        What the network's output means. ``"auto"`` corrects the model's step where the model
+        foretells the outputs a tenth of their dominant period ahead better than persistence does,
+        and is ``"increment"`` where not.
+    guide : {"auto", "simulation", "step", None}, default="auto"
+        What of the model the network sees: its open-loop simulation at the next sample, the rate
+        :math:`(\Phi(x_k, u_k) - x_k)/\Delta t`, or nothing. ``"auto"`` is the simulation for
+        outputs and increments, and nothing for corrections.
+    lambda_phy : float in [0, 1) or "adaptive", default=0.0
+        Weight of the physical loss, or the rule of Wang, Teng and Perdikaris [2]_ that balances
+        the gradients of both. The default is 0, which was best on the simulated plants: see the
+        documentation before you raise it.
+    physics_loss : PhysicsTerm, callable or list of them, optional
+        The physical terms; by default the model's energy balance.
+    horizon : int, default=1
+        Steps of the rollouts; 1 for none.
+    rollout_epochs : int, default=20
+        Epochs of rollouts.
+    refine : {"auto", "lm", "lbfgs", None}, default="auto"
+        Last phase, on the simulation of whole trajectories: Levenberg-Marquardt, L-BFGS or none.
+        ``"auto"`` is Levenberg-Marquardt for a `FeedForward` core of at most 1000 weights.
+    refine_iterations : int, default=30
+        Most steps of that phase.
+    validation : float, default=0.2
+        Share of the trajectories held out to choose the weights; of less than three
+        trajectories, the share at the end of each.
+    patience : int, default=20
+        Epochs (or steps of `refine`) without a better free run that end a phase.
+    states : sequence of str, optional
+        Without a model: columns of X whose first row in every trajectory is the initial state, the
+        outputs and then their rates.
+    hold : {"zoh", "foh"}, default="zoh"
+        Whether an input is held between two samples or runs straight from one to the next.
+    substeps : int, optional
+        Integration steps of the model from sample to sample; by default as many as accuracy needs.
+    time : int or str, optional
+        Column of X that holds the time; by default ``"t"``, of an array the first.
+    random_state : int, RandomState instance or None, default=0
+        What draws the weights, the batches and the held-out trajectories.
+    module : Module class, default=FeedForward
+        The core: takes ``n_inputs`` and ``n_outputs``, and maps features to outputs; see
+        `FeedForward` (``module__neurons``, ``module__layers``, ``module__activation``) and
+        `Recurrent`.
+    criterion : Module class, default=torch.nn.MSELoss
+        Measures the scaled errors.
+    optimizer : Optimizer class, default=torch.optim.Adam
+        Of the first two phases; the learning rate decays by a cosine in each.
+    lr : float, default=0.01
+        Learning rate; a tenth of it in rollouts.
+    max_epochs : int, default=50
+        Epochs on single steps.
+    batch_size : int, default=2048
+        Most steps in a batch; small sets are cut in at least 16 batches.
+    iterator_train : class, default=TensorBatches
+        Makes batches for the training.
+    iterator_train__shuffle : bool, default=True
+        Whether it draws the order.
+    train_split : None
+        Not used: `validation` holds out trajectories.
+    verbose : int, default=0
+        Whether to print every epoch.
+    **kwargs
+        Further parameters of `skorch.NeuralNet`.
+
+    Attributes
+    ----------
+    structure_ : str
+        The structure that was used.
+    lambda_phy_ : float
+        The last weight of the physical loss.
+    step_ : NetworkStep
+        What a step is made of.
+    substeps_ : int
+        Integration steps of the model from sample to sample.
+    free_run_error_ : float
+        Error of the held-out free run: root mean square, in standard deviations of the outputs.
+    n_features_in_ : int
+        Number of columns of X.
+    feature_names_in_ : ndarray of str
+        Their names, if X has any.
+
+    See Also
+    --------
+    make_pgnn_pipeline : Simulation, scaling and this network in one.
+
+    References
+    ----------
+    .. [1] R.-S. Goette, J. Timmermann, "Composed Physics- and Data-driven System Identification
+       for Non-autonomous Systems in Control Engineering", 2021, arXiv:2112.08148.
+    .. [2] S. Wang, Y. Teng, P. Perdikaris, "Understanding and mitigating gradient flow pathologies
+       in physics-informed neural networks", SIAM Journal on Scientific Computing 43(5), 2021,
+       :doi:`10.1137/20M1318043`.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn import PhysicsModel, effects
+    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
+    >>> t = np.linspace(0, 60, 601)
+    >>> X = np.column_stack([t, np.sin(t) + np.sin(0.3 * t)])
+    >>> y = (lag + effects.QuadraticDrag("y", coefficient=0.5)).simulate(t, X[:, 1]).y
+    >>> net = PGNNLRegressor(lag, module__neurons=4, max_epochs=10).fit(X, y)
+    >>> net.structure_, bool(net.score(X, y) > 0.999)
+    ('correction', True)
+    """
+
+    def __init__(
+        self,
+        model=None,
+        *,
+        structure="auto",
+        guide="auto",
+        lambda_phy=0.0,
+        physics_loss=None,
+        horizon=1,
+        rollout_epochs=20,
+        refine="auto",
+        refine_iterations=30,
+        validation=0.2,
+        patience=20,
+        states=None,
+        hold="zoh",
+        substeps=None,
+        time=None,
+        random_state=0,
+        module=FeedForward,
+        criterion=nn.MSELoss,
+        optimizer=torch.optim.Adam,
+        lr=0.01,
+        max_epochs=50,
+        batch_size=2048,
+        iterator_train=TensorBatches,
+        iterator_train__shuffle=True,
+        train_split=None,
+        verbose=0,
+        **kwargs,
+    ):
+        super().__init__(
+            module,
+            criterion=criterion,
+            optimizer=optimizer,
+            lr=lr,
+            max_epochs=max_epochs,
+            batch_size=batch_size,
+            iterator_train=iterator_train,
+            iterator_train__shuffle=iterator_train__shuffle,
+            train_split=train_split,
+            verbose=verbose,
+            **kwargs,
+        )
+        self.model = model
+        self.structure = structure
+        self.guide = guide
+        self.lambda_phy = lambda_phy
+        self.physics_loss = physics_loss
+        self.horizon = horizon
+        self.rollout_epochs = rollout_epochs
+        self.refine = refine
+        self.refine_iterations = refine_iterations
+        self.validation = validation
+        self.patience = patience
+        self.states = states
+        self.hold = hold
+        self.substeps = substeps
+        self.time = time
+        self.random_state = random_state
+
+    # -- scikit-learn ------------------------------------------------------------------------------
+
+    def fit(self, X, y, **fit_params):
+        """Train the network.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_samples, n_columns)
+            Time [s], inputs, where known the states in each trajectory's first row, and whatever
+            else the network shall see; without a model and a time, any features.
+        y : array-like of shape (n_samples, n_outputs) or (n_samples,)
+            Measured outputs; NaN where there is none.
+        **fit_params
+            Of skorch.
+
+        Returns
+        -------
+        self : PGNNLRegressor
+            The trained network.
+
+        Raises
+        ------
+        ValueError
+            If a parameter is none of what it can be, X and y cannot be read as records of the
+            model, or an energy is weighted that the model lacks or a scaler has spoilt.
+        """
+        return self._fit(X, y, anew=not (self.warm_start and self.initialized_), **fit_params)
+
+    def partial_fit(self, X, y=None, classes=None, **fit_params):
+        """Train on, from the present weights and with the present scaling.
+
+        Parameters
+        ----------
+        X, y
+            As in `fit`.
+        classes : None
+            Not used.
+        **fit_params
+            Of skorch.
+
+        Returns
+        -------
+        self : PGNNLRegressor
+            The trained network.
+        """
+        return self._fit(X, y, anew=not self.initialized_, **fit_params)
+
+    def predict(self, X):
+        """Run the network freely along every trajectory, from its initial state.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_samples, n_columns)
+            As in `fit`; of the states only the first row of a trajectory is read.
+
+        Returns
+        -------
+        ndarray of shape (n_samples, n_outputs) or (n_samples,)
+            Outputs. Of a trajectory that diverges, of which a `SimulationWarning` tells, the last
+            sample in reach is repeated.
+        """
+        check_is_fitted(self)
+        if self.model_ is None:
+            X = self._check_rows(X, reset=False)
+            self.module_.eval()
+            with torch.no_grad():
+                y = self.module_(torch.as_tensor(X, device=self.device)).cpu().numpy()
+        else:
+            runs = self._free_runs(X)
+            y = rows_in_order(
+                runs.records,
+                np.concatenate(
+                    [self._outputs(each, x) for each, x in zip(runs.ready, runs.x, strict=True)]
+                ),
+            )
+        return y.ravel() if self._single_output else y
+
+    def predict_proba(self, X):
+        """Give what `predict` gives; skorch's callbacks for scoring ask for it.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_samples, n_columns)
+            As in `predict`.
+
+        Returns
+        -------
+        ndarray of shape (n_samples, n_outputs) or (n_samples,)
+            Outputs.
+        """
+        return self.predict(X)
+
+    def physics_residual(self, X, states=None):
+        """Tell how consistent a prediction is with physics; no measurement is needed.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_samples, n_columns)
+            As in `predict`.
+        states : array-like of shape (n_samples, n_states), optional
+            Any prediction of the states; by default this network's free run.
+
+        Returns
+        -------
+        ndarray of shape (n_samples, n_terms)
+            The terms' dimensionless residuals of the step that ends in each row (of an inequality
+            what is above zero; of a term with several columns their root mean square); NaN in the
+            first row of a trajectory.
+
+        Raises
+        ------
+        ValueError
+            If there is no physical term: no model, or no energy.
+        """
+        check_is_fitted(self)
+        loss = self._bound_loss()
+        runs = self._free_runs(X) if states is None else self._read_ready(X)
+        given = None if states is None else np.asarray(states, dtype=float)
+        found = []
+        for i, (record, ready) in enumerate(zip(runs.records, runs.ready, strict=True)):
+            x = runs.x[i] if given is None else given[record.rows]
+            columns = np.full((len(ready.t), len(loss.terms)), np.nan)
+            parts = loss.residuals(
+                torch.as_tensor(x)[None],
+                torch.as_tensor(ready.u[:-1])[None],
+                torch.as_tensor(ready.t)[None],
+            )
+            for j, h in enumerate(parts):
+                h = h[0].numpy()
+                columns[1:, j] = h[:, 0] if h.shape[1] == 1 else np.sqrt(np.mean(h**2, axis=1))
+            found.append(columns)
+        return rows_in_order(runs.records, np.concatenate(found))
+
+    def stepper(self, x0=None, interval=None):
+        """Give the network as one step with its state, for a loop that runs with a clock.
+
+        Parameters
+        ----------
+        x0 : array-like of shape (n_states,), optional
+            Initial state; by default the model's.
+        interval : float, optional
+            Sample interval [s]; by default the training data's.
+
+        Returns
+        -------
+        Stepper
+            Its ``step(u)`` gives the outputs at the next sample.
+
+        Raises
+        ------
+        ValueError
+            If the network is not trained on trajectories with the package's own feed-forward core.
+        """
+        check_is_fitted(self)
+        if self.model_ is None or type(self.module_.core) is not FeedForward:
+            raise ValueError(
+                "stepper: expected a network with the core FeedForward, trained on trajectories."
+            )
+        start = list(self.model_.initial_state.values()) if x0 is None else x0
+        return Stepper(
+            self.module_.core, self.step_, start, interval or self._interval, self._guide_line
+        )
+
+    # -- reading -----------------------------------------------------------------------------------
+
+    def _check_rows(self, X, y=None, *, reset):
+        """Check a table whose rows are independent."""
+        if y is None:
+            return validate_data(self, X, reset=reset, dtype=np.float64)
+        return validate_data(
+            self, X, y, reset=reset, dtype=np.float64, multi_output=True, y_numeric=True
+        )
+
+    def _has_time(self, X) -> bool:
+        named = isinstance(X, pd.DataFrame) and (self.time or "t") in X.columns
+        return self.model is not None or named or (isinstance(self.time, int | np.integer))
+
+    @property
+    def _time_name(self):
+        """Name the column of the time."""
+        if self.model is None:
+            return f"column {self.time}" if isinstance(self.time, int) else (self.time or "t")
+        return self.time
+
+    def _with_time_name(self, X) -> pd.DataFrame:
+        """Name the columns of an array that has a time but no model."""
+        if isinstance(X, pd.DataFrame):
+            return X
+        return pd.DataFrame(X, columns=[f"column {i}" for i in range(X.shape[1])])
+
+    def _read_ready(self, X):
+        """Read X as trajectories that the loop can run along."""
+        X = validate_table(self, X, reset=False)
+        X = with_names(self.model_, self._with_time_name(X) if self.model is None else X)
+        records = read_records(self.model_, X, time=self._time_name)
+        return _Runs(records, self._prepare(X, records), [])
+
+    def _prepare(self, X, records):
+        features = feature_values(X, self._further)
+        if self._guide != "simulation":
+            simulated = np.zeros((len(X), 0))
+        else:
+            simulated = simulated_states(self.model_, X)
+        return prepare(
+            self.model_,
+            records,
+            [features[record.rows] for record in records],
+            None if simulated is None else [simulated[record.rows] for record in records],
+            hold=self.hold,
+            substeps=self.substeps_,
+        )
+
+    def _free_runs(self, X):
+        runs = self._read_ready(X)
+        for record, ready in zip(runs.records, runs.ready, strict=True):
+            x, failed = run_core(self.module_.core, self.step_, ready)
+            if failed >= 0:
+                warnings.warn(
+                    f"trajectory {record.name!r}: the network's free run left the reach of the "
+                    f"training data a thousandfold at t = {ready.t[failed]:g} s; its last state "
+                    f"is repeated. Remedy: structure='correction' or 'increment', rollouts "
+                    f"(horizon=50), more trajectories, or a smaller network.",
+                    SimulationWarning,
+                    stacklevel=3,
+                )
+            runs.x.append(x)
+        return runs
+
+    def _outputs(self, ready, x) -> np.ndarray:
+        u = ready.acting[:, : len(self.model_.inputs)]
+        parts = (torch.as_tensor(part) for part in (x, u, ready.t))
+        return outputs_of(self.model_, *parts).numpy()
+
+    # -- training ----------------------------------------------------------------------------------
+
+    def _fit(self, X, y, *, anew: bool, **fit_params):
+        if y is None:
+            raise ValueError(
+                f"{type(self).__name__} requires y to be passed, but the target y is None."
+            )
+        self._check_parameters()
+        random = check_random_state(self.random_state)
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(random.randint(2**31 - 1))
+            train = self._train_on_rows
+            if self._has_time(X):
+                train = self._train_on_trajectories
+            train(X, y, random, anew, **fit_params)
+        return self
+
+    def _check_parameters(self) -> None:
+        check_lambda(self.lambda_phy)
+        ground.check_structure(self.structure, self.guide, self.model is not None)
+        if self.refine not in REFINEMENTS:
+            raise ValueError(f"refine: expected one of {REFINEMENTS}, got {self.refine!r}.")
+        if self.horizon != int(self.horizon) or self.horizon < 1:
+            raise ValueError(f"horizon: expected an integer >= 1, got {self.horizon!r}.")
+        if not 0 <= self.validation < 1:
+            raise ValueError(
+                f"validation: expected a share from 0 to below 1, got {self.validation!r}."
+            )
+
+    def _train_on_rows(self, X, y, random, anew, **fit_params) -> None:
+        """Train a plain regression on independent rows."""
+        if self.lambda_phy != 0:
+            raise ValueError(
+                f"lambda_phy: expected 0 where rows have no time, got {self.lambda_phy!r}. "
+                f"Remedy: give a model and X with a time."
+            )
+        X, y = self._check_rows(X, y, reset=anew)
+        self._single_output = y.ndim == 1
+        y = y.reshape(len(y), -1).astype(float)
+        self.model_, self._rows, self.lambda_phy_ = None, (X, y), 0.0
+        self._validation, self._phase, self._physics = [], None, None
+        if anew:
+            self.initialize()
+        self.notify("on_train_begin", X=X, y=y)
+        try:
+            self.fit_loop(X, y, **fit_params)
+        except KeyboardInterrupt:
+            pass
+        self.notify("on_train_end", X=X, y=y)
+        del self._rows
+
+    def _train_on_trajectories(self, X, y, random, anew, **fit_params) -> None:
+        """Train a network in feedback: single steps, rollouts, whole trajectories."""
+        training, windows = self._lay_ground(X, y, random, anew)
+        if anew:
+            self.initialize()
+        self.module_.samples = windows.samples
+        best = next(part for name, part in self.callbacks_ if name == "free_run")
+        self.notify("on_train_begin", X=X, y=y)
+        rates = [group["lr"] for group in self.optimizer_.param_groups]
+        try:
+            self._train_steps(windows, rates, **fit_params)
+            best.restore(self)
+            if self.horizon > 1:
+                self._train_rollouts(training, windows, rates, **fit_params)
+                best.restore(self)
+            self._train_simulation(training, best)
+        except KeyboardInterrupt:
+            pass
+        best.restore(self)
+        self.free_run_error_ = self._validation_error() if self._validation else np.nan
+        self.module_.samples, self._phase, self._validation = {}, None, []
+        self.notify("on_train_end", X=X, y=y)
+
+    def _lay_ground(self, X, y, random, anew):
+        """Read the records, estimate their states, and settle what a step is made of."""
+        X = validate_table(self, X, reset=anew)
+        self._single_output = np.ndim(y) == 1
+        if self.model is None:
+            X = self._with_time_name(X)
+            self.model_ = plain_model(X, y, self._time_name, self.states)
+        else:
+            self.model_ = self.model
+        X = with_names(self.model_, X)
+        records = read_records(self.model_, X, y, time=self._time_name)
+        if self.lambda_phy != 0:
+            refuse_standardised(self.model_, records)
+        options = {"hold": self.hold, "substeps": self._settle_substeps(records)}
+        self._further = further_columns(self.model_, X, self._time_name)
+        self._interval = float(np.median(np.concatenate([np.diff(r.t) for r in records])))
+        states = estimate_states(self.model_, records, **options)
+        if anew:
+            self._settle_structure(records, states, options)
+        ready = self._prepare(X, records)
+        self._guide_line = self._find_guide_line(X, records, ready)
+        whole = [
+            TrainingRecord(each, x, record.y)
+            for each, x, record in zip(ready, states, records, strict=True)
+        ]
+        training, self._validation = split_for_validation(whole, self.validation, random)
+        windows = Windows(training, self.model_, needs_prior=self._needs_prior(), **options)
+        if anew:
+            self.step_ = ground.make_step(
+                self.model_, windows, self.structure_, self._guide, **options
+            )
+        self._settle_physics(windows)
+        self._spread = _positive(np.nanstd(np.concatenate([r.y for r in records]), axis=0))
+        return training, windows
+
+    def _settle_substeps(self, records) -> int:
+        self.substeps_ = self.substeps
+        if self.substeps is None:
+            self.substeps_ = enough_substeps(self.model_, records, hold=self.hold)
+        return self.substeps_
+
+    def _settle_structure(self, records, states, options) -> None:
+        plain = self.model is None
+        self.structure_ = self.structure
+        if self.structure == "auto":
+            self.structure_ = (
+                "increment"
+                if plain
+                else ground.find_structure(self.model_, records, states, **options)
+            )
+        self._guide = self.guide
+        if self.guide == "auto":
+            self._guide = None if plain or self.structure_ == "correction" else "simulation"
+
+    def _needs_prior(self) -> bool:
+        return self.structure_ == "correction" or self._guide == "step"
+
+    def _settle_physics(self, windows) -> None:
+        """Bind the physical terms, where there are any or where they weigh."""
+        self._physics, self.lambda_phy_ = None, 0.0
+        wanted = self.lambda_phy != 0 or self.physics_loss is not None
+        if wanted or "stored" in self.model_.energy:
+            terms = as_terms(self.physics_loss, self.model)
+            self._physics = PhysicsLoss(terms, self.model_, windows.motion())
+        if self.lambda_phy != ADAPTIVE:
+            self.lambda_phy_ = float(self.lambda_phy)
+
+    def _bound_loss(self) -> PhysicsLoss:
+        if self._physics is None:
+            as_terms(self.physics_loss, self.model)
+            raise ValueError(
+                "physics_residual: expected a model with 'energy', or physics_loss, got neither. "
+                "Remedy: give one of them before fit."
+            )
+        return self._physics
+
+    def _train_steps(self, windows, rates, **fit_params) -> None:
+        """Train on single steps; a recurrent core on stretches, the measured state fed back."""
+        length = 1
+        if hasattr(self.module_.core, "at_rest"):
+            length = min(max(20, self.horizon), max(1, min(windows.lengths) - 1))
+        own = corrected_states(self.model_, self.structure_)
+        after = windows.pairs + 1
+        base = {"constant": self.step_.offset, "state": windows.x[windows.pairs]}.get(
+            self.step_.base, windows.prior[windows.pairs]
+        )
+        left = np.sqrt(np.mean((windows.x[after] - base) ** 2, axis=0))[own]
+        self.module_.teacher_forcing = True
+        target = windows.at_ends(windows.x[:, own], length)
+        self._run_phase(windows, length, target, left, rates, self.max_epochs, **fit_params)
+
+    def _train_rollouts(self, training, windows, rates, **fit_params) -> None:
+        """Train on windows along which the prediction is fed back; the outputs are compared."""
+        length = min(int(self.horizon), max(1, min(windows.lengths) - 1))
+        self.module_.teacher_forcing = False
+        left = self._base_error(training, length)
+        target = windows.at_ends(windows.y, length)
+        rates = [rate / 10 for rate in rates]
+        self._run_phase(windows, length, target, left, rates, self.rollout_epochs, **fit_params)
+
+    def _run_phase(self, windows, length, target, scale, rates, epochs, **fit_params) -> None:
+        scale = torch.as_tensor(_positive(scale), device=self.device)
+        self._phase = _Phase(epochs, length, windows, scale, rates)
+        batch = windows.cut(length, self.step_, teacher=self.module_.teacher_forcing)
+        try:
+            self.fit_loop(batch, target, epochs=epochs, **fit_params)
+        except EnoughTraining:
+            pass
+
+    def _base_error(self, training, length) -> np.ndarray:
+        error = ground.base_error(self.step_, training, self._outputs, length)
+        return np.minimum(_positive(error), self._spread)
+
+    def _train_simulation(self, training, best) -> None:
+        """Train on the free run of whole trajectories, all weights at once."""
+        core, method = self.module_.core, self.refine
+        theta = weights_of(core)
+        if method == "auto":
+            small = type(core) is FeedForward and theta.size <= FEW_WEIGHTS
+            method = "lm" if small else None
+        if method is None or not self.refine_iterations:
+            return
+        if type(core) is not FeedForward:
+            raise ValueError(
+                f"refine={method!r} needs the core FeedForward, got {type(core).__name__}. "
+                f"Remedy: refine=None."
+            )
+        objective = SimulationObjective(
+            step_with(core, self.step_),
+            training,
+            self._base_error(training, None),
+            self._physics,
+            self.lambda_phy_,
+        )
+        minimise = levenberg_marquardt if method == "lm" else l_bfgs
+        minimise(objective, theta, self.refine_iterations, partial(self._on_step, best))
+
+    def _on_step(self, best, theta, cost) -> bool:
+        """Take over weights of the last phase, and tell whether it has gone on long enough."""
+        self._set_weights(theta)
+        self.history.new_epoch()
+        self.history.record("epoch", len(self.history))
+        self.history.record("train_loss", float(cost))
+        if not self._validation:
+            return False
+        error = self._validation_error()
+        self.history.record("free_run", error)
+        best.note(self, error)
+        return best.waited_ >= self.patience
+
+    def _set_weights(self, theta) -> None:
+        weights = torch.as_tensor(theta, device=self.device)
+        nn.utils.vector_to_parameters(weights, self.module_.core.parameters())
+
+    def _validation_error(self) -> float:
+        """Run the held-out trajectories; give the error in deviations of the outputs."""
+        errors = []
+        for each in self._validation:
+            x, failed = run_core(self.module_.core, self.step_, each.record)
+            if failed >= 0:
+                return np.inf
+            errors.append(
+                ((self._outputs(each.record, x) - each.y) / self._spread)[each.scored_from :]
+            )
+        return float(np.sqrt(np.nanmean(np.concatenate(errors) ** 2)))
+
+    def _find_guide_line(self, X, records, ready):
+        """Find how the simulated columns of X follow the simulation; a stepper repeats it."""
+        nx = len(self.model_.states)
+        if self._guide != "simulation" or simulated_states(self.model_, X) is None:
+            return np.ones(nx), np.zeros(nx)
+        own = np.concatenate([self._open_loop(record) for record in records])
+        given = np.concatenate([each.simulated for each in ready])
+        lines = [
+            np.polyfit(a, b, 1) if np.ptp(a) else (1.0, b[0] - a[0])
+            for a, b in zip(own.T, given.T, strict=True)
+        ]
+        slope, offset = np.array(lines).T
+        return slope, offset
+
+    def _open_loop(self, record):
+        return prepare(
+            self.model_, [record], [np.zeros((len(record.t), 0))], None,
+            hold=self.hold, substeps=self.substeps_,
+        )[0].simulated  # fmt: skip
+
+    # -- skorch ------------------------------------------------------------------------------------
+
+    @property
+    def _default_callbacks(self):
+        return [
+            ("epoch_timer", EpochTimer()),
+            ("train_loss", PassthroughScoring(name="train_loss", on_train=True)),
+            ("decay", CosineDecay()),
+            ("free_run", BestFreeRun(self.patience)),
+            ("print_log", PrintLog()),
+        ]
+
+    def initialize_module(self):
+        """Make the network; `fit` calls it once the data have told its size."""
+        if not hasattr(self, "model_"):
+            raise ValueError(
+                f"{type(self).__name__} learns its size from the data. Remedy: call fit first."
+            )
+        if self.model_ is None:
+            X, y = getattr(self, "_rows", (np.zeros((1, self.n_features_in_)), None))
+            y = np.zeros((1, self._n_outputs)) if y is None else y
+            self._n_outputs = y.shape[1]
+            core = self._make_core(X.shape[1], self._n_outputs)
+            self.module_ = RowNetwork(core, X, y).double()
+        else:
+            core = self._make_core(len(self.step_.mean), self.step_.n_network_outputs)
+            self.module_ = StepNetwork(core, self.step_, {}).double()
+        return self
+
+    def _make_core(self, n_inputs, n_outputs):
+        if isinstance(self.module, nn.Module):
+            return copy.deepcopy(self.module)
+        sizes = {"n_inputs": n_inputs, "n_outputs": n_outputs}
+        return self.initialized_instance(self.module, {**sizes, **self.get_params_for("module")})
+
+    def get_iterator(self, dataset, training=False):
+        """Make batches of so many steps, however long the windows are."""
+        phase, whole = self._phase, self.batch_size
+        if phase is None or phase.horizon == 1 or whole == -1:
+            return super().get_iterator(dataset, training)
+        self.batch_size = max(1, whole // phase.horizon)
+        try:
+            return super().get_iterator(dataset, training)
+        finally:
+            self.batch_size = whole
+
+    def get_loss(self, y_pred, y_true, X=None, training=False):
+        r"""Give the loss, :math:`(1 - \lambda_{phy})\,L_{error} + \lambda_{phy}\,L_{phy}`.
+
+        Parameters
+        ----------
+        y_pred : Tensor
+            Predicted states of windows, or targets of rows.
+        y_true : Tensor
+            What they shall be: states (single steps), outputs (rollouts), targets (rows).
+        X : dict of str to Tensor, optional
+            The windows.
+        training : bool, default=False
+            Whether the network is being trained.
+
+        Returns
+        -------
+        Tensor
+            The loss.
+        """
+        if self._phase is None:
+            scale = self.module_.scale_y
+            return super().get_loss(y_pred / scale, y_true / scale, X, training)
+        error = self._error_loss(y_pred, y_true, X)
+        if self.lambda_phy == 0:
+            return error
+        states = torch.cat([X["x"][:, :1], y_pred], dim=1)
+        physics = self._physics(states, X["u"], X["t"])
+        if training and self.lambda_phy == ADAPTIVE:
+            weights = list(self.module_.core.parameters())
+            before = self.lambda_phy_ or None
+            self.lambda_phy_ = balanced_lambda(error, physics, weights, before)
+        return (1 - self.lambda_phy_) * error + self.lambda_phy_ * physics
+
+    def _error_loss(self, y_pred, y_true, X):
+        """Compare states where the measured ones are fed back, outputs where the predicted ones."""
+        if self.module_.teacher_forcing:
+            own = corrected_states(self.model_, self.structure_)
+            compared = y_pred[..., own]
+        else:
+            compared = outputs_of(self.model_, y_pred, X["u"], X["t"][:, 1:])
+        seen = torch.isfinite(y_true)
+        scale = self._phase.scale
+        return super().get_loss((compared / scale)[seen], (y_true / scale)[seen], X)
+
+    # -- persistence -------------------------------------------------------------------------------
+
+    def __getstate__(self):
+        state = {name: part for name, part in self.__dict__.items() if name not in _TRAINED}
+        if self.initialized_:
+            weights = self.module_.state_dict()
+            state["_weights"] = {name: part.cpu().numpy() for name, part in weights.items()}
+        return state
+
+    def __setstate__(self, state):
+        weights = state.pop("_weights", None)
+        self.__dict__.update(state)
+        if weights is not None:
+            history = self.history_
+            self.initialize()
+            self.history_ = history
+            tensors = {name: torch.as_tensor(part) for name, part in weights.items()}
+            self.module_.load_state_dict(tensors)
+
+    def __sklearn_tags__(self):
+        tags = super().__sklearn_tags__()
+        # in states, which are read in a trajectory's first row
+        tags.input_tags.allow_nan = self.model is not None
+        return tags
+
+
+@dataclass
+class _Runs:
+    """Trajectories of a table, ready for the loop, and their free runs."""
+
+    records: tuple
+    ready: list
+    x: list
+
+
+def _positive(values) -> np.ndarray:
+    """Measure by 1 what does not vary at all."""
+    return np.where(values > 0, values, 1.0)

@@ -1,0 +1,331 @@
+"""The compiled loops behind `sklearn_pgnn.simulation.network_run`."""
+
+import math
+
+import numpy as np
+from numba import boolean, int64, njit, types, void
+
+from sklearn_pgnn.simulation.compiled import FUNCTION
+from sklearn_pgnn.simulation.stepping import advance, workspace
+
+_F = types.float64
+_F1, _F2, _F3 = types.float64[::1], types.float64[:, ::1], types.float64[:, :, ::1]
+_I1, _B1 = types.int64[::1], boolean[::1]
+_OPTIONS = {"cache": True, "error_model": "numpy", "nogil": True}
+
+# -- the network -----------------------------------------------------------------------------------
+
+
+@njit(**_OPTIONS)
+def _activate(code, v):
+    if code == 0:
+        return math.tanh(v)
+    if code == 1:
+        return max(v, 0.0)
+    if code == 2:
+        return v / (1.0 + math.exp(-v))
+    if code == 3:
+        return 1.0 / (1.0 + math.exp(-v))
+    return v
+
+
+@njit(**_OPTIONS)
+def _slope(code, v, value):
+    """Differentiate the activation at v, where its value is known."""
+    if code == 0:
+        return 1.0 - value * value
+    if code == 1:
+        return 1.0 if v > 0.0 else 0.0
+    if code == 2:
+        s = 1.0 / (1.0 + math.exp(-v))
+        return s * (1.0 + v * (1.0 - s))
+    if code == 3:
+        return value * (1.0 - value)
+    return 1.0
+
+
+@njit(**_OPTIONS)
+def _forward(theta, sizes, activation, before, after):
+    """Evaluate a feed-forward network; row l of ``after`` holds layer l, row 0 the features."""
+    place = 0
+    last = sizes.size - 2
+    for layer in range(last + 1):
+        n_in, n_out = sizes[layer], sizes[layer + 1]
+        bias = place + n_in * n_out
+        for i in range(n_out):
+            v = theta[bias + i]
+            for j in range(n_in):
+                v += theta[place + i * n_in + j] * after[layer, j]
+            before[layer + 1, i] = v
+            after[layer + 1, i] = v if layer == last else _activate(activation, v)
+        place = bias + n_out
+
+
+@njit(**_OPTIONS)
+def _backward(theta, sizes, activation, before, after, output, by_theta, delta, lower):
+    """Differentiate one output by the weights and, in ``delta``, by the features."""
+    n_layers = sizes.size - 1
+    place = theta.size
+    for i in range(sizes[n_layers]):
+        delta[i] = 1.0 if i == output else 0.0
+    for layer in range(n_layers - 1, -1, -1):
+        n_in, n_out = sizes[layer], sizes[layer + 1]
+        place -= n_out * (n_in + 1)
+        bias = place + n_in * n_out
+        for j in range(n_in):
+            lower[j] = 0.0
+        for i in range(n_out):
+            by_theta[bias + i] = delta[i]
+            for j in range(n_in):
+                by_theta[place + i * n_in + j] = delta[i] * after[layer, j]
+                lower[j] += theta[place + i * n_in + j] * delta[i]
+        for j in range(n_in):
+            slope = 1.0
+            if layer > 0:
+                slope = _slope(activation, before[layer, j], after[layer, j])
+            delta[j] = lower[j] * slope
+
+
+@njit(**_OPTIONS)
+def _recur(theta, sizes, z, hidden, gates, out):
+    """Advance a gated recurrent unit (torch's GRUCell) and read its linear output."""
+    n_in, n, n_out = sizes[0], sizes[1], sizes[2]
+    by_hidden = 3 * n * n_in
+    bias_in = by_hidden + 3 * n * n
+    bias_hidden = bias_in + 3 * n
+    for g in range(3 * n):
+        v = theta[bias_in + g]
+        for j in range(n_in):
+            v += theta[g * n_in + j] * z[j]
+        w = theta[bias_hidden + g]
+        for j in range(n):
+            w += theta[by_hidden + g * n + j] * hidden[j]
+        if g < 2 * n:
+            gates[g] = 1.0 / (1.0 + math.exp(-(v + w)))
+        else:
+            gates[g] = math.tanh(v + gates[g - 2 * n] * w)
+    for i in range(n):
+        hidden[i] = (1.0 - gates[n + i]) * gates[2 * n + i] + gates[n + i] * hidden[i]
+    read = bias_hidden + 3 * n
+    for i in range(n_out):
+        v = theta[read + n_out * n + i]
+        for j in range(n):
+            v += theta[read + i * n + j] * hidden[j]
+        out[i] = v
+
+
+# -- the loop --------------------------------------------------------------------------------------
+
+
+@njit(**_OPTIONS)
+def _features(k, x, prior, dt, u, simulated, features, guide, mean, scale, z):
+    """Standardise what the network sees at sample k."""
+    nx, nu, nf = x.size, u.shape[1], features.shape[1]
+    for i in range(nx):
+        z[i] = x[i]
+    for i in range(nu):
+        z[nx + i] = u[k, i]
+    place = nx + nu
+    if guide == 1:
+        for i in range(nx):
+            z[place + i] = simulated[k + 1, i]
+        place += nx
+    elif guide == 2:
+        for i in range(nx):
+            z[place + i] = (prior[i] - x[i]) / dt
+        place += nx
+    for i in range(nf):
+        z[place + i] = features[k + 1, i]
+    for i in range(place + nf):
+        z[i] = (z[i] - mean[i]) / scale[i]
+
+
+@njit(**_OPTIONS)
+def _out_of_reach(x, reach):
+    for i in range(x.size):
+        if not (reach[0, i] <= x[i] <= reach[1, i]):
+            return True
+    return False
+
+
+@njit(**_OPTIONS)
+def _prior_step(
+    function, t, dt, x, S, u_start, u_end, p, s, stuck, dry, substeps, nodes, weights, work, old,
+    u_from, u_to,
+):  # fmt: skip
+    """Advance x and S in place by the model, from one sample to the next."""
+    h = dt / substeps
+    for step in range(substeps):
+        for i in range(u_start.size):
+            slope = (u_end[i] - u_start[i]) / substeps
+            u_from[i] = u_start[i] + slope * step
+            u_to[i] = u_from[i] + slope
+        advance(
+            function, t + step * h, h, x, S, u_from, u_to, p, s, stuck, dry, nodes, weights, work,
+            old,
+        )  # fmt: skip
+
+
+@njit(
+    int64(
+        FUNCTION, _F1, _F2, boolean, _F2, _F2, _F2, _F1, _B1, int64, _F1, _F1, int64, int64, int64,
+        _F1, _F3, _F1, _F1, _F2, _I1, int64, int64, _F1, _F1, _F1, _F2,
+    ),
+    **_OPTIONS,
+)  # fmt: skip
+def run(
+    function, t, acting, linear_hold, u, simulated, features, p, dry, substeps, nodes, weights,
+    size, base, guide, offset, gain, mean, scale, reach, sizes, core, activation, theta, x, hidden,
+    X,
+):  # fmt: skip
+    """Run a network along one trajectory into X; give the sample out of reach, or -1."""
+    nx, n_out = x.size, gain.shape[2]
+    widest = sizes.max()
+    before, after = np.zeros((sizes.size, widest)), np.zeros((sizes.size, widest))
+    gates, out, z = np.zeros(3 * widest), np.zeros(n_out), np.zeros(widest)
+    prior, nothing = np.zeros(nx), np.zeros((nx, 0))
+    work, old = workspace(nx, 0, acting.shape[1], size)
+    s, stuck = np.zeros(nx), np.zeros(nx, dtype=np.bool_)
+    u_from, u_to = np.zeros(acting.shape[1]), np.zeros(acting.shape[1])
+    X[0] = x
+    for k in range(t.size - 1):
+        dt = t[k + 1] - t[k]
+        prior[:] = x
+        if base == 2 or guide == 2:
+            u_end = acting[k + 1] if linear_hold else acting[k]
+            _prior_step(
+                function, t[k], dt, prior, nothing, acting[k], u_end, p, s, stuck, dry, substeps,
+                nodes, weights, work, old, u_from, u_to,
+            )  # fmt: skip
+        _features(k, x, prior, dt, u, simulated, features, guide, mean, scale, z)
+        if core == 0:
+            after[0] = z
+            _forward(theta, sizes, activation, before, after)
+            out[:] = after[sizes.size - 1, :n_out]
+        else:
+            _recur(theta, sizes, z, hidden, gates, out)
+        for i in range(nx):
+            if base == 0:
+                x[i] = offset[i]
+            elif base == 2:
+                x[i] = prior[i]
+            for o in range(n_out):
+                x[i] += (gain[0, i, o] + dt * (gain[1, i, o] + dt * gain[2, i, o])) * out[o]
+        if _out_of_reach(x, reach):
+            for m in range(k + 1, t.size):
+                X[m] = X[k]
+            return k + 1
+        X[k + 1] = x
+    return -1
+
+
+@njit(
+    void(
+        FUNCTION, _F1, _F2, boolean, _F2, _F2, _F2, _F1, _B1, int64, _F1, _F1, int64, int64, int64,
+        _F1, _F3, _F1, _F1, _F2, _I1, int64, int64, _F1, _F1, _F2, int64, int64, _F2, _F3,
+    ),
+    **_OPTIONS,
+)  # fmt: skip
+def run_sensitive(
+    function, t, acting, linear_hold, u, simulated, features, p, dry, substeps, nodes, weights,
+    size, base, guide, offset, gain, mean, scale, reach, sizes, core, activation, theta, x, S,
+    begin, end, X, SX,
+):  # fmt: skip
+    """Run on from sample ``begin`` to ``end``, x and S in place; both ends go into X and SX."""
+    nx, n_out, n_weights = x.size, gain.shape[2], theta.size
+    widest = sizes.max()
+    before, after = np.zeros((sizes.size, widest)), np.zeros((sizes.size, widest))
+    z, delta, lower = np.zeros(widest), np.zeros(widest), np.zeros(widest)
+    by_theta, by_z = np.zeros((n_out, n_weights)), np.zeros((n_out, nx))
+    prior, step_S = np.zeros(nx), np.zeros((nx, nx))
+    work, old = workspace(nx, nx, acting.shape[1], size)
+    s, stuck = np.zeros(nx), np.zeros(nx, dtype=np.bool_)
+    u_from, u_to = np.zeros(acting.shape[1]), np.zeros(acting.shape[1])
+    gain_k, M, S_old = np.zeros((nx, n_out)), np.zeros((nx, nx)), np.zeros((nx, n_weights))
+    X[0], SX[0] = x, S
+    for k in range(begin, end):
+        dt = t[k + 1] - t[k]
+        prior[:] = x
+        step_S[:, :] = 0.0
+        for i in range(nx):
+            step_S[i, i] = 1.0
+        if base == 2 or guide == 2:
+            u_end = acting[k + 1] if linear_hold else acting[k]
+            _prior_step(
+                function, t[k], dt, prior, step_S, acting[k], u_end, p, s, stuck, dry, substeps,
+                nodes, weights, work, old, u_from, u_to,
+            )  # fmt: skip
+        _features(k, x, prior, dt, u, simulated, features, guide, mean, scale, z)
+        after[0] = z
+        _forward(theta, sizes, activation, before, after)
+        for o in range(n_out):
+            _backward(theta, sizes, activation, before, after, o, by_theta[o], delta, lower)
+            for j in range(nx):
+                by_z[o, j] = delta[j] / scale[j]
+                if guide == 2:
+                    for i in range(nx):
+                        place = nx + u.shape[1] + i
+                        slope = step_S[i, j] - (1.0 if i == j else 0.0)
+                        by_z[o, j] += delta[place] / scale[place] * slope / dt
+        for i in range(nx):
+            for o in range(n_out):
+                gain_k[i, o] = gain[0, i, o] + dt * (gain[1, i, o] + dt * gain[2, i, o])
+        for i in range(nx):
+            if base == 0:
+                x[i] = offset[i]
+            elif base == 2:
+                x[i] = prior[i]
+            for o in range(n_out):
+                x[i] += gain_k[i, o] * after[sizes.size - 1, o]
+            for j in range(nx):
+                M[i, j] = 0.0
+                if base == 2:
+                    M[i, j] = step_S[i, j]
+                elif base == 1 and i == j:
+                    M[i, j] = 1.0
+                for o in range(n_out):
+                    M[i, j] += gain_k[i, o] * by_z[o, j]
+        S_old[:, :] = S
+        for i in range(nx):
+            S[i, :] = 0.0
+            for j in range(nx):
+                factor = M[i, j]
+                for w in range(n_weights):
+                    S[i, w] += factor * S_old[j, w]
+            for o in range(n_out):
+                factor = gain_k[i, o]
+                if factor != 0.0:
+                    for w in range(n_weights):
+                        S[i, w] += factor * by_theta[o, w]
+        if _out_of_reach(x, reach):
+            for m in range(k + 1 - begin, X.shape[0]):
+                X[m] = np.inf
+                SX[m] = 0.0
+            x[:] = np.inf
+            return
+        X[k + 1 - begin], SX[k + 1 - begin] = x, S
+
+
+@njit(
+    void(
+        FUNCTION, _F1, _F1, _F2, _F2, _F1, _B1, int64, _F1, _F1, int64, _F2, _F3,
+    ),
+    **_OPTIONS,
+)  # fmt: skip
+def run_prior_steps(function, t, dt, u, u_next, p, dry, substeps, nodes, weights, size, X, J):
+    """Advance every row of X by its own step, in place."""
+    nx = X.shape[1]
+    work, old = workspace(nx, nx, u.shape[1], size)
+    s, stuck = np.zeros(nx), np.zeros(nx, dtype=np.bool_)
+    u_from, u_to = np.zeros(u.shape[1]), np.zeros(u.shape[1])
+    S = np.zeros((nx, nx))
+    for k in range(t.size):
+        S[:, :] = 0.0
+        for i in range(nx):
+            S[i, i] = 1.0
+        stuck[:] = False
+        _prior_step(
+            function, t[k], dt[k], X[k], S, u[k], u_next[k], p, s, stuck, dry, substeps, nodes,
+            weights, work, old, u_from, u_to,
+        )  # fmt: skip
+        J[k] = S

@@ -1,0 +1,316 @@
+r"""The time loop of a network in feedback, compiled, with the sensitivities to its weights.
+
+One step from sample k to k + 1 is
+
+.. math:: x_{k+1} = b_k + \left(A_0 + \Delta t\,A_1 + \Delta t^2 A_2\right) n(z_k; \theta)
+
+with the base :math:`b_k` a constant, the state :math:`x_k`, or the model's own step
+:math:`\Phi(x_k, u_k)`, and the standardised features :math:`z_k` of state, input, guide (nothing,
+the model's open-loop simulation at k + 1, or the rate :math:`(\Phi(x_k, u_k) - x_k)/\Delta t`) and
+further columns. The sensitivities :math:`S = \partial x/\partial\theta` follow the same loop.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.compiled import compile_model
+from sklearn_pgnn.simulation.inputs import delayed_inputs
+from sklearn_pgnn.simulation.network_loop import run, run_prior_steps, run_sensitive
+from sklearn_pgnn.simulation.simulate import parameter_values
+from sklearn_pgnn.simulation.stepping import METHODS
+
+BASES = ("constant", "state", "prior")
+GUIDES = (None, "simulation", "step")
+CORES = ("feed-forward", "recurrent")
+ACTIVATIONS = ("tanh", "relu", "silu", "sigmoid", "identity")
+
+
+@dataclass(frozen=True)
+class NetworkStep:
+    """What one step of a network is made of, besides its weights.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        Names the states; gives the step of base and guide.
+    base : {"constant", "state", "prior"}
+        What the network's output is added to.
+    guide : {None, "simulation", "step"}
+        What of the model the network sees.
+    offset : ndarray of shape (n_states,)
+        The constant base.
+    gain : ndarray of shape (3, n_states, n_network_outputs)
+        The matrices that stand before 1, the step [s] and its square.
+    mean, scale : ndarray of shape (n_network_inputs,)
+        Of the features, for their standardisation.
+    reach : ndarray of shape (2, n_states)
+        States below the first or above the second row count as diverged.
+    sizes : tuple of int
+        Width of every layer, from the features to the outputs.
+    core : {"feed-forward", "recurrent"}
+        Kind of the network.
+    activation : str
+        Activation of the hidden layers.
+    substeps : int
+        Integration steps of the model from sample to sample.
+    hold : {"zoh", "foh"}
+        How the inputs run between two samples.
+    """
+
+    model: PhysicsModel
+    base: str
+    guide: str | None
+    offset: np.ndarray
+    gain: np.ndarray
+    mean: np.ndarray
+    scale: np.ndarray
+    reach: np.ndarray
+    sizes: tuple[int, ...] = ()
+    core: str = "feed-forward"
+    activation: str = "tanh"
+    substeps: int = 1
+    hold: str = "zoh"
+
+    @property
+    def needs_prior(self) -> bool:
+        """Whether a step simulates the model from the state that is fed back."""
+        return self.base == "prior" or self.guide == "step"
+
+    @property
+    def n_network_outputs(self) -> int:
+        """Number of the network's outputs."""
+        return self.gain.shape[2]
+
+
+@dataclass(frozen=True)
+class NetworkRecord:
+    """One trajectory as the network's loop needs it.
+
+    Parameters
+    ----------
+    t : ndarray of shape (n_samples,)
+        Time [s].
+    acting : ndarray of shape (n_samples, n_inputs + n_delays)
+        Inputs as they act on the model.
+    u : ndarray of shape (n_samples, n_inputs)
+        Inputs as the network sees them, from each sample to the next.
+    simulated : ndarray of shape (n_samples, n_states)
+        The model's open-loop simulation; no column where the network is not guided by it.
+    features : ndarray of shape (n_samples, n_features)
+        Further columns.
+    x0 : ndarray of shape (n_states,)
+        Initial state.
+    """
+
+    t: np.ndarray
+    acting: np.ndarray
+    u: np.ndarray
+    simulated: np.ndarray
+    features: np.ndarray
+    x0: np.ndarray
+
+    def piece(self, start: int, end: int, x0=None) -> "NetworkRecord":
+        """Give some of the record's samples, from another state if one is given."""
+        parts = ("t", "acting", "u", "simulated", "features")
+        cut = {part: getattr(self, part)[start:end] for part in parts}
+        return replace(self, **cut, x0=self.x0 if x0 is None else np.array(x0, dtype=float))
+
+
+def network_record(model: PhysicsModel, t, u, x0, *, hold="zoh", simulated=None, features=None):
+    """Prepare a trajectory for the network's loop.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    t : ndarray of shape (n_samples,)
+        Time [s].
+    u : ndarray of shape (n_samples, n_inputs)
+        Inputs.
+    x0 : ndarray of shape (n_states,)
+        Initial state.
+    hold : {"zoh", "foh"}, default="zoh"
+        How the inputs run between two samples.
+    simulated : ndarray of shape (n_samples, n_states), optional
+        Open-loop simulation that guides the network.
+    features : ndarray of shape (n_samples, n_features), optional
+        Further columns the network sees.
+
+    Returns
+    -------
+    NetworkRecord
+        The trajectory.
+    """
+    n = t.size
+    acting = _own(delayed_inputs(model, t, u, hold == "foh"))
+    seen = acting[:, : u.shape[1]]
+    if hold == "foh":
+        seen = (seen + np.vstack([seen[1:], seen[-1:]])) / 2
+    none = np.zeros((n, 0))
+    return NetworkRecord(
+        _own(t),
+        acting,
+        _own(seen),
+        none if simulated is None else _own(simulated),
+        none if features is None else _own(features),
+        _own(x0),
+    )
+
+
+def run_network(step: NetworkStep, theta: np.ndarray, record: NetworkRecord, hidden=None):
+    """Run a network in free run along a trajectory.
+
+    Parameters
+    ----------
+    step : NetworkStep
+        What a step is made of.
+    theta : ndarray of shape (n_weights,)
+        The network's weights.
+    record : NetworkRecord
+        The trajectory.
+    hidden : ndarray of shape (n_hidden,), optional
+        State of a recurrent core, changed in place; by default zeros that are forgotten.
+
+    Returns
+    -------
+    x : ndarray of shape (n_samples, n_states)
+        The states; from where they leave the reach on, the last within.
+    failed : int
+        The first sample out of reach, -1 if there is none.
+    """
+    function, source = compile_model(step.model)
+    states = np.empty((record.t.size, len(step.model.states)))
+    hidden = np.zeros(_n_hidden(step)) if hidden is None else hidden
+    failed = run(function, *_common(step, source, theta, record), record.x0.copy(), hidden, states)
+    return states, failed
+
+
+class NetworkSensitivities:
+    """States of a network in free run and their derivatives by its weights, piece after piece.
+
+    Parameters
+    ----------
+    step : NetworkStep
+        What a step is made of; its core is feed-forward.
+    theta : ndarray of shape (n_weights,)
+        The network's weights.
+    record : NetworkRecord
+        The trajectory.
+    """
+
+    def __init__(self, step: NetworkStep, theta: np.ndarray, record: NetworkRecord):
+        nx = len(step.model.states)
+        self._function, source = compile_model(step.model, ())
+        self._common = _common(step, source, theta, record)
+        self._x, self._S = record.x0.copy(), np.zeros((nx, theta.size))
+        self._n_samples, self._place = record.t.size, 0
+
+    def pieces(self, length: int = 512):
+        """Run on, piece by piece; each begins with the last sample of the one before.
+
+        Parameters
+        ----------
+        length : int, default=512
+            Samples a piece.
+
+        Yields
+        ------
+        start : int
+            Where the piece begins.
+        x : ndarray of shape (n, n_states)
+            The states; infinite once they have left the reach.
+        S : ndarray of shape (n, n_states, n_weights)
+            Their derivatives by the weights.
+        """
+        nx, n_weights = self._S.shape
+        while self._place < self._n_samples - 1:
+            end = min(self._place + length, self._n_samples - 1)
+            x = np.empty((end - self._place + 1, nx))
+            S = np.empty((len(x), nx, n_weights))
+            run_sensitive(self._function, *self._common, self._x, self._S, self._place, end, x, S)
+            yield self._place, x, S
+            self._place = end
+
+
+def prior_steps(model: PhysicsModel, substeps: int, hold: str, t, dt, x, u, u_next):
+    """Simulate many samples of a model by one step each, with the derivatives by the state.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    substeps : int
+        Integration steps from sample to sample.
+    hold : {"zoh", "foh"}
+        How the inputs run between two samples.
+    t, dt : ndarray of shape (n_samples,)
+        Time and step [s].
+    x : ndarray of shape (n_samples, n_states)
+        States.
+    u, u_next : ndarray of shape (n_samples, n_inputs + n_delays)
+        Inputs as they act at the beginning and at the end of the step.
+
+    Returns
+    -------
+    x_next : ndarray of shape (n_samples, n_states)
+        States one step later.
+    jacobian : ndarray of shape (n_samples, n_states, n_states)
+        Their derivatives.
+    """
+    function, source = compile_model(model, ())
+    x_next = np.array(x, dtype=float, order="C")
+    jacobian = np.empty((*x_next.shape, x_next.shape[1]))
+    run_prior_steps(
+        function,
+        t,
+        dt,
+        u,
+        u_next if hold == "foh" else u,
+        parameter_values(model),
+        np.array(source.dry),
+        substeps,
+        *METHODS["rk4"],
+        source.size,
+        x_next,
+        jacobian,
+    )
+    return x_next, jacobian
+
+
+def _own(values) -> np.ndarray:
+    """Copy into what the compiled loops take, however the values lie in memory."""
+    return np.array(values, dtype=float, order="C")
+
+
+def _n_hidden(step) -> int:
+    return step.sizes[1] if step.core == "recurrent" else 0
+
+
+def _common(step, source, theta, record):
+    """Give what both loops take, in their order."""
+    return (
+        record.t,
+        record.acting,
+        step.hold == "foh",
+        record.u,
+        record.simulated,
+        record.features,
+        parameter_values(step.model),
+        np.array(source.dry),
+        step.substeps,
+        *METHODS["rk4"],
+        source.size,
+        BASES.index(step.base),
+        GUIDES.index(step.guide),
+        step.offset,
+        np.ascontiguousarray(step.gain),
+        step.mean,
+        step.scale,
+        step.reach,
+        np.array(step.sizes, dtype=np.int64),
+        CORES.index(step.core),
+        ACTIVATIONS.index(step.activation),
+        np.ascontiguousarray(theta),
+    )
