@@ -266,6 +266,14 @@ def test_an_effect_is_hidden_as_it_is_given():
     assert hidden.truth.parameters["bu_torque"].value == 0.02
 
 
+def test_several_effects_are_hidden_one_after_the_other():
+    bias = effects.InputBias("torque", bias=0.02)
+    hidden = make_hidden_effect(effect=[bias, "cubic_stiffness"], random_state=0, **SHORT["golf"])
+    assert hidden.effect is bias
+    assert [effect.id for effect in hidden.effects] == ["input_bias", "cubic_stiffness"]
+    assert hidden.truth == systems.golf_robot() + bias + hidden.effects[1]
+
+
 def test_the_noise_is_as_large_as_asked():
     options = {**SHORT["golf"], "random_state": 0}
     quiet, noisy = (make_hidden_effect(noise=level, **options).y for level in (0.0, 0.02))

@@ -22,7 +22,7 @@ def make_cart(
     ----------
     n_records : int, default=6
         Number of records.
-    effect : Effect, str or None, default="cubic_stiffness"
+    effect : Effect, str, a sequence of both, or None, default="cubic_stiffness"
         What is hidden, as in `make_hidden_effect`; by default the spring hardens.
     duration : float, default=10
         Length of a record [s].
@@ -38,7 +38,7 @@ def make_cart(
     Returns
     -------
     HiddenEffect
-        The records, the prior, the truth and the effect.
+        The records, the prior, the truth and the effects.
 
     Examples
     --------

@@ -1,5 +1,6 @@
-"""Records of a machine that hides a physical effect from the engineer's model."""
+"""Records of a machine that hides physical effects from the engineer's model."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -31,18 +32,23 @@ class HiddenEffect:
     y : pandas.DataFrame
         The measured outputs.
     prior : PhysicsModel
-        The model handed to the engineer: parameters a little off, without the effect.
+        The model handed to the engineer: parameters a little off, without the effects.
     truth : PhysicsModel
         The machine.
-    effect : Effect or None
-        What is hidden.
+    effects : tuple of Effect
+        What is hidden; empty if nothing is.
     """
 
     X: pd.DataFrame
     y: pd.DataFrame
     prior: PhysicsModel
     truth: PhysicsModel
-    effect: Effect | None
+    effects: tuple[Effect, ...]
+
+    @property
+    def effect(self) -> Effect | None:
+        """The first of the hidden effects, None where nothing is hidden."""
+        return self.effects[0] if self.effects else None
 
 
 def make_hidden_effect(
@@ -59,9 +65,9 @@ def make_hidden_effect(
     substeps: int = 2,
     random_state=None,
 ) -> HiddenEffect:
-    r"""Drive a machine that differs from its model by a hidden effect.
+    r"""Drive a machine that differs from its model by one hidden effect, or by several.
 
-    .. math:: \dot x = f(x, u, p) + \text{effect}, \qquad y_k = g(x_k, u_k) + e_k,
+    .. math:: \dot x = f(x, u, p) + \text{effects}, \qquad y_k = g(x_k, u_k) + e_k,
         \qquad p_\text{prior} = p\,(1 + \epsilon)
 
     The machine is simulated by an integrator of its own, not by `sklearn_pgnn.simulation`.
@@ -69,11 +75,11 @@ def make_hidden_effect(
     Parameters
     ----------
     model : PhysicsModel, optional
-        The machine without the effect; by default `golf_robot`.
-    effect : Effect, str or None, default=None
-        An effect as it is; an effect's id, its target and size drawn so that on short windows it
-        changes the outputs by 10 to 40 times the noise; ``"random"`` for one drawn from the
-        catalogue; None for nothing.
+        The machine without the effects; by default `golf_robot`.
+    effect : Effect, str, a sequence of both, or None, default=None
+        An effect as it is; an effect's id, its target and size drawn so that, alone, it changes
+        the outputs on short windows by 10 to 40 times the noise; ``"random"`` for one drawn from
+        the catalogue; several of these, applied one after the other; None for nothing.
     n_records : int, default=8
         Number of records.
     duration : float, default=10
@@ -101,12 +107,14 @@ def make_hidden_effect(
     Returns
     -------
     HiddenEffect
-        The records, the prior, the truth and the effect.
+        The records, the prior, the truth and the effects.
 
     Raises
     ------
+    ModelError
+        If two effects are the same kind on the same target.
     ValueError
-        If the effect is unknown, the model has no target for it, or a number is out of range.
+        If an effect is unknown, the model has no target for it, or a number is out of range.
 
     Examples
     --------
@@ -128,8 +136,10 @@ def make_hidden_effect(
     trial = replace(rig, substeps=max(1, substeps // 2))
     goals = rng.uniform(0.5, 1.0, n_records)
     amplitudes = _amplitudes(trial, model, goals, amplitude)
-    effect = _choose(effect, model, trial, amplitudes, noise_levels(model, noise), rng)
-    truth = model if effect is None else model + effect
+    floor, truth = noise_levels(model, noise), model
+    effects = tuple(_choose(e, model, trial, amplitudes, floor, rng) for e in _listed(effect))
+    for hidden in effects:
+        truth = truth + hidden
     if amplitude is None:
         amplitudes, x, y = run_bounded(rig, truth, model, amplitudes)
     else:
@@ -137,7 +147,7 @@ def make_hidden_effect(
     x0 = x[:, 0, : len(model.states)]
     measured = add_noise(model, y, noise, rng)
     X, y = make_tables(model, t, rig.inputs(amplitudes), x0, measured)
-    return HiddenEffect(X, y, perturb(model, parameter_error, rng), truth, effect)
+    return HiddenEffect(X, y, perturb(model, parameter_error, rng), truth, effects)
 
 
 def perturb(model, error: float, rng):
@@ -178,9 +188,17 @@ def _amplitudes(rig, model, goals, amplitude):
     return np.full(goals.size, float(amplitude))
 
 
+def _listed(effect) -> tuple:
+    """Give what is to be hidden as a sequence."""
+    if effect is None:
+        return ()
+    several = isinstance(effect, Sequence) and not isinstance(effect, str)
+    return tuple(effect) if several else (effect,)
+
+
 def _choose(effect, model, rig, amplitudes, noise, rng):
     """Give the effect to hide, its target and size drawn where they are left open."""
-    if effect is None or isinstance(effect, Effect):
+    if isinstance(effect, Effect):
         return effect
     x, y = rig.run(model, amplitudes)
     u = rig.inputs(amplitudes)

@@ -101,10 +101,11 @@ def family(kind, target: str, model, scales: Scales, rng):
     sign = sign if kind.id in EITHER_SIGN else 1.0
 
     def value(quantity, size):
-        shape = SHAPES.get((kind.id, quantity.name))
+        shape, about = SHAPES.get((kind.id, quantity.name)), quantity.metadata
         if shape is not None:
             return shape(size, scale)
-        return sign * size * shares[quantity.name] * _in_units(quantity.metadata["unit"], scale)
+        number = sign * size * shares[quantity.name] * _in_units(about["unit"], scale)
+        return np.clip(number, about["low"], about["high"])
 
     return lambda size: kind(target, **{f.name: float(value(f, size)) for f in kind.quantities()})
 

@@ -30,7 +30,7 @@ def make_two_tanks(
     ----------
     n_records : int, default=4
         Number of records.
-    effect : Effect, str or None, default="dead zone"
+    effect : Effect, str, a sequence of both, or None, default="dead zone"
         What is hidden: by default a pump that does nothing below 0.8 V; otherwise as in
         `make_hidden_effect`.
     duration : float, default=600
@@ -47,7 +47,7 @@ def make_two_tanks(
     Returns
     -------
     HiddenEffect
-        The records, the prior, the truth and the effect.
+        The records, the prior, the truth and the effects.
 
     Examples
     --------
