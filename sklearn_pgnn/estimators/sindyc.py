@@ -19,11 +19,11 @@ from sklearn_pgnn.estimators.sindyc_records import (
     measure_states,
     on_even_clock,
     rate_rows,
-    span_samples,
     step_rows,
 )
 from sklearn_pgnn.estimators.sindyc_regression import sparse_coefficients, stepwise_least_squares
 from sklearn_pgnn.exceptions import SimulationWarning
+from sklearn_pgnn.physics.expressions import parse_expression
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.free_run import enough_substeps, simulate_record
 from sklearn_pgnn.simulation.simulate import HOLDS
@@ -63,7 +63,7 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         Least share that a term must contribute to the rate's (the step's, for a map) standard
         deviation, both over the records: ``0.005`` drops what moves the state by less than half a
         percent of all that moves it. Viscous damping easily is as small as one percent.
-    alpha : float, default=1e-6
+    alpha : float, default=1e-4
         Ridge penalty while terms are chosen, as a share of the terms' own mean squares.
     optimizer : pysindy optimizer, optional
         What chooses the terms, instead of sequentially thresholded least squares with `threshold`
@@ -131,7 +131,7 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
     >>> y = cart.simulate(t, X["force"]).y
     >>> sindyc = SINDYcRegressor(cart, degree=3).fit(X, y)
     >>> print(sindyc.equations_[1])
-    v' = ...
+    v' = -8.997*x - 0.4999*v + 0.9996*force - 4.004*x**3
     """
 
     def __init__(
@@ -141,7 +141,7 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         library="polynomial",
         degree=2,
         threshold=0.005,
-        alpha=1e-6,
+        alpha=1e-4,
         optimizer=None,
         discrete=False,
         span=None,
@@ -188,7 +188,7 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
                 f"{type(self).__name__} requires y to be passed, but the target y is None."
             )
         self._check_parameters()
-        self._single_output = np.ndim(y) == 1
+        self._single_output = np.asarray(y).ndim == 1
         if is_timed(X, self.model, self.time):
             return self._fit_records(validate_table(self, X, reset=True), y)
         if self.discrete:
@@ -231,7 +231,7 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
             return _finite(term_values(library, names, np.column_stack([x, u]), t), library)
 
         rows = step_rows if self.discrete else rate_rows
-        terms, rates = rows(states, values, span_samples(states, self.span))
+        terms, rates = rows(states, values, self.span)
         found = self._regress(terms, rates, base.states)
         terms, self.coefficients_ = complete(base, library, found, self.discrete)
         T = states.interval if self.discrete else None
@@ -241,7 +241,8 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
             self.model_ = starting_where(self.model_, states.x[firsts].mean(axis=0))
         self._keep_texts(terms, base.states)
         self._interval = T
-        self._limit = RUNAWAY * np.nanmax(np.abs(states.windows.y), axis=0)
+        largest = np.nanmax(np.abs(states.windows.y), axis=0)
+        self._limit = np.where(largest > 0, RUNAWAY * largest, np.inf)
         self.substeps_ = self._enough_substeps(records)
         return self
 
@@ -250,13 +251,14 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
             return 1
         if self.substeps is not None:
             return self.substeps
-        return enough_substeps(self.model_, records, hold=self.hold)
+        with np.errstate(all="ignore"):  # what runs away does so here as well
+            return enough_substeps(self.model_, records, hold=self.hold)
 
     def _predict_records(self, X):
         records = read_records(self.model_, validate_table(self, X, reset=False), time=self.time)
         if self._interval is not None:
             records = on_even_clock(records, self._interval)
-        return rows_in_order(records, np.concatenate([self._simulate(r) for r in records]))
+        return rows_in_order(records, np.concatenate(list(map(self._simulate, records))))
 
     def _simulate(self, record) -> np.ndarray:
         """Simulate one trajectory; where it runs away repeat its first row."""
@@ -292,8 +294,9 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
 
     def _predict_rows(self, X):
         X = validate_data(self, X, reset=False, dtype=float)
-        terms = read_library(self.terms_, self._columns())
-        return _finite(term_values(terms, self._columns(), X), terms) @ self.coefficients_.T
+        columns = self._columns()
+        terms = [parse_expression(text, columns) for text in self.terms_]
+        return _finite(term_values(terms, columns, X), terms) @ self.coefficients_.T
 
     def _columns(self) -> list[str]:
         """Name the columns of X as its terms do."""
@@ -335,8 +338,9 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
 
     def __sklearn_tags__(self):
         tags = super().__sklearn_tags__()
-        # in states, which are read in a trajectory's first row
-        tags.input_tags.allow_nan = self.model is not None or self.time is not None
+        timed = self.model is not None or self.time is not None
+        tags.input_tags.allow_nan = timed  # in states, which are read in a trajectory's first row
+        tags.regressor_tags.poor_score = timed  # on numbers that no machine gave
         return tags
 
 

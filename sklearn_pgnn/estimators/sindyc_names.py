@@ -46,9 +46,9 @@ def blank_model(X, y, time) -> PhysicsModel:
     mappingproxy({'torque_N_m': ''})
     """
     states = target_names(y)
-    if isinstance(X, pd.DataFrame):
+    if isinstance(X, pd.DataFrame) and all(isinstance(name, str) for name in X.columns):
         aside = {TIME if time is None else time, TRAJECTORY, *states}
-        inputs = [str(name) for name in X.columns if name not in aside]
+        inputs = [name for name in X.columns if name not in aside]
         _refuse_gaps(X, inputs, states)
     else:
         inputs = [f"u{i}" for i in range(X.shape[1] - 1)]
@@ -58,7 +58,9 @@ def blank_model(X, y, time) -> PhysicsModel:
         states=dict.fromkeys(names[: len(states)], ""),
         equations=dict.fromkeys(names[: len(states)], "0"),
         inputs=dict.fromkeys(names[len(states) :], ""),
-        columns={name: column for name, column in zip(names, called, strict=True) if name != column},
+        columns={
+            name: column for name, column in zip(names, called, strict=True) if name != column
+        },
     )
 
 
@@ -68,7 +70,7 @@ def target_names(y, letter: str = "x") -> list[str]:
         return [str(name) for name in y.columns]
     if isinstance(getattr(y, "name", None), str):
         return [y.name]
-    shape = np.shape(y)
+    shape = np.asarray(y).shape
     return [f"{letter}{i}" for i in range(shape[1] if len(shape) == 2 else 1)]
 
 

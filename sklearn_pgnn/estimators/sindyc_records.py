@@ -12,6 +12,7 @@ picks the states out of the terms. No row reaches over the end of a trajectory.
 """
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -25,8 +26,10 @@ from sklearn_pgnn.trajectories.record import Record
 SPAN_SHARE = 1 / 30
 #: a sample interval that differs by more than this share is another one
 UNEVEN = 0.01
-#: at least so many of the intervals between samples are equal in a map
+#: at least this share of a map's spans has no other interval in it
 EVEN_SHARE = 0.5
+#: a span that lasts so many times as long as its samples should holds a gap
+GAP = 1.5
 
 
 @dataclass(frozen=True)
@@ -51,17 +54,16 @@ class MeasuredStates:
     period: float
 
     @property
-    def interval(self) -> float:
-        """The median sample interval [s]."""
-        windows = self.windows
-        pieces = [np.diff(windows.t[rows]) for rows in self.pieces]
-        return float(np.median(np.concatenate(pieces)))
-
-    @property
     def pieces(self) -> list[slice]:
         """The rows of every record."""
         bounds = self.windows.bounds
-        return [slice(a, b) for a, b in zip(bounds[:-1], bounds[1:], strict=True)]
+        return [slice(a, b) for a, b in pairwise(bounds)]
+
+    @property
+    def interval(self) -> float:
+        """The median sample interval [s]."""
+        t = self.windows.t
+        return float(np.median(np.concatenate([np.diff(t[rows]) for rows in self.pieces])))
 
 
 def measure_states(model: PhysicsModel, records, **options) -> MeasuredStates:
@@ -86,28 +88,8 @@ def measure_states(model: PhysicsModel, records, **options) -> MeasuredStates:
     return MeasuredStates(ground.windows, ground.states.estimate(model).x, u, ground.period)
 
 
-def span_samples(states: MeasuredStates, span: float | None) -> int:
-    """Give the number of samples over which rates are averaged.
-
-    Parameters
-    ----------
-    states : MeasuredStates
-        The states.
-    span : float or None
-        Wanted length [s]; by default `SPAN_SHARE` of the dominant period.
-
-    Returns
-    -------
-    int
-        At least one; less than the longest record has.
-    """
-    span = SPAN_SHARE * states.period if span is None else span
-    longest = int(np.diff(states.windows.bounds).max())
-    return int(np.clip(round(span / states.interval), 1, longest - 1))
-
-
-def rate_rows(states: MeasuredStates, library, m: int) -> tuple[np.ndarray, np.ndarray]:
-    """Give rates and terms of a continuous model, averaged over `m` samples.
+def rate_rows(states: MeasuredStates, library, span: float | None):
+    """Give rates and terms of a continuous model, averaged over spans.
 
     Parameters
     ----------
@@ -115,8 +97,8 @@ def rate_rows(states: MeasuredStates, library, m: int) -> tuple[np.ndarray, np.n
         The states.
     library : callable
         Values of the terms at states, inputs and times.
-    m : int
-        Samples.
+    span : float or None
+        Length of a span [s]; by default `SPAN_SHARE` of the dominant period.
 
     Returns
     -------
@@ -128,18 +110,18 @@ def rate_rows(states: MeasuredStates, library, m: int) -> tuple[np.ndarray, np.n
     terms, rates = [], []
     for rows in states.pieces:
         t, x, u = states.windows.t[rows], states.x[rows], states.u[rows]
-        dt = np.diff(t)[:, None]
+        dt, m = np.diff(t)[:, None], _samples(states, span, t)
         at_end = u[1:] if states.windows.hold == "foh" else u[:-1]
         both = library(x[:-1], u[:-1], t[:-1]) + library(x[1:], at_end, t[1:])
         h = t[m:] - t[:-m]
-        whole = h < 1.5 * m * states.interval  # no row reaches over a gap
+        whole = h < GAP * m * np.median(dt)
         terms.append((_sums(dt * both / 2, m) / h[:, None])[whole])
         rates.append(((x[m:] - x[:-m]) / h[:, None])[whole])
     return np.concatenate(terms), np.concatenate(rates)
 
 
-def step_rows(states: MeasuredStates, library, m: int) -> tuple[np.ndarray, np.ndarray]:
-    """Give steps and terms of a map from sample to sample, averaged over `m` samples.
+def step_rows(states: MeasuredStates, library, span: float | None):
+    """Give steps and terms of a map from sample to sample, averaged over spans.
 
     Parameters
     ----------
@@ -147,8 +129,8 @@ def step_rows(states: MeasuredStates, library, m: int) -> tuple[np.ndarray, np.n
         The states.
     library : callable
         Values of the terms at states, inputs and times.
-    m : int
-        Samples.
+    span : float or None
+        Length of a span [s]; by default `SPAN_SHARE` of the dominant period.
 
     Returns
     -------
@@ -160,21 +142,22 @@ def step_rows(states: MeasuredStates, library, m: int) -> tuple[np.ndarray, np.n
     Raises
     ------
     RecordError
-        If the samples are not evenly spaced.
+        If most samples are not at equal intervals.
     """
-    terms, steps, T = [], [], states.interval
+    terms, steps, wanted, T = [], [], 0, states.interval
     for rows in states.pieces:
         t, x, u = states.windows.t[rows], states.x[rows], states.u[rows]
-        even = _sums(np.abs(np.diff(t) / T - 1)[:, None] > UNEVEN, m)[:, 0] == 0
+        m = _samples(states, span, t)
+        even = _sums(_is_other(np.diff(t), T)[:, None], m)[:, 0] == 0
         terms.append((_sums(library(x[:-1], u[:-1], t[:-1]), m) / m)[even])
         steps.append(((x[m:] - x[:-m]) / m)[even])
-    terms, steps = np.concatenate(terms), np.concatenate(steps)
-    if len(terms) < EVEN_SHARE * sum(max(rows.stop - rows.start - m, 0) for rows in states.pieces):
+        wanted += even.size
+    if sum(map(len, terms)) < EVEN_SHARE * wanted:
         raise RecordError(
-            f"X: a discrete model needs samples at equal intervals; most differ from their median "
-            f"of {T:g} s. Remedy: take discrete=False, or resample the records."
+            f"X: a discrete model needs samples at equal intervals; too many differ from their "
+            f"median of {T:g} s. Remedy: take discrete=False, or resample the records."
         )
-    return terms, steps
+    return np.concatenate(terms), np.concatenate(steps)
 
 
 def on_even_clock(records, T: float) -> tuple[Record, ...]:
@@ -198,7 +181,7 @@ def on_even_clock(records, T: float) -> tuple[Record, ...]:
         If a record is sampled at other intervals.
     """
     for record in records:
-        uneven = np.flatnonzero(np.abs(np.diff(record.t) / T - 1) > UNEVEN)
+        uneven = np.flatnonzero(_is_other(np.diff(record.t), T))
         if uneven.size:
             k = int(uneven[0])
             raise RecordError(
@@ -210,8 +193,18 @@ def on_even_clock(records, T: float) -> tuple[Record, ...]:
     return tuple(replace(r, t=r.t[0] + T * np.arange(r.t.size)) for r in records)
 
 
+def _samples(states: MeasuredStates, span: float | None, t) -> int:
+    """Give the number of samples that a span of one record has."""
+    span = SPAN_SHARE * states.period if span is None else span
+    return int(np.clip(round(span / np.median(np.diff(t))), 1, t.size - 1))
+
+
+def _is_other(intervals, T: float) -> np.ndarray:
+    """Tell which intervals are not a map's."""
+    return np.abs(intervals / T - 1) > UNEVEN
+
+
 def _sums(values, m: int) -> np.ndarray:
     """Sum every `m` values that follow each other."""
     total = np.vstack([np.zeros((1, values.shape[1])), np.cumsum(values, axis=0)])
     return total[m:] - total[:-m]
-

@@ -1,4 +1,4 @@
-r"""Sparse regression of targets on the terms of a library, scaled so that a threshold has a meaning.
+r"""Sparse regression on the terms of a library, scaled so that a threshold has a meaning.
 
 With the terms :math:`\Psi` divided by their root mean squares and the target by its standard
 deviation :math:`\sigma`, a coefficient is the share of the target's motion that its term makes up:
@@ -31,6 +31,11 @@ def sparse_coefficients(terms, targets, optimizer) -> np.ndarray:
     -------
     ndarray of shape (n_targets, n_terms)
         Coefficients in the units of terms and targets; zero for terms that are left out.
+
+    Raises
+    ------
+    ValueError
+        If the optimizer fits an intercept.
     """
     size, spread = _sizes(terms), _spreads(targets)
     optimizer = clone(optimizer)
@@ -38,6 +43,11 @@ def sparse_coefficients(terms, targets, optimizer) -> np.ndarray:
         # the caller says it by the state's name
         warnings.filterwarnings("ignore", message="Sparsity parameter is too big")
         optimizer.fit(terms / size, targets / spread)
+    if np.any(getattr(optimizer, "intercept_", 0.0)):
+        raise ValueError(
+            f"optimizer: {type(optimizer).__name__} fits an intercept, which no term stands for. "
+            f"Remedy: fit_intercept=False; 'polynomial' and '1' hold the constant."
+        )
     shares = np.reshape(optimizer.coef_, (targets.shape[1], terms.shape[1]))
     return shares * spread[:, None] / size
 
