@@ -4,6 +4,7 @@ import copy
 import subprocess
 import sys
 import warnings
+from itertools import product
 from pathlib import Path
 
 import joblib
@@ -24,10 +25,10 @@ from sklearn_pgnn.estimators.sindyc import SINDYcRegressor
 from sklearn_pgnn.estimators.sindyc_library import (
     model_terms,
     read_library,
+    term_function,
     term_texts,
-    term_values,
 )
-from sklearn_pgnn.estimators.sindyc_records import measure_states, rate_rows
+from sklearn_pgnn.estimators.sindyc_records import measure_states, rate_rows, step_rows
 from sklearn_pgnn.exceptions import RecordError, SimulationWarning
 from sklearn_pgnn.simulation.simulate import simulate_records
 from sklearn_pgnn.trajectories import read_records
@@ -148,7 +149,7 @@ def test_an_euler_step_of_a_sample_is_exactly_the_map(library):
     points = np.random.default_rng(0).normal(size=(20, 3))
     # near rest, dry friction between the samples would make the machine stick
     points[10:, 1] *= 1e-6
-    values = term_values(terms, names, points)
+    values = term_function(terms, names)(points)
     for (x, v, force), psi in zip(points, values, strict=True):
         run = model.simulate([0, T], [force, force], [x, v], method="euler")
         np.testing.assert_allclose(run.x[1], fitted.coefficients_ @ psi, rtol=1e-11, atol=1e-13)
@@ -179,12 +180,12 @@ def test_states_without_a_model_are_the_columns_of_y():
 
 
 def test_an_array_with_a_time_has_inputs_beside_it():
-    X, y, x = records_of(LAG, n_records=2)
+    X, _, x = records_of(LAG, n_records=2)
     array, states = X[["u", "t"]].to_numpy(), x.reshape(-1, 1)
     fitted = SINDYcRegressor(time=1).fit(array, states)
     assert coefficients(fitted, "x0") == pytest.approx({"x0": -2.0, "u0": 6.0}, rel=1e-4)
     # nobody says where a trajectory starts: at the mean of the starts
-    assert fitted.predict(array)[0, 0] == pytest.approx(x[:, 0, 0].mean(), rel=1e-3)
+    assert fitted.predict(array)[0, 0] == pytest.approx(x[:, 0, 0].mean(), abs=1e-3)
 
 
 def test_independent_rows_are_a_static_regression():
@@ -249,20 +250,11 @@ def test_no_row_reaches_from_one_trajectory_to_another():
     X = pd.DataFrame({"t": np.tile(t, 3), "u": 0.0})
     model = PhysicsModel({"y": "V"}, {"y": "0*y"}, {}, {"u": "V"})
     states = measure_states(model, read_records(model, X, levels))
-    for span in (0.0, 0.1, 100.0):
-        terms, rates = rate_rows(states, lambda x, u, t: x, span)
+    for rows, span in product((rate_rows, step_rows), (0.0, 0.1, 100.0)):
+        terms, rates = rows(states, lambda x, u, t: x, span)
         np.testing.assert_allclose(rates, 0.0, atol=1e-9)
         assert set(np.round(terms.ravel(), 6)) == {5.0, -5.0, 40.0}
         assert len(terms) % 3 == 0
-
-
-@pytest.mark.parametrize("discrete", [False, True])
-def test_the_order_of_trajectories_does_not_matter(discrete):
-    X, y, _ = records_of(LAG)
-    order = np.argsort(-X["trajectory"].to_numpy(), kind="stable")
-    one = SINDYcRegressor(LAG, discrete=discrete).fit(X, y)
-    other = SINDYcRegressor(LAG, discrete=discrete).fit(X.iloc[order], y.iloc[order])
-    np.testing.assert_allclose(one.coefficients_, other.coefficients_, rtol=0.01, atol=1e-6)
 
 
 @pytest.mark.parametrize("with_model", [True, False])
@@ -393,21 +385,19 @@ def test_the_identified_model_goes_in_again(spring):
 
 
 def test_the_golf_robot_needs_the_terms_of_its_friction():
-    prior, kind = systems.golf_robot(), {"sample_rate": 200.0, "random_state": 1}
-    X, y = datasets.make_golf_robot(6, **kind)
+    prior, kind = systems.golf_robot(), {"duration": 5.0, "sample_rate": 200.0}
+    X, y = datasets.make_golf_robot(4, **kind)
     X_new, y_new = datasets.make_golf_robot(reference=True, **kind)
-    simulated = simulate_records(prior, read_records(prior, X_new), substeps=4)
-    before = rms(simulated - y_new)
-    smooth = "tanh(omega/0.02)*max(0, 0.24643182*omega**2 + 5.141421*cos(phi))"
+    before = rms(simulate_records(prior, read_records(prior, X_new), substeps=4) - y_new)
 
     def share(library, **options):
         fitted = SINDYcRegressor(prior, library=library, **options).fit(X, y)
         return rms(fitted.predict(X_new) - y_new) / before
 
-    assert share(["model", smooth]) < 0.5
-    assert share(["omega", "torque", "sin(phi)", smooth]) < 0.25
-    # the paper's library has no friction in it
-    assert share(["polynomial", "fourier"], degree=1) > 0.6
+    with_friction = share(["model", "tanh(omega/0.02)"])
+    assert with_friction < 0.25
+    # states, input and trigonometric functions: the paper's library
+    assert share(["polynomial", "fourier"], degree=1) > 2 * with_friction
 
 
 # -- what runs away, what does not fit, what is kept -----------------------------------------------
@@ -436,7 +426,7 @@ def test_a_search_survives_candidates_that_run_away():
     X, y, _ = records_of(SPRING, n_records=3, duration=4.0, amplitude=3.0, noise=0.05)
     search = GridSearchCV(
         SINDYcRegressor(SPRING),
-        {"degree": [1, 3, 5], "threshold": [0.0, 0.05], "discrete": [True, False]},
+        {"degree": [1, 5], "threshold": [0.0, 0.05]},
         cv=GroupKFold(3),
         error_score="raise",
     )
@@ -457,7 +447,7 @@ def test_a_search_survives_candidates_that_run_away():
         ({"library": "x.__class__"}, "library: .*is not allowed"),
         ({"library": 3}, "library: expected a name, an expression or a library of pysindy, got 3"),
         ({"library": []}, "library: expected at least one term"),
-        ({"library": "log(x)"}, r"the term 'log\(x\)' has no finite value at \d+ samples"),
+        ({"library": "log(v)"}, r"the term 'log\(v\)' has no finite value at \d+ samples"),
         (
             {"library": pysindy.CustomLibrary([lambda a: np.exp(a)])},
             r"the term 'f0\(x\)' of CustomLibrary is not named by what it computes. Remedy:",
@@ -481,14 +471,15 @@ def test_the_terms_of_no_model_are_refused():
 
 
 def test_a_map_of_rows_without_a_time_is_refused():
-    with pytest.raises(ValueError, match="discrete=True needs samples in time.*Remedy: give X a"):
+    with pytest.raises(ValueError, match=r"discrete=True needs samples in time.*Remedy: give X a"):
         SINDYcRegressor(discrete=True).fit(np.eye(3), np.ones(3))
 
 
 def test_nothing_left_is_said():
+    X, y, _ = records_of(LAG, n_records=1)
+    nothing = SINDYcRegressor(LAG, threshold=50.0)
     with pytest.warns(UserWarning, match=r"no term of the library is left for 'y'. Remedy: lower"):
-        X, y, _ = records_of(LAG, n_records=1)
-        fitted = SINDYcRegressor(LAG, threshold=50.0).fit(X, y)
+        fitted = nothing.fit(X, y)
     assert fitted.equations_ == ["y' = 0"]
     np.testing.assert_allclose(fitted.predict(X), X["y"][0])
 
@@ -501,14 +492,14 @@ def test_a_map_refuses_another_clock():
     ):
         fitted.predict(X.iloc[::2])
     uneven = X.assign(t=X["t"] + 0.001 * np.random.default_rng(0).uniform(size=len(X)))
-    with pytest.raises(RecordError, match="needs samples at equal intervals.*discrete=False"):
+    with pytest.raises(RecordError, match=r"needs samples at equal intervals.*discrete=False"):
         SINDYcRegressor(LAG, discrete=True).fit(uneven, y)
 
 
 def test_states_that_y_does_not_name_are_refused():
     X, y, _ = records_of(SPRING, n_records=1)
     with pytest.raises(
-        RecordError, match="column 'x' has gaps, as only states may.*Remedy: give y"
+        RecordError, match=r"column 'x' has gaps, as only states may.*Remedy: give y"
     ):
         SINDYcRegressor().fit(X, y)
 
@@ -535,19 +526,29 @@ def test_survives_joblib_in_another_process(tmp_path, spring):
     assert not needed_pysindy
 
 
-def test_survives_copies_and_skops(spring):
+def test_survives_copies(spring):
     expected = spring.predict(SPRING_X)
     np.testing.assert_array_equal(copy.deepcopy(spring).predict(SPRING_X), expected)
     again = clone(spring).fit(SPRING_X, SPRING_Y)
     np.testing.assert_array_equal(again.predict(SPRING_X), expected)
+
+
+@pytest.mark.parametrize("kind", ["rates", "map", "rows"])
+def test_survives_skops_with_a_list_of_trusted_types(kind, spring):
     skops = pytest.importorskip("skops.io")
-    data = skops.dumps(spring)
+    X = SPRING_X if kind != "rows" else SPRING_X[["t", "force"]].to_numpy()
+    fitted = spring
+    if kind != "rates":
+        model = SPRING if kind == "map" else None
+        fitted = SINDYcRegressor(model, discrete=kind == "map").fit(X, SPRING_Y)
+    data = skops.dumps(fitted)
     trusted = [
         "sklearn_pgnn.estimators.sindyc.SINDYcRegressor",
         "sklearn_pgnn.physics.model.PhysicsModel",
     ]
-    assert skops.get_untrusted_types(data=data) == trusted
-    np.testing.assert_array_equal(skops.loads(data, trusted=trusted).predict(SPRING_X), expected)
+    assert set(skops.get_untrusted_types(data=data)) <= set(trusted)
+    loaded = skops.loads(data, trusted=trusted)
+    np.testing.assert_array_equal(loaded.predict(X), fitted.predict(X))
 
 
 def test_a_fit_keeps_no_object_of_pysindy(spring):

@@ -158,7 +158,7 @@ def _terms_of_pysindy(library, names) -> list[sympy.Expr]:
             term = parse_expression(_PRODUCT.sub("*", text).replace("^", "**"), names, "library")
         except ModelError:
             term = None
-        if term is None or not np.allclose(term_values([term], names, points).ravel(), value):
+        if term is None or not np.allclose(term_function([term], names)(points)[:, 0], value):
             raise ValueError(
                 f"library: the term {text!r} of {type(library).__name__} is not named by what it "
                 f"computes. Remedy: give function_names that are expressions, or the expressions "
@@ -168,8 +168,8 @@ def _terms_of_pysindy(library, names) -> list[sympy.Expr]:
     return terms
 
 
-def term_values(terms, names: Sequence[str], columns, t=0.0) -> np.ndarray:
-    """Evaluate terms at samples.
+def term_function(terms, names: Sequence[str]):
+    """Give the function that evaluates terms at samples.
 
     Parameters
     ----------
@@ -177,28 +177,29 @@ def term_values(terms, names: Sequence[str], columns, t=0.0) -> np.ndarray:
         The terms.
     names : sequence of str
         The states and inputs.
-    columns : ndarray of shape (n_samples, n_names)
-        Their values.
-    t : float or ndarray of shape (n_samples,), default=0
-        Time [s].
 
     Returns
     -------
-    ndarray of shape (n_samples, n_terms)
-        The terms' values; not finite where a term has none.
+    callable
+        Of their values, of shape (n_samples, n_names), and the time [s] (0 by default): gives the
+        terms' values of shape (n_samples, n_terms), not finite where a term has none.
 
     Examples
     --------
-    >>> terms = read_library("polynomial", ["x"])
-    >>> term_values(terms, ["x"], np.array([[2.0], [3.0]]))
+    >>> values = term_function(read_library("polynomial", ["x"]), ["x"])
+    >>> values(np.array([[2.0], [3.0]]))
     array([[1., 2., 4.],
            [1., 3., 9.]])
     """
     arguments = [TIME, *(symbol(name) for name in names)]
     function = sympy.lambdify(arguments, list(terms), [_EXTREMES, "numpy"])
-    with np.errstate(all="ignore"):
-        found = function(t, *columns.T)
-    return np.column_stack([np.broadcast_to(value, len(columns)) for value in found]).astype(float)
+
+    def values(columns, t=0.0) -> np.ndarray:
+        with np.errstate(all="ignore"):
+            found = function(t, *columns.T)
+        return np.column_stack([np.broadcast_to(v, len(columns)) for v in found]).astype(float)
+
+    return values
 
 
 def term_texts(terms) -> list[str]:
