@@ -21,8 +21,8 @@ def search_space(estimator, **changes) -> dict:
                        where there is a model
     ``horizon``        1, 20 or 50
     ``threshold``      0.0005 to 0.1, logarithmic                             `SINDYcRegressor`
-    ``library``        polynomials, trigonometric functions or, with a model,
-                       its own terms
+    ``library``        polynomials, sines and cosines or, where there is a
+                       model, its own terms
     =================  =====================================================  ====================
 
     A category of `BayesSearchCV` is a single name or number; several libraries at once cannot be
