@@ -13,6 +13,7 @@ from sklearn_pgnn.estimators.sindyc_model import (
     equation_texts,
     identified_model,
     starting_where,
+    velocities,
 )
 from sklearn_pgnn.estimators.sindyc_names import blank_model, identifiers, is_timed, target_names
 from sklearn_pgnn.estimators.sindyc_records import (
@@ -70,8 +71,8 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         and `alpha`. It is cloned. It sees every term divided by its root mean square and every
         rate by its standard deviation; `coefficients_` are in physical units all the same.
     discrete : bool, default=False
-        Whether to identify a map from sample to sample (the states are then always in the
-        library) instead of rates.
+        Whether to identify a map from sample to sample, in which every state's own last value
+        stands whatever the library, instead of rates.
     span : float, optional
         Time over which rates and steps are averaged [s]; by default a thirtieth of the dominant
         period of the outputs. 0 takes neighbouring samples.
@@ -87,10 +88,12 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
     Attributes
     ----------
     model_ : PhysicsModel or None
-        The identified model, coefficients as parameters such as ``c_omega_sin_phi``. A map is
-        written as the rate :math:`(\Xi\Psi(x, u) - x)/T` with the sample interval :math:`T`: an
-        explicit Euler step of one sample (``simulate(..., method="euler")``) is exactly the map.
-        None if rows are independent.
+        The identified model, coefficients as parameters such as ``c_omega_sin_phi``. Units,
+        inputs, outputs, delays and inertia are those of `model`, their parameters fixed; there are
+        no energy terms, for nobody knows the power of what was identified. A map is written as the
+        rate :math:`(\Xi\Psi(x, u) - x)/T` with the sample interval :math:`T`: an explicit Euler
+        step of one sample (``simulate(..., method="euler")``) is exactly the map. None if rows are
+        independent.
     coefficients_ : ndarray of shape (n_states, n_terms)
         :math:`\Xi` in physical units; without time of shape (n_outputs, n_terms).
     terms_ : list of str
@@ -229,29 +232,33 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         base = blank_model(X, y, self.time) if self.model is None else self.model
         records = read_records(base, X, y, time=self.time)
         states = measure_states(base, records, hold=self.hold, substeps=self.substeps)
-        names = [*base.states, *base.inputs]
-        library = read_library(self.library, names, self.degree, self.model)
+        library = read_library(self.library, [*base.states, *base.inputs], self.degree, self.model)
+        found = self._identify(base, states, library)
+        terms, self.coefficients_ = complete(base, library, found, self.discrete)
+        self._interval = states.interval if self.discrete else None
+        self.model_ = identified_model(base, terms, self.coefficients_, self._interval)
+        if self.model is None:
+            firsts = [rows.start for rows in states.pieces]
+            self.model_ = starting_where(self.model_, states.x[firsts].mean(axis=0))
+        form = "{}[k+1]" if self.discrete else "{}'"
+        self._keep_texts([form.format(state) for state in base.states], terms)
+        largest = np.nanmax(np.abs(states.windows.y), axis=0)
+        self._limit = np.where(largest > 0, RUNAWAY * largest, np.inf)
+        self.substeps_ = self._enough_substeps(records)
+        return self
 
-        function = term_function(library, names)
+    def _identify(self, base, states, library) -> np.ndarray:
+        """Find the coefficients of every step, or of every rate that is not known."""
+        function = term_function(library, [*base.states, *base.inputs])
 
         def values(x, u, t):
             return _finite(function(np.column_stack([x, u]), t), library)
 
         rows = step_rows if self.discrete else rate_rows
         terms, rates = rows(states, values, self.span)
-        found = self._regress(terms, rates, base.states)
-        terms, self.coefficients_ = complete(base, library, found, self.discrete)
-        T = states.interval if self.discrete else None
-        self.model_ = identified_model(base, terms, self.coefficients_, T)
-        if self.model is None:
-            firsts = [rows.start for rows in states.pieces]
-            self.model_ = starting_where(self.model_, states.x[firsts].mean(axis=0))
-        self._keep_texts(terms, base.states)
-        self._interval = T
-        largest = np.nanmax(np.abs(states.windows.y), axis=0)
-        self._limit = np.where(largest > 0, RUNAWAY * largest, np.inf)
-        self.substeps_ = self._enough_substeps(records)
-        return self
+        known = () if self.discrete else velocities(base)
+        names = [name for name in base.states if name not in known]
+        return self._regress(terms, rates[:, [name in names for name in base.states]], names)
 
     def _enough_substeps(self, records) -> int:
         if self.discrete:
@@ -280,7 +287,7 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
             f"trajectory {record.name!r}: the identified model runs away; at "
             f"t = {record.t[np.argmax(away)]:g} s its outputs are no longer within {RUNAWAY:g} "
             f"times what was measured. All its rows get the values of its first row. Remedy: "
-            f"raise threshold (now {self.threshold:g}), take a smaller library, or longer spans.",
+            f"raise threshold, take a smaller library, or longer spans.",
             SimulationWarning,
             stacklevel=4,
         )
@@ -295,7 +302,7 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         values = _finite(term_function(terms, self._columns())(X), terms)
         self.coefficients_ = self._regress(values, y.reshape(len(y), -1), names)
         self.model_ = None
-        self._keep_texts(terms, names)
+        self._keep_texts(names, terms)
         return self
 
     def _predict_rows(self, X):
@@ -319,19 +326,16 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         for name, row, target in zip(names, found, targets.T, strict=True):
             if not row.any() and target.any():
                 warnings.warn(
-                    f"no term of the library is left for {name!r}. Remedy: lower threshold (now "
-                    f"{self.threshold:g}), or give the library other terms.",
+                    f"no term of the library is left for {name!r}. Remedy: lower threshold, "
+                    f"or give the library other terms.",
                     UserWarning,
                     stacklevel=4,
                 )
         return found
 
-    def _keep_texts(self, terms, names) -> None:
+    def _keep_texts(self, left, terms) -> None:
         self.terms_ = term_texts(terms)
-        timed = self.model_ is not None
-        self.equations_ = equation_texts(
-            names, self.terms_, self.coefficients_, self.discrete, timed
-        )
+        self.equations_ = equation_texts(left, terms, self.coefficients_)
 
     def _check_parameters(self) -> None:
         _check_number("degree", self.degree, Integral, 1)
@@ -339,6 +343,8 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         _check_number("alpha", self.alpha, Real, 0)
         if self.span is not None:
             _check_number("span", self.span, Real, 0)
+        if self.substeps is not None:
+            _check_number("substeps", self.substeps, Integral, 1)
         if self.hold not in HOLDS:
             raise ValueError(f"hold: expected one of {', '.join(HOLDS)}, got {self.hold!r}.")
 

@@ -49,7 +49,7 @@ def identified_model(
     """
     kept = _kept_parameters(base, with_inertia=T is None)
     taken = {*base.states, *base.inputs, *kept}
-    known = {} if T is not None else _velocities(base)
+    known = {} if T is not None else velocities(base)
     equations = {position: symbol(velocity) for position, velocity in known.items()}
     new: dict[str, Parameter] = {}
     if T is not None:
@@ -74,7 +74,7 @@ def identified_model(
 
 
 def complete(base: PhysicsModel, library, found, discrete: bool):
-    """Add to what was found what is known: a state's own step, a position's velocity.
+    """Add to what was found what is known: a state's own last value, a position's velocity.
 
     Parameters
     ----------
@@ -82,8 +82,8 @@ def complete(base: PhysicsModel, library, found, discrete: bool):
         The model.
     library : sequence of sympy.Expr
         The library.
-    found : ndarray of shape (n_states, n_terms)
-        Coefficients of rates or steps.
+    found : ndarray of shape (n_identified, n_terms)
+        Coefficients of steps of all states, or of the rates of all that are no positions.
     discrete : bool
         Whether they are steps.
 
@@ -92,69 +92,59 @@ def complete(base: PhysicsModel, library, found, discrete: bool):
     terms : list of sympy.Expr
         The library and what it lacked.
     coefficients : ndarray of shape (n_states, n_terms)
-        Coefficients of rates or of the map.
+        Coefficients of the map or of rates.
     """
-    states, velocities = list(base.states), _velocities(base)
-    needed = states if discrete else velocities.values()
-    terms = list(dict.fromkeys([*library, *map(symbol, needed)]))
-    coefficients = np.zeros((len(states), len(terms)))
-    coefficients[:, : len(library)] = found
-    for i, state in enumerate(states):
-        if discrete:
-            coefficients[i, terms.index(symbol(state))] += 1.0
-        elif state in velocities:
-            coefficients[i] = 0.0
-            coefficients[i, terms.index(symbol(velocities[state]))] = 1.0
+    known = {state: state for state in base.states} if discrete else velocities(base)
+    terms = list(dict.fromkeys([*library, *map(symbol, known.values())]))
+    coefficients, rows = np.zeros((len(base.states), len(terms))), iter(found)
+    for i, state in enumerate(base.states):
+        if discrete or state not in known:
+            coefficients[i, : len(library)] = next(rows)
+        if state in known:
+            coefficients[i, terms.index(symbol(known[state]))] += 1.0
     return terms, coefficients
 
 
-def equation_texts(states, terms, coefficients, discrete: bool, timed: bool = True) -> list[str]:
+def equation_texts(left, terms, coefficients) -> list[str]:
     """Write identified equations as text with four digits.
 
     Parameters
     ----------
-    states : sequence of str
-        What the equations give.
-    terms : sequence of str
+    left : sequence of str
+        Left sides.
+    terms : sequence of sympy.Expr
         The library.
-    coefficients : ndarray of shape (n_states, n_terms)
+    coefficients : ndarray of shape (n_equations, n_terms)
         Coefficients.
-    discrete : bool
-        Whether they are a map.
-    timed : bool, default=True
-        Whether they are about time at all.
 
     Returns
     -------
     list of str
-        One equation a state.
+        The equations.
 
     Examples
     --------
-    >>> equation_texts(["x"], ["1", "x", "sin(u) + 1"], np.array([[0.5, -2, 1]]), False)
-    ["x' = 0.5 - 2*x + (sin(u) + 1)"]
+    >>> x = symbol("x")
+    >>> equation_texts(["x'"], [sympy.Integer(1), x, sympy.sin(x) + 1], np.array([[0.5, -2, 1]]))
+    ["x' = 0.5 - 2*x + (sin(x) + 1)"]
     """
-    left = "{}[k+1]" if discrete else "{}'" if timed else "{}"
-    return [
-        f"{left.format(state)} = {_sum_text(terms, row)}"
-        for state, row in zip(states, coefficients, strict=True)
-    ]
+    return [f"{name} = {_sum(terms, row)}" for name, row in zip(left, coefficients, strict=True)]
 
 
-def _sum_text(terms, row) -> str:
-    parts = [_product_text(value, term) for value, term in zip(row, terms, strict=True) if value]
+def _sum(terms, row) -> str:
+    parts = [_product(value, term) for value, term in zip(row, terms, strict=True) if value]
     return " + ".join(parts).replace("+ -", "- ") or "0"
 
 
-def _product_text(value: float, term: str) -> str:
-    number = f"{value:.4g}"
-    if term == "1":
+def _product(value: float, term: sympy.Expr) -> str:
+    number, text = f"{value:.4g}", to_text(term)
+    if term == 1:
         return number
-    factor = f"({term})" if re.search(r" [+-] (?![^(]*\))", term) else term
+    factor = f"({text})" if term.is_Add else text
     return {"1": factor, "-1": f"-{factor}"}.get(number, f"{number}*{factor}")
 
 
-def _velocities(base: PhysicsModel) -> dict[str, str]:
+def velocities(base: PhysicsModel) -> dict[str, str]:
     """Give the velocity of every position."""
     return {position: velocity for velocity, position in base.kinematic_pairs.items()}
 
