@@ -15,11 +15,16 @@ _OBJECTS = {
     "PhysicsModel": "sklearn_pgnn.physics",
     "PhysicsModelRegressor": "sklearn_pgnn.estimators",
     "PhysicsModelTransformer": "sklearn_pgnn.preprocessing",
+    "ResidualRegressor": "sklearn_pgnn.estimators",
+    "SINDYcRegressor": "sklearn_pgnn.estimators.sindyc",
+    "make_pgnn_pipeline": "sklearn_pgnn.pipeline",
 }
 _MODULES = {
     "datasets": "sklearn_pgnn.datasets",
     "effects": "sklearn_pgnn.physics.effects",
     "inspection": "sklearn_pgnn.inspection",
+    "model_selection": "sklearn_pgnn.model_selection",
+    "network": "sklearn_pgnn.estimators.network",
     "systems": "sklearn_pgnn.physics.systems",
 }
 

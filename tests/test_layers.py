@@ -15,6 +15,7 @@ FLOORS = (
     {"trajectories"},
     {"simulation"},
     {"preprocessing", "estimators", "model_selection"},
+    {"pipeline"},
     {"diagnosis"},
     {"inspection"},
     {"export", "datasets"},

@@ -1,1 +1,20 @@
-"""The network of `PGNNLRegressor`: its cores, its step, its losses and its training."""
+"""The network of `PGNNLRegressor`: its cores and the terms of its physical loss."""
+
+from sklearn_pgnn.estimators.network.cores import FeedForward, Recurrent
+from sklearn_pgnn.estimators.network.physics_loss import (
+    Bounds,
+    EnergyBalance,
+    Passivity,
+    PhysicsTerm,
+    RateBounds,
+)
+
+__all__ = [
+    "Bounds",
+    "EnergyBalance",
+    "FeedForward",
+    "Passivity",
+    "PhysicsTerm",
+    "RateBounds",
+    "Recurrent",
+]

@@ -38,11 +38,11 @@ class BestFreeRun(Callback):
 
     Parameters
     ----------
-    patience : int, default=20
+    patience : int, default=50
         Epochs without a better free run after which a phase ends.
     """
 
-    def __init__(self, patience=20):
+    def __init__(self, patience=50):
         self.patience = patience
 
     def on_train_begin(self, net, **kwargs):

@@ -51,8 +51,9 @@ def find_structure(model: PhysicsModel, records, states, **options) -> str:
         for k in np.unique(starts):
             rows = slice(k, k + length + 1)
             run = simulate(model, record.t[rows], record.u[rows], x[k], **options)
-            trials.append((record.y[k + length], run.y[-1], record.y[k]))
-    return choose_structure(model, [[part[None] for part in trial] for trial in trials])
+            if run.success:
+                trials.append((x[k + length], run.x[-1], x[k]))
+    return choose_structure(*np.swapaxes(trials, 0, 1)) if trials else "increment"
 
 
 def check_structure(structure: str, guide, has_model: bool) -> None:

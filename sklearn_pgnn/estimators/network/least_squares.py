@@ -65,6 +65,8 @@ class SimulationObjective:
         The physical terms.
     lambda_phy : float
         Their weight.
+    stride : int, default=1
+        Every so many samples the outputs are compared.
     """
 
     def __init__(
@@ -74,10 +76,11 @@ class SimulationObjective:
         scale: np.ndarray,
         physics: PhysicsLoss | None,
         lambda_phy: float,
+        stride: int = 1,
     ):
-        self.step, self.records, self.scale = step, records, scale
+        self.step, self.records, self.scale, self.stride = step, records, scale, stride
         self.physics, self.lambda_phy = physics, lambda_phy if physics else 0.0
-        self._n_errors = sum(int(np.isfinite(record.y[1:]).sum()) for record in records)
+        self._n_errors = sum(int(np.isfinite(r.y[stride::stride]).sum()) for r in records)
         self._n_steps = sum(len(record.x) - 1 for record in records)
 
     def __call__(self, theta: np.ndarray) -> Sums:
@@ -107,8 +110,10 @@ class SimulationObjective:
         return sums
 
     def _add_errors(self, sums, record, rows, x, S):
-        states = torch.as_tensor(x[1:]).requires_grad_()
-        after = slice(rows.start + 1, rows.stop)
+        first = -rows.start % self.stride or self.stride
+        x, S = x[first :: self.stride], S[first :: self.stride]
+        states = torch.as_tensor(x).requires_grad_()
+        after = slice(rows.start + first, rows.stop, self.stride)
         u = torch.as_tensor(record.record.acting[after, : record.record.u.shape[1]])
         outputs = outputs_of(self.step.model, states, u, torch.as_tensor(record.record.t[after]))
         factor = (1.0 - self.lambda_phy) / self._n_errors
@@ -116,7 +121,7 @@ class SimulationObjective:
             slope = _slope(outputs[:, i], states)
             error = outputs[:, i].detach().numpy() - record.y[after, i]
             seen = np.isfinite(error)
-            jacobian = np.einsum("nj,njw->nw", slope[seen], S[1:][seen])
+            jacobian = np.einsum("nj,njw->nw", slope[seen], S[seen])
             sums.add(error[seen] / scale, jacobian / scale, factor)
 
     def _add_physics(self, sums, record, rows, x, S):

@@ -80,25 +80,26 @@ def gain_of(model: PhysicsModel, structure: str, x, x_next, prior, dt) -> np.nda
     return gain
 
 
-def choose_structure(model: PhysicsModel, trials) -> str:
-    """Correct the model's step where the model foretells better than persistence.
+def choose_structure(measured, foretold, begun) -> str:
+    """Correct the model's step where the model foretells the states better than persistence.
 
     Parameters
     ----------
-    model : PhysicsModel
-        The model.
-    trials : sequence of (ndarray, ndarray, ndarray)
-        For several short windows the outputs that were measured at their end, those that the
-        model foretells from the measured state at the beginning, and those at the beginning.
+    measured : ndarray of shape (n, n_states)
+        Measured states at the end of several short windows.
+    foretold : ndarray of shape (n, n_states)
+        What the model makes of the measured states at their beginning.
+    begun : ndarray of shape (n, n_states)
+        The measured states at their beginning.
 
     Returns
     -------
     {"correction", "increment"}
-        The structure.
+        The structure: a correction where, over the states, the mean of the squared error as a
+        share of persistence's is below one.
     """
-    measured, foretold, begun = (np.concatenate(part) for part in zip(*trials, strict=True))
-    spread = np.nanstd(measured, axis=0)
-    spread = np.where(spread > 0, spread, 1.0)
-    by_model = np.nanmean(((measured - foretold) / spread) ** 2)
-    by_persistence = np.nanmean(((measured - begun) / spread) ** 2)
-    return "correction" if by_model < by_persistence else "increment"
+    by_model = np.mean((measured - foretold) ** 2, axis=0)
+    by_persistence = np.mean((measured - begun) ** 2, axis=0)
+    moves = by_persistence > 0
+    share = np.mean(by_model[moves] / by_persistence[moves]) if moves.any() else 0.0
+    return "correction" if share < 1 else "increment"
