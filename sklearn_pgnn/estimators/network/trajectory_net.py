@@ -1,0 +1,252 @@
+"""A skorch regressor that trains a network in feedback, phase after phase."""
+
+import contextlib
+import copy
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+import torch
+from skorch import NeuralNetRegressor
+from skorch.callbacks import EpochTimer, PassthroughScoring, PrintLog
+from torch import nn
+
+from sklearn_pgnn.estimators.network import ground
+from sklearn_pgnn.estimators.network.balance import ADAPTIVE, balanced_lambda
+from sklearn_pgnn.estimators.network.callbacks import BestFreeRun, CosineDecay, EnoughTraining
+from sklearn_pgnn.estimators.network.cores import FeedForward
+from sklearn_pgnn.estimators.network.free_run import outputs_of, run_core, step_with, weights_of
+from sklearn_pgnn.estimators.network.least_squares import (
+    SimulationObjective,
+    l_bfgs,
+    levenberg_marquardt,
+)
+from sklearn_pgnn.estimators.network.records import Windows
+from sklearn_pgnn.estimators.network.row_network import RowNetwork
+from sklearn_pgnn.estimators.network.step_network import StepNetwork
+from sklearn_pgnn.estimators.network.structure import corrected_states
+
+#: "auto" refines by Levenberg and Marquardt's steps up to so many weights
+FEW_WEIGHTS = 1000
+#: what is made anew from the weights when a pickle is loaded
+_TRAINED = ("module_", "criterion_", "optimizer_", "callbacks_")
+
+
+@dataclass
+class _Phase:
+    """One phase of the training."""
+
+    epochs: int
+    horizon: int
+    windows: Windows
+    scale: torch.Tensor
+    rates: list[float]
+    epoch: int = 0
+
+
+class TrajectoryNet(NeuralNetRegressor):
+    """The training of `PGNNLRegressor`: single steps, rollouts, whole trajectories."""
+
+    def _train_steps(self, windows, rates, **fit_params) -> None:
+        """Train on single steps; a recurrent core on stretches, the measured state fed back."""
+        length = 1
+        if hasattr(self.module_.core, "at_rest"):
+            length = min(max(20, self.horizon), max(1, min(windows.lengths) - 1))
+        own = corrected_states(self.model_, self.structure_)
+        after = windows.pairs + 1
+        base = {"constant": self.step_.offset, "state": windows.x[windows.pairs]}.get(
+            self.step_.base, windows.prior[windows.pairs]
+        )
+        left = np.sqrt(np.mean((windows.x[after] - base) ** 2, axis=0))[own]
+        self.module_.teacher_forcing = True
+        target = windows.at_ends(windows.x[:, own], length)
+        self._run_phase(windows, length, target, left, rates, self.max_epochs, **fit_params)
+
+    def _train_rollouts(self, training, windows, rates, **fit_params) -> None:
+        """Train on windows along which the prediction is fed back; the outputs are compared."""
+        length = min(int(self.horizon), max(1, min(windows.lengths) - 1))
+        self.module_.teacher_forcing = False
+        left = self._base_error(training, length)
+        target = windows.at_ends(windows.y, length)
+        rates = [rate / 10 for rate in rates]
+        self._run_phase(windows, length, target, left, rates, self.rollout_epochs, **fit_params)
+
+    def _run_phase(self, windows, length, target, scale, rates, epochs, **fit_params) -> None:
+        scale = torch.as_tensor(_positive(scale), device=self.device)
+        self._phase = _Phase(epochs, length, windows, scale, rates)
+        batch = windows.cut(length, self.step_, teacher=self.module_.teacher_forcing)
+        with contextlib.suppress(EnoughTraining):
+            self.fit_loop(batch, target, epochs=epochs, **fit_params)
+
+    def _base_error(self, training, length) -> np.ndarray:
+        error = ground.base_error(self.step_, training, self._outputs, length)
+        return np.minimum(_positive(error), self._spread)
+
+    def _train_simulation(self, training, best) -> None:
+        """Train on the free run of whole trajectories, all weights at once."""
+        core, method = self.module_.core, self.refine
+        theta = weights_of(core)
+        if method == "auto":
+            small = type(core) is FeedForward and theta.size <= FEW_WEIGHTS
+            method = "lm" if small else None
+        if method is None or not self.refine_iterations:
+            return
+        if type(core) is not FeedForward:
+            raise ValueError(
+                f"refine={method!r} needs the core FeedForward, got {type(core).__name__}. "
+                f"Remedy: refine=None."
+            )
+        objective = SimulationObjective(
+            step_with(core, self.step_),
+            training,
+            self._base_error(training, None),
+            self._physics,
+            self.lambda_phy_,
+            self._stride,
+        )
+        minimise = levenberg_marquardt if method == "lm" else l_bfgs
+        minimise(objective, theta, self.refine_iterations, partial(self._on_step, best))
+
+    def _on_step(self, best, theta, cost) -> bool:
+        """Take over weights of the last phase, and tell whether it has gone on long enough."""
+        self._set_weights(theta)
+        self.history.new_epoch()
+        self.history.record("epoch", len(self.history))
+        self.history.record("train_loss", float(cost))
+        if not self._validation:
+            return False
+        error = self._validation_error()
+        self.history.record("free_run", error)
+        best.note(self, error)
+        return best.waited_ >= self.patience
+
+    def _set_weights(self, theta) -> None:
+        weights = torch.as_tensor(theta, device=self.device)
+        nn.utils.vector_to_parameters(weights, self.module_.core.parameters())
+
+    def _validation_error(self) -> float:
+        """Run the held-out trajectories; give the error in deviations of the outputs."""
+        errors = []
+        for each in self._validation:
+            x, failed = run_core(self.module_.core, self.step_, each.record)
+            if failed >= 0:
+                return np.inf
+            errors.append(
+                ((self._outputs(each.record, x) - each.y) / self._spread)[each.scored_from :]
+            )
+        return float(np.sqrt(np.nanmean(np.concatenate(errors) ** 2)))
+
+    @property
+    def _default_callbacks(self):
+        return [
+            ("epoch_timer", EpochTimer()),
+            ("train_loss", PassthroughScoring(name="train_loss", on_train=True)),
+            ("decay", CosineDecay()),
+            ("free_run", BestFreeRun(self.patience)),
+            ("print_log", PrintLog()),
+        ]
+
+    def initialize_module(self):
+        """Make the network; `fit` calls it once the data have told its size."""
+        if not hasattr(self, "model_"):
+            raise ValueError(
+                f"{type(self).__name__} learns its size from the data. Remedy: call fit first."
+            )
+        if self.model_ is None:
+            X, y = getattr(self, "_rows", (np.zeros((1, self.n_features_in_)), None))
+            y = np.zeros((1, self._n_outputs)) if y is None else y
+            self._n_outputs = y.shape[1]
+            core = self._make_core(X.shape[1], self._n_outputs)
+            self.module_ = RowNetwork(core, X, y).double()
+        else:
+            core = self._make_core(len(self.step_.mean), self.step_.n_network_outputs)
+            self.module_ = StepNetwork(core, self.step_, {}).double()
+        return self
+
+    def _make_core(self, n_inputs, n_outputs):
+        if isinstance(self.module, nn.Module):
+            return copy.deepcopy(self.module)
+        sizes = {"n_inputs": n_inputs, "n_outputs": n_outputs}
+        return self.initialized_instance(self.module, {**sizes, **self.get_params_for("module")})
+
+    def get_iterator(self, dataset, training=False):
+        """Make batches of so many steps, however long the windows are."""
+        phase, whole = self._phase, self.batch_size
+        if phase is None or phase.horizon == 1 or whole == -1:
+            return super().get_iterator(dataset, training)
+        self.batch_size = max(1, whole // phase.horizon)
+        try:
+            return super().get_iterator(dataset, training)
+        finally:
+            self.batch_size = whole
+
+    def get_loss(self, y_pred, y_true, X=None, training=False):
+        r"""Give the loss, :math:`(1 - \lambda_{phy})\,L_{error} + \lambda_{phy}\,L_{phy}`.
+
+        Parameters
+        ----------
+        y_pred : Tensor
+            Predicted states of windows, or targets of rows.
+        y_true : Tensor
+            What they shall be: states (single steps), outputs (rollouts), targets (rows).
+        X : dict of str to Tensor, optional
+            The windows.
+        training : bool, default=False
+            Whether the network is being trained.
+
+        Returns
+        -------
+        Tensor
+            The loss.
+        """
+        if self._phase is None:
+            scale = self.module_.scale_y
+            return super().get_loss(y_pred / scale, y_true / scale, X, training)
+        error = self._error_loss(y_pred, y_true, X)
+        if self.lambda_phy == 0:
+            return error
+        states = torch.cat([X["x"][:, :1], y_pred], dim=1)
+        physics = self._physics(states, X["u"], X["t"])
+        if training and self.lambda_phy == ADAPTIVE:
+            weights = list(self.module_.core.parameters())
+            before = self.lambda_phy_ or None
+            self.lambda_phy_ = balanced_lambda(error, physics, weights, before)
+        return (1 - self.lambda_phy_) * error + self.lambda_phy_ * physics
+
+    def _error_loss(self, y_pred, y_true, X):
+        """Compare states where the measured ones are fed back, outputs where the predicted ones."""
+        if self.module_.teacher_forcing:
+            own = corrected_states(self.model_, self.structure_)
+            compared = y_pred[..., own]
+        else:
+            compared = outputs_of(self.model_, y_pred, X["u"], X["t"][:, 1:])
+        seen = torch.isfinite(y_true)
+        scale = self._phase.scale
+        return super().get_loss((compared / scale)[seen], (y_true / scale)[seen], X)
+
+    def __getstate__(self):
+        state = {name: part for name, part in self.__dict__.items() if name not in _TRAINED}
+        if self.initialized_:
+            weights = self.module_.state_dict()
+            state["_weights"] = {name: part.cpu().numpy() for name, part in weights.items()}
+        return state
+
+    def __setstate__(self, state):
+        weights = state.pop("_weights", None)
+        self.__dict__.update(state)
+        if weights is not None:
+            history = self.history_
+            self.initialize()
+            self.history_ = history
+            tensors = {name: torch.as_tensor(part) for name, part in weights.items()}
+            self.module_.load_state_dict(tensors)
+
+    def _outputs(self, ready, x) -> np.ndarray:
+        u = ready.acting[:, : len(self.model_.inputs)]
+        parts = (torch.as_tensor(part) for part in (x, u, ready.t))
+        return outputs_of(self.model_, *parts).numpy()
+
+
+def _positive(values) -> np.ndarray:
+    """Measure by 1 what does not vary at all."""
+    return np.where(values > 0, values, 1.0)
