@@ -63,7 +63,7 @@ def balanced_lambda(error, physics, weights, before: float | None) -> float:
     """
     by_error = _gradient(error, weights).abs().mean()
     by_physics = _gradient(physics, weights).abs().max()
-    if by_physics + by_error <= 0:
+    if by_physics <= 0:  # nothing to balance: all inequalities hold
         return 0.0 if before is None else before
     now = float(by_error / (by_error + by_physics))
     return now if before is None else (1 - FORGETTING) * before + FORGETTING * now

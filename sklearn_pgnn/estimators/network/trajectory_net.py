@@ -47,11 +47,15 @@ class _Phase:
 class TrajectoryNet(NeuralNetRegressor):
     """The training of `PGNNLRegressor`: single steps, rollouts, whole trajectories."""
 
+    def _get_param_names(self):
+        """Name the parameters; skorch also takes what `fit` keeps under a private name for one."""
+        return [name for name in super()._get_param_names() if not name.startswith("_")]
+
     def _train_steps(self, windows, rates, **fit_params) -> None:
         """Train on single steps; a recurrent core on stretches, the measured state fed back."""
         length = 1
         if hasattr(self.module_.core, "at_rest"):
-            length = min(max(20, self.horizon), max(1, min(windows.lengths) - 1))
+            length = min(max(20, self.horizon), max(1, max(windows.lengths) - 1))
         own = corrected_states(self.model_, self.structure_)
         after = windows.pairs + 1
         base = {"constant": self.step_.offset, "state": windows.x[windows.pairs]}.get(
@@ -64,7 +68,7 @@ class TrajectoryNet(NeuralNetRegressor):
 
     def _train_rollouts(self, training, windows, rates, **fit_params) -> None:
         """Train on windows along which the prediction is fed back; the outputs are compared."""
-        length = min(int(self.horizon), max(1, min(windows.lengths) - 1))
+        length = min(int(self.horizon), max(1, max(windows.lengths) - 1))
         self.module_.teacher_forcing = False
         left = self._base_error(training, length)
         target = windows.at_ends(windows.y, length)
@@ -219,10 +223,18 @@ class TrajectoryNet(NeuralNetRegressor):
             own = corrected_states(self.model_, self.structure_)
             compared = y_pred[..., own]
         else:
-            compared = outputs_of(self.model_, y_pred, X["u"], X["t"][:, 1:])
+            compared = outputs_of(self.model_, y_pred, self._inputs_after(X), X["t"][:, 1:])
         seen = torch.isfinite(y_true)
+        if not seen.any():
+            return 0.0 * y_pred.sum()
         scale = self._phase.scale
         return super().get_loss((compared / scale)[seen], (y_true / scale)[seen], X)
+
+    def _inputs_after(self, X):
+        """Give the inputs that act at the end of every step; an output may depend on them."""
+        after = X["index"].cpu().numpy() + 1
+        acting = self.module_.samples["acting"][after, : len(self.model_.inputs)]
+        return torch.as_tensor(acting.reshape(*after.shape, -1), device=X["t"].device)
 
     def __getstate__(self):
         state = {name: part for name, part in self.__dict__.items() if name not in _TRAINED}
@@ -236,7 +248,8 @@ class TrajectoryNet(NeuralNetRegressor):
         self.__dict__.update(state)
         if weights is not None:
             history = self.history_
-            self.initialize()
+            with torch.random.fork_rng(devices=[]):
+                self.initialize()
             self.history_ = history
             tensors = {name: torch.as_tensor(part) for name, part in weights.items()}
             self.module_.load_state_dict(tensors)
