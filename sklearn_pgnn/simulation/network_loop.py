@@ -157,9 +157,9 @@ def _prior_step(
     h = dt / substeps
     for step in range(substeps):
         for i in range(u_start.size):
-            slope = (u_end[i] - u_start[i]) / substeps
-            u_from[i] = u_start[i] + slope * step
-            u_to[i] = u_from[i] + slope
+            slope = u_end[i] - u_start[i]
+            u_from[i] = u_start[i] + slope * step / substeps
+            u_to[i] = u_start[i] + slope * (step + 1) / substeps
         advance(
             function, t + step * h, h, x, S, u_from, u_to, p, s, stuck, dry, nodes, weights, work,
             old,
