@@ -318,20 +318,10 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
             )
         return y.ravel() if self._single_output else y
 
-    def predict_proba(self, X):
-        """Give what `predict` gives; skorch's callbacks for scoring ask for it.
-
-        Parameters
-        ----------
-        X : DataFrame or array of shape (n_samples, n_columns)
-            As in `predict`.
-
-        Returns
-        -------
-        ndarray of shape (n_samples, n_outputs) or (n_samples,)
-            Outputs.
-        """
-        return self.predict(X)
+    @property
+    def predict_proba(self):
+        """A regressor has no probabilities, though skorch gives every network this method."""
+        raise AttributeError(f"{type(self).__name__} has no predict_proba.")
 
     def physics_residual(self, X, states=None):
         """Tell how consistent a prediction is with physics; no measurement is needed.
@@ -358,7 +348,7 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         check_is_fitted(self)
         loss = self._bound_loss()
         runs = self._free_runs(X) if states is None else self._read_ready(X)
-        given = None if states is None else np.asarray(states, dtype=float)
+        given = None if states is None else self._check_states(X, states)
         found = []
         for i, (record, ready) in enumerate(zip(runs.records, runs.ready, strict=True)):
             x = runs.x[i] if given is None else given[record.rows]
@@ -373,6 +363,12 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
                 columns[1:, j] = h[:, 0] if h.shape[1] == 1 else np.sqrt(np.mean(h**2, axis=1))
             found.append(columns)
         return rows_in_order(runs.records, np.concatenate(found))
+
+    def _check_states(self, X, states) -> np.ndarray:
+        states, shape = np.asarray(states, dtype=float), (len(X), len(self.model_.states))
+        if states.shape != shape:
+            raise ValueError(f"states: expected shape {shape}, got {states.shape}.")
+        return states
 
     def stepper(self, x0=None, interval=None):
         """Give the network as one step with its state, for a loop that runs with a clock.
@@ -415,14 +411,15 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         )
 
     def _has_time(self, X) -> bool:
-        named = isinstance(X, pd.DataFrame) and (self.time or "t") in X.columns
-        return self.model is not None or named or (isinstance(self.time, int | np.integer))
+        named = isinstance(X, pd.DataFrame) and "t" in X.columns
+        return self.model is not None or named or self.time is not None
 
     @property
     def _time_name(self):
         """Name the column of the time."""
         if self.model is None:
-            return f"column {self.time}" if isinstance(self.time, int) else (self.time or "t")
+            named = self.time is None or isinstance(self.time, str)
+            return (self.time or "t") if named else f"column {self.time}"
         return self.time
 
     def _with_time_name(self, X) -> pd.DataFrame:
@@ -537,6 +534,8 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         except KeyboardInterrupt:
             pass
         best.restore(self)
+        for group, rate in zip(self.optimizer_.param_groups, rates, strict=True):
+            group["lr"] = rate  # as it was before it decayed, for those who train on
         self.free_run_error_ = self._validation_error() if self._validation else np.nan
         self.module_.samples, self._phase, self._validation = {}, None, []
         self.notify("on_train_end", X=X, y=y)
@@ -558,6 +557,8 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         self._further = further_columns(self.model_, X, self._time_name)
         self._interval = float(np.median(np.concatenate([np.diff(r.t) for r in records])))
         self._stride = max(1, int(dominant_period(records) / self._interval / PER_PERIOD))
+        if any(np.isnan(record.y).any() for record in records):
+            self._stride = 1  # else those that were measured may be skipped
         states = estimate_states(self.model_, records, **options)
         if anew:
             self._settle_structure(records, states, options)
