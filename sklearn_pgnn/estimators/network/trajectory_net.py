@@ -3,7 +3,6 @@
 import contextlib
 import copy
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 import torch
@@ -86,7 +85,7 @@ class TrajectoryNet(NeuralNetRegressor):
         error = ground.base_error(self.step_, training, self._outputs, length)
         return np.minimum(_positive(error), self._spread)
 
-    def _train_simulation(self, training, best) -> None:
+    def _train_simulation(self, training) -> None:
         """Train on the free run of whole trajectories, all weights at once."""
         core, method = self.module_.core, self.refine
         theta = weights_of(core)
@@ -109,20 +108,19 @@ class TrajectoryNet(NeuralNetRegressor):
             self._stride,
         )
         minimise = levenberg_marquardt if method == "lm" else l_bfgs
-        minimise(objective, theta, self.refine_iterations, partial(self._on_step, best))
+        self._phase = None
+        minimise(objective, theta, self.refine_iterations, self._on_step)
 
-    def _on_step(self, best, theta, cost) -> bool:
-        """Take over weights of the last phase, and tell whether it has gone on long enough."""
+    def _on_step(self, theta, cost) -> bool:
+        """Take over weights of the last phase as an epoch, and tell whether it was the last."""
         self._set_weights(theta)
-        self.history.new_epoch()
-        self.history.record("epoch", len(self.history))
+        self.notify("on_epoch_begin", dataset_train=None, dataset_valid=None)
         self.history.record("train_loss", float(cost))
-        if not self._validation:
-            return False
-        error = self._validation_error()
-        self.history.record("free_run", error)
-        best.note(self, error)
-        return best.waited_ >= self.patience
+        try:
+            self.notify("on_epoch_end", dataset_train=None, dataset_valid=None)
+        except EnoughTraining:
+            return True
+        return False
 
     def _set_weights(self, theta) -> None:
         weights = torch.as_tensor(theta, device=self.device)
