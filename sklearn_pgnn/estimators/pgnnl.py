@@ -523,6 +523,8 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         self.module_.samples = windows.samples
         best = next(part for name, part in self.callbacks_ if name == "free_run")
         self.notify("on_train_begin", X=X, y=y)
+        if self._validation:  # what is trained on shall not become worse
+            best.note(self, self._validation_error())
         rates = [group["lr"] for group in self.optimizer_.param_groups]
         try:
             self._train_steps(windows, rates, **fit_params)
@@ -530,7 +532,7 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
             if self.horizon > 1:
                 self._train_rollouts(training, windows, rates, **fit_params)
                 best.restore(self)
-            self._train_simulation(training, best)
+            self._train_simulation(training)
         except KeyboardInterrupt:
             pass
         best.restore(self)
