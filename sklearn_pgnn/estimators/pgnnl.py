@@ -79,10 +79,11 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         What the network's output means. ``"auto"`` corrects the model's step where the model
         foretells the measured states, a tenth of their dominant period ahead, better than
         persistence does, and is ``"increment"`` where not.
-    guide : {"auto", "simulation", "step", None}, default="auto"
+    guide : {"auto", "simulation", "step", "terms", None}, default="auto"
         What of the model the network sees: its open-loop simulation at the next sample, the rate
-        :math:`(\Phi(x_k, u_k) - x_k)/\Delta t`, or nothing. ``"auto"`` is the simulation for
-        outputs and increments, and nothing for corrections.
+        :math:`(\Phi(x_k, u_k) - x_k)/\Delta t`, the terms that the model's rates are sums of (a
+        friction's sign, a sine) at the state that is fed back, or nothing. ``"auto"`` is the
+        simulation for outputs and increments, and the terms for corrections.
     lambda_phy : float in [0, 1) or "adaptive", default=0.0
         Weight of the physical loss, or the rule of Wang, Teng and Perdikaris [2]_ that balances
         the gradients of both. The default is 0, which was best on the simulated plants: see the
@@ -571,7 +572,13 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
             for each, x, record in zip(ready, states, records, strict=True)
         ]
         training, self._validation = split_for_validation(whole, self.validation, random)
-        windows = Windows(training, self.model_, needs_prior=self._needs_prior(), **options)
+        windows = Windows(
+            training,
+            self.model_,
+            needs_prior=self.structure_ == "correction" or self._guide == "step",
+            needs_terms=self._guide == "terms",
+            **options,
+        )
         if anew:
             self.step_ = ground.make_step(
                 self.model_, windows, self.structure_, self._guide, **options
@@ -597,10 +604,8 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
             )
         self._guide = self.guide
         if self.guide == "auto":
-            self._guide = None if plain or self.structure_ == "correction" else "simulation"
-
-    def _needs_prior(self) -> bool:
-        return self.structure_ == "correction" or self._guide == "step"
+            by_structure = "terms" if self.structure_ == "correction" else "simulation"
+            self._guide = None if plain else by_structure
 
     def _settle_physics(self, windows) -> None:
         """Bind the physical terms, where there are any or where they weigh."""

@@ -16,6 +16,7 @@ import sympy
 from sklearn_pgnn.exceptions import ModelError
 from sklearn_pgnn.physics.expressions import TIME, parse_expression, standard_form, symbol, to_text
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.terms import model_terms
 
 #: NumPy's own stumble over numbers among arrays
 _EXTREMES = {
@@ -79,6 +80,8 @@ def _read_entry(entry, names, degree, model) -> list[sympy.Expr]:
     if entry in ("fourier", "trigonometric"):
         return [function(symbol(name)) for name in names for function in (sympy.sin, sympy.cos)]
     if entry == "model":
+        if model is None:
+            raise ValueError("library: 'model' needs a model, got none. Remedy: give model=...")
         return model_terms(model)
     try:
         return [parse_expression(entry, names, "library")]
@@ -115,36 +118,6 @@ def polynomial(names: Sequence[str], degree: int) -> list[sympy.Expr]:
         for order in range(degree + 1)
         for factors in combinations_with_replacement(quantities, order)
     ]
-
-
-def model_terms(model: PhysicsModel | None) -> list[sympy.Expr]:
-    """Give a model's states, inputs and what its rates are sums of, without constant factors.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model. Parameters inside of a nonlinear function stay at their values.
-
-    Returns
-    -------
-    list of sympy.Expr
-        The terms.
-
-    Examples
-    --------
-    >>> from sklearn_pgnn import systems
-    >>> model_terms(systems.cart_on_spring())
-    [x, v, force]
-    """
-    if model is None:
-        raise ValueError("library: 'model' needs a model, got none. Remedy: give model=...")
-    values = {symbol(name): p.value for name, p in model.parameters.items()}
-    terms = [symbol(name) for name in (*model.states, *model.inputs)]
-    for rate in model.equations.values():
-        expanded = sympy.expand(rate.xreplace(values), log=False, power_base=False, power_exp=False)
-        for addend in sympy.Add.make_args(expanded):
-            terms.append(addend.as_independent(*addend.free_symbols, as_Add=False)[1])
-    return [term for term in dict.fromkeys(terms) if not term.is_zero]
 
 
 def _terms_of_pysindy(library, names) -> list[sympy.Expr]:

@@ -118,7 +118,7 @@ def _recur(theta, sizes, z, hidden, gates, out):
 
 
 @njit(**_OPTIONS)
-def _features(k, x, prior, dt, u, simulated, features, guide, mean, scale, z):
+def _features(k, x, prior, dt, u, simulated, features, guide, terms, mean, scale, z):
     """Standardise what the network sees at sample k."""
     nx, nu, nf = x.size, u.shape[1], features.shape[1]
     for i in range(nx):
@@ -134,6 +134,11 @@ def _features(k, x, prior, dt, u, simulated, features, guide, mean, scale, z):
         for i in range(nx):
             z[place + i] = (prior[i] - x[i]) / dt
         place += nx
+    elif guide == 3:
+        n_terms = mean.size - place - nf
+        for i in range(n_terms):
+            z[place + i] = terms[nx + i]
+        place += n_terms
     for i in range(nf):
         z[place + i] = features[k + 1, i]
     for i in range(place + nf):
@@ -197,7 +202,9 @@ def run(
                 function, t[k], dt, prior, nothing, acting[k], u_end, p, s, stuck, dry, substeps,
                 nodes, weights, work, old, u_from, u_to,
             )  # fmt: skip
-        _features(k, x, prior, dt, u, simulated, features, guide, mean, scale, z)
+        if guide == 3:
+            function(t[k], x, acting[k], p, s, work[7])
+        _features(k, x, prior, dt, u, simulated, features, guide, work[7], mean, scale, z)
         if core == 0:
             after[0] = z
             _forward(theta, sizes, activation, before, after)
@@ -255,7 +262,9 @@ def run_sensitive(
                 function, t[k], dt, prior, step_S, acting[k], u_end, p, s, stuck, dry, substeps,
                 nodes, weights, work, old, u_from, u_to,
             )  # fmt: skip
-        _features(k, x, prior, dt, u, simulated, features, guide, mean, scale, z)
+        if guide == 3:
+            function(t[k], x, acting[k], p, s, work[7])
+        _features(k, x, prior, dt, u, simulated, features, guide, work[7], mean, scale, z)
         after[0] = z
         _forward(theta, sizes, activation, before, after)
         for o in range(n_out):
@@ -267,6 +276,13 @@ def run_sensitive(
                         place = nx + u.shape[1] + i
                         slope = step_S[i, j] - (1.0 if i == j else 0.0)
                         by_z[o, j] += delta[place] / scale[place] * slope / dt
+                elif guide == 3:
+                    first = nx + u.shape[1]
+                    n_terms = mean.size - first - features.shape[1]
+                    slopes = nx + n_terms + nx * nx
+                    for i in range(n_terms):
+                        slope = work[7][slopes + i * nx + j]
+                        by_z[o, j] += delta[first + i] / scale[first + i] * slope
         for i in range(nx):
             for o in range(n_out):
                 gain_k[i, o] = gain[0, i, o] + dt * (gain[1, i, o] + dt * gain[2, i, o])
@@ -329,3 +345,17 @@ def run_prior_steps(function, t, dt, u, u_next, p, dry, substeps, nodes, weights
             weights, work, old, u_from, u_to,
         )  # fmt: skip
         J[k] = S
+
+
+@njit(void(FUNCTION, _F1, _F2, _F2, _F1, int64, _F2, _F3), **_OPTIONS)
+def run_terms(function, t, x, u, p, size, V, J):
+    """Evaluate a model's terms at every sample into V, their derivatives by the state into J."""
+    nx, n_terms = x.shape[1], V.shape[1]
+    s, out = np.zeros(nx), np.zeros(size)
+    slopes = nx + n_terms + nx * nx
+    for k in range(t.size):
+        function(t[k], x[k], u[k], p, s, out)
+        for i in range(n_terms):
+            V[k, i] = out[nx + i]
+            for j in range(nx):
+                J[k, i, j] = out[slopes + i * nx + j]

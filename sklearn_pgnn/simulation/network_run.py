@@ -5,24 +5,32 @@ One step from sample k to k + 1 is
 .. math:: x_{k+1} = b_k + \left(A_0 + \Delta t\,A_1 + \Delta t^2 A_2\right) n(z_k; \theta)
 
 with the base :math:`b_k` a constant, the state :math:`x_k`, or the model's own step
-:math:`\Phi(x_k, u_k)`, and the standardised features :math:`z_k` of state, input, guide (nothing,
-the model's open-loop simulation at k + 1, or the rate :math:`(\Phi(x_k, u_k) - x_k)/\Delta t`) and
-further columns. The sensitivities :math:`S = \partial x/\partial\theta` follow the same loop.
+:math:`\Phi(x_k, u_k)`, and the standardised features :math:`z_k` of state, input, guide and further
+columns. The guide is nothing, the model's open-loop simulation at k + 1, the rate
+:math:`(\Phi(x_k, u_k) - x_k)/\Delta t`, or the terms that the model's rates are sums of. The
+sensitivities :math:`S = \partial x/\partial\theta` follow the same loop.
 """
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
+import sympy
 
+from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.parameter import Parameter
+from sklearn_pgnn.physics.terms import model_terms
 from sklearn_pgnn.simulation.compiled import compile_model
 from sklearn_pgnn.simulation.inputs import delayed_inputs
-from sklearn_pgnn.simulation.network_loop import run, run_prior_steps, run_sensitive
+from sklearn_pgnn.simulation.network_loop import run, run_prior_steps, run_sensitive, run_terms
 from sklearn_pgnn.simulation.simulate import parameter_values
 from sklearn_pgnn.simulation.stepping import METHODS
 
 BASES = ("constant", "state", "prior")
-GUIDES = (None, "simulation", "step")
+GUIDES = (None, "simulation", "step", "terms")
+#: shares of a velocity's spread over which the jump of dry friction is seen rounded off
+WIDTHS = (0.1, 0.03, 0.01)
 CORES = ("feed-forward", "recurrent")
 ACTIVATIONS = ("tanh", "relu", "silu", "sigmoid", "identity")
 
@@ -37,7 +45,7 @@ class NetworkStep:
         Names the states; gives the step of base and guide.
     base : {"constant", "state", "prior"}
         What the network's output is added to.
-    guide : {None, "simulation", "step"}
+    guide : {None, "simulation", "step", "terms"}
         What of the model the network sees.
     offset : ndarray of shape (n_states,)
         The constant base.
@@ -180,7 +188,7 @@ def run_network(step: NetworkStep, theta: np.ndarray, record: NetworkRecord, hid
     failed : int
         The first sample out of reach, -1 if there is none.
     """
-    function, source = compile_model(step.model)
+    function, source = compile_model(_loop_model(step))
     states = np.empty((record.t.size, len(step.model.states)))
     hidden = np.zeros(_n_hidden(step)) if hidden is None else hidden
     failed = run(function, *_common(step, source, theta, record), record.x0.copy(), hidden, states)
@@ -202,7 +210,7 @@ class NetworkSensitivities:
 
     def __init__(self, step: NetworkStep, theta: np.ndarray, record: NetworkRecord):
         nx = len(step.model.states)
-        self._function, source = compile_model(step.model, ())
+        self._function, source = compile_model(_loop_model(step), ())
         self._common = _common(step, source, theta, record)
         self._x, self._S = record.x0.copy(), np.zeros((nx, theta.size))
         self._n_samples, self._place = record.t.size, 0
@@ -279,6 +287,78 @@ def prior_steps(model: PhysicsModel, substeps: int, hold: str, t, dt, x, u, u_ne
     return x_next, jacobian
 
 
+def term_values(model: PhysicsModel, t, x, u, spread):
+    """Evaluate the terms of a model's rates, with their derivatives by the state.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    t : ndarray of shape (n_samples,)
+        Time [s].
+    x : ndarray of shape (n_samples, n_states)
+        States.
+    u : ndarray of shape (n_samples, n_inputs + n_delays)
+        Inputs as they act.
+    spread : ndarray of shape (n_states,)
+        Standard deviations of the states.
+
+    Returns
+    -------
+    values : ndarray of shape (n_samples, n_terms)
+        All terms besides the states and inputs themselves.
+    jacobian : ndarray of shape (n_samples, n_terms, n_states)
+        Their derivatives.
+    """
+    with_terms = _with_terms(model, tuple(float(value) for value in spread))
+    values = np.empty((len(t), len(_seen_terms(model))))
+    jacobian = np.empty((*values.shape, x.shape[1]))
+    if values.size:
+        function, source = compile_model(with_terms, ())
+        p = parameter_values(with_terms)
+        run_terms(function, _own(t), _own(x), _own(u), p, source.size, values, jacobian)
+    return values, jacobian
+
+
+@lru_cache(maxsize=64)
+def _seen_terms(model: PhysicsModel) -> tuple:
+    """Give the terms of a model's rates that are neither a state nor an input.
+
+    A jump of dry friction is seen rounded off, over several shares of the velocity's spread.
+    """
+    terms = []
+    for term in model_terms(model):
+        jumps = [x for x in map(symbol, model.states) if term.has(sympy.sign(x))]
+        for share in WIDTHS if jumps else WIDTHS[:1]:
+            round_off = {sympy.sign(x): sympy.tanh(x / (share * _spread(x))) for x in jumps}
+            terms.append(term.xreplace(round_off))
+    return tuple(term for term in terms if not (term.is_Symbol or term.is_number))
+
+
+def _spread(x) -> sympy.Symbol:
+    return symbol(f"spread_of_{x}")
+
+
+@lru_cache(maxsize=64)
+def _with_terms(model: PhysicsModel, spread: tuple[float, ...]) -> PhysicsModel:
+    """Give the model with its terms for outputs."""
+    spreads = [
+        Parameter(str(_spread(x)), value) for x, value in zip(model.states, spread, strict=True)
+    ]
+    return model.replace(
+        outputs={f"term{i}": term for i, term in enumerate(_seen_terms(model))},
+        parameters=[*model.parameters.values(), *spreads],
+    )
+
+
+def _loop_model(step: NetworkStep) -> PhysicsModel:
+    """Give the model whose function the loop calls."""
+    if step.guide != "terms" or not _seen_terms(step.model):
+        return step.model
+    spread = step.scale[: len(step.model.states)]
+    return _with_terms(step.model, tuple(float(value) for value in spread))
+
+
 def _own(values) -> np.ndarray:
     """Copy into what the compiled loops take, however the values lie in memory."""
     return np.array(values, dtype=float, order="C")
@@ -297,7 +377,7 @@ def _common(step, source, theta, record):
         record.u,
         record.simulated,
         record.features,
-        parameter_values(step.model),
+        parameter_values(_loop_model(step)),
         np.array(source.dry),
         step.substeps,
         *METHODS["rk4"],

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from sklearn_pgnn.estimators.network.records import TrainingRecord, Windows
+from sklearn_pgnn.estimators.network.records import TrainingRecord, Windows, spread_of
 from sklearn_pgnn.estimators.network.structure import (
     STRUCTURES,
     TRIAL_SHARE,
@@ -77,9 +77,11 @@ def check_structure(structure: str, guide, has_model: bool) -> None:
         raise ValueError(
             f"structure: expected 'auto' or one of {', '.join(STRUCTURES)}, got {structure!r}."
         )
-    if guide not in ("auto", "simulation", "step", None):
-        raise ValueError(f"guide: expected 'auto', 'simulation', 'step' or None, got {guide!r}.")
-    if not has_model and (structure == "correction" or guide in ("simulation", "step")):
+    if guide not in ("auto", "simulation", "step", "terms", None):
+        raise ValueError(
+            f"guide: expected 'auto', 'simulation', 'step', 'terms' or None, got {guide!r}."
+        )
+    if not has_model and (structure == "correction" or guide not in ("auto", None)):
         what = "structure='correction'" if structure == "correction" else f"guide={guide!r}"
         raise ValueError(f"{what} needs a model, got none. Remedy: give model=.")
 
@@ -97,7 +99,7 @@ def make_step(
         The training data.
     structure : {"output", "increment", "correction"}
         What the network's output means.
-    guide : {None, "simulation", "step"}
+    guide : {None, "simulation", "step", "terms"}
         What of the model the network sees.
     hold : {"zoh", "foh"}
         How the inputs run between two samples.
@@ -117,9 +119,10 @@ def make_step(
         seen.append(windows.simulated[after])
     elif guide == "step":
         seen.append((prior - x) / dt[:, None])
+    elif guide == "terms":
+        seen.append(windows.terms[now])
     z = np.hstack([*seen, windows.features[after]])
-    mean, spread = windows.x.mean(axis=0), windows.x.std(axis=0)
-    spread = np.where(spread > 0, spread, 1.0)
+    mean, spread = windows.x.mean(axis=0), spread_of(windows.x)
     return NetworkStep(
         model,
         base_of(structure),
@@ -127,7 +130,7 @@ def make_step(
         windows.x[after].mean(axis=0),
         gain_of(model, structure, x, windows.x[after], prior, dt),
         z.mean(axis=0),
-        np.where(z.std(axis=0) > 0, z.std(axis=0), 1.0),
+        spread_of(z),
         mean + REACH * np.array([[-1.0], [1.0]]) * spread,
         substeps=substeps,
         hold=hold,

@@ -14,6 +14,7 @@ from sklearn_pgnn.simulation.network_run import (
     NetworkStep,
     network_record,
     prior_steps,
+    term_values,
 )
 from sklearn_pgnn.simulation.record_windows import window_records
 from sklearn_pgnn.simulation.simulate import start_of
@@ -153,6 +154,12 @@ def split_for_validation(records: list[TrainingRecord], share: float, random):
     return training, [record for record in validation if len(record.y) > record.scored_from]
 
 
+def spread_of(values: np.ndarray) -> np.ndarray:
+    """Give the standard deviation of every column, 1 for one that does not vary."""
+    spread = values.std(axis=0)
+    return np.where(spread > 0, spread, 1.0)
+
+
 class Windows:
     """Windows of the training data, cut inside trajectories only.
 
@@ -168,9 +175,13 @@ class Windows:
         Integration steps from sample to sample.
     needs_prior : bool
         Whether the model's step from every measured state is needed.
+    needs_terms : bool
+        Whether the model's terms at every measured state are needed.
     """
 
-    def __init__(self, records: list[TrainingRecord], model, *, hold, substeps, needs_prior):
+    def __init__(
+        self, records: list[TrainingRecord], model, *, hold, substeps, needs_prior, needs_terms
+    ):
         parts = [each.record for each in records]
         self.lengths = [len(part.t) for part in parts]
         self.x = np.concatenate([each.x for each in records])
@@ -187,6 +198,10 @@ class Windows:
             "acting_next": np.vstack([acting[1:], acting[-1:]]),
         }
         self.pairs = self.starts(1, 1)
+        self.terms = np.zeros((len(self.t), 0))
+        if needs_terms:
+            spread = spread_of(self.x[self.pairs])
+            self.terms = term_values(model, self.t, self.x, acting, spread)[0]
         self.prior = np.full_like(self.x, np.nan)
         if needs_prior:
             k = self.pairs
@@ -236,6 +251,8 @@ class Windows:
         }
         if step.needs_prior and teacher:
             found["prior"] = self.prior[now]
+        if step.guide == "terms" and teacher:
+            found["terms"] = self.terms[now]
         if step.guide == "simulation":
             found["simulated"] = self.simulated[after]
         if self.features.shape[1]:

@@ -3,7 +3,7 @@
 import torch
 from torch import nn
 
-from sklearn_pgnn.simulation.network_run import NetworkStep, prior_steps
+from sklearn_pgnn.simulation.network_run import NetworkStep, prior_steps, term_values
 
 
 class StepNetwork(nn.Module):
@@ -32,7 +32,7 @@ class StepNetwork(nn.Module):
         for name in ("offset", "gain", "mean", "scale"):
             self.register_buffer(name, torch.as_tensor(getattr(step, name)), persistent=False)
 
-    def forward(self, x, u, t, index, prior=None, simulated=None, features=None):
+    def forward(self, x, u, t, index, prior=None, terms=None, simulated=None, features=None):
         """Predict the states of windows.
 
         Parameters
@@ -47,6 +47,8 @@ class StepNetwork(nn.Module):
             Where the samples stand in `samples`.
         prior : Tensor of shape (n, length, n_states), optional
             The model's step from the measured states.
+        terms : Tensor of shape (n, length, n_terms), optional
+            The model's terms at the measured states.
         simulated : Tensor of shape (n, length, n_states), optional
             Open-loop simulation at the next sample.
         features : Tensor of shape (n, length, n_features), optional
@@ -60,24 +62,26 @@ class StepNetwork(nn.Module):
         hidden = self.core.at_rest(len(x)) if hasattr(self.core, "at_rest") else None
         dt, state, predicted = torch.diff(t, dim=1), x[:, 0], []
         for k in range(u.shape[1]):
-            known = None
+            known: list = [None, None]
             if self.teacher_forcing:
                 state = x[:, k]
-                known = None if prior is None else prior[:, k]
+                known = [None if part is None else part[:, k] for part in (prior, terms)]
             further = [part[:, k] for part in (simulated, features) if part is not None]
             state, hidden = self._advance(
-                state, u[:, k], dt[:, k, None], index[:, k], known, further, hidden
+                state, u[:, k], dt[:, k, None], index[:, k], *known, further, hidden
             )
             predicted.append(state)
         return torch.stack(predicted, dim=1)
 
-    def _advance(self, x, u, dt, index, prior, further, hidden):
+    def _advance(self, x, u, dt, index, prior, terms, further, hidden):
         step = self.step
         if step.needs_prior and prior is None:
             prior = _PriorStep.apply(x, index, self)
         seen = [x, u]
         if step.guide == "step":
             seen.append((prior - x) / dt)
+        elif step.guide == "terms":
+            seen.append(_Terms.apply(x, index, self) if terms is None else terms)
         z = (torch.cat([*seen, *further], dim=1) - self.mean) / self.scale
         if hidden is None:
             output = self.core(z)
@@ -106,6 +110,28 @@ class _PriorStep(torch.autograd.Function):
         )
         ctx.save_for_backward(torch.as_tensor(jacobian, device=x.device))
         return torch.as_tensor(x_next, device=x.device)
+
+    @staticmethod
+    def backward(ctx, grad):
+        (jacobian,) = ctx.saved_tensors
+        return torch.einsum("ni,nij->nj", grad, jacobian), None, None
+
+
+class _Terms(torch.autograd.Function):
+    """The model's terms, compiled, with their Jacobian as the backward pass."""
+
+    @staticmethod
+    def forward(ctx, x, index, network):
+        rows, samples, step = index.cpu().numpy(), network.samples, network.step
+        values, jacobian = term_values(
+            step.model,
+            samples["t"][rows],
+            x.detach().cpu().numpy(),
+            samples["acting"][rows],
+            step.scale[: x.shape[1]],
+        )
+        ctx.save_for_backward(torch.as_tensor(jacobian, device=x.device))
+        return torch.as_tensor(values, device=x.device)
 
     @staticmethod
     def backward(ctx, grad):

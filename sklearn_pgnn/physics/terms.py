@@ -1,0 +1,34 @@
+"""What a model's rates are sums of."""
+
+import sympy
+
+from sklearn_pgnn.physics.expressions import symbol
+from sklearn_pgnn.physics.model import PhysicsModel
+
+
+def model_terms(model: PhysicsModel) -> list[sympy.Expr]:
+    """Give a model's states, inputs and what its rates are sums of, without constant factors.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model. Parameters inside of a nonlinear function stay at their values.
+
+    Returns
+    -------
+    list of sympy.Expr
+        The terms.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.physics.systems import cart_on_spring
+    >>> model_terms(cart_on_spring())
+    [x, v, force]
+    """
+    values = {symbol(name): p.value for name, p in model.parameters.items()}
+    terms = [symbol(name) for name in (*model.states, *model.inputs)]
+    for rate in model.equations.values():
+        expanded = sympy.expand(rate.xreplace(values), log=False, power_base=False, power_exp=False)
+        for addend in sympy.Add.make_args(expanded):
+            terms.append(addend.as_independent(*addend.free_symbols, as_Add=False)[1])
+    return [term for term in dict.fromkeys(terms) if not term.is_zero]
