@@ -1,6 +1,7 @@
 """What happens between the epochs: the learning rate decays, and the best free run is kept."""
 
 import copy
+import math
 
 import numpy as np
 from skorch.callbacks import Callback
@@ -23,7 +24,7 @@ class CosineDecay(Callback):
         """Set the epoch's learning rate."""
         phase = net._phase
         if phase is not None:
-            factor = (1 + np.cos(np.pi * phase.epoch / phase.epochs)) / 2
+            factor = (1 + math.cos(math.pi * phase.epoch / phase.epochs)) / 2
             for group, rate in zip(net.optimizer_.param_groups, phase.rates, strict=True):
                 group["lr"] = rate * factor
 

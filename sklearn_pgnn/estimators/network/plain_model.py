@@ -32,7 +32,7 @@ def plain_model(X: pd.DataFrame, y, time: str, states) -> PhysicsModel:
     Raises
     ------
     ValueError
-        If the number of states does not fit the outputs, or one of their columns is missing.
+        If the number of states does not fit the outputs, or one of their columns or the time is missing.
 
     Examples
     --------
@@ -48,6 +48,8 @@ def plain_model(X: pd.DataFrame, y, time: str, states) -> PhysicsModel:
             f"states: expected {n_outputs} outputs, or {2 * n_outputs} outputs and rates, "
             f"got {len(named)} names."
         )
+    if time not in X.columns:
+        raise ValueError(f"time: X has no {time!r}; it has {', '.join(map(str, X.columns))}.")
     missing = [name for name in named if name not in X.columns]
     if missing:
         raise ValueError(f"states: X has no column {missing[0]!r}; it has {', '.join(X.columns)}.")
