@@ -3,6 +3,7 @@
 import contextlib
 import warnings
 from dataclasses import dataclass
+from numbers import Integral, Real
 
 import numpy as np
 import pandas as pd
@@ -489,9 +490,9 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         ground.check_structure(self.structure, self.guide, self.model is not None)
         if self.refine not in REFINEMENTS:
             raise ValueError(f"refine: expected one of {REFINEMENTS}, got {self.refine!r}.")
-        if self.horizon != int(self.horizon) or self.horizon < 1:
+        if not isinstance(self.horizon, Integral) or self.horizon < 1:
             raise ValueError(f"horizon: expected an integer >= 1, got {self.horizon!r}.")
-        if not 0 <= self.validation < 1:
+        if not isinstance(self.validation, Real) or not 0 <= self.validation < 1:
             raise ValueError(
                 f"validation: expected a share from 0 to below 1, got {self.validation!r}."
             )
