@@ -115,7 +115,9 @@ class TrajectoryNet(NeuralNetRegressor):
         """Take over weights of the last phase as an epoch, and tell whether it was the last."""
         self._set_weights(theta)
         self.notify("on_epoch_begin", dataset_train=None, dataset_valid=None)
-        self.history.record("train_loss", float(cost))
+        self.history.new_batch()
+        self.history.record_batch("train_loss", float(cost))
+        self.history.record_batch("train_batch_size", 1)
         try:
             self.notify("on_epoch_end", dataset_train=None, dataset_valid=None)
         except EnoughTraining:
