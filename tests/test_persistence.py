@@ -1,0 +1,235 @@
+"""What is fitted survives: joblib in another process, deepcopy, clone, skops; to the last bit."""
+
+import copy
+import inspect
+import subprocess
+import sys
+import warnings
+from pathlib import Path
+
+import joblib
+import numpy as np
+import pandas as pd
+import pytest
+import torch
+from sklearn.base import clone
+
+import sklearn_pgnn
+from sklearn_pgnn import (
+    ModelDiagnosis,
+    PGNNLRegressor,
+    PhysicsModelRegressor,
+    PhysicsModelTransformer,
+    ResidualRegressor,
+    SINDYcRegressor,
+    make_pgnn_pipeline,
+    network,
+    systems,
+)
+
+CART = systems.cart_on_spring()
+QUICK = {"max_epochs": 3, "module__neurons": 3, "refine_iterations": 5, "substeps": 1}
+ROOT = Path(sklearn_pgnn.__file__).parents[1]
+
+
+def records():
+    rng = np.random.default_rng(0)
+    truth = CART.with_parameters(d=3.0)
+    frames, outputs = [], []
+    for i in range(3):
+        t = np.arange(150) * 0.02
+        force = 4 * np.sin(rng.uniform(1, 6) * t)
+        run = truth.simulate(t, force, [0.05 * i, 0.0])
+        frame = pd.DataFrame({"trajectory": i, "t": t, "force": force, "x": 0.05 * i, "v": 0.0})
+        frames.append(frame)
+        outputs.append(run.y[:, 0] + 1e-3 * rng.normal(size=t.size))
+    return pd.concat(frames, ignore_index=True), np.concatenate(outputs)
+
+
+X, Y = records()
+
+#: every public estimator, small
+ESTIMATORS = {
+    "PhysicsModelTransformer": PhysicsModelTransformer(CART),
+    "PhysicsModelRegressor": PhysicsModelRegressor(CART, search="local"),
+    "ResidualRegressor": ResidualRegressor(CART),
+    "SINDYcRegressor": SINDYcRegressor(CART),
+    "ModelDiagnosis": ModelDiagnosis(CART, catalogue=()),
+    "PGNNLRegressor": PGNNLRegressor(CART, structure="correction", **QUICK),
+    "PGNNLRegressor with physics": PGNNLRegressor(
+        CART, lambda_phy=0.2, structure="increment", horizon=3, rollout_epochs=1,
+        physics_loss=[network.EnergyBalance(), network.Bounds({"x": (-9, 9)})], **QUICK,
+    ),
+    "PGNNLRegressor, recurrent": PGNNLRegressor(
+        CART, module=network.Recurrent, module__neurons=3, max_epochs=2, substeps=1
+    ),
+    "PGNNLRegressor without a model": PGNNLRegressor(states=["x", "v"], **QUICK),
+    "make_pgnn_pipeline": make_pgnn_pipeline(CART, structure="increment", **QUICK),
+}  # fmt: skip
+
+MODEL = "sklearn_pgnn.physics.model.PhysicsModel"
+TRANSFORMER = "sklearn_pgnn.preprocessing.physics_model_transformer.PhysicsModelTransformer"
+SKORCH = {
+    "functools.partial",
+    "skorch.dataset.Dataset",
+    "skorch.history.History",
+    "skorch.setter.optimizer_setter",
+    "torch.nn.modules.loss.MSELoss",
+    "torch.optim.adam.Adam",
+    "torch.utils.data.dataloader.DataLoader",
+}
+CORES = "sklearn_pgnn.estimators.network.cores"
+PLAIN = SKORCH | {
+    MODEL,
+    "sklearn_pgnn.estimators.network.batches.TensorBatches",
+    "sklearn_pgnn.estimators.pgnnl.PGNNLRegressor",
+    "sklearn_pgnn.simulation.network_run.NetworkStep",
+}
+LOSS = "sklearn_pgnn.estimators.network.physics_loss"
+GUIDED = PLAIN | {
+    f"{LOSS}.EnergyBalance",
+    f"{LOSS}.PhysicsLoss",
+    f"{LOSS}._Energy",
+    f"{LOSS}._Energy.surplus",
+}
+FEED_FORWARD = f"{CORES}.FeedForward"
+#: what `skops.io.loads` must be told to trust, by estimator
+TRUSTED = {
+    "PhysicsModelTransformer": {MODEL, TRANSFORMER},
+    "PhysicsModelRegressor": {
+        MODEL,
+        "sklearn_pgnn.estimators.physics_model_regressor.PhysicsModelRegressor",
+        "sklearn_pgnn.simulation.uncertainty.Estimate",
+    },
+    "ResidualRegressor": {
+        MODEL,
+        "sklearn_pgnn.estimators.residual_regressor.ResidualRegressor",
+    },
+    "SINDYcRegressor": {MODEL, "sklearn_pgnn.estimators.sindyc.SINDYcRegressor"},
+    "PGNNLRegressor": GUIDED | {FEED_FORWARD},
+    "PGNNLRegressor with physics": GUIDED
+    | {FEED_FORWARD, f"{LOSS}.Bounds", f"{LOSS}._state_excess"},
+    "PGNNLRegressor, recurrent": GUIDED | {f"{CORES}.Recurrent"},
+    "PGNNLRegressor without a model": PLAIN | {FEED_FORWARD},
+    "make_pgnn_pipeline": GUIDED
+    | {FEED_FORWARD, TRANSFORMER, "sklearn.compose._column_transformer.make_column_selector"},
+}
+
+
+def numbers(estimator):
+    """Give what an estimator says of X."""
+    says = getattr(estimator, "predict", None) or estimator.transform
+    return np.asarray(says(X), dtype=float)
+
+
+@pytest.fixture(scope="module")
+def fitted():
+    """Give every estimator after its fit."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # short records: convergence, poor excitation
+        return {name: clone(each).fit(X, Y) for name, each in ESTIMATORS.items()}
+
+
+def run_elsewhere(script, folder):
+    """Run a script in a fresh process, in a folder."""
+    path = f"import sys; sys.path.insert(0, {str(ROOT)!r})\n"
+    result = subprocess.run(
+        [sys.executable, "-c", path + script], cwd=folder, capture_output=True, text=True,
+        check=False,
+    )  # fmt: skip
+    assert result.returncode == 0, result.stderr
+
+
+LOAD_ALL = """
+import joblib, numpy as np
+fitted, X = joblib.load("fitted.joblib")
+found = {}
+for name, each in fitted.items():
+    says = getattr(each, "predict", None) or each.transform
+    found[name] = np.asarray(says(X), dtype=float)
+np.savez("found.npz", **found)
+"""
+
+
+def test_every_public_estimator_is_here():
+    public = {
+        name
+        for name in sklearn_pgnn.__all__
+        if inspect.isclass(getattr(sklearn_pgnn, name))
+        and hasattr(getattr(sklearn_pgnn, name), "fit")
+    }
+    assert public <= {type(each).__name__ for each in ESTIMATORS.values()}
+
+
+def test_another_process_gives_the_same(fitted, tmp_path):
+    joblib.dump((fitted, X), tmp_path / "fitted.joblib")
+    run_elsewhere(LOAD_ALL, tmp_path)
+    found = np.load(tmp_path / "found.npz")
+    assert set(found) == set(fitted)
+    for name, each in fitted.items():
+        assert np.array_equal(found[name], numbers(each), equal_nan=True), name
+
+
+@pytest.mark.parametrize("name", ESTIMATORS)
+def test_copy_gives_the_same(fitted, name):
+    expected = numbers(fitted[name])
+    assert np.isfinite(expected).any()
+    assert np.array_equal(numbers(copy.deepcopy(fitted[name])), expected, equal_nan=True)
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("name", ESTIMATORS)
+def test_clone_learns_the_same(fitted, name):
+    fresh = clone(fitted[name])
+    with pytest.raises(Exception, match=r"not fitted|fit.* first|not initialized"):
+        numbers(fresh)
+    assert np.array_equal(numbers(fresh.fit(X, Y)), numbers(fitted[name]), equal_nan=True)
+
+
+@pytest.mark.parametrize("name", TRUSTED)
+def test_skops_loads_it_from_a_list_of_trusted_types(fitted, name):
+    io = pytest.importorskip("skops.io")
+    data = io.dumps(fitted[name])
+    assert set(io.get_untrusted_types(data=data)) <= TRUSTED[name]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        loaded = io.loads(data, trusted=sorted(TRUSTED[name]))
+    assert np.array_equal(numbers(loaded), numbers(fitted[name]), equal_nan=True)
+
+
+NETWORKS = [name for name in ESTIMATORS if name.startswith("PGNNL")]
+
+
+@pytest.mark.parametrize("name", NETWORKS)
+def test_loaded_network_is_whole(fitted, name):
+    """It tells its history, its residuals and its steps, and it can be trained on."""
+    before = torch.random.get_rng_state()
+    net = copy.deepcopy(fitted[name])
+    assert torch.equal(torch.random.get_rng_state(), before)
+    assert net.history[:, "train_loss"] == fitted[name].history[:, "train_loss"]
+    assert net.free_run_error_ == fitted[name].free_run_error_
+    if net.model is not None:
+        assert np.array_equal(
+            net.physics_residual(X), fitted[name].physics_residual(X), equal_nan=True
+        )
+    if net.module is not network.Recurrent:
+        forces = X["force"][:20]
+        found = [[each.step(u) for u in forces] for each in (net.stepper(), fitted[name].stepper())]
+        assert np.array_equal(*found)
+    original = numbers(net)
+    net.partial_fit(X, Y)
+    assert len(net.history) > len(fitted[name].history)
+    assert np.array_equal(numbers(fitted[name]), original)
+
+
+def test_unfitted_network_is_copied_as_it_is():
+    net = copy.deepcopy(PGNNLRegressor(CART, **QUICK))
+    assert not net.initialized_
+    assert np.isfinite(numbers(net.fit(X, Y))).all()
+
+
+def test_network_of_independent_rows_survives():
+    rng = np.random.default_rng(0)
+    A = rng.normal(size=(100, 3))
+    net = PGNNLRegressor(max_epochs=3).fit(A, A[:, :2])
+    assert np.array_equal(copy.deepcopy(net).predict(A), net.predict(A))
