@@ -32,7 +32,8 @@ def plain_model(X: pd.DataFrame, y, time: str, states) -> PhysicsModel:
     Raises
     ------
     ValueError
-        If the number of states does not fit the outputs, or one of their columns or the time is missing.
+        If the number of states does not fit the outputs, or one of their columns or the time
+        is missing.
 
     Examples
     --------

@@ -247,7 +247,7 @@ class TrajectoryNet(NeuralNetRegressor):
         weights = state.pop("_weights", None)
         self.__dict__.update(state)
         if weights is not None:
-            history = self.history_
+            history, self.history_ = self.history_, None
             with torch.random.fork_rng(devices=[]):
                 self.initialize()
             self.history_ = history
