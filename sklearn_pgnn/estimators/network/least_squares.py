@@ -10,18 +10,19 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
+from joblib import Parallel, delayed
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 from scipy.optimize import minimize
 
 from sklearn_pgnn.estimators.network.free_run import outputs_of
 from sklearn_pgnn.estimators.network.physics_loss import PhysicsLoss
 from sklearn_pgnn.estimators.network.records import TrainingRecord
-from sklearn_pgnn.simulation.network_run import NetworkSensitivities, NetworkStep
+from sklearn_pgnn.simulation.network_run import NetworkSensitivities, NetworkStep, run_network
 
 #: damping to begin with, its largest value, and the factors after success and failure
 DAMPING, MOST_DAMPING, EASE, STIFFEN = 1e-3, 1e12, 0.3, 4.0
-#: relative decrease that ends the search
-TOLERANCE = 1e-7
+#: the search ends where so many steps lower the cost by no more than this share
+SETTLED, TOLERANCE = 5, 0.02
 #: an inequality is never taken for nearer to its edge than this
 EDGE = 1e-6
 
@@ -96,18 +97,57 @@ class SimulationObjective:
         Sums
             The sums.
         """
+        parts = self._each(self._sums_of, theta)
+        return Sums(
+            sum(part.cost for part in parts),
+            sum(part.gradient for part in parts),
+            sum(part.curvature for part in parts),
+        )
+
+    def cost(self, theta: np.ndarray) -> float:
+        """Give the cost alone, which is much cheaper.
+
+        Parameters
+        ----------
+        theta : ndarray of shape (n_weights,)
+            The weights.
+
+        Returns
+        -------
+        float
+            The cost; infinite where a simulation diverges.
+        """
+        return float(sum(self._each(self._cost_of, theta)))
+
+    def _each(self, task, theta) -> list:
+        """Go through the records, on as many threads as torch has."""
+        threads = min(torch.get_num_threads(), len(self.records))
+        return Parallel(threads, prefer="threads")(
+            delayed(task)(record, theta) for record in self.records
+        )
+
+    def _cost_of(self, record, theta) -> float:
+        x, failed = run_network(self.step, theta, record.record)
+        if failed >= 0:
+            return np.inf
+        nothing = Sums(0.0, np.zeros(0), np.zeros((0, 0)))
+        self._add(nothing, record, 0, x, np.zeros((*x.shape, 0)))
+        return nothing.cost
+
+    def _sums_of(self, record, theta) -> Sums:
         n = theta.size
         sums = Sums(0.0, np.zeros(n), np.zeros((n, n)))
-        for record in self.records:
-            run = NetworkSensitivities(self.step, theta, record.record)
-            for start, x, S in run.pieces():
-                if not np.isfinite(x).all():
-                    return Sums(np.inf, sums.gradient, sums.curvature)
-                rows = slice(start, start + len(x))
-                self._add_errors(sums, record, rows, x, S)
-                if self.lambda_phy:
-                    self._add_physics(sums, record, rows, x, S)
+        for start, x, S in NetworkSensitivities(self.step, theta, record.record).pieces():
+            if not np.isfinite(x).all():
+                return Sums(np.inf, sums.gradient, sums.curvature)
+            self._add(sums, record, start, x, S)
         return sums
+
+    def _add(self, sums, record, start, x, S) -> None:
+        rows = slice(start, start + len(x))
+        self._add_errors(sums, record, rows, x, S)
+        if self.lambda_phy:
+            self._add_physics(sums, record, rows, x, S)
 
     def _add_errors(self, sums, record, rows, x, S):
         first = -rows.start % self.stride or self.stride
@@ -151,8 +191,8 @@ def levenberg_marquardt(objective, theta: np.ndarray, iterations: int, on_step) 
 
     Parameters
     ----------
-    objective : callable
-        Gives `Sums` of the weights.
+    objective : SimulationObjective
+        What is minimised.
     theta : ndarray of shape (n_weights,)
         The start.
     iterations : int
@@ -173,21 +213,25 @@ def levenberg_marquardt(objective, theta: np.ndarray, iterations: int, on_step) 
     now, damping = objective(theta), DAMPING
     if not np.isfinite(now.cost):
         return theta
-    size = np.diag(now.curvature).copy()
+    size, costs = np.diag(now.curvature).copy(), [now.cost]
     for _ in range(iterations):
         size = np.maximum(size, np.diag(now.curvature))
         trial = theta + _damped_step(now, damping * np.maximum(size, 1e-12 * size.max()))
-        new = objective(trial)
-        if new.cost < now.cost:
-            decrease, damping = 1.0 - new.cost / now.cost, damping * EASE
-            theta, now = trial, new
-            if on_step(theta, now.cost) or decrease < TOLERANCE:
+        if objective.cost(trial) < now.cost:
+            theta, now, damping = trial, objective(trial), damping * EASE
+            costs.append(now.cost)
+            if on_step(theta, now.cost) or _has_settled(costs):
                 break
         else:
             damping *= STIFFEN
             if damping > MOST_DAMPING:
                 break
     return theta
+
+
+def _has_settled(costs: list[float]) -> bool:
+    """Tell whether the last steps have gained next to nothing."""
+    return len(costs) > SETTLED and costs[-1] > (1.0 - TOLERANCE) * costs[-1 - SETTLED]
 
 
 def _damped_step(sums: Sums, damping: np.ndarray) -> np.ndarray:

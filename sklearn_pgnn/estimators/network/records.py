@@ -4,6 +4,7 @@ import warnings
 from dataclasses import dataclass
 
 import numpy as np
+from joblib import hash as hash_of
 
 from sklearn_pgnn.estimators.network.physics_loss import Motion
 from sklearn_pgnn.exceptions import SimulationWarning
@@ -18,6 +19,10 @@ from sklearn_pgnn.simulation.network_run import (
 )
 from sklearn_pgnn.simulation.record_windows import window_records
 from sklearn_pgnn.simulation.simulate import start_of
+
+#: state estimates that are kept
+KEPT = 8
+_ESTIMATES: dict[tuple, np.ndarray] = {}
 
 
 @dataclass(frozen=True)
@@ -98,6 +103,8 @@ def open_loop(model: PhysicsModel, record, hold: str, substeps: int) -> np.ndarr
 def estimate_states(model: PhysicsModel, records, *, hold: str, substeps: int) -> list[np.ndarray]:
     """Estimate the states of every record from its outputs.
 
+    The last estimates are kept: a search asks for the same ones again with every candidate.
+
     Parameters
     ----------
     model : PhysicsModel
@@ -114,10 +121,14 @@ def estimate_states(model: PhysicsModel, records, *, hold: str, substeps: int) -
     list of ndarray of shape (n_samples, n_states)
         The states.
     """
-    ground = window_records(model, records, hold=hold, substeps=substeps)
-    x = ground.states.estimate(model).x
+    key = (model, hash_of([(r.t, r.u, r.y, r.x0) for r in records]), hold, substeps)
+    if key not in _ESTIMATES:
+        ground = window_records(model, records, hold=hold, substeps=substeps)
+        while len(_ESTIMATES) >= KEPT:
+            _ESTIMATES.pop(next(iter(_ESTIMATES)), None)
+        _ESTIMATES[key] = ground.states.estimate(model).x
     edges = np.cumsum([record.t.size for record in records])[:-1]
-    return np.split(x, edges)
+    return [part.copy() for part in np.split(_ESTIMATES[key], edges)]
 
 
 def split_for_validation(records: list[TrainingRecord], share: float, random):
