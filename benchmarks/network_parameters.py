@@ -11,8 +11,7 @@ import warnings
 
 import numpy as np
 
-from sklearn_pgnn import PGNNLRegressor, datasets, systems
-from sklearn_pgnn.network import Passivity
+from sklearn_pgnn import PGNNLRegressor, datasets, network, systems
 
 PLANTS = {
     "golf robot": (systems.golf_robot(), datasets.make_golf_robot),
@@ -25,7 +24,7 @@ CHANGES = [
     {"lambda_phy": 0.1},
     {"lambda_phy": 0.5},
     {"lambda_phy": "adaptive"},
-    {"lambda_phy": 0.5, "physics_loss": Passivity()},
+    {"lambda_phy": 0.5, "physics_loss": network.Passivity()},
     {"structure": "output"},
     {"structure": "increment"},
     {"structure": "correction"},
