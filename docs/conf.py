@@ -17,7 +17,8 @@ autodoc_default_options = {
     "member-order": "bysource",
     # made by scikit-learn for every estimator
     "exclude-members": ", ".join(
-        f"set_{method}_request" for method in ("fit", "predict", "score", "transform")
+        f"set_{method}_request"
+        for method in ("fit", "partial_fit", "predict", "score", "split", "transform")
     ),
 }
 autodoc_typehints = "none"  # the docstrings have them

@@ -15,7 +15,7 @@ that none of them has seen.
 # the measured angle with 1 mrad of noise. Of the states only the first row of a record is known.
 import matplotlib.pyplot as plt
 import numpy as np
-import torch
+from threadpoolctl import threadpool_limits
 
 from sklearn_pgnn import (
     PGNNLRegressor,
@@ -26,7 +26,7 @@ from sklearn_pgnn import (
     systems,
 )
 
-torch.set_num_threads(1)  # more only cost time for networks this small
+threadpool_limits(1)  # more threads only cost time for networks this small
 golf = systems.golf_robot()
 X, y = datasets.make_golf_robot(sample_rate=200)
 X_reference, y_reference = datasets.make_golf_robot(reference=True, sample_rate=200)

@@ -17,14 +17,14 @@ searched together with the size of the network, and then varied alone, to see wh
 import tempfile
 
 import matplotlib.pyplot as plt
-import torch
 from skopt import BayesSearchCV
+from threadpoolctl import threadpool_limits
 
 from sklearn_pgnn import datasets, make_pgnn_pipeline, model_selection, systems
 
-torch.set_num_threads(1)  # more only cost time for a network this small
+threadpool_limits(1)  # more threads only cost time for a network this small
 golf = systems.golf_robot()
-X, y = datasets.make_golf_robot(sample_rate=100)
+X, y = datasets.make_golf_robot(duration=5, sample_rate=100)
 short = {"structure": "increment", "max_epochs": 10, "refine_iterations": 10}
 
 with tempfile.TemporaryDirectory() as memory:
@@ -33,7 +33,7 @@ with tempfile.TemporaryDirectory() as memory:
         pipeline, layers=None, lr=None, structure=None, horizon=None, neurons=(3, 8)
     )
     folds = model_selection.TrajectorySplit(2)
-    search = BayesSearchCV(pipeline, space, n_iter=5, cv=folds, random_state=0).fit(X, y)
+    search = BayesSearchCV(pipeline, space, n_iter=4, cv=folds, random_state=0).fit(X, y)
 
 results = zip(search.cv_results_["params"], search.cv_results_["mean_test_score"], strict=True)
 for found, score in sorted(results, key=lambda result: -result[1]):
@@ -45,7 +45,7 @@ for found, score in sorted(results, key=lambda result: -result[1]):
 # The same network with several weights, on a record that it has not seen: the error of its free
 # run, and how far that run is from the model's balance. Beside it the network that corrects the
 # model's step, and so has the physics inside.
-X_test, y_test = datasets.make_golf_robot(reference=True, sample_rate=100)
+X_test, y_test = datasets.make_golf_robot(reference=True, duration=5, sample_rate=100)
 neurons = search.best_params_["network__module__neurons"]
 figure, axes = plt.subplots(layout="constrained")
 for structure in ("increment", "correction"):
@@ -53,7 +53,7 @@ for structure in ("increment", "correction"):
         memory=None, network__structure=structure, network__module__neurons=neurons
     )
     front = model_selection.pareto_front(
-        judged, X, y, lambdas=(0.0, 0.01, 0.1, 0.3, 0.9), X_test=X_test, y_test=y_test
+        judged, X, y, lambdas=(0.0, 0.03, 0.3, 0.9), X_test=X_test, y_test=y_test
     )
     print(structure, front.round(5).to_string(index=False), sep="\n")
     (line,) = axes.plot(front["physics"], front["error"], "o", mfc="none", label=structure)
