@@ -119,10 +119,10 @@ def test_memory_keeps_the_simulation(golf, tmp_path):
 def test_scikit_learn_around_it(golf):
     X, y = golf
     pipeline = make_pgnn_pipeline(GOLF, **QUICK)
-    scores = cross_val_score(pipeline, X, y, cv=TrajectorySplit(3))
+    scores = cross_val_score(pipeline, X, y, cv=TrajectorySplit(2))
     assert np.isfinite(scores).all()
     grid = {"network__structure": ["increment", "correction"]}
-    search = GridSearchCV(pipeline, grid, cv=TrajectorySplit(3)).fit(X, y)
+    search = GridSearchCV(pipeline, grid, cv=TrajectorySplit(2)).fit(X, y)
     assert search.best_params_ == {"network__structure": "correction"}
 
 
