@@ -60,14 +60,15 @@ for structure in ("increment", "correction"):
     best = front[front["on_front"]].sort_values("physics")
     axes.plot(best["physics"], best["error"], "o-", color=line.get_color())
     for row in front.itertuples():
-        at = {"xytext": (5, 4), "textcoords": "offset points", "fontsize": "small"}
-        axes.annotate(f"{row.lambda_phy:g}", (row.physics, row.error), **at)
+        where = {"xytext": (5, 4), "textcoords": "offset points", "fontsize": "small"}
+        axes.annotate(f"{row.lambda_phy:g}", (row.physics, row.error), **where)
 
 # %%
-# What no other weight beats in both is filled; the numbers are the weights. Networks of increments
-# do not know the physics: a small weight steadies their free run, although the friction in the
-# balance is wrong, and a large one ruins it. The correcting network is nearer to both, whatever
-# the weight; what the weight changes there is no more than another draw of the training would.
+# What no other weight beats in both is filled; the numbers are the weights. The correcting network
+# is nearer to the records and to the balance, whatever the weight. From there on every step towards
+# the balance costs accuracy, for the balance has the wrong friction. Increments, which do not know
+# the physics, come much nearer to it with a weight, but not to the records; points out of line are
+# the draw of a short training.
 axes.set(
     xscale="log",
     yscale="log",
