@@ -348,6 +348,7 @@ def _with_terms(model: PhysicsModel, spread: tuple[float, ...]) -> PhysicsModel:
     return model.replace(
         outputs={f"term{i}": term for i, term in enumerate(_seen_terms(model))},
         parameters=[*model.parameters.values(), *spreads],
+        columns={},
     )
 
 
