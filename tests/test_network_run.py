@@ -21,13 +21,15 @@ from sklearn_pgnn.simulation.network_run import (
     network_record,
     prior_steps,
     run_network,
+    term_values,
 )
 from sklearn_pgnn.simulation.simulate import simulate
 
 CART = systems.cart_on_spring()
 GOLF = systems.golf_robot()
+HARDENING = CART + effects.CubicStiffness("v", stiffness=3.0)  # its terms: x, v, force, x**3
 STRUCTURES = ("output", "increment", "correction")
-GUIDES = (None, "simulation", "step")
+GUIDES = (None, "simulation", "step", "terms")
 N_FEATURES = 2
 
 
@@ -47,10 +49,17 @@ def record_of(model, rng, *, n=60, hold="zoh", uneven=True, size=5.0):
     )  # fmt: skip
 
 
+def width_of(guide, model):
+    if guide == "terms":
+        nothing = (np.zeros((0, n)) for n in (len(model.states), len(model.inputs)))
+        return term_values(model, np.zeros(0), *nothing, np.ones(len(model.states)))[0].shape[1]
+    return len(model.states) if guide else 0
+
+
 def step_of(model, structure, guide, rng, *, hold="zoh", substeps=2):
     """Give a step with scales of any size."""
     nx, nu = len(model.states), len(model.inputs)
-    n_in = nx + nu + (nx if guide else 0) + N_FEATURES
+    n_in = nx + nu + width_of(guide, model) + N_FEATURES
     some = rng.normal(size=(3, 8, nx))
     return NetworkStep(
         model, base_of(structure), guide, rng.normal(size=nx),
@@ -111,7 +120,9 @@ def by_hand(core, step, record):
         two = slice(k, k + 2)
         options = {"substeps": step.substeps, "hold": step.hold}
         phi = simulate(model, record.t[two], record.acting[two], x, **options).x[-1]
-        guide = {None: [], "simulation": record.simulated[k + 1], "step": (phi - x) / dt}
+        guide = {None: [], "step": (phi - x) / dt, "terms": [x[0] ** 3]}
+        if step.guide == "simulation":
+            guide["simulation"] = record.simulated[k + 1]
         seen = np.concatenate([x, record.u[k], guide[step.guide], record.features[k + 1]])
         z = torch.as_tensor((seen - step.mean) / step.scale)[None]
         out = core(z) if hidden is None else core(z, hidden)
@@ -130,12 +141,12 @@ def by_hand(core, step, record):
 def test_three_loops_agree(structure, guide, kind):
     rng = np.random.default_rng(0)
     for hold in ("zoh", "foh"):
-        step = step_of(CART, structure, guide, rng, hold=hold)
-        record = bare(record_of(CART, rng, hold=hold), step)
+        step = step_of(HARDENING, structure, guide, rng, hold=hold)
+        record = bare(record_of(HARDENING, rng, hold=hold), step)
         core = core_for(step, kind)
         x, failed = run_core(core, step, record)
         assert failed == -1
-        assert np.ptp(x[5:], axis=0).min() > 1e-5
+        assert np.ptp(x[5:], axis=0).min() > 1e-7
         assert x == pytest.approx(by_torch(core, step, record), rel=1e-10, abs=1e-10)
         with torch.no_grad():
             assert x == pytest.approx(by_hand(core, step, record), rel=1e-10, abs=1e-10)
@@ -166,8 +177,8 @@ numbers = st.floats(-3, 3, allow_nan=False, width=32)
 )
 def test_any_network_is_followed_or_flagged(structure, guide, layers, neurons, size, seed):
     rng = np.random.default_rng(seed)
-    step = step_of(CART, structure, guide, rng)
-    record = bare(record_of(CART, rng, n=40), step)
+    step = step_of(HARDENING, structure, guide, rng)
+    record = bare(record_of(HARDENING, rng, n=40), step)
     torch.manual_seed(seed)
     core = FeedForward(len(step.mean), step.n_network_outputs, neurons, layers, "silu").double()
     with torch.no_grad():
@@ -289,8 +300,8 @@ def sensitivities(step, theta, record, length=512):
 @pytest.mark.parametrize(("structure", "guide"), [*product(STRUCTURES, GUIDES)])
 def test_sensitivities_are_the_derivatives(structure, guide, activation):
     rng = np.random.default_rng(7)
-    step = step_of(CART, structure, guide, rng)
-    record = bare(record_of(CART, rng, n=40), step)
+    step = step_of(HARDENING, structure, guide, rng)
+    record = bare(record_of(HARDENING, rng, n=40), step)
     core = core_for(step, activation)
     step, theta = step_with(core, step), weights_of(core)
     expected = differences(step, theta, record)
