@@ -3,7 +3,7 @@
 import contextlib
 import warnings
 from dataclasses import dataclass
-from numbers import Integral, Real
+from numbers import Integral
 
 import numpy as np
 import pandas as pd
@@ -492,7 +492,7 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
             raise ValueError(f"refine: expected one of {REFINEMENTS}, got {self.refine!r}.")
         if not isinstance(self.horizon, Integral) or self.horizon < 1:
             raise ValueError(f"horizon: expected an integer >= 1, got {self.horizon!r}.")
-        if not isinstance(self.validation, Real) or not 0 <= self.validation < 1:
+        if not isinstance(self.validation, int | float) or not 0 <= self.validation < 1:
             raise ValueError(
                 f"validation: expected a share from 0 to below 1, got {self.validation!r}."
             )
