@@ -99,7 +99,18 @@ class Recurrent(nn.Module):
         self.read = nn.Linear(int(neurons), n_outputs)
 
     def at_rest(self, n: int) -> torch.Tensor:
-        """Give the hidden state of n trajectories that begin."""
+        """Give the hidden state of trajectories that begin.
+
+        Parameters
+        ----------
+        n : int
+            How many.
+
+        Returns
+        -------
+        Tensor of shape (n, neurons)
+            Zeros.
+        """
         return self.read.weight.new_zeros(n, self.sizes[1])
 
     def forward(self, z, hidden):
