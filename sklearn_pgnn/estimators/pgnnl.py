@@ -35,7 +35,7 @@ from sklearn_pgnn.estimators.network.records import (
     split_for_validation,
 )
 from sklearn_pgnn.estimators.network.stepper import Stepper
-from sklearn_pgnn.estimators.network.trajectory_net import TrajectoryNet
+from sklearn_pgnn.estimators.network.trajectory_net import TrajectoryNet, single_threaded
 from sklearn_pgnn.exceptions import SimulationWarning
 from sklearn_pgnn.simulation.free_run import enough_substeps
 from sklearn_pgnn.simulation.record_windows import dominant_period
@@ -477,11 +477,9 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
             )
         self._check_parameters()
         random = check_random_state(self.random_state)
-        with torch.random.fork_rng(devices=[]):
+        train = self._train_on_trajectories if self._has_time(X) else self._train_on_rows
+        with torch.random.fork_rng(devices=[]), single_threaded() as self._threads:
             torch.manual_seed(random.randint(2**31 - 1))
-            train = self._train_on_rows
-            if self._has_time(X):
-                train = self._train_on_trajectories
             train(X, y, random, anew, **fit_params)
         return self
 

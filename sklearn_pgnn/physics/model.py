@@ -483,8 +483,10 @@ class PhysicsModel:
         return hash(self._content())
 
     def _content(self) -> str:
-        """Give everything the model says, in its order: arrays follow it."""
-        return repr(self.to_dict())
+        """Give everything the model says, in its order: arrays follow it; written out once."""
+        if "_written" not in self.__dict__:
+            object.__setattr__(self, "_written", repr(self.to_dict()))
+        return self.__dict__["_written"]
 
     def __repr__(self):
         return f"<PhysicsModel {self.name!r}: {', '.join(self.states)}>"

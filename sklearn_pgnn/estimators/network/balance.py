@@ -1,7 +1,6 @@
 r"""How much the physical terms weigh: a constant, or as the gradients ask for."""
 
-from numbers import Real
-
+import numpy as np
 import torch
 
 ADAPTIVE = "adaptive"
@@ -28,7 +27,7 @@ def check_lambda(lambda_phy) -> None:
     """
     if isinstance(lambda_phy, str) and lambda_phy == ADAPTIVE:
         return
-    if isinstance(lambda_phy, Real) and 0 <= lambda_phy < 1:
+    if isinstance(lambda_phy, int | float | np.number) and 0 <= lambda_phy < 1:
         return
     raise ValueError(
         f"lambda_phy: expected a number from 0 to below 1, or {ADAPTIVE!r}, got {lambda_phy!r}."

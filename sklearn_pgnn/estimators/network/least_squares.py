@@ -67,7 +67,9 @@ class SimulationObjective:
     lambda_phy : float
         Their weight.
     stride : int, default=1
-        Every so many samples the outputs are compared.
+        Every so many samples errors and physical residuals are taken.
+    threads : int, default=1
+        Threads to simulate on.
     """
 
     def __init__(
@@ -78,11 +80,13 @@ class SimulationObjective:
         physics: PhysicsLoss | None,
         lambda_phy: float,
         stride: int = 1,
+        threads: int = 1,
     ):
         self.step, self.records, self.scale, self.stride = step, records, scale, stride
+        self.threads = threads
         self.physics, self.lambda_phy = physics, lambda_phy if physics else 0.0
         self._n_errors = sum(int(np.isfinite(r.y[stride::stride]).sum()) for r in records)
-        self._n_steps = sum(len(record.x) - 1 for record in records)
+        self._n_steps = sum(len(range(0, len(record.x) - 1, stride)) for record in records)
 
     def __call__(self, theta: np.ndarray) -> Sums:
         """Give cost, gradient and curvature; the cost is infinite where a simulation diverges.
@@ -120,8 +124,8 @@ class SimulationObjective:
         return float(sum(self._each(self._cost_of, theta)))
 
     def _each(self, task, theta) -> list:
-        """Go through the records, on as many threads as torch has."""
-        threads = min(torch.get_num_threads(), len(self.records))
+        """Go through the records, several at a time."""
+        threads = min(self.threads, len(self.records))
         return Parallel(threads, prefer="threads")(
             delayed(task)(record, theta) for record in self.records
         )
@@ -165,16 +169,19 @@ class SimulationObjective:
             sums.add(error[seen] / scale, jacobian / scale, factor)
 
     def _add_physics(self, sums, record, rows, x, S):
-        ends = torch.as_tensor(np.stack([x[:-1], x[1:]], axis=1)).requires_grad_()
-        u = torch.as_tensor(record.record.u[rows][:-1, None])
-        t = torch.as_tensor(record.record.t[rows])
-        found = self.physics.residuals(ends, u, torch.stack([t[:-1], t[1:]], dim=1))
+        first = -rows.start % self.stride
+        before, after = (slice(first + i, len(x) - 1 + i, self.stride) for i in (0, 1))
+        ends = torch.as_tensor(np.stack([x[before], x[after]], axis=1)).requires_grad_()
+        u = torch.as_tensor(record.record.u[rows][before, None])
+        t = record.record.t[rows]
+        times = torch.as_tensor(np.stack([t[before], t[after]], axis=1))
+        found = self.physics.residuals(ends, u, times)
         for term, h in zip(self.physics.terms, found, strict=True):
             factor = self.lambda_phy * term.weight / (self._n_steps * h.shape[2])
             for column in range(h.shape[2]):
                 slope = _slope(h[:, 0, column], ends)
-                jacobian = np.einsum("nj,njw->nw", slope[:, 0], S[:-1])
-                jacobian += np.einsum("nj,njw->nw", slope[:, 1], S[1:])
+                jacobian = np.einsum("nj,njw->nw", slope[:, 0], S[before])
+                jacobian += np.einsum("nj,njw->nw", slope[:, 1], S[after])
                 add = sums.add_linear if term.kind == "inequality" else sums.add
                 add(h[:, 0, column].detach().numpy(), jacobian, factor)
 

@@ -280,9 +280,10 @@ def as_terms(physics_loss, model: PhysicsModel | None) -> list[PhysicsTerm]:
     ValueError
         If something is no term, or the energy balance is meant and the model has no energy.
     """
-    given: list[Any] = physics_loss if isinstance(physics_loss, list | tuple) else [physics_loss]
-    if physics_loss is None:
-        given = [EnergyBalance()]
+    given: list[Any] = [EnergyBalance()]
+    if physics_loss is not None:
+        several = isinstance(physics_loss, list | tuple)
+        given = list(physics_loss) if several else [physics_loss]
     terms = [
         PhysicsTerm(item) if callable(item) and not isinstance(item, PhysicsTerm) else item
         for item in given

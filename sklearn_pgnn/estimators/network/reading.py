@@ -59,7 +59,9 @@ def simulated_states(model: PhysicsModel, X) -> np.ndarray | None:
 
 
 def further_columns(model: PhysicsModel, X, time) -> list[str]:
-    """Name the columns that are neither time, trajectory, input, state nor simulation.
+    """Name the columns that are neither time, trajectory, quantity of the model nor simulation.
+
+    A column with the name of an output is never one: it would tell what is to be predicted.
 
     Parameters
     ----------
@@ -77,7 +79,7 @@ def further_columns(model: PhysicsModel, X, time) -> list[str]:
     """
     if not isinstance(X, pd.DataFrame):
         return []
-    own = [TIME, TRAJECTORY, *model.inputs, *model.states]
+    own = [TIME, TRAJECTORY, *model.inputs, *model.states, *model.outputs]
     taken = {time, *own, *(model.columns.get(name, name) for name in own)}
     taken |= {name + SIMULATED for name in (*model.states, *model.outputs)}
     return [name for name in X.columns if name not in taken]

@@ -87,7 +87,7 @@ class Stepper:
 
     def _guide(self, t, acting) -> np.ndarray:
         """Simulate the model along, in open loop."""
-        options = {"substeps": self._step.substeps, "hold": "zoh"}
-        self._simulated = simulate(self._step.model, t, acting, self._simulated, **options).x[-1]
+        run = simulate(self._step.model, t, acting, self._simulated, substeps=self._step.substeps)
+        self._simulated = run.x[-1]
         slope, offset = self._line
         return np.tile(self._simulated * slope + offset, (2, 1))

@@ -8,6 +8,7 @@ import numpy as np
 import torch
 from skorch import NeuralNetRegressor
 from skorch.callbacks import EpochTimer, PassthroughScoring, PrintLog
+from threadpoolctl import threadpool_limits
 from torch import nn
 
 from sklearn_pgnn.estimators.network import ground
@@ -20,7 +21,8 @@ from sklearn_pgnn.estimators.network.least_squares import (
     l_bfgs,
     levenberg_marquardt,
 )
-from sklearn_pgnn.estimators.network.records import Windows
+from sklearn_pgnn.estimators.network.physics_loss import PhysicsLoss
+from sklearn_pgnn.estimators.network.records import TrainingRecord, Windows
 from sklearn_pgnn.estimators.network.row_network import RowNetwork
 from sklearn_pgnn.estimators.network.step_network import StepNetwork
 from sklearn_pgnn.estimators.network.structure import corrected_states
@@ -29,6 +31,24 @@ from sklearn_pgnn.estimators.network.structure import corrected_states
 FEW_WEIGHTS = 1000
 #: what is made anew from the weights when a pickle is loaded
 _TRAINED = ("module_", "criterion_", "optimizer_", "callbacks_")
+
+
+@contextlib.contextmanager
+def single_threaded():
+    """Let torch and BLAS work on one thread: a small network's sums are too small for more.
+
+    Yields
+    ------
+    int
+        Threads that torch had, and gets back.
+    """
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        with threadpool_limits(1):
+            yield threads
+    finally:
+        torch.set_num_threads(threads)
 
 
 @dataclass
@@ -45,6 +65,11 @@ class _Phase:
 
 class TrajectoryNet(NeuralNetRegressor):
     """The training of `PGNNLRegressor`: single steps, rollouts, whole trajectories."""
+
+    _phase: _Phase | None
+    _physics: PhysicsLoss | None
+    _validation: list[TrainingRecord]
+    model_: Any  # a PhysicsModel; None where the rows have no time
 
     def _get_param_names(self):
         """Name the parameters; skorch also takes what `fit` keeps under a private name for one."""
@@ -106,6 +131,7 @@ class TrajectoryNet(NeuralNetRegressor):
             self._physics,
             self.lambda_phy_,
             self._stride,
+            self._threads,
         )
         minimise = levenberg_marquardt if method == "lm" else l_bfgs
         self._phase = None
