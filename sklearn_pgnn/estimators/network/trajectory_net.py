@@ -3,6 +3,7 @@
 import contextlib
 import copy
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import torch
