@@ -49,9 +49,9 @@ def main():
     space = model_selection.search_space(pipeline, layers=None, structure=None, horizon=None)
     print("searched:", ", ".join(space), flush=True)
     start = time.perf_counter()
-    search = BayesSearchCV(
-        pipeline, space, n_iter=8, cv=model_selection.TrajectorySplit(3), random_state=0
-    ).fit(X, y)
+    folds = model_selection.TrajectorySplit(3)
+    search = BayesSearchCV(pipeline, space, n_iter=8, cv=folds, n_jobs=2, random_state=0)
+    search.fit(X, y)
     print(f"{time.perf_counter() - start:.0f} s, best: {dict(search.best_params_)}")
     start_state = X_reference[list(golf.states)].iloc[0].to_numpy(dtype=float)
     prior = golf.simulate(X_reference["t"], X_reference[["torque"]], start_state).y

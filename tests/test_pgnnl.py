@@ -436,8 +436,9 @@ def test_best_free_run_is_kept():
 
 
 def test_patience_ends_a_phase():
-    net = quick(max_epochs=200, patience=3, lr=0.3, refine=None).fit(X, Y)
-    assert len(net.history) < 200
+    rollouts = {"horizon": 5, "rollout_epochs": 200, "lr": 1.0}
+    net = quick(max_epochs=1, patience=3, refine=None, **rollouts).fit(X, Y)
+    assert len(net.history) < 201
     assert not any(net.history[-3:, "free_run_best"])
 
 

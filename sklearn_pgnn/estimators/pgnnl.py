@@ -103,8 +103,9 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
     validation : float, default=0.2
         Share of the trajectories held out to choose the weights; of less than three
         trajectories, the share at the end of each.
-    patience : int, default=50
-        Epochs (or steps of `refine`) without a better free run that end a phase.
+    patience : int, default=20
+        Epochs of rollouts, or steps of `refine`, without a better free run of the held-out
+        trajectories after which that phase ends.
     states : sequence of str, optional
         Without a model: columns of X whose first row in every trajectory is the initial state, the
         outputs and then their rates.
@@ -195,7 +196,7 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         refine="auto",
         refine_iterations=30,
         validation=0.2,
-        patience=50,
+        patience=20,
         states=None,
         hold="zoh",
         substeps=None,

@@ -39,11 +39,12 @@ class BestFreeRun(Callback):
 
     Parameters
     ----------
-    patience : int, default=50
-        Epochs without a better free run after which a phase ends.
+    patience : int, default=20
+        Epochs without a better free run after which rollouts or the last phase end. Single steps
+        go on: their free run varies until the learning rate has decayed.
     """
 
-    def __init__(self, patience=50):
+    def __init__(self, patience=20):
         self.patience = patience
 
     def on_train_begin(self, net, **kwargs):
@@ -58,7 +59,7 @@ class BestFreeRun(Callback):
         net.history.record("free_run", error)
         net.history.record("free_run_best", bool(error < self.best_))
         self.note(net, error)
-        if self.waited_ >= self.patience:
+        if self.waited_ >= self.patience and not net.module_.teacher_forcing:
             raise EnoughTraining
 
     def note(self, net, error: float) -> None:

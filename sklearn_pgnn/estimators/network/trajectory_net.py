@@ -114,6 +114,7 @@ class TrajectoryNet(NeuralNetRegressor):
     def _train_simulation(self, training) -> None:
         """Train on the free run of whole trajectories, all weights at once."""
         core, method = self.module_.core, self.refine
+        self.module_.teacher_forcing = False
         theta = weights_of(core)
         if method == "auto":
             small = type(core) is FeedForward and theta.size <= FEW_WEIGHTS
