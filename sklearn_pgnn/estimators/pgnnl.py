@@ -173,11 +173,12 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
 
     Examples
     --------
-    >>> from sklearn_pgnn import PhysicsModel, effects
+    >>> from sklearn_pgnn import PhysicsModel
     >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
     >>> t = np.linspace(0, 60, 601)
     >>> X = np.column_stack([t, np.sin(t) + np.sin(0.3 * t)])
-    >>> y = (lag + effects.QuadraticDrag("y", coefficient=0.5)).simulate(t, X[:, 1]).y
+    >>> machine = lag.replace(equations={"y": "(u - y - 0.3*y**3)/T"})
+    >>> y = machine.simulate(t, X[:, 1]).y
     >>> net = PGNNLRegressor(lag, module__neurons=4, max_epochs=10).fit(X, y)
     >>> net.structure_, bool(net.score(X, y) > 0.999)
     ('correction', True)
