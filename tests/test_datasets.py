@@ -29,11 +29,13 @@ SHORT = {
     "cart": {"n_records": 3, "duration": 4.0, "sample_rate": 200.0},
     "tanks": {"n_records": 3, "duration": 1000.0, "sample_rate": 0.2, "noise": 0.01},
 }
+#: a level is never negative: its magnitude is the level
+INVISIBLE = {("tanks", "sensor_rectification")}
 HIDEABLE = [
     (system, kind.id)
     for system, model in SYSTEMS.items()
     for kind in effects.CATALOGUE
-    if kind.targets(model())
+    if kind.targets(model()) and (system, kind.id) not in INVISIBLE
 ]
 
 

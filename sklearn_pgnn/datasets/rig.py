@@ -137,6 +137,12 @@ def settled(plant, known, x, u):
             at.append(rates.rates(0.0, x.T, u, np.sign(x.T[rates.dry]))[i])
         slope = at[1] - at[0]
         x[:, i] = np.where(slope != 0, -at[0] / np.where(slope != 0, slope, 1.0), 0.0)
+        for acting in u:  # a bounded rate is affine only near the input that it follows
+            rest = rates.rates(0.0, x.T, u, np.sign(x.T[rates.dry]))[i]
+            there = x.copy()
+            there[:, i] = acting
+            other = rates.rates(0.0, there.T, u, np.sign(there.T[rates.dry]))[i]
+            x[:, i] = np.where(np.abs(other) < np.abs(rest), acting, x[:, i])
     return x
 
 

@@ -13,6 +13,7 @@ from sklearn_pgnn.datasets.integrator import integrate
 from sklearn_pgnn.datasets.rig import settled
 from sklearn_pgnn.exceptions import ModelError
 from sklearn_pgnn.physics.effect import Scales
+from sklearn_pgnn.physics.effects.rates import positions
 from sklearn_pgnn.physics.expressions import parse_expression, symbol
 
 #: a window in the slowest state's time of change, at most this share of a record; how many
@@ -22,7 +23,7 @@ MATTERS = (10.0, 40.0)
 #: sizes tried, and rounds of bisection between them
 SMALLEST, BISECTIONS = 1e-3, 7
 #: effects whose size may have either sign
-EITHER_SIGN = frozenset({"constant_load", "input_bias", "input_gain", "sensor_bias", "sensor_gain"})
+EITHER_SIGN = frozenset({"constant_load", "input_bias", "sensor_bias", "sensor_gain"})
 #: parameters that are not in proportion to the size: value from size and the signals' scales
 SHAPES = {
     ("stribeck_friction", "level"): lambda size, scale: 0.3 * size * scale["force"],
@@ -36,6 +37,27 @@ SHAPES = {
         scale["peak"] - size * min(0.7 * scale["peak"], 2 * scale["target"])
     ),
     ("input_dead_zone", "width"): lambda size, scale: 0.6 * size * scale["peak"],
+    ("input_gain", "error"): lambda size, scale: 0.5 * size,
+    ("input_rate_limit", "limit"): lambda size, scale: scale["target"] / (size * scale["s"]),
+    ("input_rate_limit", "time_constant"): lambda size, scale: 0.01 * scale["s"],
+    ("input_backlash", "time_constant"): lambda size, scale: 0.01 * scale["s"],
+    ("periodic_disturbance", "frequency"): lambda size, scale: 2.3 / scale["s"],
+    ("hysteresis", "deflection"): lambda size, scale: 0.1 * scale["position"],
+    ("hysteresis", "shape"): lambda size, scale: 0.5,
+    ("end_stop", "upper"): lambda size, scale: scale["position"] * (2.0 - 1.5 * size),
+    ("end_stop", "lower"): lambda size, scale: -scale["position"] * (2.0 - 1.5 * size),
+    ("end_stop", "stiffness"): lambda size, scale: 20.0 * scale["force"] / scale["position"],
+    ("rate_limit", "limit"): lambda size, scale: 3.0 * scale["rate"] * (1.0 - 0.95 * size),
+    ("state_limit", "limit"): lambda size, scale: (
+        scale["peak"] - size * min(0.7 * scale["peak"], 2 * scale["target"])
+    ),
+    ("state_limit", "steepness"): lambda size, scale: 20.0 / scale["s"],
+    ("sensor_saturation", "upper"): lambda size, scale: (
+        scale["peak"] - size * min(0.7 * scale["peak"], 2 * scale["target"])
+    ),
+    ("sensor_saturation", "lower"): lambda size, scale: -scale["peak"],
+    ("sensor_delay", "delay"): lambda size, scale: 0.3 * size * scale["s"],
+    ("parameter_drift", "rate"): lambda size, scale: 2.0 * size / scale["duration"],
 }
 
 
@@ -69,6 +91,7 @@ def measure_scales(model, t, u, x, y) -> Scales:
         rate=dict(zip(model.states, _rms(rates).tolist(), strict=True)),
         sample_time=float(np.median(np.diff(t))),
         window=float(min(CHANGES * changes.max(), SHARE * (t[-1] - t[0]))),
+        duration=float(t[-1]),
     )
 
 
@@ -178,13 +201,15 @@ def _scale_by_kind(target, model, scales):
     """Give a typical value of every kind of unit an effect may speak of."""
     scale = {
         "s": scales.window,
+        "duration": scales.duration,
         "target": scales.typical.get(target, 1.0),
         "peak": scales.peak.get(target, 1.0),
     }
     if target in model.states:
         values = {symbol(name): p.value for name, p in model.parameters.items()}
         inertia = sympy.Float(model.inertia.get(target, sympy.Integer(1)).subs(values))
-        pair = model.kinematic_pairs.get(target)
+        pair = positions(model).get(target)
+        scale["rate"] = scales.rate[target]
         scale["force"] = float(inertia) * scales.rate[target]
         scale["velocity"] = scales.typical[target]
         scale["position"] = scales.typical[pair] if pair else 1.0

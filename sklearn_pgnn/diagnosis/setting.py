@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sklearn_pgnn.diagnosis.lines import find_lines
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.physics.effect import Scales
 from sklearn_pgnn.physics.model import PhysicsModel
@@ -109,6 +110,7 @@ def _scales(model, windows, x) -> Scales:
         inside[windows.bounds[1:-1]] = False
         inside[windows.bounds[1:] - 1] = False
         rate[name] = float(np.sqrt(np.mean(slopes[inside] ** 2)))
+    tones, ripples = find_lines(model, windows, x)
     table |= {name: windows.u[:, i] for i, name in enumerate(model.inputs)}
     table |= {name: windows.y[:, i] for i, name in enumerate(model.outputs)}
     return Scales(
@@ -117,6 +119,9 @@ def _scales(model, windows, x) -> Scales:
         rate={name: _positive(value) for name, value in rate.items()},
         sample_time=sample_time,
         window=float(np.median(windows.lengths) * sample_time),
+        duration=float(windows.t.max()),
+        tones=tones,
+        ripples=ripples,
     )
 
 

@@ -8,24 +8,16 @@ the same states and inputs, over spans long enough to be seen through the noise:
 """
 
 from dataclasses import dataclass
-from functools import reduce
 
 import numpy as np
-import sympy
 
 from sklearn_pgnn.diagnosis.records import DiagnosisRecords
-from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.pointwise import evaluate_samples
 from sklearn_pgnn.simulation.state_estimate import free_run
 
 #: a span is this share of a window, and at least two samples
 SPAN_SHARE = 0.04
-
-#: NumPy's own do not take numbers beside arrays
-_EXTREMES = {
-    "amax": lambda values, axis: reduce(np.maximum, values),
-    "amin": lambda values, axis: reduce(np.minimum, values),
-}
 
 
 @dataclass(frozen=True)
@@ -73,12 +65,7 @@ class Samples:
 
     def value(self, expression, **other) -> np.ndarray:
         """Evaluate an expression at every sample, with other values in place of some."""
-        table = {**self.table, **other}
-        names = sorted(map(str, expression.free_symbols))
-        function = sympy.lambdify([symbol(n) for n in names], expression, [_EXTREMES, "numpy"])
-        with np.errstate(all="ignore"):
-            value = np.asarray(function(*(table[name] for name in names)), dtype=float)
-        return np.broadcast_to(value, np.shape(table["t"]))
+        return evaluate_samples(expression, {**self.table, **other}, self.records.windows.t.size)
 
     @property
     def span(self) -> int:

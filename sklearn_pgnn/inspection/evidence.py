@@ -15,7 +15,8 @@ from sklearn_pgnn.inspection.balance import Samples, shown_states, starts
 from sklearn_pgnn.inspection.style import label
 from sklearn_pgnn.inspection.words import cause_name
 from sklearn_pgnn.physics.effects import CATALOGUE
-from sklearn_pgnn.physics.effects.rates import force_unit
+from sklearn_pgnn.physics.effects.inputs import ACTUATOR_STATES
+from sklearn_pgnn.physics.effects.rates import force_unit, positions
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.windows import evaluate
@@ -167,7 +168,7 @@ def over_motion(case: Case) -> Evidence | None:
         return None
     added = sympy.expand(model.equations[state] - case.without.equations[state])
     inertia = model.inertia.get(state)
-    position = model.kinematic_pairs.get(state)
+    position = positions(model).get(state)
     over = position if position and symbol(position) in added.free_symbols else state
     force = -added if inertia is None else -added * inertia
     scale = 1.0 if inertia is None else case.samples.value(inertia)
@@ -365,9 +366,9 @@ def _seen_input(case: Case, state: str, grid) -> np.ndarray:
 
 def _late_input(case: Case) -> np.ndarray:
     """Give the input as it acts in the extended model: delayed, or lagged."""
-    lagged = f"{case.target}_lagged"
-    if lagged in case.samples.table:
-        return case.samples.table[lagged]
+    for ending in ACTUATOR_STATES:
+        if case.target + ending in case.samples.table:
+            return case.samples.table[case.target + ending]
     acting = case.records.windows.acting_inputs(case.full)
     return acting[:, list(case.full.inputs).index(case.target)]
 

@@ -55,6 +55,11 @@ class Scales:
         Median time between samples [s].
     window : float
         Length of the windows the model is judged on [s].
+    duration : float, default=inf
+        Time at the end of the longest record [s].
+    tones, ripples : mapping of str to tuple of float
+        For velocities, frequencies [Hz] and periods in position that stand out in what the model
+        lacks of their rate.
     """
 
     typical: Mapping[str, float]
@@ -62,6 +67,9 @@ class Scales:
     rate: Mapping[str, float]
     sample_time: float
     window: float
+    duration: float = math.inf
+    tones: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    ripples: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

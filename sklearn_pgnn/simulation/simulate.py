@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sklearn_pgnn.exceptions import SimulationError, SimulationWarning
+from sklearn_pgnn.physics.effects.inputs import ACTUATOR_STATES
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.compiled import compile_model
 from sklearn_pgnn.simulation.inputs import delayed_inputs
@@ -200,8 +201,9 @@ def settled_start(model: PhysicsModel, u) -> dict[str, float]:
     """
     start = dict(model.initial_state)
     for name, value in zip(model.inputs, u, strict=True):
-        if f"{name}_lagged" in start:
-            start[f"{name}_lagged"] = float(value)
+        for ending in ACTUATOR_STATES:
+            if name + ending in start:
+                start[name + ending] = float(value)
     return start
 
 

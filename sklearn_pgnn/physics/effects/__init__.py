@@ -1,25 +1,34 @@
 """The catalogue: every physical cause a diagnosis knows. A new effect is one class, listed once."""
 
-from sklearn_pgnn.physics.effects.inputs import (
-    ActuatorLag,
-    InputBias,
-    InputDeadZone,
-    InputDelay,
-    InputSaturation,
-)
-from sklearn_pgnn.physics.effects.outputs import SensorBias, SensorGain
-from sklearn_pgnn.physics.effects.parameters import WrongParameter
-from sklearn_pgnn.physics.effects.rates import (
+from sklearn_pgnn.physics.effects.friction import (
     AsymmetricFriction,
-    Cogging,
-    ConstantLoad,
     CoulombFriction,
-    CubicStiffness,
-    LinearStiffness,
+    Hysteresis,
     QuadraticDrag,
     StribeckFriction,
     ViscousFriction,
 )
+from sklearn_pgnn.physics.effects.inputs import (
+    ActuatorLag,
+    InputBacklash,
+    InputBias,
+    InputDeadZone,
+    InputDelay,
+    InputGain,
+    InputRateLimit,
+    InputSaturation,
+)
+from sklearn_pgnn.physics.effects.levels import Leak, RateLimit, StateLimit
+from sklearn_pgnn.physics.effects.outputs import (
+    SensorBias,
+    SensorDelay,
+    SensorGain,
+    SensorRectification,
+    SensorSaturation,
+)
+from sklearn_pgnn.physics.effects.parameters import ParameterDrift, WrongParameter
+from sklearn_pgnn.physics.effects.rates import ConstantLoad, PeriodicDisturbance
+from sklearn_pgnn.physics.effects.springs import Cogging, CubicStiffness, EndStop, LinearStiffness
 
 CATALOGUE = (
     CoulombFriction,
@@ -31,14 +40,27 @@ CATALOGUE = (
     CubicStiffness,
     ConstantLoad,
     Cogging,
+    EndStop,
+    Hysteresis,
+    PeriodicDisturbance,
+    RateLimit,
+    StateLimit,
+    Leak,
+    InputBias,
+    InputGain,
     InputDeadZone,
     InputSaturation,
     InputDelay,
     ActuatorLag,
-    InputBias,
+    InputRateLimit,
+    InputBacklash,
     SensorBias,
     SensorGain,
+    SensorSaturation,
+    SensorRectification,
+    SensorDelay,
     WrongParameter,
+    ParameterDrift,
 )
 
 __all__ = ["CATALOGUE", *(effect.__name__ for effect in CATALOGUE)]

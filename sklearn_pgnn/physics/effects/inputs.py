@@ -73,6 +73,38 @@ class InputBias(InputEffect):
 
 
 @dataclass(frozen=True)
+class InputGain(InputEffect):
+    r"""An actuator whose scale is off, :math:`(1 + g)\,u`.
+
+    Parameters
+    ----------
+    target : str
+        The input.
+    error : float, default=0
+        Relative error :math:`g` of the gain [-].
+
+    Examples
+    --------
+    >>> InputGain("torque", error=-0.1).names()
+    {'error': 'gu_torque'}
+    """
+
+    error: float = quantity("gu", "", low=-0.95)
+    id = "input_gain"
+    summary = "The actuator gives a fixed share more (or less) than it is told."
+    check = "Command two known values and measure the difference of what the actuator gives."
+
+    def seen(self, u, p):
+        """Give (1 + g)*u."""
+        return (1 + p["error"]) * u
+
+    @classmethod
+    def starts(cls, target, model, scales):
+        """Start without an error."""
+        return (cls(target),)
+
+
+@dataclass(frozen=True)
 class InputDeadZone(InputEffect):
     r"""An input that does nothing while it is small.
 
@@ -149,6 +181,12 @@ class InputSaturation(InputEffect):
         return {"limit": (0.02 * scales.peak[target], scales.peak[target])}
 
 
+def delays_to_try(scales) -> tuple[float, ...]:
+    """Give delays from one sample to a fifth of a window."""
+    shortest, longest = scales.sample_time, 0.2 * scales.window
+    return tuple(sorted({shortest, (shortest * longest) ** 0.5, longest}))
+
+
 @dataclass(frozen=True)
 class InputDelay(Effect):
     r"""An input that acts late, :math:`u(t - \tau)`.
@@ -183,9 +221,7 @@ class InputDelay(Effect):
     @classmethod
     def starts(cls, target, model, scales):
         """Start from one sample to a fifth of a window."""
-        shortest, longest = scales.sample_time, 0.2 * scales.window
-        middle = (shortest * longest) ** 0.5
-        return tuple(cls(target, delay) for delay in sorted({shortest, middle, longest}))
+        return tuple(cls(target, delay) for delay in delays_to_try(scales))
 
     @classmethod
     def limits(cls, target, model, scales):
@@ -194,7 +230,32 @@ class InputDelay(Effect):
 
 
 @dataclass(frozen=True)
-class ActuatorLag(Effect):
+class ActuatorEffect(Effect):
+    """An input that the machine sees through a state of the actuator."""
+
+    #: what follows the input's name in the state's
+    ending = ""
+
+    @classmethod
+    def targets(cls, model):
+        """Name the inputs whose actuator has no such state yet."""
+        return tuple(name for name in model.inputs if name + cls.ending not in model.states)
+
+    def rate(self, u, acting, p):
+        """Give the rate of what acts, from what is commanded."""
+        raise NotImplementedError
+
+    def rewrite(self, model, p):
+        """Add the actuator's state and let the equations see it."""
+        u, acting = symbol(self.target), symbol(self.target + self.ending)
+        changes = substitute(model, u, acting)
+        changes["equations"][str(acting)] = self.rate(u, acting, p)
+        changes["states"] = {**model.states, str(acting): model.inputs[self.target]}
+        return changes
+
+
+@dataclass(frozen=True)
+class ActuatorLag(ActuatorEffect):
     r"""An actuator that follows its command with a first-order lag.
 
     .. math:: T\,\dot u_a = u - u_a
@@ -216,19 +277,11 @@ class ActuatorLag(Effect):
     id = "actuator_lag"
     summary = "The actuator needs time to build up: motor current, valve, pressure, heater."
     check = "Step the command and record what the actuator itself gives."
+    ending = "_lagged"
 
-    @classmethod
-    def targets(cls, model):
-        """Name the inputs whose actuator has no lag yet."""
-        return tuple(name for name in model.inputs if f"{name}_lagged" not in model.states)
-
-    def rewrite(self, model, p):
-        """Add the actuator's state and let the equations see it."""
-        u, lagged = symbol(self.target), symbol(f"{self.target}_lagged")
-        changes = substitute(model, u, lagged)
-        changes["equations"][str(lagged)] = (u - lagged) / p["time_constant"]
-        changes["states"] = {**model.states, str(lagged): model.inputs[self.target]}
-        return changes
+    def rate(self, u, acting, p):
+        """Give the rate of the lag."""
+        return (u - acting) / p["time_constant"]
 
     @classmethod
     def starts(cls, target, model, scales):
@@ -240,3 +293,108 @@ class ActuatorLag(Effect):
     def limits(cls, target, model, scales):
         """Stay between what one sample and what two windows can show."""
         return {"time_constant": (0.3 * scales.sample_time, 2.0 * scales.window)}
+
+
+@dataclass(frozen=True)
+class InputRateLimit(ActuatorEffect):
+    r"""An actuator that slews: it follows its command no faster than a limit.
+
+    .. math:: \dot u_a = \max(\min((u - u_a)/T, R), -R)
+
+    Parameters
+    ----------
+    target : str
+        The input.
+    limit : float, default=1e9
+        Largest rate :math:`R` [input per second].
+    time_constant : float, default=1
+        Time constant :math:`T` [s] with which it follows small changes.
+
+    Examples
+    --------
+    >>> InputRateLimit("u", limit=5.0, time_constant=0.01).names()
+    {'limit': 'Ru_u', 'time_constant': 'Tr_u'}
+    """
+
+    limit: float = quantity("Ru", "{target}/s", default=1e9, low=0.0)
+    time_constant: float = quantity("Tr", "s", default=1.0, low=1e-9)
+    id = "input_rate_limit"
+    generalises = ("actuator_lag",)
+    summary = "The actuator cannot change faster than a limit: a slewing valve, a ramp in a drive."
+    check = "Command a large and a small step: the larger one takes longer in proportion."
+    ending = "_slewed"
+
+    def rate(self, u, acting, p):
+        """Give the rate of the lag, bounded."""
+        follow = (u - acting) / p["time_constant"]
+        return sympy.Max(sympy.Min(follow, p["limit"]), -p["limit"])
+
+    @classmethod
+    def starts(cls, target, model, scales):
+        """Start from a fast to a slow actuator that follows small changes at once."""
+        quick = 2.0 * scales.sample_time
+        slews = (max(0.05 * scales.window, quick), 0.2 * scales.window, scales.window)
+        return tuple(cls(target, scales.peak[target] / slew, quick) for slew in slews)
+
+    @classmethod
+    def limits(cls, target, model, scales):
+        """Bound some of what is commanded, and follow no faster than the samples show."""
+        peak, step = scales.peak[target], scales.sample_time
+        return {
+            "limit": (0.02 * peak / scales.window, peak / step),
+            "time_constant": (0.5 * step, 2.0 * scales.window),
+        }
+
+
+@dataclass(frozen=True)
+class InputBacklash(ActuatorEffect):
+    r"""Play between the command and the machine.
+
+    .. math:: T\,\dot u_a = \max(u - u_a - w, 0) + \min(u - u_a + w, 0)
+
+    Parameters
+    ----------
+    target : str
+        The input.
+    width : float, default=0
+        Half of the play, :math:`w` [input].
+    time_constant : float, default=1
+        Time constant :math:`T` [s] of the contact.
+
+    Examples
+    --------
+    >>> InputBacklash("u", width=0.1, time_constant=0.01).names()
+    {'width': 'wb_u', 'time_constant': 'Tb_u'}
+    """
+
+    width: float = quantity("wb", "{target}", low=0.0)
+    time_constant: float = quantity("Tb", "s", default=1.0, low=1e-9)
+    id = "input_backlash"
+    generalises = ("actuator_lag",)
+    summary = "Play: after a reversal the command must go some way before the machine follows."
+    check = "Reverse the command slowly: nothing moves over twice the half-width."
+    ending = "_engaged"
+
+    def rate(self, u, acting, p):
+        """Give the rate in contact, none within the play."""
+        gap, w = u - acting, p["width"]
+        return (sympy.Max(gap - w, 0) + sympy.Min(gap + w, 0)) / p["time_constant"]
+
+    @classmethod
+    def starts(cls, target, model, scales):
+        """Start from a small to a wide play in stiff contact."""
+        quick = scales.sample_time
+        return tuple(cls(target, share * scales.peak[target], quick) for share in (0.03, 0.15, 0.4))
+
+    @classmethod
+    def limits(cls, target, model, scales):
+        """Keep the play narrower than the command, and the contact stiff."""
+        step = scales.sample_time
+        return {
+            "width": (0.0, 0.95 * scales.peak[target]),
+            "time_constant": (0.5 * step, max(5.0 * step, 0.1 * scales.window)),
+        }
+
+
+#: how the names of actuators' own states end, after the input's
+ACTUATOR_STATES = tuple(kind.ending for kind in (ActuatorLag, InputRateLimit, InputBacklash))

@@ -2,7 +2,10 @@
 
 from dataclasses import dataclass
 
+import sympy
+
 from sklearn_pgnn.physics.effect import Effect, quantity
+from sklearn_pgnn.physics.effects.inputs import delays_to_try
 
 
 @dataclass(frozen=True)
@@ -87,3 +90,121 @@ class SensorGain(OutputEffect):
     def starts(cls, target, model, scales):
         """Start without an error."""
         return (cls(target),)
+
+
+@dataclass(frozen=True)
+class SensorSaturation(OutputEffect):
+    r"""A sensor that ends, :math:`\max(\min(y, y_+), y_-)`.
+
+    Parameters
+    ----------
+    target : str
+        The output.
+    upper, lower : float, default=1e9, -1e9
+        Ends of its range :math:`y_+, y_-` [output].
+
+    Examples
+    --------
+    >>> SensorSaturation("level", upper=10.0).names()
+    {'upper': 'yu_level', 'lower': 'yl_level'}
+    """
+
+    upper: float = quantity("yu", "{target}", default=1e9)
+    lower: float = quantity("yl", "{target}", default=-1e9)
+    id = "sensor_saturation"
+    summary = "The sensor's range ends before the motion does: the reading is cut."
+    check = "Look for stretches in which the reading stays at one extreme value."
+
+    def shown(self, y, p):
+        """Give y within the range."""
+        return sympy.Max(sympy.Min(y, p["upper"]), p["lower"])
+
+    @classmethod
+    def starts(cls, target, model, scales):
+        """Start with an end above, below, or both."""
+        peak = scales.peak[target]
+        places = ((0.97, -1.0), (1.0, -0.97), (0.97, -0.97), (0.8, -1.0), (1.0, -0.8), (0.7, -0.7))
+        return tuple(cls(target, high * peak, low * peak) for high, low in places)
+
+    @classmethod
+    def limits(cls, target, model, scales):
+        """Keep the ends where the reading goes."""
+        peak = scales.peak[target]
+        return {"upper": (-0.95 * peak, peak), "lower": (-peak, 0.95 * peak)}
+
+
+@dataclass(frozen=True)
+class SensorRectification(OutputEffect):
+    r"""A sensor that sees a magnitude only, :math:`|y|`.
+
+    Parameters
+    ----------
+    target : str
+        The output.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.physics import PhysicsModel
+    >>> lag = PhysicsModel({"v": "m/s"}, {"v": "(u - v)/T"}, {"T": 2.0}, {"u": "V"})
+    >>> print((lag + SensorRectification("v")).to_text())
+    v' = (u - v)/T
+    """
+
+    id = "sensor_rectification"
+    summary = "The sensor shows the magnitude without the sign: a pulse counter, a rectifier."
+    check = "Run the machine backward: the reading does not change its sign."
+
+    def shown(self, y, p):
+        """Give abs(y)."""
+        return sympy.Abs(y)
+
+    @classmethod
+    def starts(cls, target, model, scales):
+        """Start as it is: there is nothing to fit."""
+        return (cls(target),)
+
+
+@dataclass(frozen=True)
+class SensorDelay(Effect):
+    r"""A sensor that shows what was some time ago, :math:`y(t - \tau)`.
+
+    Seen from the only sensor of a machine, all of its inputs act late: the states of the extended
+    model are those that the sensor shows at the time, :math:`x(t - \tau)`.
+
+    Parameters
+    ----------
+    target : str
+        The output.
+    delay : float, default=0
+        Delay :math:`\tau` [s].
+
+    Examples
+    --------
+    >>> SensorDelay("y", delay=0.02).names()
+    {'delay': 'tau_y'}
+    """
+
+    delay: float = quantity("tau", "s", low=0.0)
+    id = "sensor_delay"
+    summary = "The sensor is late: filtering, bus, transport from the machine to the probe."
+    check = "Give the machine a knock and compare the reading with a second, direct sensor."
+
+    @classmethod
+    def targets(cls, model):
+        """Name the output of a model with only one, whose inputs act at once."""
+        late = model.delays or not model.inputs or len(model.outputs) > 1
+        return () if late else tuple(model.outputs)
+
+    def rewrite(self, model, p):
+        """Let every input act late."""
+        return {"delays": {name: str(p["delay"]) for name in model.inputs}}
+
+    @classmethod
+    def starts(cls, target, model, scales):
+        """Start from one sample to a fifth of a window."""
+        return tuple(cls(target, delay) for delay in delays_to_try(scales))
+
+    @classmethod
+    def limits(cls, target, model, scales):
+        """Stay below half a window."""
+        return {"delay": (0.0, 0.5 * scales.window)}

@@ -3,7 +3,9 @@
 import math
 from dataclasses import dataclass, replace
 
-from sklearn_pgnn.physics.effect import Effect
+from sklearn_pgnn.physics.effect import Effect, quantity
+from sklearn_pgnn.physics.effects.inputs import substitute
+from sklearn_pgnn.physics.expressions import TIME, symbol
 
 
 @dataclass(frozen=True)
@@ -59,3 +61,48 @@ class WrongParameter(Effect):
     def starts(cls, target, model, scales):
         """Start from the prior value."""
         return (cls(target),)
+
+
+@dataclass(frozen=True)
+class ParameterDrift(Effect):
+    r"""A parameter that changes during a record, :math:`p\,(1 + r\,t)`.
+
+    Parameters
+    ----------
+    target : str
+        The parameter.
+    rate : float, default=0
+        Relative change :math:`r` [1/s]; the time is that of the record.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.physics import PhysicsModel
+    >>> lag = PhysicsModel({"y": "V"}, {"y": "-y/T"}, {"T": 2.0})
+    >>> print((lag + ParameterDrift("T", rate=0.01)).to_text())
+    y' = -y/(T*(drift_T*t + 1))
+    """
+
+    rate: float = quantity("drift", "1/s")
+    id = "parameter_drift"
+    summary = "This number changes while the record runs: warming up, wear, a tank that empties."
+    check = "Identify it from the first and from the last part of a long record."
+
+    @classmethod
+    def targets(cls, model):
+        """Name the parameters that are not fixed."""
+        return model.free_parameters
+
+    def rewrite(self, model, p):
+        """Put the changing value for the parameter."""
+        parameter = symbol(self.target)
+        return substitute(model, parameter, parameter * (1 + p["rate"] * TIME))
+
+    @classmethod
+    def starts(cls, target, model, scales):
+        """Start without a change."""
+        return (cls(target),)
+
+    @classmethod
+    def limits(cls, target, model, scales):
+        """Keep the parameter's sign to the end of the longest record."""
+        return {"rate": (-0.95 / scales.duration, 20.0 / scales.duration)}

@@ -1,13 +1,11 @@
-"""Effects on the rate of a velocity: friction, springs, loads."""
+"""Effects on the rate of a velocity: what they share, and forces from outside."""
 
 from dataclasses import dataclass
-from types import MappingProxyType
 
-import numpy as np
 import sympy
 
 from sklearn_pgnn.physics.effect import Effect, quantity
-from sklearn_pgnn.physics.expressions import symbol
+from sklearn_pgnn.physics.expressions import TIME, symbol
 
 #: units that make a state a velocity even where no other state is its integral
 SPEED_UNITS = frozenset(
@@ -17,17 +15,31 @@ SPEED_UNITS = frozenset(
 FORCE_UNITS = {"kg": "N", "kg m^2": "N m", "kg*m^2": "N m", "kg m²": "N m", "t": "kN"}
 
 
+def positions(model) -> dict[str, str]:
+    """Give the position of every velocity that has one; bounds on its rate do not part them."""
+    moving = {symbol(name) for name in (*model.states, *model.inputs)}
+    found = {}
+    for position, rate in model.equations.items():
+        leaves = [leaf for leaf in _leaves(rate) if leaf.free_symbols & moving]
+        if len(leaves) == 1 and str(leaves[0]) in model.states:
+            found[str(leaves[0])] = position
+    return found
+
+
+def _leaves(rate):
+    """Give what is compared in nested maxima and minima, else the rate itself."""
+    if isinstance(rate, sympy.Max | sympy.Min):
+        return [leaf for part in rate.args for leaf in _leaves(part)]
+    return [rate]
+
+
 def is_velocity(model, state: str) -> bool:
-    """Tell whether a state is a velocity: by a kinematic pair, an inertia or its unit."""
+    """Tell whether a state is a velocity: by a position, an inertia or its unit."""
     return (
-        state in model.kinematic_pairs
+        state in positions(model)
         or state in model.inertia
         or model.states[state].strip() in SPEED_UNITS
     )
-
-
-#: periods of a ripple that are looked for within the travel
-MOST_CYCLES = 40.0
 
 
 @dataclass(frozen=True)
@@ -50,7 +62,7 @@ class RateEffect(Effect):
     def rewrite(self, model, p):
         """Subtract the force, divided by the inertia, from the target's rate."""
         v = symbol(self.target)
-        pair = model.kinematic_pairs.get(self.target)
+        pair = positions(model).get(self.target)
         position = None if pair is None else symbol(pair)
         force = self.force(v, position, p)
         inertia = model.inertia.get(self.target, sympy.Integer(1))
@@ -71,7 +83,7 @@ class RateEffect(Effect):
     def units(self, model):
         """Give the units of force, velocity and position at the target."""
         velocity = model.unit(self.target)
-        pair = model.kinematic_pairs.get(self.target)
+        pair = positions(model).get(self.target)
         return {
             "force": force_unit(model, self.target),
             "velocity": velocity,
@@ -107,290 +119,16 @@ class PositionEffect(RateEffect):
     @classmethod
     def targets(cls, model):
         """Name the velocities of kinematic pairs."""
-        return tuple(state for state in model.states if state in model.kinematic_pairs)
+        return tuple(state for state in model.states if state in positions(model))
 
 
-def _force_scale(target, model, scales):
+def force_scale(target, model, scales) -> float:
     """Give the force that makes up the typical rate of the target."""
     inertia = model.inertia.get(target, sympy.Integer(1))
     values = {symbol(n): p.value for n, p in model.parameters.items()}
     value = inertia.subs(values)
     size = abs(float(value)) if value.is_number else 1.0
     return size * scales.rate[target]
-
-
-@dataclass(frozen=True)
-class ViscousFriction(RateEffect):
-    r"""Friction in proportion to the velocity, :math:`F = d\,v`.
-
-    Parameters
-    ----------
-    target : str
-        The velocity.
-    coefficient : float, default=0
-        Damping :math:`d` [force per velocity].
-
-    Examples
-    --------
-    >>> from sklearn_pgnn.physics import PhysicsModel
-    >>> cart = PhysicsModel({"v": "m/s"}, {"v": "F/m"}, {"m": 2.0}, {"F": "N"}, inertia={"v": "m"})
-    >>> print((cart + ViscousFriction("v", coefficient=0.5)).to_text())
-    v' = (F - d_v*v)/m
-    """
-
-    coefficient: float = quantity("d", "{force}/({velocity})", low=0.0)
-    id = "viscous_friction"
-    summary = "Friction that grows in proportion to the velocity (oil, bearings, back-EMF)."
-    check = "Coast down from several speeds: the speed decays exponentially."
-
-    def force(self, v, position, p):
-        """Give d*v."""
-        return p["coefficient"] * v
-
-    @classmethod
-    def starts(cls, target, model, scales):
-        """Start without friction."""
-        return (cls(target),)
-
-
-@dataclass(frozen=True)
-class CoulombFriction(RateEffect):
-    r"""Dry friction of constant level, :math:`F = F_c\,\mathrm{sign}(v)`.
-
-    The simulation treats the jump at rest exactly: below the level the target sticks.
-
-    Parameters
-    ----------
-    target : str
-        The velocity.
-    level : float, default=0
-        Friction level :math:`F_c` [force].
-
-    Examples
-    --------
-    >>> from sklearn_pgnn.physics import PhysicsModel
-    >>> cart = PhysicsModel({"v": "m/s"}, {"v": "F/m"}, {"m": 2.0}, {"F": "N"}, inertia={"v": "m"})
-    >>> print((cart + CoulombFriction("v", level=0.5)).to_text())
-    v' = (F - Fc_v*sign(v))/m
-    """
-
-    level: float = quantity("Fc", "{force}", low=0.0)
-    id = "coulomb_friction"
-    summary = "Dry friction: a force of constant size against the direction of motion."
-    check = "Raise the drive slowly from rest: nothing moves up to the friction level."
-
-    def force(self, v, position, p):
-        """Give Fc*sign(v)."""
-        return p["level"] * sympy.sign(v)
-
-    @classmethod
-    def starts(cls, target, model, scales):
-        """Start at two small levels."""
-        force = _force_scale(target, model, scales)
-        return (cls(target, 0.02 * force), cls(target, 0.2 * force))
-
-
-@dataclass(frozen=True)
-class StribeckFriction(RateEffect):
-    r"""Dry friction with a peak at rest.
-
-    .. math:: F = \left(F_c + (F_s - F_c)\, e^{-(v/v_s)^2}\right) \mathrm{sign}(v)
-
-    Parameters
-    ----------
-    target : str
-        The velocity.
-    level : float, default=0
-        Sliding friction :math:`F_c` [force].
-    peak : float, default=0
-        Static friction above sliding friction, :math:`F_s - F_c` [force].
-    velocity : float, default=1
-        Stribeck velocity :math:`v_s`, over which the peak fades.
-
-    References
-    ----------
-    .. [1] B. Armstrong-Helouvry, P. Dupont, C. Canudas de Wit, "A survey of models, analysis
-       tools and compensation methods for the control of machines with friction", Automatica
-       30(7), 1994, :doi:`10.1016/0005-1098(94)90209-7`.
-
-    Examples
-    --------
-    >>> StribeckFriction("omega", level=0.05, peak=0.03, velocity=0.1).names()
-    {'level': 'Fk_omega', 'peak': 'Fp_omega', 'velocity': 'vs_omega'}
-    """
-
-    level: float = quantity("Fk", "{force}", low=0.0)
-    peak: float = quantity("Fp", "{force}", low=0.0)
-    velocity: float = quantity("vs", "{velocity}", default=1.0, low=0.0)
-    id = "stribeck_friction"
-    generalises = ("coulomb_friction",)
-    summary = "Dry friction that is higher at rest and low speed than when sliding (stick-slip)."
-    check = "Drive at constant low speeds: the force falls as the speed rises, or motion jerks."
-
-    def force(self, v, position, p):
-        """Give the Stribeck curve."""
-        fading = sympy.exp(-((v / p["velocity"]) ** 2))
-        return (p["level"] + p["peak"] * fading) * sympy.sign(v)
-
-    @classmethod
-    def starts(cls, target, model, scales):
-        """Start from narrow to wide peaks."""
-        force, v = _force_scale(target, model, scales), scales.typical[target]
-        return tuple(cls(target, 0.02 * force, 0.05 * force, share * v) for share in (0.1, 0.5))
-
-    @classmethod
-    def limits(cls, target, model, scales):
-        """Keep the peak narrower than the speeds seen and wider than their finest part."""
-        return {"velocity": (0.005 * scales.typical[target], 2.0 * scales.typical[target])}
-
-
-@dataclass(frozen=True)
-class AsymmetricFriction(RateEffect):
-    r"""Dry and viscous friction that differ by direction.
-
-    .. math:: F = F_+ + d_+ v \;(v > 0), \qquad F = -F_- + d_- v \;(v < 0)
-
-    Parameters
-    ----------
-    target : str
-        The velocity.
-    level_forward, level_backward : float, default=0
-        Friction levels :math:`F_+, F_-` [force].
-    viscous_forward, viscous_backward : float, default=0
-        Damping :math:`d_+, d_-` [force per velocity].
-
-    Examples
-    --------
-    >>> AsymmetricFriction("v", 3.0, 2.0).id
-    'asymmetric_friction'
-    """
-
-    level_forward: float = quantity("Fcp", "{force}", low=0.0)
-    level_backward: float = quantity("Fcn", "{force}", low=0.0)
-    viscous_forward: float = quantity("dp", "{force}/({velocity})")
-    viscous_backward: float = quantity("dn", "{force}/({velocity})")
-    id = "asymmetric_friction"
-    generalises = ("coulomb_friction", "viscous_friction", "constant_load")
-    shared = MappingProxyType({"coulomb_friction": ("level_forward", "level_backward")})
-    summary = "Friction that is different in the two directions of motion."
-    check = "Run at the same speed forward and backward and compare the force."
-
-    def force(self, v, position, p):
-        """Give the two half-lines as even and odd parts."""
-        fp, fn = p["level_forward"], p["level_backward"]
-        dp, dn = p["viscous_forward"], p["viscous_backward"]
-        dry = (fp - fn) / 2 + (fp + fn) / 2 * sympy.sign(v)
-        return dry + (dp + dn) / 2 * v + (dp - dn) / 2 * sympy.Abs(v)
-
-    @classmethod
-    def starts(cls, target, model, scales):
-        """Start at a small symmetric level."""
-        force = 0.02 * _force_scale(target, model, scales)
-        return (cls(target, force, force),)
-
-
-@dataclass(frozen=True)
-class QuadraticDrag(RateEffect):
-    r"""Drag that grows with the square of the velocity, :math:`F = c\,v|v|`.
-
-    Parameters
-    ----------
-    target : str
-        The velocity.
-    coefficient : float, default=0
-        Drag :math:`c` [force per velocity squared].
-
-    Examples
-    --------
-    >>> QuadraticDrag("v", coefficient=0.3).names()
-    {'coefficient': 'cq_v'}
-    """
-
-    coefficient: float = quantity("cq", "{force}/({velocity})^2", low=0.0)
-    id = "quadratic_drag"
-    summary = "Drag of a fluid or a fan: it grows with the square of the speed."
-    check = "Hold several high speeds and plot the force over the speed squared."
-
-    def force(self, v, position, p):
-        """Give c*v*abs(v)."""
-        return p["coefficient"] * v * sympy.Abs(v)
-
-    @classmethod
-    def starts(cls, target, model, scales):
-        """Start without drag."""
-        return (cls(target),)
-
-
-@dataclass(frozen=True)
-class LinearStiffness(PositionEffect):
-    r"""A spring, :math:`F = k\,x`.
-
-    Parameters
-    ----------
-    target : str
-        The velocity whose position the spring holds.
-    stiffness : float, default=0
-        Stiffness :math:`k` [force per position].
-
-    Examples
-    --------
-    >>> LinearStiffness("v", stiffness=50.0).names()
-    {'stiffness': 'k_v'}
-    """
-
-    stiffness: float = quantity("k", "{force}/({position})")
-    id = "linear_stiffness"
-    summary = "A spring, a cable or a gravity slope: a force in proportion to the position."
-    check = "Hold several positions at rest and plot the force over the position."
-
-    def force(self, v, position, p):
-        """Give k*x."""
-        return p["stiffness"] * position
-
-    def potential(self, position, p):
-        """Give k*x^2/2."""
-        return p["stiffness"] * position**2 / 2
-
-    @classmethod
-    def starts(cls, target, model, scales):
-        """Start without a spring."""
-        return (cls(target),)
-
-
-@dataclass(frozen=True)
-class CubicStiffness(PositionEffect):
-    r"""A hardening or softening spring, :math:`F = k_3\,x^3`.
-
-    Parameters
-    ----------
-    target : str
-        The velocity whose position the spring holds.
-    stiffness : float, default=0
-        Stiffness :math:`k_3` [force per position cubed].
-
-    Examples
-    --------
-    >>> CubicStiffness("v", stiffness=50.0).names()
-    {'stiffness': 'k3_v'}
-    """
-
-    stiffness: float = quantity("k3", "{force}/({position})^3")
-    id = "cubic_stiffness"
-    summary = "A spring that hardens (or softens) with the deflection."
-    check = "Compare the resonance frequency at small and at large amplitude."
-
-    def force(self, v, position, p):
-        """Give k3*x^3."""
-        return p["stiffness"] * position**3
-
-    def potential(self, position, p):
-        """Give k3*x^4/4."""
-        return p["stiffness"] * position**4 / 4
-
-    @classmethod
-    def starts(cls, target, model, scales):
-        """Start without the cubic part."""
-        return (cls(target),)
 
 
 @dataclass(frozen=True)
@@ -426,46 +164,43 @@ class ConstantLoad(RateEffect):
 
 
 @dataclass(frozen=True)
-class Cogging(PositionEffect):
-    r"""A force periodic in the position, :math:`F = A\sin(2\pi x/P) + B\cos(2\pi x/P)`.
+class PeriodicDisturbance(RateEffect):
+    r"""A force that is periodic in time, :math:`F = A\sin(2\pi f t) + B\cos(2\pi f t)`.
 
     Parameters
     ----------
     target : str
-        The velocity whose position the force depends on.
+        The velocity.
     sine, cosine : float, default=0
-        Amplitudes :math:`A, B` [force].
-    period : float, default=1
-        Period :math:`P` [position].
+        Amplitudes :math:`A, B` [force]; the time is that of the record.
+    frequency : float, default=1
+        Frequency :math:`f` [Hz].
 
     Examples
     --------
-    >>> Cogging("omega", sine=0.1, period=0.5).names()
-    {'sine': 'As_omega', 'cosine': 'Ac_omega', 'period': 'P_omega'}
+    >>> PeriodicDisturbance("v", sine=0.3, frequency=4.0).names()
+    {'sine': 'Ds_v', 'cosine': 'Dc_v', 'frequency': 'f_v'}
     """
 
-    sine: float = quantity("As", "{force}")
-    cosine: float = quantity("Ac", "{force}")
-    period: float = quantity("P", "{position}", default=1.0, low=0.0)
-    id = "cogging"
-    summary = "A ripple that repeats with the position: cogging of a motor, an eccentric gear."
-    check = "Move slowly over the whole range: the force repeats at the same positions."
+    sine: float = quantity("Ds", "{force}")
+    cosine: float = quantity("Dc", "{force}")
+    frequency: float = quantity("f", "Hz", default=1.0, low=0.0)
+    id = "periodic_disturbance"
+    summary = "A force that repeats in time whatever the machine does: a fan, a pump, the mains."
+    check = "Hold the machine still and look for a line in the spectrum of the force or position."
 
     def force(self, v, position, p):
-        """Give the first harmonic."""
-        angle = 2 * sympy.pi * position / p["period"]
+        """Give the wave."""
+        angle = 2 * sympy.pi * p["frequency"] * TIME
         return p["sine"] * sympy.sin(angle) + p["cosine"] * sympy.cos(angle)
 
     @classmethod
     def starts(cls, target, model, scales):
-        """Start at every period that the travel can tell from its neighbours."""
-        travel = 2 * scales.peak[model.kinematic_pairs[target]]
-        force = 1e-3 * _force_scale(target, model, scales)
-        cycles = np.arange(1.5, MOST_CYCLES, 0.35)
-        return tuple(cls(target, force, force, travel / count) for count in cycles)
+        """Start at the lines in the spectrum of the missing rate."""
+        force = 0.02 * force_scale(target, model, scales)
+        return tuple(cls(target, force, force, line) for line in scales.tones.get(target, ()))
 
     @classmethod
     def limits(cls, target, model, scales):
-        """Keep at least one and a half periods within the travel."""
-        travel = 2 * scales.peak[model.kinematic_pairs[target]]
-        return {"period": (travel / (2 * MOST_CYCLES), travel / 1.5)}
+        """Stay below half the sampling rate."""
+        return {"frequency": (0.0, 0.5 / scales.sample_time)}

@@ -1,0 +1,285 @@
+"""Friction on a velocity: viscous, dry, by direction, with hysteresis; drag."""
+
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import sympy
+
+from sklearn_pgnn.physics.effect import quantity
+from sklearn_pgnn.physics.effects.rates import PositionEffect, RateEffect, force_scale, positions
+from sklearn_pgnn.physics.expressions import symbol
+
+
+@dataclass(frozen=True)
+class ViscousFriction(RateEffect):
+    r"""Friction in proportion to the velocity, :math:`F = d\,v`.
+
+    Parameters
+    ----------
+    target : str
+        The velocity.
+    coefficient : float, default=0
+        Damping :math:`d` [force per velocity].
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.physics import PhysicsModel
+    >>> cart = PhysicsModel({"v": "m/s"}, {"v": "F/m"}, {"m": 2.0}, {"F": "N"}, inertia={"v": "m"})
+    >>> print((cart + ViscousFriction("v", coefficient=0.5)).to_text())
+    v' = (F - d_v*v)/m
+    """
+
+    coefficient: float = quantity("d", "{force}/({velocity})", low=0.0)
+    id = "viscous_friction"
+    summary = "Friction that grows in proportion to the velocity (oil, bearings, back-EMF)."
+    check = "Coast down from several speeds: the speed decays exponentially."
+
+    def force(self, v, position, p):
+        """Give d*v."""
+        return p["coefficient"] * v
+
+    @classmethod
+    def starts(cls, target, model, scales):
+        """Start without friction."""
+        return (cls(target),)
+
+
+@dataclass(frozen=True)
+class CoulombFriction(RateEffect):
+    r"""Dry friction of constant level, :math:`F = F_c\,\mathrm{sign}(v)`.
+
+    The simulation treats the jump at rest exactly: below the level the target sticks.
+
+    Parameters
+    ----------
+    target : str
+        The velocity.
+    level : float, default=0
+        Friction level :math:`F_c` [force].
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.physics import PhysicsModel
+    >>> cart = PhysicsModel({"v": "m/s"}, {"v": "F/m"}, {"m": 2.0}, {"F": "N"}, inertia={"v": "m"})
+    >>> print((cart + CoulombFriction("v", level=0.5)).to_text())
+    v' = (F - Fc_v*sign(v))/m
+    """
+
+    level: float = quantity("Fc", "{force}", low=0.0)
+    id = "coulomb_friction"
+    summary = "Dry friction: a force of constant size against the direction of motion."
+    check = "Raise the drive slowly from rest: nothing moves up to the friction level."
+
+    def force(self, v, position, p):
+        """Give Fc*sign(v)."""
+        return p["level"] * sympy.sign(v)
+
+    @classmethod
+    def starts(cls, target, model, scales):
+        """Start at two small levels."""
+        force = force_scale(target, model, scales)
+        return (cls(target, 0.02 * force), cls(target, 0.2 * force))
+
+
+@dataclass(frozen=True)
+class StribeckFriction(RateEffect):
+    r"""Dry friction with a peak at rest.
+
+    .. math:: F = \left(F_c + (F_s - F_c)\, e^{-(v/v_s)^2}\right) \mathrm{sign}(v)
+
+    Parameters
+    ----------
+    target : str
+        The velocity.
+    level : float, default=0
+        Sliding friction :math:`F_c` [force].
+    peak : float, default=0
+        Static friction above sliding friction, :math:`F_s - F_c` [force].
+    velocity : float, default=1
+        Stribeck velocity :math:`v_s`, over which the peak fades.
+
+    References
+    ----------
+    .. [1] B. Armstrong-Helouvry, P. Dupont, C. Canudas de Wit, "A survey of models, analysis
+       tools and compensation methods for the control of machines with friction", Automatica
+       30(7), 1994, :doi:`10.1016/0005-1098(94)90209-7`.
+
+    Examples
+    --------
+    >>> StribeckFriction("omega", level=0.05, peak=0.03, velocity=0.1).names()
+    {'level': 'Fk_omega', 'peak': 'Fp_omega', 'velocity': 'vs_omega'}
+    """
+
+    level: float = quantity("Fk", "{force}", low=0.0)
+    peak: float = quantity("Fp", "{force}", low=0.0)
+    velocity: float = quantity("vs", "{velocity}", default=1.0, low=0.0)
+    id = "stribeck_friction"
+    generalises = ("coulomb_friction",)
+    summary = "Dry friction that is higher at rest and low speed than when sliding (stick-slip)."
+    check = "Drive at constant low speeds: the force falls as the speed rises, or motion jerks."
+
+    def force(self, v, position, p):
+        """Give the Stribeck curve."""
+        fading = sympy.exp(-((v / p["velocity"]) ** 2))
+        return (p["level"] + p["peak"] * fading) * sympy.sign(v)
+
+    @classmethod
+    def starts(cls, target, model, scales):
+        """Start from narrow to wide peaks."""
+        force, v = force_scale(target, model, scales), scales.typical[target]
+        return tuple(cls(target, 0.02 * force, 0.05 * force, share * v) for share in (0.1, 0.5))
+
+    @classmethod
+    def limits(cls, target, model, scales):
+        """Keep the peak narrower than the speeds seen and wider than their finest part."""
+        return {"velocity": (0.005 * scales.typical[target], 2.0 * scales.typical[target])}
+
+
+@dataclass(frozen=True)
+class AsymmetricFriction(RateEffect):
+    r"""Dry and viscous friction that differ by direction.
+
+    .. math:: F = F_+ + d_+ v \;(v > 0), \qquad F = -F_- + d_- v \;(v < 0)
+
+    Parameters
+    ----------
+    target : str
+        The velocity.
+    level_forward, level_backward : float, default=0
+        Friction levels :math:`F_+, F_-` [force].
+    viscous_forward, viscous_backward : float, default=0
+        Damping :math:`d_+, d_-` [force per velocity].
+
+    Examples
+    --------
+    >>> AsymmetricFriction("v", 3.0, 2.0).id
+    'asymmetric_friction'
+    """
+
+    level_forward: float = quantity("Fcp", "{force}", low=0.0)
+    level_backward: float = quantity("Fcn", "{force}", low=0.0)
+    viscous_forward: float = quantity("dp", "{force}/({velocity})")
+    viscous_backward: float = quantity("dn", "{force}/({velocity})")
+    id = "asymmetric_friction"
+    generalises = ("coulomb_friction", "viscous_friction", "constant_load")
+    shared = MappingProxyType({"coulomb_friction": ("level_forward", "level_backward")})
+    summary = "Friction that is different in the two directions of motion."
+    check = "Run at the same speed forward and backward and compare the force."
+
+    def force(self, v, position, p):
+        """Give the two half-lines as even and odd parts."""
+        fp, fn = p["level_forward"], p["level_backward"]
+        dp, dn = p["viscous_forward"], p["viscous_backward"]
+        dry = (fp - fn) / 2 + (fp + fn) / 2 * sympy.sign(v)
+        return dry + (dp + dn) / 2 * v + (dp - dn) / 2 * sympy.Abs(v)
+
+    @classmethod
+    def starts(cls, target, model, scales):
+        """Start at a small symmetric level."""
+        force = 0.02 * force_scale(target, model, scales)
+        return (cls(target, force, force),)
+
+
+@dataclass(frozen=True)
+class QuadraticDrag(RateEffect):
+    r"""Drag that grows with the square of the velocity, :math:`F = c\,v|v|`.
+
+    Parameters
+    ----------
+    target : str
+        The velocity.
+    coefficient : float, default=0
+        Drag :math:`c` [force per velocity squared].
+
+    Examples
+    --------
+    >>> QuadraticDrag("v", coefficient=0.3).names()
+    {'coefficient': 'cq_v'}
+    """
+
+    coefficient: float = quantity("cq", "{force}/({velocity})^2", low=0.0)
+    id = "quadratic_drag"
+    summary = "Drag of a fluid or a fan: it grows with the square of the speed."
+    check = "Hold several high speeds and plot the force over the speed squared."
+
+    def force(self, v, position, p):
+        """Give c*v*abs(v)."""
+        return p["coefficient"] * v * sympy.Abs(v)
+
+    @classmethod
+    def starts(cls, target, model, scales):
+        """Start without drag."""
+        return (cls(target),)
+
+
+@dataclass(frozen=True)
+class Hysteresis(PositionEffect):
+    r"""A force that remembers the way it came: Bouc and Wen's model, normalised.
+
+    .. math::
+        F = F_h\,\zeta, \qquad
+        \dot\zeta = \frac{1}{x_y} \left(v - (1 - s)\,|v|\,\zeta - s\,v\,|\zeta|\right)
+
+    The force reaches :math:`\pm F_h` when the motion has gone on for some yield deflections; below
+    it acts as a spring of stiffness :math:`F_h/x_y`.
+
+    Parameters
+    ----------
+    target : str
+        The velocity.
+    level : float, default=0
+        Largest force :math:`F_h` [force].
+    deflection : float, default=1
+        Yield deflection :math:`x_y` [position].
+    shape : float, default=0.5
+        How unloading differs from loading, :math:`s` [-]: 0 gives Dahl's friction, 0.5 unloads
+        along a straight line.
+
+    References
+    ----------
+    .. [1] Y.-K. Wen, "Method for random vibration of hysteretic systems", Journal of the
+       Engineering Mechanics Division 102(2), 1976, :doi:`10.1061/JMCEA3.0002106`.
+
+    Examples
+    --------
+    >>> Hysteresis("v", level=3.0, deflection=0.01).names()
+    {'level': 'Fh_v', 'deflection': 'xy_v', 'shape': 'sh_v'}
+    """
+
+    level: float = quantity("Fh", "{force}", low=0.0)
+    deflection: float = quantity("xy", "{position}", default=1.0, low=1e-12)
+    shape: float = quantity("sh", "", default=0.5, low=-0.5, high=1.0)
+    id = "hysteresis"
+    summary = "A force that lags the position and closes a loop: presliding, rubber, cables, gears."
+    check = "Move slowly to and fro over small strokes: force over position encloses an area."
+
+    def force(self, v, position, p):
+        """Give the largest force times the state of the hysteresis."""
+        return p["level"] * symbol(self.state)
+
+    @property
+    def state(self) -> str:
+        """Name the state that remembers."""
+        return f"zeta_{self.target}"
+
+    def rewrite(self, model, p):
+        """Subtract the force and add the state that remembers."""
+        changes = super().rewrite(model, p)
+        v, zeta = symbol(self.target), symbol(self.state)
+        bend = (1 - p["shape"]) * sympy.Abs(v) * zeta + p["shape"] * v * sympy.Abs(zeta)
+        changes["equations"][self.state] = (v - bend) / p["deflection"]
+        changes["states"] = {**model.states, self.state: ""}
+        return changes
+
+    @classmethod
+    def starts(cls, target, model, scales):
+        """Start from a small to a large deflection."""
+        force = 0.1 * force_scale(target, model, scales)
+        travel = scales.typical[positions(model)[target]]
+        return tuple(cls(target, force, share * travel) for share in (0.02, 0.1, 0.5))
+
+    @classmethod
+    def limits(cls, target, model, scales):
+        """Keep the deflection below the travel, and wider than the way of one sample."""
+        travel, step = scales.typical[positions(model)[target]], scales.sample_time
+        return {"deflection": (max(0.002 * travel, step * scales.typical[target]), 2.0 * travel)}

@@ -1,0 +1,164 @@
+"""Effects on any rate: bounds on it and on its state, and a linear loss."""
+
+from dataclasses import dataclass
+
+import sympy
+
+from sklearn_pgnn.physics.effect import Effect, quantity
+from sklearn_pgnn.physics.effects.rates import is_velocity, positions
+from sklearn_pgnn.physics.expressions import symbol
+
+
+def _bounded(value, limit):
+    """Keep a value between minus a limit and the limit."""
+    return sympy.Max(sympy.Min(value, limit), -limit)
+
+
+@dataclass(frozen=True)
+class StateEffect(Effect):
+    """A state whose rate is replaced by an expression of it."""
+
+    @classmethod
+    def targets(cls, model):
+        """Name the states of first order: neither velocities nor their positions."""
+        known = set(positions(model).values())
+        return tuple(s for s in model.states if s not in known and not is_velocity(model, s))
+
+    def rate(self, state, rate, p):
+        """Give the new rate from the state and its old rate."""
+        raise NotImplementedError
+
+    def rewrite(self, model, p):
+        """Replace the target's rate."""
+        old = model.equations[self.target]
+        new = self.rate(symbol(self.target), old, p)
+        return {"equations": {**model.equations, self.target: new}}
+
+    def units(self, model):
+        """Give the units of the state and of its rate."""
+        unit = model.unit(self.target)
+        rate = f"{unit}/s" if unit else "1/s"
+        return {"target": unit, "rate": {"m/s/s": "m/s^2", "rad/s/s": "rad/s^2"}.get(rate, rate)}
+
+
+@dataclass(frozen=True)
+class RateLimit(StateEffect):
+    r"""A state that cannot change faster than a limit, :math:`|\dot x| \le R`.
+
+    Parameters
+    ----------
+    target : str
+        The state.
+    limit : float, default=1e9
+        Limit :math:`R` [state per second].
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.physics import PhysicsModel
+    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
+    >>> print((lag + RateLimit("y", limit=0.5)).to_text())
+    y' = max(-R_y, min(R_y, (u - y)/T))
+    """
+
+    limit: float = quantity("R", "{rate}", default=1e9, low=0.0)
+    id = "rate_limit"
+    summary = "The state cannot change faster than a limit: flow, power or current at its end."
+    check = "Command steps of growing size: the slope of the response stops growing."
+
+    @classmethod
+    def targets(cls, model):
+        """Name all states."""
+        return tuple(model.states)
+
+    def rate(self, state, rate, p):
+        """Give the rate, bounded."""
+        return _bounded(rate, p["limit"])
+
+    @classmethod
+    def starts(cls, target, model, scales):
+        """Start from a light to a heavy cut."""
+        return tuple(cls(target, share * scales.rate[target]) for share in (2.0, 1.0, 0.5))
+
+    @classmethod
+    def limits(cls, target, model, scales):
+        """Cut something."""
+        return {"limit": (0.05 * scales.rate[target], 10.0 * scales.rate[target])}
+
+
+@dataclass(frozen=True)
+class StateLimit(StateEffect):
+    r"""A state that cannot leave a range: a level that spills, a value at its stop.
+
+    .. math:: \dot x = \max(\min(f, (L - x)\,c), -(L + x)\,c)
+
+    Parameters
+    ----------
+    target : str
+        The state.
+    limit : float, default=1e9
+        Limit :math:`L` [state], of its magnitude.
+    steepness : float, default=1
+        How fast the state comes to rest at its limit, :math:`c` [1/s].
+
+    Examples
+    --------
+    >>> StateLimit("level", limit=12.0).names()
+    {'limit': 'L_level', 'steepness': 'cL_level'}
+    """
+
+    limit: float = quantity("L", "{target}", default=1e9, low=0.0)
+    steepness: float = quantity("cL", "1/s", default=1.0, low=0.0)
+    id = "state_limit"
+    summary = "The state cannot go beyond a limit: a tank that spills, a slider at its stop."
+    check = "Drive the machine to its end: the state stays there while the command goes on."
+
+    def rate(self, state, rate, p):
+        """Give the rate that comes to rest at the limits."""
+        top = (p["limit"] - state) * p["steepness"]
+        bottom = -(p["limit"] + state) * p["steepness"]
+        return sympy.Max(sympy.Min(rate, top), bottom)
+
+    @classmethod
+    def starts(cls, target, model, scales):
+        """Start from a light to a heavy limit."""
+        steepness = 0.3 / scales.sample_time
+        peak = scales.peak[target]
+        return tuple(cls(target, share * peak, steepness) for share in (0.95, 0.8, 0.6))
+
+    @classmethod
+    def limits(cls, target, model, scales):
+        """Bound something, and come to rest no faster than the samples show."""
+        steepness = (1.0 / scales.window, 1.0 / scales.sample_time)
+        return {"limit": (0.1 * scales.peak[target], scales.peak[target]), "steepness": steepness}
+
+
+@dataclass(frozen=True)
+class Leak(StateEffect):
+    r"""A loss in proportion to the state, :math:`\dot x = f - \lambda x`.
+
+    Parameters
+    ----------
+    target : str
+        The state.
+    coefficient : float, default=0
+        Loss :math:`\lambda` [1/s].
+
+    Examples
+    --------
+    >>> Leak("level", coefficient=0.01).names()
+    {'coefficient': 'lk_level'}
+    """
+
+    coefficient: float = quantity("lk", "1/s", low=0.0)
+    id = "leak"
+    summary = "The state loses what it holds, in proportion to it: a leak, a heat loss, a drain."
+    check = "Fill, shut everything and watch: the state falls exponentially."
+
+    def rate(self, state, rate, p):
+        """Give the rate less the loss."""
+        return rate - p["coefficient"] * state
+
+    @classmethod
+    def starts(cls, target, model, scales):
+        """Start tight."""
+        return (cls(target),)

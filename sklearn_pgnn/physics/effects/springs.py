@@ -1,0 +1,181 @@
+"""Forces that depend on the position: springs, ripple, end stops."""
+
+from dataclasses import dataclass
+
+import sympy
+
+from sklearn_pgnn.physics.effect import quantity
+from sklearn_pgnn.physics.effects.rates import PositionEffect, force_scale, positions
+
+#: most periods of a ripple within the travel
+MOST_CYCLES = 40.0
+
+
+@dataclass(frozen=True)
+class LinearStiffness(PositionEffect):
+    r"""A spring, :math:`F = k\,x`.
+
+    Parameters
+    ----------
+    target : str
+        The velocity whose position the spring holds.
+    stiffness : float, default=0
+        Stiffness :math:`k` [force per position].
+
+    Examples
+    --------
+    >>> LinearStiffness("v", stiffness=50.0).names()
+    {'stiffness': 'k_v'}
+    """
+
+    stiffness: float = quantity("k", "{force}/({position})")
+    id = "linear_stiffness"
+    summary = "A spring, a cable or a gravity slope: a force in proportion to the position."
+    check = "Hold several positions at rest and plot the force over the position."
+
+    def force(self, v, position, p):
+        """Give k*x."""
+        return p["stiffness"] * position
+
+    def potential(self, position, p):
+        """Give k*x^2/2."""
+        return p["stiffness"] * position**2 / 2
+
+    @classmethod
+    def starts(cls, target, model, scales):
+        """Start without a spring."""
+        return (cls(target),)
+
+
+@dataclass(frozen=True)
+class CubicStiffness(PositionEffect):
+    r"""A hardening or softening spring, :math:`F = k_3\,x^3`.
+
+    Parameters
+    ----------
+    target : str
+        The velocity whose position the spring holds.
+    stiffness : float, default=0
+        Stiffness :math:`k_3` [force per position cubed].
+
+    Examples
+    --------
+    >>> CubicStiffness("v", stiffness=50.0).names()
+    {'stiffness': 'k3_v'}
+    """
+
+    stiffness: float = quantity("k3", "{force}/({position})^3")
+    id = "cubic_stiffness"
+    summary = "A spring that hardens (or softens) with the deflection."
+    check = "Compare the resonance frequency at small and at large amplitude."
+
+    def force(self, v, position, p):
+        """Give k3*x^3."""
+        return p["stiffness"] * position**3
+
+    def potential(self, position, p):
+        """Give k3*x^4/4."""
+        return p["stiffness"] * position**4 / 4
+
+    @classmethod
+    def starts(cls, target, model, scales):
+        """Start without the cubic part."""
+        return (cls(target),)
+
+
+@dataclass(frozen=True)
+class Cogging(PositionEffect):
+    r"""A force periodic in the position, :math:`F = A\sin(2\pi x/P) + B\cos(2\pi x/P)`.
+
+    Parameters
+    ----------
+    target : str
+        The velocity whose position the force depends on.
+    sine, cosine : float, default=0
+        Amplitudes :math:`A, B` [force].
+    period : float, default=1
+        Period :math:`P` [position].
+
+    Examples
+    --------
+    >>> Cogging("omega", sine=0.1, period=0.5).names()
+    {'sine': 'As_omega', 'cosine': 'Ac_omega', 'period': 'P_omega'}
+    """
+
+    sine: float = quantity("As", "{force}")
+    cosine: float = quantity("Ac", "{force}")
+    period: float = quantity("P", "{position}", default=1.0, low=0.0)
+    id = "cogging"
+    summary = "A ripple that repeats with the position: cogging of a motor, an eccentric gear."
+    check = "Move slowly over the whole range: the force repeats at the same positions."
+
+    def force(self, v, position, p):
+        """Give the first harmonic."""
+        angle = 2 * sympy.pi * position / p["period"]
+        return p["sine"] * sympy.sin(angle) + p["cosine"] * sympy.cos(angle)
+
+    @classmethod
+    def starts(cls, target, model, scales):
+        """Start at the periods that stand out in the missing rate over the position."""
+        force = 0.02 * force_scale(target, model, scales)
+        return tuple(cls(target, force, force, period) for period in scales.ripples.get(target, ()))
+
+    @classmethod
+    def limits(cls, target, model, scales):
+        """Keep at least one and a half periods within the travel."""
+        travel = 2 * scales.peak[positions(model)[target]]
+        return {"period": (travel / (2 * MOST_CYCLES), travel / 1.5)}
+
+
+@dataclass(frozen=True)
+class EndStop(PositionEffect):
+    r"""Stiff stops at the ends of the travel.
+
+    .. math:: F = k \left(\max(x - x_+, 0) + \min(x - x_-, 0)\right)
+
+    Parameters
+    ----------
+    target : str
+        The velocity whose position the stops bound.
+    upper, lower : float, default=1e9, -1e9
+        Where the stops stand, :math:`x_+, x_-` [position].
+    stiffness : float, default=0
+        Their stiffness :math:`k` [force per position].
+
+    Examples
+    --------
+    >>> EndStop("v", upper=0.4, lower=-0.4, stiffness=1e4).names()
+    {'upper': 'xu_v', 'lower': 'xl_v', 'stiffness': 'ks_v'}
+    """
+
+    upper: float = quantity("xu", "{position}", default=1e9)
+    lower: float = quantity("xl", "{position}", default=-1e9)
+    stiffness: float = quantity("ks", "{force}/({position})", low=0.0)
+    id = "end_stop"
+    summary = "The motion runs into a stop, a bumper or a hard bearing at an end of the travel."
+    check = "Move slowly to both ends: the force rises steeply where the motion ends."
+
+    def force(self, v, position, p):
+        """Give the stops' force."""
+        beyond = sympy.Max(position - p["upper"], 0) + sympy.Min(position - p["lower"], 0)
+        return p["stiffness"] * beyond
+
+    def potential(self, position, p):
+        """Give what the stops store."""
+        above = sympy.Max(position - p["upper"], 0)
+        below = sympy.Min(position - p["lower"], 0)
+        return p["stiffness"] * (above**2 + below**2) / 2
+
+    @classmethod
+    def starts(cls, target, model, scales):
+        """Start with stops at both ends or at one."""
+        peak = scales.peak[positions(model)[target]]
+        stiffness = 5.0 * force_scale(target, model, scales) / peak
+        places = ((0.9, -0.9), (0.6, -0.6), (0.8, -1.0), (1.0, -0.8))
+        return tuple(cls(target, high * peak, low * peak, stiffness) for high, low in places)
+
+    @classmethod
+    def limits(cls, target, model, scales):
+        """Keep the stops within the travel."""
+        peak = scales.peak[positions(model)[target]]
+        return {"upper": (-0.9 * peak, peak), "lower": (-peak, 0.9 * peak)}

@@ -1,0 +1,61 @@
+"""Expressions as NumPy functions of samples."""
+
+from collections.abc import Mapping
+from functools import reduce
+
+import numpy as np
+import sympy
+
+from sklearn_pgnn.physics.expressions import symbol
+
+#: NumPy's own do not take numbers beside arrays
+_EXTREMES = {
+    "amax": lambda values, axis: reduce(np.maximum, values),
+    "amin": lambda values, axis: reduce(np.minimum, values),
+}
+
+
+def numpy_function(names, expression):
+    """Write an expression, or a list of them, as a NumPy function of quantities by name.
+
+    Parameters
+    ----------
+    names : iterable of str
+        The quantities, in the order of the arguments.
+    expression : sympy.Expr or list of sympy.Expr
+        What to evaluate.
+
+    Returns
+    -------
+    callable
+        The function.
+
+    Examples
+    --------
+    >>> numpy_function(["x"], sympy.Max(symbol("x"), 0))(np.array([-1.0, 2.0]))
+    array([0., 2.])
+    """
+    return sympy.lambdify([symbol(n) for n in names], expression, [_EXTREMES, "numpy"])
+
+
+def evaluate_samples(expression, table: Mapping[str, np.ndarray | float], size: int) -> np.ndarray:
+    """Evaluate an expression at every sample.
+
+    Parameters
+    ----------
+    expression : sympy.Expr
+        What to evaluate.
+    table : mapping of str to ndarray or float
+        Values of the quantities by name.
+    size : int
+        Number of samples.
+
+    Returns
+    -------
+    ndarray of shape (size,)
+        The values; not finite where the expression is not.
+    """
+    names = sorted(map(str, expression.free_symbols))
+    with np.errstate(all="ignore"):
+        value = numpy_function(names, expression)(*(table[name] for name in names))
+        return np.broadcast_to(np.asarray(value, dtype=float), (size,))
