@@ -1,0 +1,72 @@
+"""An effect that has no name: terms that were found in records."""
+
+from dataclasses import dataclass
+
+import sympy
+
+from sklearn_pgnn.physics.effect import Effect
+from sklearn_pgnn.physics.effects.inputs import substitute
+from sklearn_pgnn.physics.expressions import parse_expression, symbol
+from sklearn_pgnn.physics.parameter import Parameter
+
+
+@dataclass(frozen=True)
+class Formula(Effect):
+    r"""Terms added to a rate, to an input or to an output, :math:`\sum_i c_i \theta_i(x, u, t)`.
+
+    It is no suspect of a diagnosis: it is what a diagnosis proposes where no suspect will do.
+
+    Parameters
+    ----------
+    target : str
+        The state whose rate it is added to, or the input or output.
+    terms : tuple of str
+        Expressions of states, inputs and ``t``.
+    coefficients : tuple of float
+        One for every term.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.physics import PhysicsModel
+    >>> lag = PhysicsModel({"y": "V"}, {"y": "-y/T"}, {"T": 2.0})
+    >>> print((lag + Formula("y", ("y**2",), (-0.1,))).to_text())
+    y' = c1_y*y**2 - y/T
+    """
+
+    terms: tuple[str, ...] = ()
+    coefficients: tuple[float, ...] = ()
+    id = "formula"
+    summary = "Something that the catalogue does not know; these terms describe it."
+    check = "Plot what is missing over the quantities in the formula and ask what acts that way."
+
+    @classmethod
+    def targets(cls, model):
+        """Name all states, inputs and outputs."""
+        return tuple(dict.fromkeys((*model.states, *model.inputs, *model.outputs)))
+
+    def names(self):
+        """Give a name to every coefficient."""
+        return {f"c{i + 1}": f"c{i + 1}_{self.target}" for i in range(len(self.terms))}
+
+    def parameters(self, model):
+        """Give the coefficients."""
+        pairs = zip(self.names().values(), self.coefficients, strict=True)
+        return tuple(Parameter(name, value) for name, value in pairs)
+
+    def rewrite(self, model, p):
+        """Add the terms."""
+        known = (*model.states, *model.inputs)
+        terms = [parse_expression(term, known, f"term of {self.target!r}") for term in self.terms]
+        added = sympy.Add(*(c * term for c, term in zip(p.values(), terms, strict=True)))
+        if self.target in model.states:
+            return {
+                "equations": {**model.equations, self.target: model.equations[self.target] + added}
+            }
+        if self.target in model.inputs:
+            return substitute(model, symbol(self.target), symbol(self.target) + added)
+        return {"outputs": {**model.outputs, self.target: model.outputs[self.target] + added}}
+
+    @classmethod
+    def starts(cls, target, model, scales):
+        """Give no start: the terms are not known before the records are seen."""
+        return ()

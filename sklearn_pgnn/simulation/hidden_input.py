@@ -1,0 +1,189 @@
+r"""An input that nobody measured: what, added to an equation, would make a model follow a record.
+
+The model is extended by a hidden input :math:`d` that wanders,
+
+.. math:: \dot x_i = f_i(x, u) + d, \qquad \mathrm{d}d = \sqrt{q}\, \mathrm{d}w
+
+(or added to an input or an output), and the states and :math:`d` are smoothed by an extended
+Kalman filter and a Rauch-Tung-Striebel smoother. The intensity :math:`q` is the one that makes the
+record most likely; so is, of several places for :math:`d`, the right one.
+
+References
+----------
+.. [1] H. E. Rauch, F. Tung, C. T. Striebel, "Maximum likelihood estimates of linear dynamic
+   systems", AIAA Journal 3(8), 1965, :doi:`10.2514/3.3166`.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from sklearn_pgnn.physics.effects.inputs import substitute
+from sklearn_pgnn.physics.expressions import symbol
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.compiled import compile_model
+from sklearn_pgnn.simulation.kalman import run_filter, run_smoother
+from sklearn_pgnn.simulation.simulate import parameter_values
+from sklearn_pgnn.simulation.stepping import METHODS
+from sklearn_pgnn.simulation.windows import Windows
+
+#: the state that stands for the hidden input
+HIDDEN = "hidden_input"
+#: decades about a change as large as the channel itself within its time in which q is looked for
+DECADES = (-9.0, 4.0)
+#: how uncertain a state is at the start of a record, in its own spreads
+START = 1.0
+
+
+@dataclass(frozen=True)
+class HiddenInput:
+    """What is missing in a channel of a model.
+
+    Parameters
+    ----------
+    channel : str
+        The state whose rate it is added to, or the input or output.
+    values : ndarray of shape (n_samples,)
+        Its smoothed course [unit of the channel; per second for a state].
+    errors : ndarray of shape (n_samples,)
+        Standard errors of the values.
+    states : ndarray of shape (n_samples, n_states)
+        The model's states, smoothed with it.
+    likelihood : float
+        Logarithm of the likelihood of the records.
+    """
+
+    channel: str
+    values: np.ndarray
+    errors: np.ndarray
+    states: np.ndarray
+    likelihood: float
+
+
+def with_hidden_input(model: PhysicsModel, channel: str) -> PhysicsModel:
+    """Add the hidden input as a state that nothing changes.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    channel : str
+        The state whose rate it is added to, or the input or output.
+
+    Returns
+    -------
+    PhysicsModel
+        The extended model.
+    """
+    d = symbol(HIDDEN)
+    changes: dict = {"equations": dict(model.equations), "outputs": dict(model.outputs)}
+    if channel in model.states:
+        changes["equations"][channel] += d
+    elif channel in model.inputs:
+        changes = substitute(model, symbol(channel), symbol(channel) + d)
+    else:
+        changes["outputs"][channel] += d
+    changes["equations"][HIDDEN] = d * 0
+    return model.replace(**{**changes, "energy": {}}, states={**model.states, HIDDEN: ""})
+
+
+def find_hidden_input(
+    model: PhysicsModel,
+    windows: Windows,
+    channel: str,
+    x: np.ndarray,
+    spread: np.ndarray,
+    size: float,
+    time: float,
+) -> HiddenInput:
+    """Smooth the hidden input of a channel.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model, at its values.
+    windows : Windows
+        The records.
+    channel : str
+        The state whose rate it is added to, or the input or output.
+    x : ndarray of shape (n_samples, n_states)
+        Estimated states; the first of every record is where the filter starts.
+    spread : ndarray of shape (n_states,)
+        How uncertain they are.
+    size : float
+        A typical value of the channel.
+    time : float
+        A typical time [s] in which it changes.
+
+    Returns
+    -------
+    HiddenInput
+        The hidden input; its likelihood is minus infinity where no filter ran to the end.
+    """
+    filtered = _Filter(with_hidden_input(model, channel), windows, x, spread, size)
+
+    def badness(exponent):
+        return -filtered.likelihood(size**2 / time * 10.0**exponent)
+
+    best = min(np.arange(DECADES[0], DECADES[1] + 1, 2.0), key=badness)
+    found = minimize_scalar(
+        badness, bounds=(best - 2, best + 2), method="bounded", options={"xatol": 0.3}
+    )
+    states, errors = filtered.smooth(size**2 / time * 10.0**found.x)
+    return HiddenInput(channel, states[:, -1], errors, states[:, :-1], -float(found.fun))
+
+
+class _Filter:
+    """The filter of a model with a hidden input on a set of records."""
+
+    def __init__(self, model, windows, x, spread, size):
+        self.function, self.source = compile_model(model, ())
+        self.p, self.u = parameter_values(model), windows.acting_inputs(model)
+        self.windows, self.spans = windows, list(
+            zip(windows.bounds[:-1], windows.bounds[1:], strict=True)
+        )
+        self.starts = [np.append(x[a], 0.0) for a, _ in self.spans]
+        self.P0 = np.diag(np.append((START * spread) ** 2, size**2))
+
+    def _run(self, intensity, span, start):
+        (a, b), nx, windows = span, start.size, self.windows
+        states = np.empty((b - a, nx)), np.empty((b - a, nx, nx))
+        predicted = np.empty((b - a, nx)), np.empty((b - a, nx, nx))
+        steps = np.empty((b - a, nx, nx))
+        diffusion = np.append(1e-8 * np.diag(self.P0)[:-1], intensity)
+        likelihood = run_filter(
+            self.function,
+            windows.t[a:b],
+            np.ascontiguousarray(self.u[a:b]),
+            windows.hold == "foh",
+            np.ascontiguousarray(windows.y[a:b]),
+            self.p,
+            start,
+            self.P0,
+            diffusion,
+            windows.scale**2,
+            np.array(self.source.dry),
+            windows.substeps,
+            *METHODS["rk4"],
+            self.source.size,
+            *states,
+            *predicted,
+            steps,
+        )
+        return likelihood, (*states, *predicted, steps)
+
+    def likelihood(self, intensity) -> float:
+        """Give the logarithm of the likelihood of all records; very small where one diverged."""
+        runs = (self._run(intensity, *one)[0] for one in zip(self.spans, self.starts, strict=True))
+        return max(sum(runs), -1e300)
+
+    def smooth(self, intensity):
+        """Give the smoothed states with the hidden input last, and its standard errors."""
+        states, errors = [], []
+        for span, start in zip(self.spans, self.starts, strict=True):
+            _, (X, P, *predicted) = self._run(intensity, span, start)
+            run_smoother(X, P, *predicted)
+            states.append(X)
+            errors.append(np.sqrt(np.maximum(P[:, -1, -1], 0.0)))
+        return np.concatenate(states), np.concatenate(errors)
