@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +13,8 @@ from sklearn_pgnn.simulation.window_fit import WindowFit, expected_decrease, fit
 
 #: starts that are followed on a few windows for some steps, after a glance at all of them
 FOLLOWED, FOLLOW_STEPS = 4, 5
+#: steps before these in which what the starts differ in is held
+HELD_STEPS = 2
 #: the untuned prior is a ground to start from too, for effects of at most so many starts
 FEW_STARTS = 4
 #: a glance takes one in so many windows of a sketch, and ends at such a relative decrease
@@ -91,6 +92,7 @@ class Fitter:
         self.setting = setting
         self._trials: dict[frozenset, Trial] = {}
         self._sketches: dict[frozenset, Sketch] = {}
+        self._begun: dict[frozenset, float] = {}
         self._held_out: dict[frozenset, np.ndarray] = {}
         self._held_names: dict[Cause, tuple[str, ...]] = {}
 
@@ -119,7 +121,7 @@ class Fitter:
         return float(np.sqrt(self.base().squares / self.setting.n_samples))
 
     def complete(self, sketch: Sketch, beside: Trial) -> Trial:
-        """Fit a hypothesis on all windows.
+        """Fit a hypothesis on all windows, again where its sketch has become better.
 
         Parameters
         ----------
@@ -133,25 +135,23 @@ class Fitter:
         Trial
             The hypothesis.
         """
-        if sketch.hypothesis.key not in self._trials:
+        key, objective = sketch.hypothesis.key, sketch.fit.objective
+        if key not in self._trials or objective < (1.0 - SKETCH_TOLERANCE) * self._begun[key]:
+            self._begun[key] = objective
             self._keep(self._fit(sketch.hypothesis, sketch.fit.model, beside, sketch))
-        return Trial(sketch.hypothesis, self._trials[sketch.hypothesis.key].fit)
+        return Trial(sketch.hypothesis, self._trials[key].fit)
 
     def retry(self, trial: Trial, better: Trial) -> Trial:
         """Fit a hypothesis again from the numbers of a finer one: its own may have got stuck."""
-        stuck, finer = self.sketch(trial), self.sketch(better)
-        again = self._sketch(trial.hypothesis, self._rebuild(trial.hypothesis, finer), finer)
-        if again.fit.objective >= (1.0 - SKETCH_TOLERANCE) * stuck.fit.objective:
-            return trial
-        found = self._fit(trial.hypothesis, again.fit.model, better, again)
-        if found.fit.objective >= trial.fit.objective:
-            return trial
-        self._held_out.pop(trial.hypothesis.key, None)
-        return self._keep(found)
+        self.sketch(trial)
+        return self.complete(self._derive(self.sketch(better), trial.hypothesis), better)
 
-    def _keep(self, trial: Trial) -> Trial:
-        self._trials[trial.hypothesis.key] = trial
-        return trial
+    def _keep(self, trial: Trial) -> None:
+        """Remember a trial unless a better one of the same hypothesis is known."""
+        key = trial.hypothesis.key
+        if key not in self._trials or trial.fit.objective < self._trials[key].fit.objective:
+            self._trials[key] = trial
+            self._held_out.pop(key, None)
 
     def _fit(self, hypothesis, model, beside, sketch=None) -> Trial:
         model, free = self._free(hypothesis, model)
@@ -186,6 +186,7 @@ class Fitter:
             if known is not None and known.fit.objective < again.fit.objective:
                 again = known
             self._sketches[key] = replace(again, origin=trial.fit)
+            self._begun.setdefault(key, again.fit.objective)
         return self._sketches[key]
 
     def look(self, sketch: Sketch, cause: Cause) -> Sketch:
@@ -230,10 +231,13 @@ class Fitter:
         return self._derive(sketch, Hypothesis((*kept, *others)))
 
     def _derive(self, sketch, hypothesis, **values) -> Sketch:
-        if hypothesis.key not in self._sketches:
-            model = self._rebuild(hypothesis, sketch).with_parameters(**values)
-            self._sketches[hypothesis.key] = self._sketch(hypothesis, model, sketch)
-        return self.settle(self._sketches[hypothesis.key])
+        """Start from the numbers of another sketch; keep what was known if that is better."""
+        model = self._rebuild(hypothesis, sketch).with_parameters(**values)
+        found = self._sketch(hypothesis, model, sketch)
+        known = self._sketches.get(hypothesis.key)
+        if known is None or found.fit.objective < known.fit.objective:
+            self._sketches[hypothesis.key] = found
+        return self.settle(replace(self._sketches[hypothesis.key], hypothesis=hypothesis))
 
     def _sketch(self, hypothesis, model, beside: Sketch, **options) -> Sketch:
         start = self._start_beside(model, beside)
@@ -267,29 +271,37 @@ class Fitter:
     def _best_start(self, sketch, hypothesis, cause) -> PhysicsModel:
         """Glance at every start, follow the most promising on a few windows, give the best."""
         models = self._starts(sketch, cause)
-        if len(models) > FOLLOWED:
-            glances = [self._glance(hypothesis, model, sketch) for model in models]
-            models = [model for _, model in sorted(glances, key=itemgetter(0))[:FOLLOWED]]
         if len(models) == 1:
             return models[0]
-        looks = [self._glance(hypothesis, model, sketch, FOLLOW_STEPS) for model in models]
-        return min(looks, key=itemgetter(0))[1]
+        held = _differing(models, cause)
+        if len(models) > FOLLOWED:
+            glances = [self._glance(hypothesis, model, sketch, held) for model in models]
+            models = [glances[place].model for place in _valleys(glances)[:FOLLOWED]]
+        looks = [self._follow(hypothesis, model, sketch, held) for model in models]
+        return min(looks, key=_promise).model
 
-    def _glance(self, hypothesis, model, sketch, steps=0):
+    def _follow(self, hypothesis, model, sketch, held) -> "_Glance":
+        """Take some steps on a few windows, the first without what the starts differ in."""
+        nearer = self._glance(hypothesis, model, sketch, held, HELD_STEPS)
+        return self._glance(hypothesis, nearer.model, sketch, (), FOLLOW_STEPS)
+
+    def _glance(self, hypothesis, model, sketch, held, steps=0) -> "_Glance":
         """Give the objective that some steps on a few windows promise, and the model there."""
         few, start = _telling(sketch), self._start_beside(model, sketch)
         model, free = self._free(hypothesis, model)
         fit = fit_windows(
             model,
             self.rough.windows.select(few),
-            free,
+            tuple(freedom for freedom in free if freedom.name not in held),
             start.x0[few],
             start.spread,
             x0_start=_carry_over(sketch.fit, model, start.x0)[few],
             max_steps=steps,
             tolerance=GLANCE_TOLERANCE,
         )
-        return fit.objective - expected_decrease(fit, start.x0[few], start.spread), fit.model
+        return _Glance(
+            fit.objective - expected_decrease(fit, start.x0[few], start.spread), fit.model
+        )
 
     def _starts(self, sketch, cause) -> list[PhysicsModel]:
         """Extend the fitted model by every start, and the untuned one by a few."""
@@ -377,6 +389,31 @@ class Fitter:
             )
             squares[inside] = piece_squares(setting, judged, inside)
         return squares
+
+
+class _Glance(NamedTuple):
+    """What a start promises, and where it has led."""
+
+    promise: float
+    model: PhysicsModel
+
+
+def _promise(glance: _Glance) -> float:
+    return glance.promise
+
+
+def _valleys(glances: list[_Glance]) -> list[int]:
+    """Order starts by what they promise, those that promise more than their neighbours first."""
+    promise = np.array([glance.promise for glance in glances])
+    padded = np.concatenate([[np.inf], promise, [np.inf]])
+    slope = (padded[:-2] < promise) | (padded[2:] < promise)
+    return list(np.lexsort((promise, slope)))
+
+
+def _differing(models: list[PhysicsModel], cause: Cause) -> tuple[str, ...]:
+    """Name the parameters of a cause in which its starts differ."""
+    names = cause[0](cause[1]).names().values()
+    return tuple(n for n in names if len({model.parameters[n].value for model in models}) > 1)
 
 
 def _telling(sketch: Sketch) -> np.ndarray:
