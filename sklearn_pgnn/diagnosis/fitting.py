@@ -1,29 +1,35 @@
-"""Fit hypotheses on the windows of a setting; remember what was fitted."""
+"""Fit hypotheses: sketched on some of the samples, fitted on all; remember what was fitted."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 from sklearn_pgnn.diagnosis.hypothesis import Cause, Hypothesis, freedoms, held_parameters
-from sklearn_pgnn.diagnosis.setting import Setting
+from sklearn_pgnn.diagnosis.setting import ROUGH_WINDOWS, Rough, Setting, rough_windows, worst_first
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.window_fit import WindowFit, expected_decrease, fit_windows
 
-#: starts that are looked at for two steps, after a glance at all of them
-LOOKED_AT = 3
+#: starts that are followed on a few windows for some steps, after a glance at all of them
+FOLLOWED, FOLLOW_STEPS = 4, 5
+#: steps before these in which what the starts differ in is held
+HELD_STEPS = 2
 #: the untuned prior is a ground to start from too, for effects of at most so many starts
 FEW_STARTS = 4
-#: relative decrease at which a first look and a fit from a known minimum end
-SCOUT_TOLERANCE = 1e-3
+#: a glance takes one in so many windows of a sketch, and ends at such a relative decrease
+GLANCE, GLANCE_TOLERANCE = 4, 1e-2
+#: steps of a first look
+LOOK_STEPS = 3
+#: relative decrease at which a sketch, and a fit from a known minimum, end; and a fit on all
+SKETCH_TOLERANCE, TOLERANCE = 1e-3, 1e-4
 #: steps for the initial states alone, which are nearly linear
 PRIOR_STEPS = 8
-#: a first look takes every so many windows that about this many samples remain
-SCOUT_SAMPLES, SCOUT_WINDOWS = 8000, 3
 
 
 @dataclass(frozen=True)
 class Trial:
-    """A hypothesis fitted on all windows.
+    """A hypothesis fitted on windows.
 
     Parameters
     ----------
@@ -47,23 +53,30 @@ class Trial:
         return self.fit.evaluation.piece_squares
 
 
+class Start(NamedTuple):
+    """Expected initial states of windows, and how uncertain they are."""
+
+    x0: np.ndarray
+    spread: np.ndarray
+
+
 @dataclass(frozen=True)
-class Scouted:
-    """A first look at a cause, on some of the windows.
+class Sketch(Trial):
+    """A hypothesis fitted on some of the samples, see `rough_windows`.
 
     Parameters
     ----------
-    cause : (effect class, target)
-        The cause.
-    model : PhysicsModel
-        The extended model as fitted on those windows.
-    left : float
-        Squares it leaves there, relative to those without the cause.
+    start : Start
+        What is known of the initial states.
+    settled : bool, default=False
+        Whether the fit has come to its end.
+    origin : WindowFit, optional
+        The fit on all windows that the sketch goes with.
     """
 
-    cause: Cause
-    model: PhysicsModel
-    left: float
+    start: Start
+    settled: bool = False
+    origin: WindowFit | None = None
 
 
 class Fitter:
@@ -78,121 +91,246 @@ class Fitter:
     def __init__(self, setting: Setting):
         self.setting = setting
         self._trials: dict[frozenset, Trial] = {}
+        self._sketches: dict[frozenset, Sketch] = {}
+        self._begun: dict[frozenset, float] = {}
         self._held_out: dict[frozenset, np.ndarray] = {}
-        self._scouted: dict[frozenset, Scouted] = {}
         self._held_names: dict[Cause, tuple[str, ...]] = {}
-        self.some = _some_windows(setting)
+
+    @cached_property
+    def rough(self) -> Rough:
+        """What sketches are made on."""
+        return rough_windows(self.setting, self.base().fit.evaluation.squares)
+
+    # -- on all windows ------------------------------------------------------------------------
 
     def prior(self) -> WindowFit:
         """Fit only the initial states, at the prior's parameters."""
-        return self._fit(self.setting.prior, (), None, max_steps=PRIOR_STEPS)
+        model = self.setting.prior
+        return fit_windows(
+            model, self.setting.windows, (), *self._start(model), max_steps=PRIOR_STEPS
+        )
 
     def base(self) -> Trial:
         """Re-tune the prior within its spread."""
-        return self._remember(
-            Hypothesis(), lambda: self._fit_hypothesis(Hypothesis(), self.setting.prior, None)
-        )
+        if Hypothesis().key not in self._trials:
+            self._keep(self._fit(Hypothesis(), self.setting.prior, None))
+        return self._trials[Hypothesis().key]
 
     def base_error(self) -> float:
         """Give the re-tuned prior's error in units of the noise."""
         return float(np.sqrt(self.base().squares / self.setting.n_samples))
 
-    def scout(self, trial: Trial, cause: Cause) -> Scouted:
-        """Look at one more cause on some windows, from all the starts the effect proposes."""
-        hypothesis = trial.hypothesis.plus(cause)
-        if hypothesis.key not in self._scouted:
-            self._scouted[hypothesis.key] = self._best_start(trial, hypothesis, cause)
-        return self._scouted[hypothesis.key]
+    def complete(self, sketch: Sketch, beside: Trial) -> Trial:
+        """Fit a hypothesis on all windows, again where its sketch has become better.
 
-    def extend(self, trial: Trial, cause: Cause) -> Trial:
-        """Fit a hypothesis with one more cause on all windows."""
-        hypothesis = trial.hypothesis.plus(cause)
+        Parameters
+        ----------
+        sketch : Sketch
+            The hypothesis, and where its parameters start.
+        beside : Trial
+            Another hypothesis on all windows; the initial states start where its are.
 
-        def fit():
-            return self._fit_hypothesis(hypothesis, self.scout(trial, cause).model, trial)
-
-        return self._remember(hypothesis, fit)
-
-    def reduce(self, trial: Trial, cause: Cause) -> Trial:
-        """Fit a hypothesis with one cause less."""
-        hypothesis = trial.hypothesis.without(cause)
-
-        def fit():
-            start = self._rebuild(hypothesis, trial.fit.model)
-            return self._fit_hypothesis(hypothesis, start, trial)
-
-        return self._remember(hypothesis, fit)
+        Returns
+        -------
+        Trial
+            The hypothesis.
+        """
+        key, objective = sketch.hypothesis.key, sketch.fit.objective
+        if key not in self._trials or objective < (1.0 - SKETCH_TOLERANCE) * self._begun[key]:
+            self._begun[key] = objective
+            self._keep(self._fit(sketch.hypothesis, sketch.fit.model, beside, sketch))
+        return Trial(sketch.hypothesis, self._trials[key].fit)
 
     def retry(self, trial: Trial, better: Trial) -> Trial:
         """Fit a hypothesis again from the numbers of a finer one: its own may have got stuck."""
-        start = self._rebuild(trial.hypothesis, better.fit.model)
-        fit = self._fit_hypothesis(trial.hypothesis, start, better)
-        if fit.objective >= trial.fit.objective:
-            return trial
-        self._held_out.pop(trial.hypothesis.key, None)
-        self._trials[trial.hypothesis.key] = Trial(trial.hypothesis, fit)
-        return self._trials[trial.hypothesis.key]
+        self.sketch(trial)
+        return self.complete(self._derive(self.sketch(better), trial.hypothesis), better)
 
-    def split(self, trial: Trial, cause: Cause, part: Cause) -> Trial:
-        """Fit a hypothesis in which a part of a cause stands as a cause of its own."""
-        hypothesis = trial.hypothesis.before(cause, part)
+    def _keep(self, trial: Trial) -> None:
+        """Remember a trial unless a better one of the same hypothesis is known."""
+        key = trial.hypothesis.key
+        if key not in self._trials or trial.fit.objective < self._trials[key].fit.objective:
+            self._trials[key] = trial
+            self._held_out.pop(key, None)
+
+    def _fit(self, hypothesis, model, beside, sketch=None) -> Trial:
+        model, free = self._free(hypothesis, model)
+        start = self._start(model)
+        x0 = start.x0 if beside is None else _carry_over(beside.fit, model, start.x0)
+        if sketch is not None:
+            x0[self.rough.which] = sketch.fit.x0
+        fit = fit_windows(
+            model,
+            self.setting.windows,
+            free,
+            *start,
+            x0_start=x0,
+            states_first=sketch is not None,
+            tolerance=TOLERANCE,
+        )
+        return Trial(hypothesis, fit)
+
+    def _start(self, model) -> Start:
+        estimate = self.setting.states.estimate(model)
+        return Start(estimate.x[self.setting.windows.starts], estimate.spread)
+
+    # -- on some of the samples ----------------------------------------------------------------
+
+    def sketch(self, trial: Trial) -> Sketch:
+        """Sketch a hypothesis that was fitted on all windows."""
+        key = trial.hypothesis.key
+        known = self._sketches.get(key)
+        if known is None or known.origin is not trial.fit:
+            x0, start = trial.fit.x0[self.rough.which], self._rough_start(trial.fit.model)
+            again = self._settle(trial.hypothesis, trial.fit.model, x0, start)
+            if known is not None and known.fit.objective < again.fit.objective:
+                again = known
+            self._sketches[key] = replace(again, origin=trial.fit)
+            self._begun.setdefault(key, again.fit.objective)
+        return self._sketches[key]
+
+    def look(self, sketch: Sketch, cause: Cause) -> Sketch:
+        """Take a first look at one more cause, from the best of the effect's starts."""
+        hypothesis = sketch.hypothesis.plus(cause)
+        if hypothesis.key not in self._sketches:
+            model = self._best_start(sketch, hypothesis, cause)
+            look = self._sketch(hypothesis, model, sketch, max_steps=LOOK_STEPS)
+            if look.start is not sketch.start:  # states of its own: they go with its parameters
+                look = replace(look, start=self._rough_start(look.fit.model))
+            self._sketches[hypothesis.key] = look
+        return replace(self._sketches[hypothesis.key], hypothesis=hypothesis)
+
+    def settle(self, sketch: Sketch, hopeless: float = np.inf) -> Sketch:
+        """Follow a look to its end, or until it is clear that its objective stays hopeless."""
+        if sketch.settled:
+            return sketch
+        found = self._settle(
+            sketch.hypothesis,
+            sketch.fit.model,
+            sketch.fit.x0,
+            sketch.start,
+            evaluation=sketch.fit.evaluation,
+            hopeless=hopeless,
+        )
+        self._sketches[sketch.hypothesis.key] = found
+        return found
+
+    def reduce(self, sketch: Sketch, cause: Cause) -> Sketch:
+        """Sketch a hypothesis with one cause less."""
+        return self._derive(sketch, sketch.hypothesis.without(cause))
+
+    def split(self, sketch: Sketch, cause: Cause, part: Cause) -> Sketch:
+        """Sketch a hypothesis in which a part of a cause stands as a cause of its own."""
+        hypothesis = sketch.hypothesis.before(cause, part)
         zero = {cause[0](cause[1]).names()[name]: 0.0 for name in hypothesis.taken_over(cause)}
+        return self._derive(sketch, hypothesis, **zero)
 
-        def fit():
-            start = self._rebuild(hypothesis, trial.fit.model).with_parameters(**zero)
-            return self._fit_hypothesis(hypothesis, start, trial)
+    def exchange(self, sketch: Sketch, cause: Cause, others: list[Cause]) -> Sketch:
+        """Sketch a hypothesis with some causes in the place of one."""
+        kept = sketch.hypothesis.without(cause).causes
+        return self._derive(sketch, Hypothesis((*kept, *others)))
 
-        return self._remember(hypothesis, fit)
+    def _derive(self, sketch, hypothesis, **values) -> Sketch:
+        """Start from the numbers of another sketch; keep what was known if that is better."""
+        model = self._rebuild(hypothesis, sketch).with_parameters(**values)
+        found = self._sketch(hypothesis, model, sketch)
+        known = self._sketches.get(hypothesis.key)
+        if known is None or found.fit.objective < known.fit.objective:
+            self._sketches[hypothesis.key] = found
+        return self.settle(replace(self._sketches[hypothesis.key], hypothesis=hypothesis))
 
-    def _remember(self, hypothesis, fit) -> Trial:
-        if hypothesis.key not in self._trials:
-            self._trials[hypothesis.key] = Trial(hypothesis, fit())
-        known = self._trials[hypothesis.key]
-        return known if known.hypothesis == hypothesis else Trial(hypothesis, known.fit)
+    def _sketch(self, hypothesis, model, beside: Sketch, **options) -> Sketch:
+        start = self._start_beside(model, beside)
+        x0 = _carry_over(beside.fit, model, start.x0)
+        return self._settle(hypothesis, model, x0, start, **options)
 
-    def _best_start(self, trial, hypothesis, cause) -> Scouted:
-        """Glance at every start, look at the best for two steps, follow the very best."""
+    def _settle(self, hypothesis, model, x0, start, *, hopeless=np.inf, **options) -> Sketch:
+        model, free = self._free(hypothesis, model)
+        fit = fit_windows(
+            model,
+            self.rough.windows,
+            free,
+            *start,
+            x0_start=x0,
+            tolerance=SKETCH_TOLERANCE,
+            hopeless=hopeless,
+            **options,
+        )
+        settled = "max_steps" not in options and fit.objective <= hopeless
+        return Sketch(hypothesis, fit, start, settled)
 
-        def look(model, **options):
-            return self._fit_hypothesis(hypothesis, model, trial, which=self.some, **options)
+    def _start_beside(self, model, beside: Sketch) -> Start:
+        """Take over what is known of the initial states, if they are the same states."""
+        same = tuple(model.states) == tuple(beside.fit.model.states)
+        return beside.start if same else self._rough_start(model)
 
-        glances = [look(model, max_steps=0) for model in self._starts(trial, cause)]
-        glances.sort(key=self._expected_objective)
-        looks = [look(glance.model, max_steps=2) for glance in glances[:LOOKED_AT]]
-        start = min(looks, key=lambda fit: fit.objective)
-        best = look(start.model, x0_start=start.x0, tolerance=SCOUT_TOLERANCE)
-        return Scouted(cause, best.model, best.squares / trial.pieces[self.some].sum())
+    def _rough_start(self, model) -> Start:
+        start = self._start(model)
+        return Start(start.x0[self.rough.which], start.spread)
 
-    def _starts(self, trial, cause) -> list[PhysicsModel]:
+    def _best_start(self, sketch, hypothesis, cause) -> PhysicsModel:
+        """Glance at every start, follow the most promising on a few windows, give the best."""
+        models = self._starts(sketch, cause)
+        if len(models) == 1:
+            return models[0]
+        held = _differing(models, cause)
+        if len(models) > FOLLOWED:
+            glances = [self._glance(hypothesis, model, sketch, held) for model in models]
+            models = [glances[place].model for place in _valleys(glances)[:FOLLOWED]]
+        looks = [self._follow(hypothesis, model, sketch, held) for model in models]
+        return min(looks, key=_promise).model
+
+    def _follow(self, hypothesis, model, sketch, held) -> "_Glance":
+        """Take some steps on a few windows, the first without what the starts differ in."""
+        nearer = self._glance(hypothesis, model, sketch, held, HELD_STEPS)
+        return self._glance(hypothesis, nearer.model, sketch, (), FOLLOW_STEPS)
+
+    def _glance(self, hypothesis, model, sketch, held, steps=0) -> "_Glance":
+        """Give the objective that some steps on a few windows promise, and the model there."""
+        few, start = _telling(sketch), self._start_beside(model, sketch)
+        model, free = self._free(hypothesis, model)
+        fit = fit_windows(
+            model,
+            self.rough.windows.select(few),
+            tuple(freedom for freedom in free if freedom.name not in held),
+            start.x0[few],
+            start.spread,
+            x0_start=_carry_over(sketch.fit, model, start.x0)[few],
+            max_steps=steps,
+            tolerance=GLANCE_TOLERANCE,
+        )
+        return _Glance(
+            fit.objective - expected_decrease(fit, start.x0[few], start.spread), fit.model
+        )
+
+    def _starts(self, sketch, cause) -> list[PhysicsModel]:
         """Extend the fitted model by every start, and the untuned one by a few."""
         effect, target = cause
         starts = effect.starts(target, self.setting.prior, self.setting.scales)
-        grounds = [trial.fit.model]
+        grounds = [sketch.fit.model]
         if len(starts) <= FEW_STARTS:
-            grounds.append(self._rebuild(trial.hypothesis, self.setting.prior))
+            grounds.append(self._rebuild(sketch.hypothesis, None))
         extended = [starts[0].apply(ground) for ground in grounds]
         return [_at_start(model, start) for model in extended for start in starts]
 
-    def _expected_objective(self, fit: WindowFit) -> float:
-        estimate = self.setting.states.estimate(fit.model)
-        expected = estimate.x[self.setting.windows.select(self.some).starts]
-        return fit.objective - expected_decrease(fit, expected, estimate.spread)
+    # -- models --------------------------------------------------------------------------------
 
-    def _rebuild(self, hypothesis, values_of: PhysicsModel) -> PhysicsModel:
-        """Extend the prior by the causes, with the parameter values of another model."""
+    def _rebuild(self, hypothesis, values_of: Trial | None) -> PhysicsModel:
+        """Extend the prior by the causes, with the parameter values of another fit."""
         model = self.setting.prior
         for effect, target in hypothesis.causes:
             start = effect.starts(target, model, self.setting.scales)[0]
             model = start.apply(model)
-        known = {n: p.value for n, p in values_of.parameters.items() if n in model.parameters}
+        values = {} if values_of is None else values_of.fit.model.parameters
+        known = {name: p.value for name, p in values.items() if name in model.parameters}
         return model.with_parameters(**known)
 
-    def _fit_hypothesis(self, hypothesis, model, trial, **options) -> WindowFit:
+    def _free(self, hypothesis, model):
+        """Say what a fit of a hypothesis may change; what a cause speaks for stays."""
         prior = self.setting.prior
         held = {name for cause in hypothesis.causes for name in self._held(cause)}
         model = model.with_parameters(**{name: prior.parameters[name].value for name in held})
-        free = freedoms(self.setting, hypothesis, model, held)
-        return self._fit(model, free, trial, **options)
+        return model, freedoms(self.setting, hypothesis, model, held)
 
     def _held(self, cause: Cause) -> tuple[str, ...]:
         """Name the prior's parameters that a cause speaks for, looked up once."""
@@ -200,14 +338,7 @@ class Fitter:
             self._held_names[cause] = held_parameters(self.setting.prior, cause)
         return self._held_names[cause]
 
-    def _fit(self, model, free, trial, which=slice(None), **options) -> WindowFit:
-        setting = self.setting
-        windows = setting.windows.select(which)
-        estimate = setting.states.estimate(model)
-        expected = estimate.x[windows.starts]
-        if trial is not None and "x0_start" not in options:
-            options["x0_start"] = _carry_over(trial.fit, model, expected, which)
-        return fit_windows(model, windows, free, expected, estimate.spread, **options)
+    # -- held out ------------------------------------------------------------------------------
 
     def held_out(self, trial: Trial, folds: np.ndarray) -> np.ndarray:
         """Give every window's squares under parameters fitted without its fold.
@@ -233,30 +364,63 @@ class Fitter:
         setting, fit = self.setting, trial.fit
         windows = setting.windows
         squares = np.zeros((len(windows), windows.pieces, windows.y.shape[1]))
-        estimate = setting.states.estimate(fit.model)
-        expected = estimate.x[setting.windows.starts]
+        expected, spread = self._start(fit.model)
         for fold in np.unique(folds):
             inside, outside = folds == fold, folds != fold
             learned = fit_windows(
                 fit.model,
-                setting.windows.select(outside),
+                windows.select(outside),
                 fit.freedoms,
                 expected[outside],
-                estimate.spread,
+                spread,
                 x0_start=fit.x0[outside],
-                tolerance=SCOUT_TOLERANCE,
+                evaluation=fit.evaluation.select(outside),
+                min_steps=1,
+                tolerance=SKETCH_TOLERANCE,
             )
             judged = fit_windows(
                 learned.model,
-                setting.windows.select(inside),
+                windows.select(inside),
                 (),
                 expected[inside],
-                estimate.spread,
+                spread,
                 x0_start=fit.x0[inside],
-                tolerance=SCOUT_TOLERANCE,
+                tolerance=SKETCH_TOLERANCE,
             )
             squares[inside] = piece_squares(setting, judged, inside)
         return squares
+
+
+class _Glance(NamedTuple):
+    """What a start promises, and where it has led."""
+
+    promise: float
+    model: PhysicsModel
+
+
+def _promise(glance: _Glance) -> float:
+    return glance.promise
+
+
+def _valleys(glances: list[_Glance]) -> list[int]:
+    """Order starts by what they promise, those that promise more than their neighbours first."""
+    promise = np.array([glance.promise for glance in glances])
+    padded = np.concatenate([[np.inf], promise, [np.inf]])
+    slope = (padded[:-2] < promise) | (padded[2:] < promise)
+    return list(np.lexsort((promise, slope)))
+
+
+def _differing(models: list[PhysicsModel], cause: Cause) -> tuple[str, ...]:
+    """Name the parameters of a cause in which its starts differ."""
+    names = cause[0](cause[1]).names().values()
+    return tuple(n for n in names if len({model.parameters[n].value for model in models}) > 1)
+
+
+def _telling(sketch: Sketch) -> np.ndarray:
+    """Give the windows that tell most of what is missing, and as many of all kinds."""
+    order = worst_first(sketch.fit.evaluation.squares)
+    count = max(order.size // GLANCE, ROUGH_WINDOWS) // 2
+    return np.unique(np.concatenate([order[:count], order[:: max(1, order.size // count)]]))
 
 
 def _at_start(model: PhysicsModel, start) -> PhysicsModel:
@@ -296,17 +460,10 @@ def make_folds(setting: Setting, n_folds: int = 4) -> np.ndarray:
     return (order * n_folds // record.size) if n_records == 1 else record
 
 
-def _some_windows(setting: Setting) -> np.ndarray:
-    """Take every k-th window, so that a first look is cheap whatever the length of the record."""
-    count = len(setting.windows)
-    step = setting.n_samples // SCOUT_SAMPLES
-    return np.arange(0, count, max(1, min(step, count // SCOUT_WINDOWS)))
-
-
-def _carry_over(fit: WindowFit, model: PhysicsModel, expected, which) -> np.ndarray:
+def _carry_over(fit: WindowFit, model: PhysicsModel, expected) -> np.ndarray:
     """Start from fitted initial states where the model has the same state."""
     start, names = expected.copy(), list(fit.model.states)
     for i, state in enumerate(model.states):
         if state in names:
-            start[:, i] = fit.x0[which, names.index(state)]
+            start[:, i] = fit.x0[:, names.index(state)]
     return start

@@ -110,6 +110,54 @@ def same_parameter(model: PhysicsModel, effect: Effect) -> str | None:
     return next((name for name, values in theirs.items() if _proportional(mine, values)), None)
 
 
+def same_causes(model: PhysicsModel, causes: tuple[Cause, ...]) -> dict[Cause, tuple[Cause, ...]]:
+    r"""Sort causes into classes that no record can tell apart.
+
+    Two effects with a single parameter each, :math:`q` and :math:`q'`, are the same if
+    :math:`\partial (f, g)/\partial q` is :math:`\partial (f, g)/\partial q'` times a factor that
+    depends on parameters only.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The prior.
+    causes : tuple of (effect class, target)
+        The causes.
+
+    Returns
+    -------
+    dict of cause to tuple of cause
+        The first cause of every class, and the others of it.
+    """
+    classes: dict[Cause, list[Cause]] = {}
+    slopes: dict[Cause, np.ndarray] = {}
+    for cause in causes:
+        slope = _only_slope(model, cause)
+        same = [c for c, known in slopes.items() if slope is not None and _alike(slope, known)]
+        classes.setdefault(same[0] if same else cause, []).append(cause)
+        if slope is not None and not same:
+            slopes[cause] = slope
+    return {first: tuple(c for c in members if c != first) for first, members in classes.items()}
+
+
+def _only_slope(model: PhysicsModel, cause: Cause) -> np.ndarray | None:
+    """Differentiate by an effect's only parameter, at two values of it; None where it has more."""
+    effect = cause[0](cause[1])
+    names = tuple(effect.names().values())
+    if isinstance(effect, WrongParameter) or len(names) != 1:
+        return None
+    extended = effect.apply(model)
+    if extended.delays != model.delays or extended.states != model.states:
+        return None
+    value = extended.parameters[names[0]].value
+    further = extended.with_parameters(**{names[0]: value + 1.0})
+    return np.stack([_derivatives(each, names)[names[0]] for each in (extended, further)])
+
+
+def _alike(mine: np.ndarray, theirs: np.ndarray) -> bool:
+    return _proportional(mine[0], theirs[0]) and _proportional(mine[1], theirs[1])
+
+
 def held_parameters(model: PhysicsModel, cause: Cause) -> tuple[str, ...]:
     """Name the model's parameters that a cause speaks for: re-tuning both would be one too many.
 

@@ -5,8 +5,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from sklearn_pgnn.diagnosis.fitting import Fitter, Scouted, Trial, make_folds
-from sklearn_pgnn.diagnosis.hypothesis import Cause, count_parameters
+from sklearn_pgnn.diagnosis.fitting import Fitter, Sketch, Trial, make_folds
+from sklearn_pgnn.diagnosis.hypothesis import Cause, count_parameters, same_causes
+from sklearn_pgnn.diagnosis.pairs import foretell_pairs
 from sklearn_pgnn.physics.effects import WrongParameter
 
 #: an effect shows itself in at least so many pieces, and the error falls by so many times more than
@@ -16,6 +17,8 @@ FEW, CLEARLY = 3, 10.0
 RESOLUTION = 1e-5
 #: standard errors by which two fits must differ to be told apart
 NOTICED = 2.0
+#: pairs of suspects that are looked at on top of a hypothesis, the most promising first
+PAIRS = 6
 #: suspects that are judged on held-out windows, the best first, before a search ends
 JUDGED = 3
 
@@ -96,11 +99,13 @@ class Search:
         progress: Callable[[str, int, int], None],
     ):
         self.fitter = fitter
-        self.suspects = suspects
+        self.same = same_causes(fitter.setting.prior, suspects)
+        self.suspects = tuple(self.same)
         self.rules = rules
         self.progress = progress
         self.folds = make_folds(fitter.setting)
         self.floor = np.inf
+        self._grounds: dict[frozenset, tuple[Sketch, list[Sketch]]] = {}
 
     def run(self) -> Outcome:
         """Find what is missing.
@@ -114,13 +119,13 @@ class Search:
         self._learn_noise(base)
         current, tried = base, {}
         while len(current.hypothesis.causes) < self.rules.max_causes:
-            if self.excess(current) < self.rules.whole * current.squares:
+            near = self.excess(current) < self.rules.whole * current.squares
+            if near or current.hypothesis.key in self._grounds:
                 break
             scouted = self._scout(current)
             if current is base:
-                tried = {look.cause: look.left for look in scouted}
-            trials = self._extend(current, scouted)
-            best = self._decide(current, trials)
+                tried = self._shares_left(base, scouted)
+            best = self._decide(current, scouted) or self._look_back(current)
             if best is None:
                 break
             current = self._eliminate(best)
@@ -128,7 +133,11 @@ class Search:
         current = self._split(self._swap(current, tried))
         steps = self._in_order(base, current)
         alternatives = {c: self._alternatives(current, c, tried) for c in current.hypothesis.causes}
-        return Outcome(base, steps, alternatives, self._noise(current), tried)
+        return Outcome(base, steps, alternatives, self._noise(current), self._of_all(tried))
+
+    def _of_all(self, tried: dict[Cause, float]) -> dict[Cause, float]:
+        """Say of causes that are the same as others what was found of these."""
+        return {cause: left for c, left in tried.items() for cause in (c, *self.same[c])}
 
     # -- noise ---------------------------------------------------------------------------------
 
@@ -164,41 +173,99 @@ class Search:
 
     # -- forward -------------------------------------------------------------------------------
 
-    def _scout(self, current: Trial) -> list[Scouted]:
-        """Look at every suspect on top of the current hypothesis."""
+    def _scout(self, current: Trial) -> list[Sketch]:
+        """Sketch every suspect on top of the current hypothesis, the best to their end."""
         left = [c for c in self.suspects if c not in current.hypothesis.causes]
-        stage = f"cause {len(current.hypothesis.causes) + 1}"
-        found = []
+        stage, ground = f"cause {len(current.hypothesis.causes) + 1}", self.fitter.sketch(current)
+        looks = []
         for done, cause in enumerate(left):
             self.progress(stage, done, len(left))
-            found.append(self.fitter.scout(current, cause))
+            looks.append(self.fitter.look(ground, cause))
         self.progress(stage, len(left), len(left))
-        return sorted((s for s in found if np.isfinite(s.left)), key=lambda s: s.left)
+        scouted = self._settle(ground, looks)
+        self._grounds[current.hypothesis.key] = ground, scouted
+        return scouted
 
-    def _extend(self, current: Trial, scouted: list[Scouted]) -> list[Trial]:
-        """Fit the suspects that explain at least half of what the best explains."""
-        if not scouted:
-            return []
-        enough = 1.0 - 0.5 * (1.0 - scouted[0].left)
-        trials = []
-        for place, look in enumerate(scouted):
-            if place < 3 or look.left <= enough:
-                trial = self.fitter.extend(current, look.cause)
-                if np.isfinite(trial.squares):
-                    self._learn_noise(trial)
-                    trials.append(trial)
-        return trials
+    def _settle(self, ground: Sketch, looks: list[Sketch]) -> list[Sketch]:
+        """Follow looks, the best first, until they cannot explain half of what the best does."""
+        best, found = ground.fit.objective, []
+        for place, look in enumerate(sorted(looks, key=_objective)):
+            half = np.inf if place < JUDGED else (ground.fit.objective + best) / 2
+            found.append(self.fitter.settle(look, hopeless=half))
+            best = min(best, found[-1].fit.objective)
+        return sorted((s for s in found if np.isfinite(s.squares)), key=_objective)
 
-    def _decide(self, current: Trial, trials: list[Trial]) -> Trial | None:
-        """Give the best trial that proves itself on windows it has not seen."""
-        left = list(trials)
-        while left and len(trials) - len(left) < JUDGED:
-            best = self._simplest_of_the_best(left)
+    def _shares_left(self, base: Trial, scouted: list[Sketch]) -> dict[Cause, float]:
+        """Give the share of the error power that every suspect leaves."""
+        before = self.fitter.sketch(base).squares
+        return {sketch.hypothesis.causes[-1]: sketch.squares / before for sketch in scouted}
+
+    def _decide(self, current: Trial, scouted: list[Sketch]) -> Trial | None:
+        """Give the best suspect that proves itself on windows it has not seen."""
+        ground = self.fitter.sketch(current)
+        left = [sketch for sketch in scouted if self._may_gain(ground, sketch)]
+        for _ in range(min(JUDGED, len(left))):
+            trials = [self._complete(sketch, current) for sketch in self._contenders(left)]
+            best = self._simplest_of_the_best(trials)
             current = self.fitter.retry(current, best)
             if self._is_gain(current, best):
                 return best
-            left.remove(best)
+            left = [sketch for sketch in left if sketch.hypothesis != best.hypothesis]
         return None
+
+    # -- pairs ---------------------------------------------------------------------------------
+
+    def _look_back(self, current: Trial) -> Trial | None:
+        """Look again where no suspect helps: to the end, at pairs, and at earlier hypotheses."""
+        for key, (ground, alone) in self._grounds.items():
+            settled = [self.fitter.settle(sketch) for sketch in alone]
+            self._grounds[key] = ground, sorted(settled, key=_objective)
+        _, alone = self._grounds[current.hypothesis.key]
+        return self._decide(current, alone) or self._decide(current, self._pairs())
+
+    def _pairs(self) -> list[Sketch]:
+        """Sketch the pairs that promise most on top of what was scouted, the best first."""
+        found = []
+        for ground, alone in self._grounds.values():
+            if len(ground.hypothesis.causes) <= self.rules.max_causes - 2:
+                ranked = foretell_pairs(ground, alone, self.fitter.rough.windows)
+                first = {sketch.hypothesis.causes[-1]: sketch for sketch in alone}
+                pairs = [self._ordered(first, a, b) for _, a, b in ranked[:PAIRS]]
+                found += self._settle(ground, [self.fitter.look(*pair) for pair in pairs])
+        return sorted(found, key=_objective)
+
+    @staticmethod
+    def _ordered(first, a: Cause, b: Cause) -> tuple[Sketch, Cause]:
+        """Give the better of two causes as fitted, and the other."""
+        return (first[a], b) if first[a].squares <= first[b].squares else (first[b], a)
+
+    def _may_gain(self, before: Sketch, after: Sketch) -> bool:
+        """Tell whether a sketch explains half of what counts as a gain, at least."""
+        above = max(before.squares - self._rough_floor(), 0.0)
+        enough = max(self.rules.whole * before.squares, self.rules.share * above)
+        return before.squares - after.squares > enough / 2
+
+    def _contenders(self, scouted: list[Sketch]) -> list[Sketch]:
+        """Give the suspects that all samples may show to be as good as the first."""
+        return [s for s in scouted if s is scouted[0] or not self._is_beaten(s, scouted[0])]
+
+    def _is_beaten(self, worse: Sketch, better: Sketch) -> bool:
+        """Tell whether a sketch is so much worse that no closer look can make it as good."""
+        loss = worse.squares - better.squares
+        large = loss > 2 * self.rules.share * (worse.squares - self._rough_floor())
+        return large and _is_fall(worse.pieces, better.pieces, self.rules.significance)
+
+    def _rough_floor(self) -> float:
+        """Give the floor's part that falls to the samples of a sketch."""
+        windows = self.fitter.rough.windows
+        seen = windows.sum_pieces(np.isfinite(windows.y).astype(float)).sum()
+        return float(self.floor * seen / self.fitter.setting.n_samples)
+
+    def _complete(self, sketch: Sketch, beside: Trial) -> Trial:
+        trial = self.fitter.complete(sketch, beside)
+        if np.isfinite(trial.squares):
+            self._learn_noise(trial)
+        return trial
 
     def _simplest_of_the_best(self, trials: list[Trial]) -> Trial:
         """Give the trial with the fewest parameters among those as good as the best."""
@@ -209,8 +276,8 @@ class Search:
     @staticmethod
     def _complexity(trial: Trial) -> tuple:
         """Fewest parameters first; at equal number a wrong number before a missing part."""
-        effect, _ = cause = trial.hypothesis.causes[-1]
-        return count_parameters(cause), effect is not WrongParameter
+        missing = [e for e, _ in trial.hypothesis.causes if e is not WrongParameter]
+        return trial.hypothesis.n_parameters, len(missing)
 
     def _as_good(self, best: Trial, other: Trial) -> bool:
         """Tell whether a trial explains as much as the best, but for little."""
@@ -233,8 +300,15 @@ class Search:
         return bool(
             gain > self.rules.whole * worse.sum()
             and gain > self.rules.share * self.excess(before)
-            and _is_fall(worse, better, self.rules.significance)
+            and self._is_clear(worse, better)
         )
+
+    def _is_clear(self, worse: np.ndarray, better: np.ndarray) -> bool:
+        """Tell whether errors fall in the mean, or, where a few are huge, in proportion."""
+        significance = self.rules.significance
+        if _is_fall(worse, better, significance):
+            return True
+        return _mean_in_errors(np.log(worse / better) / 2) > significance
 
     def _held_out(self, trial: Trial) -> np.ndarray:
         return self.fitter.held_out(trial, self.folds).sum(axis=-1)
@@ -244,8 +318,9 @@ class Search:
     def _eliminate(self, trial: Trial) -> Trial:
         """Drop causes that are no longer needed, the least needed first."""
         while len(trial.hypothesis.causes) > 1:
-            reduced = [self.fitter.reduce(trial, c) for c in trial.hypothesis.causes[:-1]]
-            least = min(reduced, key=lambda t: t.squares)
+            sketch = self.fitter.sketch(trial)
+            reduced = [self.fitter.reduce(sketch, c) for c in trial.hypothesis.causes]
+            least = self._complete(min(reduced, key=_objective), trial)
             if self._is_gain(least, trial):
                 return trial
             trial = least
@@ -256,53 +331,67 @@ class Search:
         if len(trial.hypothesis.causes) < 2:
             return trial
         for cause in trial.hypothesis.causes:
-            without = self.fitter.reduce(trial, cause)
-            for other in self._worth_a_look(trial, without, cause, tried):
-                swapped = self.fitter.extend(without, other)
-                self._learn_noise(swapped)
+            for sketch in self._replacements(trial, cause, tried):
+                swapped = self._complete(sketch, trial)
                 better = swapped.squares < trial.squares
                 if better and _is_fall(trial.pieces, swapped.pieces, self.rules.significance):
                     return self._swap(swapped, tried)
         return trial
 
-    def _split(self, trial: Trial) -> Trial:
-        """Let a part of a cause stand on its own where that says the same with fewer numbers."""
-        for cause in trial.hypothesis.causes:
-            for part in self.suspects:
-                if part[0].id in cause[0].shared and part[1] == cause[1]:
-                    split = self.fitter.split(trial, cause, part)
-                    fewer = split.hypothesis.n_parameters < trial.hypothesis.n_parameters
-                    if fewer and np.isfinite(split.squares) and self._as_good(trial, split):
-                        return split
-        return trial
-
-    def _worth_a_look(self, trial, without, cause, tried):
-        """Give the suspects that come near to a cause's part, alone and at a first look."""
+    def _replacements(self, trial: Trial, cause: Cause, tried) -> list[Sketch]:
+        """Sketch the suspects that may stand in a cause's place, the best first."""
+        sketch = self.fitter.sketch(trial)
+        without = self.fitter.reduce(sketch, cause)
         alone = 1.0 - tried.get(cause, 1.0)
-        needed = 1.0 - trial.squares / without.squares
-        return [
+        others = [
             other
             for other, left in tried.items()
-            if other not in trial.hypothesis.causes
-            and 1.0 - left > 0.3 * alone
-            and 1.0 - self.fitter.scout(without, other).left > 0.8 * needed
+            if other not in trial.hypothesis.causes and 1.0 - left > 0.3 * alone
         ]
+        needed = 0.8 * sketch.fit.objective + 0.2 * without.fit.objective
+        looks = [self.fitter.look(without, other) for other in others]
+        found = [self.fitter.settle(look, hopeless=needed) for look in looks]
+        near = [s for s in found if np.isfinite(s.squares) and not self._is_beaten(s, sketch)]
+        return sorted(near, key=_objective)
+
+    def _split(self, trial: Trial) -> Trial:
+        """Let parts of a cause stand on their own where that says the same with fewer numbers."""
+        sketch = self.fitter.sketch(trial)
+        for cause in trial.hypothesis.causes:
+            for apart in self._apart(sketch, cause):
+                split = self.fitter.complete(apart, trial)
+                if np.isfinite(split.squares) and self._as_good(trial, split):
+                    return self._eliminate(split)
+        return trial
+
+    def _apart(self, sketch: Sketch, cause: Cause) -> list[Sketch]:
+        """Sketch a cause beside a part of it, and its special cases without it."""
+        effect, target = cause
+        kin = [c for c in self.suspects if c[1] == target and c not in sketch.hypothesis.causes]
+        found = [self.fitter.split(sketch, cause, c) for c in kin if c[0].id in effect.shared]
+        special = [c for c in kin if c[0].id in effect.generalises]
+        if len(special) > 1:
+            found.append(self.fitter.exchange(sketch, cause, special))
+        fewest = sketch.hypothesis.n_parameters
+        return [apart for apart in found if apart.hypothesis.n_parameters < fewest]
 
     # -- result --------------------------------------------------------------------------------
 
     def _alternatives(self, trial: Trial, cause: Cause, tried) -> tuple[Cause, ...]:
         """Give the causes that would explain the records as well in a cause's place."""
-        without = self.fitter.reduce(trial, cause)
+        without = self._complete(self.fitter.reduce(self.fitter.sketch(trial), cause), trial)
         if not self._is_better(without, trial):
-            return ()
+            return self.same[cause]
         found = []
-        for other in self._worth_a_look(trial, without, cause, tried):
+        for sketch in self._replacements(trial, cause, tried):
+            other = sketch.hypothesis.causes[-1]
             if count_parameters(other) > count_parameters(cause):
                 continue
-            swapped = self.fitter.extend(without, other)
+            swapped = self.fitter.complete(sketch, trial)
             if np.isfinite(swapped.squares) and not self._is_better(swapped, trial):
                 found.append((swapped.squares, other))
-        return tuple(other for _, other in sorted(found, key=lambda item: item[0]))
+        others = [other for _, other in sorted(found, key=lambda item: item[0])]
+        return (*self.same[cause], *(c for other in others for c in (other, *self.same[other])))
 
     def _in_order(self, base: Trial, final: Trial) -> list[Trial]:
         """Add the causes of the final hypothesis one by one, the most telling first."""
@@ -312,11 +401,16 @@ class Search:
                 steps.append(Trial(trial.hypothesis.plus(left[0]), final.fit))
                 break
             ready = [c for c in left if not any(part.id in c[0].shared for part, _ in left)]
-            options = [self.fitter.extend(trial, cause) for cause in ready]
-            trial = min(options, key=lambda t: t.squares)
+            ground = self.fitter.sketch(trial)
+            options = [self.fitter.settle(self.fitter.look(ground, cause)) for cause in ready]
+            trial = self.fitter.complete(min(options, key=_objective), trial)
             left.remove(trial.hypothesis.causes[-1])
             steps.append(trial)
         return steps
+
+
+def _objective(trial: Trial) -> float:
+    return trial.fit.objective
 
 
 def _is_fall(worse: np.ndarray, better: np.ndarray, significance: float) -> bool:
@@ -326,8 +420,15 @@ def _is_fall(worse: np.ndarray, better: np.ndarray, significance: float) -> bool
     few pieces only, some fall by more than the noise and hardly any rises.
     """
     fall = (np.sqrt(worse) - np.sqrt(better)).ravel()
-    mean = fall.mean()
-    error = np.std(fall, ddof=1) / np.sqrt(fall.size) if fall.size > 1 else 0.0
     falls, rises = fall[fall > 0].sum(), -fall[fall < 0].sum()
     few_but_clear = np.count_nonzero(fall > 1.0) >= FEW and falls > CLEARLY * rises
-    return bool(mean > 0 and (mean > significance * error or few_but_clear))
+    mean = _mean_in_errors(fall)
+    return bool(mean > significance or (mean > 0 and few_but_clear))
+
+
+def _mean_in_errors(values: np.ndarray) -> float:
+    """Give the mean in units of its standard error."""
+    mean, error = values.mean(), np.std(values) / np.sqrt(max(values.size - 1, 1))
+    if error > 0:
+        return float(mean / error)
+    return np.inf * np.sign(mean) if mean != 0 else 0.0

@@ -10,11 +10,15 @@ from sklearn_pgnn.physics.effect import Scales
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.record_windows import MIN_SAMPLES, cut, window_records
 from sklearn_pgnn.simulation.state_estimate import StateEstimator
-from sklearn_pgnn.simulation.windows import Windows
+from sklearn_pgnn.simulation.windows import Windows, evaluate
 from sklearn_pgnn.trajectories.record import Record
 
 #: shortest window, as a share of that period
 SHORTEST = 1 / 24
+#: a first look takes about so many samples, from at least so many windows
+ROUGH_SAMPLES, ROUGH_WINDOWS = 6000, 6
+#: change of a simulation that is hardly one, in units of the noise
+HARDLY = 0.1
 
 
 @dataclass(frozen=True)
@@ -96,6 +100,65 @@ def _recut(setting: Setting, length: float, pieces: int) -> Setting | None:
         return None
     length = float(np.median(windows.lengths) * setting.scales.sample_time)
     return replace(setting, windows=windows, scales=replace(setting.scales, window=length))
+
+
+@dataclass(frozen=True)
+class Rough:
+    """Some of the samples of a setting, for a first look.
+
+    Parameters
+    ----------
+    windows : Windows
+        Some windows, thinned where the record is sampled faster than the model needs.
+    which : ndarray of int
+        Which of the setting's windows they are.
+    """
+
+    windows: Windows
+    which: np.ndarray
+
+
+def rough_windows(setting: Setting, squares: np.ndarray) -> Rough:
+    """Take about `ROUGH_SAMPLES` samples: every so many of a window, then every so many windows.
+
+    Parameters
+    ----------
+    setting : Setting
+        The ground of the diagnosis.
+    squares : ndarray of shape (n_windows,)
+        Error of every window; small and large ones are taken alike.
+
+    Returns
+    -------
+    Rough
+        Some of its samples.
+    """
+    thinned = _thinned(setting)
+    step = round(thinned.lengths.sum() / ROUGH_SAMPLES)
+    which = np.sort(worst_first(squares)[:: max(1, min(step, len(thinned) // ROUGH_WINDOWS))])
+    return Rough(thinned.select(which), which)
+
+
+def worst_first(squares: np.ndarray) -> np.ndarray:
+    """Order windows by their error, the largest first."""
+    return np.argsort(-squares, kind="stable")
+
+
+def _thinned(setting: Setting) -> Windows:
+    """Leave out samples while there are too many and the prior's simulation hardly changes."""
+    windows, model, factor = setting.windows, setting.prior, 1
+    x0 = setting.states.estimate(model).x[windows.starts]
+    residual = evaluate(model, windows, x0, ()).residual
+    simulated = replace(windows, y=windows.y - residual)
+    while (
+        windows.lengths.sum() > factor * ROUGH_SAMPLES
+        and np.median(windows.lengths) >= 2 * factor * MIN_SAMPLES
+    ):
+        change = evaluate(model, simulated.thin(2 * factor), x0, ()).residual / windows.scale
+        if not np.sqrt(np.nanmean(change**2)) < HARDLY:
+            break
+        factor *= 2
+    return windows.thin(factor) if factor > 1 else windows
 
 
 def _scales(model, windows, x) -> Scales:

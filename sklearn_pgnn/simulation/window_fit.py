@@ -7,16 +7,26 @@ With the residuals :math:`r_w` of window :math:`w`, its initial state :math:`x_w
           + \sum_i ((p_i - \bar p_i)/\sigma_i)^2
 
 is found by Levenberg-Marquardt steps within bounds. The initial states are eliminated window by
-window, so a step solves one small bounded least-squares problem.
+window, so a step solves one small bounded least-squares problem. Every window has a damping of its
+own, and one that a step harms keeps its initial state: where dry friction sticks a residual is no
+smooth function of it, and a few such windows must not hold up all others.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import lsq_linear
 
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.windows import Evaluation, Windows, evaluate
+
+#: first Levenberg-Marquardt damping, and its smallest and largest
+FIRST_DAMPING, DAMPINGS = 1e-3, (1e-9, 1e9)
+#: steps in a row that may fail
+MAX_REJECTED = 8
+#: a fit may do so many times better than a linear model of it promises
+OPTIMISM = 10.0
 
 
 @dataclass(frozen=True)
@@ -96,8 +106,12 @@ def fit_windows(
     x0_spread: np.ndarray,
     *,
     x0_start: np.ndarray | None = None,
+    evaluation: Evaluation | None = None,
+    states_first: bool = False,
+    min_steps: int = 0,
     max_steps: int = 25,
     tolerance: float = 1e-5,
+    hopeless: float = np.inf,
 ) -> WindowFit:
     """Fit a model's parameters and every window's initial state.
 
@@ -115,60 +129,162 @@ def fit_windows(
         How uncertain they are.
     x0_start : ndarray of shape (n_windows, n_states), optional
         Where the initial states start; by default where they are expected.
-    max_steps : int, default=25
-        Largest number of steps.
+    evaluation : Evaluation, optional
+        What the model makes of the windows at the start, where that is known already.
+    states_first : bool, default=False
+        Whether the first step moves the initial states only: they start less well than the
+        parameters.
+    min_steps, max_steps : int, default=0, 25
+        Least number of steps, however little they promise, and the largest.
     tolerance : float, default=1e-5
         Relative decrease of the objective at which the fit ends.
+
+    hopeless : float, optional
+        Objective that must come into reach: the fit ends where `OPTIMISM` times the decrease that
+        a linear model promises would still leave it above.
 
     Returns
     -------
     WindowFit
         The fit; its objective is infinite if the start itself diverges.
     """
-    wrt = tuple(freedom.name for freedom in freedoms)
-    expected, weight = x0, 1.0 / x0_spread**2
-    x0 = expected if x0_start is None else x0_start
-    centre, spread = _column(freedoms, "centre"), _column(freedoms, "spread")
-    low, high = _column(freedoms, "low"), _column(freedoms, "high")
-    model = _with_values(model, freedoms, np.clip(_values(model, freedoms), low, high))
-
-    def objective(candidate, states, squares):
-        pull = ((_values(candidate, freedoms) - centre) / spread) ** 2
-        return squares.sum() + pull.sum() + (weight * (states - expected) ** 2).sum()
-
-    evaluation = evaluate(model, windows, x0, wrt)
-    best = objective(model, x0, evaluation.squares)
-    if not np.isfinite(best):
-        return WindowFit(model, freedoms, x0, evaluation, np.inf)
-    damping = 1e-3
-    for _ in range(max_steps):
-        values = _values(model, freedoms)
-        improved = False
-        for _ in range(8):
-            normal = project(evaluation.gram, len(wrt), weight, x0 - expected, damping)
-            hessian = normal.hessian.sum(0) + np.diag(1.0 / spread**2)
-            gradient = normal.gradient.sum(0) - (values - centre) / spread**2
-            step = _bounded_step(hessian, gradient, damping, low - values, high - values)
-            new_x0 = x0 + normal.state_step - normal.to_state @ step
-            candidate = _with_values(model, freedoms, np.clip(values + step, low, high))
-            new = evaluate(candidate, windows, new_x0, wrt)
-            value = objective(candidate, new_x0, new.squares)
-            if value < best:
-                improved = True
-                break
-            damping *= 10.0
-        if not improved:
+    task = _Task(windows, freedoms, x0, 1.0 / x0_spread**2)
+    fit = task.at(task.within_bounds(model), x0 if x0_start is None else x0_start, evaluation)
+    damping = _Damping(
+        np.inf if states_first else FIRST_DAMPING, np.full(len(windows), FIRST_DAMPING)
+    )
+    steps = rejected = 0
+    while steps < max_steps and rejected < MAX_REJECTED and np.isfinite(fit.objective):
+        small = tolerance * fit.objective
+        if steps >= min_steps and rejected == 0 and task.is_done(fit, small, hopeless):
             break
-        decrease = (best - value) / best
-        model, x0, evaluation, best = candidate, new_x0, new, value
-        damping = max(damping / 10.0, 1e-9)
-        if decrease < tolerance:
+        step = task.step(fit, damping)
+        new = task.take(fit, step, small)
+        decrease = task.parts(fit) - task.parts(new)
+        damping = damping.after(decrease, step.promise, small)
+        if not decrease.sum() > 0.0:
+            rejected += 1
+            continue
+        fit, rejected, steps = new, 0, steps + 1
+        if decrease.sum() < small:
             break
-    return WindowFit(model, freedoms, x0, evaluation, float(best))
+    return fit
+
+
+class _Damping(NamedTuple):
+    """Levenberg-Marquardt damping of the parameters and of every window's initial state."""
+
+    parameters: float
+    states: np.ndarray | float
+
+    def after(self, decrease, promise, small) -> "_Damping":
+        """Damp more what fell short of its promise, less what kept it; by window."""
+        missed = np.nan_to_num(promise - decrease, nan=np.inf, posinf=np.inf)
+        states = _damp(self.states, missed[:-1], np.abs(promise[:-1]), small / (missed.size - 1))
+        if np.isinf(self.parameters):
+            return _Damping(FIRST_DAMPING, states)
+        return _Damping(float(_damp(self.parameters, missed.sum(), promise.sum(), 0.0)), states)
+
+
+def _damp(damping, missed, promise, small):
+    """Change damping tenfold where a linear model is three quarters off, or a quarter at most."""
+    factor = np.where(missed > 0.75 * promise + small, 10.0, 1.0)
+    factor = np.where(missed < 0.25 * promise + small, 0.1, factor)
+    return np.clip(damping * factor, *DAMPINGS)
+
+
+#: what a linear model promises if it is trusted
+UNDAMPED = _Damping(DAMPINGS[0], DAMPINGS[0])
+
+
+class _Step(NamedTuple):
+    """Where a step leads, and the decrease a linear model promises of every part."""
+
+    model: PhysicsModel
+    x0: np.ndarray
+    promise: np.ndarray
+
+
+class _Task:
+    """What is minimised: the squares of every window with its prior, and the parameters' priors."""
+
+    def __init__(self, windows, freedoms, expected, weight):
+        self.windows, self.freedoms = windows, freedoms
+        self.expected, self.weight = expected, weight
+        self.wrt = tuple(freedom.name for freedom in freedoms)
+        self.centre = _column(freedoms, "centre")
+        self.pull = 1.0 / _column(freedoms, "spread") ** 2
+        self.low, self.high = _column(freedoms, "low"), _column(freedoms, "high")
+
+    def within_bounds(self, model) -> PhysicsModel:
+        return self._moved(model, 0.0)
+
+    def _moved(self, model, by) -> PhysicsModel:
+        values = np.clip(_values(model, self.freedoms) + by, self.low, self.high)
+        return _with_values(model, self.freedoms, values)
+
+    def at(self, model, x0, evaluation=None) -> WindowFit:
+        if evaluation is None:
+            evaluation = evaluate(model, self.windows, x0, self.wrt)
+        fit = WindowFit(model, self.freedoms, x0, evaluation, np.inf)
+        return replace(fit, objective=float(self.parts(fit).sum()))
+
+    def parts(self, fit) -> np.ndarray:
+        """Give the objective window by window, and last the parameters' part."""
+        states = (self.weight * (fit.x0 - self.expected) ** 2).sum(axis=1)
+        pull = self.pull * (fit.values - self.centre) ** 2
+        return np.append(fit.evaluation.squares + states, pull.sum())
+
+    def step(self, fit, damping) -> _Step:
+        values, offset = fit.values, fit.x0 - self.expected
+        gram, n_p = fit.evaluation.gram, len(self.wrt)
+        normal = project(gram, n_p, self.weight, offset, damping.states)
+        slope = self.pull * (self.centre - values)
+        by_p = _bounded_step(
+            normal.hessian.sum(axis=0) + np.diag(self.pull),
+            normal.gradient.sum(axis=0) + slope,
+            damping.parameters,
+            self.low - values,
+            self.high - values,
+        )
+        by_x = normal.state_step - normal.to_state @ by_p
+        promise = _promise(gram, by_p, by_x) - (self.weight * by_x * (2 * offset + by_x)).sum(1)
+        pulled = float(by_p @ (2 * slope - self.pull * by_p))
+        return _Step(self._moved(fit.model, by_p), fit.x0 + by_x, np.append(promise, pulled))
+
+    def is_done(self, fit, small, hopeless) -> bool:
+        """Tell whether a linear model promises little, or not enough by far."""
+        promise = self.step(fit, UNDAMPED).promise.sum()
+        return promise <= small or fit.objective - OPTIMISM * promise > hopeless
+
+    def take(self, fit, step, small) -> WindowFit:
+        """Take a step; windows that it harms keep their initial state where that is better."""
+        new = self.at(step.model, step.x0)
+        harmed = np.flatnonzero(~(self.parts(new) - self.parts(fit) < small)[:-1])
+        if not harmed.size:
+            return new
+        part = _Task(self.windows.select(harmed), self.freedoms, self.expected[harmed], self.weight)
+        stay = part.at(step.model, fit.x0[harmed])
+        better = part.parts(stay)[:-1] < self.parts(new)[harmed]
+        which, x0 = harmed[better], new.x0.copy()
+        x0[which] = stay.x0[better]
+        evaluation = new.evaluation.replaced(self.windows, which, stay.evaluation, better)
+        return self.at(step.model, x0, evaluation)
+
+
+def _promise(gram, by_p, by_x) -> np.ndarray:
+    """Give the decrease of every window's squares by a linear model of its residuals."""
+    by = np.concatenate([np.broadcast_to(by_p, (len(by_x), by_p.size)), by_x], axis=1)
+    slope = 2 * gram[:, :-1, -1] - np.einsum("wij,wj->wi", gram[:, :-1, :-1], by)
+    return np.einsum("wi,wi->w", by, slope)
 
 
 def project(
-    gram: np.ndarray, n_p: int, weight: np.ndarray, offset: np.ndarray, damping: float = 0.0
+    gram: np.ndarray,
+    n_p: int,
+    weight: np.ndarray,
+    offset: np.ndarray,
+    damping: np.ndarray | float = 0.0,
 ) -> Normal:
     """Eliminate every window's initial state from its normal equations.
 
@@ -182,7 +298,7 @@ def project(
         Inverse variances of the initial states.
     offset : ndarray of shape (n_windows, n_states)
         Initial states minus their expectation.
-    damping : float, default=0
+    damping : float or ndarray of shape (n_windows,), default=0
         Levenberg-Marquardt damping of the initial states.
 
     Returns
@@ -196,7 +312,7 @@ def project(
     size = np.sqrt(np.einsum("wii->wi", state_hessian))
     size = np.where(size > 0, size, 1.0)
     scaled = state_hessian / (size[:, :, None] * size[:, None, :])
-    scaled = scaled + damping * np.eye(size.shape[1])
+    scaled = scaled + np.asarray(damping)[..., None, None] * np.eye(size.shape[1])
     inverse = np.linalg.pinv(scaled, rcond=1e-12, hermitian=True)
     inverse = inverse / (size[:, :, None] * size[:, None, :])
     to_state = inverse @ gram[:, x, p]
@@ -234,10 +350,11 @@ def expected_decrease(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) 
 
 
 def _bounded_step(hessian, gradient, damping, low, high):
-    """Solve the damped normal equations within bounds."""
-    if gradient.size == 0:
-        return gradient
-    size = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
+    """Solve the damped normal equations within bounds; what the data do not see stays."""
+    if gradient.size == 0 or np.isinf(damping):
+        return np.zeros_like(gradient)
+    size = np.sqrt(np.diag(hessian))
+    size = np.where(size > 0, size, 1.0)
     scaled = hessian / np.outer(size, size) + damping * np.eye(size.size)
     values, vectors = np.linalg.eigh(scaled)
     root = np.sqrt(np.maximum(values, 1e-14 * values[-1]))

@@ -5,8 +5,10 @@ minima. Over short windows it has few (multiple shooting). Every window's initia
 nuisance: it is fitted with the parameters and projected out of their normal equations.
 """
 
+import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -16,6 +18,9 @@ from sklearn_pgnn.simulation.compiled import compile_model
 from sklearn_pgnn.simulation.inputs import delayed_inputs
 from sklearn_pgnn.simulation.simulate import parameter_values
 from sklearn_pgnn.simulation.stepping import METHODS, run_windows
+
+#: parts that every thread simulates
+PARTS = 4
 
 
 @dataclass(frozen=True)
@@ -104,6 +109,40 @@ class Windows:
         total = np.concatenate([start, np.cumsum(np.nan_to_num(values), axis=0)])
         return np.diff(total[self.piece_edges], axis=1)
 
+    def thin(self, factor: int) -> "Windows":
+        """Give the same windows with fewer samples, held inputs averaged from one to the next.
+
+        Parameters
+        ----------
+        factor : int
+            One sample of so many stays, the first of every window among them.
+
+        Returns
+        -------
+        Windows
+            The same windows, if these cover the records without a gap.
+        """
+        spans = zip(self.starts, self.lengths, strict=True)
+        kept = np.concatenate([np.arange(a, a + n, factor) for a, n in spans])
+        lengths = -(-self.lengths // factor)
+        return replace(
+            self,
+            t=self.t[kept],
+            u=self.u[kept] if self.hold == "foh" else self._mean_inputs(kept),
+            y=self.y[kept],
+            bounds=np.searchsorted(kept, self.bounds),
+            starts=np.cumsum(lengths) - lengths,
+            lengths=lengths,
+        )
+
+    def _mean_inputs(self, kept) -> np.ndarray:
+        """Average the held inputs from every kept sample to the next."""
+        width = np.diff(self.t, append=self.t[-1:])
+        last = self.bounds[1:] - 1
+        width[last] = width[np.maximum(last - 1, 0)]
+        area = np.add.reduceat(width[:, None] * self.u, kept)
+        return area / np.add.reduceat(width, kept)[:, None]
+
     def acting_inputs(self, model: PhysicsModel) -> np.ndarray:
         """Give the inputs with the model's delays applied, record by record."""
         if not model.delays:
@@ -145,6 +184,46 @@ class Evaluation:
     def piece_squares(self) -> np.ndarray:
         """Sum of squared residuals of every piece, of shape (n_windows, n_pieces)."""
         return self.piece_gram[:, :, -1, -1]
+
+    def select(self, which) -> "Evaluation":
+        """Give the evaluation of some of the windows.
+
+        Parameters
+        ----------
+        which : ndarray of bool or int
+            The windows to keep.
+
+        Returns
+        -------
+        Evaluation
+            Theirs; the residuals are those of all.
+        """
+        return Evaluation(self.piece_gram[which], self.residual)
+
+    def replaced(self, windows: Windows, which, other: "Evaluation", part) -> "Evaluation":
+        """Give the evaluation with some windows from another one.
+
+        Parameters
+        ----------
+        windows : Windows
+            The windows of this evaluation.
+        which : ndarray of int
+            The windows to replace.
+        other : Evaluation
+            Where they come from.
+        part : ndarray of bool or int
+            Which of its windows they are.
+
+        Returns
+        -------
+        Evaluation
+            The evaluation.
+        """
+        gram, residual = self.piece_gram.copy(), self.residual.copy()
+        gram[which] = other.piece_gram[part]
+        for a, n in zip(windows.starts[which], windows.lengths[which], strict=True):
+            residual[a : a + n] = other.residual[a : a + n]
+        return Evaluation(gram, residual)
 
 
 def evaluate(model: PhysicsModel, windows: Windows, x0, wrt: tuple[str, ...]) -> Evaluation:
@@ -199,8 +278,7 @@ def evaluate(model: PhysicsModel, windows: Windows, x0, wrt: tuple[str, ...]) ->
     if len(parts) == 1:
         run(parts[0])
     else:
-        with ThreadPoolExecutor(windows.threads) as pool:
-            list(pool.map(run, parts))
+        list(_pool(windows.threads).map(run, parts))
     lower = np.tril_indices(q + 1, -1)
     gram[..., lower[0], lower[1]] = gram[..., lower[1], lower[0]]
     return Evaluation(_without_endless_slopes(gram), residual)
@@ -215,6 +293,18 @@ def _without_endless_slopes(gram):
     return gram
 
 
+@lru_cache(maxsize=8)
+def _pool(threads: int) -> ThreadPoolExecutor:
+    """Give the threads that simulate, made once a process."""
+    return ThreadPoolExecutor(threads)
+
+
+if hasattr(os, "register_at_fork"):  # threads do not live on in a forked process
+    os.register_at_fork(after_in_child=_pool.cache_clear)
+
+
 def _parts(count: int, threads: int) -> list[slice]:
-    edges = np.linspace(0, count, max(1, min(threads, count)) + 1).astype(int)
+    """Deal windows to threads, several parts to each: some windows take longer."""
+    parts = PARTS * threads if threads > 1 else 1
+    edges = np.linspace(0, count, max(1, min(parts, count)) + 1).astype(int)
     return [slice(a, b) for a, b in pairwise(edges)]

@@ -1,0 +1,127 @@
+r"""Foretell which two causes explain most together, from what each of them does alone.
+
+Two causes may help together where neither helps alone, and the best single cause need not be one
+of the best two. A fit of every pair would take long; to first order a pair leaves
+
+.. math:: \min_{p, x_0, a, b} |r - S_p p - S_x x_0 - E_a a - E_b b|^2
+
+of the residuals :math:`r`, with the sensitivities :math:`S` to the parameters and to every
+window's initial state, and the changes of the outputs :math:`E` that a cause brings: as it was
+fitted alone, and by each of its own parameters.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations
+
+import numpy as np
+
+from sklearn_pgnn.diagnosis.fitting import Sketch
+from sklearn_pgnn.diagnosis.hypothesis import Cause
+from sklearn_pgnn.simulation.window_fit import WindowFit
+from sklearn_pgnn.simulation.windows import Windows, evaluate
+
+#: a finite difference changes the outputs by so many times the noise
+STEP = 0.1
+#: directions smaller than this, relative to the largest, are rounding
+ROUNDING = 1e-9
+
+
+def foretell_pairs(
+    ground: Sketch, alone: list[Sketch], windows: Windows
+) -> list[tuple[float, Cause, Cause]]:
+    """Rank pairs of causes by the squares they are expected to leave.
+
+    Parameters
+    ----------
+    ground : Sketch
+        The hypothesis to extend by two causes.
+    alone : list of Sketch
+        Its extensions by one cause.
+    windows : Windows
+        The windows of the sketches.
+
+    Returns
+    -------
+    list of (float, cause, cause)
+        Expected sum of squares and the two causes, the better pairs first.
+    """
+    view = _View(windows, ground.fit)
+    tuned = [view.slope(ground.fit, freedom.name) for freedom in ground.fit.freedoms]
+    known = view.without_states(np.column_stack([view.residual, *tuned]))
+    blocks = {
+        sketch.hypothesis.causes[-1]: view.without_states(_changes(view, sketch))
+        for sketch in alone
+    }
+    ranked = [
+        (_left(np.hstack([known, blocks[a], blocks[b]])), a, b) for a, b in combinations(blocks, 2)
+    ]
+    return sorted(ranked, key=lambda item: item[0])
+
+
+def _left(table) -> float:
+    """Give the squares of the first column that the others leave."""
+    size = np.linalg.norm(table, axis=0)
+    table = table / np.where(size > 0, size, 1.0)
+    gram = table[:, 1:].T @ table
+    inverse = np.linalg.pinv(gram[:, 1:], rcond=ROUNDING, hermitian=True)
+    return float(size[0] ** 2 * (1.0 - gram[:, 0] @ inverse @ gram[:, 0]))
+
+
+def _changes(view, sketch: Sketch) -> np.ndarray:
+    """Give the changes of the outputs by a cause: as fitted, and by its own parameters."""
+    effect, target = sketch.hypothesis.causes[-1]
+    own = set(effect(target).names().values())
+    names = [freedom.name for freedom in sketch.fit.freedoms if freedom.name in own]
+    fitted = view.residual - view.flat(sketch.fit.evaluation.residual)
+    return np.column_stack([fitted, *(view.slope(sketch.fit, name) for name in names)])
+
+
+@dataclass(frozen=True)
+class _View:
+    """Outputs on the windows of a fit, in units of the noise and laid end to end."""
+
+    windows: Windows
+    fit: WindowFit
+
+    @property
+    def residual(self) -> np.ndarray:
+        return self.flat(self.fit.evaluation.residual)
+
+    def flat(self, values) -> np.ndarray:
+        spans = zip(self.windows.starts, self.windows.lengths, strict=True)
+        rows = np.concatenate([np.arange(a, a + n) for a, n in spans])
+        return np.nan_to_num(values[rows] / self.windows.scale).ravel()
+
+    def change(self, fit: WindowFit, model, x0) -> np.ndarray:
+        """Give by how much the outputs change with the model and the initial states."""
+        wrt = tuple(freedom.name for freedom in fit.freedoms)
+        moved = evaluate(model, self.windows, x0, wrt).residual
+        return self.flat(fit.evaluation.residual - moved)
+
+    def slope(self, fit: WindowFit, name: str) -> np.ndarray:
+        """Give the direction in which a parameter moves the outputs, within its bounds."""
+        place = [freedom.name for freedom in fit.freedoms].index(name)
+        steep = np.sqrt(fit.evaluation.gram[:, place, place].sum() / self.windows.lengths.sum())
+        value, freedom = fit.model.parameters[name].value, fit.freedoms[place]
+        step = STEP / steep if steep > 0 else STEP * freedom.scale
+        step = step if value + step <= freedom.high else -step
+        model = fit.model.with_parameters(**{name: max(value + step, freedom.low)})
+        return self.change(fit, model, fit.x0)
+
+    @cached_property
+    def bases(self) -> list[np.ndarray]:
+        """Give an orthonormal basis of what the initial state of each window can change."""
+        fit = self.fit
+        moves = 1e-3 * np.maximum(np.std(fit.x0, axis=0), 1e-6) * np.eye(fit.x0.shape[1])
+        shifts = np.column_stack([self.change(fit, fit.model, fit.x0 + move) for move in moves])
+        return [np.linalg.qr(part)[0] for part in self.by_window(shifts)]
+
+    def by_window(self, table) -> list[np.ndarray]:
+        ends = np.cumsum(self.windows.lengths) * self.windows.y.shape[1]
+        return np.split(table, ends[:-1])
+
+    def without_states(self, table) -> np.ndarray:
+        """Take from every column what the initial states explain."""
+        pairs = zip(self.bases, self.by_window(table), strict=True)
+        return np.concatenate([part - basis @ (basis.T @ part) for basis, part in pairs])
