@@ -6,6 +6,7 @@ from sklearn.base import BaseEstimator, MultiOutputMixin, RegressorMixin
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
+from sklearn_pgnn.diagnosis.beyond import Beyond
 from sklearn_pgnn.diagnosis.fitting import Fitter
 from sklearn_pgnn.diagnosis.hypothesis import possible_causes
 from sklearn_pgnn.diagnosis.records import keep_records
@@ -87,6 +88,9 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         Window length used [s].
     substeps_ : int
         Integration steps from sample to sample.
+    missing_ : MissingPart or None
+        With the verdict ``"unexplained"``: where something is missing that the catalogue has no
+        name for, what it depends on, and a formula for it.
     tried_ : dict
         Every suspect, and the share of the re-tuned prior's error power it leaves alone.
     records_ : DiagnosisRecords
@@ -181,8 +185,9 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         catalogue = CATALOGUE if self.catalogue is None else tuple(self.catalogue)
         suspects = possible_causes(self.model, catalogue, self.targets)
         rules = Rules(significance=self.significance, max_causes=self.max_causes)
-        search = Search(fitter, suspects, rules, self.progress or _silent)
-        outcome = search.run()
+        beyond = Beyond()
+        search = Search(fitter, suspects, rules, self.progress or _silent, beyond.is_better)
+        outcome, self.missing_ = beyond.judge(search, search.run())
         self._keep(fitter, search, outcome)
         self.records_ = keep_records(fitter, outcome, (record.name for record in records))
         self._single_output = np.asarray(y).ndim == 1
@@ -217,6 +222,8 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         self.tried_ = {(e.id, target): left for (e, target), left in outcome.tried.items()}
 
     def _verdict(self, search: Search, outcome: Outcome) -> str:
+        if self.missing_ is not None:
+            return "unexplained"
         left, before = search.excess(outcome.final), search.excess(outcome.base)
         if not outcome.steps:
             enough = left < search.rules.share * outcome.base.squares
@@ -272,6 +279,7 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
             "causes": causes,
             "parameters": {name: plain(p) for name, p in self.parameters_.items()},
             "gain": {name: plain(gain) for name, gain in self.gain_.items()},
+            "unexplained": None if self.missing_ is None else self.missing_.to_dict(),
             "window": self.window_,
         }
 

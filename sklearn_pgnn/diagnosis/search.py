@@ -89,6 +89,9 @@ class Search:
         When a difference counts.
     progress : callable
         Called as ``progress(stage, done, total)``.
+    is_beyond : callable, optional
+        Asked ``is_beyond(search, trial)`` of a hypothesis that leaves something; the search ends
+        where the answer is yes.
     """
 
     def __init__(
@@ -97,7 +100,9 @@ class Search:
         suspects: tuple[Cause, ...],
         rules: Rules,
         progress: Callable[[str, int, int], None],
+        is_beyond: Callable[["Search", Trial], bool] | None = None,
     ):
+        self.is_beyond = is_beyond
         self.fitter = fitter
         self.same = same_causes(fitter.setting.prior, suspects)
         self.suspects = tuple(self.same)
@@ -119,8 +124,9 @@ class Search:
         self._learn_noise(base)
         current, tried = base, {}
         while len(current.hypothesis.causes) < self.rules.max_causes:
-            near = self.excess(current) < self.rules.whole * current.squares
-            if near or current.hypothesis.key in self._grounds:
+            if self.is_at_noise(current) or current.hypothesis.key in self._grounds:
+                break
+            if current is not base and self.is_beyond and self.is_beyond(self, current):
                 break
             scouted = self._scout(current)
             if current is base:
@@ -170,6 +176,10 @@ class Search:
     def excess(self, trial: Trial) -> float:
         """Give the squares a fit leaves above the floor."""
         return max(trial.squares - self.floor, 0.0)
+
+    def is_at_noise(self, trial: Trial) -> bool:
+        """Tell whether a fit leaves hardly more than noise."""
+        return self.excess(trial) < self.rules.whole * trial.squares
 
     # -- forward -------------------------------------------------------------------------------
 
@@ -270,7 +280,7 @@ class Search:
     def _simplest_of_the_best(self, trials: list[Trial]) -> Trial:
         """Give the trial with the fewest parameters among those as good as the best."""
         best = min(trials, key=lambda trial: trial.squares)
-        equal = [trial for trial in trials if self._as_good(best, trial)]
+        equal = [trial for trial in trials if self.as_good(best, trial)]
         return min(equal, key=lambda trial: (*self._complexity(trial), trial.squares))
 
     @staticmethod
@@ -279,8 +289,19 @@ class Search:
         missing = [e for e, _ in trial.hypothesis.causes if e is not WrongParameter]
         return trial.hypothesis.n_parameters, len(missing)
 
-    def _as_good(self, best: Trial, other: Trial) -> bool:
-        """Tell whether a trial explains as much as the best, but for little."""
+    def as_good(self, best: Trial, other: Trial) -> bool:
+        """Tell whether a trial explains as much as the best, but for little.
+
+        Parameters
+        ----------
+        best, other : Trial
+            Two hypotheses, fitted on all windows.
+
+        Returns
+        -------
+        bool
+            Whether the other leaves hardly more than the best.
+        """
         loss = other.squares - best.squares
         return loss <= self.rules.share * self.excess(other) or not self._is_better(other, best)
 
@@ -360,7 +381,7 @@ class Search:
         for cause in trial.hypothesis.causes:
             for apart in self._apart(sketch, cause):
                 split = self.fitter.complete(apart, trial)
-                if np.isfinite(split.squares) and self._as_good(trial, split):
+                if np.isfinite(split.squares) and self.as_good(trial, split):
                     return self._eliminate(split)
         return trial
 

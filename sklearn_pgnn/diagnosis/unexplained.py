@@ -1,10 +1,13 @@
 """Where no cause of the catalogue will do: where something is missing, and what it depends on."""
 
-from dataclasses import dataclass
+import re
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 
 import numpy as np
 import sympy
+from sklearn.ensemble import HistGradientBoostingRegressor
+from sklearn.model_selection import GroupKFold, cross_val_predict
 
 from sklearn_pgnn.diagnosis.fitting import Trial
 from sklearn_pgnn.diagnosis.setting import Setting
@@ -20,12 +23,12 @@ from sklearn_pgnn.simulation.windows import evaluate
 
 #: samples on which a hidden input is described, and folds of the description
 SAMPLES, FOLDS = 4000, 5
-#: a further quantity, or a further term, must explain so much more of the hidden input
-WORTH = 0.03
+#: part of a term's effect on the outputs that re-tuning must leave, for it to be told from that
+OWN = 0.02
 #: part of a term, relative to it, that those before it must leave
 DEPENDENT = 1e-5
-#: most quantities and terms of a description
-MOST_QUANTITIES, MOST_TERMS = 3, 3
+#: most terms of a formula
+MOST_TERMS = 3
 
 
 @dataclass(frozen=True)
@@ -37,43 +40,69 @@ class MissingPart:
     target : str
         The state in whose rate it is missing, or the input or output.
     quantities : tuple of str
-        What it depends on, the most telling first.
+        What it depends on.
     share : float
-        Share of its variance that they explain, on samples not used for it; between 0 and 1.
+        Share of its smoothed course that they explain, on records not used for it; from 0 to 1.
     effect : Formula
         Terms that describe it; ``model + part.effect`` has them.
-    error_share : float
-        Share of the error power above the noise that the model with these terms leaves, of what
-        the re-tuned prior leaves.
+    error : float
+        Error over windows that the re-tuned prior with these terms leaves, in units of the noise.
+    course : ndarray of shape (n_samples,)
+        Its smoothed course [unit of the target; per second for a state].
     """
 
     target: str
     quantities: tuple[str, ...]
     share: float
     effect: Formula
-    error_share: float
+    error: float
+    course: np.ndarray = field(repr=False)
 
     @property
     def formula(self) -> str:
         """The terms with their coefficients, as text."""
         pairs = zip(self.effect.coefficients, self.effect.terms, strict=True)
-        return " + ".join(f"{value:.4g}*{term}" for value, term in pairs)
+        return " + ".join(f"{value:.4g}*{term}" for value, term in pairs).replace("+ -", "- ")
+
+    def to_dict(self) -> dict:
+        """Give it as plain data, as ``diagnosis.json`` holds it.
+
+        Returns
+        -------
+        dict
+            Target, quantities, share, formula and error.
+        """
+        return {
+            "target": self.target,
+            "quantities": list(self.quantities),
+            "explained_share": self.share,
+            "formula": self.formula,
+            "error_over_noise": self.error,
+        }
 
 
 @dataclass(frozen=True)
-class Description:
-    """A hidden input and terms that may describe it.
+class Proposal:
+    """A formula for what is missing at a channel, fitted on all windows.
 
     Parameters
     ----------
     hidden : HiddenInput
-        The hidden input.
+        The hidden input that it describes.
     effect : Formula
         The terms.
+    trial : Trial
+        The hypothesis that it stands beside, with its terms fitted.
     """
 
     hidden: HiddenInput
     effect: Formula
+    trial: Trial
+
+    @property
+    def n_parameters(self) -> int:
+        """Number of parameters that the causes and the terms add."""
+        return self.trial.hypothesis.n_parameters + len(self.effect.terms)
 
 
 def channels(model: PhysicsModel) -> tuple[str, ...]:
@@ -92,7 +121,7 @@ def channels(model: PhysicsModel) -> tuple[str, ...]:
     return (*states, *several, *(name for name in model.outputs if name not in model.states))
 
 
-def propose(setting: Setting, base: Trial, channel: str) -> tuple[Description, ...]:
+def propose(setting: Setting, base: Trial, channel: str) -> list[Proposal]:
     """Find the hidden input of a channel, and formulas for it with one term, with two, and more.
 
     The terms are those whose effect on the outputs, along the trajectories of the model and with
@@ -109,7 +138,7 @@ def propose(setting: Setting, base: Trial, channel: str) -> tuple[Description, .
 
     Returns
     -------
-    tuple of Description
+    list of Proposal
         Empty where no smoother ran to the end.
     """
     model, scales = base.fit.model, setting.scales
@@ -119,33 +148,80 @@ def propose(setting: Setting, base: Trial, channel: str) -> tuple[Description, .
         model, setting.windows, channel, estimate.x, estimate.spread, size, setting.period
     )
     if not np.all(np.isfinite(hidden.values)):
-        return ()
+        return []
     table = _samples(setting, model, hidden)
     terms = _terms(setting.prior, table)
     columns = np.column_stack([evaluate_samples(term, table, hidden.values.size) for term in terms])
     own = _independent(columns[:: max(1, len(columns) // SAMPLES)])
     columns, terms = columns[:, own], [terms[i] for i in own]
-    path = _telling_terms(setting, base, channel, columns)
-    return tuple(Description(hidden, _formula(channel, terms, values)) for values in path)
+    formulas = [
+        _formula(channel, terms, c) for c in _telling_terms(setting, base, channel, columns)
+    ]
+    fitted = [(formula, _fit(setting, base, formula)) for formula in formulas]
+    return [
+        Proposal(hidden, _at_fit(formula, fit), Trial(base.hypothesis, fit))
+        for formula, fit in fitted
+        if np.isfinite(fit.objective)
+    ]
 
 
-def fit_formula(setting: Setting, base: Trial, effect: Formula) -> WindowFit:
-    """Fit a model with a formula on all windows, its other parameters with it.
+def describe(setting: Setting, proposal: Proposal) -> MissingPart:
+    """Describe what is missing.
 
     Parameters
     ----------
     setting : Setting
         The ground of the diagnosis.
-    base : Trial
-        The model without the formula.
-    effect : Formula
-        The formula and where its coefficients start.
+    proposal : Proposal
+        The formula that was chosen.
 
     Returns
     -------
-    WindowFit
-        The fit.
+    MissingPart
+        The description.
     """
+    effect, hidden, fit = proposal.effect, proposal.hidden, proposal.trial.fit
+    table = _samples(setting, fit.model, hidden)
+    text = " ".join(effect.terms)
+    quantities = tuple(name for name in table if re.search(rf"\b{re.escape(name)}\b", text))
+    rows = slice(None, None, max(1, hidden.values.size // SAMPLES))
+    share = 0.0
+    if quantities:
+        columns = np.column_stack([table[name][rows] for name in quantities])
+        share = _explained(columns, hidden.values[rows], _groups(setting)[rows])
+    error = float(np.sqrt(fit.squares / setting.n_samples))
+    return MissingPart(effect.target, quantities, share, effect, error, hidden.values)
+
+
+def is_known(model: PhysicsModel, effect: Formula) -> bool:
+    """Tell whether every term of a formula is a law of the catalogue: a spring, a friction, a bias.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The prior.
+    effect : Formula
+        The formula.
+
+    Returns
+    -------
+    bool
+        Whether the catalogue would have found it.
+    """
+    target = effect.target
+    own = symbol(target)
+    laws = [sympy.Integer(1), own, own * sympy.Abs(own), sympy.sign(own), sympy.Abs(own)]
+    if target in positions(model):
+        at = symbol(positions(model)[target])
+        laws += [at, at**3]
+    laws += [symbol(name) for name in model.inputs]
+    if target in model.outputs:
+        laws.append(model.outputs[target])
+    return set(effect.terms) <= {to_text(law) for law in laws}
+
+
+def _fit(setting, base, effect) -> WindowFit:
+    """Fit a model with a formula on all windows, its other parameters with it."""
     model = effect.apply(base.fit.model)
     free = [
         Freedom(name, -np.inf, np.inf, value, np.inf, max(abs(value), 1e-12))
@@ -162,12 +238,34 @@ def fit_formula(setting: Setting, base: Trial, effect: Formula) -> WindowFit:
     )
 
 
+def _at_fit(effect, fit) -> Formula:
+    """Give a formula its fitted coefficients."""
+    values = (fit.model.parameters[name].value for name in effect.names().values())
+    return replace(effect, coefficients=tuple(values))
+
+
 def _samples(setting, model, hidden) -> dict[str, np.ndarray]:
     """Give the states, smoothed with the hidden input, the inputs as they act, and the time."""
     table = {name: hidden.states[:, i] for i, name in enumerate(model.states)}
     acting = setting.windows.acting_inputs(model)
     table |= {name: acting[:, i] for i, name in enumerate(model.inputs)}
     return {**table, "t": setting.windows.t}
+
+
+def _groups(setting) -> np.ndarray:
+    """Deal the samples into groups: records, or stretches of a few records."""
+    windows = setting.windows
+    record = np.searchsorted(windows.bounds, np.arange(windows.t.size), side="right") - 1
+    if record.max() + 1 >= FOLDS:
+        return record
+    return np.arange(windows.t.size) * 2 * FOLDS // windows.t.size
+
+
+def _explained(columns, values, groups) -> float:
+    """Give the share of a variance that some quantities explain on groups not seen."""
+    forest = HistGradientBoostingRegressor(max_iter=60, max_leaf_nodes=15, random_state=0)
+    found = cross_val_predict(forest, columns, values, groups=groups, cv=GroupKFold(FOLDS))
+    return float(max(0.0, 1.0 - np.mean((values - found) ** 2) / np.var(values)))
 
 
 def _terms(model: PhysicsModel, quantities) -> list[sympy.Expr]:
@@ -194,7 +292,7 @@ def _functions(model, name) -> list[sympy.Expr]:
 
 def _telling_terms(setting, base, channel, columns) -> list[np.ndarray]:
     """Choose the terms by their effect on the outputs, what re-tuning explains projected out."""
-    from sklearn_pgnn.estimators.sindyc_formula import leading_terms  # noqa: PLC0415  (pysindy)
+    from sklearn_pgnn.estimators.sindyc_formula import leading_terms
 
     windows, fit = setting.windows, base.fit
     responses, by_state = linear_responses(fit.model, windows, fit.x0, channel, columns)
@@ -204,8 +302,9 @@ def _telling_terms(setting, base, channel, columns) -> list[np.ndarray]:
     table = _without_states(windows, table, by_state)
     target, moved, known = np.split(table, [1, 1 + columns.shape[1]], axis=1)
     basis = np.linalg.qr(known / np.maximum(np.linalg.norm(known, axis=0), 1e-300))[0]
+    before = np.linalg.norm(moved, axis=0)
     moved, target = (part - basis @ (basis.T @ part) for part in (moved, target))
-    seen = np.flatnonzero(np.linalg.norm(moved, axis=0) > 0)
+    seen = np.flatnonzero(np.linalg.norm(moved, axis=0) > OWN * before)
     path = leading_terms(moved[:, seen], target[:, 0], MOST_TERMS)
     full = np.zeros((len(path), columns.shape[1]))
     full[:, seen] = path

@@ -142,5 +142,3 @@ def _slope(expression, name):
         .replace(sympy.DiracDelta, lambda *_: sympy.Integer(0))
         .doit()
     )
-
-

@@ -4,6 +4,7 @@ import warnings
 from dataclasses import dataclass
 
 import numpy as np
+import sympy
 
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.model import PhysicsModel
@@ -37,7 +38,8 @@ class StateEstimator:
     """Estimate the states of a model, or of one of its extensions, from records.
 
     A state that an output shows is smoothed; the velocity of such a position is its smoothed
-    slope; every other state is taken from a free-run simulation.
+    slope; every other state, and the sign of one that is shown by its magnitude, is taken from a
+    free-run simulation.
 
     Parameters
     ----------
@@ -104,21 +106,37 @@ class StateEstimator:
             if state in self.known:
                 x[:, i], spread[i] = self.known[state]
         unknown = np.flatnonzero(np.isnan(spread))
-        if unknown.size:
-            self._simulate_unknown(model, x, unknown)
+        unsigned = [i for i, state in enumerate(model.states) if state in self._unsigned(model)]
+        if unknown.size or unsigned:
+            run = self._simulate(model)
+            x[:, unknown] = run[:, unknown]
+            x[:, unsigned] *= self._signs(model, run)[:, None]
             spread[unknown] = np.std(x[:, unknown], axis=0)
         return StateEstimate(x, np.maximum(spread, _smallest_spread(x)))
 
-    def _simulate_unknown(self, model, x, unknown):
-        """Fill the states nothing shows from a free-run simulation of every record."""
-        windows = self.windows
+    def _simulate(self, model) -> np.ndarray:
+        """Simulate every record in free run; where that fails the state stays at its start."""
+        windows, runs = self.windows, []
         for r, (a, b) in enumerate(zip(windows.bounds[:-1], windows.bounds[1:], strict=True)):
             start = {**settled_start(model, windows.u[a]), **_finite(self.starts[r])}
             known = {s: v[0][a] for s, v in self.known.items()}
-            x0 = [{**start, **known}[state] for state in model.states]
-            run = free_run(model, windows, a, b, x0)
-            filled = np.where(np.isfinite(run.x), run.x, np.array(x0))
-            x[a:b, unknown] = filled[:, unknown]
+            x0 = np.array([{**start, **known}[state] for state in model.states])
+            run = free_run(model, windows, a, b, x0).x
+            runs.append(np.where(np.isfinite(run), run, x0))
+        return np.concatenate(runs)
+
+    def _unsigned(self, model) -> tuple[str, ...]:
+        """Name the states of which the outputs show the magnitude only, and their velocities."""
+        shown = [g.args[0] for g in model.outputs.values() if isinstance(g, sympy.Abs)]
+        hidden = [str(state) for state in shown if str(state) in self.known]
+        velocities = [v for v, position in model.kinematic_pairs.items() if position in hidden]
+        return (*hidden, *(v for v in velocities if v in self.known))
+
+    def _signs(self, model, run) -> np.ndarray:
+        """Give the sign that a state shown by its magnitude has in a simulation."""
+        first = self._unsigned(model)[:1]
+        column = run[:, [list(model.states).index(state) for state in first]]
+        return np.where(column[:, 0] < 0, -1.0, 1.0) if first else np.ones(len(run))
 
 
 def free_run(model: PhysicsModel, windows: Windows, a: int, b: int, x0) -> Simulation:

@@ -1,0 +1,109 @@
+"""Decide whether the catalogue's causes will do, or a formula says it better."""
+
+from dataclasses import replace
+
+from sklearn_pgnn.diagnosis.fitting import Trial
+from sklearn_pgnn.diagnosis.search import Outcome, Search
+from sklearn_pgnn.diagnosis.unexplained import (
+    MissingPart,
+    Proposal,
+    channels,
+    describe,
+    is_known,
+    propose,
+)
+
+
+class Beyond:
+    """Look for what the catalogue does not know, where its causes leave something or are many."""
+
+    def __init__(self):
+        self._alone: dict[int, Proposal | None] = {}
+
+    def is_better(self, search: Search, trial: Trial) -> bool:
+        """Tell whether a formula alone leaves only noise, where some causes leave more.
+
+        Parameters
+        ----------
+        search : Search
+            The search.
+        trial : Trial
+            The causes.
+
+        Returns
+        -------
+        bool
+            Whether further causes are needless.
+        """
+        alone = self._of_the_prior(search)
+        return alone is not None and search.is_at_noise(alone.trial)
+
+    def judge(self, search: Search, outcome: Outcome) -> tuple[Outcome, MissingPart | None]:
+        """Say what is still believed of an outcome, and what has no name.
+
+        A formula for what the re-tuned prior lacks takes the place of the causes if it explains
+        more, or as much with fewer parameters. A formula for what they leave stands beside them.
+
+        Parameters
+        ----------
+        search : Search
+            The search.
+        outcome : Outcome
+            What it found.
+
+        Returns
+        -------
+        outcome : Outcome
+            What is still believed of it.
+        part : MissingPart or None
+            What has no name.
+        """
+        final, setting = outcome.final, search.fitter.setting
+        enough = search.is_at_noise(final)
+        if enough and len(outcome.steps) < 2:
+            return outcome, None
+        alone = self._of_the_prior(search)
+        if alone is not None and outcome.steps and _says_more(search, alone, final):
+            return replace(outcome, steps=[], alternatives={}), describe(setting, alone)
+        if enough:
+            return outcome, None
+        beside = _best(search, final) if outcome.steps else alone
+        if beside is not None and _matters(search, outcome, beside):
+            return outcome, describe(setting, beside)
+        return outcome, None
+
+    def _of_the_prior(self, search: Search) -> Proposal | None:
+        """Give the best formula for what the re-tuned prior lacks, unless it is a known law."""
+        base = search.fitter.base()
+        key = id(base.fit)
+        if key not in self._alone:
+            best = _best(search, base)
+            known = best is not None and is_known(search.fitter.setting.prior, best.effect)
+            self._alone = {key: None if known else best}
+        return self._alone[key]
+
+
+def _best(search: Search, ground: Trial) -> Proposal | None:
+    """Give the formula with the fewest terms among those as good as the best, of all channels."""
+    setting = search.fitter.setting
+    found = [p for channel in channels(setting.prior) for p in propose(setting, ground, channel)]
+    if not found:
+        return None
+    best = min(found, key=lambda p: p.trial.squares)
+    equal = [p for p in found if search.as_good(best.trial, p.trial)]
+    return min(equal, key=lambda p: (p.n_parameters, p.trial.squares))
+
+
+def _says_more(search: Search, alone: Proposal, final: Trial) -> bool:
+    """Tell whether a formula explains more than the causes, or as much with fewer parameters."""
+    if not search.as_good(final, alone.trial):
+        return False
+    fewer = alone.n_parameters < final.hypothesis.n_parameters
+    return fewer or not search.as_good(alone.trial, final)
+
+
+def _matters(search: Search, outcome: Outcome, beside: Proposal) -> bool:
+    """Tell whether a formula explains a part of all that the prior lacks, and not by chance."""
+    gain = search.excess(outcome.final) - search.excess(beside.trial)
+    large = gain > search.rules.share * search.excess(outcome.base)
+    return large and not search.as_good(beside.trial, outcome.final)
