@@ -6,17 +6,16 @@ import numpy as np
 from numba import boolean, int64, njit, types, void
 
 from sklearn_pgnn.simulation.compiled import FUNCTION
-from sklearn_pgnn.simulation.stepping import advance, workspace
+from sklearn_pgnn.simulation.stepping import INNER, OPTIONS, advance, workspace
 
 _F = types.float64
 _F1, _F2, _F3 = types.float64[::1], types.float64[:, ::1], types.float64[:, :, ::1]
 _I1, _B1 = types.int64[::1], boolean[::1]
-_OPTIONS = {"cache": True, "error_model": "numpy", "nogil": True}
 
 # -- the network -----------------------------------------------------------------------------------
 
 
-@njit(**_OPTIONS)
+@njit(**INNER)
 def _activate(code, v):
     if code == 0:
         return 1.0 - 2.0 / (math.exp(2.0 * v) + 1.0)  # tanh, at a third of its time
@@ -29,7 +28,7 @@ def _activate(code, v):
     return v
 
 
-@njit(**_OPTIONS)
+@njit(**INNER)
 def _slope(code, v, value):
     """Differentiate the activation at v, where its value is known."""
     if code == 0:
@@ -44,7 +43,7 @@ def _slope(code, v, value):
     return 1.0
 
 
-@njit(**_OPTIONS)
+@njit(**OPTIONS)
 def _by_input(theta, sizes):
     """Give the same weights with every layer's matrix transposed; so the sums run side by side."""
     turned = theta.copy()
@@ -58,7 +57,7 @@ def _by_input(theta, sizes):
     return turned
 
 
-@njit(**_OPTIONS)
+@njit(**INNER)
 def _forward(turned, sizes, activation, before, after):
     """Evaluate a feed-forward network; row l of ``after`` holds layer l, row 0 the features."""
     place = 0
@@ -66,19 +65,19 @@ def _forward(turned, sizes, activation, before, after):
     for layer in range(last + 1):
         n_in, n_out = sizes[layer], sizes[layer + 1]
         bias = place + n_in * n_out
-        sums = before[layer + 1]
         for i in range(n_out):
-            sums[i] = turned[bias + i]
+            before[layer + 1, i] = turned[bias + i]
         for j in range(n_in):
             z = after[layer, j]
             for i in range(n_out):
-                sums[i] += turned[place + j * n_out + i] * z
+                before[layer + 1, i] += turned[place + j * n_out + i] * z
         for i in range(n_out):
-            after[layer + 1, i] = sums[i] if layer == last else _activate(activation, sums[i])
+            v = before[layer + 1, i]
+            after[layer + 1, i] = v if layer == last else _activate(activation, v)
         place = bias + n_out
 
 
-@njit(**_OPTIONS)
+@njit(**INNER)
 def _backward(theta, sizes, activation, before, after, output, by_theta, delta, lower):
     """Differentiate one output by the weights and, in ``delta``, by the features."""
     n_layers = sizes.size - 1
@@ -103,7 +102,7 @@ def _backward(theta, sizes, activation, before, after, output, by_theta, delta, 
             delta[j] = lower[j] * slope
 
 
-@njit(**_OPTIONS)
+@njit(**INNER)
 def _recur(theta, sizes, z, hidden, gates, out):
     """Advance a gated recurrent unit (torch's GRUCell) and read its linear output."""
     n_in, n, n_out = sizes[0], sizes[1], sizes[2]
@@ -134,7 +133,7 @@ def _recur(theta, sizes, z, hidden, gates, out):
 # -- the loop --------------------------------------------------------------------------------------
 
 
-@njit(**_OPTIONS)
+@njit(**INNER)
 def _features(k, x, prior, dt, u, simulated, features, guide, terms, mean, scale, z):
     """Standardise what the network sees at sample k."""
     nx, nu, nf = x.size, u.shape[1], features.shape[1]
@@ -162,7 +161,7 @@ def _features(k, x, prior, dt, u, simulated, features, guide, terms, mean, scale
         z[i] = (z[i] - mean[i]) / scale[i]
 
 
-@njit(**_OPTIONS)
+@njit(**INNER)
 def _out_of_reach(x, reach):
     for i in range(x.size):
         if not (reach[0, i] <= x[i] <= reach[1, i]):
@@ -170,7 +169,7 @@ def _out_of_reach(x, reach):
     return False
 
 
-@njit(**_OPTIONS)
+@njit(**INNER)
 def _prior_step(
     function, t, dt, x, S, u_start, u_end, p, s, stuck, dry, substeps, nodes, weights, work, old,
     u_from, u_to,
@@ -193,7 +192,7 @@ def _prior_step(
         FUNCTION, FUNCTION, _F1, _F2, boolean, _F2, _F2, _F2, _F1, _B1, int64, _F1, _F1, int64,
         int64, int64, int64, _F1, _F3, _F1, _F1, _F2, _I1, int64, int64, _F1, _F1, _F1, _F2,
     ),
-    **_OPTIONS,
+    **OPTIONS,
 )  # fmt: skip
 def run(
     function, terms, t, acting, linear_hold, u, simulated, features, p, dry, substeps, nodes,
@@ -250,7 +249,7 @@ def run(
         int64, int64, int64, _F1, _F3, _F1, _F1, _F2, _I1, int64, int64, _F1, _F1, _F2, int64,
         _I1, _F2, _F3,
     ),
-    **_OPTIONS,
+    **OPTIONS,
 )  # fmt: skip
 def run_sensitive(
     function, terms, t, acting, linear_hold, u, simulated, features, p, dry, substeps, nodes,
@@ -350,7 +349,7 @@ def run_sensitive(
     void(
         FUNCTION, _F1, _F1, _F2, _F2, _F1, _B1, int64, _F1, _F1, int64, _F2, _F3,
     ),
-    **_OPTIONS,
+    **OPTIONS,
 )  # fmt: skip
 def run_prior_steps(function, t, dt, u, u_next, p, dry, substeps, nodes, weights, size, X, J):
     """Advance every row of X by its own step, in place."""
@@ -371,7 +370,7 @@ def run_prior_steps(function, t, dt, u, u_next, p, dry, substeps, nodes, weights
         J[k] = S
 
 
-@njit(void(FUNCTION, _F1, _F2, _F2, _F1, int64, _F2, _F3), **_OPTIONS)
+@njit(void(FUNCTION, _F1, _F2, _F2, _F1, int64, _F2, _F3), **OPTIONS)
 def run_terms(function, t, x, u, p, size, V, J):
     """Evaluate a model's terms at every sample into V, their derivatives by the state into J."""
     nx, n_terms = x.shape[1], V.shape[1]

@@ -252,11 +252,13 @@ class TrajectoryNet(NeuralNetRegressor):
             compared = y_pred[..., own]
         else:
             compared = outputs_of(self.model_, y_pred, self._inputs_after(X), X["t"][:, 1:])
+        compared, y_true = compared / self._phase.scale, y_true / self._phase.scale
         seen = torch.isfinite(y_true)
         if not seen.any():
             return 0.0 * y_pred.sum()
-        scale = self._phase.scale
-        return super().get_loss((compared / scale)[seen], (y_true / scale)[seen], X)
+        if not seen.all():
+            compared, y_true = compared[seen], y_true[seen]
+        return super().get_loss(compared, y_true, X)
 
     def _inputs_after(self, X):
         """Give the inputs that act at the end of every step; an output may depend on them."""
