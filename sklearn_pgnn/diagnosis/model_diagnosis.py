@@ -10,6 +10,7 @@ from sklearn_pgnn.diagnosis.fitting import Fitter
 from sklearn_pgnn.diagnosis.hypothesis import possible_causes
 from sklearn_pgnn.diagnosis.records import keep_records
 from sklearn_pgnn.diagnosis.result import (
+    Tried,
     measure_gain,
     name_causes,
     plain,
@@ -87,8 +88,9 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         Window length used [s].
     substeps_ : int
         Integration steps from sample to sample.
-    tried_ : dict
-        Every suspect, and the share of the re-tuned prior's error power it leaves alone.
+    tried_ : tuple of Tried
+        Every suspect, the best first: .effect, .target and .left, the share of the re-tuned
+        prior's error power it leaves alone.
     records_ : DiagnosisRecords
         The records and what the models make of them, for pictures.
     n_features_in_ : int
@@ -214,7 +216,8 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         self.verdict_ = self._verdict(search, outcome)
         self.window_ = setting.scales.window
         self.substeps_ = setting.windows.substeps
-        self.tried_ = {(e.id, target): left for (e, target), left in outcome.tried.items()}
+        tried = [Tried(e.id, target, float(left)) for (e, target), left in outcome.tried.items()]
+        self.tried_ = tuple(sorted(tried, key=lambda suspect: suspect.left))
 
     def _verdict(self, search: Search, outcome: Outcome) -> str:
         left, before = search.excess(outcome.final), search.excess(outcome.base)

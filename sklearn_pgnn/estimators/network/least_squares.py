@@ -19,8 +19,8 @@ from sklearn_pgnn.estimators.network.physics_loss import PhysicsLoss
 from sklearn_pgnn.estimators.network.records import TrainingRecord
 from sklearn_pgnn.simulation.network_run import NetworkSensitivities, NetworkStep, run_network
 
-#: damping to begin with, its largest value, and the factors after success and failure
-DAMPING, MOST_DAMPING, EASE, STIFFEN = 1e-3, 1e12, 0.3, 4.0
+#: damping to begin with, and its largest value
+DAMPING, MOST_DAMPING = 1e-3, 1e12
 #: the search ends where so many steps lower the cost by no more than this share
 SETTLED, TOLERANCE = 5, 0.02
 #: an inequality is never taken for nearer to its edge than this
@@ -222,24 +222,35 @@ def levenberg_marquardt(objective, theta: np.ndarray, iterations: int, on_step) 
     ----------
     .. [1] D. W. Marquardt, "An algorithm for least-squares estimation of nonlinear parameters",
        SIAM Journal on Applied Mathematics 11(2), 1963, :doi:`10.1137/0111030`.
+    .. [2] K. Madsen, H. B. Nielsen, O. Tingleff, "Methods for non-linear least squares problems",
+       Technical University of Denmark, 2004: how the damping follows the gain.
     """
-    now, damping = objective(theta), DAMPING
+    now, damping, stiffen = objective(theta), DAMPING, 2.0
     if not np.isfinite(now.cost):
         return theta
     size, costs = np.diag(now.curvature).copy(), [now.cost]
     for _ in range(iterations):
         size = np.maximum(size, np.diag(now.curvature))
-        trial = theta + _damped_step(now, damping * np.maximum(size, 1e-12 * size.max()))
-        if objective.cost(trial) < now.cost:
-            theta, now, damping = trial, objective(trial), damping * EASE
+        step = _damped_step(now, damping * np.maximum(size, 1e-12 * size.max()))
+        cost = objective.cost(theta + step)
+        if cost < now.cost:
+            share = (now.cost - cost) / _expected_gain(now, step)
+            damping *= max(1 / 3, 1 - (2 * share - 1) ** 3)
+            theta, stiffen = theta + step, 2.0
+            now = objective(theta)
             costs.append(now.cost)
             if on_step(theta, now.cost) or _has_settled(costs):
                 break
         else:
-            damping *= STIFFEN
+            damping, stiffen = damping * stiffen, 2 * stiffen
             if damping > MOST_DAMPING:
                 break
     return theta
+
+
+def _expected_gain(sums: Sums, step: np.ndarray) -> float:
+    """Give by how much the quadratic model falls."""
+    return -float(sums.gradient @ step + step @ sums.curvature @ step / 2)
 
 
 def _has_settled(costs: list[float]) -> bool:
