@@ -243,6 +243,28 @@ def run(
     return -1
 
 
+@njit(**INNER)
+def _carry(M, S, S_old, gain, by_theta):
+    """Carry the sensitivities on by one step, in place."""
+    nx, n_weights = S.shape
+    for i in range(nx):
+        for w in range(n_weights):
+            S_old[i, w] = S[i, w]
+    for i in range(nx):
+        for w in range(n_weights):
+            S[i, w] = M[i, i] * S_old[i, w]
+        for j in range(nx):
+            factor = M[i, j]
+            if j != i and factor != 0.0:
+                for w in range(n_weights):
+                    S[i, w] += factor * S_old[j, w]
+        for o in range(gain.shape[1]):
+            factor = gain[i, o]
+            if factor != 0.0:
+                for w in range(n_weights):
+                    S[i, w] += factor * by_theta[o, w]
+
+
 @njit(
     void(
         FUNCTION, FUNCTION, _F1, _F2, boolean, _F2, _F2, _F2, _F1, _B1, int64, _F1, _F1, int64,
@@ -323,18 +345,7 @@ def run_sensitive(
                     M[i, j] = 1.0
                 for o in range(n_out):
                     M[i, j] += gain_k[i, o] * by_z[o, j]
-        S_old[:, :] = S
-        for i in range(nx):
-            S[i, :] = 0.0
-            for j in range(nx):
-                factor = M[i, j]
-                for w in range(n_weights):
-                    S[i, w] += factor * S_old[j, w]
-            for o in range(n_out):
-                factor = gain_k[i, o]
-                if factor != 0.0:
-                    for w in range(n_weights):
-                        S[i, w] += factor * by_theta[o, w]
+        _carry(M, S, S_old, gain_k, by_theta)
         if _out_of_reach(x, reach):
             X[row:] = np.inf
             SX[row:] = 0.0

@@ -248,8 +248,8 @@ class TrajectoryNet(NeuralNetRegressor):
     def _error_loss(self, y_pred, y_true, X):
         """Compare states where the measured ones are fed back, outputs where the predicted ones."""
         if self.module_.teacher_forcing:
-            own = corrected_states(self.model_, self.structure_)
-            compared = y_pred[..., own]
+            own = torch.as_tensor(corrected_states(self.model_, self.structure_))
+            compared = y_pred.index_select(-1, own.to(y_pred.device))
         else:
             compared = outputs_of(self.model_, y_pred, self._inputs_after(X), X["t"][:, 1:])
         compared, y_true = compared / self._phase.scale, y_true / self._phase.scale
