@@ -4,8 +4,8 @@ Every line changes one parameter against the defaults. Taken is the free-run RMS
 records that the network has not seen, over that of the physical model: median and range over
 seeds, and the processor time of a fit. The golf robot is sampled at 250 Hz, which makes a fit
 four times as fast as at the usual 1 kHz. The last column compares with the defaults: the median,
-over plants, of the line's median over the defaults'. After every seed the table is written to
-``docs/tables/network_parameters.rst``. Run:
+over plants, of the line's median over the defaults'. The table is written to
+``docs/tables/network_parameters.rst`` after every seed, and when the run is broken off. Run:
 ``python benchmarks/network_parameters.py [--seeds 3] [--jobs 2] [--plants valve ...]``.
 """
 
@@ -103,14 +103,16 @@ def compared(found, change, plants):
     return np.median([median(p, change) / median(p, "defaults") for p in plants])
 
 
-def write(found, plants, seeds):
-    """Write the table into the documentation."""
-    seconds = {c: np.mean([s for p in plants for _, s in found[p, c]]) for c in CHANGES}
+def write(found, plants):
+    """Write the lines that are finished into the documentation."""
+    done = [change for change in CHANGES if all(found[plant, change] for plant in plants)]
+    seeds = min(len(found[plant, change]) for plant in plants for change in done)
+    seconds = {c: np.mean([s for p in plants for _, s in found[p, c]]) for c in done}
     lines = [
         [f"``{change}``" if CHANGES[change] else change]
         + [cell(found[plant, change]) for plant in plants]
         + [f"{compared(found, change, plants):.2f}", f"{seconds[change]:.1f}"]
-        for change in CHANGES
+        for change in done
     ]
     head = ["changed", *plants, "to the defaults", "fit [s]"]
     versions = ", ".join(f"{name} {version(name)}" for name in ("sklearn-pgnn", "torch", "numpy"))
@@ -132,16 +134,19 @@ def main():
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--plants", nargs="*", default=list(PLANTS), choices=list(PLANTS))
     arguments = parser.parse_args()
-    pairs = [(plant, change) for plant in arguments.plants for change in CHANGES]
+    pairs = [(plant, change) for change in CHANGES for plant in arguments.plants]
     found = {pair: [] for pair in pairs}
-    for seed in range(arguments.seeds):
-        results = Parallel(arguments.jobs, return_as="generator")(
-            delayed(measure)(*pair, seed) for pair in pairs
-        )
-        for pair, result in zip(pairs, results, strict=True):
-            found[pair].append(result)
-            print(seed, *pair, *(f"{number:.3f}" for number in result), flush=True)
-        write(found, arguments.plants, seed + 1)
+    try:
+        for seed in range(arguments.seeds):
+            results = Parallel(arguments.jobs, return_as="generator")(
+                delayed(measure)(*pair, seed) for pair in pairs
+            )
+            for pair, result in zip(pairs, results, strict=True):
+                found[pair].append(result)
+                print(seed, *pair, *(f"{number:.3f}" for number in result), flush=True)
+            write(found, arguments.plants)
+    except KeyboardInterrupt:
+        write(found, arguments.plants)
 
 
 if __name__ == "__main__":

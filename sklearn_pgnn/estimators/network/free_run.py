@@ -110,7 +110,7 @@ def outputs_of(model: PhysicsModel, x: torch.Tensor, u: torch.Tensor, t: torch.T
     Tensor of shape (..., n_outputs)
         The outputs.
     """
-    values = {"t": t}
+    values: dict[str, torch.Tensor | float] = {"t": t}
     values |= {name: x[..., i] for i, name in enumerate(model.states)}
     values |= {name: u[..., i] for i, name in enumerate(model.inputs)}
     values |= {name: parameter.value for name, parameter in model.parameters.items()}
