@@ -13,12 +13,13 @@ import argparse
 import datetime
 import time
 import warnings
-from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
+import torch
 from joblib import Parallel, delayed
 
+import sklearn_pgnn
 from sklearn_pgnn import PGNNLRegressor, datasets, network, systems
 
 
@@ -115,7 +116,8 @@ def write(found, plants):
         for change in done
     ]
     head = ["changed", *plants, "to the defaults", "fit [s]"]
-    versions = ", ".join(f"{name} {version(name)}" for name in ("sklearn-pgnn", "torch", "numpy"))
+    modules = (sklearn_pgnn, torch, np)
+    versions = ", ".join(f"{module.__name__} {module.__version__}" for module in modules)
     text = (
         f".. list-table:: Written by ``python benchmarks/network_parameters.py`` on "
         f"{datetime.date.today()} with {versions}; seeds 0 to {seeds - 1}: median and range.\n"
