@@ -2,9 +2,10 @@
 
 Prints the time, the best candidate, its free-run RMSE on a reference record over that of the
 physical model, and whether the pickled estimator predicts the same in another process.
-Run: ``python benchmarks/network_search.py``.
+Run: ``python benchmarks/network_search.py [--jobs 2]``.
 """
 
+import argparse
 import subprocess
 import sys
 import tempfile
@@ -41,6 +42,9 @@ def predict_elsewhere(estimator, X):
 
 def main():
     """Search, and print what came out."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--jobs", type=int, help="of BayesSearchCV; by default left unset")
+    jobs = parser.parse_args().jobs
     warnings.simplefilter("ignore")
     golf = systems.golf_robot()
     X, y = datasets.make_golf_robot()
@@ -50,7 +54,7 @@ def main():
     print("searched:", ", ".join(space), flush=True)
     start = time.perf_counter()
     folds = model_selection.TrajectorySplit(3)
-    search = BayesSearchCV(pipeline, space, n_iter=8, cv=folds, n_jobs=2, random_state=0)
+    search = BayesSearchCV(pipeline, space, n_iter=8, cv=folds, n_jobs=jobs, random_state=0)
     search.fit(X, y)
     print(f"{time.perf_counter() - start:.0f} s, best: {dict(search.best_params_)}")
     start_state = X_reference[list(golf.states)].iloc[0].to_numpy(dtype=float)

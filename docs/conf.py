@@ -8,7 +8,7 @@ version = release = sklearn_pgnn.__version__
 
 extensions = ["sphinx.ext.autodoc", "sphinx.ext.extlinks", "sphinx.ext.mathjax", "numpydoc"]
 extlinks = {"doi": ("https://doi.org/%s", "doi:%s")}
-exclude_patterns = ["_build"]
+exclude_patterns = ["_build", "tables"]
 default_role = "py:obj"
 html_theme = "alabaster"
 

@@ -29,7 +29,7 @@ print("hidden was:", machine.effect)
 
 # %%
 # What could be the cause, and how much error power each suspect leaves alone:
-for (effect, target), left in sorted(diagnosis.tried_.items(), key=lambda item: item[1]):
+for effect, target, left in diagnosis.tried_:
     print(f"{effect:20} {target:8} {100 * left:6.1f} %")
 
 # %%

@@ -260,7 +260,7 @@ def test_out_of_reach_is_flagged_and_finite(structure, weight):
     assert failed > 0
     assert np.isfinite(x).all()
     assert np.array_equal(x[failed:], np.tile(x[failed - 1], (len(x) - failed, 1)))
-    pieces = list(NetworkSensitivities(step, theta, record).pieces(10))
+    pieces = list(NetworkSensitivities(step, theta, record).pieces(np.arange(60), 10))
     assert not np.isfinite(np.concatenate([x for _, x, _ in pieces])).all()
 
 
@@ -291,8 +291,9 @@ def differences(step, theta, record, small=1e-6):
 
 
 def sensitivities(step, theta, record, length=512):
-    pieces = list(NetworkSensitivities(step, theta, record).pieces(length))
-    parts = [S[(1 if start else 0) :] for start, _, S in pieces]
+    samples = np.arange(len(record.t))
+    pieces = list(NetworkSensitivities(step, theta, record).pieces(samples, length))
+    parts = [S[(1 if samples[0] else 0) :] for samples, _, S in pieces]
     return np.concatenate(parts)
 
 
@@ -341,9 +342,10 @@ def test_pieces_make_no_difference():
     step, theta = step_with(core, step), weights_of(core)
     whole = sensitivities(step, theta, record)
     assert np.array_equal(sensitivities(step, theta, record, length=7), whole)
-    for start, x, S in NetworkSensitivities(step, theta, record).pieces(7):
-        assert np.array_equal(S[0], whole[start])
-        assert x == pytest.approx(run_network(step, theta, record)[0][start : start + len(x)])
+    wanted, states = np.arange(2, len(record.t), 3), run_network(step, theta, record)[0]
+    for samples, x, S in NetworkSensitivities(step, theta, record).pieces(wanted, 7):
+        assert np.array_equal(S, whole[samples])
+        assert x == pytest.approx(states[samples])
 
 
 # -- autograd through the model --------------------------------------------------------------------

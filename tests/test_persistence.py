@@ -22,10 +22,12 @@ from sklearn_pgnn import (
     PhysicsModelTransformer,
     ResidualRegressor,
     SINDYcRegressor,
+    effects,
     make_pgnn_pipeline,
     network,
     systems,
 )
+from sklearn_pgnn.model_selection import TrajectorySplit, search_space
 
 CART = systems.cart_on_spring()
 QUICK = {"max_epochs": 3, "module__neurons": 3, "refine_iterations": 5, "substeps": 1}
@@ -48,13 +50,14 @@ def records():
 
 X, Y = records()
 
+EFFECTS = (effects.CoulombFriction, effects.QuadraticDrag)
 #: every public estimator, small
 ESTIMATORS = {
     "PhysicsModelTransformer": PhysicsModelTransformer(CART),
     "PhysicsModelRegressor": PhysicsModelRegressor(CART, search="local"),
     "ResidualRegressor": ResidualRegressor(CART),
     "SINDYcRegressor": SINDYcRegressor(CART),
-    "ModelDiagnosis": ModelDiagnosis(CART, catalogue=()),
+    "ModelDiagnosis": ModelDiagnosis(CART, targets=["v"], catalogue=EFFECTS, max_causes=1),
     "PGNNLRegressor": PGNNLRegressor(CART, structure="correction", **QUICK),
     "PGNNLRegressor with physics": PGNNLRegressor(
         CART, lambda_phy=0.2, structure="increment", horizon=3, rollout_epochs=1,
@@ -93,6 +96,7 @@ GUIDED = PLAIN | {
     f"{LOSS}._Energy.surplus",
 }
 FEED_FORWARD = f"{CORES}.FeedForward"
+RESULTS = ("Gain", "NamedCause", "RetunedParameter", "Suspect", "Tried")
 #: what `skops.io.loads` must be told to trust, by estimator
 TRUSTED = {
     "PhysicsModelTransformer": {MODEL, TRANSFORMER},
@@ -106,6 +110,16 @@ TRUSTED = {
         "sklearn_pgnn.estimators.residual_regressor.ResidualRegressor",
     },
     "SINDYcRegressor": {MODEL, "sklearn_pgnn.estimators.sindyc.SINDYcRegressor"},
+    "ModelDiagnosis": {
+        MODEL,
+        "sklearn_pgnn.diagnosis.model_diagnosis.ModelDiagnosis",
+        "sklearn_pgnn.diagnosis.records.DiagnosisRecords",
+        "sklearn_pgnn.diagnosis.records.FittedWindows",
+        *(f"sklearn_pgnn.diagnosis.result.{name}" for name in RESULTS),
+        "sklearn_pgnn.simulation.uncertainty.Estimate",
+        "sklearn_pgnn.simulation.windows.Windows",
+        *(f"{effect.__module__}.{effect.__name__}" for effect in EFFECTS),
+    },
     "PGNNLRegressor": GUIDED | {FEED_FORWARD},
     "PGNNLRegressor with physics": GUIDED
     | {FEED_FORWARD, f"{LOSS}.Bounds", f"{LOSS}._state_excess"},
@@ -187,14 +201,58 @@ def test_clone_learns_the_same(fitted, name):
 
 
 @pytest.mark.parametrize("name", TRUSTED)
-def test_skops_loads_it_from_a_list_of_trusted_types(fitted, name):
+def test_skops_asks_for_the_types_that_the_documentation_lists(fitted, name):
     io = pytest.importorskip("skops.io")
-    data = io.dumps(fitted[name])
-    assert set(io.get_untrusted_types(data=data)) <= TRUSTED[name]
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        loaded = io.loads(data, trusted=sorted(TRUSTED[name]))
-    assert np.array_equal(numbers(loaded), numbers(fitted[name]), equal_nan=True)
+    assert set(io.get_untrusted_types(data=io.dumps(fitted[name]))) <= TRUSTED[name]
+
+
+LOAD_TRUSTED = """
+import joblib, numpy as np, skops.io
+data, trusted, X = joblib.load("data.joblib")
+found = {}
+for name in data:
+    each = skops.io.loads(data[name], trusted=sorted(trusted[name]))
+    says = getattr(each, "predict", None) or each.transform
+    found[name] = np.asarray(says(X), dtype=float)
+np.savez("found.npz", **found)
+"""
+
+
+def test_skops_loads_the_same_in_another_process(fitted, tmp_path):
+    io = pytest.importorskip("skops.io")
+    assert set(TRUSTED) == set(ESTIMATORS)
+    data = {name: io.dumps(each) for name, each in fitted.items()}
+    joblib.dump((data, TRUSTED, X), tmp_path / "data.joblib")
+    run_elsewhere(LOAD_TRUSTED, tmp_path)
+    found = np.load(tmp_path / "found.npz")
+    for name, each in fitted.items():
+        assert np.array_equal(found[name], numbers(each), equal_nan=True), name
+
+
+def test_skops_keeps_all_that_a_diagnosis_says(fitted):
+    io = pytest.importorskip("skops.io")
+    diagnosis = fitted["ModelDiagnosis"]
+    assert diagnosis.causes_
+    assert {tried.effect for tried in diagnosis.tried_} == {effect.id for effect in EFFECTS}
+    loaded = io.loads(io.dumps(diagnosis), trusted=sorted(TRUSTED["ModelDiagnosis"]))
+    assert loaded.tried_ == diagnosis.tried_
+    assert loaded.to_dict() == diagnosis.to_dict()
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_search_survives(tmp_path):
+    """A fitted search, with the estimators in it."""
+    skopt = pytest.importorskip("skopt")
+    pipeline = make_pgnn_pipeline(CART, structure="increment", **QUICK)
+    space = search_space(pipeline, layers=None, structure=None, horizon=None)
+    search = skopt.BayesSearchCV(pipeline, space, n_iter=2, cv=TrajectorySplit(3), random_state=0)
+    search.fit(X, Y)
+    joblib.dump(({"search": search}, X), tmp_path / "fitted.joblib")
+    run_elsewhere(LOAD_ALL, tmp_path)
+    expected = numbers(search)
+    assert np.array_equal(np.load(tmp_path / "found.npz")["search"], expected)
+    assert np.array_equal(numbers(copy.deepcopy(search)), expected)
+    assert np.array_equal(numbers(clone(search).fit(X, Y)), expected)
 
 
 NETWORKS = [name for name in ESTIMATORS if name.startswith("PGNNL")]

@@ -374,6 +374,20 @@ def test_stepper_remembers_late_inputs(structure, delay):
     assert found == pytest.approx(net.predict(one)[1:], rel=1e-9, abs=1e-9)
 
 
+@pytest.mark.parametrize("delay", [None, 0.05])
+def test_stepper_gives_outputs_that_depend_on_the_input_itself(delay):
+    felt = CART.replace(outputs={"felt": "x + 0.1*force"})
+    felt = felt if delay is None else felt + effects.InputDelay("force", delay=delay)
+    net = quick(felt, structure="correction").fit(*felt_records())
+    one = X[X["trajectory"] == 1]
+    stepper, found = net.stepper(x0=one[STATES].iloc[0]), []
+    for u in one["force"]:
+        found.append(stepper.output(u)[0])
+        assert stepper.output(u)[0] == found[-1]
+        stepper.step(u)
+    assert found == pytest.approx(net.predict(one), rel=1e-9, abs=1e-9)
+
+
 def test_stepper_with_further_columns():
     table = X.assign(heat=np.sin(np.arange(len(X)) / 50))
     net = quick().fit(table, Y)

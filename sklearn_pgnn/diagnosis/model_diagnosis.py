@@ -11,6 +11,7 @@ from sklearn_pgnn.diagnosis.fitting import Fitter
 from sklearn_pgnn.diagnosis.hypothesis import possible_causes
 from sklearn_pgnn.diagnosis.records import keep_records
 from sklearn_pgnn.diagnosis.result import (
+    Tried,
     measure_gain,
     name_causes,
     plain,
@@ -91,8 +92,9 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
     missing_ : MissingPart or None
         With the verdict ``"unexplained"``: where something is missing that the catalogue has no
         name for, what it depends on, and a formula for it.
-    tried_ : dict
-        Every suspect, and the share of the re-tuned prior's error power it leaves alone.
+    tried_ : tuple of Tried
+        Every suspect, the best first: .effect, .target and .left, the share of the re-tuned
+        prior's error power it leaves alone.
     records_ : DiagnosisRecords
         The records and what the models make of them, for pictures.
     n_features_in_ : int
@@ -219,7 +221,8 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         self.verdict_ = self._verdict(search, outcome)
         self.window_ = setting.scales.window
         self.substeps_ = setting.windows.substeps
-        self.tried_ = {(e.id, target): left for (e, target), left in outcome.tried.items()}
+        tried = [Tried(e.id, target, float(left)) for (e, target), left in outcome.tried.items()]
+        self.tried_ = tuple(sorted(tried, key=lambda suspect: suspect.left))
 
     def _verdict(self, search: Search, outcome: Outcome) -> str:
         if self.missing_ is not None:

@@ -23,6 +23,14 @@ class Suspect(NamedTuple):
     target: str
 
 
+class Tried(NamedTuple):
+    """A suspect, and the share of the re-tuned prior's error power that it leaves alone."""
+
+    effect: str
+    target: str
+    left: float
+
+
 @dataclass(frozen=True)
 class NamedCause:
     """A cause of the model's error.

@@ -147,15 +147,14 @@ def _equation_blocks(diagnosis):
 
 def _tried(diagnosis) -> list[dict]:
     named = {(cause.effect, cause.target) for cause in diagnosis.causes_}
-    ranked = sorted(diagnosis.tried_.items(), key=lambda item: item[1])
     return [
         {
-            "name": cause_name(*suspect),
+            "name": cause_name(effect, target),
             "left": percent(left),
             "width": round(100 * min(max(float(left), 0.0), 1.0), 1),
-            "named": suspect in named,
+            "named": (effect, target) in named,
         }
-        for suspect, left in ranked
+        for effect, target, left in diagnosis.tried_
     ]
 
 

@@ -6,20 +6,19 @@ import numpy as np
 from numba import boolean, int64, njit, types, void
 
 from sklearn_pgnn.simulation.compiled import FUNCTION
-from sklearn_pgnn.simulation.stepping import advance, workspace
+from sklearn_pgnn.simulation.stepping import INNER, OPTIONS, advance, workspace
 
 _F = types.float64
 _F1, _F2, _F3 = types.float64[::1], types.float64[:, ::1], types.float64[:, :, ::1]
 _I1, _B1 = types.int64[::1], boolean[::1]
-_OPTIONS = {"cache": True, "error_model": "numpy", "nogil": True}
 
 # -- the network -----------------------------------------------------------------------------------
 
 
-@njit(**_OPTIONS)
+@njit(**INNER)
 def _activate(code, v):
     if code == 0:
-        return math.tanh(v)
+        return 1.0 - 2.0 / (math.exp(2.0 * v) + 1.0)  # tanh, at a third of its time
     if code == 1:
         return max(v, 0.0)
     if code == 2:
@@ -29,7 +28,7 @@ def _activate(code, v):
     return v
 
 
-@njit(**_OPTIONS)
+@njit(**INNER)
 def _slope(code, v, value):
     """Differentiate the activation at v, where its value is known."""
     if code == 0:
@@ -44,8 +43,22 @@ def _slope(code, v, value):
     return 1.0
 
 
-@njit(**_OPTIONS)
-def _forward(theta, sizes, activation, before, after):
+@njit(**OPTIONS)
+def _by_input(theta, sizes):
+    """Give the same weights with every layer's matrix transposed; so the sums run side by side."""
+    turned = theta.copy()
+    place = 0
+    for layer in range(sizes.size - 1):
+        n_in, n_out = sizes[layer], sizes[layer + 1]
+        for i in range(n_out):
+            for j in range(n_in):
+                turned[place + j * n_out + i] = theta[place + i * n_in + j]
+        place += n_out * (n_in + 1)
+    return turned
+
+
+@njit(**INNER)
+def _forward(turned, sizes, activation, before, after):
     """Evaluate a feed-forward network; row l of ``after`` holds layer l, row 0 the features."""
     place = 0
     last = sizes.size - 2
@@ -53,15 +66,18 @@ def _forward(theta, sizes, activation, before, after):
         n_in, n_out = sizes[layer], sizes[layer + 1]
         bias = place + n_in * n_out
         for i in range(n_out):
-            v = theta[bias + i]
-            for j in range(n_in):
-                v += theta[place + i * n_in + j] * after[layer, j]
-            before[layer + 1, i] = v
+            before[layer + 1, i] = turned[bias + i]
+        for j in range(n_in):
+            z = after[layer, j]
+            for i in range(n_out):
+                before[layer + 1, i] += turned[place + j * n_out + i] * z
+        for i in range(n_out):
+            v = before[layer + 1, i]
             after[layer + 1, i] = v if layer == last else _activate(activation, v)
         place = bias + n_out
 
 
-@njit(**_OPTIONS)
+@njit(**INNER)
 def _backward(theta, sizes, activation, before, after, output, by_theta, delta, lower):
     """Differentiate one output by the weights and, in ``delta``, by the features."""
     n_layers = sizes.size - 1
@@ -86,7 +102,7 @@ def _backward(theta, sizes, activation, before, after, output, by_theta, delta, 
             delta[j] = lower[j] * slope
 
 
-@njit(**_OPTIONS)
+@njit(**INNER)
 def _recur(theta, sizes, z, hidden, gates, out):
     """Advance a gated recurrent unit (torch's GRUCell) and read its linear output."""
     n_in, n, n_out = sizes[0], sizes[1], sizes[2]
@@ -117,7 +133,7 @@ def _recur(theta, sizes, z, hidden, gates, out):
 # -- the loop --------------------------------------------------------------------------------------
 
 
-@njit(**_OPTIONS)
+@njit(**INNER)
 def _features(k, x, prior, dt, u, simulated, features, guide, terms, mean, scale, z):
     """Standardise what the network sees at sample k."""
     nx, nu, nf = x.size, u.shape[1], features.shape[1]
@@ -145,7 +161,7 @@ def _features(k, x, prior, dt, u, simulated, features, guide, terms, mean, scale
         z[i] = (z[i] - mean[i]) / scale[i]
 
 
-@njit(**_OPTIONS)
+@njit(**INNER)
 def _out_of_reach(x, reach):
     for i in range(x.size):
         if not (reach[0, i] <= x[i] <= reach[1, i]):
@@ -153,7 +169,7 @@ def _out_of_reach(x, reach):
     return False
 
 
-@njit(**_OPTIONS)
+@njit(**INNER)
 def _prior_step(
     function, t, dt, x, S, u_start, u_end, p, s, stuck, dry, substeps, nodes, weights, work, old,
     u_from, u_to,
@@ -173,15 +189,15 @@ def _prior_step(
 
 @njit(
     int64(
-        FUNCTION, _F1, _F2, boolean, _F2, _F2, _F2, _F1, _B1, int64, _F1, _F1, int64, int64, int64,
-        _F1, _F3, _F1, _F1, _F2, _I1, int64, int64, _F1, _F1, _F1, _F2,
+        FUNCTION, FUNCTION, _F1, _F2, boolean, _F2, _F2, _F2, _F1, _B1, int64, _F1, _F1, int64,
+        int64, int64, int64, _F1, _F3, _F1, _F1, _F2, _I1, int64, int64, _F1, _F1, _F1, _F2,
     ),
-    **_OPTIONS,
+    **OPTIONS,
 )  # fmt: skip
 def run(
-    function, t, acting, linear_hold, u, simulated, features, p, dry, substeps, nodes, weights,
-    size, base, guide, offset, gain, mean, scale, reach, sizes, core, activation, theta, x, hidden,
-    X,
+    function, terms, t, acting, linear_hold, u, simulated, features, p, dry, substeps, nodes,
+    weights, size, n_terms, base, guide, offset, gain, mean, scale, reach, sizes, core, activation,
+    theta, x, hidden, X,
 ):  # fmt: skip
     """Run a network along one trajectory into X; give the sample out of reach, or -1."""
     nx, n_out = x.size, gain.shape[2]
@@ -190,6 +206,7 @@ def run(
     gates, out, z = np.zeros(3 * widest), np.zeros(n_out), np.zeros(widest)
     prior, nothing = np.zeros(nx), np.zeros((nx, 0))
     work, old = workspace(nx, 0, acting.shape[1], size)
+    seen, turned = np.zeros(n_terms), _by_input(theta, sizes) if core == 0 else theta
     s, stuck = np.zeros(nx), np.zeros(nx, dtype=np.bool_)
     u_from, u_to = np.zeros(acting.shape[1]), np.zeros(acting.shape[1])
     X[0] = x
@@ -203,11 +220,11 @@ def run(
                 nodes, weights, work, old, u_from, u_to,
             )  # fmt: skip
         if guide == 3:
-            function(t[k], x, acting[k], p, s, work[7])
-        _features(k, x, prior, dt, u, simulated, features, guide, work[7], mean, scale, z)
+            terms(t[k], x, acting[k], p, s, seen)
+        _features(k, x, prior, dt, u, simulated, features, guide, seen, mean, scale, z)
         if core == 0:
             after[0] = z
-            _forward(theta, sizes, activation, before, after)
+            _forward(turned, sizes, activation, before, after)
             out[:] = after[sizes.size - 1, :n_out]
         else:
             _recur(theta, sizes, z, hidden, gates, out)
@@ -226,19 +243,42 @@ def run(
     return -1
 
 
+@njit(**INNER)
+def _carry(M, S, S_old, gain, by_theta):
+    """Carry the sensitivities on by one step, in place."""
+    nx, n_weights = S.shape
+    for i in range(nx):
+        for w in range(n_weights):
+            S_old[i, w] = S[i, w]
+    for i in range(nx):
+        for w in range(n_weights):
+            S[i, w] = M[i, i] * S_old[i, w]
+        for j in range(nx):
+            factor = M[i, j]
+            if j != i and factor != 0.0:
+                for w in range(n_weights):
+                    S[i, w] += factor * S_old[j, w]
+        for o in range(gain.shape[1]):
+            factor = gain[i, o]
+            if factor != 0.0:
+                for w in range(n_weights):
+                    S[i, w] += factor * by_theta[o, w]
+
+
 @njit(
     void(
-        FUNCTION, _F1, _F2, boolean, _F2, _F2, _F2, _F1, _B1, int64, _F1, _F1, int64, int64, int64,
-        _F1, _F3, _F1, _F1, _F2, _I1, int64, int64, _F1, _F1, _F2, int64, int64, _F2, _F3,
+        FUNCTION, FUNCTION, _F1, _F2, boolean, _F2, _F2, _F2, _F1, _B1, int64, _F1, _F1, int64,
+        int64, int64, int64, _F1, _F3, _F1, _F1, _F2, _I1, int64, int64, _F1, _F1, _F2, int64,
+        _I1, _F2, _F3,
     ),
-    **_OPTIONS,
+    **OPTIONS,
 )  # fmt: skip
 def run_sensitive(
-    function, t, acting, linear_hold, u, simulated, features, p, dry, substeps, nodes, weights,
-    size, base, guide, offset, gain, mean, scale, reach, sizes, core, activation, theta, x, S,
-    begin, end, X, SX,
+    function, terms, t, acting, linear_hold, u, simulated, features, p, dry, substeps, nodes,
+    weights, size, n_terms, base, guide, offset, gain, mean, scale, reach, sizes, core, activation,
+    theta, x, S, begin, wanted, X, SX,
 ):  # fmt: skip
-    """Run on from sample ``begin`` to ``end``, x and S in place; both ends go into X and SX."""
+    """Run on from sample ``begin``, x and S in place; those wanted go into X and SX."""
     nx, n_out, n_weights = x.size, gain.shape[2], theta.size
     widest = sizes.max()
     before, after = np.zeros((sizes.size, widest)), np.zeros((sizes.size, widest))
@@ -246,11 +286,15 @@ def run_sensitive(
     by_theta, by_z = np.zeros((n_out, n_weights)), np.zeros((n_out, nx))
     prior, step_S = np.zeros(nx), np.zeros((nx, nx))
     work, old = workspace(nx, nx, acting.shape[1], size)
+    seen, turned = np.zeros(n_terms), _by_input(theta, sizes)
     s, stuck = np.zeros(nx), np.zeros(nx, dtype=np.bool_)
     u_from, u_to = np.zeros(acting.shape[1]), np.zeros(acting.shape[1])
     gain_k, M, S_old = np.zeros((nx, n_out)), np.zeros((nx, nx)), np.zeros((nx, n_weights))
-    X[0], SX[0] = x, S
-    for k in range(begin, end):
+    row = 0
+    if wanted[0] == begin:
+        X[0], SX[0] = x, S
+        row = 1
+    for k in range(begin, wanted[-1]):
         dt = t[k + 1] - t[k]
         prior[:] = x
         step_S[:, :] = 0.0
@@ -263,10 +307,10 @@ def run_sensitive(
                 nodes, weights, work, old, u_from, u_to,
             )  # fmt: skip
         if guide == 3:
-            function(t[k], x, acting[k], p, s, work[7])
-        _features(k, x, prior, dt, u, simulated, features, guide, work[7], mean, scale, z)
+            terms(t[k], x, acting[k], p, s, seen)
+        _features(k, x, prior, dt, u, simulated, features, guide, seen, mean, scale, z)
         after[0] = z
-        _forward(theta, sizes, activation, before, after)
+        _forward(turned, sizes, activation, before, after)
         for o in range(n_out):
             _backward(theta, sizes, activation, before, after, o, by_theta[o], delta, lower)
             for j in range(nx):
@@ -278,10 +322,10 @@ def run_sensitive(
                         by_z[o, j] += delta[place] / scale[place] * slope / dt
                 elif guide == 3:
                     first = nx + u.shape[1]
-                    n_terms = mean.size - first - features.shape[1]
-                    slopes = nx + n_terms + nx * nx
-                    for i in range(n_terms):
-                        slope = work[7][slopes + i * nx + j]
+                    n_seen = mean.size - first - features.shape[1]
+                    slopes = nx + n_seen + nx * nx
+                    for i in range(n_seen):
+                        slope = seen[slopes + i * nx + j]
                         by_z[o, j] += delta[first + i] / scale[first + i] * slope
         for i in range(nx):
             for o in range(n_out):
@@ -301,32 +345,22 @@ def run_sensitive(
                     M[i, j] = 1.0
                 for o in range(n_out):
                     M[i, j] += gain_k[i, o] * by_z[o, j]
-        S_old[:, :] = S
-        for i in range(nx):
-            S[i, :] = 0.0
-            for j in range(nx):
-                factor = M[i, j]
-                for w in range(n_weights):
-                    S[i, w] += factor * S_old[j, w]
-            for o in range(n_out):
-                factor = gain_k[i, o]
-                if factor != 0.0:
-                    for w in range(n_weights):
-                        S[i, w] += factor * by_theta[o, w]
+        _carry(M, S, S_old, gain_k, by_theta)
         if _out_of_reach(x, reach):
-            for m in range(k + 1 - begin, X.shape[0]):
-                X[m] = np.inf
-                SX[m] = 0.0
+            X[row:] = np.inf
+            SX[row:] = 0.0
             x[:] = np.inf
             return
-        X[k + 1 - begin], SX[k + 1 - begin] = x, S
+        if k + 1 == wanted[row]:
+            X[row], SX[row] = x, S
+            row += 1
 
 
 @njit(
     void(
         FUNCTION, _F1, _F1, _F2, _F2, _F1, _B1, int64, _F1, _F1, int64, _F2, _F3,
     ),
-    **_OPTIONS,
+    **OPTIONS,
 )  # fmt: skip
 def run_prior_steps(function, t, dt, u, u_next, p, dry, substeps, nodes, weights, size, X, J):
     """Advance every row of X by its own step, in place."""
@@ -347,7 +381,7 @@ def run_prior_steps(function, t, dt, u, u_next, p, dry, substeps, nodes, weights
         J[k] = S
 
 
-@njit(void(FUNCTION, _F1, _F2, _F2, _F1, int64, _F2, _F3), **_OPTIONS)
+@njit(void(FUNCTION, _F1, _F2, _F2, _F1, int64, _F2, _F3), **OPTIONS)
 def run_terms(function, t, x, u, p, size, V, J):
     """Evaluate a model's terms at every sample into V, their derivatives by the state into J."""
     nx, n_terms = x.shape[1], V.shape[1]

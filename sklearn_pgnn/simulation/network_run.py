@@ -188,10 +188,9 @@ def run_network(step: NetworkStep, theta: np.ndarray, record: NetworkRecord, hid
     failed : int
         The first sample out of reach, -1 if there is none.
     """
-    function, source = compile_model(_loop_model(step))
     states = np.empty((record.t.size, len(step.model.states)))
     hidden = np.zeros(_n_hidden(step)) if hidden is None else hidden
-    failed = run(function, *_common(step, source, theta, record), record.x0.copy(), hidden, states)
+    failed = run(*_common(step, theta, record), record.x0.copy(), hidden, states)
     return states, failed
 
 
@@ -209,37 +208,36 @@ class NetworkSensitivities:
     """
 
     def __init__(self, step: NetworkStep, theta: np.ndarray, record: NetworkRecord):
-        nx = len(step.model.states)
-        self._function, source = compile_model(_loop_model(step), ())
-        self._common = _common(step, source, theta, record)
-        self._x, self._S = record.x0.copy(), np.zeros((nx, theta.size))
-        self._n_samples, self._place = record.t.size, 0
+        self._common = _common(step, theta, record, ())
+        self._x, self._S = record.x0.copy(), np.zeros((record.x0.size, theta.size))
+        self._place = 0
 
-    def pieces(self, length: int = 512):
+    def pieces(self, samples, length: int = 512):
         """Run on, piece by piece; each begins with the last sample of the one before.
 
         Parameters
         ----------
+        samples : ndarray of int
+            Where the states are wanted, in increasing order.
         length : int, default=512
-            Samples a piece.
+            Samples a piece, besides that one.
 
         Yields
         ------
-        start : int
-            Where the piece begins.
+        samples : ndarray of int
+            The samples of the piece.
         x : ndarray of shape (n, n_states)
             The states; infinite once they have left the reach.
         S : ndarray of shape (n, n_states, n_weights)
             Their derivatives by the weights.
         """
         nx, n_weights = self._S.shape
-        while self._place < self._n_samples - 1:
-            end = min(self._place + length, self._n_samples - 1)
-            x = np.empty((end - self._place + 1, nx))
-            S = np.empty((len(x), nx, n_weights))
-            run_sensitive(self._function, *self._common, self._x, self._S, self._place, end, x, S)
-            yield self._place, x, S
-            self._place = end
+        for start in range(0, max(1, len(samples) - 1), length):
+            wanted = np.array(samples[start : start + length + 1], dtype=np.int64)
+            x, S = np.empty((len(wanted), nx)), np.empty((len(wanted), nx, n_weights))
+            run_sensitive(*self._common, self._x, self._S, self._place, wanted, x, S)
+            yield wanted, x, S
+            self._place = wanted[-1]
 
 
 def prior_steps(model: PhysicsModel, substeps: int, hold: str, t, dt, x, u, u_next):
@@ -341,19 +339,20 @@ def _spread(x) -> sympy.Symbol:
 
 @lru_cache(maxsize=64)
 def _with_terms(model: PhysicsModel, spread: tuple[float, ...]) -> PhysicsModel:
-    """Give the model with its terms for outputs."""
+    """Give a model whose outputs are the terms; it stands still."""
     spreads = [
         Parameter(str(_spread(x)), value) for x, value in zip(model.states, spread, strict=True)
     ]
     return model.replace(
+        equations=dict.fromkeys(model.states, 0),
         outputs={f"term{i}": term for i, term in enumerate(_seen_terms(model))},
         parameters=[*model.parameters.values(), *spreads],
         columns={},
     )
 
 
-def _loop_model(step: NetworkStep) -> PhysicsModel:
-    """Give the model whose function the loop calls."""
+def _terms_model(step: NetworkStep) -> PhysicsModel:
+    """Give the model whose outputs are what the guide shows."""
     if step.guide != "terms" or not _seen_terms(step.model):
         return step.model
     spread = step.scale[: len(step.model.states)]
@@ -369,20 +368,26 @@ def _n_hidden(step) -> int:
     return step.sizes[1] if step.core == "recurrent" else 0
 
 
-def _common(step, source, theta, record):
+def _common(step, theta, record, wrt=None):
     """Give what both loops take, in their order."""
+    terms_model = _terms_model(step)
+    function, source = compile_model(step.model, wrt)
+    terms, of_terms = compile_model(terms_model, wrt)
     return (
+        function,
+        terms,
         record.t,
         record.acting,
         step.hold == "foh",
         record.u,
         record.simulated,
         record.features,
-        parameter_values(_loop_model(step)),
+        parameter_values(terms_model),  # the model's own come first
         np.array(source.dry),
         step.substeps,
         *METHODS["rk4"],
         source.size,
+        of_terms.size,
         BASES.index(step.base),
         GUIDES.index(step.guide),
         step.offset,

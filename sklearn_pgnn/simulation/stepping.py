@@ -29,10 +29,12 @@ _F = types.float64
 _F1, _F2 = types.float64[::1], types.float64[:, ::1]
 _F3, _F4 = types.float64[:, :, ::1], types.float64[:, :, :, ::1]
 _B1 = boolean[::1]
-_OPTIONS = {"cache": True, "error_model": "numpy", "nogil": True}
+OPTIONS = {"cache": True, "error_model": "numpy", "nogil": True}
+#: of a part that allocates nothing: counting references takes longer than a step
+INNER = {**OPTIONS, "_nrt": False}
 
 
-@njit(**_OPTIONS)
+@njit(**INNER)
 def _runge_kutta(function, t, h, x, S, u_start, u_end, p, s, stuck, nodes, weights, work):
     """Advance x and S by one explicit step, in place; stuck states stay."""
     xs, Ss, us, kx, kS, ax, aS, out = work
@@ -41,10 +43,10 @@ def _runge_kutta(function, t, h, x, S, u_start, u_end, p, s, stuck, nodes, weigh
     ny = 0
     if nq > 0:
         ny = (out.size - nx * (1 + nq)) // (1 + nq)
-    ax[:] = 0.0
-    aS[:, :] = 0.0
-    kx[:] = 0.0
-    kS[:, :] = 0.0
+    for i in range(nx):
+        ax[i] = kx[i] = 0.0
+        for j in range(nq):
+            aS[i, j] = kS[i, j] = 0.0
     for stage in range(nodes.size):
         step = h * nodes[stage]
         for i in range(nx):
@@ -74,7 +76,7 @@ def _runge_kutta(function, t, h, x, S, u_start, u_end, p, s, stuck, nodes, weigh
             S[i, j] += h * aS[i, j]
 
 
-@njit(**_OPTIONS)
+@njit(**INNER)
 def _side(function, t, x, u, p, s, stuck, i, out):
     """Set the friction's direction of state i: moving forward, backward or stuck at zero."""
     stuck[i] = False
@@ -97,7 +99,7 @@ def _side(function, t, x, u, p, s, stuck, i, out):
             s[i] = (backward + forward) / jump if jump > 0.0 else 0.0
 
 
-@njit(**_OPTIONS)
+@njit(**INNER)
 def _first_crossing(x_old, x, stuck, dry):
     """Find the state that changes its sign first, and the share of the step until then."""
     first, share = -1, 1.0
@@ -109,7 +111,23 @@ def _first_crossing(x_old, x, stuck, dry):
     return first, share
 
 
-@njit(**_OPTIONS)
+@njit(**INNER)
+def _copy(values, into):
+    """Fill an array from the beginning of another."""
+    for i in range(into.size):
+        into[i] = values[i]
+
+
+@njit(**INNER)
+def _keep(x, S, x_old, S_old):
+    """Copy a state and its sensitivities."""
+    for i in range(x.size):
+        x_old[i] = x[i]
+        for j in range(S.shape[1]):
+            S_old[i, j] = S[i, j]
+
+
+@njit(**INNER)
 def advance(function, t, h, x, S, u_start, u_end, p, s, stuck, dry, nodes, weights, work, old):
     """Advance x and S by h, in place, cutting the step where dry friction changes its side."""
     x_old, S_old, u_now, u_mid, before = old
@@ -121,32 +139,30 @@ def advance(function, t, h, x, S, u_start, u_end, p, s, stuck, dry, nodes, weigh
         return
     out = work[7]
     done = 0.0
-    u_now[:] = u_start
+    _copy(u_start, u_now)
     for i in range(x.size):
         if dry[i]:
             _side(function, t, x, u_now, p, s, stuck, i, out)
-            if stuck[i]:
-                S[i, :] = 0.0
+            for j in range(S.shape[1] if stuck[i] else 0):
+                S[i, j] = 0.0
     for event in range(MAX_EVENTS + 1):
-        x_old[:] = x
-        S_old[:, :] = S
+        _keep(x, S, x_old, S_old)
         now, left = t + done * h, (1.0 - done) * h
         _runge_kutta(function, now, left, x, S, u_now, u_end, p, s, stuck, nodes, weights, work)
         i, share = _first_crossing(x_old, x, stuck, dry)
         if i < 0 or event == MAX_EVENTS:
             return
-        x[:] = x_old
-        S[:, :] = S_old
+        _keep(x_old, S_old, x, S)
         for k in range(u_mid.size):
             u_mid[k] = u_now[k] + share * (u_end[k] - u_now[k])
         _runge_kutta(
             function, now, share * left, x, S, u_now, u_mid, p, s, stuck, nodes, weights, work
         )
         done += share * (1.0 - done)
-        u_now[:] = u_mid
+        _copy(u_mid, u_now)
         x[i] = 0.0
         function(t + done * h, x, u_now, p, s, out)
-        before[:] = out[: x.size]
+        _copy(out, before)
         _side(function, t + done * h, x, u_now, p, s, stuck, i, out)
         function(t + done * h, x, u_now, p, s, out)
         _jump(S, before, out, stuck, i)
@@ -154,7 +170,7 @@ def advance(function, t, h, x, S, u_start, u_end, p, s, stuck, dry, nodes, weigh
             x[i] = 1e-300 * s[i]
 
 
-@njit(**_OPTIONS)
+@njit(**INNER)
 def _jump(S, before, after, stuck, i):
     """Let the sensitivities jump where state i crosses zero."""
     if before[i] == 0.0:
@@ -167,7 +183,7 @@ def _jump(S, before, after, stuck, i):
                 S[m, j] += (before[m] - rate) * shift
 
 
-@njit(**_OPTIONS)
+@njit(**OPTIONS)
 def workspace(nx, nq, nu, size):
     """Allocate what a step needs, once per trajectory."""
     work = (
@@ -184,7 +200,7 @@ def workspace(nx, nq, nu, size):
     return work, old
 
 
-@njit(**_OPTIONS)
+@njit(**OPTIONS)
 def _observe(function, t, x, S, u, p, s, out, y, Sy):
     """Evaluate the outputs and their sensitivities at one sample."""
     function(t, x, u, p, s, out)
@@ -203,7 +219,7 @@ def _observe(function, t, x, S, u, p, s, out, y, Sy):
                 Sy[i, j] = value
 
 
-@njit(**_OPTIONS)
+@njit(**OPTIONS)
 def _to_next_sample(
     function, t, u, linear_hold, k, x, S, p, s, stuck, dry, substeps, nodes, weights, work, old,
     u_start, u_end,
@@ -223,7 +239,7 @@ def _to_next_sample(
 
 @njit(
     int64(FUNCTION, _F1, _F2, boolean, _F1, _F1, _F2, _B1, int64, _F1, _F1, int64, _F2, _F2, _F3),
-    **_OPTIONS,
+    **OPTIONS,
 )
 def run_trajectory(
     function, t, u, linear_hold, p, x, S, dry, substeps, nodes, weights, size, X, Y, SY
@@ -257,7 +273,7 @@ def run_trajectory(
         FUNCTION, _F1, _F2, boolean, _F2, types.int64[::1], types.int64[::1], _F1, _F2, _F1, _B1,
         int64, _F1, _F1, int64, int64, _F4, _F2,
     ),
-    **_OPTIONS,
+    **OPTIONS,
 )  # fmt: skip
 def run_windows(
     function, t, u, linear_hold, y, starts, lengths, p, X0, scale, dry, substeps, nodes, weights,

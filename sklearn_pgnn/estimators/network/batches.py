@@ -37,12 +37,18 @@ class TensorBatches:
     def __iter__(self):
         n = len(self.dataset)
         order = torch.randperm(n) if self.shuffle else torch.arange(n)
-        X, y = self.dataset.X, self.dataset.y
+        X, y = _tensors(self.dataset.X), _tensors(self.dataset.y)
         for rows in order.split(self.batch_size):
             yield _take(X, rows), _take(y, rows)
+
+
+def _tensors(part):
+    if isinstance(part, dict):
+        return {name: torch.as_tensor(values) for name, values in part.items()}
+    return torch.as_tensor(part)
 
 
 def _take(part, rows):
     if isinstance(part, dict):
         return {name: _take(values, rows) for name, values in part.items()}
-    return torch.as_tensor(part)[rows]
+    return part.index_select(0, rows)

@@ -110,8 +110,8 @@ def outputs_of(model: PhysicsModel, x: torch.Tensor, u: torch.Tensor, t: torch.T
     Tensor of shape (..., n_outputs)
         The outputs.
     """
-    values = {"t": t}
+    values: dict[str, torch.Tensor | float] = {"t": t}
     values |= {name: x[..., i] for i, name in enumerate(model.states)}
     values |= {name: u[..., i] for i, name in enumerate(model.inputs)}
-    values |= {name: torch.full_like(t, p.value) for name, p in model.parameters.items()}
+    values |= {name: parameter.value for name, parameter in model.parameters.items()}
     return torch.stack([torch_value(g, values) for g in model.outputs.values()], dim=-1)

@@ -19,8 +19,8 @@ from sklearn_pgnn.estimators.network.physics_loss import PhysicsLoss
 from sklearn_pgnn.estimators.network.records import TrainingRecord
 from sklearn_pgnn.simulation.network_run import NetworkSensitivities, NetworkStep, run_network
 
-#: damping to begin with, its largest value, and the factors after success and failure
-DAMPING, MOST_DAMPING, EASE, STIFFEN = 1e-3, 1e12, 0.3, 4.0
+#: damping to begin with, and its largest value
+DAMPING, MOST_DAMPING = 1e-3, 1e12
 #: the search ends where so many steps lower the cost by no more than this share
 SETTLED, TOLERANCE = 5, 0.02
 #: an inequality is never taken for nearer to its edge than this
@@ -134,30 +134,37 @@ class SimulationObjective:
         x, failed = run_network(self.step, theta, record.record)
         if failed >= 0:
             return np.inf
-        nothing = Sums(0.0, np.zeros(0), np.zeros((0, 0)))
-        self._add(nothing, record, 0, x, np.zeros((*x.shape, 0)))
+        nothing, samples = Sums(0.0, np.zeros(0), np.zeros((0, 0))), self._samples(record)
+        self._add(nothing, record, samples, x[samples], np.zeros((len(samples), x.shape[1], 0)))
         return nothing.cost
 
     def _sums_of(self, record, theta) -> Sums:
         n = theta.size
         sums = Sums(0.0, np.zeros(n), np.zeros((n, n)))
-        for start, x, S in NetworkSensitivities(self.step, theta, record.record).pieces():
+        run = NetworkSensitivities(self.step, theta, record.record)
+        for samples, x, S in run.pieces(self._samples(record)):
             if not np.isfinite(x).all():
                 return Sums(np.inf, sums.gradient, sums.curvature)
-            self._add(sums, record, start, x, S)
+            self._add(sums, record, samples, x, S)
         return sums
 
-    def _add(self, sums, record, start, x, S) -> None:
-        rows = slice(start, start + len(x))
-        self._add_errors(sums, record, rows, x, S)
-        if self.lambda_phy:
-            self._add_physics(sums, record, rows, x, S)
+    def _samples(self, record) -> np.ndarray:
+        """Give the samples that count; of a physical residual the step's end as well."""
+        every = np.arange(0, len(record.x), self.stride)
+        if not self.lambda_phy:
+            return every
+        return np.union1d(every, every[every + 1 < len(record.x)] + 1)
 
-    def _add_errors(self, sums, record, rows, x, S):
-        first = -rows.start % self.stride or self.stride
-        x, S = x[first :: self.stride], S[first :: self.stride]
-        states = torch.as_tensor(x).requires_grad_()
-        after = slice(rows.start + first, rows.stop, self.stride)
+    def _add(self, sums, record, samples, x, S) -> None:
+        """Add a piece; its first sample is the last of the piece before."""
+        self._add_errors(sums, record, samples, x, S)
+        if self.lambda_phy:
+            self._add_physics(sums, record, samples, x, S)
+
+    def _add_errors(self, sums, record, samples, x, S):
+        rows = 1 + np.flatnonzero(samples[1:] % self.stride == 0)
+        after, S = samples[rows], S[rows]
+        states = torch.as_tensor(x[rows]).requires_grad_()
         u = torch.as_tensor(record.record.acting[after, : record.record.u.shape[1]])
         outputs = outputs_of(self.step.model, states, u, torch.as_tensor(record.record.t[after]))
         factor = (1.0 - self.lambda_phy) / self._n_errors
@@ -168,13 +175,12 @@ class SimulationObjective:
             jacobian = np.einsum("nj,njw->nw", slope[seen], S[seen])
             sums.add(error[seen] / scale, jacobian / scale, factor)
 
-    def _add_physics(self, sums, record, rows, x, S):
-        first = -rows.start % self.stride
-        before, after = (slice(first + i, len(x) - 1 + i, self.stride) for i in (0, 1))
+    def _add_physics(self, sums, record, samples, x, S):
+        before = np.flatnonzero((samples[:-1] % self.stride == 0) & (np.diff(samples) == 1))
+        after, k = before + 1, samples[before]
         ends = torch.as_tensor(np.stack([x[before], x[after]], axis=1)).requires_grad_()
-        u = torch.as_tensor(record.record.u[rows][before, None])
-        t = record.record.t[rows]
-        times = torch.as_tensor(np.stack([t[before], t[after]], axis=1))
+        u = torch.as_tensor(record.record.u[k, None])
+        times = torch.as_tensor(np.stack([record.record.t[k], record.record.t[k + 1]], axis=1))
         found = self.physics.residuals(ends, u, times)
         for term, h in zip(self.physics.terms, found, strict=True):
             factor = self.lambda_phy * term.weight / (self._n_steps * h.shape[2])
@@ -216,24 +222,35 @@ def levenberg_marquardt(objective, theta: np.ndarray, iterations: int, on_step) 
     ----------
     .. [1] D. W. Marquardt, "An algorithm for least-squares estimation of nonlinear parameters",
        SIAM Journal on Applied Mathematics 11(2), 1963, :doi:`10.1137/0111030`.
+    .. [2] K. Madsen, H. B. Nielsen, O. Tingleff, "Methods for non-linear least squares problems",
+       Technical University of Denmark, 2004: how the damping follows the gain.
     """
-    now, damping = objective(theta), DAMPING
+    now, damping, stiffen = objective(theta), DAMPING, 2.0
     if not np.isfinite(now.cost):
         return theta
     size, costs = np.diag(now.curvature).copy(), [now.cost]
     for _ in range(iterations):
         size = np.maximum(size, np.diag(now.curvature))
-        trial = theta + _damped_step(now, damping * np.maximum(size, 1e-12 * size.max()))
-        if objective.cost(trial) < now.cost:
-            theta, now, damping = trial, objective(trial), damping * EASE
+        step = _damped_step(now, damping * np.maximum(size, 1e-12 * size.max()))
+        cost = objective.cost(theta + step)
+        if cost < now.cost:
+            share = (now.cost - cost) / _expected_gain(now, step)
+            damping *= max(1 / 3, 1 - (2 * share - 1) ** 3)
+            theta, stiffen = theta + step, 2.0
+            now = objective(theta)
             costs.append(now.cost)
             if on_step(theta, now.cost) or _has_settled(costs):
                 break
         else:
-            damping *= STIFFEN
+            damping, stiffen = damping * stiffen, 2 * stiffen
             if damping > MOST_DAMPING:
                 break
     return theta
+
+
+def _expected_gain(sums: Sums, step: np.ndarray) -> float:
+    """Give by how much the quadratic model falls."""
+    return -float(sums.gradient @ step + step @ sums.curvature @ step / 2)
 
 
 def _has_settled(costs: list[float]) -> bool:

@@ -339,10 +339,7 @@ class _Energy:
         values = {"t": t}
         values |= {name: x[..., i] for i, name in enumerate(self.model.states)}
         values |= {name: u[..., i] for i, name in enumerate(self.model.inputs)}
-        values |= {
-            name: torch.full_like(t, parameter.value)
-            for name, parameter in self.model.parameters.items()
-        }
+        values |= {name: parameter.value for name, parameter in self.model.parameters.items()}
         return torch_value(self.model.energy[part], values)
 
 

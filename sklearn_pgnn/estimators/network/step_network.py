@@ -29,6 +29,7 @@ class StepNetwork(nn.Module):
         super().__init__()
         self.core, self.step, self.samples = core, step, samples
         self.teacher_forcing = True
+        self.gain_is_used = [bool(matrix.any()) for matrix in step.gain]
         for name in ("offset", "gain", "mean", "scale"):
             self.register_buffer(name, torch.as_tensor(getattr(step, name)), persistent=False)
 
@@ -88,7 +89,10 @@ class StepNetwork(nn.Module):
         else:
             output, hidden = self.core(z, hidden)
         base = {"constant": self.offset, "state": x, "prior": prior}[step.base]
-        at_once, rate, twice = (output @ matrix.T for matrix in self.gain)
+        at_once, rate, twice = (
+            output @ matrix.T if used else 0.0
+            for matrix, used in zip(self.gain, self.gain_is_used, strict=True)
+        )
         return base + at_once + dt * (rate + dt * twice), hidden
 
 

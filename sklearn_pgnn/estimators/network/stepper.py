@@ -62,9 +62,12 @@ class Stepper:
         Returns
         -------
         ndarray of shape (n_outputs,)
-            Outputs at the next sample.
+            Outputs at the next sample, while `u` still acts; where an output depends on an input
+            itself, `output` gives it once the next input is known.
         """
-        acting = np.tile(self._acting(np.atleast_1d(np.asarray(u, dtype=float))), (2, 1))
+        u = np.atleast_1d(np.asarray(u, dtype=float))
+        acting = np.tile(self._acting(u), (2, 1))
+        self._inputs.extend([u] if self._inputs else [u, u])
         t = np.array([self.t, self.t + self._interval])
         guide = self._guide(t, acting) if self._step.guide == "simulation" else None
         record = network_record(
@@ -73,15 +76,30 @@ class Stepper:
         )  # fmt: skip
         self.x = run_core(self._core, self._step, record)[0][-1]
         self.t = float(t[1])
-        now = (torch.as_tensor(part) for part in (self.x, acting[1], t[1]))
+        return self._outputs(acting[1])
+
+    def output(self, u) -> np.ndarray:
+        """Give the outputs of the present sample, as ``predict`` does.
+
+        Parameters
+        ----------
+        u : array-like of shape (n_inputs,)
+            Inputs at the present sample.
+
+        Returns
+        -------
+        ndarray of shape (n_outputs,)
+            Outputs; nothing is advanced.
+        """
+        return self._outputs(self._acting(np.atleast_1d(np.asarray(u, dtype=float))))
+
+    def _outputs(self, acting) -> np.ndarray:
+        now = (torch.as_tensor(part) for part in (self.x, acting, np.float64(self.t)))
         return outputs_of(self._step.model, *now).numpy()
 
     def _acting(self, u) -> np.ndarray:
         """Give the inputs as they act now; before the start they had their first value."""
-        if not self._inputs:
-            self._inputs.append(u)
-        self._inputs.append(u)
-        history = np.array(self._inputs)
+        history = np.array([*(self._inputs or [u]), u])
         t = self.t - self._interval * np.arange(len(history))[::-1]
         return delayed_inputs(self._late, t, history)[-1, : u.size]
 

@@ -1,6 +1,7 @@
-"""A model's expressions as torch functions: the symbolic tree is walked, no code is made."""
+"""A model's expressions as torch functions: the symbolic tree is walked once, no code is made."""
 
-from functools import reduce
+import operator
+from functools import lru_cache, reduce
 
 import sympy
 import torch
@@ -24,28 +25,24 @@ _FUNCTIONS = {
     sympy.tanh: torch.tanh,
     sympy.Heaviside: lambda z, *_: (z > 0).to(z.dtype),
 }
-_CHAINS = {
-    sympy.Add: torch.add,
-    sympy.Mul: torch.mul,
-    sympy.Max: torch.maximum,
-    sympy.Min: torch.minimum,
-}
+_ARITHMETIC = {sympy.Add: operator.add, sympy.Mul: operator.mul}
+_EXTREMES = {sympy.Max: torch.maximum, sympy.Min: torch.minimum}
 
 
-def torch_value(expression: sympy.Expr, values: dict[str, torch.Tensor]) -> torch.Tensor:
+def torch_value(expression, values) -> torch.Tensor:
     """Evaluate an expression on tensors, differentiably.
 
     Parameters
     ----------
     expression : sympy.Expr
         An expression of a model.
-    values : dict of str to Tensor
-        Value of every name that stands in it; all of one shape.
+    values : dict of str to Tensor or float
+        Value of every name that stands in it; the tensors are all of one shape.
 
     Returns
     -------
     Tensor
-        Its value.
+        Its value, of that shape.
 
     Raises
     ------
@@ -58,27 +55,49 @@ def torch_value(expression: sympy.Expr, values: dict[str, torch.Tensor]) -> torc
     >>> torch_value(sympy.sqrt(sympy.Symbol("x")) - 1, {"x": x}).tolist()
     [0.0, 1.0]
     """
-    like = next(iter(values.values()))
-
-    def value(node):
-        if node.is_Symbol:
-            return values[node.name]
-        if node.is_number:
-            return torch.full_like(like, float(node))
-        parts = [value(part) for part in node.args]
-        if node.func in _CHAINS:
-            return reduce(_CHAINS[node.func], parts)
-        if node.is_Pow:
-            return _power(parts[0], node.exp, parts[1])
-        if node.func not in _FUNCTIONS:
-            raise ValueError(f"expected a function that torch has, got {node.func.__name__!r}.")
-        return _FUNCTIONS[node.func](*parts)
-
-    return value(sympy.sympify(expression))
+    like = next(value for value in values.values() if torch.is_tensor(value))
+    found = _function(sympy.sympify(expression))(values)
+    return torch.as_tensor(found, dtype=like.dtype, device=like.device).expand(like.shape)
 
 
-def _power(base, exponent, value):
+@lru_cache(maxsize=1024)
+def _function(node):
+    """Give the function of the values that a tree stands for."""
+    if node.is_Symbol:
+        return operator.itemgetter(node.name)
+    if node.is_number:
+        number = float(node)
+        return lambda values: number
+    parts = [_function(part) for part in node.args]
+    if node.func in _ARITHMETIC:
+        return _chain(_ARITHMETIC[node.func], parts)
+    if node.func in _EXTREMES:
+        return _chain(_EXTREMES[node.func], [_as_tensor(part) for part in parts])
+    if node.is_Pow:
+        return _power(*map(_as_tensor, parts), node.exp)
+    if node.func not in _FUNCTIONS:
+        raise ValueError(f"expected a function that torch has, got {node.func.__name__!r}.")
+    return _apply(_FUNCTIONS[node.func], [_as_tensor(part) for part in parts])
+
+
+def _chain(operation, parts):
+    return lambda values: reduce(operation, [part(values) for part in parts])
+
+
+def _apply(function, parts):
+    return lambda values: function(*[part(values) for part in parts])
+
+
+def _as_tensor(part):
+    """Let a part give a tensor where it gives a number."""
+    return lambda values: torch.as_tensor(part(values), dtype=torch.float64)
+
+
+def _power(base, exponent, known):
     """Raise to a power; a constant one keeps the derivative finite at zero."""
-    if exponent == sympy.Rational(1, 2):
-        return torch.sqrt(base)
-    return torch.pow(base, float(exponent)) if exponent.is_number else torch.pow(base, value)
+    if known == sympy.Rational(1, 2):
+        return lambda values: torch.sqrt(base(values))
+    if known.is_number:
+        number = float(known)
+        return lambda values: torch.pow(base(values), number)
+    return lambda values: torch.pow(base(values), exponent(values))

@@ -248,15 +248,17 @@ class TrajectoryNet(NeuralNetRegressor):
     def _error_loss(self, y_pred, y_true, X):
         """Compare states where the measured ones are fed back, outputs where the predicted ones."""
         if self.module_.teacher_forcing:
-            own = corrected_states(self.model_, self.structure_)
-            compared = y_pred[..., own]
+            own = torch.as_tensor(corrected_states(self.model_, self.structure_))
+            compared = y_pred.index_select(-1, own.to(y_pred.device))
         else:
             compared = outputs_of(self.model_, y_pred, self._inputs_after(X), X["t"][:, 1:])
+        compared, y_true = compared / self._phase.scale, y_true / self._phase.scale
         seen = torch.isfinite(y_true)
         if not seen.any():
             return 0.0 * y_pred.sum()
-        scale = self._phase.scale
-        return super().get_loss((compared / scale)[seen], (y_true / scale)[seen], X)
+        if not seen.all():
+            compared, y_true = compared[seen], y_true[seen]
+        return super().get_loss(compared, y_true, X)
 
     def _inputs_after(self, X):
         """Give the inputs that act at the end of every step; an output may depend on them."""
