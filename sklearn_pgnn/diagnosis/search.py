@@ -344,17 +344,22 @@ class Search:
         """Sketch the suspects that may stand in a cause's place, the best first."""
         sketch = self.fitter.sketch(trial)
         without = self.fitter.reduce(sketch, cause)
-        alone = 1.0 - tried.get(cause, 1.0)
-        others = [
-            other
-            for other, left in tried.items()
-            if other not in trial.hypothesis.causes and 1.0 - left > 0.3 * alone
-        ]
+        others = self._rivals(without, cause, tried)
         needed = 0.8 * sketch.fit.objective + 0.2 * without.fit.objective
         looks = [self.fitter.look(without, other) for other in others]
         found = [self.fitter.settle(look, hopeless=needed) for look in looks]
         near = [s for s in found if np.isfinite(s.squares) and not self._is_beaten(s, sketch)]
         return sorted(near, key=_objective)
+
+    def _rivals(self, without: Sketch, cause: Cause, tried) -> list[Cause]:
+        """Name the suspects that explain a share of what a cause does alone, or were seen here."""
+        enough = 0.3 * (1.0 - tried.get(cause, 1.0))
+        return [
+            other
+            for other, left in tried.items()
+            if other not in (cause, *without.hypothesis.causes)
+            and (1.0 - left > enough or self.fitter.knows(without.hypothesis.plus(other)))
+        ]
 
     def _split(self, trial: Trial) -> Trial:
         """Let parts of a cause stand on their own where that says the same with fewer numbers."""
