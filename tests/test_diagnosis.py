@@ -19,6 +19,17 @@ from sklearn_pgnn.exceptions import RecordError
 
 RECORDS = {"n_records": 6, "sample_rate": 125.0}
 SEED = 7
+RIGS = {
+    systems.cart_on_spring: {"n_records": 4, "sample_rate": 100.0},
+    systems.two_tanks: {
+        "n_records": 4,
+        "duration": 600.0,
+        "sample_rate": 1.0,
+        "noise": 0.01,
+        "excitation": ("multisine", "chirp"),
+        "amplitude": 2.7,
+    },
+}
 
 
 def expected_name(model, effect):
@@ -59,6 +70,55 @@ def test_nothing_is_named_where_nothing_is_hidden(seed):
     assert diagnosis.verdict_ == "model_adequate"
     assert diagnosis.causes_ == ()
     assert same_structure(diagnosis.extended_model_, hidden.prior)
+
+
+@pytest.mark.parametrize("system", [systems.cart_on_spring, systems.two_tanks])
+def test_nothing_is_named_on_other_machines_either(system):
+    hidden = make_hidden_effect(system(), None, random_state=SEED, **RIGS[system])
+    assert diagnose(hidden).causes_ == ()
+
+
+@pytest.mark.parametrize(
+    "kinds",
+    [
+        ("input_dead_zone", "stribeck_friction"),
+        ("actuator_lag", "constant_load"),
+        ("coulomb_friction", "input_bias"),
+        ("input_saturation", "quadratic_drag", "cogging"),
+    ],
+    ids=" and ".join,
+)
+def test_several_hidden_effects_are_named_and_no_other(kinds):
+    cart = systems.cart_on_spring()
+    hidden = make_hidden_effect(cart, kinds, random_state=SEED, **RIGS[systems.cart_on_spring])
+    diagnosis = diagnose(hidden)
+    truth = {expected_name(hidden.prior, effect) for effect in hidden.effects}
+    groups = [names(cause) for cause in diagnosis.causes_]
+    assert len(groups) == len(kinds), groups
+    assert [len(truth & group) for group in groups] == [1] * len(kinds), groups
+    assert truth <= set().union(*groups)
+
+
+@pytest.mark.parametrize(
+    ("system", "factors"),
+    [
+        (systems.two_tanks, {"k1": 1.5}),
+        (systems.cart_on_spring, {"k": 1.4, "m": 0.7}),
+    ],
+)
+def test_wrong_parameters_are_named_and_no_structure(system, factors):
+    model = system()
+    wrong = [
+        effects.WrongParameter(name, factor * model.parameters[name].value)
+        for name, factor in factors.items()
+    ]
+    hidden = make_hidden_effect(model, wrong, random_state=SEED, **RIGS[system])
+    diagnosis = diagnose(hidden)
+    found = {(cause.effect, cause.target) for cause in diagnosis.causes_}
+    assert found == {("wrong_parameter", name) for name in factors}
+    for effect in wrong:
+        value = diagnosis.extended_model_.parameters[effect.target].value
+        assert abs(value / effect.value - 1) < 0.05
 
 
 def test_records_without_noise_are_judged_too():

@@ -200,6 +200,10 @@ class Fitter:
             self._sketches[hypothesis.key] = look
         return replace(self._sketches[hypothesis.key], hypothesis=hypothesis)
 
+    def knows(self, hypothesis: Hypothesis) -> bool:
+        """Tell whether a hypothesis was sketched."""
+        return hypothesis.key in self._sketches
+
     def settle(self, sketch: Sketch, hopeless: float = np.inf) -> Sketch:
         """Follow a look to its end, or until it is clear that its objective stays hopeless."""
         if sketch.settled:

@@ -8,6 +8,7 @@ import numpy as np
 from sklearn_pgnn.diagnosis.fitting import Fitter, Sketch, Trial, make_folds
 from sklearn_pgnn.diagnosis.hypothesis import Cause, count_parameters, same_causes
 from sklearn_pgnn.diagnosis.pairs import foretell_pairs
+from sklearn_pgnn.diagnosis.setting import HARDLY
 from sklearn_pgnn.physics.effects import WrongParameter
 
 #: an effect shows itself in at least so many pieces, and the error falls by so many times more than
@@ -262,7 +263,8 @@ class Search:
     def _is_beaten(self, worse: Sketch, better: Sketch) -> bool:
         """Tell whether a sketch is so much worse that no closer look can make it as good."""
         loss = worse.squares - better.squares
-        large = loss > 2 * self.rules.share * (worse.squares - self._rough_floor())
+        floor = self._rough_floor()
+        large = loss > max(2 * self.rules.share * (worse.squares - floor), HARDLY**2 * floor)
         return large and _is_fall(worse.pieces, better.pieces, self.rules.significance)
 
     def _rough_floor(self) -> float:
@@ -306,9 +308,9 @@ class Search:
         return loss <= self.rules.share * self.excess(other) or not self._is_better(other, best)
 
     def _is_better(self, worse: Trial, better: Trial) -> bool:
-        """Tell whether the windows can tell two fits apart, and by more than noise would."""
+        """Tell whether two fits differ by more than chance and the simulation's own accuracy."""
         noise = self.floor / self.fitter.setting.n_samples
-        if worse.squares - better.squares < NOTICED**2 * noise:
+        if worse.squares - better.squares < max(NOTICED**2 * noise, HARDLY**2 * self.floor):
             return False
         return _is_fall(worse.pieces, better.pieces, NOTICED)
 
@@ -363,17 +365,22 @@ class Search:
         """Sketch the suspects that may stand in a cause's place, the best first."""
         sketch = self.fitter.sketch(trial)
         without = self.fitter.reduce(sketch, cause)
-        alone = 1.0 - tried.get(cause, 1.0)
-        others = [
-            other
-            for other, left in tried.items()
-            if other not in trial.hypothesis.causes and 1.0 - left > 0.3 * alone
-        ]
+        others = self._rivals(without, cause, tried)
         needed = 0.8 * sketch.fit.objective + 0.2 * without.fit.objective
         looks = [self.fitter.look(without, other) for other in others]
         found = [self.fitter.settle(look, hopeless=needed) for look in looks]
         near = [s for s in found if np.isfinite(s.squares) and not self._is_beaten(s, sketch)]
         return sorted(near, key=_objective)
+
+    def _rivals(self, without: Sketch, cause: Cause, tried) -> list[Cause]:
+        """Name the suspects that explain a share of what a cause does alone, or were seen here."""
+        enough = 0.3 * (1.0 - tried.get(cause, 1.0))
+        return [
+            other
+            for other, left in tried.items()
+            if other not in (cause, *without.hypothesis.causes)
+            and (1.0 - left > enough or self.fitter.knows(without.hypothesis.plus(other)))
+        ]
 
     def _split(self, trial: Trial) -> Trial:
         """Let parts of a cause stand on their own where that says the same with fewer numbers."""
@@ -391,10 +398,11 @@ class Search:
         kin = [c for c in self.suspects if c[1] == target and c not in sketch.hypothesis.causes]
         found = [self.fitter.split(sketch, cause, c) for c in kin if c[0].id in effect.shared]
         special = [c for c in kin if c[0].id in effect.generalises]
-        if len(special) > 1:
-            found.append(self.fitter.exchange(sketch, cause, special))
+        for others in [[c] for c in special] + ([special] if len(special) > 1 else []):
+            found.append(self.fitter.exchange(sketch, cause, others))
         fewest = sketch.hypothesis.n_parameters
-        return [apart for apart in found if apart.hypothesis.n_parameters < fewest]
+        fewer = [apart for apart in found if apart.hypothesis.n_parameters < fewest]
+        return sorted(fewer, key=lambda apart: apart.hypothesis.n_parameters)
 
     # -- result --------------------------------------------------------------------------------
 
