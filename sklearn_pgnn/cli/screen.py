@@ -109,6 +109,7 @@ def tell(diagnosis, output: Path, *, quiet: bool) -> None:
     _say(console, f"{VERDICTS[diagnosis.verdict_]}. {verdict_sentence(diagnosis)}", "bold")
     if quiet:
         return
+    _tell_quality(console, diagnosis.data_quality_)
     for place, cause in enumerate(diagnosis.causes_, start=1):
         _tell_cause(console, place, cause)
     _tell_parameters(console, diagnosis.parameters_)
@@ -123,6 +124,14 @@ def _say(console, text: str, style: str = "") -> None:
 def _heading(console, text: str) -> None:
     console.print()
     _say(console, text, "bold")
+
+
+def _tell_quality(console, findings) -> None:
+    if findings:
+        _heading(console, "Quality of the records")
+    for finding in findings:
+        text = f"{finding.kind}: {finding.text}. Remedy: {finding.remedy}."
+        console.print(Text(f"  {one_line(text)}"), soft_wrap=True)
 
 
 def _tell_cause(console, place: int, cause) -> None:

@@ -1,5 +1,6 @@
 """Judgement: which physical cause a model misses, and what naming it is worth."""
 
 from sklearn_pgnn.diagnosis.model_diagnosis import ModelDiagnosis
+from sklearn_pgnn.diagnosis.record_flaws import Finding
 
-__all__ = ["ModelDiagnosis"]
+__all__ = ["Finding", "ModelDiagnosis"]

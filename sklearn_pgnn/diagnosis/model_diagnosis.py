@@ -6,6 +6,7 @@ from sklearn.base import BaseEstimator, MultiOutputMixin, RegressorMixin
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
+from sklearn_pgnn.diagnosis.data_quality import check_data_quality
 from sklearn_pgnn.diagnosis.fitting import Fitter
 from sklearn_pgnn.diagnosis.hypothesis import possible_causes
 from sklearn_pgnn.diagnosis.records import keep_records
@@ -89,6 +90,8 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         Integration steps from sample to sample.
     tried_ : dict
         Every suspect, and the share of the re-tuned prior's error power it leaves alone.
+    data_quality_ : tuple of Finding
+        What in the records stands in the way: clipping, lost samples, feedback, poor excitation.
     records_ : DiagnosisRecords
         The records and what the models make of them, for pictures.
     n_features_in_ : int
@@ -184,6 +187,12 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         search = Search(fitter, suspects, rules, self.progress or _silent)
         outcome = search.run()
         self._keep(fitter, search, outcome)
+        self.data_quality_ = check_data_quality(
+            fitter.setting,
+            [record.name for record in records],
+            outcome.base.fit,
+            outcome.final.fit,
+        )
         self.records_ = keep_records(fitter, outcome, (record.name for record in records))
         self._single_output = np.asarray(y).ndim == 1
         return self
@@ -253,7 +262,7 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         Returns
         -------
         dict
-            Verdict, causes, parameters and gain.
+            Verdict, data quality, causes, parameters and gain.
         """
         check_is_fitted(self)
         causes = []
@@ -269,6 +278,7 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
             )
         return {
             "verdict": self.verdict_,
+            "data_quality": [plain(finding) for finding in self.data_quality_],
             "causes": causes,
             "parameters": {name: plain(p) for name, p in self.parameters_.items()},
             "gain": {name: plain(gain) for name, gain in self.gain_.items()},

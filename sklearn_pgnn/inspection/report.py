@@ -78,6 +78,7 @@ def report_content(diagnosis) -> dict:
         "verdict": diagnosis.verdict_,
         "verdict_title": VERDICTS[diagnosis.verdict_],
         "sentence": verdict_sentence(diagnosis),
+        "data_quality": diagnosis.data_quality_,
         "causes": [_cause(diagnosis, cause) for cause in diagnosis.causes_],
         "comparisons": [_comparison(diagnosis, kind) for kind in ("free_run", "windows")],
         "evidence": [_evidence(diagnosis, cause) for cause in diagnosis.causes_],
