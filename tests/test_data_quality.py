@@ -255,7 +255,7 @@ CLEAN = {
 
 @pytest.mark.parametrize("system", CLEAN)
 def test_clean_records_of_several_systems_have_no_findings(system):
-    for seed in range(3):
+    for seed in range(2):
         records = CLEAN[system](seed)
         diagnosis = ModelDiagnosis(records.prior, catalogue=(effects.CoulombFriction,))
         assert diagnosis.fit(records.X, records.y).data_quality_ == ()

@@ -1,6 +1,7 @@
 """Judgement: which physical cause a model misses, and what naming it is worth."""
 
+from sklearn_pgnn.diagnosis.detectability import Detectability, Detectable
 from sklearn_pgnn.diagnosis.model_diagnosis import ModelDiagnosis
 from sklearn_pgnn.diagnosis.record_flaws import Finding
 
-__all__ = ["Finding", "ModelDiagnosis"]
+__all__ = ["Detectability", "Detectable", "Finding", "ModelDiagnosis"]

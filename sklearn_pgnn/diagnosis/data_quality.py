@@ -186,9 +186,10 @@ def find_closed_loop(setting: Setting, final: WindowFit, outputs, inputs, left) 
 
     The noise :math:`\varepsilon` that the extended model leaves and the part :math:`\nu` of an
     input that its own past does not tell are independent in open loop, whatever the input. With
-    the correlations :math:`\rho_\tau` of :math:`\varepsilon_k` and :math:`\nu_{k+\tau}`,
+    the share :math:`R^2` of :math:`\varepsilon_k` that a regression on
+    :math:`\nu_k, \dots, \nu_{k+M}` explains,
 
-    .. math:: n \sum_{\tau=0}^{M} \rho_\tau^2 \sim \chi^2_{M+1}.
+    .. math:: n R^2 \sim \chi^2_{M+1}.
 
     It is looked for only where the model leaves no more than noise, and counts only where the
     noise makes up a part of :math:`\nu`.
@@ -219,9 +220,9 @@ def find_closed_loop(setting: Setting, final: WindowFit, outputs, inputs, left) 
             continue
         noise = _innovations(rest.pieces)
         for source in inputs:
-            correlations = _correlations(noise, _innovations(source.pieces))
-            if _is_more_than_chance(correlations, chance):
-                return _loop(signal.name, source.name, float(np.abs(correlations[0]).max()))
+            correlation = _follows(noise, _innovations(source.pieces), chance)
+            if correlation:
+                return _loop(signal.name, source.name, correlation)
     return None
 
 
@@ -263,24 +264,27 @@ def _innovations(pieces) -> list[np.ndarray]:
     return found
 
 
-def _correlations(noise, news) -> np.ndarray:
-    """Correlate noise with what an input brings next; give the numbers of pairs as well."""
-    found = np.zeros((2, FUTURE + 1))
-    for ahead in range(FUTURE + 1):
-        a = np.concatenate([e[: e.size - ahead] for e in noise])
-        b = np.concatenate([v[ahead:] for v in news])
-        known = np.isfinite(a) & np.isfinite(b)
-        power = np.sqrt(np.sum(a[known] ** 2) * np.sum(b[known] ** 2))
-        found[1, ahead] = np.count_nonzero(known)
-        found[0, ahead] = np.sum(a[known] * b[known]) / power if power > 0 else 0.0
-    return found
+def _follows(noise, news, chance) -> float:
+    """Give the largest correlation of noise with what an input brings next; 0 if by chance."""
+    pairs = [_ahead(e, v) for e, v in zip(noise, news, strict=True) if e.size > FUTURE]
+    rows = np.concatenate([np.zeros((0, FUTURE + 2)), *pairs])
+    rows = rows[np.isfinite(rows).all(axis=1)]
+    size = np.sqrt(np.mean(rows**2, axis=0)) if len(rows) else np.zeros(1)
+    if not size.min() > 0:
+        return 0.0
+    own, ahead = rows[:, 0] / size[0], rows[:, 1:] / size[1:]
+    weights, _, rank, _ = np.linalg.lstsq(ahead, own, rcond=1e-8)
+    statistic = len(rows) - float(np.sum((own - ahead @ weights) ** 2))
+    correlations = own @ ahead / len(rows)
+    part = float(np.sum(correlations**2)) - ahead.shape[1] / len(rows)
+    follows = statistic > chi2.isf(chance, rank) and part > WHOLE
+    return float(np.abs(correlations).max()) if follows else 0.0
 
 
-def _is_more_than_chance(correlations: np.ndarray, chance: float) -> bool:
-    """Tell whether an input follows noise, and in a part of what it brings that counts."""
-    shares, counts = correlations[0] ** 2, correlations[1]
-    statistic = float(np.sum(counts * shares))
-    return bool(shares.sum() > WHOLE and statistic > chi2.isf(chance, shares.size))
+def _ahead(noise, news) -> np.ndarray:
+    """Put the noise of a sample beside what the input brings from there on."""
+    future = np.lib.stride_tricks.sliding_window_view(news, FUTURE + 1)
+    return np.column_stack([noise[: len(future)], future])
 
 
 # -- synchronism -----------------------------------------------------------------------------------

@@ -7,8 +7,10 @@ from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
 from sklearn_pgnn.diagnosis.data_quality import check_data_quality
+from sklearn_pgnn.diagnosis.detectability import Bench, Detectability, detect_all
 from sklearn_pgnn.diagnosis.fitting import Fitter
 from sklearn_pgnn.diagnosis.hypothesis import possible_causes
+from sklearn_pgnn.diagnosis.injection import verified
 from sklearn_pgnn.diagnosis.records import keep_records
 from sklearn_pgnn.diagnosis.result import (
     measure_gain,
@@ -295,6 +297,81 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         """
         reading("write_report")(self, path)
 
+    def detectability(
+        self,
+        effects=None,
+        targets=None,
+        *,
+        power=0.9,
+        sizes=(0.25, 0.5, 1.0, 2.0),
+        noise="residual",
+        n_repeats=200,
+        verify=False,
+        random_state=0,
+    ):
+        r"""Tell how large an effect must be before records like these would show it.
+
+        Every effect is put into the extended model, with the records' own inputs, initial states
+        and noise; the model is re-tuned, and the diagnosis' own rules judge what is left.
+
+        Parameters
+        ----------
+        effects : sequence of type[Effect], optional
+            The effects; by default the catalogue of the diagnosis.
+        targets : sequence of str, optional
+            What they act on; by default all that is possible.
+        power : float, default=0.9
+            Chance with which the smallest size shall be named.
+        sizes : sequence of float, default=(0.25, 0.5, 1, 2)
+            Multiples of the smallest size at which the table tells the power.
+        noise : {"residual", "white"}, default="residual"
+            Noise as correlated as what the extended model leaves, or white of the same power.
+        n_repeats : int, default=200
+            Draws of the noise for every size.
+        verify : bool, default=False
+            Whether to run the diagnosis itself on simulated records with every effect at its
+            smallest size; as dear as that many diagnoses.
+        random_state : int, RandomState or None, default=0
+            Draws the noise.
+
+        Returns
+        -------
+        Detectability
+            Smallest sizes, powers and reasons: ``to_frame()``, ``plot()``.
+
+        Raises
+        ------
+        ValueError
+            If `power` is not between 0 and 1, or `noise` is unknown.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from sklearn_pgnn import PhysicsModel, effects
+        >>> cart = PhysicsModel({"v": "m/s"}, {"v": "(F - d*v)/m"}, {"m": 2.0, "d": 0.5},
+        ...                     {"F": "N"}, inertia={"v": "m"})
+        >>> t = np.arange(0, 60, 0.02)
+        >>> F = 2 * np.sin(0.7 * t) + np.sin(1.9 * t)
+        >>> v = cart.simulate(t, F).y + 1e-2 * np.random.default_rng(0).normal(size=(t.size, 1))
+        >>> diagnosis = ModelDiagnosis(cart, catalogue=()).fit(np.column_stack([t, F]), v)
+        >>> table = diagnosis.detectability([effects.CoulombFriction]).to_frame()
+        >>> table[["effect", "parameter", "unit"]].values.tolist()
+        [['coulomb_friction', 'level', 'm/s^2']]
+        >>> bool(table["smallest"][0] < 0.05)
+        True
+        """
+        check_is_fitted(self)
+        _check_detectability(power, noise)
+        rules = Rules(significance=self.significance, max_causes=self.max_causes)
+        seed = _seed(random_state)
+        bench = Bench(self.records_, noise == "white", rules, int(n_repeats), seed)
+        effects = self.catalogue if effects is None else effects
+        catalogue = CATALOGUE if effects is None else tuple(effects)
+        rows = detect_all(bench, possible_causes(self.model, catalogue, targets), power)
+        if verify:
+            rows = tuple(verified(self, bench, row, catalogue) for row in rows)
+        return Detectability(rows, float(power), tuple(map(float, sizes)))
+
     def plot(self):
         """Draw measured against prior and extended simulation.
 
@@ -318,6 +395,13 @@ def _fit_window_length(setting) -> Fitter:
             break
         fitter = further
     return fitter
+
+
+def _check_detectability(power, noise) -> None:
+    if not 0 < power < 1:
+        raise ValueError(f"power: expected a number between 0 and 1, got {power!r}.")
+    if noise not in ("residual", "white"):
+        raise ValueError(f"noise: expected 'residual' or 'white', got {noise!r}.")
 
 
 def _silent(stage: str, done: int, total: int) -> None:
