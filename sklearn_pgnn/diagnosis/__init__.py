@@ -3,5 +3,6 @@
 from sklearn_pgnn.diagnosis.detectability import Detectability, Detectable
 from sklearn_pgnn.diagnosis.model_diagnosis import ModelDiagnosis
 from sklearn_pgnn.diagnosis.record_flaws import Finding
+from sklearn_pgnn.diagnosis.separation import Experiment, Separation
 
-__all__ = ["Detectability", "Detectable", "Finding", "ModelDiagnosis"]
+__all__ = ["Detectability", "Detectable", "Experiment", "Finding", "ModelDiagnosis", "Separation"]

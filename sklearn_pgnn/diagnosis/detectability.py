@@ -177,8 +177,15 @@ class Bench:
         values = {f.name: fitted.model.parameters[f.name].value for f in fitted.freedoms}
         freedoms = tuple(replace(f, centre=values[f.name]) for f in fitted.freedoms)
         spread = self.records.setting.states.estimate(fitted.model).spread
-        options = {"max_steps": STEPS, "tolerance": TOLERANCE}
-        return fit_windows(fitted.model, windows, freedoms, fitted.x0, spread, **options)
+        return fit_windows(
+            fitted.model,
+            windows,
+            freedoms,
+            fitted.x0,
+            spread,
+            max_steps=STEPS,
+            tolerance=TOLERANCE,
+        )
 
     def without(self, windows: Windows) -> Evaluation:
         """Give what the fitted model, as it is, leaves of other outputs of the same windows."""

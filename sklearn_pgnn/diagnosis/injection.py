@@ -9,7 +9,7 @@ from sklearn.base import clone
 from sklearn_pgnn.diagnosis.detectability import SMALLEST, Bench, Detectable
 from sklearn_pgnn.diagnosis.effect_size import main_field, sized
 from sklearn_pgnn.physics.effect import Effect
-from sklearn_pgnn.simulation.simulate import simulate
+from sklearn_pgnn.simulation.state_estimate import free_run
 from sklearn_pgnn.trajectories.reader import TIME, TRAJECTORY
 
 
@@ -43,8 +43,7 @@ def inject(bench: Bench, effect: Effect | None, random_state=0):
     tables, outputs = [], []
     for r, (a, b) in enumerate(zip(windows.bounds[:-1], windows.bounds[1:], strict=True)):
         start = x0[np.flatnonzero(record == r)[0]]
-        options = {"substeps": windows.substeps, "hold": windows.hold}
-        y = simulate(model, windows.t[a:b], windows.u[a:b], start, **options).check().y
+        y = free_run(model, windows, a, b, start).check().y
         rest = bench.records.fits["extended"].residual[a:b]
         outputs.append(y + _alike(rest, bench.white, rng))
         tables.append(_table(bench, r, windows.t[a:b], windows.u[a:b], start))
@@ -133,4 +132,6 @@ def of_main_size(bench: Bench, kind: type[Effect], target: str, value: float) ->
     )
     sizes = np.geomspace(SMALLEST, 1.0, 2001)
     values = np.array([getattr(of_size(size), field) for size in sizes])
-    return replace(of_size(float(sizes[np.argmin(np.abs(values - value))])), **{field: value})
+    nearest = of_size(float(sizes[np.argmin(np.abs(values - value))]))
+    rest = {f.name: getattr(nearest, f.name) for f in kind.quantities()}
+    return kind(target, **{**rest, field: value})

@@ -1,5 +1,7 @@
 """The diagnosis as an estimator: records in, verdict, causes and an extended model out."""
 
+from dataclasses import replace
+
 import numpy as np
 from joblib import effective_n_jobs
 from sklearn.base import BaseEstimator, MultiOutputMixin, RegressorMixin
@@ -8,17 +10,21 @@ from sklearn.utils.validation import check_is_fitted
 
 from sklearn_pgnn.diagnosis.data_quality import check_data_quality
 from sklearn_pgnn.diagnosis.detectability import Bench, Detectability, detect_all
+from sklearn_pgnn.diagnosis.equivalence import are_equivalent
 from sklearn_pgnn.diagnosis.fitting import Fitter
-from sklearn_pgnn.diagnosis.hypothesis import possible_causes
+from sklearn_pgnn.diagnosis.hypothesis import Cause, possible_causes
 from sklearn_pgnn.diagnosis.injection import verified
 from sklearn_pgnn.diagnosis.records import keep_records
 from sklearn_pgnn.diagnosis.result import (
+    NamedCause,
+    Suspect,
     measure_gain,
     name_causes,
     plain,
     retuned_parameters,
 )
 from sklearn_pgnn.diagnosis.search import Outcome, Rules, Search
+from sklearn_pgnn.diagnosis.separation import Separation, plain_separation, separate
 from sklearn_pgnn.diagnosis.setting import check_records, longer, make_setting, shorter
 from sklearn_pgnn.physics.effects import CATALOGUE
 from sklearn_pgnn.physics.model import PhysicsModel
@@ -33,6 +39,8 @@ TOO_LARGE, SMALL = 30.0, 3.0
 #: what is left above the noise, as a share of the re-tuned prior's error power, when a cause
 #: outside the catalogue must be at work
 UNEXPLAINED = 0.5
+#: causes that a named one is told from at once, and experiments that are kept for each
+SHOWN = 3
 
 
 class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
@@ -94,6 +102,8 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         Every suspect, and the share of the re-tuned prior's error power it leaves alone.
     data_quality_ : tuple of Finding
         What in the records stands in the way: clipping, lost samples, feedback, poor excitation.
+    separations_ : tuple of Separation
+        For causes that these records cannot tell apart, the experiments that would.
     records_ : DiagnosisRecords
         The records and what the models make of them, for pictures.
     n_features_in_ : int
@@ -196,6 +206,8 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
             outcome.final.fit,
         )
         self.records_ = keep_records(fitter, outcome, (record.name for record in records))
+        self.separations_ = self._separate()
+        self.causes_ = tuple(self._with_equivalent(cause) for cause in self.causes_)
         self._single_output = np.asarray(y).ndim == 1
         return self
 
@@ -226,6 +238,40 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         self.window_ = setting.scales.window
         self.substeps_ = setting.windows.substeps
         self.tried_ = {(e.id, target): left for (e, target), left in outcome.tried.items()}
+
+    def _separate(self) -> tuple[Separation, ...]:
+        """Find the experiment that would separate every cause from those it is confused with."""
+        return tuple(
+            replace(found, experiments=found.experiments[:SHOWN])
+            for cause in self.causes_
+            for other in cause.confused_with[:SHOWN]
+            for found in [self.separating_experiment(cause, other)]
+        )
+
+    def _with_equivalent(self, cause: NamedCause) -> NamedCause:
+        """Note which causes are the same as one, so that no record tells them apart."""
+        mine = Suspect(cause.effect, cause.target)
+        known = {
+            found.other: found.equivalent for found in self.separations_ if found.cause == mine
+        }
+        same = [
+            other
+            for other in cause.confused_with
+            if known.get(other) or are_equivalent(self.model, self._cause(mine), self._cause(other))
+        ]
+        return replace(cause, equivalent=tuple(same))
+
+    def _cause(self, named) -> Cause:
+        """Give an effect's class and its target for what names them."""
+        effect, target = (named.effect, named.target) if hasattr(named, "effect") else named
+        catalogue = CATALOGUE if self.catalogue is None else tuple(self.catalogue)
+        for kind in catalogue:
+            if effect in (kind, kind.id):
+                return kind, target
+        raise ValueError(
+            f"cause: expected an effect of the catalogue "
+            f"({', '.join(kind.id for kind in catalogue)}), got {effect!r}."
+        )
 
     def _verdict(self, search: Search, outcome: Outcome) -> str:
         left, before = search.excess(outcome.final), search.excess(outcome.base)
@@ -264,7 +310,7 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         Returns
         -------
         dict
-            Verdict, data quality, causes, parameters and gain.
+            Verdict, data quality, causes, how to separate them, parameters and gain.
         """
         check_is_fitted(self)
         causes = []
@@ -275,13 +321,17 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
                     "target": cause.target,
                     "parameters": {k: plain(v) for k, v in cause.parameters.items()},
                     "gain_percent": cause.gain,
-                    "confused_with": [plain(other) for other in cause.confused_with],
+                    "confused_with": [
+                        {**plain(other), "equivalent": other in cause.equivalent}
+                        for other in cause.confused_with
+                    ],
                 }
             )
         return {
             "verdict": self.verdict_,
             "data_quality": [plain(finding) for finding in self.data_quality_],
             "causes": causes,
+            "separations": [plain_separation(found) for found in self.separations_],
             "parameters": {name: plain(p) for name, p in self.parameters_.items()},
             "gain": {name: plain(gain) for name, gain in self.gain_.items()},
             "window": self.window_,
@@ -371,6 +421,68 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         if verify:
             rows = tuple(verified(self, bench, row, catalogue) for row in rows)
         return Detectability(rows, float(power), tuple(map(float, sizes)))
+
+    def separating_experiment(self, cause=None, other=None, *, reach=1.0):
+        """Find the experiment that would tell a cause from another one.
+
+        Both causes are fitted and simulated under designed inputs: steps, slow ramps, pulses with
+        a long rest, sines and a sweep, each at several amplitudes. Each model is re-tuned to what
+        the other shows; what it leaves is what the experiment would tell. Experiments that would
+        drive an output beyond twice its range in the records are left out.
+
+        Parameters
+        ----------
+        cause : NamedCause, Suspect or (str, str), optional
+            A named cause, or its effect and target; by default the first.
+        other : Suspect or (str, str), optional
+            The cause to tell it from; by default the first that it is confused with.
+        reach : float, default=1
+            Largest amplitude, as a multiple of the records'.
+
+        Returns
+        -------
+        Separation
+            Whether the two are the same in the equations, and if not the experiments, the most
+            telling first.
+
+        Raises
+        ------
+        ValueError
+            If `cause` was not named, or there is no other.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from sklearn_pgnn import PhysicsModel, effects
+        >>> cart = PhysicsModel({"v": "m/s"}, {"v": "(F - d*v)/m"}, {"m": 2.0, "d": 0.5},
+        ...                     {"F": "N"}, inertia={"v": "m"})
+        >>> t = np.arange(0, 60, 0.02)
+        >>> F = 2 * np.sin(0.7 * t) + np.sin(1.9 * t)
+        >>> rig = cart + effects.InputBias("F", bias=0.3)
+        >>> v = rig.simulate(t, F).y + 1e-3 * np.random.default_rng(0).normal(size=(t.size, 1))
+        >>> catalogue = (effects.InputBias, effects.ConstantLoad)
+        >>> diagnosis = ModelDiagnosis(cart, catalogue=catalogue).fit(np.column_stack([t, F]), v)
+        >>> diagnosis.separating_experiment().equivalent
+        True
+        """
+        check_is_fitted(self)
+        causes = {self._cause(named): named for named in self.causes_}
+        if cause is None and not causes:
+            raise ValueError("cause: expected a cause, but the diagnosis names none.")
+        mine = self._cause(self.causes_[0] if cause is None else cause)
+        if mine not in causes:
+            named = ", ".join(f"{kind.id} of {target}" for kind, target in causes) or "nothing"
+            raise ValueError(
+                f"cause: expected one that was named ({named}), got {mine[0].id} of {mine[1]}."
+            )
+        confused = causes[mine].confused_with
+        if other is None and not confused:
+            raise ValueError(
+                f"other: expected a cause, got none, and {mine[0].id} of {mine[1]} is confused "
+                f"with nothing. Remedy: name the cause to tell it from."
+            )
+        theirs = self._cause(confused[0] if other is None else other)
+        return separate(self.records_, tuple(causes), mine, theirs, reach)
 
     def plot(self):
         """Draw measured against prior and extended simulation.

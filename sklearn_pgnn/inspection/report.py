@@ -23,6 +23,7 @@ from sklearn_pgnn.inspection.words import (
     measured,
     number,
     percent,
+    separation_sentence,
     share,
     verdict_sentence,
 )
@@ -111,6 +112,11 @@ def _cause(diagnosis, cause) -> dict:
         "gain": percent(abs(cause.gain) / 100),
         "direction": "smaller" if cause.gain >= 0 else "larger",
         "confused": listed(cause_name(o.effect, o.target) for o in cause.confused_with),
+        "separations": [
+            separation_sentence(found)
+            for found in diagnosis.separations_
+            if found.cause == (cause.effect, cause.target)
+        ],
     }
 
 
