@@ -190,10 +190,11 @@ def separation_sentence(separation) -> str:
         )
     best = separation.experiments[0]
     reached = listed(f"{name} up to {number(top, 2)}" for name, top in best.reached.items())
+    times = f", recorded {best.repeats:g} times" if best.repeats > 1 else ""
     return (
         f"To tell {one} from {other}: {best.excitation}, {best.input} by "
         f"{number(best.amplitude, 2)} {best.unit} about {number(best.offset, 2)} {best.unit}, for "
-        f"{number(best.duration, 3)} s ({reached}). The two then differ by "
+        f"{number(best.duration, 3)} s ({reached}){times}. The two then differ by "
         f"{number(best.difference, 2)} times the noise, {number(best.evidence, 2)} standard errors "
-        f"in all."
+        f"in one record."
     )
