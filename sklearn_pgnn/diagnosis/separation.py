@@ -4,6 +4,7 @@ Both fitted models are driven by a small set of designed inputs. Each is then re
 other shows; what it leaves, in units of the noise, is what the experiment would tell.
 """
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -113,7 +114,7 @@ class Separation:
     @property
     def separable(self) -> bool:
         """Whether the first experiment separates them when it is recorded a few times."""
-        return bool(self.experiments) and np.isfinite(self.experiments[0].repeats)
+        return bool(self.experiments) and math.isfinite(self.experiments[0].repeats)
 
 
 # -- inputs ----------------------------------------------------------------------------------------
