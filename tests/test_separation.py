@@ -77,7 +77,8 @@ def loaded():
 
 def test_what_no_experiment_separates_is_said_so(loaded, tmp_path, capsys):
     (cause,) = loaded.causes_
-    assert len(cause.equivalent) == len(cause.confused_with) == 2
+    assert cause.equivalent == cause.confused_with
+    assert len(cause.equivalent) == 2
     data = json.loads(json.dumps(loaded.to_dict(), allow_nan=False))
     assert [o["equivalent"] for o in data["causes"][0]["confused_with"]] == [True, True]
     assert [s["separable"] for s in data["separations"]] == [False, False]

@@ -39,7 +39,7 @@ TOO_LARGE, SMALL = 30.0, 3.0
 #: what is left above the noise, as a share of the re-tuned prior's error power, when a cause
 #: outside the catalogue must be at work
 UNEXPLAINED = 0.5
-#: causes that a named one is told from at once, and experiments that are kept for each
+#: experiments that are kept for two causes
 SHOWN = 3
 
 
@@ -240,26 +240,22 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         self.tried_ = {(e.id, target): left for (e, target), left in outcome.tried.items()}
 
     def _separate(self) -> tuple[Separation, ...]:
-        """Find the experiment that would separate every cause from those it is confused with."""
-        return tuple(
-            replace(found, experiments=found.experiments[:SHOWN])
-            for cause in self.causes_
-            for other in cause.confused_with[:SHOWN]
-            for found in [self.separating_experiment(cause, other)]
-        )
+        """Tell every cause from those that are the same, and from the first that is not."""
+        found = []
+        for cause in self.causes_:
+            mine, others = self._cause(cause), cause.confused_with
+            same = [o for o in others if are_equivalent(self.model, mine, self._cause(o))]
+            rest = [other for other in others if other not in same]
+            for other in [*same, *rest[:1]]:
+                whole = self.separating_experiment(cause, other)
+                found.append(replace(whole, experiments=whole.experiments[:SHOWN]))
+        return tuple(found)
 
     def _with_equivalent(self, cause: NamedCause) -> NamedCause:
         """Note which causes are the same as one, so that no record tells them apart."""
         mine = Suspect(cause.effect, cause.target)
-        known = {
-            found.other: found.equivalent for found in self.separations_ if found.cause == mine
-        }
-        same = [
-            other
-            for other in cause.confused_with
-            if known.get(other) or are_equivalent(self.model, self._cause(mine), self._cause(other))
-        ]
-        return replace(cause, equivalent=tuple(same))
+        same = {f.other for f in self.separations_ if f.cause == mine and f.equivalent}
+        return replace(cause, equivalent=tuple(o for o in cause.confused_with if o in same))
 
     def _cause(self, named) -> Cause:
         """Give an effect's class and its target for what names them."""

@@ -19,15 +19,15 @@ from sklearn_pgnn.simulation.state_estimate import free_run
 from sklearn_pgnn.simulation.window_fit import fit_windows
 
 #: samples of a designed experiment at most
-SAMPLES = 3000
+SAMPLES = 1500
 #: amplitudes, as shares of the largest that is allowed
 AMPLITUDES = (0.15, 0.5, 1.0)
 #: periods of sines, in dominant periods of the records' outputs
 PERIODS = (0.1, 0.25, 0.5, 1.0, 2.0, 5.0)
 #: samples that a period takes at least
 FAST = 10
-#: steps of re-tuning
-STEPS = 8
+#: steps of re-tuning, of a look at a start of an effect, and starts that are followed
+STEPS, LOOK, FOLLOWED = 8, 2, 2
 #: times that an experiment may have to be recorded until the diagnosis tells the causes apart, in
 #: how many cases, of how many that are drawn
 REPEATS, POWER, DRAWS = 10, 0.9, 400
@@ -37,7 +37,7 @@ SAME = 1e-2
 
 @dataclass(frozen=True)
 class Experiment:
-    """A designed experiment and what it would tell.
+    """A designed experiment, begun in the state of the first record, and what it would tell.
 
     Parameters
     ----------
@@ -193,25 +193,35 @@ def swap(records: DiagnosisRecords, causes: tuple[Cause, ...], old: Cause, new: 
     FittedWindows
         The best fit over the starts of the new effect.
     """
-    setting, fitted = records.setting, records.fits["extended"]
+    setting, prior = records.setting, records.setting.prior
     hypothesis = Hypothesis(tuple(new if cause == old else cause for cause in causes))
-    held = {name for cause in hypothesis.causes for name in held_parameters(setting.prior, cause)}
-    fits = []
-    for start in new[0].starts(new[1], setting.prior, setting.scales):
-        model = setting.prior
-        for effect, target in hypothesis.causes:
-            own = effect.starts(target, setting.prior, setting.scales)[0]
-            model = (start if (effect, target) == new else own).apply(model)
-        known = {n: p for n, p in fitted.model.parameters.items() if n in model.parameters}
-        fresh = set(start.names().values()) - set(setting.prior.parameters)
-        values = {n: p.value for n, p in known.items() if n not in fresh | held}
-        model = model.with_parameters(**values)
+    held = {name for cause in hypothesis.causes for name in held_parameters(prior, cause)}
+
+    def fit(model, max_steps=25):
         estimate = setting.states.estimate(model)
         free = freedoms(setting, hypothesis, model, held)
         x0 = estimate.x[records.windows.starts]
-        fits.append(fit_windows(model, records.windows, free, x0, estimate.spread))
-    best = min(fits, key=lambda fit: fit.objective)
+        return fit_windows(model, records.windows, free, x0, estimate.spread, max_steps=max_steps)
+
+    starts = new[0].starts(new[1], prior, setting.scales)
+    looks = [fit(_start_model(records, hypothesis, start, held), LOOK) for start in starts]
+    looks.sort(key=lambda look: look.objective)
+    best = min((fit(look.model) for look in looks[:FOLLOWED]), key=lambda each: each.objective)
     return FittedWindows(best.model, best.x0, best.evaluation.residual, best.freedoms)
+
+
+def _start_model(records, hypothesis, start, held):
+    """Extend the prior by all causes: the new one at its start, the others at fitted values."""
+    setting = records.setting
+    model = setting.prior
+    for effect, target in hypothesis.causes:
+        own = effect.starts(target, setting.prior, setting.scales)[0]
+        is_new = (effect.id, target) == (start.id, start.target)
+        model = (start if is_new else own).apply(model)
+    fresh = held | (set(start.names().values()) - set(setting.prior.parameters))
+    known = records.fits["extended"].model.parameters
+    values = {n: known[n].value for n in model.parameters if n in known and n not in fresh}
+    return model.with_parameters(**values)
 
 
 def _left(records, truth: FittedWindows, rival: FittedWindows, t, u):
