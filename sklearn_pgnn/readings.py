@@ -11,6 +11,7 @@ READINGS = {
     "simulate": "sklearn_pgnn.simulation:simulate",
     "read_model": "sklearn_pgnn.physics.model_file:read_model",
     "write_report": "sklearn_pgnn.inspection:write_report",
+    "plot_detectability": "sklearn_pgnn.inspection:plot_detectability",
     "plot_diagnosis": "sklearn_pgnn.inspection:plot_diagnosis",
     "write_model": "sklearn_pgnn.physics.model_file:write_model",
 }

@@ -22,6 +22,7 @@ from sklearn_pgnn.inspection.words import (
     listed,
     measured,
     number,
+    separation_sentence,
     share,
     verdict_sentence,
 )
@@ -109,8 +110,9 @@ def tell(diagnosis, output: Path, *, quiet: bool) -> None:
     _say(console, f"{VERDICTS[diagnosis.verdict_]}. {verdict_sentence(diagnosis)}", "bold")
     if quiet:
         return
+    _tell_quality(console, diagnosis.data_quality_)
     for place, cause in enumerate(diagnosis.causes_, start=1):
-        _tell_cause(console, place, cause)
+        _tell_cause(console, place, cause, diagnosis.separations_)
     _tell_parameters(console, diagnosis.parameters_)
     _tell_gain(console, diagnosis)
     _tell_files(console, output)
@@ -125,7 +127,15 @@ def _heading(console, text: str) -> None:
     _say(console, text, "bold")
 
 
-def _tell_cause(console, place: int, cause) -> None:
+def _tell_quality(console, findings) -> None:
+    if findings:
+        _heading(console, "Quality of the records")
+    for finding in findings:
+        text = f"{finding.kind}: {finding.text}. Remedy: {finding.remedy}."
+        console.print(Text(f"  {one_line(text)}"), soft_wrap=True)
+
+
+def _tell_cause(console, place: int, cause, separations) -> None:
     worth = f"{abs(cause.gain):.0f} % {'smaller' if cause.gain >= 0 else 'larger'}"
     _heading(console, f"Cause {place}: {cause_name(cause.effect, cause.target)}")
     if cause.summary:
@@ -136,6 +146,9 @@ def _tell_cause(console, place: int, cause) -> None:
     others = listed(cause_name(o.effect, o.target) for o in cause.confused_with)
     table.add_row("gain", f"error on held-out windows {worth}")
     table.add_row("confused with", _cell(others or "nothing"))
+    for found in separations:
+        if found.cause == (cause.effect, cause.target):
+            table.add_row("which it is", _cell(separation_sentence(found)))
     if cause.check:
         table.add_row("check on the rig", _cell(cause.check))
     _print_indented(console, table)

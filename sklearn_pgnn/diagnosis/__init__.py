@@ -1,5 +1,8 @@
 """Judgement: which physical cause a model misses, and what naming it is worth."""
 
+from sklearn_pgnn.diagnosis.detectability import Detectability, Detectable
 from sklearn_pgnn.diagnosis.model_diagnosis import ModelDiagnosis
+from sklearn_pgnn.diagnosis.record_flaws import Finding
+from sklearn_pgnn.diagnosis.separation import Experiment, Separation
 
-__all__ = ["ModelDiagnosis"]
+__all__ = ["Detectability", "Detectable", "Experiment", "Finding", "ModelDiagnosis", "Separation"]

@@ -23,6 +23,8 @@ GLANCE, GLANCE_TOLERANCE = 4, 1e-2
 LOOK_STEPS = 3
 #: relative decrease at which a sketch, and a fit from a known minimum, end; and a fit on all
 SKETCH_TOLERANCE, TOLERANCE = 1e-3, 1e-4
+#: and one whose numbers are reported
+FINISHED = 1e-8
 #: steps for the initial states alone, which are nearly linear
 PRIOR_STEPS = 8
 
@@ -145,6 +147,18 @@ class Fitter:
         """Fit a hypothesis again from the numbers of a finer one: its own may have got stuck."""
         self.sketch(trial)
         return self.complete(self._derive(self.sketch(better), trial.hypothesis), better)
+
+    def finish(self, trial: Trial) -> Trial:
+        """Follow a fit to its very end, also along directions that the records hardly see."""
+        fit = fit_windows(
+            trial.fit.model,
+            self.setting.windows,
+            trial.fit.freedoms,
+            *self._start(trial.fit.model),
+            x0_start=trial.fit.x0,
+            tolerance=FINISHED,
+        )
+        return Trial(trial.hypothesis, fit if fit.objective < trial.fit.objective else trial.fit)
 
     def _keep(self, trial: Trial) -> None:
         """Remember a trial unless a better one of the same hypothesis is known."""

@@ -1,5 +1,7 @@
 """The diagnosis as an estimator: records in, verdict, causes and an extended model out."""
 
+from dataclasses import replace
+
 import numpy as np
 from joblib import effective_n_jobs
 from sklearn.base import BaseEstimator, MultiOutputMixin, RegressorMixin
@@ -7,10 +9,16 @@ from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
 from sklearn_pgnn.diagnosis.beyond import Beyond
+from sklearn_pgnn.diagnosis.data_quality import check_data_quality
+from sklearn_pgnn.diagnosis.detectability import Bench, Detectability, detect_all
+from sklearn_pgnn.diagnosis.equivalence import are_equivalent
 from sklearn_pgnn.diagnosis.fitting import Fitter
-from sklearn_pgnn.diagnosis.hypothesis import possible_causes
+from sklearn_pgnn.diagnosis.hypothesis import Cause, possible_causes
+from sklearn_pgnn.diagnosis.injection import verified
 from sklearn_pgnn.diagnosis.records import keep_records
 from sklearn_pgnn.diagnosis.result import (
+    NamedCause,
+    Suspect,
     Tried,
     measure_gain,
     name_causes,
@@ -18,6 +26,7 @@ from sklearn_pgnn.diagnosis.result import (
     retuned_parameters,
 )
 from sklearn_pgnn.diagnosis.search import Outcome, Rules, Search
+from sklearn_pgnn.diagnosis.separation import Separation, plain_separation, separate
 from sklearn_pgnn.diagnosis.setting import check_records, longer, make_setting, shorter
 from sklearn_pgnn.physics.effects import CATALOGUE
 from sklearn_pgnn.physics.model import PhysicsModel
@@ -32,6 +41,8 @@ TOO_LARGE, SMALL = 30.0, 3.0
 #: what is left above the noise, as a share of the re-tuned prior's error power, when a cause
 #: outside the catalogue must be at work
 UNEXPLAINED = 0.5
+#: experiments that are kept for two causes
+SHOWN = 3
 
 
 class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
@@ -95,6 +106,10 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
     tried_ : tuple of Tried
         Every suspect, the best first: .effect, .target and .left, the share of the re-tuned
         prior's error power it leaves alone.
+    data_quality_ : tuple of Finding
+        What in the records stands in the way: clipping, lost samples, feedback, poor excitation.
+    separations_ : tuple of Separation
+        For causes that these records cannot tell apart, the experiments that would.
     records_ : DiagnosisRecords
         The records and what the models make of them, for pictures.
     n_features_in_ : int
@@ -190,8 +205,17 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         beyond = Beyond()
         search = Search(fitter, suspects, rules, self.progress or _silent, beyond.is_better)
         outcome, self.missing_ = beyond.judge(search, search.run())
+        outcome = _finished(fitter, outcome)
         self._keep(fitter, search, outcome)
+        self.data_quality_ = check_data_quality(
+            fitter.setting,
+            [record.name for record in records],
+            outcome.base.fit,
+            outcome.final.fit,
+        )
         self.records_ = keep_records(fitter, outcome, (record.name for record in records))
+        self.separations_ = self._separate()
+        self.causes_ = tuple(self._with_equivalent(cause) for cause in self.causes_)
         self._single_output = np.asarray(y).ndim == 1
         return self
 
@@ -223,6 +247,36 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         self.substeps_ = setting.windows.substeps
         tried = [Tried(e.id, target, float(left)) for (e, target), left in outcome.tried.items()]
         self.tried_ = tuple(sorted(tried, key=lambda suspect: suspect.left))
+
+    def _separate(self) -> tuple[Separation, ...]:
+        """Tell every cause from those that are the same, and from the first that is not."""
+        found = []
+        for cause in self.causes_:
+            mine, others = self._cause(cause), cause.confused_with
+            same = [o for o in others if are_equivalent(self.model, mine, self._cause(o))]
+            rest = [other for other in others if other not in same]
+            for other in [*same, *rest[:1]]:
+                whole = self.separating_experiment(cause, other)
+                found.append(replace(whole, experiments=whole.experiments[:SHOWN]))
+        return tuple(found)
+
+    def _with_equivalent(self, cause: NamedCause) -> NamedCause:
+        """Note which causes are the same as one, so that no record tells them apart."""
+        mine = Suspect(cause.effect, cause.target)
+        same = {f.other for f in self.separations_ if f.cause == mine and f.equivalent}
+        return replace(cause, equivalent=tuple(o for o in cause.confused_with if o in same))
+
+    def _cause(self, named) -> Cause:
+        """Give an effect's class and its target for what names them."""
+        effect, target = (named.effect, named.target) if hasattr(named, "effect") else named
+        catalogue = CATALOGUE if self.catalogue is None else tuple(self.catalogue)
+        for kind in catalogue:
+            if effect in (kind, kind.id):
+                return kind, target
+        raise ValueError(
+            f"cause: expected an effect of the catalogue "
+            f"({', '.join(kind.id for kind in catalogue)}), got {effect!r}."
+        )
 
     def _verdict(self, search: Search, outcome: Outcome) -> str:
         if self.missing_ is not None:
@@ -263,7 +317,7 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         Returns
         -------
         dict
-            Verdict, causes, parameters and gain.
+            Verdict, data quality, causes, how to separate them, parameters and gain.
         """
         check_is_fitted(self)
         causes = []
@@ -274,12 +328,17 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
                     "target": cause.target,
                     "parameters": {k: plain(v) for k, v in cause.parameters.items()},
                     "gain_percent": cause.gain,
-                    "confused_with": [plain(other) for other in cause.confused_with],
+                    "confused_with": [
+                        {**plain(other), "equivalent": other in cause.equivalent}
+                        for other in cause.confused_with
+                    ],
                 }
             )
         return {
             "verdict": self.verdict_,
+            "data_quality": [plain(finding) for finding in self.data_quality_],
             "causes": causes,
+            "separations": [plain_separation(found) for found in self.separations_],
             "parameters": {name: plain(p) for name, p in self.parameters_.items()},
             "gain": {name: plain(gain) for name, gain in self.gain_.items()},
             "unexplained": None if self.missing_ is None else self.missing_.to_dict(),
@@ -295,6 +354,143 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
             Where to write.
         """
         reading("write_report")(self, path)
+
+    def detectability(
+        self,
+        effects=None,
+        targets=None,
+        *,
+        power=0.9,
+        sizes=(0.25, 0.5, 1.0, 2.0),
+        noise="residual",
+        n_repeats=200,
+        verify=False,
+        random_state=0,
+    ):
+        r"""Tell how large an effect must be before records like these would show it.
+
+        Every effect is put into the extended model, with the records' own inputs, initial states
+        and noise; the model is re-tuned, and the diagnosis' own rules judge what is left.
+
+        Parameters
+        ----------
+        effects : sequence of type[Effect], optional
+            The effects; by default the catalogue of the diagnosis.
+        targets : sequence of str, optional
+            What they act on; by default all that is possible.
+        power : float, default=0.9
+            Chance with which the smallest size shall be named.
+        sizes : sequence of float, default=(0.25, 0.5, 1, 2)
+            Multiples of the smallest size at which the table tells the power.
+        noise : {"residual", "white"}, default="residual"
+            Noise as correlated as what the extended model leaves, or white of the same power.
+        n_repeats : int, default=200
+            Draws of the noise for every size.
+        verify : bool, default=False
+            Whether to run the diagnosis itself on simulated records with every effect at its
+            smallest size; as dear as that many diagnoses.
+        random_state : int, RandomState or None, default=0
+            Draws the noise.
+
+        Returns
+        -------
+        Detectability
+            Smallest sizes, powers and reasons: ``to_frame()``, ``plot()``.
+
+        Raises
+        ------
+        ValueError
+            If `power` is not between 0 and 1, or `noise` is unknown.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from sklearn_pgnn import PhysicsModel, effects
+        >>> cart = PhysicsModel({"v": "m/s"}, {"v": "(F - d*v)/m"}, {"m": 2.0, "d": 0.5},
+        ...                     {"F": "N"}, inertia={"v": "m"})
+        >>> t = np.arange(0, 60, 0.02)
+        >>> F = 2 * np.sin(0.7 * t) + np.sin(1.9 * t)
+        >>> v = cart.simulate(t, F).y + 1e-2 * np.random.default_rng(0).normal(size=(t.size, 1))
+        >>> diagnosis = ModelDiagnosis(cart, catalogue=()).fit(np.column_stack([t, F]), v)
+        >>> table = diagnosis.detectability([effects.CoulombFriction]).to_frame()
+        >>> table[["effect", "parameter", "unit"]].values.tolist()
+        [['coulomb_friction', 'level', 'm/s^2']]
+        >>> bool(table["smallest"][0] < 0.05)
+        True
+        """
+        check_is_fitted(self)
+        _check_detectability(power, noise)
+        rules = Rules(significance=self.significance, max_causes=self.max_causes)
+        seed = _seed(random_state)
+        bench = Bench(self.records_, noise == "white", rules, int(n_repeats), seed)
+        effects = self.catalogue if effects is None else effects
+        catalogue = CATALOGUE if effects is None else tuple(effects)
+        rows = detect_all(bench, possible_causes(self.model, catalogue, targets), power)
+        if verify:
+            rows = tuple(verified(self, bench, row, catalogue) for row in rows)
+        return Detectability(rows, float(power), tuple(map(float, sizes)))
+
+    def separating_experiment(self, cause=None, other=None, *, reach=1.0):
+        """Find the experiment that would tell a cause from another one.
+
+        Both causes are fitted and simulated under designed inputs: steps, slow ramps, pulses with
+        a long rest, sines and a sweep, each at several amplitudes. Each model is re-tuned to what
+        the other shows; what it leaves is what the experiment would tell. Experiments that would
+        drive an output beyond twice its range in the records are left out.
+
+        Parameters
+        ----------
+        cause : NamedCause, Suspect or (str, str), optional
+            A named cause, or its effect and target; by default the first.
+        other : Suspect or (str, str), optional
+            The cause to tell it from; by default the first that it is confused with.
+        reach : float, default=1
+            Largest amplitude, as a multiple of the records'.
+
+        Returns
+        -------
+        Separation
+            Whether the two are the same in the equations, and if not the experiments, the most
+            telling first.
+
+        Raises
+        ------
+        ValueError
+            If `cause` was not named, or there is no other.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from sklearn_pgnn import PhysicsModel, effects
+        >>> cart = PhysicsModel({"v": "m/s"}, {"v": "(F - d*v)/m"}, {"m": 2.0, "d": 0.5},
+        ...                     {"F": "N"}, inertia={"v": "m"})
+        >>> t = np.arange(0, 60, 0.02)
+        >>> F = 2 * np.sin(0.7 * t) + np.sin(1.9 * t)
+        >>> rig = cart + effects.InputBias("F", bias=0.3)
+        >>> v = rig.simulate(t, F).y + 1e-3 * np.random.default_rng(0).normal(size=(t.size, 1))
+        >>> catalogue = (effects.InputBias, effects.ConstantLoad)
+        >>> diagnosis = ModelDiagnosis(cart, catalogue=catalogue).fit(np.column_stack([t, F]), v)
+        >>> diagnosis.separating_experiment().equivalent
+        True
+        """
+        check_is_fitted(self)
+        causes = {self._cause(named): named for named in self.causes_}
+        if cause is None and not causes:
+            raise ValueError("cause: expected a cause, but the diagnosis names none.")
+        mine = self._cause(self.causes_[0] if cause is None else cause)
+        if mine not in causes:
+            named = ", ".join(f"{kind.id} of {target}" for kind, target in causes) or "nothing"
+            raise ValueError(
+                f"cause: expected one that was named ({named}), got {mine[0].id} of {mine[1]}."
+            )
+        confused = causes[mine].confused_with
+        if other is None and not confused:
+            raise ValueError(
+                f"other: expected a cause, got none, and {mine[0].id} of {mine[1]} is confused "
+                f"with nothing. Remedy: name the cause to tell it from."
+            )
+        theirs = self._cause(confused[0] if other is None else other)
+        return separate(self.records_, tuple(causes), mine, theirs, reach)
 
     def plot(self):
         """Draw measured against prior and extended simulation.
@@ -319,6 +515,19 @@ def _fit_window_length(setting) -> Fitter:
             break
         fitter = further
     return fitter
+
+
+def _check_detectability(power, noise) -> None:
+    if not 0 < power < 1:
+        raise ValueError(f"power: expected a number between 0 and 1, got {power!r}.")
+    if noise not in ("residual", "white"):
+        raise ValueError(f"noise: expected 'residual' or 'white', got {noise!r}.")
+
+
+def _finished(fitter: Fitter, outcome: Outcome) -> Outcome:
+    """Follow the fits whose numbers are reported to their very end."""
+    steps = [*outcome.steps[:-1], *(fitter.finish(step) for step in outcome.steps[-1:])]
+    return replace(outcome, base=fitter.finish(outcome.base), steps=steps)
 
 
 def _silent(stage: str, done: int, total: int) -> None:

@@ -7,8 +7,9 @@ import numpy as np
 
 from sklearn_pgnn.diagnosis.fitting import Fitter
 from sklearn_pgnn.diagnosis.search import Outcome
+from sklearn_pgnn.diagnosis.setting import Setting
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.window_fit import WindowFit
+from sklearn_pgnn.simulation.window_fit import Freedom, WindowFit
 from sklearn_pgnn.simulation.windows import Windows
 
 
@@ -24,11 +25,14 @@ class FittedWindows:
         Fitted initial states of the windows.
     residual : ndarray of shape (n_samples, n_outputs)
         Measured minus simulated outputs [unit of the output].
+    freedoms : tuple of Freedom
+        What was free in the fit.
     """
 
     model: PhysicsModel
     x0: np.ndarray
     residual: np.ndarray
+    freedoms: tuple[Freedom, ...]
 
 
 @dataclass(frozen=True)
@@ -45,12 +49,15 @@ class DiagnosisRecords:
         The prior's states as estimated from the records.
     fits : dict of str to FittedWindows
         The ``"prior"``, the ``"refitted"`` prior and the ``"extended"`` model.
+    setting : Setting
+        The ground of the diagnosis, for what is asked of it later.
     """
 
     windows: Windows
     names: tuple[str, ...]
     states: np.ndarray
     fits: Mapping[str, FittedWindows]
+    setting: Setting
 
 
 def keep_records(fitter: Fitter, outcome: Outcome, names) -> DiagnosisRecords:
@@ -76,13 +83,15 @@ def keep_records(fitter: Fitter, outcome: Outcome, names) -> DiagnosisRecords:
         "refitted": outcome.base.fit,
         "extended": outcome.final.fit,
     }
+    windows = replace(setting.windows, threads=1)
     return DiagnosisRecords(
-        windows=replace(setting.windows, threads=1),
+        windows=windows,
         names=tuple(map(str, names)),
         states=setting.states.estimate(setting.prior).x,
         fits={which: _slim(fit) for which, fit in fits.items()},
+        setting=replace(setting, windows=windows),
     )
 
 
 def _slim(fit: WindowFit) -> FittedWindows:
-    return FittedWindows(fit.model, fit.x0, fit.evaluation.residual)
+    return FittedWindows(fit.model, fit.x0, fit.evaluation.residual, fit.freedoms)

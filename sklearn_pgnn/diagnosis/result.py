@@ -49,6 +49,8 @@ class NamedCause:
         Causes that explain the records as well in its place.
     summary, check : str
         What it is, and how to check it on the rig.
+    equivalent : tuple of Suspect
+        Those among `confused_with` that are the same in the equations: no record separates them.
     """
 
     effect: str
@@ -58,6 +60,7 @@ class NamedCause:
     confused_with: tuple[Suspect, ...]
     summary: str = ""
     check: str = ""
+    equivalent: tuple[Suspect, ...] = ()
 
 
 @dataclass(frozen=True)

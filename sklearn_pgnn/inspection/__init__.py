@@ -1,6 +1,13 @@
 """Pictures of a diagnosis, and the report; the only room of matplotlib."""
 
+from sklearn_pgnn.inspection.detectability_display import DetectabilityDisplay, plot_detectability
 from sklearn_pgnn.inspection.display import DiagnosisDisplay, plot_diagnosis
 from sklearn_pgnn.inspection.report import write_report
 
-__all__ = ["DiagnosisDisplay", "plot_diagnosis", "write_report"]
+__all__ = [
+    "DetectabilityDisplay",
+    "DiagnosisDisplay",
+    "plot_detectability",
+    "plot_diagnosis",
+    "write_report",
+]

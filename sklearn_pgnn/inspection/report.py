@@ -23,6 +23,7 @@ from sklearn_pgnn.inspection.words import (
     measured,
     number,
     percent,
+    separation_sentence,
     share,
     verdict_sentence,
 )
@@ -78,6 +79,7 @@ def report_content(diagnosis) -> dict:
         "verdict": diagnosis.verdict_,
         "verdict_title": VERDICTS[diagnosis.verdict_],
         "sentence": verdict_sentence(diagnosis),
+        "data_quality": diagnosis.data_quality_,
         "causes": [_cause(diagnosis, cause) for cause in diagnosis.causes_],
         "comparisons": [_comparison(diagnosis, kind) for kind in ("free_run", "windows")],
         "evidence": [_evidence(diagnosis, cause) for cause in diagnosis.causes_],
@@ -110,6 +112,11 @@ def _cause(diagnosis, cause) -> dict:
         "gain": percent(abs(cause.gain) / 100),
         "direction": "smaller" if cause.gain >= 0 else "larger",
         "confused": listed(cause_name(o.effect, o.target) for o in cause.confused_with),
+        "separations": [
+            separation_sentence(found)
+            for found in diagnosis.separations_
+            if found.cause == (cause.effect, cause.target)
+        ],
     }
 
 

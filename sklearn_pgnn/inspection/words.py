@@ -162,3 +162,39 @@ def _worth(diagnosis) -> str:
         for output, gain in diagnosis.gain_.items()
     ]
     return f"The extended model removes {listed(parts)}, on data held out of the fit."
+
+
+def separation_sentence(separation) -> str:
+    """Say which experiment would separate two causes.
+
+    Parameters
+    ----------
+    separation : Separation
+        How two causes can be told apart.
+
+    Returns
+    -------
+    str
+        One or two sentences.
+    """
+    one, other = (cause_name(c.effect, c.target) for c in (separation.cause, separation.other))
+    if separation.equivalent:
+        return (
+            f"No experiment with these inputs and outputs separates {one} from {other}: in the "
+            f"equations they are one and the same."
+        )
+    if not separation.separable:
+        return (
+            f"No experiment tried within these amplitudes separates {one} from {other}: look for "
+            f"another sensor or a larger range."
+        )
+    best = separation.experiments[0]
+    reached = listed(f"{name} up to {number(top, 2)}" for name, top in best.reached.items())
+    times = f", recorded {best.repeats:g} times" if best.repeats > 1 else ""
+    return (
+        f"To tell {one} from {other}: {best.excitation}, {best.input} by "
+        f"{number(best.amplitude, 2)} {best.unit} about {number(best.offset, 2)} {best.unit}, for "
+        f"{number(best.duration, 3)} s ({reached}){times}. The two then differ by "
+        f"{number(best.difference, 2)} times the noise, {number(best.evidence, 2)} standard errors "
+        f"in one record."
+    )

@@ -1,0 +1,358 @@
+r"""Detectability: how large an effect must be before these records would show it.
+
+An effect of some size is put into the fitted model and simulated with the records' own inputs and
+initial states. The fitted model is then re-tuned to what comes out, without noise. What it leaves,
+:math:`\lambda = \sum_w |r_w|^2` in units of the noise, is all that any diagnosis could see: the
+noncentrality of the :math:`\chi^2` statistic of the likelihood ratio. With noise drawn on top, the
+diagnosis' own rules say how often it would have named a cause.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+
+from sklearn_pgnn.diagnosis.effect_size import main_field, nothing, sized
+from sklearn_pgnn.diagnosis.hypothesis import Cause
+from sklearn_pgnn.diagnosis.records import DiagnosisRecords
+from sklearn_pgnn.diagnosis.search import CLEARLY, FEW, Rules
+from sklearn_pgnn.exceptions import ModelError
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.readings import reading
+from sklearn_pgnn.simulation.window_fit import WindowFit, fit_windows
+from sklearn_pgnn.simulation.windows import Evaluation, Windows, evaluate
+
+#: smallest size looked at, and halvings of the interval (on a logarithmic scale) from there to 1
+SMALLEST, HALVINGS = 1e-6, 8
+#: steps of re-tuning to a model that is near, and the decrease at which they end
+STEPS, TOLERANCE = 5, 1e-2
+#: an effect that re-tuning lowers to this share is imitated by it
+IMITATED = 0.1
+#: lags over which noise is correlated, at most
+LAGS = 200
+
+
+@dataclass(frozen=True)
+class Detectable:
+    """How well one effect would be seen.
+
+    Parameters
+    ----------
+    effect, target : str
+        Id of the effect, and what it acts on.
+    parameter, unit : str
+        The quantity that measures its size, and its unit; its other quantities grow in step.
+    smallest : float
+        Smallest size that is found with the power asked for; NaN if none is.
+    curve : tuple of (float, float)
+        Sizes and the power there, from where it does nothing to a large effect.
+    reason : str
+        Why it is never seen; empty if it is.
+    found : bool or None
+        Whether the diagnosis itself found it at the smallest size, if that was tried.
+    """
+
+    effect: str
+    target: str
+    parameter: str
+    unit: str
+    smallest: float
+    curve: tuple[tuple[float, float], ...]
+    reason: str = ""
+    found: bool | None = None
+
+
+@dataclass(frozen=True)
+class Detectability:
+    """What a rig with its excitation and noise can show.
+
+    Parameters
+    ----------
+    rows : tuple of Detectable
+        One an effect, in the order of the catalogue.
+    power : float
+        Chance with which the smallest size is found.
+    sizes : tuple of float
+        Multiples of the smallest size at which `to_frame` tells the power.
+    """
+
+    rows: tuple[Detectable, ...]
+    power: float
+    sizes: tuple[float, ...]
+
+    def to_frame(self) -> pd.DataFrame:
+        """Give the table, a row an effect.
+
+        Returns
+        -------
+        DataFrame
+            Effect, target, the smallest size with its parameter and unit, the power at multiples
+            of it, why an effect is never seen, and whether the diagnosis itself found it.
+        """
+        table = []
+        for row in self.rows:
+            known = ("effect", "target", "parameter", "smallest", "unit")
+            line = {name: getattr(row, name) for name in known}
+            line |= {f"power at {m:g}x": power for m, power in self._powers(row)}
+            table.append(line | {"reason": row.reason, "found": row.found})
+        return pd.DataFrame(table)
+
+    def _powers(self, row: Detectable):
+        """Interpolate the power at multiples of the smallest size, on a logarithmic scale."""
+        none = row.curve[0][0]
+        strengths = np.log([abs(size - none) for size, _ in row.curve[1:]])
+        powers = [power for _, power in row.curve[1:]]
+        for multiple in self.sizes:
+            at = np.log(multiple * abs(row.smallest - none))
+            yield multiple, float(np.interp(at, strengths, powers, left=np.nan))
+
+    def plot(self, **options):
+        """Draw the smallest sizes and the power over the size.
+
+        Parameters
+        ----------
+        **options
+            See `sklearn_pgnn.inspection.DetectabilityDisplay.plot`.
+
+        Returns
+        -------
+        DetectabilityDisplay
+            The picture, drawn.
+        """
+        return reading("plot_detectability")(self, **options)
+
+
+@dataclass(frozen=True)
+class Bench:
+    """The fitted model on the records, and the noise, ready to have effects put in.
+
+    Parameters
+    ----------
+    records : DiagnosisRecords
+        The records and the fits.
+    white : bool
+        Whether noise is taken as white.
+    rules : Rules
+        When a cause is named.
+    n_repeats : int
+        Draws of the noise for a power.
+    seed : int
+        What draws them; the same for every size.
+    """
+
+    records: DiagnosisRecords
+    white: bool
+    rules: Rules
+    n_repeats: int
+    seed: int
+
+    @property
+    def model(self) -> PhysicsModel:
+        """The fitted model, extended by the causes found."""
+        return self.records.fits["extended"].model
+
+    @property
+    def windows(self) -> Windows:
+        """The windows of the diagnosis."""
+        return self.records.windows
+
+    def start(self, model: PhysicsModel) -> np.ndarray:
+        """Give the windows' initial states of an extension of the fitted model."""
+        fitted = self.records.fits["extended"]
+        x0 = self.records.setting.states.estimate(model).x[self.windows.starts]
+        for i, name in enumerate(fitted.model.states):
+            x0[:, list(model.states).index(name)] = fitted.x0[:, i]
+        return x0
+
+    def inject(self, effect) -> Windows:
+        """Put an effect into the fitted model and give the windows with what it would show."""
+        model = effect.apply(self.model)
+        shown = evaluate(model, self.windows, self.start(model), ())
+        return replace(self.windows, y=self.windows.y - shown.residual)
+
+    def retune(self, windows: Windows) -> WindowFit:
+        """Re-tune the fitted model to other outputs of the same windows."""
+        fitted = self.records.fits["extended"]
+        values = {f.name: fitted.model.parameters[f.name].value for f in fitted.freedoms}
+        freedoms = tuple(replace(f, centre=values[f.name]) for f in fitted.freedoms)
+        spread = self.records.setting.states.estimate(fitted.model).spread
+        return fit_windows(
+            fitted.model,
+            windows,
+            freedoms,
+            fitted.x0,
+            spread,
+            max_steps=STEPS,
+            tolerance=TOLERANCE,
+        )
+
+    def without(self, windows: Windows) -> Evaluation:
+        """Give what the fitted model, as it is, leaves of other outputs of the same windows."""
+        return evaluate(self.model, windows, self.records.fits["extended"].x0, ())
+
+    def power(self, left: Evaluation) -> float:
+        """Give the chance that the rules name a cause that would explain what is left.
+
+        Every piece of a window has white noise power and, along the signal that is left, a normal
+        error of the noise's strength in that direction.
+        """
+        residual = self.records.fits["extended"].residual / self.windows.scale
+        noise = float(np.nanmean(residual**2))
+        along = (
+            noise if self.white else _strength_along(residual, left.residual / self.windows.scale)
+        )
+        size = np.sqrt(left.piece_squares.ravel())
+        counts = self.windows.sum_pieces(np.isfinite(self.windows.y).astype(float)).sum(-1).ravel()
+        rng = np.random.default_rng(self.seed)
+        shape = (self.n_repeats, size.size)
+        across = noise * rng.chisquare(np.maximum(counts - 1, 1), shape)
+        error = np.sqrt(along) * rng.standard_normal(shape)
+        before, after = across + (size + error) ** 2, across + error**2
+        return float(np.mean(self._named(before, after, noise * counts.sum())))
+
+    def _named(self, before, after, floor) -> np.ndarray:
+        """Tell for every draw whether the rules of the diagnosis name a cause."""
+        gain = (before - after).sum(axis=1)
+        excess = np.maximum(before.sum(axis=1) - floor, 0.0)
+        fall = np.sqrt(before) - np.sqrt(after)
+        error = fall.std(axis=1, ddof=1) / np.sqrt(fall.shape[1]) if fall.shape[1] > 1 else 0.0
+        mean, rises = fall.mean(axis=1), -np.minimum(fall, 0).sum(axis=1)
+        few = (np.count_nonzero(fall > 1.0, axis=1) >= FEW) & (
+            np.maximum(fall, 0).sum(axis=1) > CLEARLY * rises
+        )
+        clear = (mean > 0) & ((mean > self.rules.significance * error) | few)
+        enough = gain > self.rules.whole * before.sum(axis=1)
+        return enough & (gain > self.rules.share * excess) & clear
+
+
+def _strength_along(noise: np.ndarray, signal: np.ndarray) -> float:
+    r"""Give the variance of coloured noise along a signal, :math:`s^T\Sigma s/s^T s`.
+
+    With the autocovariance :math:`c` of the noise and the autocorrelation :math:`\rho` of the
+    signal it is :math:`\sum_\tau c(\tau)\,\rho(\tau)`, tapered towards long lags.
+    """
+    noise, signal = np.nan_to_num(noise), np.nan_to_num(signal)
+    lags = min(LAGS, len(noise) - 1)
+    taper = 1 - np.arange(lags + 1) / (lags + 1)
+    covariance = np.array([np.sum(noise[k:] * noise[: len(noise) - k]) for k in range(lags + 1)])
+    alike = np.array([np.sum(signal[k:] * signal[: len(signal) - k]) for k in range(lags + 1)])
+    both = covariance / np.count_nonzero(noise) * alike / max(alike[0], 1e-300) * taper
+    return float(max(both[0] + 2 * both[1:].sum(), 0.01 * both[0]))
+
+
+# -- one effect ------------------------------------------------------------------------------------
+
+
+def detect(bench: Bench, cause: Cause, power: float) -> Detectable:
+    """Find the smallest size of an effect that the diagnosis would name.
+
+    Parameters
+    ----------
+    bench : Bench
+        The fitted model on the records.
+    cause : (effect class, target)
+        The effect.
+    power : float
+        Wanted chance of naming it.
+
+    Returns
+    -------
+    Detectable
+        The smallest size and the power over the size.
+    """
+    of_size = sized(*cause, bench.model, bench.records.setting.scales)
+    curve = {size: _power(bench, of_size(size)) for size in (SMALLEST, 1.0)}
+    low, high = SMALLEST, 1.0
+    if curve[1.0] >= power > curve[SMALLEST]:
+        for _ in range(HALVINGS):
+            middle = float(np.sqrt(low * high))
+            curve[middle] = _power(bench, of_size(middle))
+            low, high = (low, middle) if curve[middle] >= power else (middle, high)
+    smallest = min((s for s in curve if curve[s] >= power), default=np.nan)
+    return _described(bench, cause, of_size, curve, smallest)
+
+
+def _power(bench: Bench, effect) -> float:
+    left = bench.retune(bench.inject(effect)).evaluation
+    return bench.power(left) if np.isfinite(left.squares).all() else 1.0
+
+
+def _described(bench, cause, of_size, curve, smallest) -> Detectable:
+    kind, target = cause
+    field = main_field(kind)
+    name = of_size(1.0).names()[field]
+    unit = of_size(1.0).apply(bench.model).unit(name)
+
+    def size(share):
+        return float(getattr(of_size(share), field))
+
+    none = nothing(kind, target, bench.model, bench.records.setting.scales)
+    return Detectable(
+        effect=kind.id,
+        target=target,
+        parameter=field,
+        unit=unit,
+        smallest=size(smallest) if np.isfinite(smallest) else np.nan,
+        curve=((none, 0.0), *((size(s), curve[s]) for s in sorted(curve))),
+        reason="" if np.isfinite(smallest) else _why_not(bench, of_size(1.0), size(1.0), unit),
+    )
+
+
+def _why_not(bench: Bench, effect, size, unit) -> str:
+    """Say why even the largest sensible effect is not seen."""
+    windows = bench.inject(effect)
+    before = float(bench.without(windows).squares.sum())
+    fit = bench.retune(windows)
+    largest = f"even {size:.3g} {unit}".rstrip()
+    noise = float(np.nansum((bench.records.fits["extended"].residual / windows.scale) ** 2))
+    if before < bench.rules.whole * noise:
+        return f"{largest} hardly moves the outputs: these inputs never bring it to act"
+    if fit.squares < IMITATED * before and effect.target in bench.model.parameters:
+        return f"{largest} is within the spread that re-tuning may use"
+    if fit.squares < IMITATED * before:
+        return f"{largest} is imitated by re-tuning {_moved(bench, fit)}"
+    return f"{largest} stays within the noise"
+
+
+def _moved(bench, fit) -> str:
+    """Name the parameters that re-tuning moved most, or else the initial states."""
+    old = bench.model.parameters
+    shifts = {
+        f.name: abs(fit.model.parameters[f.name].value - old[f.name].value) / max(f.scale, 1e-12)
+        for f in fit.freedoms
+    }
+    moved = [name for name, shift in shifts.items() if shift > 0.5 * max(shifts.values())]
+    return " and ".join(moved) if max(shifts.values(), default=0.0) > 0.01 else "initial states"
+
+
+# -- all of them -----------------------------------------------------------------------------------
+
+
+def detect_all(bench: Bench, suspects: Sequence[Cause], power: float) -> tuple[Detectable, ...]:
+    """Find the smallest size of every effect that the fitted model does not hold yet.
+
+    Parameters
+    ----------
+    bench : Bench
+        The fitted model on the records.
+    suspects : sequence of (effect class, target)
+        The effects.
+    power : float
+        Wanted chance of naming each.
+
+    Returns
+    -------
+    tuple of Detectable
+        One an effect.
+    """
+    return tuple(detect(bench, cause, power) for cause in suspects if _fits(bench.model, cause))
+
+
+def _fits(model: PhysicsModel, cause: Cause) -> bool:
+    effect, target = cause
+    try:
+        effect(target).apply(model)
+    except ModelError:
+        return False
+    return True

@@ -1,0 +1,153 @@
+"""An effect as a function of one size: from nothing to as large as the motion itself."""
+
+from collections.abc import Callable
+
+import sympy
+
+from sklearn_pgnn.exceptions import ModelError
+from sklearn_pgnn.physics.effect import Effect, Scales
+from sklearn_pgnn.physics.effects import WrongParameter
+from sklearn_pgnn.physics.expressions import parse_expression, symbol
+from sklearn_pgnn.physics.model import PhysicsModel
+
+#: quantities that say over what an effect acts, not how strongly
+SHAPES = frozenset({"velocity", "period", "frequency", "phase", "exponent", "order"})
+#: a default from here on means that a limit is never reached
+ENDLESS = 1e6
+#: of several strengths the first is taken whole and the others in this share
+BESIDE = 0.5
+
+
+def sized(
+    kind: type[Effect], target: str, model: PhysicsModel, scales: Scales
+) -> Callable[[float], Effect]:
+    """Give an effect as a function of its size.
+
+    Size 0 does nothing. Size 1 is a force as large as the typical inertial force, a bias or a dead
+    zone as large as the signal's ups and downs, a limit that lets nothing through, a delay as long
+    as a window, a parameter of twice its value. Quantities like a period take the middle of the
+    values a diagnosis would start from.
+
+    Parameters
+    ----------
+    kind : type of Effect
+        The effect.
+    target : str
+        What it acts on.
+    model : PhysicsModel
+        The model to extend.
+    scales : Scales
+        How large the signals of the records are.
+
+    Returns
+    -------
+    callable
+        The effect of a size between 0 and 1.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.physics.effects import InputSaturation
+    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
+    >>> scales = Scales({"u": 1.0, "y": 1.0}, {"u": 2.0, "y": 2.0}, {"y": 1.0}, 0.01, 1.0)
+    >>> sized(InputSaturation, "u", lag, scales)(0.25)
+    InputSaturation(target='u', limit=1.5)
+    """
+    if issubclass(kind, WrongParameter):
+        return _wrong_parameter(kind, model.parameters[target])
+    scale = _scale_by_kind(target, model, scales)
+    limits = kind.limits(target, model, scales)
+    starts = kind.starts(target, model, scales)
+    usual = starts[len(starts) // 2]
+    first = main_field(kind)
+
+    def value(quantity, size):
+        about, name = quantity.metadata, quantity.name
+        if name in SHAPES:
+            return getattr(usual, name)
+        if quantity.default >= ENDLESS:
+            wanted = (1.0 - size) * scales.peak[target]
+        else:
+            share = 1.0 if name == first else BESIDE
+            wanted = share * size * _typical(about["unit"], scale)
+        low, high = limits.get(name, (about["low"], about["high"]))
+        return float(min(max(wanted, about["low"], low), about["high"], high))
+
+    return lambda size: kind(target, **{f.name: value(f, size) for f in kind.quantities()})
+
+
+def main_field(kind: type[Effect]) -> str:
+    """Give the field that tells how strong an effect is.
+
+    Parameters
+    ----------
+    kind : type of Effect
+        The effect.
+
+    Returns
+    -------
+    str
+        The first of its quantities that is a strength.
+    """
+    if issubclass(kind, WrongParameter):
+        return "value"
+    return next(f.name for f in kind.quantities() if f.name not in SHAPES)
+
+
+def nothing(kind: type[Effect], target: str, model: PhysicsModel, scales: Scales) -> float:
+    """Give the value of `main_field` at which an effect does nothing.
+
+    Parameters
+    ----------
+    kind : type of Effect
+        The effect.
+    target : str
+        What it acts on.
+    model : PhysicsModel
+        The model to extend.
+    scales : Scales
+        How large the signals of the records are.
+
+    Returns
+    -------
+    float
+        The value.
+    """
+    if issubclass(kind, WrongParameter):
+        return model.parameters[target].value
+    default = next(f.default for f in kind.quantities() if f.name == main_field(kind))
+    return scales.peak[target] if default >= ENDLESS else 0.0
+
+
+def _wrong_parameter(kind, parameter):
+    def of_size(size):
+        low, high = parameter.bounds
+        return kind(parameter.name, value=float(min(max(parameter.value * (1 + size), low), high)))
+
+    return of_size
+
+
+def _scale_by_kind(target, model, scales) -> dict[str, float]:
+    """Give a typical value of every kind of unit that an effect may speak of."""
+    scale = {"s": scales.window, "target": scales.typical.get(target, 1.0)}
+    if target in model.states:
+        values = {symbol(name): p.value for name, p in model.parameters.items()}
+        inertia = model.inertia.get(target, sympy.Integer(1)).subs(values)
+        pair = model.kinematic_pairs.get(target)
+        scale["velocity"] = scales.typical[target]
+        scale["force"] = scales.rate[target] * (float(inertia) if inertia.is_number else 1.0)
+        scale["position"] = scales.typical[pair] if pair else 1.0
+    return scale
+
+
+class _OneIfUnknown(dict):
+    def __missing__(self, key):
+        return 1.0
+
+
+def _typical(template: str, scale) -> float:
+    """Give the typical value of a quantity from the template of its unit, 1 where it has none."""
+    text = template.format_map(_OneIfUnknown(scale)).replace("^", "**") or "1"
+    try:
+        return float(parse_expression(text, ["s"]).subs(symbol("s"), scale["s"]))
+    except ModelError:  # a unit of the effect's own
+        return 1.0

@@ -1,0 +1,105 @@
+"""The picture of a detectability: how large every effect must be to be seen."""
+
+import numpy as np
+
+from sklearn_pgnn.inspection.style import COLOURS, new_figure, plain, tidy, to_png
+from sklearn_pgnn.inspection.words import cause_name, number
+
+
+class DetectabilityDisplay:
+    """Picture of a detectability: the power over the size of every effect.
+
+    Parameters
+    ----------
+    detectability : Detectability
+        What `ModelDiagnosis.detectability` gave.
+
+    Attributes
+    ----------
+    figure_ : matplotlib.figure.Figure
+        The figure, once drawn.
+    axes_ : matplotlib.axes.Axes
+        One line an effect: from pale to dark as the power goes from 0 to 1, with a mark at the
+        smallest size that is found.
+    """
+
+    def __init__(self, detectability):
+        self.detectability = detectability
+
+    def plot(self, *, figure=None):
+        """Draw the picture.
+
+        Sizes are drawn as shares of the largest looked at; the text beside gives the smallest
+        size found in its own unit, or why there is none.
+
+        Parameters
+        ----------
+        figure : matplotlib.figure.Figure, optional
+            Where to draw; by default a new figure that no window shows.
+
+        Returns
+        -------
+        DetectabilityDisplay
+            This display, with `figure_` and `axes_`.
+        """
+        rows = self.detectability.rows
+        self.figure_ = new_figure(9.0, 0.6 + 0.34 * len(rows)) if figure is None else figure
+        self.axes_ = axes = self.figure_.subplots()
+        for place, row in enumerate(rows):
+            _draw_row(axes, place, row)
+        names = [plain(cause_name(row.effect, row.target)) for row in rows]
+        axes.set_yticks(range(len(rows)), names)
+        axes.set_ylim(len(rows) - 0.5, -0.5)
+        axes.set_xscale("log")
+        axes.set_xlabel(
+            f"size, 1 = as large as the motion itself (found in {self.detectability.power:.0%})"
+        )
+        tidy(axes)
+        return self
+
+    def _repr_png_(self):
+        """Show the picture in a notebook."""
+        return to_png(self.figure_)
+
+
+def _draw_row(axes, place, row) -> None:
+    sizes, powers = np.array(row.curve[1:]).T
+    shares = np.abs(sizes - row.curve[0][0]) / max(abs(sizes[-1] - row.curve[0][0]), 1e-300)
+    colours = [(*_rgb(COLOURS["extended"]), 0.15 + 0.85 * power) for power in powers]
+    axes.plot(shares, np.full(shares.size, place), color=COLOURS["measured"], linewidth=0.6)
+    axes.scatter(shares, np.full(shares.size, place), color=colours, s=14, zorder=2)
+    if row.reason:
+        text = row.reason
+    else:
+        at = abs(row.smallest - row.curve[0][0]) / max(abs(sizes[-1] - row.curve[0][0]), 1e-300)
+        axes.plot(at, place, marker="|", markersize=14, color=COLOURS["prior"], zorder=3)
+        text = f"{row.parameter.replace('_', ' ')} {number(row.smallest, 3)} {row.unit}"
+    axes.annotate(
+        plain(text.rstrip()),
+        (1.02, place),
+        xycoords=axes.get_yaxis_transform(),
+        fontsize=8,
+        va="center",
+    )
+
+
+def _rgb(colour: str) -> tuple[float, ...]:
+    return tuple(int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5))
+
+
+def plot_detectability(detectability, **options) -> DetectabilityDisplay:
+    """Draw a detectability.
+
+    Parameters
+    ----------
+    detectability : Detectability
+        What `ModelDiagnosis.detectability` gave.
+    **options
+        See `DetectabilityDisplay.plot`.
+
+    Returns
+    -------
+    DetectabilityDisplay
+        The picture, drawn.
+    """
+    return DetectabilityDisplay(detectability).plot(**options)

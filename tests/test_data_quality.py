@@ -1,0 +1,344 @@
+"""Data quality: every fault is found where it was made, and nothing where there is none."""
+
+import json
+import re
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects, systems
+from sklearn_pgnn.cli.screen import tell
+from sklearn_pgnn.datasets import make_hidden_effect, make_two_tanks
+from sklearn_pgnn.diagnosis.record_flaws import (
+    Signal,
+    find_clipping,
+    find_gaps,
+    find_held_samples,
+    find_jitter,
+    find_outliers,
+    find_quantisation,
+    find_uneven_noise,
+    grid_step,
+)
+
+NOISE = 2e-3
+N_RECORDS = 3
+
+
+def cart(**parameters):
+    model = PhysicsModel(
+        {"x": "m", "v": "m/s"},
+        {"x": "v", "v": "(F - k*x - d*v)/m"},
+        {"m": {"value": 2.0, "unit": "kg"}, "d": 1.0, "k": 10.0},
+        {"F": "N"},
+        {"position": "x"},
+        inertia={"v": "m"},
+    )
+    return model.with_parameters(**parameters)
+
+
+def force(t, record=0):
+    return 4 * np.sin((1.3 + 0.4 * record) * t) + 3 * np.sin((3.1 + record) * t) + 2 * (t % 3 > 2)
+
+
+def measure(seed=0, noise=NOISE, machines=None, forces=None, t=None):
+    """Give a table of records: a row a sample, with the position as measured."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(0, 8, 0.02) if t is None else t
+    tables = []
+    for record in range(N_RECORDS):
+        machine = cart() if machines is None else machines[record]
+        u = force(t, record) if forces is None else forces[record]
+        x = machine.simulate(t, u, substeps=8).check().y[:, 0]
+        x = x + noise * rng.standard_normal(t.size)
+        tables.append(pd.DataFrame({"trajectory": record, "t": t, "F": u, "position": x}))
+    return pd.concat(tables, ignore_index=True)
+
+
+def findings(table, model=None, **options):
+    options = {"catalogue": (), **options}
+    diagnosis = ModelDiagnosis(cart() if model is None else model, **options)
+    return diagnosis.fit(table[["trajectory", "t", "F"]], table[["position"]]).data_quality_
+
+
+def kinds(table, **options):
+    return {(finding.kind, finding.where) for finding in findings(table, **options)}
+
+
+def test_a_faultless_record_has_no_findings():
+    assert findings(measure()) == ()
+
+
+# -- every fault that is made is found, and no other -----------------------------------------------
+
+
+def clipped(table):
+    return table.assign(position=table["position"].clip(upper=0.6 * table["position"].max()))
+
+
+def quantised(table):
+    return table.assign(position=np.round(table["position"] / 0.02) * 0.02)
+
+
+def with_gaps(table):
+    return table.drop(index=[100, 101, 650, 1000]).reset_index(drop=True)
+
+
+def held(table):
+    position = table["position"].to_numpy().copy()
+    for k in (60, 130, 700, 705, 1030):
+        position[k] = position[k - 1]
+    return table.assign(position=position)
+
+
+def with_outliers(table):
+    position = table["position"].to_numpy().copy()
+    position[[70, 470, 1100]] += [0.3, -0.4, 0.2]
+    return table.assign(position=position)
+
+
+def noisier(table):
+    rng = np.random.default_rng(1)
+    more = 3 * NOISE * rng.standard_normal(len(table)) * (table["trajectory"] == 1)
+    return table.assign(position=table["position"] + more)
+
+
+@pytest.mark.parametrize(
+    ("fault", "kind", "where", "text"),
+    [
+        (clipped, "clipping", "position", "stands still at its extreme value"),
+        (quantised, "quantisation", "position", "steps of 0.02 m, larger than its noise"),
+        (with_gaps, "dropped samples", "t", "4 samples are missing from a clock of 0.02 s"),
+        (held, "dropped samples", "position", "repeats the value before it in 5 samples"),
+        (with_outliers, "outliers", "position", "3 single samples .* record 0, sample 70"),
+        (noisier, "drift between records", "position", "in record 1 and .* in record"),
+    ],
+)
+def test_a_fault_of_the_record_is_found(fault, kind, where, text):
+    found = findings(fault(measure()))
+    assert (kind, where) in {(f.kind, f.where) for f in found}
+    (finding,) = [f for f in found if (f.kind, f.where) == (kind, where)]
+    assert re.search(text, finding.text), finding.text
+    assert finding.remedy
+
+
+def test_clipping_without_noise_is_told_from_rest():
+    table = measure(noise=0.0)
+    assert ("clipping", "position") in kinds(clipped(table))
+    settled = np.concatenate([np.zeros(50), 1 - np.exp(-np.arange(2000) / 15.0)])
+    assert find_clipping(signal(settled)) is None
+
+
+def test_an_uneven_clock_is_found():
+    rng = np.random.default_rng(3)
+    even = np.arange(0, 8, 0.02)
+    stamps = even + rng.uniform(-0.006, 0.006, even.size)
+    table = measure()
+    late = table.assign(t=np.tile(stamps, N_RECORDS))
+    (finding,) = [f for f in findings(late) if f.kind == "clock jitter"]
+    assert finding.value == pytest.approx(np.std(np.diff(stamps)), rel=0.1)
+
+
+def test_a_constant_and_a_two_valued_input_are_found():
+    t = np.arange(0, 8, 0.02)
+    still = measure(forces=[np.full(t.size, 3.0)] * 3)
+    switched = measure(forces=[np.where(np.sin((1 + r) * t) > 0, 3.0, -3.0) for r in range(3)])
+    assert "F has the value 3 N throughout" in {f.text for f in findings(still)}
+    assert "F has only the values -3 N and 3 N" in {f.text for f in findings(switched)}
+
+
+def test_a_parameter_that_the_input_does_not_excite_is_found():
+    t = np.arange(0, 8, 0.02)
+    slow = measure(forces=[(r + 1) * t / 8 for r in range(3)], noise=0.01)
+    found = {f.where for f in findings(slow) if f.kind == "poor excitation"}
+    assert "d" in found
+    assert "k" not in found
+
+
+def test_a_parameter_that_no_record_can_fix_is_not_blamed_on_the_record():
+    twin = PhysicsModel(
+        {"x": "m", "v": "m/s"},
+        {"x": "v", "v": "(a*F - k*x - d*v)/m"},
+        {"m": 2.0, "d": 1.0, "k": 10.0, "a": 1.0},
+        {"F": "N"},
+        {"position": "x"},
+    )
+    assert findings(measure(), model=twin) == ()
+
+
+def closed_loop(gain, seed=0, noise=0.02):
+    """Simulate a controller that sees the noisy position."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(0, 8, 0.02)
+    tables = []
+    for record in range(N_RECORDS):
+        goal, state = 0.3 * force(t, record), np.zeros(2)
+        u, x = np.zeros(t.size), np.zeros(t.size)
+        for k in range(t.size):
+            x[k] = state[0] + noise * rng.standard_normal()
+            u[k] = goal[k] + gain * (0.5 * goal[k] - x[k])
+            step = cart().simulate(t[:2], [u[k], u[k]], state, substeps=4)
+            state = step.x[-1]
+        tables.append(pd.DataFrame({"trajectory": record, "t": t, "F": u, "position": x}))
+    return pd.concat(tables, ignore_index=True)
+
+
+def test_a_closed_loop_is_found():
+    (finding,) = [f for f in findings(closed_loop(5.0)) if f.kind == "closed loop"]
+    assert finding.where == "F"
+    assert "sees position" in finding.text
+    assert findings(closed_loop(0.0)) == ()
+
+
+@pytest.mark.parametrize(("lead", "found"), [(5, True), (2, True), (-3, False)])
+def test_only_outputs_that_lead_the_inputs_are_not_synchronous(lead, found):
+    t = np.arange(0, 8 + 0.4, 0.02)
+    table = measure(t=t)
+    pieces = []
+    for _, rows in table.groupby("trajectory"):
+        rows = rows.reset_index(drop=True)
+        early = rows["position"].shift(-lead)
+        pieces.append(rows.assign(position=early).dropna().assign(t=lambda r: r["t"]))
+    moved = pd.concat(pieces, ignore_index=True)
+    moved["t"] = moved.groupby("trajectory")["t"].transform(lambda c: c - c.iloc[0])
+    late = [f for f in findings(moved) if f.kind == "not synchronous"]
+    assert len(late) == found
+    if found:
+        assert late[0].text.startswith(f"the outputs lead the inputs by {lead} samples")
+
+
+def test_an_input_delay_is_a_cause_and_no_finding():
+    late = [cart() + effects.InputDelay("F", delay=0.1)] * 3
+    table = measure(machines=late)
+    diagnosis = ModelDiagnosis(cart(), catalogue=(effects.InputDelay, effects.CoulombFriction))
+    diagnosis.fit(table[["trajectory", "t", "F"]], table["position"])
+    assert [cause.effect for cause in diagnosis.causes_] == ["input_delay"]
+    assert diagnosis.data_quality_ == ()
+
+
+def test_a_parameter_that_drifts_between_records_is_found():
+    warm = [cart(d=0.7), cart(d=1.0), cart(d=1.5)]
+    found = findings(measure(machines=warm), catalogue=(effects.CoulombFriction,))
+    (finding,) = [f for f in found if f.kind == "drift between records"]
+    assert finding.where == "d"
+    assert "in record 0 to" in finding.text
+    assert finding.value == pytest.approx(0.8, rel=0.25)
+
+
+# -- nothing is found where nothing is wrong -------------------------------------------------------
+
+
+CLEAN = {
+    "golf robot": lambda seed: make_hidden_effect(
+        n_records=3, duration=6, sample_rate=100, random_state=seed
+    ),
+    "golf robot with friction": lambda seed: make_hidden_effect(
+        effect="coulomb_friction", n_records=3, duration=6, sample_rate=100, random_state=seed
+    ),
+    "cart driven by steps": lambda seed: make_hidden_effect(
+        systems.cart_on_spring(),
+        n_records=3,
+        duration=6,
+        sample_rate=100,
+        excitation="steps",
+        random_state=seed,
+    ),
+    "servo valve": lambda seed: make_hidden_effect(
+        systems.servo_valve(), n_records=2, duration=1, sample_rate=2000, random_state=seed
+    ),
+    "tanks": lambda seed: make_two_tanks(effect=None, n_records=2, random_state=seed),
+}
+
+
+@pytest.mark.parametrize("system", CLEAN)
+def test_clean_records_of_several_systems_have_no_findings(system):
+    for seed in range(2):
+        records = CLEAN[system](seed)
+        diagnosis = ModelDiagnosis(records.prior, catalogue=(effects.CoulombFriction,))
+        assert diagnosis.fit(records.X, records.y).data_quality_ == ()
+
+
+def signal(*pieces, dt=0.01):
+    times = [dt * np.arange(len(piece)) for piece in pieces]
+    return Signal("y", "V", [*map(np.asarray, pieces)], times, [*map(str, range(len(pieces)))])
+
+
+def test_record_checks_are_silent_on_many_clean_signals():
+    """Every check speaks up by chance in at most one of a thousand; 2 % in all is asked for."""
+    rng, spoke = np.random.default_rng(0), 0
+    for _ in range(300):
+        t = 0.01 * np.arange(rng.integers(200, 1500))
+        waves = np.sin(np.outer(t, rng.uniform(0.5, 12, 3)) + rng.uniform(0, 6, 3)).sum(axis=1)
+        noise = 10.0 ** rng.uniform(-4, -1)
+        clean = signal(*(waves + noise * rng.standard_normal(t.size) for _ in range(2)))
+        checks = (find_clipping, find_quantisation, find_held_samples, find_uneven_noise)
+        found = [check(clean) for check in checks]
+        found += [find_outliers(clean, clean), find_gaps(clean.times, clean.records)]
+        spoke += any(finding is not None for finding in found)
+    assert spoke <= 6
+
+
+@given(
+    step=st.sampled_from([1e-3, 0.02, 0.25, 3.0]),
+    offset=st.floats(-5, 5),
+    seed=st.integers(0, 2**16),
+)
+def test_the_step_of_a_grid_is_found_wherever_the_grid_lies(step, offset, seed):
+    counts = np.random.default_rng(seed).integers(-40, 40, 300)
+    assert grid_step(offset + step * counts) == pytest.approx(step, rel=1e-6)
+
+
+@given(scale=st.floats(1e-6, 1e6), shift=st.floats(-10, 10))
+def test_findings_do_not_depend_on_the_unit(scale, shift):
+    rng = np.random.default_rng(5)
+    y = np.sin(0.03 * np.arange(600)) + 0.01 * rng.standard_normal(600)
+    y[[100, 300]] += [1.0, -1.0]
+    y = np.minimum(y, 0.8)
+    moved = signal(scale * (y + shift))
+    assert find_clipping(moved).value == find_clipping(signal(y)).value
+    assert find_outliers(moved, moved).value == find_outliers(signal(y), signal(y)).value == 2
+
+
+@given(share=st.floats(0.02, 0.2), seed=st.integers(0, 2**16))
+def test_every_missing_sample_of_a_regular_clock_is_counted(share, seed):
+    rng = np.random.default_rng(seed)
+    keep = rng.uniform(size=500) > share / 2
+    keep[[0, -1]] = True
+    t = 0.01 * np.arange(500)
+    found = find_gaps([t[keep]], ["a"])
+    missing = np.count_nonzero(~keep)
+    assert (0 if found is None else found.value) == missing
+
+
+def test_time_stamps_rounded_to_milliseconds_are_no_jitter():
+    y = np.sin(np.arange(3000) / 30) + 1e-3 * np.random.default_rng(0).standard_normal(3000)
+    times = [np.round(np.arange(3000) / 300, 3)]
+    assert find_jitter([Signal("y", "V", [y], times, ["a"])]) is None
+
+
+# -- what comes of it ------------------------------------------------------------------------------
+
+
+def test_findings_are_plain_data():
+    table = clipped(measure())
+    diagnosis = ModelDiagnosis(cart(), catalogue=())
+    diagnosis.fit(table[["trajectory", "t", "F"]], table["position"])
+    data = json.loads(json.dumps(diagnosis.to_dict(), allow_nan=False))["data_quality"]
+    assert set(data[0]) == {"kind", "where", "text", "value", "remedy"}
+    assert "clipping" in {finding["kind"] for finding in data}
+
+
+def test_the_report_and_the_screen_begin_with_the_findings(tmp_path, capsys):
+    table = clipped(measure())
+    diagnosis = ModelDiagnosis(cart(), catalogue=())
+    diagnosis.fit(table[["trajectory", "t", "F"]], table["position"])
+    diagnosis.to_html(tmp_path / "report.html")
+    report = (tmp_path / "report.html").read_text()
+    assert report.index("Quality of the records") < report.index("Measured, model as given")
+    tell(diagnosis, tmp_path, quiet=False)
+    (line,) = [line for line in capsys.readouterr().out.splitlines() if "  clipping: " in line]
+    assert "position stands still" in line
+    assert "Remedy: choose a wider range" in line

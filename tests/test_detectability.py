@@ -1,0 +1,183 @@
+"""Detectability: the sizes it states are those at which the diagnosis finds or misses."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects
+from sklearn_pgnn.diagnosis.detectability import Bench, _strength_along
+from sklearn_pgnn.diagnosis.effect_size import main_field, nothing, sized
+from sklearn_pgnn.diagnosis.injection import inject, of_main_size
+from sklearn_pgnn.diagnosis.search import Rules
+from sklearn_pgnn.inspection import DetectabilityDisplay
+
+TRIED = (effects.CoulombFriction, effects.InputDeadZone, effects.InputDelay)
+
+
+def cart():
+    return PhysicsModel(
+        {"x": "m", "v": "m/s"},
+        {"x": "v", "v": "(b*F - k*x - d*v)/m"},
+        {
+            "m": {"value": 2.0, "unit": "kg"},
+            "d": {"value": 1.0, "unit": "N s/m"},
+            "k": {"value": 10.0, "unit": "N/m"},
+            "b": {"value": 1.0, "fixed": True},
+        },
+        {"F": "N"},
+        {"position": "x"},
+        inertia={"v": "m"},
+    )
+
+
+def force(t, record):
+    return 4 * np.sin((1.3 + 0.4 * record) * t) + 3 * np.sin((3.1 + record) * t) + 2 * (t % 3 > 2)
+
+
+def records(noise=2e-3, seed=0):
+    rng, t = np.random.default_rng(seed), np.arange(0, 8, 0.02)
+    tables = []
+    for record in range(4):
+        u = force(t, record)
+        x = cart().simulate(t, u, substeps=4).y[:, 0] + noise * rng.standard_normal(t.size)
+        tables.append(pd.DataFrame({"trajectory": record, "t": t, "F": u, "position": x}))
+    return pd.concat(tables, ignore_index=True)
+
+
+@pytest.fixture(scope="module")
+def diagnosis():
+    table = records()
+    fitted = ModelDiagnosis(cart(), catalogue=TRIED)
+    return fitted.fit(table[["trajectory", "t", "F"]], table["position"])
+
+
+@pytest.fixture(scope="module")
+def detectability(diagnosis):
+    return diagnosis.detectability()
+
+
+def bench(diagnosis, seed=0):
+    return Bench(diagnosis.records_, False, Rules(), 100, seed)
+
+
+def named(diagnosis, kind, target, value, seed):
+    """Put an effect of some size into the machine and diagnose it anew."""
+    effect = of_main_size(bench(diagnosis), kind, target, value)
+    X, y = inject(bench(diagnosis), effect, seed)
+    found = ModelDiagnosis(diagnosis.extended_model_, catalogue=TRIED).fit(X, y)
+    return [(cause.effect, cause.target) for cause in found.causes_]
+
+
+@pytest.mark.parametrize("kind", TRIED)
+def test_the_diagnosis_finds_twice_the_smallest_size_and_misses_a_quarter(
+    kind, diagnosis, detectability
+):
+    (row,) = [row for row in detectability.rows if row.effect == kind.id]
+    for seed in (1, 2):
+        found = named(diagnosis, kind, row.target, 2 * row.smallest, seed)
+        assert found == [(row.effect, row.target)]
+        assert named(diagnosis, kind, row.target, row.smallest / 4, seed) == []
+
+
+def test_the_table_has_a_row_an_effect_with_its_unit(detectability):
+    table = detectability.to_frame().set_index("effect")
+    assert table.index.tolist() == [kind.id for kind in TRIED]
+    assert table["unit"].tolist() == ["N", "N", "s"]
+    assert (table["smallest"] > 0).all()
+    assert table["reason"].tolist() == ["", "", ""]
+    powers = table[[f"power at {size}x" for size in ("0.25", "0.5", "1", "2")]].to_numpy()
+    assert (np.diff(powers, axis=1) >= 0).all()
+    assert (powers[:, 2] >= 0.85).all()
+    assert (powers[:, 0] < 0.1).all()
+
+
+def test_more_noise_makes_every_smallest_size_larger(detectability):
+    table = records(noise=1e-2)
+    noisy = ModelDiagnosis(cart(), catalogue=()).fit(
+        table[["trajectory", "t", "F"]], table["position"]
+    )
+    rows = noisy.detectability(TRIED).rows
+    for quiet, loud in zip(detectability.rows, rows, strict=True):
+        assert 2 < loud.smallest / quiet.smallest < 8
+
+
+def test_what_can_never_be_seen_comes_with_its_reason(diagnosis):
+    seen = diagnosis.detectability((effects.InputSaturation, effects.ViscousFriction), ["F"])
+    (saturation,) = seen.rows
+    assert saturation.smallest < diagnosis.records_.setting.scales.peak["F"]
+    wide = cart().with_parameters(d=cart().parameters["d"].with_spread(5.0))
+    table = records()
+    free = ModelDiagnosis(wide, catalogue=()).fit(
+        table[["trajectory", "t", "F"]], table["position"]
+    )
+    (row,) = free.detectability((effects.WrongParameter,), ["d"]).rows
+    assert np.isnan(row.smallest)
+    assert "within the spread that re-tuning may use" in row.reason
+
+
+def test_what_re_tuning_imitates_is_said_to_be_imitated():
+    free = cart().with_parameters(**{
+        name: cart().parameters[name].with_spread(5.0) for name in ("m", "d", "k")
+    })  # fmt: skip
+    table = records()
+    fitted = ModelDiagnosis(free, catalogue=()).fit(
+        table[["trajectory", "t", "F"]], table["position"]
+    )
+    (row,) = fitted.detectability((effects.SensorGain,)).rows
+    assert np.isnan(row.smallest)
+    assert "is imitated by re-tuning" in row.reason
+    assert {"m", "d", "k"} & set(row.reason.split())
+
+
+def test_an_effect_the_inputs_never_bring_to_act_is_said_so():
+    table = records()
+    table["F2"] = 0.0
+    two = cart().replace(
+        inputs={"F": "N", "F2": "N"}, equations={"x": "v", "v": "(b*F + F2 - k*x - d*v)/m"}
+    )
+    fitted = ModelDiagnosis(two, catalogue=()).fit(
+        table[["trajectory", "t", "F", "F2"]], table["position"]
+    )
+    (row,) = fitted.detectability((effects.InputDelay,), ["F2"]).rows
+    assert "hardly moves the outputs" in row.reason
+
+
+def test_verify_runs_the_diagnosis_itself(diagnosis):
+    rows = diagnosis.detectability((effects.InputDelay,), verify=True, power=0.95).rows
+    assert [row.found for row in rows] == [True]
+
+
+def test_noise_along_a_signal_is_that_of_a_long_simulation():
+    rng = np.random.default_rng(0)
+    white = rng.standard_normal((200_000, 1))
+    coloured = (white + np.roll(white, 1, axis=0)) / np.sqrt(2)
+    signal = np.sin(0.05 * np.arange(1000))[:, None]
+    along = coloured.reshape(200, 1000) @ signal[:, 0] / np.sqrt(np.sum(signal**2))
+    assert _strength_along(coloured, signal) == pytest.approx(np.var(along), rel=0.25)
+    assert _strength_along(white, signal) == pytest.approx(1.0, rel=0.15)
+
+
+@pytest.mark.parametrize("kind", effects.CATALOGUE)
+def test_every_effect_of_the_catalogue_grows_with_its_size(kind, diagnosis):
+    model, scales = cart(), diagnosis.records_.setting.scales
+    target = kind.targets(model)[0]
+    of_size, none = sized(kind, target, model, scales), nothing(kind, target, model, scales)
+    values = [abs(getattr(of_size(s), main_field(kind)) - none) for s in (0.1, 0.3, 1.0)]
+    assert 0 < values[0] < values[1] <= values[2]
+
+
+def test_the_picture_names_every_effect_and_its_size(detectability):
+    display = detectability.plot()
+    assert isinstance(display, DetectabilityDisplay)
+    labels = [label.get_text() for label in display.axes_.get_yticklabels()]
+    assert labels == ["Coulomb friction on v", "input dead zone of F", "input delay of F"]
+    texts = [text.get_text() for text in display.axes_.texts]
+    assert texts[0].startswith("level ")
+    assert texts[0].endswith(" N")
+
+
+def test_unusable_options_are_refused(diagnosis):
+    with pytest.raises(ValueError, match=r"power: expected a number between 0 and 1, got 90"):
+        diagnosis.detectability(power=90)
+    with pytest.raises(ValueError, match=r"noise: expected 'residual' or 'white', got 'pink'"):
+        diagnosis.detectability(noise="pink")

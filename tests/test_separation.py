@@ -1,0 +1,156 @@
+"""Causes that are confused: recognised as the same, or told apart by the experiment proposed."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects, systems
+from sklearn_pgnn.cli.screen import tell
+from sklearn_pgnn.diagnosis.equivalence import are_equivalent
+from sklearn_pgnn.diagnosis.separation import waves
+
+NOISE = 4e-3
+
+
+def cart():
+    return PhysicsModel(
+        {"x": "m", "v": "m/s"},
+        {"x": "v", "v": "(b*F - k*x - d*v)/m"},
+        {"m": 2.0, "d": 1.0, "k": 10.0, "b": {"value": 1.0, "spread": 0.5}},
+        {"F": "N"},
+        {"position": "x"},
+        inertia={"v": "m"},
+    )
+
+
+def measure(machine, inputs, t, seed=0):
+    """Give a table of records under some inputs."""
+    rng, tables = np.random.default_rng(seed), []
+    for record, u in enumerate(inputs):
+        x = machine.simulate(t, u, substeps=8).check().y[:, 0]
+        x = x + NOISE * rng.standard_normal(t.size)
+        tables.append(pd.DataFrame({"trajectory": record, "t": t, "F": u, "position": x}))
+    return pd.concat(tables, ignore_index=True)
+
+
+def diagnose(table, catalogue):
+    model = cart().replace(parameters={**cart().parameters, "b": {"value": 1.0, "fixed": True}})
+    diagnosis = ModelDiagnosis(model, catalogue=catalogue)
+    return diagnosis.fit(table[["trajectory", "t", "F"]], table["position"])
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "same"),
+    [
+        ((effects.InputBias, "F"), (effects.ConstantLoad, "v"), True),
+        ((effects.LinearStiffness, "v"), (effects.WrongParameter, "k"), True),
+        ((effects.WrongParameter, "b"), (effects.WrongParameter, "m"), True),
+        ((effects.ViscousFriction, "v"), (effects.WrongParameter, "d"), True),
+        ((effects.InputBias, "F"), (effects.CoulombFriction, "v"), False),
+        ((effects.CoulombFriction, "v"), (effects.InputDeadZone, "F"), False),
+        ((effects.CoulombFriction, "v"), (effects.StribeckFriction, "v"), False),
+        ((effects.CubicStiffness, "v"), (effects.LinearStiffness, "v"), False),
+        ((effects.InputDelay, "F"), (effects.ActuatorLag, "F"), False),
+    ],
+)
+def test_causes_that_are_the_same_in_the_equations_are_recognised(one, other, same):
+    assert are_equivalent(cart(), one, other) is same
+    assert are_equivalent(cart(), other, one) is same
+
+
+def test_two_parameters_that_the_equations_tell_apart_are_not_the_same():
+    golf = systems.golf_robot()
+    wrong = effects.WrongParameter
+    assert not are_equivalent(golf, (wrong, "J"), (effects.CoulombFriction, "omega"))
+    assert are_equivalent(golf, (effects.InputBias, "torque"), (effects.ConstantLoad, "omega"))
+
+
+@pytest.fixture(scope="module")
+def loaded():
+    t = np.arange(0, 8, 0.02)
+    inputs = [3 * np.sin((1 + r) * t) + np.sin((3 + r) * t) for r in range(4)]
+    table = measure(cart() + effects.ConstantLoad("v", load=1.0), inputs, t)
+    return diagnose(table, (effects.ConstantLoad, effects.InputBias, effects.SensorBias))
+
+
+def test_what_no_experiment_separates_is_said_so(loaded, tmp_path, capsys):
+    (cause,) = loaded.causes_
+    assert cause.equivalent == cause.confused_with
+    assert len(cause.equivalent) == 2
+    data = json.loads(json.dumps(loaded.to_dict(), allow_nan=False))
+    assert [o["equivalent"] for o in data["causes"][0]["confused_with"]] == [True, True]
+    assert [s["separable"] for s in data["separations"]] == [False, False]
+    loaded.to_html(tmp_path / "report.html")
+    text = "No experiment with these inputs and outputs separates"
+    assert text in (tmp_path / "report.html").read_text()
+    tell(loaded, tmp_path, quiet=False)
+    assert text in " ".join(capsys.readouterr().out.split())
+
+
+@pytest.fixture(scope="module")
+def slow():
+    """Give a machine with a late input, driven too slowly to tell a delay from a lag."""
+    t = np.arange(0, 10, 0.02)
+    inputs = [6 * np.sin((0.8 + 0.15 * r) * t) for r in range(3)]
+    machine = cart() + effects.InputDelay("F", delay=0.06)
+    table = measure(machine, inputs, t)
+    return machine, inputs, t, diagnose(table, (effects.InputDelay, effects.ActuatorLag))
+
+
+def test_the_experiment_proposed_tells_which_it_is(slow):
+    machine, inputs, t, diagnosis = slow
+    assert diagnosis.verdict_ == "ambiguous"
+    (cause,) = diagnosis.causes_
+    assert cause.equivalent == ()
+    (separation,) = diagnosis.separations_
+    assert separation.separable
+    best = separation.experiments[0]
+    more = [best.signal(t)] * int(best.repeats)
+    again = measure(machine, [*inputs, *more], t, seed=1)
+    told = diagnose(again, (effects.InputDelay, effects.ActuatorLag))
+    assert [(c.effect, c.confused_with) for c in told.causes_] == [("input_delay", ())]
+
+
+def test_experiments_are_ranked_and_stay_within_the_range(slow):
+    _, inputs, _, diagnosis = slow
+    found = diagnosis.separating_experiment().experiments
+    order = [(experiment.repeats, -experiment.evidence) for experiment in found]
+    assert order == sorted(order)
+    top = np.ptp(inputs) / 2
+    assert max(experiment.amplitude for experiment in found) <= 1.001 * top
+    wide = diagnosis.separating_experiment(reach=1.5).experiments
+    assert max(experiment.amplitude for experiment in wide) > 1.2 * top
+    assert wide[0].evidence > found[0].evidence
+
+
+def test_the_report_names_the_experiment(slow, tmp_path):
+    *_, diagnosis = slow
+    diagnosis.to_html(tmp_path / "report.html")
+    report = (tmp_path / "report.html").read_text()
+    best = diagnosis.separations_[0].experiments[0]
+    assert "To tell " in report
+    assert best.excitation in report
+    (entry,) = diagnosis.to_dict()["separations"]
+    assert entry["separable"] is True
+    assert entry["experiments"][0]["excitation"] == best.excitation
+
+
+def test_any_other_cause_can_be_asked_for(slow):
+    *_, diagnosis = slow
+    (cause,) = diagnosis.causes_
+    (other,) = cause.confused_with
+    found = diagnosis.separating_experiment((cause.effect, cause.target), tuple(other))
+    assert (found.cause, found.other) == ((cause.effect, cause.target), other)
+    with pytest.raises(ValueError, match=rf"expected one that was named .* got {other.effect}"):
+        diagnosis.separating_experiment(other)
+    with pytest.raises(ValueError, match=r"cause: expected an effect of the catalogue"):
+        diagnosis.separating_experiment(("rust", "F"))
+
+
+def test_excitations_stay_within_one_and_begin_and_end_in_time():
+    t = np.linspace(0, 12, 601)
+    for name, wave in waves(t, 1.5).items():
+        assert 0.95 < np.abs(wave).max() <= 1.0 + 1e-12, name
+        assert abs(wave[0]) < 1e-9, name
