@@ -150,15 +150,19 @@ class Fitter:
 
     def finish(self, trial: Trial) -> Trial:
         """Follow a fit to its very end, also along directions that the records hardly see."""
-        fit = fit_windows(
-            trial.fit.model,
-            self.setting.windows,
-            trial.fit.freedoms,
-            *self._start(trial.fit.model),
-            x0_start=trial.fit.x0,
-            tolerance=FINISHED,
-        )
-        return Trial(trial.hypothesis, fit if fit.objective < trial.fit.objective else trial.fit)
+        model, start = trial.fit.model, self._start(trial.fit.model)
+        fits = [
+            fit_windows(
+                model,
+                self.setting.windows,
+                trial.fit.freedoms,
+                *start,
+                x0_start=x0,
+                tolerance=FINISHED,
+            )
+            for x0 in (trial.fit.x0, start.x0)
+        ]
+        return Trial(trial.hypothesis, min((trial.fit, *fits), key=lambda fit: fit.objective))
 
     def _keep(self, trial: Trial) -> None:
         """Remember a trial unless a better one of the same hypothesis is known."""

@@ -68,7 +68,7 @@ def standard_errors(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) ->
 
     with the Hessian :math:`H`, the gradients :math:`g_w` of the :math:`W` pieces of the windows,
     and the inverse variances :math:`P` of the parameters' priors, which speak where the records
-    do not.
+    do not; never less than the :math:`H^{-1}` of white noise, for pieces may be few.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ def standard_errors(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) ->
     scores = _piece_scores(fit, normal)
     factor = len(scores) / max(len(scores) - len(names), 1)
     meat = scores.T @ scores * factor + np.diag(pull)
-    variances = np.diag(inverse @ meat @ inverse)
+    variances = np.maximum(np.diag(inverse @ meat @ inverse), np.diag(inverse))
     return dict(zip(names, np.where(flat, np.inf, np.sqrt(variances)).tolist(), strict=True))
 
 
