@@ -353,7 +353,7 @@ def _bounded_step(hessian, gradient, damping, low, high):
     """Solve the damped normal equations within bounds; what the data do not see stays."""
     if gradient.size == 0 or np.isinf(damping):
         return np.zeros_like(gradient)
-    size = np.sqrt(np.diag(hessian))
+    size = np.sqrt(np.maximum(np.diag(hessian), 0.0))
     size = np.where(size > 0, size, 1.0)
     scaled = hessian / np.outer(size, size) + damping * np.eye(size.size)
     values, vectors = np.linalg.eigh(scaled)
