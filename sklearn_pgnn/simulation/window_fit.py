@@ -138,7 +138,6 @@ def fit_windows(
         Least number of steps, however little they promise, and the largest.
     tolerance : float, default=1e-5
         Relative decrease of the objective at which the fit ends.
-
     hopeless : float, optional
         Objective that must come into reach: the fit ends where `OPTIMISM` times the decrease that
         a linear model promises would still leave it above.
