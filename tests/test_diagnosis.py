@@ -7,6 +7,7 @@ diagnosis sees the records and a prior whose parameters are up to 7 % off.
 import copy
 import json
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,8 +15,18 @@ from sklearn.base import clone
 
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects, systems
 from sklearn_pgnn.datasets import make_hidden_effect, make_two_tanks
-from sklearn_pgnn.diagnosis.hypothesis import held_parameters, possible_causes, same_parameter
+from sklearn_pgnn.diagnosis.fitting import Fitter
+from sklearn_pgnn.diagnosis.hypothesis import (
+    held_parameters,
+    possible_causes,
+    same_causes,
+    same_parameter,
+)
+from sklearn_pgnn.diagnosis.pairs import foretell_pairs
+from sklearn_pgnn.diagnosis.setting import make_setting
 from sklearn_pgnn.exceptions import RecordError
+from sklearn_pgnn.simulation.windows import Windows
+from sklearn_pgnn.trajectories import read_records
 
 RECORDS = {"n_records": 6, "sample_rate": 125.0}
 SEED = 7
@@ -84,14 +95,15 @@ def test_nothing_is_named_on_other_machines_either(system):
         ("input_dead_zone", "stribeck_friction"),
         ("actuator_lag", "constant_load"),
         ("coulomb_friction", "input_bias"),
-        ("input_saturation", "quadratic_drag", "cogging"),
+        ("input_saturation", "quadratic_drag", "coulomb_friction"),
     ],
     ids=" and ".join,
 )
 def test_several_hidden_effects_are_named_and_no_other(kinds):
     cart = systems.cart_on_spring()
     hidden = make_hidden_effect(cart, kinds, random_state=SEED, **RIGS[systems.cart_on_spring])
-    diagnosis = diagnose(hidden)
+    without_grids = [effect for effect in effects.CATALOGUE if effect is not effects.Cogging]
+    diagnosis = diagnose(hidden, catalogue=without_grids)
     truth = {expected_name(hidden.prior, effect) for effect in hidden.effects}
     groups = [names(cause) for cause in diagnosis.causes_]
     assert len(groups) == len(kinds), groups
@@ -217,6 +229,45 @@ def test_an_effect_that_a_parameter_holds_is_no_suspect():
     assert ("viscous_friction", "omega") not in suspects
     assert ("wrong_parameter", "d") in suspects
     assert held_parameters(golf, (effects.AsymmetricFriction, "omega")) == ("d",)
+
+
+def test_effects_that_say_the_same_are_one_suspect():
+    cart = systems.cart_on_spring()
+    suspects = possible_causes(cart, [effects.ConstantLoad, effects.InputBias, effects.SensorBias])
+    load, bias, sensor = suspects
+    assert same_causes(cart, suspects)[load] == (bias,)
+    assert same_causes(cart, suspects)[sensor] == ()
+
+
+def test_the_two_causes_that_explain_most_together_are_foretold():
+    cart = systems.cart_on_spring()
+    truth = (effects.QuadraticDrag("v", 0.6), effects.ConstantLoad("v", 0.8))
+    hidden = make_hidden_effect(cart, truth, random_state=SEED, **RIGS[systems.cart_on_spring])
+    setting = make_setting(hidden.prior, read_records(hidden.prior, hidden.X, hidden.y))
+    fitter = Fitter(setting)
+    ground = fitter.sketch(fitter.base())
+    kinds = (
+        effects.QuadraticDrag,
+        effects.ConstantLoad,
+        effects.CubicStiffness,
+        effects.CoulombFriction,
+    )
+    alone = [fitter.settle(fitter.look(ground, (kind, "v"))) for kind in kinds]
+    left, *pair = foretell_pairs(ground, alone, fitter.rough.windows)[0]
+    assert {effect for effect, _ in pair} == {effects.QuadraticDrag, effects.ConstantLoad}
+    assert left < 0.5 * min(sketch.squares for sketch in alone)
+
+
+def test_thinned_windows_hold_the_mean_of_the_inputs():
+    t, u = np.arange(10.0), np.arange(10.0)[:, None]
+    bounds = np.array([0, 10])
+    windows = Windows(t, u, u, bounds, np.array([0, 5]), np.array([5, 5]), np.ones(1))
+    thin = windows.thin(2)
+    np.testing.assert_array_equal(thin.t, [0, 2, 4, 5, 7, 9])
+    np.testing.assert_array_equal(thin.u[:, 0], [0.5, 2.5, 4.0, 5.5, 7.5, 9.0])
+    np.testing.assert_array_equal(thin.starts, [0, 3])
+    np.testing.assert_array_equal(thin.bounds, [0, 6])
+    np.testing.assert_array_equal(replace(windows, hold="foh").thin(2).u, thin.t[:, None])
 
 
 def test_too_little_data_is_refused():

@@ -137,7 +137,7 @@ class Search:
                 break
             current = self._eliminate(best)
         base = self.fitter.base()
-        current = self._split(self._swap(current, tried))
+        current = self._split(self._swap(current, tried), tried)
         steps = self._in_order(base, current)
         alternatives = {c: self._alternatives(current, c, tried) for c in current.hypothesis.causes}
         return Outcome(base, steps, alternatives, self._noise(current), self._of_all(tried))
@@ -331,7 +331,8 @@ class Search:
         significance = self.rules.significance
         if _is_fall(worse, better, significance):
             return True
-        return _mean_in_errors(np.log(worse / better) / 2) > significance
+        seen = (worse > 0) & (better > 0)
+        return _mean_in_errors(np.log(worse[seen] / better[seen])) > significance
 
     def _held_out(self, trial: Trial) -> np.ndarray:
         return self.fitter.held_out(trial, self.folds).sum(axis=-1)
@@ -382,15 +383,26 @@ class Search:
             and (1.0 - left > enough or self.fitter.knows(without.hypothesis.plus(other)))
         ]
 
-    def _split(self, trial: Trial) -> Trial:
+    def _split(self, trial: Trial, tried) -> Trial:
         """Let parts of a cause stand on their own where that says the same with fewer numbers."""
-        sketch = self.fitter.sketch(trial)
-        for cause in trial.hypothesis.causes:
-            for apart in self._apart(sketch, cause):
-                split = self.fitter.complete(apart, trial)
-                if np.isfinite(split.squares) and self.as_good(trial, split):
-                    return self._eliminate(split)
+        for ground in (trial, *self._equals(trial, tried)):
+            sketch = self.fitter.sketch(ground)
+            aparts = [a for cause in ground.hypothesis.causes for a in self._apart(sketch, cause)]
+            for apart in sorted(aparts, key=_n_parameters):
+                if _n_parameters(apart) < _n_parameters(trial):
+                    split = self.fitter.complete(apart, ground)
+                    if np.isfinite(split.squares) and self.as_good(trial, split):
+                        return self._eliminate(split)
         return trial
+
+    def _equals(self, trial: Trial, tried) -> list[Trial]:
+        """Give what is as good with another cause in one's place, if any cause has parts."""
+        causes = trial.hypothesis.causes
+        if len(causes) < 2 or not any(effect.generalises for effect, _ in causes):
+            return []
+        sketches = [s for cause in causes for s in self._replacements(trial, cause, tried)]
+        swapped = [self._complete(sketch, trial) for sketch in sketches]
+        return [s for s in swapped if np.isfinite(s.squares) and self.as_good(trial, s)]
 
     def _apart(self, sketch: Sketch, cause: Cause) -> list[Sketch]:
         """Sketch a cause beside a part of it, and its special cases without it."""
@@ -400,9 +412,7 @@ class Search:
         special = [c for c in kin if c[0].id in effect.generalises]
         for others in [[c] for c in special] + ([special] if len(special) > 1 else []):
             found.append(self.fitter.exchange(sketch, cause, others))
-        fewest = sketch.hypothesis.n_parameters
-        fewer = [apart for apart in found if apart.hypothesis.n_parameters < fewest]
-        return sorted(fewer, key=lambda apart: apart.hypothesis.n_parameters)
+        return found
 
     # -- result --------------------------------------------------------------------------------
 
@@ -440,6 +450,10 @@ class Search:
 
 def _objective(trial: Trial) -> float:
     return trial.fit.objective
+
+
+def _n_parameters(trial: Trial) -> int:
+    return trial.hypothesis.n_parameters
 
 
 def _is_fall(worse: np.ndarray, better: np.ndarray, significance: float) -> bool:

@@ -138,7 +138,6 @@ def fit_windows(
         Least number of steps, however little they promise, and the largest.
     tolerance : float, default=1e-5
         Relative decrease of the objective at which the fit ends.
-
     hopeless : float, optional
         Objective that must come into reach: the fit ends where `OPTIMISM` times the decrease that
         a linear model promises would still leave it above.
@@ -353,7 +352,7 @@ def _bounded_step(hessian, gradient, damping, low, high):
     """Solve the damped normal equations within bounds; what the data do not see stays."""
     if gradient.size == 0 or np.isinf(damping):
         return np.zeros_like(gradient)
-    size = np.sqrt(np.diag(hessian))
+    size = np.sqrt(np.maximum(np.diag(hessian), 0.0))
     size = np.where(size > 0, size, 1.0)
     scaled = hessian / np.outer(size, size) + damping * np.eye(size.size)
     values, vectors = np.linalg.eigh(scaled)
