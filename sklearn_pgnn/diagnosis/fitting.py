@@ -23,6 +23,8 @@ GLANCE, GLANCE_TOLERANCE = 4, 1e-2
 LOOK_STEPS = 3
 #: relative decrease at which a sketch, and a fit from a known minimum, end; and a fit on all
 SKETCH_TOLERANCE, TOLERANCE = 1e-3, 1e-4
+#: least steps with which the accepted hypothesis is fitted on, and where that ends
+POLISH_STEPS, POLISH_TOLERANCE = 3, 1e-7
 #: steps for the initial states alone, which are nearly linear
 PRIOR_STEPS = 8
 
@@ -145,6 +147,21 @@ class Fitter:
         """Fit a hypothesis again from the numbers of a finer one: its own may have got stuck."""
         self.sketch(trial)
         return self.complete(self._derive(self.sketch(better), trial.hypothesis), better)
+
+    def polish(self, trial: Trial) -> Trial:
+        """Fit a hypothesis on to its minimum."""
+        fit = fit_windows(
+            trial.fit.model,
+            self.setting.windows,
+            trial.fit.freedoms,
+            *self._start(trial.fit.model),
+            x0_start=trial.fit.x0,
+            evaluation=trial.fit.evaluation,
+            min_steps=POLISH_STEPS,
+            tolerance=POLISH_TOLERANCE,
+        )
+        self._keep(Trial(trial.hypothesis, fit))
+        return Trial(trial.hypothesis, self._trials[trial.hypothesis.key].fit)
 
     def _keep(self, trial: Trial) -> None:
         """Remember a trial unless a better one of the same hypothesis is known."""
