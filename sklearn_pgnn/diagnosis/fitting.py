@@ -23,8 +23,8 @@ GLANCE, GLANCE_TOLERANCE = 4, 1e-2
 LOOK_STEPS = 3
 #: relative decrease at which a sketch, and a fit from a known minimum, end; and a fit on all
 SKETCH_TOLERANCE, TOLERANCE = 1e-3, 1e-4
-#: and one whose numbers are reported
-FINISHED = 1e-8
+#: least steps with which the accepted hypothesis is fitted on, and where that ends
+POLISH_STEPS, POLISH_TOLERANCE = 3, 1e-7
 #: steps for the initial states alone, which are nearly linear
 PRIOR_STEPS = 8
 
@@ -148,21 +148,21 @@ class Fitter:
         self.sketch(trial)
         return self.complete(self._derive(self.sketch(better), trial.hypothesis), better)
 
-    def finish(self, trial: Trial) -> Trial:
-        """Follow a fit to its very end, also along directions that the records hardly see."""
+    def polish(self, trial: Trial) -> Trial:
+        """Fit a hypothesis on to its minimum, also along directions that records hardly see."""
         model, start = trial.fit.model, self._start(trial.fit.model)
-        fits = [
-            fit_windows(
+        for x0 in (trial.fit.x0, start.x0):
+            fit = fit_windows(
                 model,
                 self.setting.windows,
                 trial.fit.freedoms,
                 *start,
                 x0_start=x0,
-                tolerance=FINISHED,
+                min_steps=POLISH_STEPS,
+                tolerance=POLISH_TOLERANCE,
             )
-            for x0 in (trial.fit.x0, start.x0)
-        ]
-        return Trial(trial.hypothesis, min((trial.fit, *fits), key=lambda fit: fit.objective))
+            self._keep(Trial(trial.hypothesis, fit))
+        return Trial(trial.hypothesis, self._trials[trial.hypothesis.key].fit)
 
     def _keep(self, trial: Trial) -> None:
         """Remember a trial unless a better one of the same hypothesis is known."""

@@ -40,7 +40,7 @@ from sklearn_pgnn.trajectories.validation import validate_table
 TOO_LARGE, SMALL = 30.0, 3.0
 #: what is left above the noise, as a share of the re-tuned prior's error power, when a cause
 #: outside the catalogue must be at work
-UNEXPLAINED = 0.5
+UNEXPLAINED = 0.1
 #: experiments that are kept for two causes
 SHOWN = 3
 
@@ -205,7 +205,7 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         beyond = Beyond()
         search = Search(fitter, suspects, rules, self.progress or _silent, beyond.is_better)
         outcome, self.missing_ = beyond.judge(search, search.run())
-        outcome = _finished(fitter, outcome)
+        outcome.base = fitter.polish(outcome.base)
         self._keep(fitter, search, outcome)
         self.data_quality_ = check_data_quality(
             fitter.setting,
@@ -522,12 +522,6 @@ def _check_detectability(power, noise) -> None:
         raise ValueError(f"power: expected a number between 0 and 1, got {power!r}.")
     if noise not in ("residual", "white"):
         raise ValueError(f"noise: expected 'residual' or 'white', got {noise!r}.")
-
-
-def _finished(fitter: Fitter, outcome: Outcome) -> Outcome:
-    """Follow the fits whose numbers are reported to their very end."""
-    steps = [*outcome.steps[:-1], *(fitter.finish(step) for step in outcome.steps[-1:])]
-    return replace(outcome, base=fitter.finish(outcome.base), steps=steps)
 
 
 def _silent(stage: str, done: int, total: int) -> None:

@@ -137,7 +137,7 @@ class Search:
                 break
             current = self._eliminate(best)
         base = self.fitter.base()
-        current = self._split(self._swap(current, tried), tried)
+        current = self.fitter.polish(self._split(self._swap(current, tried), tried))
         steps = self._in_order(base, current)
         alternatives = {c: self._alternatives(current, c, tried) for c in current.hypothesis.causes}
         return Outcome(base, steps, alternatives, self._noise(current), self._of_all(tried))

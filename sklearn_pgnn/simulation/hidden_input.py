@@ -119,7 +119,7 @@ def find_hidden_input(
     Returns
     -------
     HiddenInput
-        The hidden input; its likelihood is minus infinity where no filter ran to the end.
+        The hidden input; NaN in a record in which the filter did not run to the end.
     """
     filtered = _Filter(with_hidden_input(model, channel), windows, x, spread, size)
 
@@ -151,7 +151,7 @@ class _Filter:
         (a, b), nx, windows = span, start.size, self.windows
         states = np.empty((b - a, nx)), np.empty((b - a, nx, nx))
         predicted = np.empty((b - a, nx)), np.empty((b - a, nx, nx))
-        steps = np.empty((b - a, nx, nx))
+        steps = np.zeros((b - a, nx, nx))
         diffusion = np.append(1e-8 * np.diag(self.P0)[:-1], intensity)
         likelihood = run_filter(
             self.function,
@@ -183,8 +183,11 @@ class _Filter:
         """Give the smoothed states with the hidden input last, and its standard errors."""
         states, errors = [], []
         for span, start in zip(self.spans, self.starts, strict=True):
-            _, (X, P, *predicted) = self._run(intensity, span, start)
-            run_smoother(X, P, *predicted)
+            likelihood, (X, P, *predicted) = self._run(intensity, span, start)
+            if np.isfinite(likelihood) and all(np.isfinite(part).all() for part in (X, *predicted)):
+                run_smoother(X, P, *predicted)
+            else:
+                X[:], P[:] = np.nan, np.nan
             states.append(X)
             errors.append(np.sqrt(np.maximum(P[:, -1, -1], 0.0)))
         return np.concatenate(states), np.concatenate(errors)
