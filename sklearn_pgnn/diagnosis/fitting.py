@@ -24,7 +24,7 @@ LOOK_STEPS = 3
 #: relative decrease at which a sketch, and a fit from a known minimum, end; and a fit on all
 SKETCH_TOLERANCE, TOLERANCE = 1e-3, 1e-4
 #: least steps with which the accepted hypothesis is fitted on, and where that ends
-POLISH_STEPS, POLISH_TOLERANCE = 3, 1e-7
+POLISH_STEPS, POLISH_TOLERANCE = 3, 1e-9
 #: steps for the initial states alone, which are nearly linear
 PRIOR_STEPS = 8
 
@@ -159,6 +159,7 @@ class Fitter:
                 *start,
                 x0_start=x0,
                 min_steps=POLISH_STEPS,
+                max_steps=100,
                 tolerance=POLISH_TOLERANCE,
             )
             self._keep(Trial(trial.hypothesis, fit))

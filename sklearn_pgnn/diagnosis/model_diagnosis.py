@@ -205,7 +205,6 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         beyond = Beyond()
         search = Search(fitter, suspects, rules, self.progress or _silent, beyond.is_better)
         outcome, self.missing_ = beyond.judge(search, search.run())
-        outcome.base = fitter.polish(outcome.base)
         self._keep(fitter, search, outcome)
         self.data_quality_ = check_data_quality(
             fitter.setting,

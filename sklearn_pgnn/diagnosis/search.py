@@ -136,11 +136,17 @@ class Search:
             if best is None:
                 break
             current = self._eliminate(best)
+        current = self._confirmed(self._split(self._swap(current, tried), tried))
         base = self.fitter.base()
-        current = self.fitter.polish(self._split(self._swap(current, tried), tried))
         steps = self._in_order(base, current)
         alternatives = {c: self._alternatives(current, c, tried) for c in current.hypothesis.causes}
         return Outcome(base, steps, alternatives, self._noise(current), self._of_all(tried))
+
+    def _confirmed(self, trial: Trial) -> Trial:
+        """Fit the causes to their end, and judge once more the one that stands alone."""
+        trial, base = self.fitter.polish(trial), self.fitter.polish(self.fitter.base())
+        alone = len(trial.hypothesis.causes) == 1
+        return base if alone and not self._is_gain(base, trial) else trial
 
     def _of_all(self, tried: dict[Cause, float]) -> dict[Cause, float]:
         """Say of causes that are the same as others what was found of these."""
