@@ -13,11 +13,11 @@ import sympy
 from sklearn_pgnn.diagnosis.records import DiagnosisRecords
 from sklearn_pgnn.inspection.balance import Samples, shown_states, starts
 from sklearn_pgnn.inspection.style import label
-from sklearn_pgnn.inspection.words import cause_name
+from sklearn_pgnn.inspection.words import cause_name, missing_place
 from sklearn_pgnn.physics.effects import CATALOGUE
 from sklearn_pgnn.physics.effects.inputs import ACTUATOR_STATES
 from sklearn_pgnn.physics.effects.rates import force_unit, positions
-from sklearn_pgnn.physics.expressions import symbol
+from sklearn_pgnn.physics.expressions import parse_expression, symbol
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.windows import evaluate
 
@@ -130,6 +130,38 @@ def find_evidence(diagnosis, cause) -> Evidence:
     case = make_case(diagnosis, cause)
     found = (way(case) for way in WAYS)
     return next(evidence for evidence in found if evidence is not None)
+
+
+def missing_evidence(diagnosis) -> Evidence:
+    """Give the evidence for what has no name: its smoothed course over what its formula says.
+
+    Parameters
+    ----------
+    diagnosis : ModelDiagnosis
+        A fitted diagnosis whose `missing_` is not None.
+
+    Returns
+    -------
+    Evidence
+        Points of the records, and the line on which the formula is right.
+    """
+    part, records = diagnosis.missing_, diagnosis.records_
+    full = diagnosis.extended_model_ + part.effect
+    known = (*full.states, *full.inputs)
+    terms = (parse_expression(term, known) for term in part.effect.terms)
+    said = sympy.Add(*(c * term for c, term in zip(part.effect.coefficients, terms, strict=True)))
+    samples = Samples.of(records, diagnosis.extended_model_, diagnosis.extended_model_)
+    x = samples.value(said)
+    grid = _grid(x)
+    return Evidence(
+        title=f"What is missing in {missing_place(diagnosis)}",
+        x_label=f"by the formula {part.formula}",
+        y_label="as the records show it",
+        points=(x, part.course),
+        lines=(Line(grid, grid, "extended", "the formula"),),
+        note="Every point is a moment of the records: the smoothed course of what is missing, over "
+        "what its formula says. About the line, the formula describes it.",
+    )
 
 
 def known_effects(diagnosis) -> dict:

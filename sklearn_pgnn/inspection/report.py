@@ -14,7 +14,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from sklearn_pgnn.inspection.display import compare, draw_comparison, draw_evidence
 from sklearn_pgnn.inspection.equations import equations_of
-from sklearn_pgnn.inspection.evidence import find_evidence, known_effects
+from sklearn_pgnn.inspection.evidence import find_evidence, known_effects, missing_evidence
 from sklearn_pgnn.inspection.style import new_figure, to_png
 from sklearn_pgnn.inspection.words import (
     VERDICTS,
@@ -82,7 +82,7 @@ def report_content(diagnosis) -> dict:
         "data_quality": diagnosis.data_quality_,
         "causes": [_cause(diagnosis, cause) for cause in diagnosis.causes_],
         "comparisons": [_comparison(diagnosis, kind) for kind in ("free_run", "windows")],
-        "evidence": [_evidence(diagnosis, cause) for cause in diagnosis.causes_],
+        "evidence": _all_evidence(diagnosis),
         "gain": [_gain(name, gain) for name, gain in diagnosis.gain_.items()],
         "parameters": [_parameter(name, p) for name, p in diagnosis.parameters_.items()],
         "equation_blocks": _equation_blocks(diagnosis),
@@ -215,11 +215,21 @@ def _comparison(diagnosis, kind) -> dict:
     return _figure(figure, f"measured and simulated outputs, {comparison.title}", captions[kind])
 
 
-def _evidence(diagnosis, cause) -> dict:
-    evidence = find_evidence(diagnosis, cause)
+def _all_evidence(diagnosis) -> list[dict]:
+    """Draw the evidence for every cause, and for what has no name."""
+    drawn = [
+        _evidence(find_evidence(diagnosis, cause), cause_name(cause.effect, cause.target))
+        for cause in diagnosis.causes_
+    ]
+    if diagnosis.missing_ is not None:
+        drawn.append(_evidence(missing_evidence(diagnosis), "what is missing and has no name"))
+    return drawn
+
+
+def _evidence(evidence, alt) -> dict:
     figure = new_figure(8.0, 3.6)
     draw_evidence(figure.subplots(), evidence)
-    return _figure(figure, cause_name(cause.effect, cause.target), evidence.note)
+    return _figure(figure, alt, evidence.note)
 
 
 def _figure(figure, alt, caption) -> dict:

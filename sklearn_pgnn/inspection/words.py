@@ -140,9 +140,32 @@ def verdict_sentence(diagnosis) -> str:
         "ambiguous": f"The model of the {name} misses {names}, or {_others(diagnosis)}: "
         f"these records cannot tell. {_worth(diagnosis)}",
         "unexplained": f"The model of the {name} misses something that no known effect "
-        f"explains{f'; {names} is a part of it' if causes else ''}.",
+        f"explains{f'; {names} is a part of it' if causes else ''}. {_described(diagnosis)}",
     }
     return sentences[diagnosis.verdict_].rstrip()
+
+
+def missing_place(diagnosis) -> str:
+    """Say where something is missing that has no name."""
+    target = diagnosis.missing_.target
+    return f"the rate of {target}" if target in diagnosis.model.states else target
+
+
+def _described(diagnosis) -> str:
+    """Say where something nameless is missing, what it depends on, and its formula."""
+    part = diagnosis.missing_
+    if part is None:
+        return ""
+    on = (
+        f"It depends on {listed(part.quantities)}, which explain {percent(part.share)} of its "
+        f"smoothed course. "
+        if part.quantities
+        else ""
+    )
+    return (
+        f"It is missing in {missing_place(diagnosis)}. {on}With {part.formula} added there the "
+        f"model leaves {number(part.error, 3)} times the noise."
+    )
 
 
 def _others(diagnosis) -> str:
