@@ -196,9 +196,10 @@ class PeriodicDisturbance(RateEffect):
 
     @classmethod
     def starts(cls, target, model, scales):
-        """Start at the lines in the spectrum of the missing rate."""
+        """Start at the lines in the spectrum of the missing rate, or at one wave a window."""
         force = 0.02 * force_scale(target, model, scales)
-        return tuple(cls(target, force, force, line) for line in scales.tones.get(target, ()))
+        lines = scales.tones.get(target) or (1.0 / scales.window,)
+        return tuple(cls(target, force, force, line) for line in lines)
 
     @classmethod
     def limits(cls, target, model, scales):

@@ -116,9 +116,10 @@ class Cogging(PositionEffect):
 
     @classmethod
     def starts(cls, target, model, scales):
-        """Start at the periods that stand out in the missing rate over the position."""
+        """Start at the periods that stand out in the missing rate, or at half of the travel."""
         force = 0.02 * force_scale(target, model, scales)
-        return tuple(cls(target, force, force, period) for period in scales.ripples.get(target, ()))
+        periods = scales.ripples.get(target) or (scales.peak[positions(model)[target]],)
+        return tuple(cls(target, force, force, period) for period in periods)
 
     @classmethod
     def limits(cls, target, model, scales):
