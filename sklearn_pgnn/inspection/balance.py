@@ -65,7 +65,8 @@ class Samples:
 
     def value(self, expression, **other) -> np.ndarray:
         """Evaluate an expression at every sample, with other values in place of some."""
-        return evaluate_samples(expression, {**self.table, **other}, self.records.windows.t.size)
+        table = {**self.table, **other}
+        return evaluate_samples(expression, table, np.size(table["t"]))
 
     @property
     def span(self) -> int:
