@@ -1,0 +1,165 @@
+"""What a diagnosis names where one effect is hidden, and where nothing is.
+
+Every effect of the catalogue is hidden, one at a time, in the records of four machines of different
+kinds, made by the integrator of `datasets`; the prior's parameters are up to 7 % off. An effect
+counts as named if it alone is named, or is in the group that is said to be inseparable; as absorbed
+if re-tuning the parameters within their spread already leaves only noise, so that nothing is left
+to name; else as missed or, where another cause is named, as wrong. The table is written to
+``docs/tables/diagnosis.rst``. Run:
+``python benchmarks/diagnosis.py [--seeds 1] [--noise 1 5] [--jobs 2] [--systems golf ...]``.
+"""
+
+import argparse
+import datetime
+import warnings
+from collections import Counter, defaultdict
+from pathlib import Path
+
+import numpy as np
+from joblib import Parallel, delayed
+
+import sklearn_pgnn
+from sklearn_pgnn import ModelDiagnosis, PhysicsModel, datasets, effects, systems
+from sklearn_pgnn.diagnosis.hypothesis import same_parameter
+
+TABLE = Path(__file__).parent.parent / "docs" / "tables" / "diagnosis.rst"
+#: diagnoses of records in which nothing is hidden, for every system, noise and seed
+NOTHING = 5
+OUTCOMES = ("named", "absorbed", "missed", "wrong")
+
+
+def motor() -> PhysicsModel:
+    """Give a DC motor whose speed and current are measured."""
+    return PhysicsModel(
+        name="DC motor",
+        states={"w": "rad/s", "i": "A"},
+        inputs={"U": "V"},
+        outputs={"speed": "w", "current": "i"},
+        parameters={
+            "J": {"value": 0.02, "unit": "kg m^2", "bounds": [1e-4, 1]},
+            "d": {"value": 0.01, "unit": "N m s/rad", "bounds": [0, 1]},
+            "K": {"value": 0.5, "unit": "N m/A", "bounds": [0.01, 10]},
+            "R": {"value": 2.0, "unit": "Ohm", "bounds": [0.01, 100]},
+            "L": {"value": 0.1, "unit": "H", "bounds": [1e-4, 10]},
+        },
+        equations={"w": "(K*i - d*w)/J", "i": "(U - R*i - K*w)/L"},
+        inertia={"w": "J"},
+    )
+
+
+#: model, noise of the outputs and what else makes the records
+SYSTEMS = {
+    "golf": (systems.golf_robot, 1e-3, {"n_records": 6, "sample_rate": 125.0}),
+    "cart": (systems.cart_on_spring, 1e-3, {"n_records": 6, "sample_rate": 200.0}),
+    "tanks": (
+        systems.two_tanks,
+        1e-2,
+        {
+            "n_records": 4,
+            "duration": 600.0,
+            "sample_rate": 1.0,
+            "excitation": ("multisine", "chirp"),
+            "amplitude": 2.7,
+        },
+    ),
+    "motor": (
+        motor,
+        1e-2,
+        {"n_records": 6, "sample_rate": 200.0, "duration": 6.0, "amplitude": 10.0},
+    ),
+}
+
+
+def diagnose(system, effect, noise, seed):
+    """Hide an effect (or None) and say what came of it."""
+    warnings.simplefilter("ignore")
+    make, level, options = SYSTEMS[system]
+    hidden = datasets.make_hidden_effect(make(), effect, noise=level, random_state=seed, **options)
+    rng = np.random.default_rng(seed)
+    y = hidden.y + level * np.sqrt(noise**2 - 1) * rng.standard_normal(hidden.y.shape)
+    diagnosis = ModelDiagnosis(hidden.prior, n_jobs=1).fit(hidden.X, y)
+    groups = [
+        {(cause.effect, cause.target), *map(tuple, cause.confused_with)}
+        for cause in diagnosis.causes_
+    ]
+    return system, effect, noise, _outcome(diagnosis, hidden, groups)
+
+
+def _outcome(diagnosis, hidden, groups) -> str:
+    if hidden.effect is None:
+        return "wrong" if groups or diagnosis.verdict_ == "unexplained" else "named"
+    parameter = same_parameter(hidden.prior, hidden.effect)
+    truth = (hidden.effect.id, hidden.effect.target)
+    truth = truth if parameter is None else ("wrong_parameter", parameter)
+    if len(groups) == 1 and truth in groups[0]:
+        return "named"
+    if groups:
+        return "wrong"
+    return "absorbed" if diagnosis.verdict_ == "model_adequate" else "missed"
+
+
+def write_table(results, seeds):
+    """Write how often every effect was named, of how many, by system and noise."""
+    columns = sorted({(system, noise) for system, _, noise, _ in results})
+    counts = defaultdict(Counter)
+    for system, effect, noise, outcome in results:
+        counts[effect, system, noise][outcome] += 1
+        counts["all effects" if effect else None, system, noise][outcome] += 1
+    rows = [*(kind.id for kind in effects.CATALOGUE), "all effects", None]
+    lines = [
+        f"Written on {datetime.date.today().isoformat()} by sklearn-pgnn "
+        f"{sklearn_pgnn.__version__}, {seeds} seed(s); named / absorbed / missed / wrong.",
+        "",
+        ".. list-table::",
+        "   :header-rows: 1",
+        "",
+        "   * - hidden",
+        *(f"     - {system}, {noise:g} x noise" for system, noise in columns),
+    ]
+    for effect in rows:
+        cells = [counts.get((effect, *column)) for column in columns]
+        if any(cells):
+            lines.append(f"   * - {effect or 'nothing (quiet / - / - / false alarm)'}")
+            lines += [f"     - {_cell(cell)}" for cell in cells]
+    TABLE.parent.mkdir(exist_ok=True)
+    TABLE.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _cell(counter) -> str:
+    return " / ".join(str(counter[outcome]) for outcome in OUTCOMES) if counter else ""
+
+
+def main():
+    """Hide, diagnose and count."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seeds", type=int, default=1)
+    parser.add_argument("--noise", type=float, nargs="+", default=[1.0, 5.0])
+    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--systems", nargs="+", choices=SYSTEMS, default=list(SYSTEMS))
+    said = parser.parse_args()
+    tasks = [
+        (system, kind.id, noise, seed)
+        for noise in said.noise
+        for system in said.systems
+        for kind in effects.CATALOGUE
+        if kind.targets(SYSTEMS[system][0]())
+        for seed in range(said.seeds)
+    ]
+    tasks += [
+        (system, None, noise, 1000 + seed)
+        for noise in said.noise
+        for system in said.systems
+        for seed in range(NOTHING * said.seeds)
+    ]
+    results = []
+    run = Parallel(n_jobs=said.jobs, return_as="generator_unordered")
+    for result in run(delayed(diagnose)(*task) for task in tasks):
+        results.append(result)
+        print(*result, flush=True)
+        write_table(results, said.seeds)
+    print(Counter(outcome for _, effect, _, outcome in results if effect))
+    print("nothing hidden:", Counter(outcome for _, effect, _, outcome in results if not effect))
+
+
+if __name__ == "__main__":
+    main()
