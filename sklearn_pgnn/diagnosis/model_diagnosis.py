@@ -27,7 +27,13 @@ from sklearn_pgnn.diagnosis.result import (
 )
 from sklearn_pgnn.diagnosis.search import Outcome, Rules, Search
 from sklearn_pgnn.diagnosis.separation import Separation, plain_separation, separate
-from sklearn_pgnn.diagnosis.setting import check_records, longer, make_setting, shorter
+from sklearn_pgnn.diagnosis.setting import (
+    check_records,
+    longer,
+    make_setting,
+    shorter,
+    with_prior_spreads,
+)
 from sklearn_pgnn.physics.effects import CATALOGUE
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.readings import reading
@@ -240,7 +246,7 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         )
         self.parameters_ = retuned_parameters(setting, final.fit)
         self.refitted_model_ = outcome.base.fit.model
-        self.extended_model_ = _with_prior_spreads(final.fit.model, self.model)
+        self.extended_model_ = with_prior_spreads(final.fit.model, self.model)
         self.verdict_ = self._verdict(search, outcome)
         self.window_ = setting.scales.window
         self.substeps_ = setting.windows.substeps
@@ -529,12 +535,3 @@ def _silent(stage: str, done: int, total: int) -> None:
 
 def _seed(random_state) -> int:
     return int(check_random_state(random_state).randint(2**31 - 1))
-
-
-def _with_prior_spreads(model: PhysicsModel, prior: PhysicsModel) -> PhysicsModel:
-    """Give freed parameters the spread they had in the prior."""
-    changes = {
-        name: model.parameters[name].with_spread(prior.parameters[name].spread)
-        for name in prior.parameters
-    }
-    return model.with_parameters(**changes)

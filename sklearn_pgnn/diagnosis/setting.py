@@ -207,3 +207,23 @@ def check_records(model: PhysicsModel, records: tuple[Record, ...]) -> None:
                 f"output {name!r}: expected a signal that changes, got a constant. Remedy: record "
                 f"the machine in motion, or leave the output out of the model."
             )
+
+
+def with_prior_spreads(model: PhysicsModel, prior: PhysicsModel) -> PhysicsModel:
+    """Give the parameters of an extended model the spread they had in the prior.
+
+    Parameters
+    ----------
+    model, prior : PhysicsModel
+        The extended model and what it came from.
+
+    Returns
+    -------
+    PhysicsModel
+        The extended model; a parameter that was freed is no longer.
+    """
+    changes = {
+        name: model.parameters[name].with_spread(prior.parameters[name].spread)
+        for name in prior.parameters
+    }
+    return model.with_parameters(**changes)

@@ -10,7 +10,7 @@ from sklearn.ensemble import HistGradientBoostingRegressor
 from sklearn.model_selection import GroupKFold, cross_val_predict
 
 from sklearn_pgnn.diagnosis.fitting import Trial
-from sklearn_pgnn.diagnosis.setting import Setting
+from sklearn_pgnn.diagnosis.setting import Setting, with_prior_spreads
 from sklearn_pgnn.physics.effects.formula import Formula
 from sklearn_pgnn.physics.effects.rates import is_velocity, positions
 from sklearn_pgnn.physics.expressions import TIME, symbol, to_text
@@ -44,9 +44,11 @@ class MissingPart:
     share : float
         Share of its smoothed course that they explain, on records not used for it; from 0 to 1.
     effect : Formula
-        Terms that describe it; ``model + part.effect`` has them.
+        Terms that describe it; any model plus the effect has them.
     error : float
         Error over windows that the re-tuned prior with these terms leaves, in units of the noise.
+    model : PhysicsModel
+        The model with the terms, fitted together.
     course : ndarray of shape (n_samples,)
         Its smoothed course [unit of the target; per second for a state].
     """
@@ -56,6 +58,7 @@ class MissingPart:
     share: float
     effect: Formula
     error: float
+    model: PhysicsModel = field(repr=False)
     course: np.ndarray = field(repr=False)
 
     @property
@@ -190,7 +193,8 @@ def describe(setting: Setting, proposal: Proposal) -> MissingPart:
         columns = np.column_stack([table[name][rows] for name in quantities])
         share = _explained(columns, hidden.values[rows], _groups(setting)[rows])
     error = float(np.sqrt(fit.squares / setting.n_samples))
-    return MissingPart(effect.target, quantities, share, effect, error, hidden.values)
+    model = with_prior_spreads(fit.model, setting.prior)
+    return MissingPart(effect.target, quantities, share, effect, error, model, hidden.values)
 
 
 def is_known(model: PhysicsModel, effect: Formula) -> bool:

@@ -1,0 +1,124 @@
+"""Laws of the effects that have a state, a limit or a memory: known without the package."""
+
+import numpy as np
+import pytest
+
+from sklearn_pgnn import PhysicsModel, effects
+from sklearn_pgnn.diagnosis.lines import find_lines
+from sklearn_pgnn.diagnosis.setting import make_setting
+from sklearn_pgnn.trajectories import read_records
+
+T = np.arange(0, 10, 0.01)
+
+
+def block():
+    return PhysicsModel(
+        {"x": "m", "v": "m/s"},
+        {"x": "v", "v": "F/m"},
+        {"m": 2.0},
+        {"F": "N"},
+        {"position": "x"},
+        inertia={"v": "m"},
+    )
+
+
+def gain():
+    """Give a quick lag: its output is its input, nearly."""
+    return PhysicsModel({"y": ""}, {"y": "(u - y)/T"}, {"T": 0.02}, {"u": ""})
+
+
+def lag(**changes):
+    return PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 1.0}, {"u": "V"}, **changes)
+
+
+def test_a_rate_limit_is_the_largest_slope():
+    y = (lag() + effects.RateLimit("y", limit=0.3)).simulate(T, 2 * np.sign(np.sin(T))).y[:, 0]
+    assert np.abs(np.diff(y) / 0.01).max() == pytest.approx(0.3, rel=1e-6)
+
+
+def test_a_state_limit_is_never_passed():
+    limited = lag() + effects.StateLimit("y", limit=1.2, steepness=20.0)
+    y = limited.simulate(T, 2 * np.sign(np.sin(T)), substeps=4).y[:, 0]
+    assert np.abs(y).max() == pytest.approx(1.2, rel=1e-3)
+
+
+def test_a_leak_empties_exponentially():
+    tank = PhysicsModel({"h": "m"}, {"h": "q"}, {"A": 1.0}, {"q": "m/s"}, initial_state={"h": 1.0})
+    h = (tank + effects.Leak("h", coefficient=0.4)).simulate(T, np.zeros(T.size)).y[:, 0]
+    np.testing.assert_allclose(h, np.exp(-0.4 * T), rtol=1e-8)
+
+
+def test_backlash_is_the_play_operator():
+    u = np.sin(T)
+    played = gain() + effects.InputBacklash("u", width=0.4, time_constant=0.01)
+    y = played.simulate(T, u, substeps=4).y[:, 0]
+    play = np.zeros(T.size)
+    for k in range(1, T.size):
+        play[k] = min(max(play[k - 1], u[k] - 0.4), u[k] + 0.4)
+    assert np.abs(y - play).max() < 0.05
+
+
+def test_a_slewing_actuator_needs_time_in_proportion():
+    slewing = gain() + effects.InputRateLimit("u", limit=0.5, time_constant=0.01)
+    y = slewing.simulate(T, np.full(T.size, 2.0), [0.0, 0.0], substeps=4).y[:, 0]
+    middle = (T > 1) & (T < 3)
+    np.testing.assert_allclose(y[middle], 0.5 * (T[middle] - 0.02), atol=0.01)
+    assert y[T > 5] == pytest.approx(2.0, rel=1e-3)
+
+
+def test_hysteresis_stays_within_its_level_and_encloses_an_area():
+    rig = PhysicsModel(
+        {"x": "m", "v": "m/s"},
+        {"x": "v", "v": "(F - k*x - d*v)/m"},
+        {"m": 0.1, "k": 1.0, "d": 1.0},
+        {"F": "N"},
+        inertia={"v": "m"},
+    ) + effects.Hysteresis("v", level=0.5, deflection=0.05)
+    run = rig.simulate(T, 3 * np.sin(2 * T), substeps=8)
+    x, v, zeta = run.x.T
+    assert np.abs(zeta).max() <= 1.0 + 1e-6
+    assert np.abs(zeta).max() > 0.99
+    loss = np.trapezoid(0.5 * zeta * v, T)
+    assert loss > 0.5 * 0.5 * np.abs(np.diff(x)).sum()
+
+
+def test_an_end_stop_holds_what_it_stores():
+    stopped = block() + effects.EndStop("v", upper=0.5, lower=-0.5, stiffness=400.0)
+    run = stopped.simulate(T, np.zeros(T.size), [0.0, 1.0], substeps=20)
+    x, v = run.x.T
+    energy = v**2 + 200.0 * (np.maximum(x - 0.5, 0) ** 2 + np.minimum(x + 0.5, 0) ** 2)
+    np.testing.assert_allclose(energy, 1.0, rtol=1e-4)
+    assert np.abs(x).max() == pytest.approx(0.5 + np.sqrt(1 / 200.0), rel=1e-3)
+
+
+def test_a_late_sensor_shows_what_was():
+    u = np.where(T > 1, np.sin(T - 1), 0.0)
+    late = (lag() + effects.SensorDelay("y", delay=0.5)).simulate(T, u).y[:, 0]
+    now = lag().simulate(T, u).y[:, 0]
+    np.testing.assert_allclose(late[50:], now[:-50], atol=1e-9)
+
+
+def test_sensors_that_end_or_see_a_magnitude():
+    u = 2 * np.sin(T)
+    now = lag().simulate(T, u).y[:, 0]
+    ended = (lag() + effects.SensorSaturation("y", upper=0.7, lower=-0.2)).simulate(T, u).y[:, 0]
+    seen = (lag() + effects.SensorRectification("y")).simulate(T, u).y[:, 0]
+    np.testing.assert_allclose(ended, np.clip(now, -0.2, 0.7))
+    np.testing.assert_allclose(seen, np.abs(now))
+
+
+def test_a_drifting_parameter_moves_with_the_clock():
+    drifting = PhysicsModel({"y": ""}, {"y": "-k*y"}, {"k": 0.3}, initial_state={"y": 1.0})
+    y = (drifting + effects.ParameterDrift("k", rate=0.2)).simulate(T).y[:, 0]
+    np.testing.assert_allclose(y, np.exp(-0.3 * (T + 0.1 * T**2)), rtol=1e-7)
+
+
+def test_a_disturbance_is_found_in_the_spectrum_of_what_is_missing():
+    shaken = block() + effects.PeriodicDisturbance("v", sine=1.0, frequency=1.7)
+    F = 2 * np.sin(0.9 * T) + np.sin(2.3 * T)
+    x = shaken.simulate(T, F).y[:, 0] + 1e-4 * np.random.default_rng(0).standard_normal(T.size)
+    setting = make_setting(block(), read_records(block(), np.column_stack([T, F]), x))
+    estimate = setting.states.estimate(block())
+    tones, _ = find_lines(block(), setting.windows, estimate.x)
+    assert min(abs(tone - 1.7) for tone in tones["v"]) < 0.06
+    assert setting.scales.tones == tones

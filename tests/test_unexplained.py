@@ -1,0 +1,151 @@
+"""Where the catalogue ends: the hidden input is smoothed, placed, and described by a formula."""
+
+import json
+import pickle
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from sklearn_pgnn import ModelDiagnosis, PhysicsModel, systems
+from sklearn_pgnn.datasets import make_hidden_effect
+from sklearn_pgnn.diagnosis.setting import make_setting
+from sklearn_pgnn.estimators.sindyc_formula import leading_terms
+from sklearn_pgnn.exceptions import ModelError
+from sklearn_pgnn.physics.effects.formula import Formula
+from sklearn_pgnn.simulation.hidden_input import find_hidden_input
+from sklearn_pgnn.simulation.linear_response import linear_responses
+from sklearn_pgnn.simulation.windows import evaluate
+from sklearn_pgnn.trajectories import read_records
+
+RECORDS = {"n_records": 6, "sample_rate": 200.0}
+
+
+def hide(target, term, coefficient, seed=1):
+    effect = Formula(target, (term,), (coefficient,))
+    return make_hidden_effect(systems.cart_on_spring(), effect, random_state=seed, **RECORDS)
+
+
+@dataclass(frozen=True)
+class Ground:
+    setting: object
+    x: np.ndarray
+    spread: np.ndarray
+
+
+def ground(model, X, y):
+    setting = make_setting(model, read_records(model, X, y))
+    estimate = setting.states.estimate(model)
+    return Ground(setting, estimate.x, estimate.spread)
+
+
+# -- the parts -------------------------------------------------------------------------------------
+
+
+def test_a_hidden_force_is_smoothed_to_within_its_own_errors():
+    lag = PhysicsModel({"x": "V"}, {"x": "(u - x)/T"}, {"T": 0.5}, {"u": "V"})
+    t = np.arange(0, 20, 0.02)
+    hidden = 0.8 * np.sin(0.9 * t)
+    u = np.sign(np.sin(0.5 * t))
+    x = lag.simulate(t, u + 0.5 * hidden).y[:, 0]
+    y = x + 0.01 * np.random.default_rng(0).standard_normal(t.size)
+    found = ground(lag, np.column_stack([t, u]), y)
+    smoothed = find_hidden_input(
+        lag, found.setting.windows, "x", found.x, found.spread, 1.0, found.setting.period
+    )
+    inner = slice(50, -50)
+    deviation = (smoothed.values - hidden)[inner] / smoothed.errors[inner]
+    assert np.sqrt(np.mean(deviation**2)) < 1.5
+    assert np.corrcoef(smoothed.values[inner], hidden[inner])[0, 1] > 0.97
+
+
+@pytest.mark.parametrize("channel", ["v", "force", "position"])
+def test_linear_responses_are_those_of_small_added_inputs(channel):
+    cart = systems.cart_on_spring()
+    hidden = make_hidden_effect(cart, None, random_state=0, n_records=2, sample_rate=100.0)
+    setting = ground(hidden.prior, hidden.X, hidden.y).setting
+    model, windows = hidden.prior, setting.windows
+    x0 = setting.states.estimate(model).x[windows.starts]
+    theta = np.ones((windows.t.size, 1))
+    responses, by_state = linear_responses(model, windows, x0, channel, theta)
+    small = 1e-4
+    base = evaluate(model, windows, x0, ()).residual
+    moved = evaluate(model + Formula(channel, ("1",), (small,)), windows, x0, ()).residual
+    np.testing.assert_allclose(responses[:, :, 0], (base - moved) / small, atol=1e-6)
+    pushed = evaluate(model, windows, x0 + small * np.array([0.0, 1.0]), ()).residual
+    np.testing.assert_allclose(by_state[:, :, 1], (base - pushed) / small, atol=1e-6)
+
+
+def test_the_leading_terms_are_the_true_ones():
+    rng = np.random.default_rng(0)
+    columns = rng.standard_normal((400, 12))
+    target = 3.0 * columns[:, 7] - 0.5 * columns[:, 2] + 1e-3 * rng.standard_normal(400)
+    one, two = leading_terms(columns, target, 2)
+    assert list(np.flatnonzero(one)) == [7]
+    np.testing.assert_allclose(two[[7, 2]], [3.0, -0.5], atol=1e-3)
+
+
+def test_a_formula_of_unknown_quantities_is_refused():
+    with pytest.raises(ModelError, match="term of 'v'"):
+        systems.cart_on_spring() + Formula("v", ("nobody**2",), (1.0,))
+
+
+# -- the whole -------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def friction_that_grows_with_the_deflection():
+    hidden = hide("v", "v*x**2", -24.0)
+    return hidden, ModelDiagnosis(hidden.prior).fit(hidden.X, hidden.y)
+
+
+def test_what_has_no_name_is_placed_and_described(friction_that_grows_with_the_deflection):
+    _, diagnosis = friction_that_grows_with_the_deflection
+    assert diagnosis.verdict_ == "unexplained"
+    assert diagnosis.causes_ == ()
+    part = diagnosis.missing_
+    assert part.target == "v"
+    assert set(part.quantities) == {"x", "v"}
+    assert part.effect.terms == ("v*x**2",)
+    assert abs(part.effect.coefficients[0] / -24.0 - 1) < 0.03
+    assert part.share > 0.7
+    assert part.error < 1.05
+
+
+def test_its_formula_mends_the_model(friction_that_grows_with_the_deflection):
+    hidden, diagnosis = friction_that_grows_with_the_deflection
+    mended = ModelDiagnosis(diagnosis.missing_.model).fit(hidden.X, hidden.y)
+    assert mended.verdict_ == "model_adequate"
+    assert mended.missing_ is None
+
+
+def test_it_is_said_in_json_and_survives_pickling(friction_that_grows_with_the_deflection):
+    _, diagnosis = friction_that_grows_with_the_deflection
+    said = json.loads(json.dumps(diagnosis.to_dict(), allow_nan=False))["unexplained"]
+    assert said["target"] == "v"
+    assert said["formula"].endswith("*v*x**2")
+    assert pickle.loads(pickle.dumps(diagnosis)).to_dict() == diagnosis.to_dict()
+
+
+def test_the_report_shows_it(friction_that_grows_with_the_deflection, tmp_path):
+    _, diagnosis = friction_that_grows_with_the_deflection
+    diagnosis.to_html(tmp_path / "report.html")
+    text = (tmp_path / "report.html").read_text()
+    assert "misses something that no known effect explains" in text
+    assert "what is missing and has no name" in text
+
+
+def test_a_bent_sensor_is_told_from_a_force():
+    hidden = hide("position", "x**2", 0.25)
+    diagnosis = ModelDiagnosis(hidden.prior).fit(hidden.X, hidden.y)
+    assert diagnosis.verdict_ == "unexplained"
+    assert (diagnosis.missing_.target, diagnosis.missing_.effect.terms) == ("position", ("x**2",))
+
+
+def test_nothing_nameless_is_seen_where_a_known_effect_is_hidden():
+    hidden = make_hidden_effect(
+        systems.cart_on_spring(), "coulomb_friction", random_state=3, **RECORDS
+    )
+    diagnosis = ModelDiagnosis(hidden.prior).fit(hidden.X, hidden.y)
+    assert diagnosis.missing_ is None
+    assert diagnosis.to_dict()["unexplained"] is None
