@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pandas as pd
 
-from sklearn_pgnn.diagnosis.effect_size import main_field, nothing, sized
+from sklearn_pgnn.diagnosis.effect_size import has_size, main_field, nothing, sized
 from sklearn_pgnn.diagnosis.hypothesis import Cause
 from sklearn_pgnn.diagnosis.records import DiagnosisRecords
 from sklearn_pgnn.diagnosis.search import CLEARLY, FEW, Rules
@@ -330,7 +330,7 @@ def _moved(bench, fit) -> str:
 
 
 def detect_all(bench: Bench, suspects: Sequence[Cause], power: float) -> tuple[Detectable, ...]:
-    """Find the smallest size of every effect that the fitted model does not hold yet.
+    """Find the smallest size of every effect that has one and that the model does not hold yet.
 
     Parameters
     ----------
@@ -351,6 +351,8 @@ def detect_all(bench: Bench, suspects: Sequence[Cause], power: float) -> tuple[D
 
 def _fits(model: PhysicsModel, cause: Cause) -> bool:
     effect, target = cause
+    if not has_size(effect):
+        return False
     try:
         effect(target).apply(model)
     except ModelError:

@@ -7,11 +7,14 @@ import sympy
 from sklearn_pgnn.exceptions import ModelError
 from sklearn_pgnn.physics.effect import Effect, Scales
 from sklearn_pgnn.physics.effects import WrongParameter
+from sklearn_pgnn.physics.effects.rates import positions
 from sklearn_pgnn.physics.expressions import parse_expression, symbol
 from sklearn_pgnn.physics.model import PhysicsModel
 
 #: quantities that say over what an effect acts, not how strongly
-SHAPES = frozenset({"velocity", "period", "frequency", "phase", "exponent", "order"})
+SHAPES = frozenset(
+    {"velocity", "period", "frequency", "phase", "exponent", "order", "deflection", "shape"}
+)
 #: a default from here on means that a limit is never reached
 ENDLESS = 1e6
 #: of several strengths the first is taken whole and the others in this share
@@ -58,14 +61,14 @@ def sized(
     limits = kind.limits(target, model, scales)
     starts = kind.starts(target, model, scales)
     usual = starts[len(starts) // 2]
-    first = main_field(kind)
+    first, ends = main_field(kind), any(_is_end(f) for f in kind.quantities())
 
     def value(quantity, size):
         about, name = quantity.metadata, quantity.name
-        if name in SHAPES:
+        if _is_end(quantity):
+            wanted = _end(quantity, getattr(usual, name), limits[name], size)
+        elif ends or name in SHAPES or (name == "time_constant" and name != first):
             return getattr(usual, name)
-        if quantity.default >= ENDLESS:
-            wanted = (1.0 - size) * scales.peak[target]
         else:
             share = 1.0 if name == first else BESIDE
             wanted = share * size * _typical(about["unit"], scale)
@@ -73,6 +76,11 @@ def sized(
         return float(min(max(wanted, about["low"], low), about["high"], high))
 
     return lambda size: kind(target, **{f.name: value(f, size) for f in kind.quantities()})
+
+
+def has_size(kind: type[Effect]) -> bool:
+    """Tell whether an effect may be smaller or larger, or is there or not."""
+    return issubclass(kind, WrongParameter) or bool(kind.quantities())
 
 
 def main_field(kind: type[Effect]) -> str:
@@ -114,8 +122,20 @@ def nothing(kind: type[Effect], target: str, model: PhysicsModel, scales: Scales
     """
     if issubclass(kind, WrongParameter):
         return model.parameters[target].value
-    default = next(f.default for f in kind.quantities() if f.name == main_field(kind))
-    return scales.peak[target] if default >= ENDLESS else 0.0
+    main = next(f for f in kind.quantities() if f.name == main_field(kind))
+    return kind.limits(target, model, scales)[main.name][1] if _is_end(main) else 0.0
+
+
+def _is_end(quantity) -> bool:
+    """Tell whether a quantity is where something ends, so that large means nothing."""
+    return abs(quantity.default) >= ENDLESS
+
+
+def _end(quantity, usual, limits, size) -> float:
+    """Give an end: of a range, in proportion; of a rate, the usual one at half the size."""
+    if "/s" in quantity.metadata["unit"] or "rate" in quantity.metadata["unit"]:
+        return usual * (1.0 - size) / max(size, 1e-9)
+    return (1.0 - size) * (limits[1] if quantity.default > 0 else limits[0])
 
 
 def _wrong_parameter(kind, parameter):
@@ -132,7 +152,7 @@ def _scale_by_kind(target, model, scales) -> dict[str, float]:
     if target in model.states:
         values = {symbol(name): p.value for name, p in model.parameters.items()}
         inertia = model.inertia.get(target, sympy.Integer(1)).subs(values)
-        pair = model.kinematic_pairs.get(target)
+        pair = positions(model).get(target)
         scale["velocity"] = scales.typical[target]
         scale["force"] = scales.rate[target] * (float(inertia) if inertia.is_number else 1.0)
         scale["position"] = scales.typical[pair] if pair else 1.0

@@ -179,7 +179,9 @@ class _Damping(NamedTuple):
     def after(self, decrease, promise, small) -> "_Damping":
         """Damp more what fell short of its promise, less what kept it; by window."""
         missed = np.nan_to_num(promise - decrease, nan=np.inf, posinf=np.inf)
-        states = _damp(self.states, missed[:-1], np.abs(promise[:-1]), small / (missed.size - 1))
+        states = _damp(
+            self.states, missed[:-1], np.abs(promise[:-1]), small / max(missed.size - 1, 1)
+        )
         if np.isinf(self.parameters):
             return _Damping(FIRST_DAMPING, states)
         return _Damping(float(_damp(self.parameters, missed.sum(), promise.sum(), 0.0)), states)
