@@ -64,7 +64,19 @@ def friction():
     return hidden, diagnose(hidden)
 
 
-@pytest.mark.parametrize("effect", [effect.id for effect in effects.CATALOGUE])
+#: what re-tuning does as well (a gain of the only input: inertia and loads), and what leaves no way
+#: to start a window of a pendulum (its position without the sign)
+NOT_ON_A_PENDULUM = {"input_gain", "sensor_rectification"}
+
+
+@pytest.mark.parametrize(
+    "effect",
+    [
+        effect.id
+        for effect in effects.CATALOGUE
+        if effect.targets(systems.golf_robot()) and effect.id not in NOT_ON_A_PENDULUM
+    ],
+)
 def test_a_hidden_effect_is_named(effect):
     hidden = make_hidden_effect(effect=effect, random_state=SEED, **RECORDS)
     diagnosis = diagnose(hidden)

@@ -39,8 +39,8 @@ SHAPES = {
     ("input_dead_zone", "width"): lambda size, scale: 0.6 * size * scale["peak"],
     ("input_gain", "error"): lambda size, scale: 0.5 * size,
     ("input_rate_limit", "limit"): lambda size, scale: scale["target"] / (size * scale["s"]),
-    ("input_rate_limit", "time_constant"): lambda size, scale: 0.01 * scale["s"],
-    ("input_backlash", "time_constant"): lambda size, scale: 0.01 * scale["s"],
+    ("input_rate_limit", "time_constant"): lambda size, scale: scale["step"],
+    ("input_backlash", "time_constant"): lambda size, scale: scale["step"],
     ("periodic_disturbance", "frequency"): lambda size, scale: 2.3 / scale["s"],
     ("hysteresis", "deflection"): lambda size, scale: 0.1 * scale["position"],
     ("hysteresis", "shape"): lambda size, scale: 0.5,
@@ -202,6 +202,7 @@ def _scale_by_kind(target, model, scales):
     scale = {
         "s": scales.window,
         "duration": scales.duration,
+        "step": scales.sample_time,
         "target": scales.typical.get(target, 1.0),
         "peak": scales.peak.get(target, 1.0),
     }

@@ -308,7 +308,8 @@ class InputRateLimit(ActuatorEffect):
     limit : float, default=1e9
         Largest rate :math:`R` [input per second].
     time_constant : float, default=1
-        Time constant :math:`T` [s] with which it follows small changes.
+        Time constant :math:`T` [s] with which it follows small changes; a diagnosis keeps it at a
+        sample or two, for one that is felt is an `ActuatorLag`.
 
     Examples
     --------
@@ -319,7 +320,6 @@ class InputRateLimit(ActuatorEffect):
     limit: float = quantity("Ru", "{target}/s", default=1e9, low=0.0)
     time_constant: float = quantity("Tr", "s", default=1.0, low=1e-9)
     id = "input_rate_limit"
-    generalises = ("actuator_lag",)
     summary = "The actuator cannot change faster than a limit: a slewing valve, a ramp in a drive."
     check = "Command a large and a small step: the larger one takes longer in proportion."
     ending = "_slewed"
@@ -332,17 +332,17 @@ class InputRateLimit(ActuatorEffect):
     @classmethod
     def starts(cls, target, model, scales):
         """Start from a fast to a slow actuator that follows small changes at once."""
-        quick = 2.0 * scales.sample_time
+        quick = scales.sample_time
         slews = (max(0.05 * scales.window, quick), 0.2 * scales.window, scales.window)
         return tuple(cls(target, scales.peak[target] / slew, quick) for slew in slews)
 
     @classmethod
     def limits(cls, target, model, scales):
-        """Bound some of what is commanded, and follow no faster than the samples show."""
+        """Bound some of what is commanded, and follow as fast as the samples show."""
         peak, step = scales.peak[target], scales.sample_time
         return {
             "limit": (0.02 * peak / scales.window, peak / step),
-            "time_constant": (0.5 * step, 2.0 * scales.window),
+            "time_constant": (0.5 * step, 2.0 * step),
         }
 
 
@@ -359,7 +359,7 @@ class InputBacklash(ActuatorEffect):
     width : float, default=0
         Half of the play, :math:`w` [input].
     time_constant : float, default=1
-        Time constant :math:`T` [s] of the contact.
+        Time constant :math:`T` [s] of the contact; a diagnosis keeps it at a sample or two.
 
     Examples
     --------
@@ -370,7 +370,6 @@ class InputBacklash(ActuatorEffect):
     width: float = quantity("wb", "{target}", low=0.0)
     time_constant: float = quantity("Tb", "s", default=1.0, low=1e-9)
     id = "input_backlash"
-    generalises = ("actuator_lag",)
     summary = "Play: after a reversal the command must go some way before the machine follows."
     check = "Reverse the command slowly: nothing moves over twice the half-width."
     ending = "_engaged"
@@ -392,7 +391,7 @@ class InputBacklash(ActuatorEffect):
         step = scales.sample_time
         return {
             "width": (0.0, 0.95 * scales.peak[target]),
-            "time_constant": (0.5 * step, max(5.0 * step, 0.1 * scales.window)),
+            "time_constant": (0.5 * step, 2.0 * step),
         }
 
 
