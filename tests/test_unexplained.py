@@ -149,3 +149,17 @@ def test_nothing_nameless_is_seen_where_a_known_effect_is_hidden():
     diagnosis = ModelDiagnosis(hidden.prior).fit(hidden.X, hidden.y)
     assert diagnosis.missing_ is None
     assert diagnosis.to_dict()["unexplained"] is None
+
+
+def test_a_sensor_that_sees_the_magnitude_is_named():
+    cart = PhysicsModel(
+        {"v": "m/s"},
+        {"v": "(F - d*v)/m"},
+        {"m": 2.0, "d": 1.0},
+        {"F": "N"},
+        {"speed": "v"},
+        inertia={"v": "m"},
+    )
+    hidden = make_hidden_effect(cart, "sensor_rectification", random_state=0, **RECORDS)
+    diagnosis = ModelDiagnosis(hidden.prior).fit(hidden.X, hidden.y)
+    assert [cause.effect for cause in diagnosis.causes_] == ["sensor_rectification"]

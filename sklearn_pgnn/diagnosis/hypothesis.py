@@ -48,6 +48,13 @@ class Hypothesis:
         beside = {other.id for other, its_target in self.causes if its_target == target}
         return tuple(name for id, names in effect.shared.items() if id in beside for name in names)
 
+    def allows(self, cause: Cause) -> bool:
+        """Tell whether a cause may stand beside the others."""
+        mine = cause[0]
+        return cause not in self.causes and not any(
+            other.id in mine.excludes or mine.id in other.excludes for other, _ in self.causes
+        )
+
     def plus(self, cause: Cause) -> "Hypothesis":
         """Give the hypothesis with one more cause."""
         return Hypothesis((*self.causes, cause))

@@ -192,7 +192,7 @@ class Search:
 
     def _scout(self, current: Trial) -> list[Sketch]:
         """Sketch every suspect on top of the current hypothesis, the best to their end."""
-        left = [c for c in self.suspects if c not in current.hypothesis.causes]
+        left = [c for c in self.suspects if current.hypothesis.allows(c)]
         stage, ground = f"cause {len(current.hypothesis.causes) + 1}", self.fitter.sketch(current)
         looks = []
         for done, cause in enumerate(left):
@@ -247,7 +247,8 @@ class Search:
             if len(ground.hypothesis.causes) <= self.rules.max_causes - 2:
                 ranked = foretell_pairs(ground, alone, self.fitter.rough.windows)
                 first = {sketch.hypothesis.causes[-1]: sketch for sketch in alone}
-                pairs = [self._ordered(first, a, b) for _, a, b in ranked[:PAIRS]]
+                allowed = [(a, b) for _, a, b in ranked if first[a].hypothesis.allows(b)]
+                pairs = [self._ordered(first, a, b) for a, b in allowed[:PAIRS]]
                 found += self._settle(ground, [self.fitter.look(*pair) for pair in pairs])
         return sorted(found, key=_objective)
 
@@ -287,7 +288,7 @@ class Search:
 
     def _simplest_of_the_best(self, trials: list[Trial]) -> Trial:
         """Give the trial with the fewest parameters among those as good as the best."""
-        best = min(trials, key=lambda trial: trial.squares)
+        best = min(trials, key=lambda trial: self.fair(trial).sum())
         equal = [trial for trial in trials if self.as_good(best, trial)]
         return min(equal, key=lambda trial: (*self._complexity(trial), trial.squares))
 
@@ -310,15 +311,39 @@ class Search:
         bool
             Whether the other leaves hardly more than the best.
         """
-        loss = other.squares - best.squares
+        loss = self.fair(other).sum() - self.fair(best).sum()
         return loss <= self.rules.share * self.excess(other) or not self._is_better(other, best)
 
     def _is_better(self, worse: Trial, better: Trial) -> bool:
         """Tell whether two fits differ by more than chance and the simulation's own accuracy."""
         noise = self.floor / self.fitter.setting.n_samples
-        if worse.squares - better.squares < max(NOTICED**2 * noise, HARDLY**2 * self.floor):
+        many, few = self.fair(worse), self.fair(better)
+        if many.sum() - few.sum() < max(NOTICED**2 * noise, HARDLY**2 * self.floor):
             return False
-        return _is_fall(worse.pieces, better.pieces, NOTICED)
+        return _is_fall(many, few, NOTICED)
+
+    def fair(self, trial: Trial) -> np.ndarray:
+        """Give the squares of every piece, with what the states of effects' own explain by chance.
+
+        Every window's initial value of such a state is one number more that is fitted to it.
+
+        Parameters
+        ----------
+        trial : Trial
+            A hypothesis, fitted on all windows.
+
+        Returns
+        -------
+        ndarray of shape (n_windows, n_pieces)
+            The squares.
+        """
+        return trial.pieces + self._by_chance(trial)
+
+    def _by_chance(self, trial: Trial) -> float:
+        """Give the squares of a piece that the initial values of added states explain."""
+        setting = self.fitter.setting
+        added = len(trial.fit.model.states) - len(setting.prior.states)
+        return added * self.floor / setting.n_samples / setting.windows.pieces
 
     def _is_gain(self, before: Trial, after: Trial) -> bool:
         """Decide on windows that the parameters have not seen."""
@@ -341,7 +366,7 @@ class Search:
         return _mean_in_errors(np.log(worse[seen] / better[seen])) > significance
 
     def _held_out(self, trial: Trial) -> np.ndarray:
-        return self.fitter.held_out(trial, self.folds).sum(axis=-1)
+        return self.fitter.held_out(trial, self.folds).sum(axis=-1) + self._by_chance(trial)
 
     # -- backward ------------------------------------------------------------------------------
 
@@ -385,7 +410,8 @@ class Search:
         return [
             other
             for other, left in tried.items()
-            if other not in (cause, *without.hypothesis.causes)
+            if other != cause
+            and without.hypothesis.allows(other)
             and (1.0 - left > enough or self.fitter.knows(without.hypothesis.plus(other)))
         ]
 

@@ -94,6 +94,8 @@ class Effect(ABC):
     check: ClassVar[str] = ""
     #: ids of effects that are a special case of this one
     generalises: ClassVar[tuple[str, ...]] = ()
+    #: ids of effects that cannot stand beside this one
+    excludes: ClassVar[tuple[str, ...]] = ()
     #: by id of an effect that stands beside this one on the same target, the fields that it
     #: takes over and that stay at zero here
     shared: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})

@@ -276,10 +276,14 @@ class Hysteresis(PositionEffect):
         """Start from a small to a large deflection."""
         force = 0.1 * force_scale(target, model, scales)
         travel = scales.typical[positions(model)[target]]
-        return tuple(cls(target, force, share * travel) for share in (0.02, 0.1, 0.5))
+        return tuple(cls(target, force, share * travel) for share in (0.02, 0.06, 0.2))
 
     @classmethod
     def limits(cls, target, model, scales):
-        """Keep the deflection below the travel, and wider than the way of one sample."""
+        """Keep the deflection well below the travel, and wider than the way of one sample.
+
+        One of the size of the travel is a spring, with a load that is new in every window.
+        """
         travel, step = scales.typical[positions(model)[target]], scales.sample_time
-        return {"deflection": (max(0.002 * travel, step * scales.typical[target]), 2.0 * travel)}
+        least = max(0.002 * travel, step * scales.typical[target])
+        return {"deflection": (least, max(0.3 * travel, 2.0 * least))}

@@ -186,6 +186,7 @@ class SensorDelay(Effect):
 
     delay: float = quantity("tau", "s", low=0.0)
     id = "sensor_delay"
+    excludes = ("input_delay",)
     summary = "The sensor is late: filtering, bus, transport from the machine to the probe."
     check = "Give the machine a knock and compare the reading with a second, direct sensor."
 
