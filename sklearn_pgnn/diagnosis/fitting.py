@@ -9,6 +9,7 @@ import numpy as np
 from sklearn_pgnn.diagnosis.hypothesis import Cause, Hypothesis, freedoms, held_parameters
 from sklearn_pgnn.diagnosis.setting import ROUGH_WINDOWS, Rough, Setting, rough_windows, worst_first
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.state_estimate import unsigned_states
 from sklearn_pgnn.simulation.window_fit import WindowFit, expected_decrease, fit_windows
 
 #: starts that are followed on a few windows for some steps, after a glance at all of them
@@ -284,7 +285,9 @@ class Fitter:
 
     def _start_beside(self, model, beside: Sketch) -> Start:
         """Take over what is known of the initial states, if they are the same states."""
-        same = tuple(model.states) == tuple(beside.fit.model.states)
+        other = beside.fit.model
+        same = tuple(model.states) == tuple(other.states)
+        same = same and unsigned_states(model) == unsigned_states(other)
         return beside.start if same else self._rough_start(model)
 
     def _rough_start(self, model) -> Start:
@@ -486,7 +489,8 @@ def make_folds(setting: Setting, n_folds: int = 4) -> np.ndarray:
 def _carry_over(fit: WindowFit, model: PhysicsModel, expected) -> np.ndarray:
     """Start from fitted initial states where the model has the same state."""
     start, names = expected.copy(), list(fit.model.states)
+    turned = set(unsigned_states(model)) ^ set(unsigned_states(fit.model))
     for i, state in enumerate(model.states):
-        if state in names:
+        if state in names and state not in turned:
             start[:, i] = fit.x0[:, names.index(state)]
     return start

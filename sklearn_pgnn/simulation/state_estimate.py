@@ -106,11 +106,12 @@ class StateEstimator:
             if state in self.known:
                 x[:, i], spread[i] = self.known[state]
         unknown = np.flatnonzero(np.isnan(spread))
-        unsigned = [i for i, state in enumerate(model.states) if state in self._unsigned(model)]
+        turned = [state for state in unsigned_states(model) if state in self.known]
+        unsigned = [list(model.states).index(state) for state in turned]
         if unknown.size or unsigned:
             run = self._simulate(model)
             x[:, unknown] = run[:, unknown]
-            x[:, unsigned] *= self._signs(model, run)[:, None]
+            x[:, unsigned] *= np.where(run[:, unsigned[:1]] < 0, -1.0, 1.0)
             spread[unknown] = np.std(x[:, unknown], axis=0)
         return StateEstimate(x, np.maximum(spread, _smallest_spread(x)))
 
@@ -125,18 +126,20 @@ class StateEstimator:
             runs.append(np.where(np.isfinite(run), run, x0))
         return np.concatenate(runs)
 
-    def _unsigned(self, model) -> tuple[str, ...]:
-        """Name the states of which the outputs show the magnitude only, and their velocities."""
-        shown = [g.args[0] for g in model.outputs.values() if isinstance(g, sympy.Abs)]
-        hidden = [str(state) for state in shown if str(state) in self.known]
-        velocities = [v for v, position in model.kinematic_pairs.items() if position in hidden]
-        return (*hidden, *(v for v in velocities if v in self.known))
 
-    def _signs(self, model, run) -> np.ndarray:
-        """Give the sign that a state shown by its magnitude has in a simulation."""
-        first = self._unsigned(model)[:1]
-        column = run[:, [list(model.states).index(state) for state in first]]
-        return np.where(column[:, 0] < 0, -1.0, 1.0) if first else np.ones(len(run))
+def unsigned_states(model: PhysicsModel) -> tuple[str, ...]:
+    """Name the states of which the outputs show the magnitude only, then their velocities.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.physics.effects import SensorRectification
+    >>> from sklearn_pgnn.physics.systems import cart_on_spring
+    >>> unsigned_states(cart_on_spring() + SensorRectification("position"))
+    ('x', 'v')
+    """
+    shown = [g.args[0] for g in model.outputs.values() if isinstance(g, sympy.Abs)]
+    hidden = [str(state) for state in shown if str(state) in model.states]
+    return (*hidden, *(v for v, at in model.kinematic_pairs.items() if at in hidden))
 
 
 def free_run(model: PhysicsModel, windows: Windows, a: int, b: int, x0) -> Simulation:
