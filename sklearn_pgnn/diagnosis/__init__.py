@@ -4,5 +4,14 @@ from sklearn_pgnn.diagnosis.detectability import Detectability, Detectable
 from sklearn_pgnn.diagnosis.model_diagnosis import ModelDiagnosis
 from sklearn_pgnn.diagnosis.record_flaws import Finding
 from sklearn_pgnn.diagnosis.separation import Experiment, Separation
+from sklearn_pgnn.diagnosis.unexplained import MissingPart
 
-__all__ = ["Detectability", "Detectable", "Experiment", "Finding", "ModelDiagnosis", "Separation"]
+__all__ = [
+    "Detectability",
+    "Detectable",
+    "Experiment",
+    "Finding",
+    "MissingPart",
+    "ModelDiagnosis",
+    "Separation",
+]

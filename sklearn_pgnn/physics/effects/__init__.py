@@ -1,5 +1,6 @@
 """The catalogue: every physical cause a diagnosis knows. A new effect is one class, listed once."""
 
+from sklearn_pgnn.physics.effects.formula import Formula
 from sklearn_pgnn.physics.effects.friction import (
     AsymmetricFriction,
     CoulombFriction,
@@ -63,4 +64,4 @@ CATALOGUE = (
     ParameterDrift,
 )
 
-__all__ = ["CATALOGUE", *(effect.__name__ for effect in CATALOGUE)]
+__all__ = ["CATALOGUE", "Formula", *(effect.__name__ for effect in CATALOGUE)]
