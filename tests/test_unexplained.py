@@ -110,6 +110,7 @@ def test_what_has_no_name_is_placed_and_described(friction_that_grows_with_the_d
     assert abs(part.effect.coefficients[0] / -24.0 - 1) < 0.03
     assert part.share > 0.7
     assert part.error < 1.05
+    assert diagnosis.data_quality_ == ()
 
 
 def test_its_formula_mends_the_model(friction_that_grows_with_the_deflection):

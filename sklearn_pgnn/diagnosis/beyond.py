@@ -12,12 +12,20 @@ from sklearn_pgnn.diagnosis.unexplained import (
     is_known,
     propose,
 )
+from sklearn_pgnn.simulation.window_fit import WindowFit
 
 
 class Beyond:
-    """Look for what the catalogue does not know, where its causes leave something or are many."""
+    """Look for what the catalogue does not know, where its causes leave something or are many.
+
+    Attributes
+    ----------
+    fit : WindowFit or None
+        The fit of the formula that was accepted.
+    """
 
     def __init__(self):
+        self.fit: WindowFit | None = None
         self._alone: dict[int, Proposal | None] = {}
 
     def is_better(self, search: Search, trial: Trial) -> bool:
@@ -64,11 +72,13 @@ class Beyond:
             return outcome, None
         alone = self._of_the_prior(search)
         if alone is not None and outcome.steps and _says_more(search, alone, final):
+            self.fit = alone.trial.fit
             return replace(outcome, steps=[], alternatives={}), describe(setting, alone)
         if enough:
             return outcome, None
         beside = _best(search, final) if outcome.steps else alone
         if beside is not None and _matters(search, outcome, beside):
+            self.fit = beside.trial.fit
             return outcome, describe(setting, beside)
         return outcome, None
 
