@@ -31,11 +31,14 @@ SHORT = {
 }
 #: a level is never negative: its magnitude is the level
 INVISIBLE = {("tanks", "sensor_rectification")}
+#: every effect on the first system that it may act on
 HIDEABLE = [
-    (system, kind.id)
-    for system, model in SYSTEMS.items()
+    next(
+        (system, kind.id)
+        for system, model in SYSTEMS.items()
+        if kind.targets(model()) and (system, kind.id) not in INVISIBLE
+    )
     for kind in effects.CATALOGUE
-    if kind.targets(model()) and (system, kind.id) not in INVISIBLE
 ]
 
 
