@@ -29,15 +29,9 @@ SHORT = {
     "cart": {"n_records": 3, "duration": 4.0, "sample_rate": 200.0},
     "tanks": {"n_records": 3, "duration": 1000.0, "sample_rate": 0.2, "noise": 0.01},
 }
-#: a level is never negative: its magnitude is the level
-INVISIBLE = {("tanks", "sensor_rectification")}
 #: every effect on the first system that it may act on
 HIDEABLE = [
-    next(
-        (system, kind.id)
-        for system, model in SYSTEMS.items()
-        if kind.targets(model()) and (system, kind.id) not in INVISIBLE
-    )
+    next((system, kind.id) for system, model in SYSTEMS.items() if kind.targets(model()))
     for kind in effects.CATALOGUE
 ]
 
