@@ -41,7 +41,11 @@ STEPS = 8
 
 
 def check_data_quality(
-    setting: Setting, names: Sequence[str], base: WindowFit, final: WindowFit
+    setting: Setting,
+    names: Sequence[str],
+    base: WindowFit,
+    final: WindowFit,
+    best: WindowFit | None = None,
 ) -> tuple[Finding, ...]:
     """Say what in the records stands in the way of a diagnosis.
 
@@ -53,6 +57,8 @@ def check_data_quality(
         What the records are called.
     base, final : WindowFit
         The re-tuned prior and the extended model.
+    best : WindowFit, optional
+        The model with a formula for what has no name: it drifts less than one that lacks a part.
 
     Returns
     -------
@@ -75,7 +81,10 @@ def check_data_quality(
         found += [find_clipping(signal), find_quantisation(signal), find_held_samples(signal)]
         found += [find_outliers(signal, rest), find_uneven_noise(signal)]
     found += [find_closed_loop(setting, final, outputs, inputs, left)]
-    found += [find_early_output(setting, base, final), find_drift(setting, names, base, final)]
+    found += [
+        find_early_output(setting, base, final),
+        find_drift(setting, names, base, best or final),
+    ]
     return tuple(finding for finding in found if finding is not None)
 
 

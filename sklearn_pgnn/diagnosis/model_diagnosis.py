@@ -216,7 +216,8 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
             fitter.setting,
             [record.name for record in records],
             outcome.base.fit,
-            beyond.fit or outcome.final.fit,
+            outcome.final.fit,
+            beyond.fit,
         )
         self.records_ = keep_records(fitter, outcome, (record.name for record in records))
         self.separations_ = self._separate()
