@@ -68,7 +68,7 @@ class Beyond:
         """
         final, setting = outcome.final, search.fitter.setting
         enough = search.is_at_noise(final)
-        if enough and len(outcome.steps) < 2:
+        if not search.suspects or (enough and len(outcome.steps) < 2):
             return outcome, None
         alone = self._of_the_prior(search)
         if alone is not None and outcome.steps and _says_more(search, alone, final):
