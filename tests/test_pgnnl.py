@@ -78,7 +78,7 @@ def simulated(model, X):
 def test_hidden_spring_is_learnt(seed):
     given, y = records(HARDENING, seed=seed, noise=1e-3)
     other, truth = records(HARDENING, n_records=2, seed=100 + seed)
-    options = {"module__neurons": 4, "max_epochs": 15, "refine_iterations": 15, "substeps": 1}
+    options = {"module__neurons": 4, "max_epochs": 25, "refine_iterations": 30, "substeps": 1}
     guided = PGNNLRegressor(CART, **options).fit(given, y)
     plain = PGNNLRegressor(states=STATES, **options).fit(given, y)
     error = rms(guided.predict(other) - truth)
