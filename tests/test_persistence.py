@@ -241,7 +241,7 @@ def test_skops_loads_the_same_in_another_process(fitted, tmp_path):
 def test_skops_keeps_all_that_a_diagnosis_says(fitted):
     io = pytest.importorskip("skops.io")
     diagnosis = fitted["ModelDiagnosis"]
-    assert diagnosis.causes_
+    assert diagnosis.causes_ or diagnosis.missing_
     assert {tried.effect for tried in diagnosis.tried_} == {effect.id for effect in EFFECTS}
     loaded = io.loads(io.dumps(diagnosis), trusted=sorted(TRUSTED["ModelDiagnosis"]))
     assert loaded.tried_ == diagnosis.tried_
