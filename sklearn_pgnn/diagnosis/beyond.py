@@ -26,17 +26,16 @@ class Beyond:
 
     def __init__(self):
         self.fit: WindowFit | None = None
-        self._alone: dict[int, Proposal | None] = {}
+        self._ground: WindowFit | None = None
+        self._alone: Proposal | None = None
 
-    def is_better(self, search: Search, trial: Trial) -> bool:
+    def is_better(self, search: Search) -> bool:
         """Tell whether a formula alone leaves only noise, where some causes leave more.
 
         Parameters
         ----------
         search : Search
             The search.
-        trial : Trial
-            The causes.
 
         Returns
         -------
@@ -85,12 +84,11 @@ class Beyond:
     def _of_the_prior(self, search: Search) -> Proposal | None:
         """Give the best formula for what the re-tuned prior lacks, unless it is a known law."""
         base = search.fitter.base()
-        key = id(base.fit)
-        if key not in self._alone:
+        if self._ground is not base.fit:
             best = _best(search, base)
             known = best is not None and is_known(search.fitter.setting.prior, best.effect)
-            self._alone = {key: None if known else best}
-        return self._alone[key]
+            self._ground, self._alone = base.fit, None if known else best
+        return self._alone
 
 
 def _best(search: Search, ground: Trial) -> Proposal | None:
