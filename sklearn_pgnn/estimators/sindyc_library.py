@@ -7,22 +7,17 @@ as a list of symbolic terms, so that what is identified can be simulated, printe
 import copy
 import re
 from collections.abc import Sequence
-from functools import reduce
 from itertools import combinations_with_replacement
 
 import numpy as np
 import sympy
 
 from sklearn_pgnn.exceptions import ModelError
-from sklearn_pgnn.physics.expressions import TIME, parse_expression, standard_form, symbol, to_text
+from sklearn_pgnn.physics.expressions import parse_expression, standard_form, symbol, to_text
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.terms import model_terms
+from sklearn_pgnn.simulation.pointwise import numpy_function
 
-#: NumPy's own stumble over numbers among arrays
-_EXTREMES = {
-    "amax": lambda items, axis: reduce(np.maximum, items),
-    "amin": lambda items, axis: reduce(np.minimum, items),
-}
 #: a blank between two factors, as pysindy writes a product
 _PRODUCT = re.compile(r"(?<=[\w)]) +(?=[\w(])")
 #: points at which a term read from its name is compared with pysindy's own value
@@ -164,8 +159,7 @@ def term_function(terms, names: Sequence[str]):
     array([[1., 2., 4.],
            [1., 3., 9.]])
     """
-    arguments = [TIME, *(symbol(name) for name in names)]
-    function = sympy.lambdify(arguments, list(terms), [_EXTREMES, "numpy"])
+    function = numpy_function(["t", *names], list(terms))
 
     def values(columns, t=0.0) -> np.ndarray:
         with np.errstate(all="ignore"):
