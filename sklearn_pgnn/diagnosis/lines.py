@@ -15,7 +15,7 @@ from sklearn_pgnn.physics.effects.rates import is_velocity, positions
 from sklearn_pgnn.physics.effects.springs import MOST_CYCLES
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.pointwise import evaluate_samples
+from sklearn_pgnn.simulation.pointwise import evaluate_samples, sample_table
 from sklearn_pgnn.simulation.windows import Windows
 
 #: lines kept
@@ -46,9 +46,7 @@ def missing_rate(model: PhysicsModel, windows: Windows, x: np.ndarray, state: st
         The missing rate [state per second].
     """
     size, rate = windows.t.size, model.equations[state]
-    table = {"t": windows.t} | {n: p.value for n, p in model.parameters.items()}
-    table |= {name: x[:, i] for i, name in enumerate(model.states)}
-    table |= {name: windows.u[:, i] for i, name in enumerate(model.inputs)}
+    table = sample_table(model, windows, x)
     explained = [sympy.Integer(1), *(sympy.diff(rate, symbol(n)) for n in model.free_parameters)]
     columns = np.column_stack([evaluate_samples(e, table, size) for e in explained])
     missing = _slopes(windows, table[state]) - evaluate_samples(rate, table, size)

@@ -10,7 +10,6 @@ candidate inputs cost little more than one simulation.
 """
 
 import numpy as np
-import sympy
 from numba import njit, types
 
 from sklearn_pgnn.physics.expressions import symbol
@@ -18,8 +17,9 @@ from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.compiled import compile_model
 from sklearn_pgnn.simulation.hidden_input import with_hidden_input
 from sklearn_pgnn.simulation.kalman import run_filter
-from sklearn_pgnn.simulation.pointwise import evaluate_samples
+from sklearn_pgnn.simulation.pointwise import evaluate_samples, sample_table
 from sklearn_pgnn.simulation.simulate import parameter_values
+from sklearn_pgnn.simulation.source import differentiate
 from sklearn_pgnn.simulation.stepping import METHODS
 from sklearn_pgnn.simulation.windows import Windows
 
@@ -125,20 +125,12 @@ def _transitions(model, windows, x0):
 
 def _output_slopes(model, windows, x):
     """Differentiate the outputs by the states at every sample."""
-    table = {"t": windows.t} | {n: p.value for n, p in model.parameters.items()}
-    table |= {name: x[:, i] for i, name in enumerate(model.states)}
-    table |= {name: windows.u[:, i] for i, name in enumerate(model.inputs)}
+    table = sample_table(model, windows, x)
     slopes = [
-        [evaluate_samples(_slope(g, name), table, windows.t.size) for name in model.states]
+        [
+            evaluate_samples(differentiate(g, symbol(name)), table, windows.t.size)
+            for name in model.states
+        ]
         for g in model.outputs.values()
     ]
     return np.ascontiguousarray(np.moveaxis(np.array(slopes), -1, 0))
-
-
-def _slope(expression, name):
-    """Differentiate almost everywhere: a jump has no slope."""
-    return (
-        sympy.diff(expression, symbol(name))
-        .replace(sympy.DiracDelta, lambda *_: sympy.Integer(0))
-        .doit()
-    )

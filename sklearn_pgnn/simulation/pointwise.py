@@ -7,6 +7,8 @@ import numpy as np
 import sympy
 
 from sklearn_pgnn.physics.expressions import symbol
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.windows import Windows
 
 #: NumPy's own do not take numbers beside arrays
 _EXTREMES = {
@@ -59,3 +61,25 @@ def evaluate_samples(expression, table: Mapping[str, np.ndarray | float], size: 
     with np.errstate(all="ignore"):
         value = numpy_function(names, expression)(*(table[name] for name in names))
         return np.broadcast_to(np.asarray(value, dtype=float), (size,))
+
+
+def sample_table(model: PhysicsModel, windows: Windows, x: np.ndarray) -> dict:
+    """Give the value of every quantity of a model by name, the inputs as commanded.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model, at its values.
+    windows : Windows
+        The records.
+    x : ndarray of shape (n_samples, n_states)
+        Its states.
+
+    Returns
+    -------
+    dict of str to ndarray or float
+        Time, states, inputs and parameters.
+    """
+    table = {"t": windows.t} | {name: p.value for name, p in model.parameters.items()}
+    table |= dict(zip(model.states, x.T, strict=True))
+    return table | dict(zip(model.inputs, windows.u.T, strict=True))

@@ -72,8 +72,21 @@ def slope_name(name: str) -> str:
     return f"_slope_{name}"
 
 
-def _differentiate(expression, variable):
-    """Differentiate almost everywhere: jumps contribute nothing."""
+def differentiate(expression, variable):
+    """Differentiate almost everywhere: jumps contribute nothing.
+
+    Parameters
+    ----------
+    expression : sympy.Expr
+        What to differentiate.
+    variable : sympy.Symbol
+        By what.
+
+    Returns
+    -------
+    sympy.Expr
+        The derivative.
+    """
     derivative = sympy.diff(expression, variable)
     return derivative.replace(
         lambda e: isinstance(e, sympy.DiracDelta | sympy.Derivative | sympy.Subs),
@@ -144,20 +157,20 @@ def _write(frozen: _Frozen, wrt) -> Source:
     g = [_real(output.xreplace(signs)) for output in model.outputs.values()]
     entries = f + g
     if wrt is not None:
-        entries += [_differentiate(e, v) for e in f for v in x]
+        entries += [differentiate(e, v) for e in f for v in x]
         entries += [_by_parameter(model, e, name) for e in f for name in wrt]
-        entries += [_differentiate(e, v) for e in g for v in x]
+        entries += [differentiate(e, v) for e in g for v in x]
         entries += [_by_parameter(model, e, name) for e in g for name in wrt]
     return Source(_function(_locals(model, dry), entries), len(entries), dry)
 
 
 def _by_parameter(model, expression, name):
     """Differentiate by a parameter, through a late input where it is a delay."""
-    derivative = _differentiate(expression, symbol(name))
+    derivative = differentiate(expression, symbol(name))
     for late, delay in model.delays.items():
         if delay == name:
             slope = sympy.Symbol(slope_name(late), real=True)
-            derivative += _differentiate(expression, symbol(late)) * slope
+            derivative += differentiate(expression, symbol(late)) * slope
     return derivative
 
 
