@@ -17,9 +17,10 @@ References
 from dataclasses import dataclass
 
 import numpy as np
+import sympy
 from scipy.optimize import minimize_scalar
 
-from sklearn_pgnn.physics.effects.inputs import substitute
+from sklearn_pgnn.physics.effects.formula import add_at
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.compiled import compile_model
@@ -77,14 +78,8 @@ def with_hidden_input(model: PhysicsModel, channel: str) -> PhysicsModel:
         The extended model.
     """
     d = symbol(HIDDEN)
-    changes: dict = {"equations": dict(model.equations), "outputs": dict(model.outputs)}
-    if channel in model.states:
-        changes["equations"][channel] += d
-    elif channel in model.inputs:
-        changes = substitute(model, symbol(channel), symbol(channel) + d)
-    else:
-        changes["outputs"][channel] += d
-    changes["equations"][HIDDEN] = d * 0
+    changes = {"equations": model.equations, **add_at(model, channel, d)}
+    changes["equations"] = {**changes["equations"], HIDDEN: sympy.Integer(0)}
     return model.replace(**{**changes, "energy": {}}, states={**model.states, HIDDEN: ""})
 
 

@@ -10,6 +10,30 @@ from sklearn_pgnn.physics.expressions import parse_expression, symbol
 from sklearn_pgnn.physics.parameter import Parameter
 
 
+def add_at(model, target: str, expression) -> dict:
+    """Give the changes that add an expression to a rate, to an input or to an output.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    target : str
+        The state whose rate it is added to, or the input or output.
+    expression : sympy.Expr
+        What is added.
+
+    Returns
+    -------
+    dict
+        Constructor parameters of `PhysicsModel` and their new values.
+    """
+    if target in model.inputs:
+        return substitute(model, symbol(target), symbol(target) + expression)
+    place = "equations" if target in model.states else "outputs"
+    items = getattr(model, place)
+    return {place: {**items, target: items[target] + expression}}
+
+
 @dataclass(frozen=True)
 class Formula(Effect):
     r"""Terms added to a rate, to an input or to an output, :math:`\sum_i c_i \theta_i(x, u, t)`.
@@ -58,13 +82,7 @@ class Formula(Effect):
         known = (*model.states, *model.inputs)
         terms = [parse_expression(term, known, f"term of {self.target!r}") for term in self.terms]
         added = sympy.Add(*(c * term for c, term in zip(p.values(), terms, strict=True)))
-        if self.target in model.states:
-            return {
-                "equations": {**model.equations, self.target: model.equations[self.target] + added}
-            }
-        if self.target in model.inputs:
-            return substitute(model, symbol(self.target), symbol(self.target) + added)
-        return {"outputs": {**model.outputs, self.target: model.outputs[self.target] + added}}
+        return add_at(model, self.target, added)
 
     @classmethod
     def starts(cls, target, model, scales):
