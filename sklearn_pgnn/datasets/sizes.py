@@ -7,14 +7,11 @@ typical rate.
 """
 
 import numpy as np
-import sympy
 
 from sklearn_pgnn.datasets.integrator import integrate
 from sklearn_pgnn.datasets.rig import settled
-from sklearn_pgnn.exceptions import ModelError
 from sklearn_pgnn.physics.effect import Scales
-from sklearn_pgnn.physics.effects.rates import positions
-from sklearn_pgnn.physics.expressions import parse_expression, symbol
+from sklearn_pgnn.physics.effects.typical import typical_by_kind, typical_value
 
 #: a window in the slowest state's time of change, at most this share of a record; how many
 CHANGES, SHARE, WINDOWS = 3.0, 0.25, 40
@@ -119,7 +116,13 @@ def family(kind, target: str, model, scales: Scales, rng):
     sign = rng.choice([-1.0, 1.0])
     if kind.id == "wrong_parameter":
         return _wrong_parameter(kind, model.parameters[target], sign)
-    scale = _scale_by_kind(target, model, scales)
+    scale = typical_by_kind(target, model, scales) | {
+        "rate": scales.rate.get(target, 1.0),
+        "duration": scales.duration,
+        "step": scales.sample_time,
+        "peak": scales.peak.get(target, 1.0),
+    }
+    scale = {key: max(value, 1e-12) for key, value in scale.items()}
     shares = {f.name: rng.uniform(0.6, 1.0) for f in kind.quantities()}
     sign = sign if kind.id in EITHER_SIGN else 1.0
 
@@ -127,7 +130,7 @@ def family(kind, target: str, model, scales: Scales, rng):
         shape, about = SHAPES.get((kind.id, quantity.name)), quantity.metadata
         if shape is not None:
             return shape(size, scale)
-        number = sign * size * shares[quantity.name] * _in_units(about["unit"], scale)
+        number = sign * size * shares[quantity.name] * typical_value(about["unit"], scale)
         return np.clip(number, about["low"], about["high"])
 
     return lambda size: kind(target, **{f.name: float(value(f, size)) for f in kind.quantities()})
@@ -195,40 +198,6 @@ def _wrong_parameter(kind, parameter, sign):
         return kind(parameter.name, value=float(np.clip(value, *parameter.bounds)))
 
     return of_size
-
-
-def _scale_by_kind(target, model, scales):
-    """Give a typical value of every kind of unit an effect may speak of."""
-    scale = {
-        "s": scales.window,
-        "duration": scales.duration,
-        "step": scales.sample_time,
-        "target": scales.typical.get(target, 1.0),
-        "peak": scales.peak.get(target, 1.0),
-    }
-    if target in model.states:
-        values = {symbol(name): p.value for name, p in model.parameters.items()}
-        inertia = sympy.Float(model.inertia.get(target, sympy.Integer(1)).subs(values))
-        pair = positions(model).get(target)
-        scale["rate"] = scales.rate[target]
-        scale["force"] = float(inertia) * scales.rate[target]
-        scale["velocity"] = scales.typical[target]
-        scale["position"] = scales.typical[pair] if pair else 1.0
-    return {key: max(value, 1e-12) for key, value in scale.items()}
-
-
-class _OneByDefault(dict):
-    def __missing__(self, key):
-        return 1.0
-
-
-def _in_units(template, scale):
-    """Give the typical value of a quantity from the template of its unit."""
-    text = template.format_map(_OneByDefault(scale)).replace("^", "**") or "1"
-    try:
-        return float(parse_expression(text, ["s"]).subs(symbol("s"), scale["s"]))
-    except ModelError:
-        return 1.0
 
 
 def _windows(t, u, x, window, rng):

@@ -2,13 +2,9 @@
 
 from collections.abc import Callable
 
-import sympy
-
-from sklearn_pgnn.exceptions import ModelError
 from sklearn_pgnn.physics.effect import Effect, Scales
 from sklearn_pgnn.physics.effects import WrongParameter
-from sklearn_pgnn.physics.effects.rates import positions
-from sklearn_pgnn.physics.expressions import parse_expression, symbol
+from sklearn_pgnn.physics.effects.typical import typical_by_kind, typical_value
 from sklearn_pgnn.physics.model import PhysicsModel
 
 #: quantities that say over what an effect acts, not how strongly
@@ -57,7 +53,7 @@ def sized(
     """
     if issubclass(kind, WrongParameter):
         return _wrong_parameter(kind, model.parameters[target])
-    scale = _scale_by_kind(target, model, scales)
+    scale = typical_by_kind(target, model, scales)
     limits = kind.limits(target, model, scales)
     starts = kind.starts(target, model, scales)
     usual = starts[len(starts) // 2]
@@ -71,7 +67,7 @@ def sized(
             return getattr(usual, name)
         else:
             share = 1.0 if name == first else BESIDE
-            wanted = share * size * _typical(about["unit"], scale)
+            wanted = share * size * typical_value(about["unit"], scale)
         low, high = limits.get(name, (about["low"], about["high"]))
         return float(min(max(wanted, about["low"], low), about["high"], high))
 
@@ -144,30 +140,3 @@ def _wrong_parameter(kind, parameter):
         return kind(parameter.name, value=float(min(max(parameter.value * (1 + size), low), high)))
 
     return of_size
-
-
-def _scale_by_kind(target, model, scales) -> dict[str, float]:
-    """Give a typical value of every kind of unit that an effect may speak of."""
-    scale = {"s": scales.window, "target": scales.typical.get(target, 1.0)}
-    if target in model.states:
-        values = {symbol(name): p.value for name, p in model.parameters.items()}
-        inertia = model.inertia.get(target, sympy.Integer(1)).subs(values)
-        pair = positions(model).get(target)
-        scale["velocity"] = scales.typical[target]
-        scale["force"] = scales.rate[target] * (float(inertia) if inertia.is_number else 1.0)
-        scale["position"] = scales.typical[pair] if pair else 1.0
-    return scale
-
-
-class _OneIfUnknown(dict):
-    def __missing__(self, key):
-        return 1.0
-
-
-def _typical(template: str, scale) -> float:
-    """Give the typical value of a quantity from the template of its unit, 1 where it has none."""
-    text = template.format_map(_OneIfUnknown(scale)).replace("^", "**") or "1"
-    try:
-        return float(parse_expression(text, ["s"]).subs(symbol("s"), scale["s"]))
-    except ModelError:  # a unit of the effect's own
-        return 1.0

@@ -37,9 +37,6 @@ def leading_terms(columns: np.ndarray, target: np.ndarray, count: int) -> list[n
     array([0., 0., 2.])
     """
     size = np.linalg.norm(columns, axis=0)
-    found = []
-    for n in range(1, min(count, columns.shape[1]) + 1):
-        optimizer = pysindy.FROLS(max_iter=n, alpha=1e-12)
-        optimizer.fit(columns / size, target[:, None])
-        found.append(np.ravel(optimizer.coef_) / size)
-    return found
+    optimizer = pysindy.FROLS(max_iter=min(count, columns.shape[1]), alpha=1e-12)
+    optimizer.fit(columns / size, target[:, None])
+    return [np.ravel(coefficients) / size for coefficients in optimizer.history_[1:]]

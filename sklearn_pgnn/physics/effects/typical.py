@@ -1,0 +1,71 @@
+"""Typical values, from records, of the quantities that effects speak of."""
+
+from collections.abc import Mapping
+
+import sympy
+
+from sklearn_pgnn.exceptions import ModelError
+from sklearn_pgnn.physics.effect import Scales
+from sklearn_pgnn.physics.effects.rates import positions
+from sklearn_pgnn.physics.expressions import parse_expression, symbol
+from sklearn_pgnn.physics.model import PhysicsModel
+
+
+def typical_by_kind(target: str, model: PhysicsModel, scales: Scales) -> dict[str, float]:
+    """Give a typical value of every kind of unit that an effect may speak of.
+
+    Parameters
+    ----------
+    target : str
+        What the effect acts on.
+    model : PhysicsModel
+        The model to extend.
+    scales : Scales
+        How large the signals of the records are.
+
+    Returns
+    -------
+    dict of str to float
+        The values, ``s`` and ``target`` and, of a state, ``velocity``, ``force`` and ``position``.
+    """
+    scale = {"s": scales.window, "target": scales.typical.get(target, 1.0)}
+    if target in model.states:
+        values = {symbol(name): p.value for name, p in model.parameters.items()}
+        inertia = model.inertia.get(target, sympy.Integer(1)).subs(values)
+        pair = positions(model).get(target)
+        scale["velocity"] = scales.typical[target]
+        scale["force"] = scales.rate[target] * (float(inertia) if inertia.is_number else 1.0)
+        scale["position"] = scales.typical[pair] if pair else 1.0
+    return scale
+
+
+class _OneIfUnknown(dict):
+    def __missing__(self, key):
+        return 1.0
+
+
+def typical_value(template: str, scale: Mapping[str, float]) -> float:
+    """Give the typical value of a quantity from the template of its unit, 1 where it has none.
+
+    Parameters
+    ----------
+    template : str
+        The unit, as an effect's field states it: ``"{force}*s"``.
+    scale : mapping of str to float
+        What `typical_by_kind` gives.
+
+    Returns
+    -------
+    float
+        The value.
+
+    Examples
+    --------
+    >>> typical_value("{force}*s", {"force": 3.0, "s": 0.5})
+    1.5
+    """
+    text = template.format_map(_OneIfUnknown(scale)).replace("^", "**") or "1"
+    try:
+        return float(parse_expression(text, ["s"]).subs(symbol("s"), scale["s"]))
+    except ModelError:  # a unit of the effect's own
+        return 1.0
