@@ -330,7 +330,16 @@ class PhysicsModel:
                 )
             new = value if isinstance(value, Parameter) else parameters[name].with_value(value)
             parameters[name] = new
-        return self.replace(parameters=parameters)
+        if any(isinstance(value, Parameter) for value in values.values()):
+            return self.replace(parameters=parameters)
+        return self._with_numbers(MappingProxyType(parameters))
+
+    def _with_numbers(self, parameters) -> "PhysicsModel":
+        """Give the model with the same parameters at other values: nothing else to check."""
+        model = object.__new__(type(self))
+        kept = {f.name: getattr(self, f.name) for f in fields(self)}
+        model.__dict__.update(kept, parameters=parameters)
+        return model
 
     def __add__(self, effect):
         apply = getattr(effect, "apply", None)

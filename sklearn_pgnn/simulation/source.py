@@ -29,7 +29,7 @@ class Source:
     Parameters
     ----------
     text : str
-        A module that defines one function.
+        Its assignments, see `sklearn_pgnn.simulation.straight_line`.
     size : int
         Length of ``out``.
     dry : tuple of bool
@@ -42,7 +42,7 @@ class Source:
 
 
 class _Printer(PythonCodePrinter):
-    """Python code in which every function is one numba compiles."""
+    """Python code of nothing but numbers."""
 
     def _print_Float(self, expr):
         return repr(float(expr))
@@ -200,4 +200,4 @@ def _function(places, entries) -> str:
     ]
     lines += [f"{name} = {write(expression)}" for name, expression in shared]
     lines += [f"out[{i}] = {write(entry)}" for i, entry in enumerate(entries)]
-    return "import math\n\n\ndef function(t, x, u, p, s, out):\n    " + "\n    ".join(lines) + "\n"
+    return "\n".join(lines) + "\n"
