@@ -181,14 +181,27 @@ class InputSaturation(InputEffect):
         return {"limit": (0.02 * scales.peak[target], scales.peak[target])}
 
 
-def delays_to_try(scales) -> tuple[float, ...]:
-    """Give delays from one sample to a fifth of a window."""
-    shortest, longest = scales.sample_time, 0.2 * scales.window
-    return tuple(sorted({shortest, (shortest * longest) ** 0.5, longest}))
+@dataclass(frozen=True)
+class Delay(Effect):
+    """What comes late, by a delay of at most half a window."""
+
+    delay: float = quantity("tau", "s", low=0.0)
+
+    @classmethod
+    def starts(cls, target, model, scales):
+        """Start from one sample to a fifth of a window."""
+        shortest, longest = scales.sample_time, 0.2 * scales.window
+        delays = sorted({shortest, (shortest * longest) ** 0.5, longest})
+        return tuple(cls(target, delay) for delay in delays)
+
+    @classmethod
+    def limits(cls, target, model, scales):
+        """Stay below half a window."""
+        return {"delay": (0.0, 0.5 * scales.window)}
 
 
 @dataclass(frozen=True)
-class InputDelay(Effect):
+class InputDelay(Delay):
     r"""An input that acts late, :math:`u(t - \tau)`.
 
     Parameters
@@ -204,7 +217,6 @@ class InputDelay(Effect):
     {'delay': 'tau_u'}
     """
 
-    delay: float = quantity("tau", "s", low=0.0)
     id = "input_delay"
     summary = "The command acts late: bus, sampling, transport of material."
     check = "Step the command and measure the time until anything moves at all."
@@ -217,16 +229,6 @@ class InputDelay(Effect):
     def rewrite(self, model, p):
         """Note the delay beside the input."""
         return {"delays": {**model.delays, self.target: str(p["delay"])}}
-
-    @classmethod
-    def starts(cls, target, model, scales):
-        """Start from one sample to a fifth of a window."""
-        return tuple(cls(target, delay) for delay in delays_to_try(scales))
-
-    @classmethod
-    def limits(cls, target, model, scales):
-        """Stay below half a window."""
-        return {"delay": (0.0, 0.5 * scales.window)}
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import sympy
 
 from sklearn_pgnn.physics.effect import Effect, quantity
-from sklearn_pgnn.physics.effects.inputs import delays_to_try
+from sklearn_pgnn.physics.effects.inputs import Delay
 
 
 @dataclass(frozen=True)
@@ -165,7 +165,7 @@ class SensorRectification(OutputEffect):
 
 
 @dataclass(frozen=True)
-class SensorDelay(Effect):
+class SensorDelay(Delay):
     r"""A sensor that shows what was some time ago, :math:`y(t - \tau)`.
 
     Seen from the only sensor of a machine, all of its inputs act late: the states of the extended
@@ -184,7 +184,6 @@ class SensorDelay(Effect):
     {'delay': 'tau_y'}
     """
 
-    delay: float = quantity("tau", "s", low=0.0)
     id = "sensor_delay"
     excludes = ("input_delay",)
     summary = "The sensor is late: filtering, bus, transport from the machine to the probe."
@@ -199,13 +198,3 @@ class SensorDelay(Effect):
     def rewrite(self, model, p):
         """Let every input act late."""
         return {"delays": {name: str(p["delay"]) for name in model.inputs}}
-
-    @classmethod
-    def starts(cls, target, model, scales):
-        """Start from one sample to a fifth of a window."""
-        return tuple(cls(target, delay) for delay in delays_to_try(scales))
-
-    @classmethod
-    def limits(cls, target, model, scales):
-        """Stay below half a window."""
-        return {"delay": (0.0, 0.5 * scales.window)}
