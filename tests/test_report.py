@@ -185,6 +185,11 @@ HIDDEN = [
     ),
     (effects.InputSaturation("F", limit=4.0), "F", lambda u: np.clip(u, -4, 4)),
     (effects.SensorGain("position", error=0.2), "position", lambda y: 0.2 * y),
+    (
+        effects.PeriodicDisturbance("v", sine=1.0, frequency=2.5),
+        "time within a period",
+        lambda t: np.sin(2 * np.pi * 2.5 * t),
+    ),
 ]
 
 
@@ -206,6 +211,18 @@ def test_the_evidence_lies_on_the_hidden_law(effect, over, law):
     line = evidence.lines[-1]
     inner = np.abs(line.x) > 0.02 * np.ptp(line.x)
     assert np.allclose(line.y[inner], law(line.x[inner]), atol=0.2 * np.max(np.abs(line.y)))
+
+
+def test_a_force_that_remembers_is_drawn_as_its_loop():
+    effect = effects.Hysteresis("v", level=1.0, deflection=0.05)
+    diagnosis = diagnose(effect, (effects.Hysteresis,))
+    evidence = find_evidence(diagnosis, diagnosis.causes_[0])
+    assert "x" in evidence.x_label
+    (loop,) = evidence.lines
+    rows = slice(0, loop.x.size)
+    assert np.array_equal(loop.x, evidence.points[0][rows])
+    error = np.abs(evidence.points[1][rows] - loop.y)
+    assert np.nanmedian(error) < 0.1 * np.ptp(loop.y)
 
 
 def _fixed(parameter):

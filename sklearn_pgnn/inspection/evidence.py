@@ -17,7 +17,7 @@ from sklearn_pgnn.inspection.words import cause_name, missing_place
 from sklearn_pgnn.physics.effects import CATALOGUE
 from sklearn_pgnn.physics.effects.inputs import ACTUATOR_STATES
 from sklearn_pgnn.physics.effects.rates import force_unit, positions
-from sklearn_pgnn.physics.expressions import parse_expression, symbol
+from sklearn_pgnn.physics.expressions import TIME, parse_expression, symbol
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.windows import evaluate
 
@@ -194,28 +194,40 @@ def make_case(diagnosis, cause) -> Case:
 
 
 def over_motion(case: Case) -> Evidence | None:
-    """Show the missing force over the velocity, or over the position it depends on."""
+    """Show the missing force over what it depends on: velocity, position or the phase of a wave."""
     state, model = case.target, case.full
     if state not in case.seen or state not in model.equations:
         return None
     added = sympy.expand(model.equations[state] - case.without.equations[state])
     inertia = model.inertia.get(state)
-    position = positions(model).get(state)
-    over = position if position and symbol(position) in added.free_symbols else state
     force = -added if inertia is None else -added * inertia
+    over, x, law = _motion(case, added, force)
     scale = 1.0 if inertia is None else case.samples.value(inertia)
-    x = case.samples.table[over]
     unit = force_unit(model, state)
     what = _what_is_missing(inertia, unit)
     return Evidence(
         title=f"Missing {what} over {over}",
-        x_label=label(over, model.unit(over)),
+        x_label=label(over, "s" if TIME in added.free_symbols else model.unit(over)),
         y_label=label(f"{what} against {state}", unit),
         points=(x, -scale * case.missing_rate(state)),
-        lines=(_law(case, force, over, x),),
+        lines=(law,),
         note=f"Every point is a moment of the records: the {what} that the model without this "
         f"cause lacks. The line is the {case.name} as identified.",
     )
+
+
+def _motion(case: Case, added, force) -> tuple[str, np.ndarray, Line]:
+    """Say over what a force is shown, and give its values there and the law."""
+    table, symbols = case.samples.table, added.free_symbols
+    if TIME in symbols:
+        period = 1.0 / next(p.value for p in _parameters(case) if p.unit == "Hz")
+        x = table["t"] % period
+        return "the time within a period", x, _law(case, force, "t", x)
+    position = positions(case.full).get(case.target)
+    memory = set(map(str, symbols)) & set(case.full.states) - set(case.without.states)
+    over = position if position and (memory or symbol(position) in symbols) else case.target
+    x = table[over]
+    return over, x, _course(case, force, x) if memory else _law(case, force, over, x)
 
 
 def over_input(case: Case) -> Evidence | None:
@@ -252,7 +264,7 @@ def over_time(case: Case) -> Evidence | None:
     if acting is None:
         return None
     _, felt = acting
-    late = next(p for name in case.fields.values() if (p := case.full.parameters[name]).unit == "s")
+    late = next(p for p in _parameters(case) if p.unit == "s")
     rows = _about_largest_change(case.records.windows, _column(case, case.target), late.value)
     t, unit = case.records.windows.t[rows], case.full.unit(case.target)
     commanded = _column(case, case.target)[rows]
@@ -367,6 +379,17 @@ def _law(case: Case, force, over: str, x) -> Line:
     grid = _grid(x)
     table = {n: np.full(GRID, np.nanmedian(v)) for n, v in case.samples.table.items()}
     return Line(grid, case.samples.value(force, **{**table, over: grid}), "extended", case.name)
+
+
+def _course(case: Case, force, x) -> Line:
+    """Follow a force that remembers through one record: it is no function of one quantity."""
+    first = slice(*case.records.windows.bounds[:2])
+    return Line(x[first], case.samples.value(force)[first], "extended", case.name)
+
+
+def _parameters(case: Case):
+    """Give the parameters of the effect."""
+    return [case.full.parameters[name] for name in case.fields.values()]
 
 
 def _changes_in_time(case: Case) -> bool:
