@@ -16,6 +16,7 @@ import datetime
 import warnings
 from collections import Counter, defaultdict
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from joblib import Parallel, delayed
@@ -72,6 +73,18 @@ SYSTEMS = {
 }
 
 
+class Result(NamedTuple):
+    """What came of one diagnosis; of how many of the effect's intervals the truth was inside."""
+
+    system: str
+    effect: str | None
+    noise: float
+    outcome: str
+    said: str
+    covered: int = 0
+    intervals: int = 0
+
+
 def diagnose(system, effect, noise, seed):
     """Hide an effect (or None) and say what came of it."""
     warnings.simplefilter("ignore")
@@ -86,7 +99,18 @@ def diagnose(system, effect, noise, seed):
     ]
     names = [f"{cause.effect} ({cause.target})" for cause in diagnosis.causes_]
     said = ", ".join(names) or diagnosis.verdict_
-    return system, effect, noise, _outcome(diagnosis, hidden, groups), said
+    inside = _inside(diagnosis, hidden.effect)
+    outcome = _outcome(diagnosis, hidden, groups)
+    return Result(system, effect, noise, outcome, said, sum(inside), len(inside))
+
+
+def _inside(diagnosis, effect) -> list[bool]:
+    """Tell of every parameter of the effect, if it is the one named, if its interval is right."""
+    for cause in diagnosis.causes_:
+        if effect is not None and (cause.effect, cause.target) == (effect.id, effect.target):
+            found = cause.parameters.items()
+            return [bool(e.low <= getattr(effect, name) <= e.high) for name, e in found]
+    return []
 
 
 def _outcome(diagnosis, hidden, groups) -> str:
@@ -104,11 +128,11 @@ def _outcome(diagnosis, hidden, groups) -> str:
 
 def write_counts(results, seeds):
     """Write how often every effect was named, of how many, by system and noise."""
-    columns = sorted({(system, noise) for system, _, noise, *_ in results})
+    columns = sorted({(result.system, result.noise) for result in results})
     counts = defaultdict(Counter)
-    for system, effect, noise, outcome, _ in results:
-        counts[effect, system, noise][outcome] += 1
-        counts["all effects" if effect else None, system, noise][outcome] += 1
+    for result in results:
+        for row in (result.effect, "all effects" if result.effect else None):
+            counts[row, result.system, result.noise][result.outcome] += 1
     rows = [*(kind.id for kind in effects.CATALOGUE), "all effects", None]
     lines = [
         f"Written on {datetime.date.today().isoformat()} by sklearn-pgnn "
@@ -125,6 +149,8 @@ def write_counts(results, seeds):
         if any(cells):
             lines.append(f"   * - {effect or 'nothing (quiet / - / - / false alarm)'}")
             lines += [f"     - {_cell(cell)}" for cell in cells]
+    lines.append("   * - intervals with the truth inside")
+    lines += [f"     - {_coverage(results, column)}" for column in columns]
     _write("diagnosis.rst", lines)
 
 
@@ -132,10 +158,10 @@ def write_confusion(results):
     """Write what was said where the hidden effect was neither named nor absorbed."""
     lines = [".. list-table::", "   :header-rows: 1", "", "   * - hidden"]
     lines += ["     - system", "     - noise", "     - said"]
-    for system, effect, noise, outcome, said in sorted(results, key=lambda row: str(row[1:])):
-        if outcome in ("missed", "wrong"):
-            lines += [f"   * - {effect or 'nothing'}", f"     - {system}"]
-            lines += [f"     - {noise:g}", f"     - {said}"]
+    for result in sorted(results, key=str):
+        if result.outcome in ("missed", "wrong"):
+            lines += [f"   * - {result.effect or 'nothing'}", f"     - {result.system}"]
+            lines += [f"     - {result.noise:g}", f"     - {result.said}"]
     _write("diagnosis_confusion.rst", lines)
 
 
@@ -146,6 +172,12 @@ def _write(name, lines):
 
 def _cell(counter) -> str:
     return " / ".join(str(counter[outcome]) for outcome in OUTCOMES) if counter else ""
+
+
+def _coverage(results, column) -> str:
+    found = [result for result in results if (result.system, result.noise) == column]
+    total = sum(result.intervals for result in found)
+    return f"{sum(result.covered for result in found)} of {total}"
 
 
 def main():
@@ -177,8 +209,8 @@ def main():
         print(*result, flush=True)
         write_counts(results, said.seeds)
         write_confusion(results)
-    print(Counter(outcome for _, effect, _, outcome, _ in results if effect))
-    print("nothing hidden:", Counter(outcome for _, effect, _, outcome, _ in results if not effect))
+    print(Counter(result.outcome for result in results if result.effect))
+    print("nothing hidden:", Counter(result.outcome for result in results if not result.effect))
 
 
 if __name__ == "__main__":
