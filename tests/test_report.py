@@ -213,16 +213,43 @@ def test_the_evidence_lies_on_the_hidden_law(effect, over, law):
     assert np.allclose(line.y[inner], law(line.x[inner]), atol=0.2 * np.max(np.abs(line.y)))
 
 
+def test_a_limit_of_a_rate_is_shown_over_the_rate_without_it():
+    diagnosis = diagnose(effects.RateLimit("v", limit=2.0), (effects.RateLimit,))
+    evidence = find_evidence(diagnosis, diagnosis.causes_[0])
+    x, y = evidence.points
+    beyond = np.isfinite(x) & (np.abs(x) > 3.0)
+    assert np.median(np.abs(np.abs(y[beyond]) - 2.0)) < 0.1
+    _, law = evidence.lines
+    assert np.allclose(law.y, np.clip(law.x, -2.0, 2.0), atol=0.05)
+
+
 def test_a_force_that_remembers_is_drawn_as_its_loop():
     effect = effects.Hysteresis("v", level=1.0, deflection=0.05)
     diagnosis = diagnose(effect, (effects.Hysteresis,))
     evidence = find_evidence(diagnosis, diagnosis.causes_[0])
     assert "x" in evidence.x_label
     (loop,) = evidence.lines
-    rows = slice(0, loop.x.size)
-    assert np.array_equal(loop.x, evidence.points[0][rows])
-    error = np.abs(evidence.points[1][rows] - loop.y)
-    assert np.nanmedian(error) < 0.1 * np.ptp(loop.y)
+    x, force = (values[: 5 * loop.x.size].reshape(5, -1) for values in evidence.points)
+    record = [np.array_equal(one, loop.x) for one in x].index(True)
+    assert np.nanmedian(np.abs(force[record] - loop.y)) < 0.1 * np.ptp(loop.y)
+
+
+def test_a_drifting_parameter_is_shown_over_time():
+    diagnosis = diagnose(effects.ParameterDrift("k", rate=0.1), (effects.ParameterDrift,))
+    evidence = find_evidence(diagnosis, diagnosis.causes_[0])
+    t, k = evidence.points
+    good = np.isfinite(k)
+    assert np.median(np.abs(k / (10.0 * (1 + 0.1 * t)) - 1)[good]) < 0.1
+    (law,) = evidence.lines
+    assert np.allclose(law.y, 10.0 * (1 + 0.1 * law.x), rtol=0.05)
+
+
+def test_a_late_sensor_is_shown_in_time():
+    diagnosis = diagnose(effects.SensorDelay("position", delay=0.1), (effects.SensorDelay,))
+    evidence = find_evidence(diagnosis, diagnosis.causes_[0])
+    _, y = evidence.points
+    error = [np.std(y - line.y) for line in evidence.lines]
+    assert error[1] < 0.5 * error[0]
 
 
 def _fixed(parameter):

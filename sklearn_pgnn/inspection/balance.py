@@ -40,7 +40,7 @@ class Samples:
 
     @classmethod
     def of(cls, records: DiagnosisRecords, model: PhysicsModel, states_of: PhysicsModel):
-        """Take states and inputs from the records; states they do not show from a simulation.
+        """Take states and inputs from the records; states they do not tell of from a simulation.
 
         Parameters
         ----------
@@ -49,7 +49,7 @@ class Samples:
         model : PhysicsModel
             The model.
         states_of : PhysicsModel
-            The extended model, whose simulation fills the states that an effect added.
+            The extended model, whose simulation fills those states.
 
         Returns
         -------
@@ -126,11 +126,18 @@ def _mean(t, f, m):
 def _states(records: DiagnosisRecords, model: PhysicsModel) -> dict[str, np.ndarray]:
     prior = records.fits["prior"].model
     table = {name: records.states[:, i] for i, name in enumerate(prior.states)}
-    added = [name for name in model.states if name not in table]
-    if added:
+    simulated = set(model.states) - _told_states(prior)
+    if simulated:
         run = np.concatenate([x for _, x, _ in free_runs(records, "extended")])
-        table |= {name: run[:, list(model.states).index(name)] for name in added}
+        table |= {name: run[:, list(model.states).index(name)] for name in simulated}
     return table
+
+
+def _told_states(model: PhysicsModel) -> set[str]:
+    """Name the states that the outputs tell something of, at the time."""
+    read = {str(s) for output in model.outputs.values() for s in output.free_symbols}
+    velocities = {v for v, position in model.kinematic_pairs.items() if position in read}
+    return (read & set(model.states)) | velocities
 
 
 def free_runs(records: DiagnosisRecords, which: str):

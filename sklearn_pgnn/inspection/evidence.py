@@ -16,9 +16,10 @@ from sklearn_pgnn.inspection.style import label
 from sklearn_pgnn.inspection.words import cause_name, missing_place
 from sklearn_pgnn.physics.effects import CATALOGUE
 from sklearn_pgnn.physics.effects.inputs import ACTUATOR_STATES
-from sklearn_pgnn.physics.effects.rates import force_unit, positions
+from sklearn_pgnn.physics.effects.rates import force_unit, is_velocity, positions
 from sklearn_pgnn.physics.expressions import TIME, parse_expression, symbol
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.pointwise import evaluate_samples
 from sklearn_pgnn.simulation.windows import evaluate
 
 GRID = 801
@@ -193,6 +194,34 @@ def make_case(diagnosis, cause) -> Case:
 # -- ways to show a cause --------------------------------------------------------------------------
 
 
+def over_rate(case: Case) -> Evidence | None:
+    """Show the measured rate over the one without the cause, where the cause cuts just that."""
+    state = case.target
+    if state not in case.seen:
+        return None
+    free, samples = symbol("_free"), case.samples
+    without = case.without.equations[state]
+    law = case.full.equations[state].subs(without, free)
+    own = {symbol(parameter.name): parameter.value for parameter in _parameters(case)}
+    if not isinstance(law, sympy.Max | sympy.Min) or law.free_symbols - {*own, free}:
+        return None
+    x = samples.mean(without)
+    grid, unit = _grid(x), f"{case.full.unit(state)}/s".replace("/s/s", "/s^2")
+    cut = evaluate_samples(law.subs(own), {"_free": grid}, GRID)
+    return Evidence(
+        title=f"Rate of {state} over the rate without limit",
+        x_label=label(f"{state}' without this cause", unit),
+        y_label=label(f"{state}' as measured", unit),
+        points=(x, samples.rate(state)),
+        lines=(
+            Line(grid, grid, "prior", "as the model has it"),
+            Line(grid, cut, "extended", case.name),
+        ),
+        note=f"Every point is a moment of the records: how fast {state} changes, over how fast it "
+        "would change without this cause.",
+    )
+
+
 def over_motion(case: Case) -> Evidence | None:
     """Show the missing force over what it depends on: velocity, position or the phase of a wave."""
     state, model = case.target, case.full
@@ -204,7 +233,7 @@ def over_motion(case: Case) -> Evidence | None:
     over, x, law = _motion(case, added, force)
     scale = 1.0 if inertia is None else case.samples.value(inertia)
     unit = force_unit(model, state)
-    what = _what_is_missing(inertia, unit)
+    what = _what_is_missing(model, state, unit)
     return Evidence(
         title=f"Missing {what} over {over}",
         x_label=label(over, "s" if TIME in added.free_symbols else model.unit(over)),
@@ -227,7 +256,8 @@ def _motion(case: Case, added, force) -> tuple[str, np.ndarray, Line]:
     memory = set(map(str, symbols)) & set(case.full.states) - set(case.without.states)
     over = position if position and (memory or symbol(position) in symbols) else case.target
     x = table[over]
-    return over, x, _course(case, force, x) if memory else _law(case, force, over, x)
+    others = set(map(str, symbols)) & {*case.full.states, *case.full.inputs} - {over}
+    return over, x, _course(case, force, x) if others else _law(case, force, over, x)
 
 
 def over_input(case: Case) -> Evidence | None:
@@ -282,6 +312,30 @@ def over_time(case: Case) -> Evidence | None:
     )
 
 
+def late_output(case: Case) -> Evidence | None:
+    """Show what a late sensor shows about its quickest change."""
+    if case.target not in case.full.outputs or not _changes_in_time(case):
+        return None
+    windows, column = case.records.windows, list(case.full.outputs).index(case.target)
+    late, y = next(p for p in _parameters(case) if p.unit == "s"), windows.y[:, column]
+    rows = _about_largest_change(windows, y, late.value)
+    t, unit = windows.t[rows], case.prior.unit(case.target)
+    at_once, with_delay = (
+        (y - _window_residual(case, model)[:, column])[rows] for model in (case.without, case.full)
+    )
+    return Evidence(
+        title=f"{case.target} about its quickest change",
+        x_label=label("t", "s"),
+        y_label=label(case.target, unit),
+        points=(t, y[rows]),
+        lines=(
+            Line(t, at_once, "prior", "without delay"),
+            Line(t, with_delay, "extended", f"with {case.name}"),
+        ),
+        note=f"The points are what {case.target} showed: it comes late.",
+    )
+
+
 def over_output(case: Case) -> Evidence | None:
     """Show the error of a sensor over what it should show."""
     if case.target not in case.full.outputs or case.target in case.full.equations:
@@ -307,11 +361,32 @@ def over_correction(case: Case) -> Evidence | None:
     """Show the missing rate over what the new value of a parameter adds to it."""
     if case.target not in case.full.parameters:
         return None
+    show = _over_correction if set(case.fields) == {"value"} else _drift
     for state in case.full.equations:
         change = case.full.equations[state]
         if state in case.seen and symbol(case.target) in change.free_symbols:
-            return _over_correction(case, state)
+            return show(case, state)
     return None
+
+
+def _drift(case, state):
+    """Show the value that a parameter must have had, at the moments that tell most of it."""
+    samples, name = case.samples, case.target
+    slope = samples.mean(case.without.equations[state].diff(symbol(name)))
+    value, (rate,) = case.full.parameters[name], _parameters(case)
+    telling = np.abs(slope) > np.nanmedian(np.abs(slope))
+    implied = samples.value(symbol(name)) + case.missing_rate(state) / slope
+    t = samples.table["t"][telling]
+    grid = _grid(t)
+    return Evidence(
+        title=f"The value of {name} over time",
+        x_label=label("t", "s"),
+        y_label=label(name, value.unit),
+        points=(t, implied[telling]),
+        lines=(Line(grid, value.value * (1 + rate.value * grid), "extended", case.name),),
+        note=f"Every point is a moment of the records: the {name} that would explain how {state} "
+        "changed.",
+    )
 
 
 def _over_correction(case, state):
@@ -353,15 +428,24 @@ def residual_over_time(case: Case) -> Evidence:
 
 
 #: tried in this order; the last always answers
-WAYS = (over_motion, over_input, over_time, over_output, over_correction, residual_over_time)
+WAYS = (
+    over_rate,
+    over_motion,
+    over_input,
+    over_time,
+    late_output,
+    over_output,
+    over_correction,
+    residual_over_time,
+)
 
 
 # -- helpers ---------------------------------------------------------------------------------------
 
 
-def _what_is_missing(inertia, unit: str) -> str:
-    if inertia is None:
-        return "deceleration"
+def _what_is_missing(model, state: str, unit: str) -> str:
+    if state not in model.inertia:
+        return "deceleration" if is_velocity(model, state) else "rate"
     return "torque" if unit.replace("*", " ").endswith("N m") else "force"
 
 
@@ -382,9 +466,11 @@ def _law(case: Case, force, over: str, x) -> Line:
 
 
 def _course(case: Case, force, x) -> Line:
-    """Follow a force that remembers through one record: it is no function of one quantity."""
-    first = slice(*case.records.windows.bounds[:2])
-    return Line(x[first], case.samples.value(force)[first], "extended", case.name)
+    """Follow a force through the record where it is largest: it is no function of one quantity."""
+    values, bounds = case.samples.value(force), case.records.windows.bounds
+    record = np.searchsorted(bounds, np.argmax(np.abs(values)), side="right") - 1
+    rows = slice(bounds[record], bounds[record + 1])
+    return Line(x[rows], values[rows], "extended", case.name)
 
 
 def _parameters(case: Case):
