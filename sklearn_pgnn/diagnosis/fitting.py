@@ -11,6 +11,7 @@ from sklearn_pgnn.diagnosis.setting import ROUGH_WINDOWS, Rough, Setting, rough_
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.state_estimate import unsigned_states
 from sklearn_pgnn.simulation.window_fit import WindowFit, expected_decrease, fit_windows
+from sklearn_pgnn.simulation.windows import Windows
 
 #: starts that are followed on a few windows for some steps, after a glance at all of them
 FOLLOWED, FOLLOW_STEPS = 4, 5
@@ -272,7 +273,7 @@ class Fitter:
         model, free = self._free(hypothesis, model)
         fit = fit_windows(
             model,
-            self.rough.windows,
+            self._rough_windows(model),
             free,
             *start,
             x0_start=x0,
@@ -293,6 +294,10 @@ class Fitter:
     def _rough_start(self, model) -> Start:
         start = self._start(model)
         return Start(start.x0[self.rough.which], start.spread)
+
+    def _rough_windows(self, model) -> Windows:
+        own = len(model.states) > len(self.setting.prior.states)
+        return self.rough.stepped if own else self.rough.windows
 
     def _best_start(self, sketch, hypothesis, cause) -> PhysicsModel:
         """Glance at every start, follow the most promising on a few windows, give the best."""
@@ -317,7 +322,7 @@ class Fitter:
         model, free = self._free(hypothesis, model)
         fit = fit_windows(
             model,
-            self.rough.windows.select(few),
+            self._rough_windows(model).select(few),
             tuple(freedom for freedom in free if freedom.name not in held),
             start.x0[few],
             start.spread,

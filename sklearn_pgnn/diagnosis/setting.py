@@ -112,10 +112,18 @@ class Rough:
         Some windows, thinned where the record is sampled faster than the model needs.
     which : ndarray of int
         Which of the setting's windows they are.
+    factor : int
+        One sample of so many was kept.
     """
 
     windows: Windows
     which: np.ndarray
+    factor: int
+
+    @property
+    def stepped(self) -> Windows:
+        """The windows in the steps of the setting's: an effect's state may be as quick as these."""
+        return replace(self.windows, substeps=self.factor * self.windows.substeps)
 
 
 def rough_windows(setting: Setting, squares: np.ndarray) -> Rough:
@@ -133,10 +141,11 @@ def rough_windows(setting: Setting, squares: np.ndarray) -> Rough:
     Rough
         Some of its samples.
     """
-    thinned = _thinned(setting)
+    factor = _thinning(setting)
+    thinned = setting.windows.thin(factor) if factor > 1 else setting.windows
     step = round(thinned.lengths.sum() / ROUGH_SAMPLES)
     which = np.sort(worst_first(squares)[:: max(1, min(step, len(thinned) // ROUGH_WINDOWS))])
-    return Rough(thinned.select(which), which)
+    return Rough(thinned.select(which), which, factor)
 
 
 def worst_first(squares: np.ndarray) -> np.ndarray:
@@ -144,8 +153,8 @@ def worst_first(squares: np.ndarray) -> np.ndarray:
     return np.argsort(-squares, kind="stable")
 
 
-def _thinned(setting: Setting) -> Windows:
-    """Leave out samples while there are too many and the prior's simulation hardly changes."""
+def _thinning(setting: Setting) -> int:
+    """Tell of how many samples one is kept: too many, and the prior's simulation hardly changes."""
     windows, model, factor = setting.windows, setting.prior, 1
     x0 = setting.states.estimate(model).x[windows.starts]
     residual = evaluate(model, windows, x0, ()).residual
@@ -158,7 +167,7 @@ def _thinned(setting: Setting) -> Windows:
         if not np.sqrt(np.nanmean(change**2)) < HARDLY:
             break
         factor *= 2
-    return windows.thin(factor) if factor > 1 else windows
+    return factor
 
 
 def _scales(model, windows, x) -> Scales:

@@ -335,7 +335,7 @@ class InputRateLimit(ActuatorEffect):
     def starts(cls, target, model, scales):
         """Start from a fast to a slow actuator that follows small changes at once."""
         quick = scales.sample_time
-        slews = (max(0.05 * scales.window, quick), 0.2 * scales.window, scales.window)
+        slews = (max(share * scales.window, quick) for share in (0.05, 0.2, 1.0, 5.0))
         return tuple(cls(target, scales.peak[target] / slew, quick) for slew in slews)
 
     @classmethod
