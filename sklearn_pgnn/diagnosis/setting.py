@@ -194,6 +194,7 @@ def _scales(model, windows, x) -> Scales:
         duration=float(windows.t.max()),
         tones=tones,
         ripples=ripples,
+        extremes={n: (float(np.nanmin(v)), float(np.nanmax(v))) for n, v in table.items()},
     )
 
 

@@ -60,6 +60,8 @@ class Scales:
     tones, ripples : mapping of str to tuple of float
         For velocities, frequencies [Hz] and periods in position that stand out in what the model
         lacks of their rate.
+    extremes : mapping of str to tuple of float
+        Least and largest value of states, inputs and outputs; without it, the magnitude both ways.
     """
 
     typical: Mapping[str, float]
@@ -70,6 +72,19 @@ class Scales:
     duration: float = math.inf
     tones: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     ripples: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    extremes: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+    def ends(self, name: str, below: float = 0.0, above: float = 0.0) -> tuple[float, float]:
+        """Give a signal's range, the ends moved inwards by shares of it.
+
+        Examples
+        --------
+        >>> scales = Scales({}, {"y": 2.0}, {}, 0.01, 1.0)
+        >>> scales.ends("y"), scales.ends("y", below=0.25)
+        ((-2.0, 2.0), (-1.0, 2.0))
+        """
+        low, high = self.extremes.get(name, (-self.peak.get(name, 0.0), self.peak.get(name, 0.0)))
+        return low + below * (high - low), high - above * (high - low)
 
 
 @dataclass(frozen=True)

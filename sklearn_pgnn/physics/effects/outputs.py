@@ -122,15 +122,15 @@ class SensorSaturation(OutputEffect):
     @classmethod
     def starts(cls, target, model, scales):
         """Start with an end above, below, or both."""
-        peak = scales.peak[target]
-        places = ((0.97, -1.0), (1.0, -0.97), (0.97, -0.97), (0.8, -1.0), (1.0, -0.8), (0.7, -0.7))
-        return tuple(cls(target, high * peak, low * peak) for high, low in places)
+        cuts = ((0.02, 0.0), (0.0, 0.02), (0.02, 0.02), (0.1, 0.0), (0.0, 0.1), (0.15, 0.15))
+        places = (scales.ends(target, below, above) for above, below in cuts)
+        return tuple(cls(target, upper, lower) for lower, upper in places)
 
     @classmethod
     def limits(cls, target, model, scales):
         """Keep the ends where the reading goes."""
-        peak = scales.peak[target]
-        return {"upper": (-0.95 * peak, peak), "lower": (-peak, 0.95 * peak)}
+        (low, high), (lowest, highest) = scales.ends(target), scales.ends(target, 0.02, 0.02)
+        return {"upper": (lowest, high), "lower": (low, highest)}
 
 
 @dataclass(frozen=True)

@@ -170,13 +170,15 @@ class EndStop(PositionEffect):
     @classmethod
     def starts(cls, target, model, scales):
         """Start with stops at both ends or at one."""
-        peak = scales.peak[positions(model)[target]]
-        stiffness = 5.0 * force_scale(target, model, scales) / peak
-        places = ((0.9, -0.9), (0.6, -0.6), (0.8, -1.0), (1.0, -0.8))
-        return tuple(cls(target, high * peak, low * peak, stiffness) for high, low in places)
+        position = positions(model)[target]
+        stiffness = 5.0 * force_scale(target, model, scales) / scales.peak[position]
+        cuts = ((0.05, 0.05), (0.2, 0.2), (0.1, 0.0), (0.0, 0.1))
+        places = (scales.ends(position, below, above) for above, below in cuts)
+        return tuple(cls(target, upper, lower, stiffness) for lower, upper in places)
 
     @classmethod
     def limits(cls, target, model, scales):
         """Keep the stops within the travel."""
-        peak = scales.peak[positions(model)[target]]
-        return {"upper": (-0.9 * peak, peak), "lower": (-peak, 0.9 * peak)}
+        position = positions(model)[target]
+        (low, high), (lowest, highest) = scales.ends(position), scales.ends(position, 0.05, 0.05)
+        return {"upper": (lowest, high), "lower": (low, highest)}
