@@ -14,6 +14,10 @@ from sklearn_pgnn.diagnosis.unexplained import (
 )
 from sklearn_pgnn.simulation.window_fit import WindowFit
 
+#: what a formula may leave above the noise, as a share of what the re-tuned prior leaves, to be
+#: taken for the law itself: one that leaves more is no better than names for it
+LEFT = 0.1
+
 
 class Beyond:
     """Look for what the catalogue does not know, where its causes leave something or are many.
@@ -48,8 +52,9 @@ class Beyond:
     def judge(self, search: Search, outcome: Outcome) -> tuple[Outcome, MissingPart | None]:
         """Say what is still believed of an outcome, and what has no name.
 
-        A formula for what the re-tuned prior lacks takes the place of the causes if it explains
-        more, or as much with fewer parameters. A formula for what they leave stands beside them.
+        A formula for what the re-tuned prior lacks takes the place of the causes if it leaves
+        little, and explains more than they or as much with fewer parameters. A formula for what
+        they leave stands beside them.
 
         Parameters
         ----------
@@ -103,8 +108,9 @@ def _best(search: Search, ground: Trial) -> Proposal | None:
 
 
 def _says_more(search: Search, alone: Proposal, final: Trial) -> bool:
-    """Tell whether a formula explains more than the causes, or as much with fewer parameters."""
-    if not search.as_good(final, alone.trial):
+    """Tell whether a formula is the law, and says more than the causes or takes fewer numbers."""
+    is_law = search.excess(alone.trial) <= LEFT * search.excess(search.fitter.base())
+    if not is_law or not search.as_good(final, alone.trial):
         return False
     fewer = alone.n_parameters < final.hypothesis.n_parameters
     return fewer or not search.as_good(alone.trial, final)
