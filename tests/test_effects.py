@@ -136,7 +136,8 @@ def test_the_fastest_actuator_a_fit_may_try_is_stable_in_a_step_a_sample(kind):
 
 def test_dry_friction_is_offered_where_a_signal_may_be_a_speed():
     def first_order(unit, rate="(K*u - y)/T", output="y"):
-        return PhysicsModel({"y": unit}, {"y": rate}, {"K": 2.0, "T": 1.0}, {"u": ""}, {"s": output})
+        values = {"K": 2.0, "T": 1.0}
+        return PhysicsModel({"y": unit}, {"y": rate}, values, {"u": ""}, {"s": output})
 
     dry = effects.CoulombFriction
     for unit in ("V", "", "rad/s", "%"):
