@@ -14,8 +14,8 @@ from sklearn_pgnn.diagnosis.unexplained import (
 )
 from sklearn_pgnn.simulation.window_fit import WindowFit
 
-#: what a formula may leave above the noise, as a share of what the re-tuned prior leaves, to be
-#: taken for the law itself: one that leaves more is no better than names for it
+#: what a formula may leave above the noise, as a share of what the best single cause leaves, to be
+#: taken for the law itself: one that leaves more is no better than names
 LEFT = 0.1
 
 
@@ -75,7 +75,7 @@ class Beyond:
         if not search.suspects or (enough and len(outcome.steps) < 2):
             return outcome, None
         alone = self._of_the_prior(search)
-        if alone is not None and outcome.steps and _says_more(search, alone, final):
+        if alone is not None and outcome.steps and _says_more(search, alone, outcome):
             self.fit = alone.trial.fit
             return replace(outcome, steps=[], alternatives={}), describe(setting, alone)
         if enough:
@@ -107,13 +107,20 @@ def _best(search: Search, ground: Trial) -> Proposal | None:
     return min(equal, key=lambda p: (p.n_parameters, p.trial.squares))
 
 
-def _says_more(search: Search, alone: Proposal, final: Trial) -> bool:
+def _says_more(search: Search, alone: Proposal, outcome: Outcome) -> bool:
     """Tell whether a formula is the law, and says more than the causes or takes fewer numbers."""
-    is_law = search.excess(alone.trial) <= LEFT * search.excess(search.fitter.base())
-    if not is_law or not search.as_good(final, alone.trial):
+    final = outcome.final
+    if not (_is_law(search, alone.trial, outcome) and search.as_good(final, alone.trial)):
         return False
     fewer = alone.n_parameters < final.hypothesis.n_parameters
     return fewer or not search.as_good(alone.trial, final)
+
+
+def _is_law(search: Search, formula: Trial, outcome: Outcome) -> bool:
+    """Tell whether a formula leaves noise, or hardly any of what the best single cause leaves."""
+    best = min(outcome.tried.values(), default=1.0) * outcome.base.squares
+    hardly = search.excess(formula) <= LEFT * max(best - search.floor, 0.0)
+    return hardly or search.is_at_noise(formula)
 
 
 def _matters(search: Search, outcome: Outcome, beside: Proposal) -> bool:
