@@ -122,3 +122,29 @@ def test_a_disturbance_is_found_in_the_spectrum_of_what_is_missing():
     tones, _ = find_lines(block(), setting.windows, estimate.x)
     assert min(abs(tone - 1.7) for tone in tones["v"]) < 0.06
     assert setting.scales.tones == tones
+
+
+@pytest.mark.parametrize("kind", [effects.ActuatorLag, effects.InputRateLimit])
+def test_the_fastest_actuator_a_fit_may_try_is_stable_in_a_step_a_sample(kind):
+    model = lag()
+    ground = make_setting(model, read_records(model, np.column_stack([T, np.sin(T)]), np.sin(T)))
+    fastest = kind.limits("u", model, ground.scales)["time_constant"][0]
+    step = np.median(np.diff(T))
+    z = -step / fastest
+    assert abs(1 + z + z**2 / 2 + z**3 / 6 + z**4 / 24) < 1  # Runge and Kutta's scheme
+
+
+def test_dry_friction_is_offered_where_a_signal_may_be_a_speed():
+    def first_order(unit, rate="(K*u - y)/T", output="y"):
+        values = {"K": 2.0, "T": 1.0}
+        return PhysicsModel({"y": unit}, {"y": rate}, values, {"u": ""}, {"s": output})
+
+    dry = effects.CoulombFriction
+    for unit in ("V", "", "rad/s", "%"):
+        assert dry.targets(first_order(unit)) == ("y",)
+    limited = first_order("V") + effects.StateLimit("y", limit=5.0)
+    assert dry.targets(limited + effects.SensorGain("s", error=0.1)) == ("y",)
+    for unit in ("K", "m", "bar", "A"):
+        assert dry.targets(first_order(unit)) == ()
+    assert dry.targets(first_order("V", rate="K*u - T*sqrt(max(y, 0))")) == ()  # a level
+    assert dry.targets(first_order("V", output="u")) == ()  # nobody sees it

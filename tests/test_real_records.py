@@ -1,9 +1,11 @@
 """Measured records, as a person gives them: CSV files and a prior."""
 
 import numpy as np
+import pandas as pd
 import pytest
 
-from sklearn_pgnn.physics import PhysicsModel
+from sklearn_pgnn import ModelDiagnosis
+from sklearn_pgnn.physics import Parameter, PhysicsModel
 from sklearn_pgnn.trajectories.csv_file import read_csv_files
 from sklearn_pgnn.trajectories.reader import read_records
 
@@ -69,3 +71,58 @@ def test_emps_has_the_published_mass_and_friction(emps, emps_files):
     balance = np.column_stack([over_windows(term) for term in terms])
     M, Fv, Fc, _ = np.linalg.lstsq(balance, over_windows(integral(tau)), rcond=None)[0]
     assert [M, Fv, Fc] == pytest.approx([95.1, 203.5, 20.4], rel=0.05)
+
+
+#: ids of effects that hold a machine still while it is driven a little
+STILL = {"coulomb_friction", "stribeck_friction", "asymmetric_friction", "input_dead_zone"}
+
+
+@pytest.fixture(scope="module")
+def hoop() -> PhysicsModel:
+    return PhysicsModel(
+        name="hoop",
+        states={"y": "V"},
+        inputs={"u": ""},
+        parameters={
+            "K": Parameter("K", 11.6, bounds=(0.1, 1000.0), spread=0.5),
+            "T": Parameter("T", 1.6, unit="s", bounds=(0.01, 100.0), spread=0.5),
+        },
+        equations={"y": "(K*u - y)/T"},
+    )
+
+
+def test_hoop_has_dry_friction_and_its_steps_are_foretold(hoop, real_data):
+    """The refitted prior leaves 1.0 V on the steps that are held out."""
+    learn, held_out = (
+        pd.read_csv(real_data / "ball_and_hoop" / f"{name}StepSequence.csv")
+        for name in ("random", "fixed")
+    )
+    diagnosis = ModelDiagnosis(hoop).fit(learn[["t", "u"]], learn["y"])
+    assert STILL & {cause.effect for cause in diagnosis.causes_}
+    model = diagnosis.extended_model_
+    start = {"y": held_out["y"].iloc[0]}
+    x0 = [start.get(state, 0.0) for state in model.states]
+    y = model.simulate(held_out["t"], held_out[["u"]], x0).y[:, 0]
+    assert np.sqrt(np.mean((y - held_out["y"]) ** 2)) < 0.6
+
+
+def test_drives_have_a_sensor_that_sees_the_magnitude(real_data):
+    model = PhysicsModel(
+        name="drives",
+        states={"v": "", "w": "", "z": ""},
+        inputs={"u": "V"},
+        outputs={"y": "z"},
+        parameters={"k": 0.9, "alpha": 4.9, "xi": 0.15, "w0": 22.9},
+        equations={
+            "z": "w",
+            "w": "-w0**2*z - 2*xi*w0*w + k*w0**2*v",
+            "v": "alpha*(u - v)",
+        },
+    )
+    table = pd.read_csv(real_data / "coupled_electric_drives" / "ced_unif.csv").iloc[:400]
+    X = pd.concat(
+        pd.DataFrame({"trajectory": n, "t": table["t"], "u": table[f"u1{n}"]}) for n in (1, 2)
+    )
+    y = np.concatenate([table[f"z1{n}"] for n in (1, 2)])
+    diagnosis = ModelDiagnosis(model, max_causes=1).fit(X, y)
+    assert [cause.effect for cause in diagnosis.causes_] == ["sensor_rectification"]

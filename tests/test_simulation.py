@@ -409,6 +409,23 @@ def test_gradient_of_windows_is_the_derivative_of_their_squares():
         assert -2 * gram[:, j, -1].sum() == pytest.approx(slope / (2 * step), rel=1e-4)
 
 
+def test_a_tank_that_was_empty_does_not_hide_the_slopes():
+    """The slope of a root at its bound is 0, not 0/0, and so the windows keep their gradient."""
+    tanks, t = systems.two_tanks(), np.arange(0, 100, 1.0)
+    pump = np.where(t < 20, 0.0, 2.0)
+    names, x0 = tuple(tanks.free_parameters), [0.0, 4.0]
+    run = tanks.simulate(t, pump, x0, substeps=4, wrt=names)
+    assert np.all(np.isfinite(run.sensitivities))
+    for j, name in enumerate(names):
+        step = 1e-6 * tanks.parameters[name].value
+        values = [tanks.parameters[name].value + s for s in (step, -step)]
+        up, down = (
+            tanks.with_parameters(**{name: v}).simulate(t, pump, x0, substeps=4).y for v in values
+        )
+        slope = (up - down) / (2 * step)
+        np.testing.assert_allclose(run.sensitivities[:, :, j], slope, rtol=1e-2, atol=1e-3)
+
+
 def test_window_fit_ends_where_the_gradient_vanishes():
     truth, ground = grounds(PENDULUM)
     fit, expected, spread = fitted(ground)

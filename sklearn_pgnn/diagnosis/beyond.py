@@ -14,6 +14,10 @@ from sklearn_pgnn.diagnosis.unexplained import (
 )
 from sklearn_pgnn.simulation.window_fit import WindowFit
 
+#: what a formula may leave above the noise, as a share of what the best single cause leaves, to be
+#: taken for the law itself: one that leaves more is no better than names
+LEFT = 0.1
+
 
 class Beyond:
     """Look for what the catalogue does not know, where its causes leave something or are many.
@@ -48,8 +52,9 @@ class Beyond:
     def judge(self, search: Search, outcome: Outcome) -> tuple[Outcome, MissingPart | None]:
         """Say what is still believed of an outcome, and what has no name.
 
-        A formula for what the re-tuned prior lacks takes the place of the causes if it explains
-        more, or as much with fewer parameters. A formula for what they leave stands beside them.
+        A formula for what the re-tuned prior lacks takes the place of the causes if it leaves
+        little, and explains more than they or as much with fewer parameters. A formula for what
+        they leave stands beside them.
 
         Parameters
         ----------
@@ -70,7 +75,7 @@ class Beyond:
         if not search.suspects or (enough and len(outcome.steps) < 2):
             return outcome, None
         alone = self._of_the_prior(search)
-        if alone is not None and outcome.steps and _says_more(search, alone, final):
+        if alone is not None and outcome.steps and _says_more(search, alone, outcome):
             self.fit = alone.trial.fit
             return replace(outcome, steps=[], alternatives={}), describe(setting, alone)
         if enough:
@@ -102,12 +107,20 @@ def _best(search: Search, ground: Trial) -> Proposal | None:
     return min(equal, key=lambda p: (p.n_parameters, p.trial.squares))
 
 
-def _says_more(search: Search, alone: Proposal, final: Trial) -> bool:
-    """Tell whether a formula explains more than the causes, or as much with fewer parameters."""
-    if not search.as_good(final, alone.trial):
+def _says_more(search: Search, alone: Proposal, outcome: Outcome) -> bool:
+    """Tell whether a formula is the law, and says more than the causes or takes fewer numbers."""
+    final = outcome.final
+    if not (_is_law(search, alone.trial, outcome) and search.as_good(final, alone.trial)):
         return False
     fewer = alone.n_parameters < final.hypothesis.n_parameters
     return fewer or not search.as_good(alone.trial, final)
+
+
+def _is_law(search: Search, formula: Trial, outcome: Outcome) -> bool:
+    """Tell whether a formula leaves noise, or hardly any of what the best single cause leaves."""
+    best = min(outcome.tried.values(), default=1.0) * outcome.base.squares
+    hardly = search.excess(formula) <= LEFT * max(best - search.floor, 0.0)
+    return hardly or search.is_at_noise(formula)
 
 
 def _matters(search: Search, outcome: Outcome, beside: Proposal) -> bool:

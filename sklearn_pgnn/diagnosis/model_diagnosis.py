@@ -37,6 +37,7 @@ from sklearn_pgnn.diagnosis.setting import (
 from sklearn_pgnn.physics.effects import CATALOGUE
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.readings import reading
+from sklearn_pgnn.simulation.record_windows import MIN_WINDOWS
 from sklearn_pgnn.simulation.simulate import simulate_records
 from sklearn_pgnn.trajectories import read_records, rows_in_order
 from sklearn_pgnn.trajectories.validation import validate_table
@@ -44,6 +45,8 @@ from sklearn_pgnn.trajectories.validation import validate_table
 #: windows are as long as the re-tuned prior can follow: its error, in units of the noise, at which
 #: they are halved, and below which they are doubled
 TOO_LARGE, SMALL = 30.0, 3.0
+#: shorter windows must lower the error to this share of it; longer ones may raise it so many times
+HELPS, HARDLY_HARDER = 0.75, 1.15
 #: what is left above the noise, as a share of the re-tuned prior's error power, when a cause
 #: outside the catalogue must be at work
 UNEXPLAINED = 0.1
@@ -510,17 +513,30 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
 
 
 def _fit_window_length(setting) -> Fitter:
-    """Make the windows as long as the re-tuned prior can follow."""
+    """Make the windows as long as the re-tuned prior can follow, and as it forgets its start."""
     fitter = Fitter(setting)
     while fitter.base_error() > TOO_LARGE and (setting := shorter(setting)) is not None:
-        fitter = Fitter(setting)
-    setting = fitter.setting
-    while fitter.base_error() < SMALL and (setting := longer(setting)) is not None:
+        nearer = Fitter(setting)
+        if nearer.base_error() > HELPS * fitter.base_error():
+            break
+        fitter = nearer
+    while (setting := longer(fitter.setting)) is not None:
         further = Fitter(setting)
-        if further.base_error() > TOO_LARGE:
+        if not (_follows(fitter, further) or _forgets(fitter, further)):
             break
         fitter = further
     return fitter
+
+
+def _follows(fitter: Fitter, further: Fitter) -> bool:
+    """Tell whether the re-tuned prior is near the records, and stays so in longer windows."""
+    return fitter.base_error() < SMALL and further.base_error() <= TOO_LARGE
+
+
+def _forgets(fitter: Fitter, further: Fitter) -> bool:
+    """Tell whether longer windows are hardly harder, and still enough to judge on."""
+    enough = len(further.setting.windows) >= MIN_WINDOWS
+    return enough and further.base_error() < HARDLY_HARDER * fitter.base_error()
 
 
 def _check_detectability(power, noise) -> None:

@@ -21,6 +21,9 @@ from sympy.printing.pycode import PythonCodePrinter
 from sklearn_pgnn.physics.expressions import TIME, symbol
 from sklearn_pgnn.physics.model import PhysicsModel
 
+#: what a root is of, at least, where one is divided by it: its slope at a bound is 0, not 0/0
+TINY = sympy.Float(1e-30)
+
 
 @dataclass(frozen=True)
 class Source:
@@ -91,7 +94,13 @@ def differentiate(expression, variable):
     return derivative.replace(
         lambda e: isinstance(e, sympy.DiracDelta | sympy.Derivative | sympy.Subs),
         lambda e: sympy.Integer(0),
-    )
+    ).replace(_is_root_of_a_bound, lambda e: sympy.Max(e.base, TINY) ** e.exp)
+
+
+def _is_root_of_a_bound(e) -> bool:
+    """Tell whether something is one over a root that a bound keeps from below zero."""
+    root = isinstance(e, sympy.Pow) and e.exp.is_number and not e.exp.is_integer
+    return bool(root and e.exp < 0 and e.base.has(sympy.Max, sympy.Min))
 
 
 def _real(expression):

@@ -6,7 +6,13 @@ from types import MappingProxyType
 import sympy
 
 from sklearn_pgnn.physics.effect import quantity
-from sklearn_pgnn.physics.effects.rates import PositionEffect, RateEffect, force_scale, positions
+from sklearn_pgnn.physics.effects.rates import (
+    PositionEffect,
+    RateEffect,
+    force_scale,
+    may_be_speed,
+    positions,
+)
 from sklearn_pgnn.physics.expressions import symbol
 
 
@@ -45,7 +51,18 @@ class ViscousFriction(RateEffect):
 
 
 @dataclass(frozen=True)
-class CoulombFriction(RateEffect):
+class SpeedEffect(RateEffect):
+    """A force that needs no more than a speed, be it called one or not."""
+
+    @classmethod
+    def targets(cls, model):
+        """Name the velocities of the model, and the signals that may be some."""
+        known = super().targets(model)
+        return tuple(s for s in model.states if s in known or may_be_speed(model, s))
+
+
+@dataclass(frozen=True)
+class CoulombFriction(SpeedEffect):
     r"""Dry friction of constant level, :math:`F = F_c\,\mathrm{sign}(v)`.
 
     The simulation treats the jump at rest exactly: below the level the target sticks.
@@ -82,7 +99,7 @@ class CoulombFriction(RateEffect):
 
 
 @dataclass(frozen=True)
-class StribeckFriction(RateEffect):
+class StribeckFriction(SpeedEffect):
     r"""Dry friction with a peak at rest.
 
     .. math:: F = \left(F_c + (F_s - F_c)\, e^{-(v/v_s)^2}\right) \mathrm{sign}(v)
@@ -136,7 +153,7 @@ class StribeckFriction(RateEffect):
 
 
 @dataclass(frozen=True)
-class AsymmetricFriction(RateEffect):
+class AsymmetricFriction(SpeedEffect):
     r"""Dry and viscous friction that differ by direction.
 
     .. math:: F = F_+ + d_+ v \;(v > 0), \qquad F = -F_- + d_- v \;(v < 0)
@@ -181,7 +198,7 @@ class AsymmetricFriction(RateEffect):
 
 
 @dataclass(frozen=True)
-class QuadraticDrag(RateEffect):
+class QuadraticDrag(SpeedEffect):
     r"""Drag that grows with the square of the velocity, :math:`F = c\,v|v|`.
 
     Parameters

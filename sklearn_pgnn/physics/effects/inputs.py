@@ -294,7 +294,7 @@ class ActuatorLag(ActuatorEffect):
     @classmethod
     def limits(cls, target, model, scales):
         """Stay between what one sample and what two windows can show."""
-        return {"time_constant": (0.3 * scales.sample_time, 2.0 * scales.window)}
+        return {"time_constant": (0.5 * scales.sample_time, 2.0 * scales.window)}
 
 
 @dataclass(frozen=True)

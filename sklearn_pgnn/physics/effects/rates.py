@@ -11,6 +11,8 @@ from sklearn_pgnn.physics.expressions import TIME, symbol
 SPEED_UNITS = frozenset(
     {"m/s", "mm/s", "km/h", "rad/s", "deg/s", "rpm", "1/s", "rev/s", "r/min", "1/min"}
 )
+#: units of a sensor's signal, which do not say what the sensor sees
+SIGNAL_UNITS = frozenset({"", "1", "-", "%", "V", "mV"})
 #: unit of a force by the unit of the inertia that it accelerates
 FORCE_UNITS = {"kg": "N", "kg m^2": "N m", "kg*m^2": "N m", "kg m²": "N m", "t": "kN"}
 
@@ -40,6 +42,26 @@ def is_velocity(model, state: str) -> bool:
         or state in model.inertia
         or model.states[state].strip() in SPEED_UNITS
     )
+
+
+def may_be_speed(model, state: str) -> bool:
+    """Tell whether a state may be a speed that nobody called so.
+
+    A sensor shows it in a unit that does not say what it measures, and its rate depends on itself,
+    though not by a root, as that of a level does.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn import PhysicsModel
+    >>> hoop = PhysicsModel({"y": "V"}, {"y": "(K*u - y)/T"}, {"K": 11.6, "T": 1.6}, {"u": ""})
+    >>> may_be_speed(hoop, "y")
+    True
+    """
+    x, rate = symbol(state), model.equations[state]
+    roots = any(p.base.has(x) and not p.exp.is_integer for p in rate.atoms(sympy.Pow))
+    shown = any(output.has(x) for output in model.outputs.values())
+    signal = model.states[state].strip() in SIGNAL_UNITS
+    return signal and shown and rate.has(x) and not roots and state not in positions(model).values()
 
 
 @dataclass(frozen=True)
