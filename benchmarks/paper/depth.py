@@ -4,6 +4,7 @@ from collections import defaultdict
 
 import numpy as np
 from document import new_picture, save, spread, write_table
+from methods import QUICK
 from plants import judge, records, simulated
 from priors import DEPTHS, make_prior
 
@@ -28,9 +29,9 @@ def run(plant, depth, neurons, seed):
     """Train increments and a correction; keep what held-out training records say is better."""
     prior = make_prior(plant, depth)
     nets = [
-        PGNNLRegressor(prior, structure=structure, module__neurons=neurons, random_state=seed).fit(
-            *records(plant)
-        )
+        PGNNLRegressor(
+            prior, structure=structure, random_state=seed, **{**QUICK, "module__neurons": neurons}
+        ).fit(*records(plant))
         for structure in ("increment", "correction")
     ]
     best = min(nets, key=lambda net: net.free_run_error_)

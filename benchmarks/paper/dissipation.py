@@ -9,6 +9,7 @@ from functools import lru_cache
 
 import numpy as np
 from document import new_picture, save, spread, write_table
+from methods import QUICK
 from plants import records, references, rmse, simulated
 
 from sklearn_pgnn import ModelDiagnosis, PGNNLRegressor, network, systems
@@ -75,6 +76,7 @@ def run(term, seed):
             lambda_phy=weight,
             physics_loss=make_term(term),
             random_state=seed,
+            **QUICK,
         ).fit(*records(PLANT))
         found["ratio"].append(rmse(net.predict, truth) / scale)
         by_model = [(X, wrong(X)) for X, _ in truth]
@@ -97,9 +99,9 @@ def write(results):
     ]
     head = ["term", "", *(f"{weight:g}" for weight in LAMBDAS)]
     title = (
-        f"A model with {FACTOR:g} times the prior's dry friction guides: free-run error on the reference records without "
-        "noise, and distance of the free run from the wrong model's, both over the wrong model's "
-        "error, by lambda_phy."
+        f"A model with {FACTOR:g} times the prior's dry friction guides: free-run error on the "
+        "reference records without noise, and distance of the free run from the wrong model's, "
+        "both over the wrong model's error, by lambda_phy."
     )
     write_table("dissipation", title, head, lines, results.dates, min(map(len, found.values())))
     draw(found)

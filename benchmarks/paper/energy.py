@@ -5,6 +5,7 @@ from collections import defaultdict
 import numpy as np
 import pandas as pd
 from document import new_picture, save, spread, write_table
+from methods import QUICK
 from plants import PLANTS, records, references, rmse, simulated
 
 from sklearn_pgnn import PGNNLRegressor
@@ -34,7 +35,7 @@ def run(plant, structure, seed):
     """Weigh the energy of one network by every lambda_phy."""
     truth = references(plant, noise=0.0)
     X_test, y_test = joined(truth)
-    net = PGNNLRegressor(PLANTS[plant].prior, structure=structure, random_state=seed)
+    net = PGNNLRegressor(PLANTS[plant].prior, structure=structure, random_state=seed, **QUICK)
     front = pareto_front(net, *records(plant), lambdas=LAMBDAS, X_test=X_test, y_test=y_test)
     scale = float(y_test.std(ddof=0).iloc[0]) / rmse(simulated(PLANTS[plant].prior), truth)
     return {

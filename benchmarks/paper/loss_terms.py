@@ -4,6 +4,7 @@ from collections import defaultdict
 
 import numpy as np
 from document import spread, write_table
+from methods import QUICK
 from plants import PLANTS, judge, records
 
 from sklearn_pgnn import PGNNLRegressor, network
@@ -60,6 +61,7 @@ def run(plant, structure, terms, seed):
         lambda_phy=weight,
         physics_loss=make_terms(plant, letters),
         random_state=seed,
+        **QUICK,
     ).fit(*records(plant))
     return {**judge(plant, net.predict), "lambda": float(net.lambda_phy_)}
 

@@ -49,24 +49,24 @@ def tasks(seeds):
 
 def run(plant, method, seeds):
     """Tune at seed 0, fit with every seed, and judge; of networks find the smallest too."""
-    X, y, *test = split(plant)
     estimator, space = make_methods(plant)[method]
-    best = tune(seeded(estimator, 0), space, X, y)
+    best = tune(seeded(estimator, 0), space, *split(plant)[:2])
     estimator.set_params(**best)
-    found = {"best": best, **fit_all(plant, estimator, X, y, [test], seeds)}
+    found = {"best": best, **fit_all(plant, estimator, seeds)}
     if method in NETWORKS and PLANTS[plant].paper:
-        found |= find_smallest(plant, estimator, X, y)
+        found |= find_smallest(plant, estimator)
     return found
 
 
-def fit_all(plant, estimator, X, y, test, seeds):
+def fit_all(plant, estimator, seeds):
     """Fit with every seed; give the errors, the times and the first seed's free runs."""
+    X, y, *test = split(plant)
     errors, seconds, runs = [], [], []
     for seed in range(seeds):
         start = time.process_time()
         fitted = seeded(clone(estimator), seed).fit(X, y)
         seconds.append(time.process_time() - start)
-        errors.append(judge(plant, fitted.predict, test))
+        errors.append(judge(plant, fitted.predict, [test]))
         runs.append(thinned(fitted.predict(references(plant)[0][0])))
     return {
         **{key: [each[key] for each in errors] for key in errors[0]},
@@ -75,8 +75,9 @@ def fit_all(plant, estimator, X, y, test, seeds):
     }
 
 
-def find_smallest(plant, estimator, X, y):
+def find_smallest(plant, estimator):
     """Find the smallest network within 5 % of the best; held-out training records tell."""
+    X, y, *_ = split(plant)
     held_out, errors = {}, {}
     for size in SIZES:
         nets = [
@@ -148,18 +149,18 @@ def write_plant(plant, found, dates):
     """Write the table of a plant."""
     paper = PLANTS[plant].paper
     head = ["method", "reference", "without noise", "test", "neurons", "fit [s]"]
-    head += ["smallest", "reference", "without noise"] + (["paper"] if paper else [])
+    head += ["smallest", "its reference", "without noise", "paper"] if paper else []
     prior = simulated(PLANTS[plant].prior)
     error = [rmse(prior, references(plant, **noise)) for noise in ({}, {"noise": 0.0})]
-    lines = [
-        ["physical model", *(f"1 ({each:.3g})" for each in error), "1", *["–"] * 5]
-        + ([cell_of_paper(paper, "physical model")] if paper else [])
-    ]
+    both = [f"1 ({each:.3g})" for each in error]
+    own = cell_of_paper(paper, "physical model")
+    lines = [["physical model", *both, "1", *("–" for _ in range(5)), own]]
     lines += [
-        line_of(method, found[method]) + ([cell_of_paper(paper, method)] if paper else [])
+        [*line_of(method, found[method]), cell_of_paper(paper, method)]
         for method in METHODS
         if method in found
     ]
+    lines = [line[: len(head)] for line in lines]
     floor = rmse(lambda X: noise_free(plant, X), references(plant)) / error[0]
     title = f"{TITLES[plant]} The noise alone is {floor:.3f} of the physical model's error."
     seeds = max(line["seeds"] for line in found.values())
