@@ -88,20 +88,22 @@ def alone(plant, depth):
 
 def draw(found):
     """Draw the error over the neurons, a line a prior."""
-    figure, axes = new_picture(1, 2, height=3.0)
-    for (plant, (_, depths)), ax in zip(DEPTHS.items(), axes[0], strict=True):
-        for depth in depths:
-            sizes = [size for size in SIZES if (plant, depth, size) in found]
-            if not sizes:
-                continue
-            values = [[line["truth"] for line in found[plant, depth, s]] for s in sizes]
-            neurons = [2 * size for size in sizes]
-            (line,) = ax.plot(neurons, [np.median(v) for v in values], "o-", label=depth)
-            low, high = [min(v) for v in values], [max(v) for v in values]
-            ax.fill_between(neurons, low, high, alpha=0.15, color=line.get_color())
-        ax.set(xlabel="neurons", ylabel="error over the paper's prior")
-        if ax.lines:
-            ax.set_yscale("log")
+    plants = [plant for plant in DEPTHS if any(plant == known for known, *_ in found)]
+    figure, axes = new_picture(1, len(plants), width=4.5 * len(plants), height=3.0)
+    for plant, ax in zip(plants, axes[0], strict=True):
+        for depth in DEPTHS[plant][1]:
+            draw_line(ax, plant, depth, found)
+        ax.set(xlabel="neurons", ylabel="error over the paper's prior", yscale="log")
         ax.set_title(plant.removesuffix(", 250 Hz"), fontsize=9, loc="left")
         ax.legend(fontsize=7, frameon=False)
     save(figure, "depth")
+
+
+def draw_line(ax, plant, depth, found):
+    """Draw median and range of one prior."""
+    sizes = [size for size in SIZES if (plant, depth, size) in found]
+    values = [[line["truth"] for line in found[plant, depth, size]] for size in sizes]
+    neurons = [2 * size for size in sizes]
+    (line,) = ax.plot(neurons, [np.median(each) for each in values], "o-", label=depth)
+    low, high = [min(each) for each in values], [max(each) for each in values]
+    ax.fill_between(neurons, low, high, alpha=0.15, color=line.get_color())

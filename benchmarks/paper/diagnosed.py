@@ -111,6 +111,7 @@ def draw(found, plants):
             )
         ax.set_ylabel("error [rad]" if "golf" in plant else "error [largest]", fontsize=8)
         ax.set_title(SHOWN[plant], fontsize=9, loc="left")
-    axes[0, 0].legend(fontsize=7, ncols=4, frameon=False)
+    lines, names = axes[0, 0].get_legend_handles_labels()
+    figure.legend(lines, names, fontsize=7, ncols=4, frameon=False, loc="outside lower center")
     axes[-1, 0].set_xlabel("time [s]")
     save(figure, "diagnosed")

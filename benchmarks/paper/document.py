@@ -21,6 +21,8 @@ COLOURS = {
     "SINDYc, prior's terms": "#9bbf3a",
     "PGNN": "#6aa5d8",
     "PGNN-L": "#1766ad",
+    "extended model": "#3f8f4f",
+    "PGNN-L on the extended model": "#8a4fa3",
 }
 
 

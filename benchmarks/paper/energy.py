@@ -17,7 +17,12 @@ SHOWN = {
     "valve": "valve",
     "valve, limits": "valve, limits",
 }
-STRUCTURES = ("output", "increment", "correction")
+#: structures, and how they are drawn
+STRUCTURES = {
+    "output": ("s", "#8a4fa3"),
+    "increment": ("^", "#1766ad"),
+    "correction": ("o", "#d1600b"),
+}
 LAMBDAS = (0.0, 0.01, 0.1, 0.5)
 
 
@@ -73,23 +78,21 @@ def write(results):
 
 def draw(found):
     """Draw the medians over the seeds; what no other weight beats in both is filled."""
-    figure, axes = new_picture(2, 2, height=3.0)
-    for (plant, name), ax in zip(SHOWN.items(), axes.flat, strict=True):
-        for structure, marker in zip(STRUCTURES, "s^o", strict=True):
+    plants = [plant for plant in SHOWN if any(plant == known for known, _ in found)]
+    figure, axes = new_picture(len(plants), 1, height=3.0)
+    for plant, ax in zip(plants, axes[:, 0], strict=True):
+        for structure in STRUCTURES:
             if found.get((plant, structure)):
                 error, physics = np.median(found[plant, structure], axis=0)
-                draw_front(ax, error, physics, structure, marker)
-        ax.set(xscale="log", yscale="log")
-        ax.set_title(name, fontsize=9, loc="left")
-    for ax in axes[-1]:
-        ax.set_xlabel("mean squared residual of the prior's balance", fontsize=8)
-    for ax in axes[:, 0]:
-        ax.set_ylabel("error over the model's", fontsize=8)
-    axes[0, 0].legend(fontsize=7, frameon=False)
+                draw_front(ax, error, physics, structure)
+        ax.set(xscale="log", yscale="log", ylabel="error over the model's")
+        ax.set_title(SHOWN[plant], fontsize=9, loc="left")
+        ax.legend(fontsize=7, frameon=False, loc="upper left", bbox_to_anchor=(1, 1))
+    axes[-1, 0].set_xlabel("mean squared residual of the prior's balance")
     save(figure, "pareto_fronts")
 
 
-def draw_front(ax, error, physics, structure, marker):
+def draw_front(ax, error, physics, structure):
     """Draw one structure's points, and the numbers of the weights."""
     best = [
         not any(
@@ -98,10 +101,11 @@ def draw_front(ax, error, physics, structure, marker):
         )
         for i in range(len(error))
     ]
-    (line,) = ax.plot(physics, error, marker, mfc="none", label=structure)
+    marker, colour = STRUCTURES[structure]
+    ax.plot(physics, error, marker, mfc="none", color=colour, label=structure)
     order = np.argsort(physics[best])
-    style = {"marker": marker, "color": line.get_color(), "linewidth": 1}
+    style = {"marker": marker, "color": colour, "linewidth": 1}
     ax.plot(physics[best][order], error[best][order], **style)
     for weight, x, y in zip(LAMBDAS, physics, error, strict=True):
         where = {"xytext": (4, 3), "textcoords": "offset points", "fontsize": 6}
-        ax.annotate(f"{weight:g}", (x, y), color=line.get_color(), **where)
+        ax.annotate(f"{weight:g}", (x, y), color=colour, **where)

@@ -71,16 +71,15 @@ def write(results):
     found = defaultdict(list)
     for line in results.found:
         found[line["plant"], line["structure"], line["terms"]].append(line["truth"])
+    columns = [column for column in COLUMNS if any(column == key[:2] for key in found)]
     lines = [
-        [
-            terms,
-            *(spread(runs) if (runs := found.get((*column, terms))) else "–" for column in COLUMNS),
-        ]
+        [terms, *(spread(found[*column, terms]) for column in columns)]
         for terms in LINES
+        if all((*column, terms) in found for column in columns)
     ]
     title = (
         "Free-run error on the reference records without noise, over the physical model's, by the "
         f"terms of the physical loss; lambda_phy is {LAMBDA:g} or adaptive."
     )
-    head = ["terms", *COLUMNS.values()]
+    head = ["terms", *(COLUMNS[column] for column in columns)]
     write_table("loss_terms", title, head, lines, results.dates, min(map(len, found.values())))
