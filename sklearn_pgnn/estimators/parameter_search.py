@@ -86,6 +86,42 @@ def find_parameters(
     return min(local, found, key=lambda each: each.fit.objective)
 
 
+def find_in_free_run(
+    model: PhysicsModel,
+    short: WindowedRecords,
+    whole: WindowedRecords,
+    names: tuple[str, ...],
+    search: str = "auto",
+    random_state=None,
+) -> ParameterFit:
+    """Fit parameters to whole records, from the model's values and from a fit to short windows.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    short : WindowedRecords
+        The records in short windows, where there are few local minima.
+    whole : WindowedRecords
+        The same records, a window each.
+    names : tuple of str
+        The parameters to fit.
+    search : {"local", "global", "auto"}, default="auto"
+        As in `find_parameters`, for the short windows.
+    random_state : int, RandomState instance or None, default=None
+        What draws the global search.
+
+    Returns
+    -------
+    ParameterFit
+        The better of the fits.
+    """
+    near = find_parameters(model, short, names, search, random_state).fit.model if names else model
+    free = tuple(free_between_bounds(model, name) for name in names)
+    fits = [fit_locally(start, whole, free) for start in dict.fromkeys((model, near))]
+    return min(fits, key=lambda each: each.fit.objective)
+
+
 def free_between_bounds(model: PhysicsModel, name: str) -> Freedom:
     """Let a parameter go anywhere between its bounds, without a pull to its prior."""
     parameter = model.parameters[name]
