@@ -35,8 +35,8 @@ class PublicBenchmark:
     """
 
     X_train: pd.DataFrame
-    y_train: pd.DataFrame
     X_test: pd.DataFrame
+    y_train: pd.DataFrame
     y_test: pd.DataFrame
     initial_window: int
     prior: PhysicsModel
@@ -84,11 +84,11 @@ def load_emps(*, data_home=None) -> PublicBenchmark:
     """
     files = _files("EMPS", ("DATA_EMPS.mat", "DATA_EMPS_PULSES.mat"), data_home)
     records = [_read(file, "t", "vir", "qm") for file in files]
-    tables = [
+    train, test = (
         _tables(name, {"t": t, "force": DRIVE_GAIN * volt}, {"position": q})
         for name, (t, volt, q) in zip(("train", "test"), records, strict=True)
-    ]
-    return PublicBenchmark(*tables[0], *tables[1], 20, _emps_prior())
+    )
+    return _benchmark(train, test, 20, _emps_prior())
 
 
 def load_cascaded_tanks(*, data_home=None) -> PublicBenchmark:
@@ -132,12 +132,12 @@ def load_cascaded_tanks(*, data_home=None) -> PublicBenchmark:
     50
     """
     (file,) = _files("Cascaded_Tanks", ("dataBenchmark.mat",), data_home)
-    (step,), *signals = _read(file, "Ts", "uEst", "yEst", "uVal", "yVal")
-    tables = [
-        _tables(name, {"t": step * np.arange(u.size), "pump": u}, {"level": y})
-        for name, u, y in (("train", *signals[:2]), ("test", *signals[2:]))
-    ]
-    return PublicBenchmark(*tables[0], *tables[1], 50, _tanks_prior())
+    step, u_train, y_train, u_test, y_test = _read(file, "Ts", "uEst", "yEst", "uVal", "yVal")
+    train, test = (
+        _tables(name, {"t": step[0] * np.arange(u.size), "pump": u}, {"level": y})
+        for name, u, y in (("train", u_train, y_train), ("test", u_test, y_test))
+    )
+    return _benchmark(train, test, 50, _tanks_prior())
 
 
 def load_coupled_drives(*, data_home=None) -> PublicBenchmark:
@@ -181,16 +181,23 @@ def load_coupled_drives(*, data_home=None) -> PublicBenchmark:
     10
     """
     (file,) = _files("CED", ("DATAUNIF.MAT",), data_home)
-    signals = _read(file, "u11", "z11", "u12", "z12")
-    t = DRIVES_STEP * np.arange(signals[0].size)
+    u_low, z_low, u_high, z_high = _read(file, "u11", "z11", "u12", "z12")
+    t = DRIVES_STEP * np.arange(u_low.size)
     pairs = [
         _tables(name, {"t": t, "voltage": u}, {"pulses": z})
-        for name, u, z in (("low", *signals[:2]), ("high", *signals[2:]))
+        for name, u, z in (("low", u_low, z_low), ("high", u_high, z_high))
     ]
     X, y = (pd.concat(tables, ignore_index=True) for tables in zip(*pairs, strict=True))
     test = np.tile(np.arange(t.size) >= DRIVES_TRAIN, 2)
-    parts = [table[rows].reset_index(drop=True) for rows in (~test, test) for table in (X, y)]
-    return PublicBenchmark(*parts, 10, _drives_prior())
+    train, rest = (
+        (X[rows].reset_index(drop=True), y[rows].reset_index(drop=True)) for rows in (~test, test)
+    )
+    return _benchmark(train, rest, 10, _drives_prior())
+
+
+def _benchmark(train, test, initial_window, prior) -> PublicBenchmark:
+    (X_train, y_train), (X_test, y_test) = train, test
+    return PublicBenchmark(X_train, X_test, y_train, y_test, initial_window, prior)
 
 
 # -- files -----------------------------------------------------------------------------------------
@@ -240,7 +247,7 @@ def _read(file: Path, *names) -> list[np.ndarray]:
     return [np.asarray(found[name], dtype=float)[:, 0] for name in names]
 
 
-def _tables(trajectory: str, inputs: dict, outputs: dict):
+def _tables(trajectory: str, inputs: dict, outputs: dict) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Write a record as two tables."""
     X = pd.DataFrame(inputs)
     X.insert(0, "trajectory", trajectory)
@@ -250,13 +257,17 @@ def _tables(trajectory: str, inputs: dict, outputs: dict):
 # -- priors ----------------------------------------------------------------------------------------
 
 
+def _by_name(*parameters: Parameter) -> dict[str, Parameter]:
+    return {parameter.name: parameter for parameter in parameters}
+
+
 def _emps_prior() -> PhysicsModel:
     return PhysicsModel(
         name="EMPS",
         states={"q": "m", "v": "m/s"},
         inputs={"force": "N"},
         outputs={"position": "q"},
-        parameters=(
+        parameters=_by_name(
             Parameter("M", 95.0, unit="kg", bounds=(10.0, 1000.0)),
             Parameter("Fv", 203.0, unit="N s/m", bounds=(0.0, 2000.0)),
         ),
@@ -272,7 +283,7 @@ def _tanks_prior() -> PhysicsModel:
         states={"x1": "V", "x2": "V"},
         inputs={"pump": "V"},
         outputs={"level": "x2"},
-        parameters=(
+        parameters=_by_name(
             flow("k1", 0.05, unit="V^0.5/s"),
             flow("k2", 0.05, unit="V^0.5/s"),
             flow("k3", 0.05, unit="V^0.5/s"),
@@ -292,7 +303,7 @@ def _drives_prior() -> PhysicsModel:
         states={"speed": "1/s", "acceleration": "1/s^2", "drive": "1/s"},
         inputs={"voltage": "V"},
         outputs={"pulses": "speed"},
-        parameters=(
+        parameters=_by_name(
             Parameter("k", 0.9, unit="1/(V s)", bounds=(0.05, 20.0)),
             Parameter("alpha", 4.9, unit="1/s", bounds=(0.1, 100.0)),
             Parameter("xi", 0.15, bounds=(0.001, 5.0)),
