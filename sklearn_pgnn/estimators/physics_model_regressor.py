@@ -3,7 +3,6 @@
 import warnings
 
 import numpy as np
-import pandas as pd
 from joblib import effective_n_jobs
 from sklearn.base import BaseEstimator, MultiOutputMixin, RegressorMixin
 from sklearn.utils.validation import check_is_fitted
@@ -63,8 +62,8 @@ class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
     parameters_ : dict of str to Estimate
         Value, 95 % interval and unit of every fitted parameter. The interval holds also where the
         residuals are not white; it is as wide as the bounds where the records say nothing.
-    initial_states_ : DataFrame of shape (n_trajectories, n_states)
-        Fitted state at the start of every trajectory.
+    initial_states_ : ndarray of shape (n_trajectories, n_states)
+        Fitted state at the start of every trajectory, in the order of their first rows.
     window_ : float
         Median length of the windows [s].
     substeps_ : int
@@ -151,10 +150,7 @@ class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         self.model_ = found.fit.model
         self._keep_estimates(found)
         windows = ground.windows
-        first = np.searchsorted(windows.starts, windows.bounds[:-1])
-        self.initial_states_ = pd.DataFrame(
-            found.fit.x0[first], [record.name for record in records], list(self.model_.states)
-        )
+        self.initial_states_ = found.fit.x0[np.searchsorted(windows.starts, windows.bounds[:-1])]
         self.substeps_ = windows.substeps
         self.window_ = float(
             np.median(windows.t[windows.starts + windows.lengths - 1] - windows.t[windows.starts])
