@@ -86,6 +86,17 @@ def test_whole_trajectories_are_fitted_in_free_run():
         assert error(regressor.model_, np.array(offset)) > least
 
 
+def test_a_told_start_of_a_whole_trajectory_is_held():
+    """An initial state that is wrong by ten times the noise stays, and costs what it costs."""
+    first = ~X["trajectory"].duplicated()
+    wrong = X.assign(x=X["x"] + 10 * NOISE * first)
+    regressor = PhysicsModelRegressor(CART, window="trajectory", search="local").fit(wrong, Y)
+    np.testing.assert_allclose(regressor.initial_states_, wrong.loc[first, ["x", "v"]], atol=1e-9)
+    partly = wrong.assign(x=wrong["x"].where(wrong["trajectory"] > 0))
+    regressor.fit(partly, Y)
+    assert np.ptp(regressor.initial_states_[:, 0] - X.loc[first, "x"]) < 3 * NOISE
+
+
 def test_initial_states_are_those_that_the_records_tell(fitted):
     told = X.loc[~X["trajectory"].duplicated(), ["x", "v"]].to_numpy()
     np.testing.assert_allclose(fitted.initial_states_, told, atol=0.02)

@@ -26,6 +26,8 @@ SOME_SAMPLES, SOME_WINDOWS = 2000, 12
 POPULATION, GENERATIONS, FOLLOWED = 15, 40, 4
 #: an error so large that nothing is worse: the logarithm of a diverging simulation's
 WORST = 700.0
+#: how far an initial state that is known may go, as a share of what it might otherwise
+HELD = 1e-10
 #: refits with the states that nothing shows simulated anew
 ROUNDS = 3
 
@@ -150,15 +152,23 @@ def fit_locally(model: PhysicsModel, ground: WindowedRecords, free, tolerance=1e
     x0_start, starts = None, ground.windows.starts
     for _ in range(ROUNDS):
         estimate = ground.states.estimate(model)
-        expected = estimate.x[starts]
+        expected, spread = _where_told(ground, estimate.x[starts], estimate.spread)
         fit = fit_windows(
-            model, ground.windows, free, expected, estimate.spread, x0_start=x0_start,
+            model, ground.windows, free, expected, spread, x0_start=x0_start,
             max_steps=60, tolerance=tolerance,
         )  # fmt: skip
         if set(model.states) <= set(ground.states.known) or not np.isfinite(fit.objective):
             break
         model, x0_start = fit.model, fit.x0
-    return ParameterFit(fit, expected, estimate.spread)
+    return ParameterFit(fit, expected, spread)
+
+
+def _where_told(ground: WindowedRecords, expected, spread):
+    """Hold the initial states that the records tell; a state counts if all of them tell it."""
+    if ground.told is None:
+        return expected, spread
+    known = np.isfinite(ground.told).all(axis=0)
+    return np.where(known, ground.told, expected), np.where(known, HELD * spread, spread)
 
 
 def search_globally(model: PhysicsModel, ground: WindowedRecords, free, random_state=None):

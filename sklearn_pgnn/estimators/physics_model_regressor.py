@@ -41,7 +41,8 @@ class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
     window : float or "trajectory", optional
         Window length [s]; by default a third of the dominant period of the outputs. With
         ``"trajectory"`` every trajectory is one window: the error of the free run is minimised,
-        from the model's values and from those of a fit to short windows.
+        from the model's values and from those of a fit to short windows; a state that the first
+        rows of all trajectories tell is taken as it is, others are fitted.
     noise : array-like of shape (n_outputs,), optional
         Standard deviation of the outputs' noise, which weights them; by default the records tell.
     hold : {"zoh", "foh"}, default="zoh"

@@ -31,11 +31,14 @@ class WindowedRecords:
         Estimates their initial states.
     period : float
         Dominant period of the outputs [s].
+    told : ndarray of shape (n_windows, n_states), optional
+        Initial states that are known and not to be fitted, NaN where not.
     """
 
     windows: Windows
     states: StateEstimator
     period: float
+    told: np.ndarray | None = None
 
 
 def window_records(
@@ -79,7 +82,8 @@ def window_records(
     bounds = np.concatenate([[0], np.cumsum([record.t.size for record in records])])
     scale = output_noise(records) if noise is None else np.asarray(noise, dtype=float).ravel()
     whole = Windows(t, u, y, bounds, bounds[:-1], np.diff(bounds), scale, hold, 1, threads)
-    states = StateEstimator(model, whole, [_told_start(model, record) for record in records])
+    told = [_told_start(model, record) for record in records]
+    states = StateEstimator(model, whole, told)
     period = dominant_period(records)
     if window == WHOLE:
         windows = replace(whole, pieces=-(-MIN_WINDOWS // len(records)))
@@ -89,7 +93,7 @@ def window_records(
         substeps = _enough_substeps(model, windows, states.estimate(model).x)
     windows = replace(windows, substeps=int(substeps))
     states.windows = windows
-    return WindowedRecords(windows, states, period)
+    return WindowedRecords(windows, states, period, np.array(told) if window == WHOLE else None)
 
 
 def _told_start(model, record) -> np.ndarray:
