@@ -8,7 +8,8 @@ The same pipeline for all three machines, built on their training records alone:
    cross-validated free-run error most, as long as it lowers it by 1 %. In each of three folds
    another quarter of every training trajectory, but never the first, is hidden from the fit; the
    error is the geometric mean over folds and trajectories, so that none of them decides alone.
-3. The chosen model is fitted to the whole training records.
+3. The chosen model is fitted to the whole training records. Every extension starts from the values
+   that the smaller model was fitted to, in the folds from those of the same fold.
 
 The test records are then simulated once, in free run, and the initial windows do not count. EMPS
 starts from the state that fits its initial window, in training too; the tanks start from the state
@@ -229,36 +230,54 @@ def rms(values):
     return np.nan_to_num(np.sqrt(np.mean(values**2)), nan=np.inf)
 
 
-def cross_validated(machine, model, data) -> float:
-    """Give the geometric mean of the errors on hidden quarters of every training trajectory."""
+def warm(model, parent) -> PhysicsModel:
+    """Start from the values that a smaller model was fitted to."""
+    known = parent.parameters.items() if parent is not None else ()
+    return model.with_parameters(**{n: p.value for n, p in known if n in model.parameters})
+
+
+def cross_validated(machine, model, data, parents):
+    """Give the geometric mean of the errors on hidden quarters, and the model of every fold."""
     X, y = data.X_train, data.y_train
     place = X.groupby("trajectory", sort=False).cumcount()
     size = X.groupby("trajectory", sort=False)["t"].transform("size")
-    errors = []
-    for quarter in range(1, QUARTERS):
+    errors, models = [], []
+    for quarter, parent in zip(range(1, QUARTERS), parents, strict=True):
         hidden = (place * QUARTERS // size == quarter).to_numpy()
-        regressor = learn(machine, data, model, y.mask(hidden[:, None]))
+        regressor = learn(machine, data, warm(model, parent), y.mask(hidden[:, None]))
         rest = simulated(regressor, X, regressor.initial_states_) - y.to_numpy()[:, 0]
         errors += [rms(rest[hidden & (X["trajectory"] == n)]) for n in X["trajectory"].unique()]
-    return float(np.exp(np.mean(np.log(errors))))
+        models.append(regressor.model_)
+    return float(np.exp(np.mean(np.log(errors)))), models
 
 
 def choose(machine, data):
     """Add suspects one by one as long as the cross-validated error falls."""
-    chosen, best = (), cross_validated(machine, data.prior, data)
+    chosen, parents = (), (None,) * (QUARTERS - 1)
+    best, parents = cross_validated(machine, data.prior, data, parents)
     print(f"  {best * machine.factor:.3f} prior", flush=True)
     while len(chosen) < len(machine.suspects):
         tried = {
-            name: cross_validated(machine, extended(machine, data, (*chosen, name)), data)
+            name: cross_validated(machine, extended(machine, data, (*chosen, name)), data, parents)
             for name in machine.suspects
             if name not in chosen
         }
-        name = min(tried, key=tried.get)
-        print(" ", *(f"{v * machine.factor:.3f} {n};" for n, v in tried.items()), flush=True)
-        if not tried[name] < (1 - LEAST_GAIN) * best:
+        name = min(tried, key=lambda each: tried[each][0])
+        print(" ", *(f"{v * machine.factor:.3f} {n};" for n, (v, _) in tried.items()), flush=True)
+        if not tried[name][0] < (1 - LEAST_GAIN) * best:
             break
-        chosen, best = (*chosen, name), tried[name]
+        chosen, (best, parents) = (*chosen, name), tried[name]
     return chosen
+
+
+def learn_along(machine, data, chosen):
+    """Fit the prior and, suspect by suspect, its extensions to the training records."""
+    parent = None
+    for count in range(len(chosen) + 1):
+        model = warm(extended(machine, data, chosen[:count]), parent)
+        regressor = learn(machine, data, model, data.y_train)
+        parent = regressor.model_
+    return regressor
 
 
 def predict_test(machine, data, regressor):
@@ -286,7 +305,7 @@ def measure(machine, folder) -> list[list[str]]:
     chosen = choose(machine, data)
     lines = []
     for label, names in (("prior", ()), ("prior + " + ", ".join(chosen), chosen)):
-        regressor = learn(machine, data, extended(machine, data, names), data.y_train)
+        regressor = learn_along(machine, data, names)
         train = simulated(regressor, data.X_train, regressor.initial_states_)
         train = rms(train - data.y_train.to_numpy()[:, 0]) * machine.factor
         test = errors_by_trajectory(data, predict_test(machine, data, regressor))
@@ -312,7 +331,7 @@ def write(name, lines):
         f"   :header-rows: 1\n   :widths: 60 20 20\n\n"
     )
     for line in [["model", "test", "training"], *lines]:
-        table += "   * - " + "\n     - ".join(line) + "\n"
+        table += "   * - " + "\n     - ".join(line).rstrip() + "\n"
     old = TABLE.read_text(encoding="utf-8").split("\n\n.. ") if TABLE.exists() else []
     tables = {
         name: ".. " + text.removeprefix(".. ").strip()
