@@ -55,6 +55,61 @@ def fitted():
 # -- certificates ---------------------------------------------------------------------------------
 
 
+def simulate_from(model, states, name):
+    rows = X[X["trajectory"] == name]
+    return model.simulate(rows["t"], rows["force"], states, substeps=4).y[:, 0]
+
+
+def test_whole_trajectories_are_fitted_in_free_run():
+    r"""No other parameters and initial states leave less: the gradient of the error is zero."""
+    unknown = X.assign(x=np.nan, v=np.nan)
+    regressor = PhysicsModelRegressor(CART, window="trajectory", search="local").fit(unknown, Y)
+    assert regressor.window_ == pytest.approx(7.98)
+    states = regressor.initial_states_
+    assert states.shape == (3, 2)
+    for name, true in TRUTH.items():
+        found = regressor.parameters_[name]
+        assert found.low <= true <= found.high
+        assert found.high - found.low < 0.02 * true
+
+    def error(model, offset=0.0):
+        runs = [simulate_from(model, row + offset, k) for k, row in enumerate(states)]
+        return np.mean((np.concatenate(runs) - Y) ** 2)
+
+    least = error(regressor.model_)
+    assert least == pytest.approx(NOISE**2, rel=0.1)
+    for name in TRUTH:
+        for factor in (0.999, 1.001):
+            value = factor * regressor.parameters_[name].value
+            assert error(regressor.model_.with_parameters(**{name: value})) > least
+    for offset in ([1e-4, 0], [-1e-4, 0], [0, 1e-3], [0, -1e-3]):
+        assert error(regressor.model_, np.array(offset)) > least
+
+
+def test_a_told_start_of_a_whole_trajectory_is_held():
+    """An initial state that is wrong by ten times the noise stays, and costs what it costs."""
+    first = ~X["trajectory"].duplicated()
+    wrong = X.assign(x=X["x"] + 10 * NOISE * first)
+    regressor = PhysicsModelRegressor(CART, window="trajectory", search="local").fit(wrong, Y)
+    np.testing.assert_allclose(regressor.initial_states_, wrong.loc[first, ["x", "v"]], atol=1e-9)
+    partly = wrong.assign(x=wrong["x"].where(wrong["trajectory"] > 0))
+    regressor.fit(partly, Y)
+    assert np.ptp(regressor.initial_states_[:, 0] - X.loc[first, "x"]) < 3 * NOISE
+
+
+def test_initial_states_are_those_that_the_records_tell(fitted):
+    told = X.loc[~X["trajectory"].duplicated(), ["x", "v"]].to_numpy()
+    np.testing.assert_allclose(fitted.initial_states_, told, atol=0.02)
+
+
+def test_a_hidden_stretch_is_simulated_through():
+    """Outputs that are NaN do not count; the free run goes on over them."""
+    hidden = (X["t"] > 3) & (X["t"] < 5)
+    regressor = PhysicsModelRegressor(CART, window="trajectory", search="local")
+    regressor.fit(X, np.where(hidden, np.nan, Y))
+    assert np.sqrt(np.mean((regressor.predict(X) - Y)[hidden] ** 2)) < 1.2 * NOISE
+
+
 def test_recovers_the_parameters_within_narrow_intervals(fitted):
     for name, true in TRUTH.items():
         found = fitted.parameters_[name]

@@ -1,14 +1,24 @@
-"""Records made for trying things out: simulated rigs, and machines that hide an effect."""
+"""Records: simulated rigs, machines that hide an effect, and measured public benchmarks."""
 
 from sklearn_pgnn.datasets.cart import make_cart
 from sklearn_pgnn.datasets.golf_robot import golf_robot_plant, make_golf_robot
 from sklearn_pgnn.datasets.hidden_effect import HiddenEffect, make_hidden_effect
+from sklearn_pgnn.datasets.public import (
+    PublicBenchmark,
+    load_cascaded_tanks,
+    load_coupled_drives,
+    load_emps,
+)
 from sklearn_pgnn.datasets.servo_valve import make_servo_valve, servo_valve_plant
 from sklearn_pgnn.datasets.two_tanks import make_two_tanks
 
 __all__ = [
     "HiddenEffect",
+    "PublicBenchmark",
     "golf_robot_plant",
+    "load_cascaded_tanks",
+    "load_coupled_drives",
+    "load_emps",
     "make_cart",
     "make_golf_robot",
     "make_hidden_effect",

@@ -26,6 +26,8 @@ SOME_SAMPLES, SOME_WINDOWS = 2000, 12
 POPULATION, GENERATIONS, FOLLOWED = 15, 40, 4
 #: an error so large that nothing is worse: the logarithm of a diverging simulation's
 WORST = 700.0
+#: how far an initial state that is known may go, as a share of what it might otherwise
+HELD = 1e-10
 #: refits with the states that nothing shows simulated anew
 ROUNDS = 3
 
@@ -86,6 +88,42 @@ def find_parameters(
     return min(local, found, key=lambda each: each.fit.objective)
 
 
+def find_in_free_run(
+    model: PhysicsModel,
+    short: WindowedRecords,
+    whole: WindowedRecords,
+    names: tuple[str, ...],
+    search: str = "auto",
+    random_state=None,
+) -> ParameterFit:
+    """Fit parameters to whole records, from the model's values and from a fit to short windows.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    short : WindowedRecords
+        The records in short windows, where there are few local minima.
+    whole : WindowedRecords
+        The same records, a window each.
+    names : tuple of str
+        The parameters to fit.
+    search : {"local", "global", "auto"}, default="auto"
+        As in `find_parameters`, for the short windows.
+    random_state : int, RandomState instance or None, default=None
+        What draws the global search.
+
+    Returns
+    -------
+    ParameterFit
+        The better of the fits.
+    """
+    near = find_parameters(model, short, names, search, random_state).fit.model if names else model
+    free = tuple(free_between_bounds(model, name) for name in names)
+    fits = [fit_locally(start, whole, free) for start in dict.fromkeys((model, near))]
+    return min(fits, key=lambda each: each.fit.objective)
+
+
 def free_between_bounds(model: PhysicsModel, name: str) -> Freedom:
     """Let a parameter go anywhere between its bounds, without a pull to its prior."""
     parameter = model.parameters[name]
@@ -114,15 +152,23 @@ def fit_locally(model: PhysicsModel, ground: WindowedRecords, free, tolerance=1e
     x0_start, starts = None, ground.windows.starts
     for _ in range(ROUNDS):
         estimate = ground.states.estimate(model)
-        expected = estimate.x[starts]
+        expected, spread = _where_told(ground, estimate.x[starts], estimate.spread)
         fit = fit_windows(
-            model, ground.windows, free, expected, estimate.spread, x0_start=x0_start,
+            model, ground.windows, free, expected, spread, x0_start=x0_start,
             max_steps=60, tolerance=tolerance,
         )  # fmt: skip
         if set(model.states) <= set(ground.states.known) or not np.isfinite(fit.objective):
             break
         model, x0_start = fit.model, fit.x0
-    return ParameterFit(fit, expected, estimate.spread)
+    return ParameterFit(fit, expected, spread)
+
+
+def _where_told(ground: WindowedRecords, expected, spread):
+    """Hold the initial states that the records tell; a state counts if all of them tell it."""
+    if ground.told is None:
+        return expected, spread
+    known = np.isfinite(ground.told).all(axis=0)
+    return np.where(known, ground.told, expected), np.where(known, HELD * spread, spread)
 
 
 def search_globally(model: PhysicsModel, ground: WindowedRecords, free, random_state=None):

@@ -7,9 +7,14 @@ from joblib import effective_n_jobs
 from sklearn.base import BaseEstimator, MultiOutputMixin, RegressorMixin
 from sklearn.utils.validation import check_is_fitted
 
-from sklearn_pgnn.estimators.parameter_search import SEARCHES, ParameterFit, find_parameters
+from sklearn_pgnn.estimators.parameter_search import (
+    SEARCHES,
+    ParameterFit,
+    find_in_free_run,
+    find_parameters,
+)
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.record_windows import window_records
+from sklearn_pgnn.simulation.record_windows import WHOLE, WindowedRecords, window_records
 from sklearn_pgnn.simulation.simulate import simulate_records
 from sklearn_pgnn.simulation.uncertainty import NORMAL_95, estimate_of, standard_errors
 from sklearn_pgnn.trajectories import read_records, rows_in_order
@@ -33,8 +38,11 @@ class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         Whether to start from the model's values only, to search the parameters' bounds first, or
         to do so where the local fit leaves more than three times the noise. A parameter without a
         bound is searched up to ten times its value away.
-    window : float, optional
-        Window length [s]; by default a third of the dominant period of the outputs.
+    window : float or "trajectory", optional
+        Window length [s]; by default a third of the dominant period of the outputs. With
+        ``"trajectory"`` every trajectory is one window: the error of the free run is minimised,
+        from the model's values and from those of a fit to short windows; a state that the first
+        rows of all trajectories tell is taken as it is, others are fitted.
     noise : array-like of shape (n_outputs,), optional
         Standard deviation of the outputs' noise, which weights them; by default the records tell.
     hold : {"zoh", "foh"}, default="zoh"
@@ -55,6 +63,8 @@ class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
     parameters_ : dict of str to Estimate
         Value, 95 % interval and unit of every fitted parameter. The interval holds also where the
         residuals are not white; it is as wide as the bounds where the records say nothing.
+    initial_states_ : ndarray of shape (n_trajectories, n_states)
+        Fitted state at the start of every trajectory, in the order of their first rows.
     window_ : float
         Median length of the windows [s].
     substeps_ : int
@@ -136,19 +146,12 @@ class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         names = self._free_names()
         if self.search not in SEARCHES:
             raise ValueError(f"search: expected one of {', '.join(SEARCHES)}, got {self.search!r}.")
-        ground = window_records(
-            self.model,
-            read_records(self.model, X, y, time=self.time),
-            window=self.window,
-            noise=self.noise,
-            hold=self.hold,
-            substeps=self.substeps,
-            threads=effective_n_jobs(self.n_jobs),
-        )
-        found = find_parameters(self.model, ground, names, self.search, self.random_state)
+        records = read_records(self.model, X, y, time=self.time)
+        ground, found = self._find(records, names)
         self.model_ = found.fit.model
         self._keep_estimates(found)
         windows = ground.windows
+        self.initial_states_ = found.fit.x0[np.searchsorted(windows.starts, windows.bounds[:-1])]
         self.substeps_ = windows.substeps
         self.window_ = float(
             np.median(windows.t[windows.starts + windows.lengths - 1] - windows.t[windows.starts])
@@ -175,6 +178,22 @@ class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         outputs = simulate_records(self.model_, records, hold=self.hold, substeps=self.substeps_)
         outputs = rows_in_order(records, outputs)
         return outputs.ravel() if self._single_output else outputs
+
+    def _find(self, records, names) -> tuple[WindowedRecords, ParameterFit]:
+        """Cut the records into windows and fit the parameters."""
+        options = {
+            "noise": self.noise,
+            "hold": self.hold,
+            "substeps": self.substeps,
+            "threads": effective_n_jobs(self.n_jobs),
+        }
+        search = self.search, self.random_state
+        if self.window != WHOLE:
+            ground = window_records(self.model, records, window=self.window, **options)
+            return ground, find_parameters(self.model, ground, names, *search)
+        short = window_records(self.model, records, **options)
+        ground = window_records(self.model, records, window=WHOLE, **options)
+        return ground, find_in_free_run(self.model, short, ground, names, *search)
 
     def _free_names(self) -> tuple[str, ...]:
         names = self.model.free_parameters if self.free is None else tuple(self.free)

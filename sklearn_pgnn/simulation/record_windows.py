@@ -15,6 +15,8 @@ MIN_SAMPLES, MIN_WINDOWS = 20, 8
 #: share of the dominant period of the fastest output that makes a window
 WINDOW_SHARE = 1 / 3
 MAX_SUBSTEPS = 32
+#: the window that is a whole record
+WHOLE = "trajectory"
 
 
 @dataclass(frozen=True)
@@ -29,18 +31,21 @@ class WindowedRecords:
         Estimates their initial states.
     period : float
         Dominant period of the outputs [s].
+    told : ndarray of shape (n_windows, n_states), optional
+        Initial states that are known and not to be fitted, NaN where not.
     """
 
     windows: Windows
     states: StateEstimator
     period: float
+    told: np.ndarray | None = None
 
 
 def window_records(
     model: PhysicsModel,
     records: tuple[Record, ...],
     *,
-    window: float | None = None,
+    window: float | str | None = None,
     noise=None,
     hold: str = "zoh",
     substeps: int | None = None,
@@ -54,8 +59,9 @@ def window_records(
         The model.
     records : tuple of Record
         Measured trajectories.
-    window : float, optional
-        Window length [s]; by default a third of the dominant period of the outputs.
+    window : float or "trajectory", optional
+        Window length [s], or every record in one window; by default a third of the dominant
+        period of the outputs.
     noise : array-like of shape (n_outputs,), optional
         Standard deviation of every output's noise; by default estimated.
     hold : {"zoh", "foh"}, default="zoh"
@@ -76,14 +82,18 @@ def window_records(
     bounds = np.concatenate([[0], np.cumsum([record.t.size for record in records])])
     scale = output_noise(records) if noise is None else np.asarray(noise, dtype=float).ravel()
     whole = Windows(t, u, y, bounds, bounds[:-1], np.diff(bounds), scale, hold, 1, threads)
-    states = StateEstimator(model, whole, [_told_start(model, record) for record in records])
+    told = [_told_start(model, record) for record in records]
+    states = StateEstimator(model, whole, told)
     period = dominant_period(records)
-    windows = cut(whole, period * WINDOW_SHARE if window is None else float(window))
+    if window == WHOLE:
+        windows = replace(whole, pieces=-(-MIN_WINDOWS // len(records)))
+    else:
+        windows = cut(whole, period * WINDOW_SHARE if window is None else float(window))
     if substeps is None:
         substeps = _enough_substeps(model, windows, states.estimate(model).x)
     windows = replace(windows, substeps=int(substeps))
     states.windows = windows
-    return WindowedRecords(windows, states, period)
+    return WindowedRecords(windows, states, period, np.array(told) if window == WHOLE else None)
 
 
 def _told_start(model, record) -> np.ndarray:
