@@ -156,13 +156,14 @@ def write_counts(results, seeds):
 
 def write_confusion(results):
     """Write what was said where the hidden effect was neither named nor absorbed."""
-    lines = [".. list-table::", "   :header-rows: 1", "", "   * - hidden"]
-    lines += ["     - system", "     - noise", "     - said"]
+    head = [".. list-table::", "   :header-rows: 1", "", "   * - hidden"]
+    head += ["     - system", "     - noise", "     - said"]
+    lines = []
     for result in sorted(results, key=str):
         if result.outcome in ("missed", "wrong"):
             lines += [f"   * - {result.effect or 'nothing'}", f"     - {result.system}"]
             lines += [f"     - {result.noise:g}", f"     - {result.said}"]
-    _write("diagnosis_confusion.rst", lines)
+    _write("diagnosis_confusion.rst", head + lines if lines else ["There was no such case."])
 
 
 def _write(name, lines):
