@@ -131,7 +131,7 @@ def write_counts(results, seeds):
     columns = sorted({(result.system, result.noise) for result in results})
     counts = defaultdict(Counter)
     for result in results:
-        for row in (result.effect, "all effects" if result.effect else None):
+        for row in {result.effect, "all effects" if result.effect else None}:
             counts[row, result.system, result.noise][result.outcome] += 1
     rows = [*(kind.id for kind in effects.CATALOGUE), "all effects", None]
     lines = [
