@@ -16,7 +16,7 @@ from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.pointwise import evaluate_samples
 from sklearn_pgnn.simulation.state_estimate import free_run
 
-#: a span is this share of a window, and at least two samples
+#: a span is this share of a piece of a window, and at least two samples
 SPAN_SHARE = 0.04
 
 
@@ -71,7 +71,8 @@ class Samples:
     @property
     def span(self) -> int:
         """Half of the span, in samples, over which rates are compared."""
-        return max(1, round(SPAN_SHARE * float(np.median(self.records.windows.lengths)) / 2))
+        windows = self.records.windows
+        return max(1, round(SPAN_SHARE * float(np.median(windows.lengths)) / windows.pieces / 2))
 
     def rate(self, state: str) -> np.ndarray:
         """Give the measured rate of a state; NaN at the ends of the records."""

@@ -346,9 +346,8 @@ def expected_decrease(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) 
     normal = project(fit.evaluation.gram, n_p, weight, fit.x0 - expected)
     pull = 1.0 / _column(fit.freedoms, "spread") ** 2
     hessian, gradient = normal.hessian.sum(0) + np.diag(pull), normal.gradient.sum(0)
-    low, high = (_column(fit.freedoms, end) - fit.values for end in ("low", "high"))
-    step = _bounded_step(hessian, gradient, 1e-6, low, high)
-    return float(step @ (2 * gradient - hessian @ step))
+    step = _bounded_step(hessian, gradient, 1e-6, np.full(n_p, -np.inf), np.full(n_p, np.inf))
+    return float(gradient @ step)
 
 
 def _bounded_step(hessian, gradient, damping, low, high):

@@ -225,5 +225,5 @@ class PeriodicDisturbance(RateEffect):
 
     @classmethod
     def limits(cls, target, model, scales):
-        """Stay below half the sampling rate."""
-        return {"frequency": (0.0, 0.5 / scales.sample_time)}
+        """Repeat within the longest record, and stay below half the sampling rate."""
+        return {"frequency": (1.0 / scales.duration, 0.5 / scales.sample_time)}
