@@ -6,13 +6,53 @@ import numpy as np
 from numba import boolean, njit, types
 
 from sklearn_pgnn.simulation.compiled import FUNCTION
-from sklearn_pgnn.simulation.stepping import _observe, _to_next_sample, workspace
+from sklearn_pgnn.simulation.stepping import (
+    INNER,
+    OPTIONS,
+    _copy_rows,
+    _keep,
+    _observe,
+    _to_next_sample,
+    workspace,
+)
 
 _F1, _F2, _F3 = types.float64[::1], types.float64[:, ::1], types.float64[:, :, ::1]
 _B1 = boolean[::1]
-_OPTIONS = {"cache": True, "error_model": "numpy", "nogil": True}
 #: largest squared innovation, in its own variances, that the filter believes
 OUTLIER = 25.0
+
+
+@njit(**INNER)
+def _multiply(A, B, into):
+    """Fill an array with the product of two matrices."""
+    for i in range(into.shape[0]):
+        for j in range(into.shape[1]):
+            total = 0.0
+            for m in range(A.shape[1]):
+                total += A[i, m] * B[m, j]
+            into[i, j] = total
+
+
+@njit(**INNER)
+def _set_unit(S):
+    """Make a matrix the unit matrix."""
+    for i in range(S.shape[0]):
+        for j in range(S.shape[1]):
+            S[i, j] = 1.0 if i == j else 0.0
+
+
+@njit(**INNER)
+def _predict_covariance(S, C, noise, half):
+    """Replace C by S C S' plus a diagonal, in place."""
+    _multiply(S, C, half)
+    nx = C.shape[0]
+    for i in range(nx):
+        for j in range(i + 1):
+            total = 0.0
+            for m in range(nx):
+                total += half[i, m] * S[j, m]
+            C[i, j] = C[j, i] = total
+        C[i, i] += noise[i]
 
 
 @njit(
@@ -20,7 +60,7 @@ OUTLIER = 25.0
         FUNCTION, _F1, _F2, boolean, _F2, _F1, _F1, _F2, _F1, _F1, _B1, types.int64, _F1, _F1,
         types.int64, _F2, _F3, _F2, _F3, _F3,
     ),
-    **_OPTIONS,
+    **OPTIONS,
 )  # fmt: skip
 def run_filter(
     function, t, u, linear_hold, y, p, x0, P0, diffusion, variance, dry, substeps, nodes, weights,
@@ -33,7 +73,8 @@ def run_filter(
     """
     nx, ny = x0.size, y.shape[1]
     work, old = workspace(nx, nx, u.shape[1], size)
-    x, S, C = x0.copy(), np.eye(nx), P0.copy()
+    x, S, C, half = x0.copy(), np.zeros((nx, nx)), P0.copy(), np.zeros((nx, nx))
+    gain, noise = np.zeros(nx), np.zeros(nx)
     s, stuck = np.zeros(nx), np.zeros(nx, dtype=np.bool_)
     y_model, H = np.zeros(ny), np.zeros((ny, nx))
     u_start, u_end = np.zeros(u.shape[1]), np.zeros(u.shape[1])
@@ -44,14 +85,18 @@ def run_filter(
                 return -np.inf
             if dry[i] and not stuck[i]:
                 s[i] = 1.0 if x[i] > 0.0 else (-1.0 if x[i] < 0.0 else 0.0)
-        Xp[k], Pp[k] = x, C
+        _keep(x, C, Xp[k], Pp[k])
         for j in range(ny):
             if math.isnan(y[k, j]):
                 continue
-            S[:, :] = np.eye(nx)
+            _set_unit(S)
             _observe(function, t[k], x, S, u[k], p, s, work[7], y_model, H)
-            gain = C @ H[j]
-            spread = H[j] @ gain + variance[j]
+            spread = variance[j]
+            for a in range(nx):
+                gain[a] = 0.0
+                for b in range(nx):
+                    gain[a] += C[a, b] * H[j, b]
+                spread += H[j, a] * gain[a]
             surprise = y[k, j] - y_model[j]
             total -= 0.5 * (math.log(spread) + surprise**2 / spread)
             if surprise**2 > OUTLIER * spread:
@@ -64,31 +109,43 @@ def run_filter(
             for a in range(nx):
                 for b in range(nx):
                     C[a, b] -= gain[a] * gain[b] / spread
-            if moved:
-                stuck[:] = False
-        X[k], P[k] = x, C
+            for i in range(nx):
+                stuck[i] = stuck[i] and not moved
+        _keep(x, C, X[k], P[k])
         if k + 1 < t.size:
-            S[:, :] = np.eye(nx)
+            _set_unit(S)
             _to_next_sample(
                 function, t, u, linear_hold, k, x, S, p, s, stuck, dry, substeps, nodes, weights,
                 work, old, u_start, u_end,
             )  # fmt: skip
-            F[k] = S
-            C = S @ C @ S.T
             for i in range(nx):
-                C[i, i] += diffusion[i] * (t[k + 1] - t[k])
-            C = 0.5 * (C + C.T)
+                noise[i] = diffusion[i] * (t[k + 1] - t[k])
+            _copy_rows(S, F[k])
+            _predict_covariance(S, C, noise, half)
     return total
 
 
-@njit(types.void(_F2, _F3, _F2, _F3, _F3), **_OPTIONS)
 def run_smoother(X, P, Xp, Pp, F):
     """Smooth filtered states and covariances in place, from the last sample back."""
+    scale = np.sqrt(np.maximum(np.diagonal(Pp[1:], axis1=1, axis2=2), 1e-300))
+    scaled = Pp[1:] / (scale[:, :, None] * scale[:, None]) + 1e-12 * np.eye(X.shape[1])
+    back = np.linalg.solve(scaled, F[:-1] @ P[:-1] / scale[:, :, None]) / scale[:, :, None]
+    _run_back(X, P, Xp, Pp, np.ascontiguousarray(back.transpose(0, 2, 1)))
+
+
+@njit(types.void(_F2, _F3, _F2, _F3, _F3), **OPTIONS)
+def _run_back(X, P, Xp, Pp, gains):
+    """Correct every sample by what the next one has learned."""
     nx = X.shape[1]
+    half, change = np.zeros((nx, nx)), np.zeros((nx, nx))
     for k in range(X.shape[0] - 2, -1, -1):
-        scale = np.sqrt(np.maximum(np.diag(Pp[k + 1]), 1e-300))
-        scaled = Pp[k + 1] / np.outer(scale, scale) + 1e-12 * np.eye(nx)
-        back = np.linalg.solve(scaled, (F[k] @ P[k]) / scale.reshape(-1, 1)) / scale.reshape(-1, 1)
-        gain = np.ascontiguousarray(back.T)
-        X[k] += gain @ (X[k + 1] - Xp[k + 1])
-        P[k] += gain @ (P[k + 1] - Pp[k + 1]) @ gain.T
+        gain = gains[k]
+        for i in range(nx):
+            for j in range(nx):
+                X[k, i] += gain[i, j] * (X[k + 1, j] - Xp[k + 1, j])
+                change[i, j] = P[k + 1, i, j] - Pp[k + 1, i, j]
+        _multiply(gain, change, half)
+        for i in range(nx):
+            for j in range(nx):
+                for m in range(nx):
+                    P[k, i, j] += half[i, m] * gain[j, m]

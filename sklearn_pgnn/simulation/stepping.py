@@ -121,10 +121,25 @@ def _copy(values, into):
 @njit(**INNER)
 def _keep(x, S, x_old, S_old):
     """Copy a state and its sensitivities."""
-    for i in range(x.size):
-        x_old[i] = x[i]
-        for j in range(S.shape[1]):
-            S_old[i, j] = S[i, j]
+    _copy(x, x_old)
+    _copy_rows(S, S_old)
+
+
+@njit(**INNER)
+def _copy_rows(values, into):
+    """Fill a matrix from another."""
+    for i in range(into.shape[0]):
+        for j in range(into.shape[1]):
+            into[i, j] = values[i, j]
+
+
+@njit(**INNER)
+def _fill(pieces, value):
+    """Give every Gram matrix of a window's pieces one value."""
+    for i in range(pieces.shape[0]):
+        for j in range(pieces.shape[1]):
+            for m in range(pieces.shape[2]):
+                pieces[i, j, m] = value
 
 
 @njit(**INNER)
@@ -259,7 +274,7 @@ def run_trajectory(
                 s[i] = 1.0 if x[i] > 0.0 else (-1.0 if x[i] < 0.0 else 0.0)
         _observe(function, t[k], x, S, u[k], p, s, work[7], Y[k], Sy)
         if nq > 0:
-            SY[k] = Sy
+            _copy_rows(Sy, SY[k])
         if k + 1 < t.size:
             _to_next_sample(
                 function, t, u, linear_hold, k, x, S, p, s, stuck, dry, substeps, nodes, weights,
@@ -293,12 +308,11 @@ def run_windows(
     Sy, y_model, row = np.zeros((ny, nq)), np.zeros(ny), np.zeros(nq + 1)
     u_start, u_end = np.zeros(u.shape[1]), np.zeros(u.shape[1])
     for w in range(starts.size):
-        x[:] = X0[w]
-        S[:, :] = 0.0
-        stuck[:] = False
         for i in range(nx):
-            S[i, n_p + i] = 1.0
-        G[w] = 0.0
+            x[i], stuck[i] = X0[w, i], False
+            for j in range(nq):
+                S[i, j] = 1.0 if j == n_p + i else 0.0
+        _fill(G[w], 0.0)
         for k in range(starts[w], starts[w] + lengths[w]):
             finite = True
             for i in range(nx):
@@ -306,7 +320,7 @@ def run_windows(
                 if dry[i] and not stuck[i]:
                     s[i] = 1.0 if x[i] > 0.0 else (-1.0 if x[i] < 0.0 else 0.0)
             if not finite:
-                G[w] = np.inf
+                _fill(G[w], math.inf)
                 break
             piece = (k - starts[w]) * G.shape[1] // lengths[w]
             _observe(function, t[k], x, S, u[k], p, s, work[7], y_model, Sy)
