@@ -10,7 +10,8 @@ import pytest
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects, systems
 from sklearn_pgnn.inspection import DiagnosisDisplay, plot_diagnosis, write_report
 from sklearn_pgnn.inspection.balance import Samples, shown_states
-from sklearn_pgnn.inspection.evidence import find_evidence, make_case
+from sklearn_pgnn.inspection.case import make_case
+from sklearn_pgnn.inspection.evidence import find_evidence
 
 INJECTED = "<script>alert(1)</script>"
 

@@ -4,11 +4,9 @@ from collections import defaultdict
 
 import numpy as np
 from document import new_picture, save, spread, write_table
-from methods import QUICK
+from methods import QUICK, best_structure
 from plants import judge, records, simulated
 from priors import DEPTHS, make_prior
-
-from sklearn_pgnn import PGNNLRegressor
 
 #: neurons in each of two layers; how much worse than the best is good enough
 SIZES, ENOUGH = (2, 4, 8), 1.05
@@ -26,15 +24,9 @@ def tasks(seeds):
 
 
 def run(plant, depth, neurons, seed):
-    """Train increments and a correction; keep what held-out training records say is better."""
-    prior = make_prior(plant, depth)
-    nets = [
-        PGNNLRegressor(
-            prior, structure=structure, random_state=seed, **{**QUICK, "module__neurons": neurons}
-        ).fit(*records(plant))
-        for structure in ("increment", "correction")
-    ]
-    best = min(nets, key=lambda net: net.free_run_error_)
+    """Train a network of a size on a prior."""
+    chosen = {**QUICK, "module__neurons": neurons, "random_state": seed}
+    best = best_structure(make_prior(plant, depth), *records(plant), **chosen)
     return {
         **judge(plant, best.predict),
         "structure": best.structure_,

@@ -5,9 +5,10 @@ import time
 import numpy as np
 from document import COLOURS, new_picture, save, spread, write_table
 from main_table import POINTS, thinned
+from methods import best_structure
 from plants import PLANTS, judge, records, references, simulated
 
-from sklearn_pgnn import ModelDiagnosis, PGNNLRegressor
+from sklearn_pgnn import ModelDiagnosis
 
 SHOWN = {
     "golf robot, 250 Hz": "golf robot",
@@ -37,7 +38,7 @@ def run(plant, seeds):
         **{name: judge(plant, simulated(model)) for name, model in models.items()},
     }
     for name, model in (("prior", PLANTS[plant].prior), *models.items()):
-        nets = [best_network(plant, model, seed) for seed in range(seeds)]
+        nets = [best_structure(model, *records(plant), random_state=seed) for seed in range(seeds)]
         found[f"PGNN-L on the {name}"] = {
             **{k: [judge(plant, net.predict)[k] for net in nets] for k in ("ratio", "truth")},
             "structure": [net.structure_ for net in nets],
@@ -45,15 +46,6 @@ def run(plant, seeds):
         }
     found["run"] = thinned(simulated(diagnosis.extended_model_)(references(plant)[0][0]))
     return found
-
-
-def best_network(plant, model, seed):
-    """Train increments and a correction; keep what held-out training records say is better."""
-    nets = [
-        PGNNLRegressor(model, structure=structure, random_state=seed).fit(*records(plant))
-        for structure in ("increment", "correction")
-    ]
-    return min(nets, key=lambda net: net.free_run_error_)
 
 
 LINES = (

@@ -91,10 +91,6 @@ def run(term, seed):
         found["ratio"].append(rmse(net.predict, truth) / scale)
         by_model = [(X, wrong(X)) for X, _ in truth]
         found["from_model"].append(rmse(net.predict, by_model) / scale)
-    if term == TERMS[2]:
-        extended = extended_model()
-        found["equation"] = str(extended.equations["omega"])
-        found["extended_alone"] = rmse(simulated(extended), truth) / scale
     return found
 
 

@@ -80,6 +80,15 @@ def tune(estimator, space, X, y):
     return {key: _plain(value) for key, value in search.best_params_.items()}
 
 
+def best_structure(model, X, y, **parameters):
+    """Train increments and a correction; keep what held-out training records say is better."""
+    nets = [
+        PGNNLRegressor(model, structure=structure, **parameters).fit(X, y)
+        for structure in ("increment", "correction")
+    ]
+    return min(nets, key=lambda net: net.free_run_error_)
+
+
 def seeded(estimator, seed):
     """Set every random state in an estimator."""
     states = [key for key in estimator.get_params() if key.endswith("random_state")]

@@ -7,7 +7,8 @@ import numpy as np
 from sklearn.utils.validation import check_is_fitted
 
 from sklearn_pgnn.inspection.balance import free_runs
-from sklearn_pgnn.inspection.evidence import Evidence, find_evidence
+from sklearn_pgnn.inspection.curves import Evidence
+from sklearn_pgnn.inspection.evidence import find_evidence
 from sklearn_pgnn.inspection.style import COLOURS, LABELS, label, new_figure, plain, tidy, to_png
 from sklearn_pgnn.simulation.simulate import simulate_records
 from sklearn_pgnn.trajectories import read_records

@@ -12,9 +12,10 @@ from pathlib import Path
 
 from sklearn.utils.validation import check_is_fitted
 
+from sklearn_pgnn.inspection.case import known_effects
 from sklearn_pgnn.inspection.display import compare, draw_comparison, draw_evidence
 from sklearn_pgnn.inspection.equations import equations_of
-from sklearn_pgnn.inspection.evidence import find_evidence, known_effects, missing_evidence
+from sklearn_pgnn.inspection.evidence import find_evidence, missing_evidence
 from sklearn_pgnn.inspection.style import new_figure, to_png
 from sklearn_pgnn.inspection.words import (
     VERDICTS,

@@ -1,0 +1,47 @@
+"""What a piece of evidence consists of: points of the records, and what the models say."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+GRID = 801
+
+
+@dataclass(frozen=True)
+class Line:
+    """A curve of the evidence: its points, and whose it is."""
+
+    x: np.ndarray
+    y: np.ndarray
+    whose: str
+    label: str
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What the records show of a cause.
+
+    Parameters
+    ----------
+    title, x_label, y_label : str
+        What is drawn.
+    points : tuple of ndarray or None
+        Abscissa and ordinate of the records' points.
+    lines : tuple of Line
+        What the models say.
+    note : str
+        One sentence: what to look at.
+    """
+
+    title: str
+    x_label: str
+    y_label: str
+    points: tuple[np.ndarray, np.ndarray] | None
+    lines: tuple[Line, ...]
+    note: str
+
+
+def even_grid(x) -> np.ndarray:
+    """Give evenly spaced values from the least to the largest of some points."""
+    low, high = np.nanmin(x), np.nanmax(x)
+    return np.linspace(low, high, GRID)

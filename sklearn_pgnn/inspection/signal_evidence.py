@@ -1,0 +1,204 @@
+"""Evidence at an input or an output: what the machine feels, and what a sensor shows.
+
+Each way reads a `Case` and gives the evidence, or None where the records do not show it that way.
+"""
+
+import numpy as np
+
+from sklearn_pgnn.inspection.case import (
+    Case,
+    changes_in_time,
+    effect_parameters,
+    window_residual,
+)
+from sklearn_pgnn.inspection.curves import GRID, Evidence, Line, even_grid
+from sklearn_pgnn.inspection.style import label
+from sklearn_pgnn.physics.effects.inputs import ACTUATOR_STATES
+from sklearn_pgnn.physics.expressions import symbol
+
+
+def over_input(case: Case) -> Evidence | None:
+    """Show the input that the machine behaves as if it had, over the commanded one."""
+    if case.target not in case.full.inputs or changes_in_time(case):
+        return None
+    acting = _acting_input(case)
+    if acting is None:
+        return None
+    state, felt = acting
+    u = case.samples.mean(symbol(case.target))
+    grid = even_grid(u)
+    law = _seen_input(case, state, grid)
+    unit = case.full.unit(case.target)
+    return Evidence(
+        title=f"What the machine feels of {case.target}",
+        x_label=label(f"{case.target} as commanded", unit),
+        y_label=label(f"{case.target} as felt", unit),
+        points=(u, felt),
+        lines=(
+            Line(grid, grid, "prior", "as the model has it"),
+            Line(grid, law, "extended", case.name),
+        ),
+        note=f"Every point is a moment of the records: the {case.target} that would explain the "
+        f"measured motion, over the one that was commanded.",
+    )
+
+
+def over_time(case: Case) -> Evidence | None:
+    """Show commanded and felt input about the largest change of the command."""
+    if case.target not in case.full.inputs or not changes_in_time(case):
+        return None
+    acting = _acting_input(case)
+    if acting is None:
+        return None
+    _, felt = acting
+    late = next(p for p in effect_parameters(case) if p.unit == "s")
+    rows = _about_largest_change(case.records.windows, _column(case, case.target), late.value)
+    t, unit = case.records.windows.t[rows], case.full.unit(case.target)
+    commanded = _column(case, case.target)[rows]
+    return Evidence(
+        title=f"{case.target} about its largest change",
+        x_label=label("t", "s"),
+        y_label=label(case.target, unit),
+        points=(t, felt[rows]),
+        lines=(
+            Line(t, commanded, "prior", "commanded"),
+            Line(t, _late_input(case)[rows], "extended", f"with {case.name}"),
+        ),
+        note=f"The points are the {case.target} that would explain the measured motion: they "
+        f"follow the command late.",
+    )
+
+
+def late_output(case: Case) -> Evidence | None:
+    """Show what a late sensor shows about its quickest change."""
+    if case.target not in case.full.outputs or not changes_in_time(case):
+        return None
+    windows, column = case.records.windows, list(case.full.outputs).index(case.target)
+    late, y = next(p for p in effect_parameters(case) if p.unit == "s"), windows.y[:, column]
+    rows = _about_largest_change(windows, y, late.value)
+    t, unit = windows.t[rows], case.prior.unit(case.target)
+    at_once, with_delay = (
+        (y - window_residual(case, model)[:, column])[rows] for model in (case.without, case.full)
+    )
+    return Evidence(
+        title=f"{case.target} about its quickest change",
+        x_label=label("t", "s"),
+        y_label=label(case.target, unit),
+        points=(t, y[rows]),
+        lines=(
+            Line(t, at_once, "prior", "without delay"),
+            Line(t, with_delay, "extended", f"with {case.name}"),
+        ),
+        note=f"The points are what {case.target} showed: it comes late.",
+    )
+
+
+def over_output(case: Case) -> Evidence | None:
+    """Show the error of a sensor over what it should show."""
+    if case.target not in case.full.outputs or case.target in case.full.equations:
+        return None
+    column = list(case.full.outputs).index(case.target)
+    residual = window_residual(case, case.without)[:, column]
+    unit = case.prior.unit(case.target)
+    true = case.records.windows.y[:, column] - residual
+    added = residual - window_residual(case, case.full)[:, column]
+    order = np.argsort(true)
+    return Evidence(
+        title=f"Error of {case.target} over its true value",
+        x_label=label(f"{case.target} as simulated without this cause", unit),
+        y_label=label("measured minus simulated", unit),
+        points=(true, residual),
+        lines=(Line(true[order], added[order], "extended", case.name),),
+        note="Every point is a sample of the records: what the sensor shows too much, over what "
+        "it should show.",
+    )
+
+
+def residual_over_time(case: Case) -> Evidence:
+    """Show what is left on the windows with and without the cause, where it matters most."""
+    windows, column = case.records.windows, _worst_output(case)
+    without = window_residual(case, case.without)[:, column]
+    left = case.records.fits["extended"].residual[:, column]
+    rows = _worst_rows(windows, without)
+    name = list(case.full.outputs)[column]
+    t = windows.t[rows]
+    return Evidence(
+        title=f"Error of {name} with and without the cause",
+        x_label=label("t", "s"),
+        y_label=label(f"error of {name}", case.prior.unit(name)),
+        points=None,
+        lines=(
+            Line(t, without[rows], "prior", f"without {case.name}"),
+            Line(t, left[rows], "extended", f"with {case.name}"),
+        ),
+        note="The error on short windows, each started from the record, where the cause tells "
+        "most; both models have the same parameters.",
+    )
+
+
+def _column(case: Case, name: str) -> np.ndarray:
+    return case.records.windows.u[:, list(case.full.inputs).index(name)]
+
+
+def _acting_input(case: Case):
+    """Solve a state's equation without the cause for the input; None where it cannot be."""
+    u = symbol(case.target)
+    for state, rate in case.without.equations.items():
+        slope = rate.diff(u)
+        if state in case.seen and slope != 0 and u not in slope.free_symbols:
+            samples = case.samples
+            felt = samples.mean(u) + case.missing_rate(state) / samples.mean(slope)
+            return state, felt
+    return None
+
+
+def _seen_input(case: Case, state: str, grid) -> np.ndarray:
+    """Give what the extended model makes of the commanded input."""
+    u = symbol(case.target)
+    slope = case.without.equations[state].diff(u)
+    seen = u + (case.full.equations[state] - case.without.equations[state]) / slope
+    table = {n: np.full(GRID, np.nanmedian(v)) for n, v in case.samples.table.items()}
+    return case.samples.value(seen, **{**table, case.target: grid})
+
+
+def _late_input(case: Case) -> np.ndarray:
+    """Give the input as it acts in the extended model: delayed, or lagged."""
+    for ending in ACTUATOR_STATES:
+        if case.target + ending in case.samples.table:
+            return case.samples.table[case.target + ending]
+    acting = case.records.windows.acting_inputs(case.full)
+    return acting[:, list(case.full.inputs).index(case.target)]
+
+
+def _about_largest_change(windows, u, late: float) -> slice:
+    """Give some delays before and after the largest change of an input within a delay."""
+    step = float(np.median(np.diff(windows.t)))
+    reach = max(1, round(late / step))
+    change = np.abs(u[reach:] - u[:-reach])
+    for b in windows.bounds[1:-1]:
+        change[max(b - reach, 0) : b] = 0.0
+    at = int(np.argmax(change)) + reach // 2
+    record = np.searchsorted(windows.bounds, at, side="right") - 1
+    a, b = windows.bounds[record], windows.bounds[record + 1]
+    width = max(4 * reach, 20)
+    return slice(max(a, at - width), min(b, at + 2 * width))
+
+
+def _worst_output(case: Case) -> int:
+    scaled = window_residual(case, case.without) / case.records.windows.scale
+    return int(np.argmax(np.nanmean(scaled**2, axis=0)))
+
+
+def _worst_rows(windows, residual, count: int = 6) -> slice:
+    """Give some windows of one record about the one with the largest error."""
+    power = [
+        np.nansum(residual[a : a + n] ** 2)
+        for a, n in zip(windows.starts, windows.lengths, strict=True)
+    ]
+    worst = int(np.argmax(power))
+    near = [
+        w
+        for w in range(max(0, worst - count // 2), min(len(windows), worst + count // 2 + 1))
+        if windows.record[w] == windows.record[worst]
+    ]
+    return slice(windows.starts[near[0]], windows.starts[near[-1]] + windows.lengths[near[-1]])
