@@ -362,6 +362,9 @@ def _bounded_step(hessian, gradient, damping, low, high):
     matrix = root[:, None] * vectors.T
     target = (vectors.T @ (gradient / size)) / root
     lower, upper = np.minimum(low * size, -1e-15), np.maximum(high * size, 1e-15)
+    free = vectors @ (target / root)
+    if np.all((lower <= free) & (free <= upper)):
+        return free / size
     return lsq_linear(matrix, target, bounds=(lower, upper), method="bvls").x / size
 
 
