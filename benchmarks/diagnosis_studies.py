@@ -72,7 +72,7 @@ def run(study, system, seed):
     """Hide what a study hides, and say what came of it."""
     warnings.simplefilter("ignore")
     make, noise, options = SYSTEMS[system]
-    model, rng = make(), np.random.default_rng([seed, *map(ord, study)])
+    model, rng = make(), np.random.default_rng([seed, *map(ord, study + system)])
     options = {**options, "noise": noise, "random_state": seed}
     if "half" in study:
         options["n_records"] //= 2

@@ -305,3 +305,23 @@ def test_an_output_that_never_changes_is_refused():
     t = np.arange(100) * 0.01
     with pytest.raises(RecordError, match=r"'phi_measured': expected a signal that changes"):
         ModelDiagnosis(golf).fit(np.column_stack([t, np.sin(t)]), np.zeros(100))
+
+
+def test_an_interval_tells_how_far_the_held_friction_of_the_model_may_be_off():
+    hidden = make_hidden_effect(
+        systems.cart_on_spring(),
+        effects.AsymmetricFriction("v", 1.0, 1.5, 0.3, 0.8),
+        n_records=4,
+        sample_rate=100,
+        random_state=3,
+    )
+    diagnosis = ModelDiagnosis(hidden.prior, catalogue=(effects.AsymmetricFriction,))
+    (cause,) = diagnosis.fit(hidden.X, hidden.y).causes_
+    d = hidden.prior.parameters["d"]
+    by_held = 1.96 * d.spread * d.value / np.sqrt(3)
+    for name in ("viscous_forward", "viscous_backward"):
+        found = cause.parameters[name]
+        assert found.low <= getattr(hidden.effect, name) <= found.high
+        assert by_held < (found.high - found.low) / 2 < 1.5 * by_held
+    level = cause.parameters["level_forward"]
+    assert (level.high - level.low) / 2 < 0.05

@@ -258,6 +258,28 @@ def freedoms(
     return tuple(free)
 
 
+def held_freedoms(setting: Setting, hypothesis: Hypothesis) -> tuple[Freedom, ...]:
+    """Say how far the prior's parameters may be off that stay where they are for the causes.
+
+    Parameters
+    ----------
+    setting : Setting
+        The ground of the diagnosis.
+    hypothesis : Hypothesis
+        What is said to be missing.
+
+    Returns
+    -------
+    tuple of Freedom
+        Those with a spread.
+    """
+    prior, wrong = setting.prior, {t for e, t in hypothesis.causes if e is WrongParameter}
+    held = {name for cause in hypothesis.causes for name in held_parameters(prior, cause)}
+    names = [name for name in prior.free_parameters if name in held - wrong]
+    freedoms = (_prior_freedom(prior, name, False) for name in names)
+    return tuple(freedom for freedom in freedoms if math.isfinite(freedom.spread))
+
+
 def _prior_freedom(prior, name, wrong) -> Freedom:
     parameter = prior.parameters[name]
     value, (low, high) = parameter.value, parameter.bounds

@@ -248,7 +248,7 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         self.gain_ = measure_gain(
             fitter, outcome, search.folds, np.random.default_rng(_seed(self.random_state))
         )
-        self.parameters_ = retuned_parameters(setting, final.fit)
+        self.parameters_ = retuned_parameters(setting, final)
         self.refitted_model_ = outcome.base.fit.model
         self.extended_model_ = with_prior_spreads(final.fit.model, self.model)
         self.verdict_ = self._verdict(search, outcome)

@@ -7,11 +7,15 @@ from typing import NamedTuple
 import numpy as np
 
 from sklearn_pgnn.diagnosis.fitting import Fitter, Trial, piece_squares
-from sklearn_pgnn.diagnosis.hypothesis import Cause
+from sklearn_pgnn.diagnosis.hypothesis import Cause, held_freedoms
 from sklearn_pgnn.diagnosis.search import Outcome
 from sklearn_pgnn.diagnosis.setting import Setting
-from sklearn_pgnn.simulation.uncertainty import Estimate, estimate_of, standard_errors
-from sklearn_pgnn.simulation.window_fit import WindowFit
+from sklearn_pgnn.simulation.uncertainty import (
+    Estimate,
+    errors_by_held,
+    estimate_of,
+    standard_errors,
+)
 
 RESAMPLINGS = 1000
 
@@ -112,15 +116,20 @@ class Gain:
     unit: str = ""
 
 
-def _errors(setting: Setting, fit: WindowFit) -> dict[str, float]:
-    """Give the parameters' standard errors."""
-    estimate = setting.states.estimate(fit.model)
-    return standard_errors(fit, estimate.x[setting.windows.starts], estimate.spread)
+def _errors(setting: Setting, trial: Trial) -> dict[str, float]:
+    """Give the parameters' standard errors, with what comes from those that causes hold."""
+    fit, estimate = trial.fit, setting.states.estimate(trial.fit.model)
+    expected = estimate.x[setting.windows.starts], estimate.spread
+    errors, held = standard_errors(fit, *expected), held_freedoms(setting, trial.hypothesis)
+    if not held or not np.isfinite(fit.objective):
+        return errors
+    more = errors_by_held(fit, setting.windows, held, *expected)
+    return {name: math.hypot(error, more[name]) for name, error in errors.items()}
 
 
 def name_causes(fitter: Fitter, outcome: Outcome, folds) -> tuple[NamedCause, ...]:
     """Describe the causes of the accepted hypothesis, the most telling first."""
-    errors = _errors(fitter.setting, outcome.final.fit)
+    errors = _errors(fitter.setting, outcome.final)
     causes, before = [], outcome.base
     for step in outcome.steps:
         cause = step.hypothesis.causes[-1]
@@ -156,9 +165,9 @@ def _gain_percent(fitter, before: Trial, after: Trial, folds) -> float:
     return float(100.0 * (1.0 - np.sqrt(better / worse)))
 
 
-def retuned_parameters(setting: Setting, fit: WindowFit) -> dict[str, RetunedParameter]:
+def retuned_parameters(setting: Setting, trial: Trial) -> dict[str, RetunedParameter]:
     """Compare the prior's free parameters with their re-tuned values."""
-    errors = _errors(setting, fit)
+    fit, errors = trial.fit, _errors(setting, trial)
     table = {}
     for name in setting.prior.free_parameters:
         found, prior = estimate_of(fit.model, name, errors), setting.prior.parameters[name].value

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.window_fit import Normal, WindowFit, project
+from sklearn_pgnn.simulation.window_fit import Freedom, Normal, WindowFit, project
+from sklearn_pgnn.simulation.windows import Windows, evaluate
 
 #: half-width of a 95 % interval in standard errors
 NORMAL_95 = 1.96
@@ -102,6 +103,47 @@ def standard_errors(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) ->
     meat = scores.T @ scores * factor + np.diag(pull)
     variances = np.maximum(np.diag(inverse @ meat @ inverse), np.diag(inverse))
     return dict(zip(names, np.where(flat, np.inf, np.sqrt(variances)).tolist(), strict=True))
+
+
+def errors_by_held(
+    fit: WindowFit,
+    windows: Windows,
+    held: tuple[Freedom, ...],
+    expected: np.ndarray,
+    spread: np.ndarray,
+) -> dict[str, float]:
+    r"""Give the standard errors that come from parameters which were held in a fit.
+
+    A held parameter :math:`q` that is anywhere within its spread :math:`r` would move the others
+    by :math:`-H_{pp}^{-1} H_{pq}` for each of its units, and its variance is :math:`r^2 / 3`.
+
+    Parameters
+    ----------
+    fit : WindowFit
+        The fitted model.
+    windows : Windows
+        The windows.
+    held : tuple of Freedom
+        The held parameters, and how far each may be off.
+    expected : ndarray of shape (n_windows, n_states)
+        Expected initial states of the windows.
+    spread : ndarray of shape (n_states,)
+        How uncertain they are.
+
+    Returns
+    -------
+    dict of str to float
+        Standard error by fitted parameter.
+    """
+    names, n_p = [freedom.name for freedom in fit.freedoms], len(fit.freedoms)
+    wrt = (*names, *(freedom.name for freedom in held))
+    gram = evaluate(fit.model, windows, fit.x0, wrt).gram
+    hessian = project(gram, len(wrt), 1.0 / spread**2, fit.x0 - expected).hessian.sum(axis=0)
+    pull = np.diag([1.0 / freedom.spread**2 for freedom in fit.freedoms])
+    inverse, _ = _invert(hessian[:n_p, :n_p] + pull)
+    reach = np.array([freedom.spread for freedom in held]) / np.sqrt(3.0)
+    moved = inverse @ hessian[:n_p, n_p:] * reach
+    return dict(zip(names, np.sqrt((moved**2).sum(axis=1)).tolist(), strict=True))
 
 
 def _piece_scores(fit: WindowFit, normal: Normal) -> np.ndarray:
