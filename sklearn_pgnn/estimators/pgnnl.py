@@ -82,9 +82,9 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         too, the rows are independent of each other.
     structure : {"auto", "output", "increment", "correction"}, default="auto"
         What the network's output means. ``"auto"`` corrects the model's step where the model
-        foretells the measured states, a tenth of their dominant period ahead, better than
-        persistence does, and is ``"increment"`` where not. The paper's ``"output"`` costs 2.0; the
-        wrong one of the other two costs 6 to 12 on its plant.
+        foretells more than half of how the measured states change, a tenth of their dominant
+        period ahead (of the squares, against persistence), and is ``"increment"`` where not. The
+        paper's ``"output"`` costs 2.0; the wrong one of the other two costs 6 to 12 on its plant.
     guide : {"auto", "simulation", "step", "terms", None}, default="auto"
         What of the model the network sees: its open-loop simulation at the next sample, the rate
         :math:`(\Phi(x_k, u_k) - x_k)/\Delta t`, the terms that the model's rates are sums of (a

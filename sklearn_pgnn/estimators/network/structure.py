@@ -12,6 +12,8 @@ from sklearn_pgnn.physics.model import PhysicsModel
 
 STRUCTURES = ("output", "increment", "correction")
 _BASES = {"output": "constant", "increment": "state", "correction": "prior"}
+#: share of the squared change of the states that a model worth a correction leaves, at most
+FORETOLD = 0.5
 #: share of the dominant period of the outputs over which the model is compared with persistence
 TRIAL_SHARE = 0.1
 
@@ -81,7 +83,7 @@ def gain_of(model: PhysicsModel, structure: str, x, x_next, prior, dt) -> np.nda
 
 
 def choose_structure(measured, foretold, begun) -> str:
-    """Correct the model's step where the model foretells the states better than persistence.
+    """Correct the model's step where the model foretells most of how the states change.
 
     Parameters
     ----------
@@ -96,10 +98,10 @@ def choose_structure(measured, foretold, begun) -> str:
     -------
     {"correction", "increment"}
         The structure: a correction where, over the states, the mean of the squared error as a
-        share of persistence's is below one.
+        share of persistence's is below `FORETOLD`.
     """
     by_model = np.mean((measured - foretold) ** 2, axis=0)
     by_persistence = np.mean((measured - begun) ** 2, axis=0)
     moves = by_persistence > 0
     share = np.mean(by_model[moves] / by_persistence[moves]) if moves.any() else 0.0
-    return "correction" if share < 1 else "increment"
+    return "correction" if share < FORETOLD else "increment"
