@@ -9,7 +9,7 @@ one effect in half the records
 one or two wrong parameters
     off by a fifth or more, and no effect;
 a law that no effect of the catalogue is
-    a product or power added to a state's rate, a third as large as the rate itself.
+    a product or power subtracted from a state's rate, 0.3 times as large as the rate itself.
 
 The table counts what was *named* (every hidden cause and no other, or groups said to be inseparable
 that hold them), *absorbed* (no wrong cause, some hidden ones not named, but what is named and the
@@ -49,7 +49,7 @@ STUDIES = {
 #: laws by machine: the state whose rate they change, and the term
 LAWS = {
     "golf": (("omega", "phi*omega"), ("omega", "torque*phi"), ("omega", "omega**2*phi")),
-    "cart": (("v", "position**2*v"), ("v", "force*position"), ("v", "v**2")),
+    "cart": (("v", "x**2*v"), ("v", "force*x"), ("v", "v**2")),
     "tanks": (("x1", "pump*x1"), ("x2", "x1*x2"), ("x2", "x2**2")),
     "motor": (("w", "i*w"), ("i", "i**3"), ("i", "w**2")),
 }
@@ -109,7 +109,7 @@ def draw_parameters(model, count, rng):
 
 
 def hide_law(model, law, options):
-    """Hide a term in a rate, its spread a share of the rate's without it."""
+    """Subtract a term from a rate, its spread a share of the rate's without it."""
     state, term = law
     X = datasets.make_hidden_effect(model, None, **options).X
     records = [rows for _, rows in X.groupby("trajectory")]
@@ -121,8 +121,7 @@ def hide_law(model, law, options):
     added = parse_expression(term, table)
     spread = np.std(numpy_function(tuple(table), added)(*table.values()))
     rate = np.std(np.gradient(table[state], t, axis=1))
-    sign = np.random.default_rng(options["random_state"]).choice([-1.0, 1.0])
-    effect = Formula(state, (term,), (float(sign * LAW * rate / spread),))
+    effect = Formula(state, (term,), (float(-LAW * rate / spread),))
     return datasets.make_hidden_effect(model, effect, **options)
 
 
