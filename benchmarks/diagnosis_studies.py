@@ -180,7 +180,7 @@ def write(results, draws):
     (TABLES / "diagnosis_studies.rst").write_text("\n".join(lines) + "\n", encoding="utf-8")
     bad = sorted((r for r in results if r.outcome in ("missed", "wrong")), key=str)
     rows = [[r.study, r.system, r.hidden, f"{r.outcome}: {r.said}"] for r in bad]
-    lines = _table(["study", "machine", "hidden", "said"], rows)
+    lines = _table(["study", "machine", "hidden", "said"], rows) if rows else ["There was none."]
     (TABLES / "diagnosis_studies_missed.rst").write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
@@ -188,6 +188,8 @@ def _counts(results, systems):
     """Give a row for every study."""
     for study in STUDIES:
         of = [result for result in results if result.study == study]
+        if not of:
+            continue
         cells = [Counter(r.outcome for r in of if r.system == name) for name in systems]
         cells.append(Counter(r.outcome for r in of))
         yield [study, *(" / ".join(str(cell[o]) for o in OUTCOMES) for cell in cells)]

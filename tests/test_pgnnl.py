@@ -20,6 +20,7 @@ from sklearn_pgnn import (
     network,
     systems,
 )
+from sklearn_pgnn.estimators.network.structure import choose_structure
 from sklearn_pgnn.exceptions import RecordError, SimulationWarning
 
 CART = systems.cart_on_spring()
@@ -106,6 +107,14 @@ def test_noiseless_exact_model_stays_exact():
     net = PGNNLRegressor(CART, max_epochs=10, module__neurons=4).fit(given, y)
     assert net.structure_ == "correction"
     assert rms(net.predict(other) - truth) < 1e-3 * rms(truth)
+
+
+@pytest.mark.parametrize(("left", "structure"), [(0.4, "correction"), (0.6, "increment")])
+def test_a_model_is_corrected_where_it_foretells_most_of_the_motion(left, structure):
+    begun = np.zeros((200, 2))
+    measured = np.random.default_rng(0).normal(size=begun.shape) * [1.0, 50.0]
+    foretold = measured * (1.0 - np.sqrt(left))
+    assert choose_structure(measured, foretold, begun) == structure
 
 
 def test_structure_follows_the_model():
