@@ -93,15 +93,24 @@ def diagnose(system, effect, noise, seed):
     rng = np.random.default_rng(seed)
     y = hidden.y + level * np.sqrt(noise**2 - 1) * rng.standard_normal(hidden.y.shape)
     diagnosis = ModelDiagnosis(hidden.prior, n_jobs=1).fit(hidden.X, y)
-    groups = [
-        {(cause.effect, cause.target), *map(tuple, cause.confused_with)}
-        for cause in diagnosis.causes_
-    ]
+    groups = named_groups(diagnosis)
     names = [f"{cause.effect} ({cause.target})" for cause in diagnosis.causes_]
     said = ", ".join(names) or diagnosis.verdict_
     inside = _inside(diagnosis, hidden.effect)
     outcome = _outcome(diagnosis, hidden, groups)
     return Result(system, effect, noise, outcome, said, sum(inside), len(inside))
+
+
+def named_groups(diagnosis) -> list[set]:
+    """Give every named cause with those that it is said to be inseparable from."""
+    causes = diagnosis.causes_
+    return [{(c.effect, c.target), *map(tuple, c.confused_with)} for c in causes]
+
+
+def as_named(model, effect) -> tuple[str, str]:
+    """Give an effect's name; the one of the parameter if a free one already is the effect."""
+    parameter = same_parameter(model, effect)
+    return (effect.id, effect.target) if parameter is None else ("wrong_parameter", parameter)
 
 
 def _inside(diagnosis, effect) -> list[bool]:
@@ -116,10 +125,7 @@ def _inside(diagnosis, effect) -> list[bool]:
 def _outcome(diagnosis, hidden, groups) -> str:
     if hidden.effect is None:
         return "wrong" if groups or diagnosis.verdict_ == "unexplained" else "named"
-    parameter = same_parameter(hidden.prior, hidden.effect)
-    truth = (hidden.effect.id, hidden.effect.target)
-    truth = truth if parameter is None else ("wrong_parameter", parameter)
-    if len(groups) == 1 and truth in groups[0]:
+    if len(groups) == 1 and as_named(hidden.prior, hidden.effect) in groups[0]:
         return "named"
     if groups:
         return "wrong"
@@ -133,40 +139,41 @@ def write_counts(results, seeds):
     for result in results:
         for row in {result.effect, "all effects" if result.effect else None}:
             counts[row, result.system, result.noise][result.outcome] += 1
-    rows = [*(kind.id for kind in effects.CATALOGUE), "all effects", None]
-    lines = [
-        f"Written on {datetime.date.today().isoformat()} by sklearn-pgnn "
-        f"{sklearn_pgnn.__version__}, {seeds} seed(s); named / absorbed / missed / wrong.",
-        "",
-        ".. list-table::",
-        "   :header-rows: 1",
-        "",
-        "   * - hidden",
-        *(f"     - {system}, {noise:g} x noise" for system, noise in columns),
-    ]
-    for effect in rows:
+    rows = []
+    for effect in [*(kind.id for kind in effects.CATALOGUE), "all effects", None]:
         cells = [counts.get((effect, *column)) for column in columns]
         if any(cells):
-            lines.append(f"   * - {effect or 'nothing (quiet / - / - / false alarm)'}")
-            lines += [f"     - {_cell(cell)}" for cell in cells]
-    lines.append("   * - intervals with the truth inside")
-    lines += [f"     - {_coverage(results, column)}" for column in columns]
-    _write("diagnosis.rst", lines)
+            hidden = effect or "nothing (quiet / - / - / false alarm)"
+            rows.append([hidden, *map(_cell, cells)])
+    rows.append(["intervals with the truth inside", *(_coverage(results, c) for c in columns)])
+    head = ["hidden", *(f"{system}, {noise:g} x noise" for system, noise in columns)]
+    first = (
+        f"Written on {datetime.date.today().isoformat()} by sklearn-pgnn "
+        f"{sklearn_pgnn.__version__}, {seeds} seed(s); named / absorbed / missed / wrong."
+    )
+    write_lines("diagnosis.rst", [first, "", *table(head, rows)])
 
 
 def write_confusion(results):
     """Write what was said where the hidden effect was neither named nor absorbed."""
-    head = [".. list-table::", "   :header-rows: 1", "", "   * - hidden"]
-    head += ["     - system", "     - noise", "     - said"]
-    lines = []
-    for result in sorted(results, key=str):
-        if result.outcome in ("missed", "wrong"):
-            lines += [f"   * - {result.effect or 'nothing'}", f"     - {result.system}"]
-            lines += [f"     - {result.noise:g}", f"     - {result.said}"]
-    _write("diagnosis_confusion.rst", head + lines if lines else ["There was no such case."])
+    bad = sorted((r for r in results if r.outcome in ("missed", "wrong")), key=str)
+    rows = [[r.effect or "nothing", r.system, f"{r.noise:g}", r.said] for r in bad]
+    write_lines("diagnosis_confusion.rst", table(["hidden", "system", "noise", "said"], rows))
 
 
-def _write(name, lines):
+def table(head, rows) -> list[str]:
+    """Write a table of the documentation; a sentence where it has no rows."""
+    if not rows:
+        return ["There was no such case."]
+    lines = [".. list-table::", "   :header-rows: 1", ""]
+    for row in [head, *rows]:
+        cells = [f"- {cell}".rstrip() for cell in row]
+        lines += [f"   * {cells[0]}", *(f"     {cell}" for cell in cells[1:])]
+    return lines
+
+
+def write_lines(name, lines):
+    """Write a file of the documentation."""
     TABLES.mkdir(exist_ok=True)
     (TABLES / name).write_text("\n".join(lines) + "\n", encoding="utf-8")
 

@@ -27,13 +27,12 @@ from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
-from diagnosis import OUTCOMES, SYSTEMS, TABLES
+from diagnosis import OUTCOMES, SYSTEMS, as_named, named_groups, table, write_lines
 from joblib import Parallel, delayed
 
 import sklearn_pgnn
 from sklearn_pgnn import ModelDiagnosis, datasets, effects
 from sklearn_pgnn.datasets.integrator import integrate
-from sklearn_pgnn.diagnosis.hypothesis import same_parameter
 from sklearn_pgnn.physics.effects.formula import Formula
 from sklearn_pgnn.physics.expressions import parse_expression
 from sklearn_pgnn.simulation.pointwise import numpy_function
@@ -127,11 +126,8 @@ def hide_law(model, law, options):
 
 def judge_causes(diagnosis, hidden):
     """Say what came of hidden causes of the catalogue."""
-    left = {_as_named(hidden.prior, effect) for effect in hidden.effects}
-    groups = [
-        {(cause.effect, cause.target), *map(tuple, cause.confused_with)}
-        for cause in diagnosis.causes_
-    ]
+    left = {as_named(hidden.prior, effect) for effect in hidden.effects}
+    groups = named_groups(diagnosis)
     matched = _matched(groups, left)
     if matched < len(groups):
         return "wrong"
@@ -144,12 +140,6 @@ def _matched(groups, truth):
     """Count the hidden causes that can be told, each in a group of its own."""
     orders = itertools.permutations(truth, min(len(groups), len(truth)))
     return max(sum(c in g for c, g in zip(order, groups, strict=False)) for order in orders)
-
-
-def _as_named(model, effect):
-    """Give an effect's name; the one of the parameter if a free one already is the effect."""
-    parameter = same_parameter(model, effect)
-    return (effect.id, effect.target) if parameter is None else ("wrong_parameter", parameter)
 
 
 def leaves_noise(diagnosis):
@@ -171,17 +161,16 @@ def judge_law(diagnosis, hidden):
 def write(results, draws):
     """Write the counts by study and machine, and what was said where it was wrong or missed."""
     systems = [name for name in SYSTEMS if any(r.system == name for r in results)]
-    lines = [
+    first = (
         f"Written on {datetime.date.today().isoformat()} by sklearn-pgnn "
-        f"{sklearn_pgnn.__version__}, {draws} draws a cell; {' / '.join(OUTCOMES)}.",
-        "",
-        *_table(["hidden", *systems, "all"], _counts(results, systems)),
-    ]
-    (TABLES / "diagnosis_studies.rst").write_text("\n".join(lines) + "\n", encoding="utf-8")
+        f"{sklearn_pgnn.__version__}, {draws} draws a cell; {' / '.join(OUTCOMES)}."
+    )
+    counts = table(["hidden", *systems, "all"], list(_counts(results, systems)))
+    write_lines("diagnosis_studies.rst", [first, "", *counts])
     bad = sorted((r for r in results if r.outcome in ("missed", "wrong")), key=str)
     rows = [[r.study, r.system, r.hidden, f"{r.outcome}: {r.said}"] for r in bad]
-    lines = _table(["study", "machine", "hidden", "said"], rows) if rows else ["There was none."]
-    (TABLES / "diagnosis_studies_missed.rst").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    head = ["study", "machine", "hidden", "said"]
+    write_lines("diagnosis_studies_missed.rst", table(head, rows))
 
 
 def _counts(results, systems):
@@ -193,14 +182,6 @@ def _counts(results, systems):
         cells = [Counter(r.outcome for r in of if r.system == name) for name in systems]
         cells.append(Counter(r.outcome for r in of))
         yield [study, *(" / ".join(str(cell[o]) for o in OUTCOMES) for cell in cells)]
-
-
-def _table(head, rows):
-    """Write a table of the documentation."""
-    lines = [".. list-table::", "   :header-rows: 1", ""]
-    for row in [head, *rows]:
-        lines += [f"   {'*' if place == 0 else ' '} - {cell}" for place, cell in enumerate(row)]
-    return lines
 
 
 def main():
