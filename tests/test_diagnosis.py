@@ -23,6 +23,7 @@ from sklearn_pgnn.diagnosis.hypothesis import (
     same_parameter,
 )
 from sklearn_pgnn.diagnosis.pairs import foretell_pairs
+from sklearn_pgnn.diagnosis.search import Rules, Search
 from sklearn_pgnn.diagnosis.setting import make_setting
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.simulation.windows import Windows
@@ -325,3 +326,16 @@ def test_an_interval_tells_how_far_the_held_friction_of_the_model_may_be_off():
         assert by_held < (found.high - found.low) / 2 < 1.5 * by_held
     level = cause.parameters["level_forward"]
     assert (level.high - level.low) / 2 < 0.05
+
+
+@pytest.mark.parametrize(
+    ("worse", "better", "gained"),
+    [(np.inf, 1.0, True), (1.0, np.inf, False), (np.inf, np.inf, False)],
+)
+def test_what_diverges_on_held_out_windows_is_worse_than_what_does_not(worse, better, gained):
+    hidden = make_hidden_effect(n_records=2, duration=3, sample_rate=50, random_state=0)
+    setting = make_setting(hidden.prior, read_records(hidden.prior, hidden.X, hidden.y))
+    search = Search(Fitter(setting), (), Rules(), lambda *_: None)
+    errors = {"before": np.array([2.0, worse]), "after": np.array([1.0, better])}
+    search._held_out = errors.get
+    assert search._is_gain("before", "after") is gained
