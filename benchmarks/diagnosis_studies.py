@@ -33,6 +33,7 @@ from joblib import Parallel, delayed
 import sklearn_pgnn
 from sklearn_pgnn import ModelDiagnosis, datasets, effects
 from sklearn_pgnn.datasets.integrator import integrate
+from sklearn_pgnn.diagnosis.search import Rules
 from sklearn_pgnn.physics.effects.formula import Formula
 from sklearn_pgnn.physics.expressions import parse_expression
 from sklearn_pgnn.simulation.pointwise import numpy_function
@@ -52,8 +53,8 @@ LAWS = {
     "tanks": (("x1", "pump*x1"), ("x2", "x1*x2"), ("x2", "x2**2")),
     "motor": (("w", "i*w"), ("i", "i**3"), ("i", "w**2")),
 }
-#: size of a law over the rate's, and of the noise that leaves nothing to explain in its power
-LAW, ONLY_NOISE = 0.3, 0.05
+#: size of a law over the rate's
+LAW = 0.3
 
 
 @dataclass(frozen=True)
@@ -115,11 +116,11 @@ def hide_law(model, law, options):
     t, u = records[0]["t"].to_numpy(), np.stack([r[list(model.inputs)] for r in records])
     x0 = np.stack([rows[list(model.states)].iloc[0] for rows in records])
     x, _ = integrate(model, t - t[0], u, x0)
-    table = dict(zip(model.inputs, np.moveaxis(u, -1, 0), strict=True))
-    table |= dict(zip(model.states, np.moveaxis(x, -1, 0), strict=True))
-    added = parse_expression(term, table)
-    spread = np.std(numpy_function(tuple(table), added)(*table.values()))
-    rate = np.std(np.gradient(table[state], t, axis=1))
+    signals = dict(zip(model.inputs, np.moveaxis(u, -1, 0), strict=True))
+    signals |= dict(zip(model.states, np.moveaxis(x, -1, 0), strict=True))
+    added = parse_expression(term, signals)
+    spread = np.std(numpy_function(tuple(signals), added)(*signals.values()))
+    rate = np.std(np.gradient(signals[state], t, axis=1))
     effect = Formula(state, (term,), (float(-LAW * rate / spread),))
     return datasets.make_hidden_effect(model, effect, **options)
 
@@ -145,7 +146,7 @@ def _matched(groups, truth):
 def leaves_noise(diagnosis):
     """Tell whether the extended model leaves hardly more than noise."""
     gains = diagnosis.gain_.values()
-    return all(g.extended**2 - g.noise**2 < ONLY_NOISE * g.extended**2 for g in gains)
+    return all(g.extended**2 - g.noise**2 < Rules().whole * g.extended**2 for g in gains)
 
 
 def judge_law(diagnosis, hidden):

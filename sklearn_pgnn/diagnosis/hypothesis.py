@@ -177,6 +177,11 @@ def held_parameters(model: PhysicsModel, cause: Cause) -> tuple[str, ...]:
     return tuple(name for name in found if name is not None)
 
 
+def held_by(model: PhysicsModel, hypothesis: "Hypothesis") -> set[str]:
+    """Name the model's parameters that any of the causes speaks for, see `held_parameters`."""
+    return {name for cause in hypothesis.causes for name in held_parameters(model, cause)}
+
+
 @lru_cache(maxsize=16)
 def _derivatives_by_parameters(model: PhysicsModel) -> dict[str, np.ndarray]:
     return _derivatives(model, model.free_parameters)
@@ -274,8 +279,8 @@ def held_freedoms(setting: Setting, hypothesis: Hypothesis) -> tuple[Freedom, ..
         Those with a spread.
     """
     prior, wrong = setting.prior, {t for e, t in hypothesis.causes if e is WrongParameter}
-    held = {name for cause in hypothesis.causes for name in held_parameters(prior, cause)}
-    names = [name for name in prior.free_parameters if name in held - wrong]
+    held = held_by(prior, hypothesis) - wrong
+    names = [name for name in prior.free_parameters if name in held]
     freedoms = (_prior_freedom(prior, name, False) for name in names)
     return tuple(freedom for freedom in freedoms if math.isfinite(freedom.spread))
 

@@ -22,6 +22,7 @@ from sklearn_pgnn.diagnosis.result import (
     Tried,
     measure_gain,
     name_causes,
+    parameter_errors,
     plain,
     retuned_parameters,
 )
@@ -244,11 +245,12 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
     def _keep(self, fitter: Fitter, search: Search, outcome: Outcome) -> None:
         """Turn the outcome of the search into learned attributes."""
         setting, final = fitter.setting, outcome.final
-        self.causes_ = name_causes(fitter, outcome, search.folds)
+        errors = parameter_errors(setting, final)
+        self.causes_ = name_causes(fitter, outcome, search.folds, errors)
         self.gain_ = measure_gain(
             fitter, outcome, search.folds, np.random.default_rng(_seed(self.random_state))
         )
-        self.parameters_ = retuned_parameters(setting, final)
+        self.parameters_ = retuned_parameters(setting, final.fit, errors)
         self.refitted_model_ = outcome.base.fit.model
         self.extended_model_ = with_prior_spreads(final.fit.model, self.model)
         self.verdict_ = self._verdict(search, outcome)

@@ -16,6 +16,7 @@ from sklearn_pgnn.simulation.uncertainty import (
     estimate_of,
     standard_errors,
 )
+from sklearn_pgnn.simulation.window_fit import WindowFit
 
 RESAMPLINGS = 1000
 
@@ -116,7 +117,7 @@ class Gain:
     unit: str = ""
 
 
-def _errors(setting: Setting, trial: Trial) -> dict[str, float]:
+def parameter_errors(setting: Setting, trial: Trial) -> dict[str, float]:
     """Give the parameters' standard errors, with what comes from those that causes hold."""
     fit, estimate = trial.fit, setting.states.estimate(trial.fit.model)
     expected = estimate.x[setting.windows.starts], estimate.spread
@@ -127,9 +128,8 @@ def _errors(setting: Setting, trial: Trial) -> dict[str, float]:
     return {name: math.hypot(error, more[name]) for name, error in errors.items()}
 
 
-def name_causes(fitter: Fitter, outcome: Outcome, folds) -> tuple[NamedCause, ...]:
+def name_causes(fitter: Fitter, outcome: Outcome, folds, errors) -> tuple[NamedCause, ...]:
     """Describe the causes of the accepted hypothesis, the most telling first."""
-    errors = _errors(fitter.setting, outcome.final)
     causes, before = [], outcome.base
     for step in outcome.steps:
         cause = step.hypothesis.causes[-1]
@@ -165,9 +165,8 @@ def _gain_percent(fitter, before: Trial, after: Trial, folds) -> float:
     return float(100.0 * (1.0 - np.sqrt(better / worse)))
 
 
-def retuned_parameters(setting: Setting, trial: Trial) -> dict[str, RetunedParameter]:
+def retuned_parameters(setting: Setting, fit: WindowFit, errors) -> dict[str, RetunedParameter]:
     """Compare the prior's free parameters with their re-tuned values."""
-    fit, errors = trial.fit, _errors(setting, trial)
     table = {}
     for name in setting.prior.free_parameters:
         found, prior = estimate_of(fit.model, name, errors), setting.prior.parameters[name].value

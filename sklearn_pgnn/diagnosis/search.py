@@ -348,8 +348,10 @@ class Search:
     def _is_gain(self, before: Trial, after: Trial) -> bool:
         """Decide on windows that the parameters have not seen."""
         worse, better = self._held_out(before), self._held_out(after)
-        if not (np.isfinite(worse).all() and np.isfinite(better).all()):  # one of them diverged
-            return bool(np.isfinite(better).all())
+        if not np.isfinite(better).all():
+            return False
+        if not np.isfinite(worse).all():
+            return True
         gain = worse.sum() - better.sum()
         return bool(
             gain > self.rules.whole * worse.sum()

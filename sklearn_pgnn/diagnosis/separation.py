@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sklearn_pgnn.diagnosis.equivalence import are_equivalent
-from sklearn_pgnn.diagnosis.hypothesis import Cause, Hypothesis, freedoms, held_parameters
+from sklearn_pgnn.diagnosis.hypothesis import Cause, Hypothesis, freedoms, held_by
 from sklearn_pgnn.diagnosis.records import DiagnosisRecords, FittedWindows
 from sklearn_pgnn.diagnosis.result import Suspect, plain
 from sklearn_pgnn.diagnosis.search import NOTICED
@@ -195,7 +195,7 @@ def swap(records: DiagnosisRecords, causes: tuple[Cause, ...], old: Cause, new: 
     """
     setting, prior = records.setting, records.setting.prior
     hypothesis = Hypothesis(tuple(new if cause == old else cause for cause in causes))
-    held = {name for cause in hypothesis.causes for name in held_parameters(prior, cause)}
+    held = held_by(prior, hypothesis)
 
     def fit(model, max_steps=25):
         estimate = setting.states.estimate(model)
