@@ -18,6 +18,7 @@ from sklearn_pgnn import Parameter, PhysicsModel, effects, systems
 from sklearn_pgnn.exceptions import SimulationError, SimulationWarning
 from sklearn_pgnn.physics.expressions import FUNCTIONS, TIME, symbol
 from sklearn_pgnn.simulation import simulate
+from sklearn_pgnn.simulation.pointwise import evaluate_samples
 from sklearn_pgnn.simulation.record_windows import window_records
 from sklearn_pgnn.simulation.uncertainty import standard_errors
 from sklearn_pgnn.simulation.window_fit import Freedom, fit_windows, project
@@ -393,6 +394,13 @@ def fitted(ground, model=PENDULUM):
         model, ground.windows, free, expected, estimate.spread, max_steps=50, tolerance=1e-12
     )
     return fit, expected, estimate.spread
+
+
+def test_slope_of_a_bounded_rate_is_evaluated_at_samples_beside_numbers():
+    bounded = systems.servo_valve(limits=True).equations["y"]
+    slope = sympy.diff(bounded, symbol("v_max"))
+    v = np.array([-3.0, -1.0, 0.0, 1.0, 3.0])
+    assert evaluate_samples(slope, {"v": v, "v_max": 2.0}, 5).tolist() == [-1, 0, 0, 0, 1]
 
 
 def test_gradient_of_windows_is_the_derivative_of_their_squares():

@@ -58,8 +58,10 @@ def evaluate_samples(expression, table: Mapping[str, np.ndarray | float], size: 
         The values; not finite where the expression is not.
     """
     names = sorted(map(str, expression.free_symbols))
+    # conditions of sympy cannot take numbers beside arrays
+    values = (np.broadcast_to(np.asarray(table[name], dtype=float), (size,)) for name in names)
     with np.errstate(all="ignore"):
-        value = numpy_function(names, expression)(*(table[name] for name in names))
+        value = numpy_function(names, expression)(*values)
         return np.broadcast_to(np.asarray(value, dtype=float), (size,))
 
 
