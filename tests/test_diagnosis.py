@@ -339,3 +339,16 @@ def test_what_diverges_on_held_out_windows_is_worse_than_what_does_not(worse, be
     errors = {"before": np.array([2.0, worse]), "after": np.array([1.0, better])}
     search._held_out = errors.get
     assert search._is_gain("before", "after") is gained
+
+
+@pytest.mark.parametrize("seed", [2, 5])
+def test_ways_through_zero_are_fitted_with_either_sign(seed):
+    """Where a sensor shows the magnitude only, the true model leaves noise in every window."""
+    cart = systems.cart_on_spring()
+    options = {"n_records": 3, "sample_rate": 100.0, "random_state": seed}
+    hidden = make_hidden_effect(cart, "sensor_rectification", **options)
+    setting = make_setting(hidden.prior, read_records(hidden.prior, hidden.X, hidden.y))
+    fitter = Fitter(setting)
+    base, cause = fitter.base(), (effects.SensorRectification, "position")
+    sketch = fitter.settle(fitter.look(fitter.sketch(base), cause))
+    assert fitter.complete(sketch, base).squares < 1.1 * setting.n_samples < 0.1 * base.squares

@@ -468,6 +468,17 @@ def test_fit_respects_bounds():
     assert fit.values[0] == 2.35  # the truth, 2.3, is out of bounds
 
 
+def test_a_window_that_diverges_from_its_start_begins_where_it_is_expected():
+    _, ground = grounds(PENDULUM)
+    estimate = ground.states.estimate(PENDULUM)
+    expected = estimate.x[ground.windows.starts]
+    begun = expected.copy()
+    begun[3] = np.inf
+    fit = fit_windows(PENDULUM, ground.windows, (), expected, estimate.spread, x0_start=begun)
+    usual = fit_windows(PENDULUM, ground.windows, (), expected, estimate.spread)
+    assert fit.squares == pytest.approx(usual.squares, rel=1e-3)
+
+
 def test_standard_errors_are_those_of_repeated_experiments():
     truth, ground = grounds(PENDULUM)
     windows, rng = ground.windows, np.random.default_rng(1)

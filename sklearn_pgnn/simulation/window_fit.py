@@ -128,7 +128,8 @@ def fit_windows(
     x0_spread : ndarray of shape (n_states,)
         How uncertain they are.
     x0_start : ndarray of shape (n_windows, n_states), optional
-        Where the initial states start; by default where they are expected.
+        Where the initial states start; by default, and in windows that diverge from there, where
+        they are expected.
     evaluation : Evaluation, optional
         What the model makes of the windows at the start, where that is known already.
     states_first : bool, default=False
@@ -149,6 +150,8 @@ def fit_windows(
     """
     task = _Task(windows, freedoms, x0, 1.0 / x0_spread**2)
     fit = task.at(task.within_bounds(model), x0 if x0_start is None else x0_start, evaluation)
+    if not np.isfinite(fit.objective):
+        fit = task.at(fit.model, np.where(np.isfinite(task.parts(fit))[:-1, None], fit.x0, x0))
     damping = _Damping(
         np.inf if states_first else FIRST_DAMPING, np.full(len(windows), FIRST_DAMPING)
     )
