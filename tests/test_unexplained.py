@@ -18,7 +18,7 @@ from sklearn_pgnn.simulation.linear_response import linear_responses
 from sklearn_pgnn.simulation.windows import evaluate
 from sklearn_pgnn.trajectories import read_records
 
-RECORDS = {"n_records": 6, "sample_rate": 200.0}
+RECORDS = {"n_records": 5, "sample_rate": 100.0}
 
 
 def hide(target, term, coefficient, seed=1):
