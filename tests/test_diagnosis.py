@@ -29,7 +29,7 @@ from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.simulation.windows import Windows
 from sklearn_pgnn.trajectories import read_records
 
-RECORDS = {"n_records": 5, "sample_rate": 100.0}
+RECORDS = {"n_records": 6, "sample_rate": 100.0}
 SEED = 7
 RIGS = {
     systems.cart_on_spring: {"n_records": 4, "sample_rate": 100.0},

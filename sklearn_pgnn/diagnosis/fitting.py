@@ -8,7 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from sklearn_pgnn.diagnosis.hypothesis import Cause, Hypothesis, freedoms, held_parameters
+from sklearn_pgnn.diagnosis.lines import tones_left
 from sklearn_pgnn.diagnosis.setting import ROUGH_WINDOWS, Rough, Setting, rough_windows, worst_first
+from sklearn_pgnn.physics.effect import Scales
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.state_estimate import free_run, unsigned_states
 from sklearn_pgnn.simulation.window_fit import WindowFit, expected_decrease, fit_windows
@@ -107,6 +109,16 @@ class Fitter:
     def rough(self) -> Rough:
         """What sketches are made on."""
         return rough_windows(self.setting, self.base().fit.evaluation.squares)
+
+    @cached_property
+    def scales(self) -> Scales:
+        """The setting's scales, with the tones that the re-tuned prior leaves in the outputs."""
+        scales, residual = self.setting.scales, self.base().fit.evaluation.residual
+        left = tones_left(self.setting.windows, residual)
+        tones = {
+            state: tuple(dict.fromkeys((*known, *left))) for state, known in scales.tones.items()
+        }
+        return replace(scales, tones=tones)
 
     # -- on all windows ------------------------------------------------------------------------
 
@@ -343,7 +355,7 @@ class Fitter:
     def _starts(self, sketch, cause) -> list[PhysicsModel]:
         """Extend the fitted model by every start, and the untuned one by a few."""
         effect, target = cause
-        starts = effect.starts(target, self.setting.prior, self.setting.scales)
+        starts = effect.starts(target, self.setting.prior, self.scales)
         grounds = [sketch.fit.model]
         if len(starts) <= FEW_STARTS:
             grounds.append(self._rebuild(sketch.hypothesis, None))

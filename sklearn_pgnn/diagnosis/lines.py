@@ -96,6 +96,27 @@ def find_lines(model: PhysicsModel, windows: Windows, x: np.ndarray) -> tuple[di
     return tones, ripples
 
 
+def tones_left(windows: Windows, residual: np.ndarray) -> tuple[float, ...]:
+    """Find the tones in what a fitted model leaves of the outputs.
+
+    They stand out where those of the rate are lost in the noise of its derivatives.
+
+    Parameters
+    ----------
+    windows : Windows
+        The records.
+    residual : ndarray of shape (n_samples, n_outputs)
+        Measured minus simulated outputs; NaN where nothing was measured.
+
+    Returns
+    -------
+    tuple of float
+        Frequencies [Hz].
+    """
+    tones = [t for column in np.nan_to_num(residual).T for t in _tones(windows, column)]
+    return tuple(dict.fromkeys(tones))
+
+
 def _tones(windows, missing) -> tuple[float, ...]:
     """Give the frequencies that stand out, the records' spectra summed."""
     step = float(np.median(np.diff(windows.t)[np.diff(windows.t) > 0]))

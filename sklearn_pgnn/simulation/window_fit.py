@@ -341,7 +341,8 @@ def expected_decrease(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) 
     Returns
     -------
     float
-        Decrease of the sum of squares; zero where the fit diverged.
+        Decrease of the sum of squares; zero where the fit diverged, or where rounding makes of it
+        more than there is.
     """
     if not np.isfinite(fit.objective):
         return 0.0
@@ -350,7 +351,8 @@ def expected_decrease(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) 
     pull = 1.0 / _column(fit.freedoms, "spread") ** 2
     hessian, gradient = normal.hessian.sum(0) + np.diag(pull), normal.gradient.sum(0)
     step = _bounded_step(hessian, gradient, 1e-6, np.full(n_p, -np.inf), np.full(n_p, np.inf))
-    return float(gradient @ step)
+    decrease = float(gradient @ step)
+    return decrease if decrease <= fit.objective else 0.0
 
 
 def _bounded_step(hessian, gradient, damping, low, high):

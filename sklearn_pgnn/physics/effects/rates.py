@@ -219,7 +219,7 @@ class PeriodicDisturbance(RateEffect):
     @classmethod
     def starts(cls, target, model, scales):
         """Start at the lines in the spectrum of the missing rate, or at one wave a window."""
-        force = 0.02 * force_scale(target, model, scales)
+        force = 0.001 * force_scale(target, model, scales)
         lines = scales.tones.get(target) or (1.0 / scales.window,)
         return tuple(cls(target, force, force, line) for line in lines)
 

@@ -117,7 +117,7 @@ class Cogging(PositionEffect):
     @classmethod
     def starts(cls, target, model, scales):
         """Start at the periods that stand out in the missing rate, or at half of the travel."""
-        force = 0.02 * force_scale(target, model, scales)
+        force = 0.001 * force_scale(target, model, scales)
         periods = scales.ripples.get(target) or (scales.peak[positions(model)[target]],)
         return tuple(cls(target, force, force, period) for period in periods)
 
