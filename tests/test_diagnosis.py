@@ -22,6 +22,7 @@ from sklearn_pgnn.diagnosis.hypothesis import (
     same_causes,
     same_parameter,
 )
+from sklearn_pgnn.diagnosis.lines import tones_left
 from sklearn_pgnn.diagnosis.pairs import foretell_pairs
 from sklearn_pgnn.diagnosis.search import Rules, Search
 from sklearn_pgnn.diagnosis.setting import make_setting
@@ -352,3 +353,15 @@ def test_ways_through_zero_are_fitted_with_either_sign(seed):
     base, cause = fitter.base(), (effects.SensorRectification, "position")
     sketch = fitter.settle(fitter.look(fitter.sketch(base), cause))
     assert fitter.complete(sketch, base).squares < 1.1 * setting.n_samples < 0.1 * base.squares
+
+
+@pytest.mark.parametrize("frequency", [0.83, 7.3, 23.1])
+def test_a_tone_in_what_is_left_is_heard_through_noise_of_four_times_its_power(frequency):
+    hidden = make_hidden_effect(n_records=3, duration=8, sample_rate=60, random_state=0)
+    setting = make_setting(hidden.prior, read_records(hidden.prior, hidden.X, hidden.y))
+    t = setting.windows.t
+    noise = np.random.default_rng(0).standard_normal(t.size) * np.sqrt(2)
+    left = np.sin(2 * np.pi * frequency * t) + noise
+    left[::7] = np.nan
+    tones = np.array(tones_left(setting.windows, left[:, None]))
+    assert np.abs(tones - frequency).min() < 1 / 8

@@ -21,7 +21,12 @@ from sklearn_pgnn.simulation import simulate
 from sklearn_pgnn.simulation.pointwise import evaluate_samples
 from sklearn_pgnn.simulation.record_windows import window_records
 from sklearn_pgnn.simulation.uncertainty import standard_errors
-from sklearn_pgnn.simulation.window_fit import Freedom, fit_windows, project
+from sklearn_pgnn.simulation.window_fit import (
+    Freedom,
+    expected_decrease,
+    fit_windows,
+    project,
+)
 from sklearn_pgnn.simulation.windows import evaluate
 from sklearn_pgnn.trajectories import read_records
 
@@ -417,6 +422,17 @@ def test_gradient_of_windows_is_the_derivative_of_their_squares():
         assert -2 * gram[:, j, -1].sum() == pytest.approx(slope / (2 * step), rel=1e-4)
 
 
+def test_slopes_beyond_reckoning_are_left_out_and_the_outputs_kept():
+    """In too large steps the outputs may stay in range while their slopes grow to 1e135."""
+    model = PhysicsModel({"y": "V"}, {"y": "sin(c*y) + b*u"}, {"c": 1638.0, "b": 1.0}, {"u": "V"})
+    t = np.arange(0, 8, 0.1)
+    records = read_records(model, np.column_stack([t, np.sin(t)]), np.sin(t)[:, None])
+    ground = window_records(model, records, window="trajectory")
+    found = evaluate(model, ground.windows, np.ones((1, 1)), ("c", "b"))
+    assert np.isfinite(found.squares).all()
+    assert np.abs(found.gram[:, :-1]).max() < np.sqrt(np.finfo(float).max)
+
+
 def test_a_tank_that_was_empty_does_not_hide_the_slopes():
     """The slope of a root at its bound is 0, not 0/0, and so the windows keep their gradient."""
     tanks, t = systems.two_tanks(), np.arange(0, 100, 1.0)
@@ -477,6 +493,18 @@ def test_a_window_that_diverges_from_its_start_begins_where_it_is_expected():
     fit = fit_windows(PENDULUM, ground.windows, (), expected, estimate.spread, x0_start=begun)
     usual = fit_windows(PENDULUM, ground.windows, (), expected, estimate.spread)
     assert fit.squares == pytest.approx(usual.squares, rel=1e-3)
+
+
+def test_a_promise_of_more_than_is_left_counts_for_nothing():
+    _, ground = grounds(PENDULUM)
+    best, expected, spread = fitted(ground)
+    near = best.model.with_parameters(k=1.01 * best.model.parameters["k"].value)
+    fit = fit_windows(near, ground.windows, best.freedoms, expected, spread, max_steps=0)
+    assert 0.0 < expected_decrease(fit, expected, spread) < fit.objective
+    gram = fit.evaluation.piece_gram.copy()
+    gram[..., :-1, :-1] *= 1e-9  # as if rounding had left next to nothing of the curvature
+    lost = replace(fit, evaluation=replace(fit.evaluation, piece_gram=gram))
+    assert expected_decrease(lost, expected, spread) == 0.0
 
 
 def test_standard_errors_are_those_of_repeated_experiments():

@@ -21,6 +21,8 @@ from sklearn_pgnn.simulation.stepping import METHODS, run_windows
 
 #: parts that every thread simulates
 PARTS = 4
+#: products of slopes so large that a product of two of them may not be finite
+ENDLESS = 1e100
 
 
 @dataclass(frozen=True)
@@ -285,9 +287,9 @@ def evaluate(model: PhysicsModel, windows: Windows, x0, wrt: tuple[str, ...]) ->
 
 
 def _without_endless_slopes(gram):
-    """Take the slopes of a window for zero where only they, not its outputs, are not finite."""
+    """Take the slopes of a window for zero where they, if not its outputs, are beyond reckoning."""
     squares = gram[..., -1, -1].copy()
-    bad = ~np.isfinite(gram).all(axis=(1, 2, 3))
+    bad = ~(np.abs(gram) < ENDLESS).all(axis=(1, 2, 3))
     gram[bad] = 0.0
     gram[bad, :, -1, -1] = np.where(np.isfinite(squares[bad]), squares[bad], np.inf)
     return gram
