@@ -1,6 +1,5 @@
 """Fit hypotheses: sketched on some of the samples, fitted on all; remember what was fitted."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -10,9 +9,10 @@ import numpy as np
 from sklearn_pgnn.diagnosis.hypothesis import Cause, Hypothesis, freedoms, held_parameters
 from sklearn_pgnn.diagnosis.lines import tones_left
 from sklearn_pgnn.diagnosis.setting import ROUGH_WINDOWS, Rough, Setting, rough_windows, worst_first
+from sklearn_pgnn.diagnosis.signs import turn_poor_windows
 from sklearn_pgnn.physics.effect import Scales
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.state_estimate import free_run, unsigned_states
+from sklearn_pgnn.simulation.state_estimate import unsigned_states
 from sklearn_pgnn.simulation.window_fit import WindowFit, expected_decrease, fit_windows
 from sklearn_pgnn.simulation.windows import Windows
 
@@ -32,8 +32,6 @@ SKETCH_TOLERANCE, TOLERANCE = 1e-3, 1e-4
 POLISH_STEPS, POLISH_TOLERANCE = 3, 1e-9
 #: steps for the initial states alone, which are nearly linear
 PRIOR_STEPS = 8
-#: a window is poor whose squares are so many times the median
-POOR = 3.0
 
 
 @dataclass(frozen=True)
@@ -204,7 +202,7 @@ class Fitter:
             states_first=sketch is not None,
             tolerance=TOLERANCE,
         )
-        fit = _turn_poor_windows(fit, self.setting.windows, start, TOLERANCE)
+        fit = turn_poor_windows(fit, self.setting.windows, start.x0, start.spread, TOLERANCE)
         return Trial(hypothesis, fit)
 
     def _start(self, model) -> Start:
@@ -298,7 +296,7 @@ class Fitter:
             hopeless=hopeless,
             **options,
         )
-        fit = _turn_poor_windows(fit, windows, start, SKETCH_TOLERANCE)
+        fit = turn_poor_windows(fit, windows, start.x0, start.spread, SKETCH_TOLERANCE)
         settled = "max_steps" not in options and fit.objective <= hopeless
         return Sketch(hypothesis, fit, start, settled)
 
@@ -438,56 +436,6 @@ class Fitter:
             )
             squares[inside] = piece_squares(setting, judged, inside)
         return squares
-
-
-def _turn_poor_windows(fit: WindowFit, windows: Windows, start: Start, tolerance) -> WindowFit:
-    """Start poor windows otherwise where a sensor shows the magnitude only, and fit again.
-
-    A way through zero, or near it, can be fitted in two ways then, and no small step leads from the
-    one to the other.
-    """
-    unsigned, squares = unsigned_states(fit.model), fit.evaluation.squares
-    poor = np.flatnonzero(squares > POOR * np.median(squares))
-    if not unsigned or not poor.size or not np.isfinite(fit.objective):
-        return fit
-    x0, least = fit.x0.copy(), squares[poor]
-    for begin in _other_starts(fit, windows, poor, unsigned):
-        tried = fit_windows(
-            fit.model,
-            windows.select(poor),
-            (),
-            start.x0[poor],
-            start.spread,
-            x0_start=begin,
-            tolerance=tolerance,
-        )
-        better = tried.evaluation.squares < least
-        x0[poor[better]] = tried.x0[better]
-        least = np.minimum(least, tried.evaluation.squares)
-    again = fit_windows(fit.model, windows, fit.freedoms, *start, x0_start=x0, tolerance=tolerance)
-    return min(fit, again, key=lambda each: each.objective)
-
-
-def _other_starts(fit, windows, which, unsigned) -> Iterator[np.ndarray]:
-    """Turn initial states, or their velocities only; or begin where the windows before lead."""
-    x0, states = fit.x0[which], list(fit.model.states)
-    velocities = [state for state in unsigned if state in fit.model.kinematic_pairs]
-    turn = np.where(np.isin(states, unsigned), -1.0, 1.0)
-    yield turn * x0
-    yield np.where(np.isin(states, velocities), -1.0, 1.0) * x0
-    ends, reached = windows.starts + windows.lengths, x0.copy()
-    for row, w in enumerate(which):
-        if (
-            w > 0
-            and ends[w - 1] == windows.starts[w]
-            and windows.record[w - 1] == windows.record[w]
-        ):
-            run = free_run(
-                fit.model, windows, windows.starts[w - 1], ends[w - 1] + 1, fit.x0[w - 1]
-            )
-            reached[row] = run.x[-1]
-    yield reached
-    yield turn * reached
 
 
 class _Glance(NamedTuple):
