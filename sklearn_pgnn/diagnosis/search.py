@@ -6,7 +6,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from sklearn_pgnn.diagnosis.fitting import Fitter, Sketch, Trial, make_folds
-from sklearn_pgnn.diagnosis.hypothesis import Cause, count_parameters, same_causes
+from sklearn_pgnn.diagnosis.hypothesis import (
+    Cause,
+    count_parameters,
+    held_parameters,
+    same_causes,
+)
 from sklearn_pgnn.diagnosis.pairs import foretell_pairs
 from sklearn_pgnn.diagnosis.setting import HARDLY
 from sklearn_pgnn.physics.effects import WrongParameter
@@ -444,9 +449,15 @@ class Search:
         kin = [c for c in self.suspects if c[1] == target and c not in sketch.hypothesis.causes]
         found = [self.fitter.split(sketch, cause, c) for c in kin if c[0].id in effect.shared]
         special = [c for c in kin if c[0].id in effect.generalises]
+        special += [c for c in self._as_parameters(cause) if c not in sketch.hypothesis.causes]
         for others in [[c] for c in special] + ([special] if len(special) > 1 else []):
             found.append(self.fitter.exchange(sketch, cause, others))
         return found
+
+    def _as_parameters(self, cause: Cause) -> list[Cause]:
+        """Name the special cases of a cause that are a wrong value of a parameter."""
+        names = held_parameters(self.fitter.setting.prior, cause)
+        return [c for c in self.suspects if c[0] is WrongParameter and c[1] in names]
 
     # -- result --------------------------------------------------------------------------------
 
