@@ -375,12 +375,23 @@ class Fitter:
     def _free(self, hypothesis, model):
         """Say what a fit of a hypothesis may change; what a cause speaks for stays."""
         prior = self.setting.prior
-        held = {name for cause in hypothesis.causes for name in self._held(cause)}
+        held = {name for cause in hypothesis.causes for name in self.held(cause)}
         model = model.with_parameters(**{name: prior.parameters[name].value for name in held})
         return model, freedoms(self.setting, hypothesis, model, held)
 
-    def _held(self, cause: Cause) -> tuple[str, ...]:
-        """Name the prior's parameters that a cause speaks for, looked up once."""
+    def held(self, cause: Cause) -> tuple[str, ...]:
+        """Name the prior's parameters that a cause speaks for, looked up once.
+
+        Parameters
+        ----------
+        cause : (effect class, target)
+            The cause.
+
+        Returns
+        -------
+        tuple of str
+            Their names.
+        """
         if cause not in self._held_names:
             self._held_names[cause] = held_parameters(self.setting.prior, cause)
         return self._held_names[cause]

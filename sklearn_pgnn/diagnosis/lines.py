@@ -3,7 +3,8 @@ r"""What repeats in the part of a rate that a model lacks: tones in time, ripple
 A fit of a wave has a local minimum at every frequency, so it must begin near the right one. What
 a model lacks of a velocity's rate, :math:`\dot v - f(x, u, p)`, is taken from the estimated states;
 what re-tuned parameters could explain of it is projected out, and the lines that stand out in the
-spectrum of the rest are where to begin.
+spectrum of the rest are where to begin; so are those of what the re-tuned model leaves of the
+outputs.
 """
 
 import numpy as np
@@ -113,11 +114,10 @@ def tones_left(windows: Windows, residual: np.ndarray) -> tuple[float, ...]:
     tuple of float
         Frequencies [Hz].
     """
-    tones = [t for column in np.nan_to_num(residual).T for t in _tones(windows, column)]
-    return tuple(dict.fromkeys(tones))
+    return tuple(t for column in np.nan_to_num(residual).T for t in _tones(windows, column))
 
 
-def _tones(windows, missing) -> tuple[float, ...]:
+def _tones(windows, signal) -> tuple[float, ...]:
     """Give the frequencies that stand out, the records' spectra summed."""
     step = float(np.median(np.diff(windows.t)[np.diff(windows.t) > 0]))
     spans = list(zip(windows.bounds[:-1], windows.bounds[1:], strict=True))
@@ -125,7 +125,7 @@ def _tones(windows, missing) -> tuple[float, ...]:
     power = np.zeros(size // 2 + 1)
     for a, b in spans:
         clock = np.arange(windows.t[a], windows.t[b - 1], step)
-        even = np.interp(clock, windows.t[a:b], missing[a:b])[:size]
+        even = np.interp(clock, windows.t[a:b], signal[a:b])[:size]
         power += np.abs(np.fft.rfft(even * np.hanning(even.size), size)) ** 2
     frequency = np.fft.rfftfreq(size, step)
     best = _outstanding(power, first=2)

@@ -6,12 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from sklearn_pgnn.diagnosis.fitting import Fitter, Sketch, Trial, make_folds
-from sklearn_pgnn.diagnosis.hypothesis import (
-    Cause,
-    count_parameters,
-    held_parameters,
-    same_causes,
-)
+from sklearn_pgnn.diagnosis.hypothesis import Cause, count_parameters, same_causes
 from sklearn_pgnn.diagnosis.pairs import foretell_pairs
 from sklearn_pgnn.diagnosis.setting import HARDLY
 from sklearn_pgnn.physics.effects import WrongParameter
@@ -456,7 +451,7 @@ class Search:
 
     def _as_parameters(self, cause: Cause) -> list[Cause]:
         """Name the special cases of a cause that are a wrong value of a parameter."""
-        names = held_parameters(self.fitter.setting.prior, cause)
+        names = self.fitter.held(cause)
         return [c for c in self.suspects if c[0] is WrongParameter and c[1] in names]
 
     # -- result --------------------------------------------------------------------------------

@@ -59,7 +59,7 @@ class Scales:
         Time at the end of the longest record [s].
     tones, ripples : mapping of str to tuple of float
         For velocities, frequencies [Hz] and periods in position that stand out in what the model
-        lacks of their rate.
+        lacks of their rate; frequencies in what it leaves of the outputs, too.
     extremes : mapping of str to tuple of float
         Least and largest value of states, inputs and outputs; without it, the magnitude both ways.
     """

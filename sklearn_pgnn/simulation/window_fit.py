@@ -150,7 +150,7 @@ def fit_windows(
     """
     task = _Task(windows, freedoms, x0, 1.0 / x0_spread**2)
     fit = task.at(task.within_bounds(model), x0 if x0_start is None else x0_start, evaluation)
-    if not np.isfinite(fit.objective):
+    if x0_start is not None and not np.isfinite(fit.objective):
         fit = task.at(fit.model, np.where(np.isfinite(task.parts(fit))[:-1, None], fit.x0, x0))
     damping = _Damping(
         np.inf if states_first else FIRST_DAMPING, np.full(len(windows), FIRST_DAMPING)

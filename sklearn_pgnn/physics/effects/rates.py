@@ -16,6 +16,9 @@ SIGNAL_UNITS = frozenset({"", "1", "-", "%", "V", "mV"})
 #: unit of a force by the unit of the inertia that it accelerates
 FORCE_UNITS = {"kg": "N", "kg m^2": "N m", "kg*m^2": "N m", "kg m²": "N m", "t": "kN"}
 
+#: share of the typical force with which a wave starts: so small, a linear model tells its worth
+FAINT = 0.001
+
 
 def positions(model) -> dict[str, str]:
     """Give the position of every velocity that has one; bounds on its rate do not part them."""
@@ -218,8 +221,8 @@ class PeriodicDisturbance(RateEffect):
 
     @classmethod
     def starts(cls, target, model, scales):
-        """Start at the lines in the spectrum of the missing rate, or at one wave a window."""
-        force = 0.001 * force_scale(target, model, scales)
+        """Start faintly at the frequencies that stand out, or at one wave a window."""
+        force = FAINT * force_scale(target, model, scales)
         lines = scales.tones.get(target) or (1.0 / scales.window,)
         return tuple(cls(target, force, force, line) for line in lines)
 

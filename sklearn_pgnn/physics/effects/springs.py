@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import sympy
 
 from sklearn_pgnn.physics.effect import quantity
-from sklearn_pgnn.physics.effects.rates import PositionEffect, force_scale, positions
+from sklearn_pgnn.physics.effects.rates import FAINT, PositionEffect, force_scale, positions
 
 #: most periods of a ripple within the travel
 MOST_CYCLES = 40.0
@@ -116,8 +116,8 @@ class Cogging(PositionEffect):
 
     @classmethod
     def starts(cls, target, model, scales):
-        """Start at the periods that stand out in the missing rate, or at half of the travel."""
-        force = 0.001 * force_scale(target, model, scales)
+        """Start faintly at periods that stand out in the missing rate, or at half of the travel."""
+        force = FAINT * force_scale(target, model, scales)
         periods = scales.ripples.get(target) or (scales.peak[positions(model)[target]],)
         return tuple(cls(target, force, force, period) for period in periods)
 
