@@ -33,13 +33,15 @@ class Beyond:
         self._ground: WindowFit | None = None
         self._alone: Proposal | None = None
 
-    def is_better(self, search: Search) -> bool:
-        """Tell whether a formula alone leaves only noise, where some causes leave more.
+    def is_enough(self, search: Search, current: Trial) -> bool:
+        """Tell whether a formula alone leaves only noise, with fewer numbers than one more cause.
 
         Parameters
         ----------
         search : Search
             The search.
+        current : Trial
+            Causes that leave more.
 
         Returns
         -------
@@ -47,7 +49,9 @@ class Beyond:
             Whether further causes are needless.
         """
         alone = self._of_the_prior(search)
-        return alone is not None and search.is_at_noise(alone.trial)
+        if alone is None or alone.n_parameters > current.hypothesis.n_parameters:
+            return False
+        return search.is_at_noise(alone.trial)
 
     def judge(self, search: Search, outcome: Outcome) -> tuple[Outcome, MissingPart | None]:
         """Say what is still believed of an outcome, and what has no name.

@@ -1,5 +1,7 @@
 """Causes that are one and the same in the equations, whatever is recorded."""
 
+from functools import lru_cache
+
 import numpy as np
 import sympy
 
@@ -12,20 +14,26 @@ from sklearn_pgnn.physics.model import PhysicsModel
 POINTS = 40
 #: singular values of columns of length one, from which on columns are independent
 INDEPENDENT = 1e-7
+#: functions with a kink or a jump
+KINKED = (sympy.sign, sympy.Abs, sympy.Max, sympy.Min, sympy.Heaviside, sympy.Piecewise)
 
 
-def are_equivalent(model: PhysicsModel, one: Cause, other: Cause) -> bool:
+def are_equivalent(model: PhysicsModel, one: Cause, other: Cause, retuned: bool = True) -> bool:
     r"""Tell whether no inputs and outputs of a model can separate two causes.
 
     With the parameters :math:`p` that re-tuning changes and those of the two causes, :math:`a` and
     :math:`b`, they are equivalent, for small sizes, if the spans of
 
     .. math::
-        \left[\frac{\partial (f, g)}{\partial p}, \frac{\partial (f, g)}{\partial a}\right]
+        \left[\frac{\partial (f, g)}{\partial p}, S, \frac{\partial (f, g)}{\partial a}\right]
         \quad\text{and}\quad
-        \left[\frac{\partial (f, g)}{\partial p}, \frac{\partial (f, g)}{\partial b}\right]
+        \left[\frac{\partial (f, g)}{\partial p}, S, \frac{\partial (f, g)}{\partial b}\right]
 
     are the same over states, inputs and time, :math:`f` being the rates and :math:`g` the outputs.
+    The columns :math:`S` are what another zero or another scale of a state changes: with a spring,
+    a load that is constant is the same as a sensor that is biased. In a shifted or scaled
+    coordinate :math:`x + \epsilon \xi(x)` the rates change by
+    :math:`\epsilon (\xi_x f - f_x \xi)` and the outputs by :math:`-\epsilon g_x \xi`.
 
     Parameters
     ----------
@@ -33,6 +41,8 @@ def are_equivalent(model: PhysicsModel, one: Cause, other: Cause) -> bool:
         The prior.
     one, other : (effect class, target)
         The causes.
+    retuned : bool, default=True
+        Whether the parameters are re-tuned.
 
     Returns
     -------
@@ -57,32 +67,62 @@ def are_equivalent(model: PhysicsModel, one: Cause, other: Cause) -> bool:
     True
     """
     mine, theirs = _slopes(model, one), _slopes(model, other)
-    if mine is None or theirs is None:
+    if mine is None or theirs is None or not _rank(mine) or not _rank(theirs):
         return False
     suspected = {target for effect, target in (one, other) if effect is WrongParameter}
     free = tuple(name for name in model.free_parameters if name not in suspected)
-    common = _columns(model, free)
+    common = np.hstack([_by_names(model, free if retuned else ()), _by_coordinates(model)])
     rank = _rank(common, mine, theirs)
     return rank == _rank(common, mine) == _rank(common, theirs)
 
 
+@lru_cache(maxsize=512)
 def _slopes(model: PhysicsModel, cause: Cause) -> np.ndarray | None:
     """Differentiate by a cause's parameters where it does nothing; None where the order changes."""
     effect, target = cause
     extended = effect(target).apply(model)
     if dict(extended.delays) != dict(model.delays) or dict(extended.states) != dict(model.states):
         return None
-    return _columns(extended, tuple(effect(target).names().values()))
+    return _by_names(extended, tuple(effect(target).names().values()))
 
 
-def _columns(model, names) -> np.ndarray:
-    """Give the derivatives of rates and outputs at random points, a column a parameter."""
+def _by_names(model, names) -> np.ndarray:
+    """Differentiate rates and outputs by parameters: a column each."""
     expressions = [*model.equations.values(), *model.outputs.values()]
-    slopes = [[sympy.diff(e, symbol(name)) for name in names] for e in expressions]
-    rows = [
-        [_number(slope, point) for slope in line] for point in _points(model) for line in slopes
-    ]
-    return np.array(rows).reshape(len(rows), len(names))
+    return _columns(model, [[sympy.diff(e, symbol(name)) for e in expressions] for name in names])
+
+
+@lru_cache(maxsize=16)
+def _by_coordinates(model) -> np.ndarray:
+    """Say how rates and outputs change if a state is counted from elsewhere, or in other units.
+
+    States at which a function has a kink are left out: it would move.
+    """
+    changes = []
+    for state in map(symbol, model.states):
+        if not any(state in kink.free_symbols for kink in _kinks(model)):
+            changes += [_change(model, state, by) for by in (sympy.Integer(1), state)]
+    return _columns(model, changes)
+
+
+def _kinks(model):
+    expressions = [*model.equations.values(), *model.outputs.values()]
+    return [kink for e in expressions for kink in e.atoms(*KINKED)]
+
+
+def _change(model, state, by) -> list:
+    """Change the coordinate of a state by a small amount: what becomes of rates and outputs."""
+    rates = {name: -sympy.diff(f, state) * by for name, f in model.equations.items()}
+    rates[str(state)] += sympy.diff(by, state) * model.equations[str(state)]
+    return [*rates.values(), *(-sympy.diff(g, state) * by for g in model.outputs.values())]
+
+
+def _columns(model, columns) -> np.ndarray:
+    """Evaluate expressions at random points, all points of a column below each other."""
+    points = _points(model)
+    values = [[_number(e, point) for point in points for e in column] for column in columns]
+    n_rows = len(points) * (len(model.equations) + len(model.outputs))
+    return np.array(values).reshape(len(columns), n_rows).T
 
 
 def _points(model):
@@ -105,7 +145,7 @@ def _number(expression, point) -> float:
 
 def _rank(*parts) -> int:
     """Count independent columns of several matrices side by side."""
-    columns = np.column_stack([part for part in parts if part.size])
+    columns = np.column_stack(parts)
     columns = columns[np.isfinite(columns).all(axis=1)]
     size = np.linalg.norm(columns, axis=0)
     columns = columns / np.where(size > 0, size, 1.0)

@@ -213,7 +213,7 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         suspects = possible_causes(self.model, catalogue, self.targets)
         rules = Rules(significance=self.significance, max_causes=self.max_causes)
         beyond = Beyond()
-        search = Search(fitter, suspects, rules, self.progress or _silent, beyond.is_better)
+        search = Search(fitter, suspects, rules, self.progress or _silent, beyond.is_enough)
         outcome, self.missing_ = beyond.judge(search, search.run())
         self._keep(fitter, search, outcome)
         self.data_quality_ = check_data_quality(

@@ -91,7 +91,7 @@ class Search:
     progress : callable
         Called as ``progress(stage, done, total)``.
     is_beyond : callable, optional
-        Asked ``is_beyond(search)`` where a hypothesis leaves something; the search ends where the
+        Asked ``is_beyond(search, trial)`` where causes leave something; the search ends where the
         answer is yes.
     """
 
@@ -101,7 +101,7 @@ class Search:
         suspects: tuple[Cause, ...],
         rules: Rules,
         progress: Callable[[str, int, int], None],
-        is_beyond: Callable[["Search"], bool] | None = None,
+        is_beyond: Callable[["Search", Trial], bool] | None = None,
     ):
         self.is_beyond = is_beyond
         self.fitter = fitter
@@ -127,7 +127,7 @@ class Search:
         while len(current.hypothesis.causes) < self.rules.max_causes:
             if self.is_at_noise(current) or current.hypothesis.key in self._grounds:
                 break
-            if current is not base and self.is_beyond and self.is_beyond(self):
+            if current is not base and self.is_beyond and self.is_beyond(self, current):
                 break
             scouted = self._scout(current)
             if current is base:
