@@ -1,12 +1,19 @@
 """Fit hypotheses: sketched on some of the samples, fitted on all; remember what was fitted."""
 
+import itertools
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
-from sklearn_pgnn.diagnosis.hypothesis import Cause, Hypothesis, freedoms, held_parameters
+from sklearn_pgnn.diagnosis.hypothesis import (
+    Cause,
+    Hypothesis,
+    commute,
+    freedoms,
+    held_parameters,
+)
 from sklearn_pgnn.diagnosis.lines import tones_left
 from sklearn_pgnn.diagnosis.setting import ROUGH_WINDOWS, Rough, Setting, rough_windows, worst_first
 from sklearn_pgnn.diagnosis.signs import turn_poor_windows
@@ -16,6 +23,8 @@ from sklearn_pgnn.simulation.state_estimate import unsigned_states
 from sklearn_pgnn.simulation.window_fit import WindowFit, expected_decrease, fit_windows
 from sklearn_pgnn.simulation.windows import Windows
 
+#: causes, and the pairs of them whose order matters
+Key = tuple[frozenset, frozenset]
 #: starts that are followed on a few windows for some steps, after a glance at all of them
 FOLLOWED, FOLLOW_STEPS = 4, 5
 #: steps before these in which what the starts differ in is held
@@ -97,11 +106,12 @@ class Fitter:
 
     def __init__(self, setting: Setting):
         self.setting = setting
-        self._trials: dict[frozenset, Trial] = {}
-        self._sketches: dict[frozenset, Sketch] = {}
-        self._begun: dict[frozenset, float] = {}
-        self._held_out: dict[frozenset, np.ndarray] = {}
+        self._trials: dict[Key, Trial] = {}
+        self._sketches: dict[Key, Sketch] = {}
+        self._begun: dict[Key, float] = {}
+        self._held_out: dict[Key, np.ndarray] = {}
         self._held_names: dict[Cause, tuple[str, ...]] = {}
+        self._commuting: dict[frozenset, bool] = {}
 
     @cached_property
     def rough(self) -> Rough:
@@ -129,9 +139,10 @@ class Fitter:
 
     def base(self) -> Trial:
         """Re-tune the prior within its spread."""
-        if Hypothesis().key not in self._trials:
+        key = self.key(Hypothesis())
+        if key not in self._trials:
             self._keep(self._fit(Hypothesis(), self.setting.prior, None))
-        return self._trials[Hypothesis().key]
+        return self._trials[key]
 
     def base_error(self) -> float:
         """Give the re-tuned prior's error in units of the noise."""
@@ -152,7 +163,7 @@ class Fitter:
         Trial
             The hypothesis.
         """
-        key, objective = sketch.hypothesis.key, sketch.fit.objective
+        key, objective = self.key(sketch.hypothesis), sketch.fit.objective
         if key not in self._trials or objective < (1.0 - SKETCH_TOLERANCE) * self._begun[key]:
             self._begun[key] = objective
             self._keep(self._fit(sketch.hypothesis, sketch.fit.model, beside, sketch))
@@ -178,11 +189,11 @@ class Fitter:
                 tolerance=POLISH_TOLERANCE,
             )
             self._keep(Trial(trial.hypothesis, fit))
-        return Trial(trial.hypothesis, self._trials[trial.hypothesis.key].fit)
+        return Trial(trial.hypothesis, self._trials[self.key(trial.hypothesis)].fit)
 
     def _keep(self, trial: Trial) -> None:
         """Remember a trial unless a better one of the same hypothesis is known."""
-        key = trial.hypothesis.key
+        key = self.key(trial.hypothesis)
         if key not in self._trials or trial.fit.objective < self._trials[key].fit.objective:
             self._trials[key] = trial
             self._held_out.pop(key, None)
@@ -213,7 +224,7 @@ class Fitter:
 
     def sketch(self, trial: Trial) -> Sketch:
         """Sketch a hypothesis that was fitted on all windows."""
-        key = trial.hypothesis.key
+        key = self.key(trial.hypothesis)
         known = self._sketches.get(key)
         if known is None or known.origin is not trial.fit:
             x0, start = trial.fit.x0[self.rough.which], self._rough_start(trial.fit.model)
@@ -225,19 +236,66 @@ class Fitter:
         return self._sketches[key]
 
     def look(self, sketch: Sketch, cause: Cause) -> Sketch:
-        """Take a first look at one more cause, from the best of the effect's starts."""
-        hypothesis = sketch.hypothesis.plus(cause)
-        if hypothesis.key not in self._sketches:
+        """Take a first look at one more cause, from the best of the effect's starts and places."""
+        orders = self.orders(sketch.hypothesis, cause)
+        return min((self._look(sketch, order, cause) for order in orders), key=_objective)
+
+    def _look(self, sketch: Sketch, hypothesis: Hypothesis, cause: Cause) -> Sketch:
+        key = self.key(hypothesis)
+        if key not in self._sketches:
             model = self._best_start(sketch, hypothesis, cause)
             look = self._sketch(hypothesis, model, sketch, max_steps=LOOK_STEPS)
             if look.start is not sketch.start:  # states of its own: they go with its parameters
                 look = replace(look, start=self._rough_start(look.fit.model))
-            self._sketches[hypothesis.key] = look
-        return replace(self._sketches[hypothesis.key], hypothesis=hypothesis)
+            self._sketches[key] = look
+        return replace(self._sketches[key], hypothesis=hypothesis)
 
     def knows(self, hypothesis: Hypothesis) -> bool:
         """Tell whether a hypothesis was sketched."""
-        return hypothesis.key in self._sketches
+        return self.key(hypothesis) in self._sketches
+
+    def key(self, hypothesis: Hypothesis) -> Key:
+        """Give what tells hypotheses apart: the causes, and their order where it matters.
+
+        Parameters
+        ----------
+        hypothesis : Hypothesis
+            The hypothesis.
+
+        Returns
+        -------
+        tuple of frozenset
+            Its causes, and the pairs of them that do not commute.
+        """
+        pairs = itertools.combinations(hypothesis.order, 2)
+        ordered = frozenset(pair for pair in pairs if not self._commute(frozenset(pair)))
+        return frozenset(hypothesis.causes), ordered
+
+    def _commute(self, pair: frozenset) -> bool:
+        if pair not in self._commuting:
+            self._commuting[pair] = commute(self.setting.prior, *pair)
+        return self._commuting[pair]
+
+    def orders(self, hypothesis: Hypothesis, cause: Cause) -> list[Hypothesis]:
+        """Add a cause at every place in the order at which it makes another model.
+
+        Parameters
+        ----------
+        hypothesis : Hypothesis
+            Causes.
+        cause : (effect class, target)
+            One more.
+
+        Returns
+        -------
+        list of Hypothesis
+            The cause last, then before others.
+        """
+        found: dict[Key, Hypothesis] = {}
+        for at in reversed(range(len(hypothesis.order) + 1)):
+            placed = hypothesis.plus(cause, at)
+            found.setdefault(self.key(placed), placed)
+        return list(found.values())
 
     def settle(self, sketch: Sketch, hopeless: float = np.inf) -> Sketch:
         """Follow a look to its end, or until it is clear that its objective stays hopeless."""
@@ -251,7 +309,7 @@ class Fitter:
             evaluation=sketch.fit.evaluation,
             hopeless=hopeless,
         )
-        self._sketches[sketch.hypothesis.key] = found
+        self._sketches[self.key(sketch.hypothesis)] = found
         return found
 
     def reduce(self, sketch: Sketch, cause: Cause) -> Sketch:
@@ -266,17 +324,19 @@ class Fitter:
 
     def exchange(self, sketch: Sketch, cause: Cause, others: list[Cause]) -> Sketch:
         """Sketch a hypothesis with some causes in the place of one."""
-        kept = sketch.hypothesis.without(cause).causes
-        return self._derive(sketch, Hypothesis((*kept, *others)))
+        hypothesis = sketch.hypothesis.without(cause)
+        for other in others:
+            hypothesis = hypothesis.plus(other)
+        return self._derive(sketch, hypothesis)
 
     def _derive(self, sketch, hypothesis, **values) -> Sketch:
         """Start from the numbers of another sketch; keep what was known if that is better."""
         model = self._rebuild(hypothesis, sketch).with_parameters(**values)
-        found = self._sketch(hypothesis, model, sketch)
-        known = self._sketches.get(hypothesis.key)
+        found, key = self._sketch(hypothesis, model, sketch), self.key(hypothesis)
+        known = self._sketches.get(key)
         if known is None or found.fit.objective < known.fit.objective:
-            self._sketches[hypothesis.key] = found
-        return self.settle(replace(self._sketches[hypothesis.key], hypothesis=hypothesis))
+            self._sketches[key] = found
+        return self.settle(replace(self._sketches[key], hypothesis=hypothesis))
 
     def _sketch(self, hypothesis, model, beside: Sketch, **options) -> Sketch:
         start = self._start_beside(model, beside)
@@ -317,7 +377,7 @@ class Fitter:
 
     def _best_start(self, sketch, hypothesis, cause) -> PhysicsModel:
         """Glance at every start, follow the most promising on a few windows, give the best."""
-        models = self._starts(sketch, cause)
+        models = self._starts(sketch, hypothesis, cause)
         if len(models) == 1:
             return models[0]
         held = _differing(models, cause)
@@ -350,14 +410,12 @@ class Fitter:
             fit.objective - expected_decrease(fit, start.x0[few], start.spread), fit.model
         )
 
-    def _starts(self, sketch, cause) -> list[PhysicsModel]:
+    def _starts(self, sketch, hypothesis, cause) -> list[PhysicsModel]:
         """Extend the fitted model by every start, and the untuned one by a few."""
         effect, target = cause
         starts = effect.starts(target, self.setting.prior, self.scales)
-        grounds = [sketch.fit.model]
-        if len(starts) <= FEW_STARTS:
-            grounds.append(self._rebuild(sketch.hypothesis, None))
-        extended = [starts[0].apply(ground) for ground in grounds]
+        grounds = (sketch, None) if len(starts) <= FEW_STARTS else (sketch,)
+        extended = [self._rebuild(hypothesis, values_of) for values_of in grounds]
         return [_at_start(model, start) for model in extended for start in starts]
 
     # -- models --------------------------------------------------------------------------------
@@ -365,7 +423,7 @@ class Fitter:
     def _rebuild(self, hypothesis, values_of: Trial | None) -> PhysicsModel:
         """Extend the prior by the causes, with the parameter values of another fit."""
         model = self.setting.prior
-        for effect, target in hypothesis.causes:
+        for effect, target in hypothesis.order:
             start = effect.starts(target, model, self.setting.scales)[0]
             model = start.apply(model)
         values = {} if values_of is None else values_of.fit.model.parameters
@@ -413,7 +471,7 @@ class Fitter:
         ndarray of shape (n_windows, n_pieces, n_outputs)
             Sum of squared residuals of every piece, in units of the noise.
         """
-        key = trial.hypothesis.key
+        key = self.key(trial.hypothesis)
         if key not in self._held_out:
             self._held_out[key] = self._cross_validate(trial, folds)
         return self._held_out[key]
@@ -447,6 +505,10 @@ class Fitter:
             )
             squares[inside] = piece_squares(setting, judged, inside)
         return squares
+
+
+def _objective(trial: Trial) -> float:
+    return trial.fit.objective
 
 
 class _Glance(NamedTuple):

@@ -28,14 +28,17 @@ class Hypothesis:
     ----------
     causes : tuple of (effect class, target)
         The causes.
+    order : tuple of (effect class, target), optional
+        The causes in the order in which they apply, which matters where, say, an input both
+        saturates and lags; by default as they were found.
     """
 
     causes: tuple[Cause, ...] = ()
+    order: tuple[Cause, ...] = ()
 
-    @property
-    def key(self) -> frozenset:
-        """The causes without their order."""
-        return frozenset(self.causes)
+    def __post_init__(self):
+        if not self.order:
+            object.__setattr__(self, "order", self.causes)
 
     @property
     def n_parameters(self) -> int:
@@ -55,18 +58,55 @@ class Hypothesis:
             other.id in mine.excludes or mine.id in other.excludes for other, _ in self.causes
         )
 
-    def plus(self, cause: Cause) -> "Hypothesis":
-        """Give the hypothesis with one more cause."""
-        return Hypothesis((*self.causes, cause))
+    def plus(self, cause: Cause, at: int | None = None) -> "Hypothesis":
+        """Give the hypothesis with one more cause, the last to apply or at a place in the order."""
+        at = len(self.order) if at is None else at
+        return Hypothesis((*self.causes, cause), (*self.order[:at], cause, *self.order[at:]))
 
     def without(self, cause: Cause) -> "Hypothesis":
         """Give the hypothesis with one cause less."""
-        return Hypothesis(tuple(c for c in self.causes if c != cause))
+        causes, order = (tuple(c for c in of if c != cause) for of in (self.causes, self.order))
+        return Hypothesis(causes, order)
 
     def before(self, cause: Cause, new: Cause) -> "Hypothesis":
         """Give the hypothesis with one more cause in front of another."""
-        at = self.causes.index(cause)
-        return Hypothesis((*self.causes[:at], new, *self.causes[at:]))
+        causes, order = (_before(of, cause, new) for of in (self.causes, self.order))
+        return Hypothesis(causes, order)
+
+
+def _before(causes: tuple[Cause, ...], cause: Cause, new: Cause) -> tuple[Cause, ...]:
+    at = causes.index(cause)
+    return (*causes[:at], new, *causes[at:])
+
+
+def commute(model: PhysicsModel, one: Cause, other: Cause) -> bool:
+    """Tell whether two causes make the same model in either order.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The prior.
+    one, other : (effect class, target)
+        The causes.
+
+    Returns
+    -------
+    bool
+        Whether the equations are the same.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.physics.effects import ActuatorLag, InputDelay, InputSaturation
+    >>> from sklearn_pgnn.physics.systems import cart_on_spring
+    >>> cart, lag = cart_on_spring(), (ActuatorLag, "force")
+    >>> commute(cart, lag, (InputSaturation, "force")), commute(cart, lag, (InputDelay, "force"))
+    (False, True)
+    """
+    first, second = one[0](one[1]), other[0](other[1])
+    a, b = second.apply(first.apply(model)), first.apply(second.apply(model))
+    return all(
+        dict(getattr(a, part)) == dict(getattr(b, part)) for part in ("equations", "outputs")
+    )
 
 
 def count_parameters(cause: Cause) -> int:

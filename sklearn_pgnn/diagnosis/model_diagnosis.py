@@ -501,7 +501,7 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
                 f"with nothing. Remedy: name the cause to tell it from."
             )
         theirs = self._cause(confused[0] if other is None else other)
-        return separate(self.records_, tuple(causes), mine, theirs, reach)
+        return separate(self.records_, mine, theirs, reach)
 
     def plot(self):
         """Draw measured against prior and extended simulation.

@@ -1,11 +1,12 @@
 """Search for what is missing: forward choice, backward elimination, a held-out decision."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from sklearn_pgnn.diagnosis.fitting import Fitter, Sketch, Trial, make_folds
+from sklearn_pgnn.diagnosis.equivalence import are_equivalent
+from sklearn_pgnn.diagnosis.fitting import Fitter, Key, Sketch, Trial, make_folds
 from sklearn_pgnn.diagnosis.hypothesis import Cause, count_parameters, same_causes
 from sklearn_pgnn.diagnosis.pairs import foretell_pairs
 from sklearn_pgnn.diagnosis.setting import HARDLY
@@ -111,7 +112,7 @@ class Search:
         self.progress = progress
         self.folds = make_folds(fitter.setting)
         self.floor = np.inf
-        self._grounds: dict[frozenset, tuple[Sketch, list[Sketch]]] = {}
+        self._grounds: dict[Key, tuple[Sketch, list[Sketch]]] = {}
 
     def run(self) -> Outcome:
         """Find what is missing.
@@ -125,7 +126,7 @@ class Search:
         self._learn_noise(base)
         current, tried = base, {}
         while len(current.hypothesis.causes) < self.rules.max_causes:
-            if self.is_at_noise(current) or current.hypothesis.key in self._grounds:
+            if self.is_at_noise(current) or self.fitter.key(current.hypothesis) in self._grounds:
                 break
             if current is not base and self.is_beyond and self.is_beyond(self, current):
                 break
@@ -200,7 +201,7 @@ class Search:
             looks.append(self.fitter.look(ground, cause))
         self.progress(stage, len(left), len(left))
         scouted = self._settle(ground, looks)
-        self._grounds[current.hypothesis.key] = ground, scouted
+        self._grounds[self.fitter.key(current.hypothesis)] = ground, scouted
         return scouted
 
     def _settle(self, ground: Sketch, looks: list[Sketch]) -> list[Sketch]:
@@ -237,7 +238,7 @@ class Search:
         for key, (ground, alone) in self._grounds.items():
             settled = [self.fitter.settle(sketch) for sketch in alone]
             self._grounds[key] = ground, sorted(settled, key=_objective)
-        _, alone = self._grounds[current.hypothesis.key]
+        _, alone = self._grounds[self.fitter.key(current.hypothesis)]
         return self._decide(current, alone) or self._decide(current, self._pairs())
 
     def _pairs(self) -> list[Sketch]:
@@ -461,10 +462,10 @@ class Search:
         without = self._complete(self.fitter.reduce(self.fitter.sketch(trial), cause), trial)
         if not self._is_better(without, trial):
             return self.same[cause]
-        found = []
+        found = [(0.0, other) for other in self._exact(trial, without, cause)]
         for sketch in self._replacements(trial, cause, tried):
             other = sketch.hypothesis.causes[-1]
-            if count_parameters(other) > count_parameters(cause):
+            if count_parameters(other) > count_parameters(cause) or (0.0, other) in found:
                 continue
             swapped = self.fitter.complete(sketch, trial)
             if np.isfinite(swapped.squares) and not self._is_better(swapped, trial):
@@ -472,12 +473,26 @@ class Search:
         others = [other for _, other in sorted(found, key=lambda item: item[0])]
         return (*self.same[cause], *(c for other in others for c in (other, *self.same[other])))
 
+    def _exact(self, trial: Trial, without: Trial, cause: Cause) -> list[Cause]:
+        """Name the causes that are the same as one in the equations, beside the others."""
+        model, hypothesis = without.fit.model, without.hypothesis
+        return [
+            other
+            for other in self.suspects
+            if other not in trial.hypothesis.causes
+            and count_parameters(other) <= count_parameters(cause)
+            and trial.hypothesis.allows(other)
+            and all(len(self.fitter.orders(hypothesis, c)) == 1 for c in (cause, other))
+            and are_equivalent(model, cause, other, retuned=False)
+        ]
+
     def _in_order(self, base: Trial, final: Trial) -> list[Trial]:
         """Add the causes of the final hypothesis one by one, the most telling first."""
         left, steps, trial = list(final.hypothesis.causes), [], base
         while left:
             if len(left) == 1:
-                steps.append(Trial(trial.hypothesis.plus(left[0]), final.fit))
+                causes = trial.hypothesis.plus(left[0]).causes
+                steps.append(Trial(replace(final.hypothesis, causes=causes), final.fit))
                 break
             ready = [c for c in left if not any(part.id in c[0].shared for part, _ in left)]
             ground = self.fitter.sketch(trial)

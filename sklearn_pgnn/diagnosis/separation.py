@@ -176,15 +176,13 @@ def _designs(records: DiagnosisRecords, reach: float):
 # -- models ----------------------------------------------------------------------------------------
 
 
-def swap(records: DiagnosisRecords, causes: tuple[Cause, ...], old: Cause, new: Cause):
+def swap(records: DiagnosisRecords, old: Cause, new: Cause):
     """Fit the model with one cause in the place of another.
 
     Parameters
     ----------
     records : DiagnosisRecords
         The records and the fits.
-    causes : tuple of (effect class, target)
-        All causes of the extended model.
     old, new : (effect class, target)
         The cause to take out and the one to put in.
 
@@ -194,7 +192,7 @@ def swap(records: DiagnosisRecords, causes: tuple[Cause, ...], old: Cause, new: 
         The best fit over the starts of the new effect.
     """
     setting, prior = records.setting, records.setting.prior
-    hypothesis = Hypothesis(tuple(new if cause == old else cause for cause in causes))
+    hypothesis = Hypothesis(tuple(new if c == old else c for c in records.hypothesis.order))
     held = held_by(prior, hypothesis)
 
     def fit(model, max_steps=25):
@@ -214,7 +212,7 @@ def _start_model(records, hypothesis, start, held):
     """Extend the prior by all causes: the new one at its start, the others at fitted values."""
     setting = records.setting
     model = setting.prior
-    for effect, target in hypothesis.causes:
+    for effect, target in hypothesis.order:
         own = effect.starts(target, setting.prior, setting.scales)[0]
         is_new = (effect.id, target) == (start.id, start.target)
         model = (start if is_new else own).apply(model)
@@ -259,7 +257,6 @@ def _beyond(records, y) -> bool:
 
 def separate(
     records: DiagnosisRecords,
-    causes: tuple[Cause, ...],
     cause: Cause,
     other: Cause,
     reach: float = 1.0,
@@ -270,8 +267,6 @@ def separate(
     ----------
     records : DiagnosisRecords
         The records and the fits.
-    causes : tuple of (effect class, target)
-        All causes of the extended model.
     cause, other : (effect class, target)
         The cause that was named and the one that does as well.
     reach : float, default=1
@@ -285,7 +280,7 @@ def separate(
     pair = Suspect(cause[0].id, cause[1]), Suspect(other[0].id, other[1])
     if are_equivalent(records.setting.prior, cause, other):
         return Separation(*pair, equivalent=True)
-    found, same = _try_all(records, swap(records, causes, cause, other), reach)
+    found, same = _try_all(records, swap(records, cause, other), reach)
     nested = cause[0].id in other[0].generalises or other[0].id in cause[0].generalises
     if found and same and not nested:
         return Separation(*pair, equivalent=True)
