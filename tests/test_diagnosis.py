@@ -5,6 +5,7 @@ diagnosis sees the records and a prior whose parameters are up to 7 % off.
 """
 
 import copy
+import itertools
 import json
 import pickle
 from dataclasses import replace
@@ -120,6 +121,7 @@ def test_nothing_is_named_on_other_machines_either(system):
         ("input_dead_zone", "stribeck_friction"),
         ("actuator_lag", "constant_load"),
         ("coulomb_friction", "input_bias"),
+        ("sensor_bias", "coulomb_friction"),
         ("input_saturation", "quadratic_drag", "coulomb_friction"),
     ],
     ids=" and ".join,
@@ -134,6 +136,34 @@ def test_several_hidden_effects_are_named_and_no_other(kinds):
     assert len(groups) == len(kinds), groups
     assert [len(truth & group) for group in groups] == [1] * len(kinds), groups
     assert truth <= set().union(*groups)
+
+
+@pytest.mark.parametrize(
+    "kinds",
+    list(itertools.permutations(["input_saturation", "actuator_lag"])),
+    ids=" then ".join,
+)
+def test_an_input_may_saturate_before_or_behind_its_lag(kinds):
+    oven = PhysicsModel(
+        {"T": "K"}, {"T": "(P - L*T)/C"}, {"C": 500.0, "L": 4.0}, {"P": "W"}, {"T": "T"}
+    )
+    hidden = make_hidden_effect(
+        oven,
+        kinds,
+        n_records=4,
+        duration=2000.0,
+        sample_rate=0.25,
+        amplitude=60.0,
+        noise=0.05,
+        random_state=SEED,
+    )
+    of_inputs = [effect for effect in effects.CATALOGUE if effect.targets(oven) == ("P",)]
+    diagnosis = diagnose(hidden, catalogue=of_inputs)
+    assert {cause.effect for cause in diagnosis.causes_} == set(kinds)
+    true = oven
+    for effect in hidden.effects:
+        true = true + effect
+    assert same_structure(diagnosis.extended_model_, true)
 
 
 @pytest.mark.parametrize(

@@ -48,6 +48,8 @@ def diagnose(table, catalogue):
         ((effects.LinearStiffness, "v"), (effects.WrongParameter, "k"), True),
         ((effects.WrongParameter, "b"), (effects.WrongParameter, "m"), True),
         ((effects.ViscousFriction, "v"), (effects.WrongParameter, "d"), True),
+        ((effects.SensorBias, "position"), (effects.ConstantLoad, "v"), True),
+        ((effects.SensorGain, "position"), (effects.InputGain, "F"), True),
         ((effects.InputBias, "F"), (effects.CoulombFriction, "v"), False),
         ((effects.CoulombFriction, "v"), (effects.InputDeadZone, "F"), False),
         ((effects.CoulombFriction, "v"), (effects.StribeckFriction, "v"), False),
@@ -58,6 +60,14 @@ def diagnose(table, catalogue):
 def test_causes_that_are_the_same_in_the_equations_are_recognised(one, other, same):
     assert are_equivalent(cart(), one, other) is same
     assert are_equivalent(cart(), other, one) is same
+
+
+@pytest.mark.parametrize("friction", [False, True])
+def test_a_biased_sensor_is_a_load_unless_it_moves_a_kink(friction):
+    wheel = PhysicsModel({"w": "rad/s"}, {"w": "(M - d*w)/J"}, {"J": 1.0, "d": 0.5}, {"M": "N m"})
+    wheel = wheel + effects.CoulombFriction("w", level=0.2) if friction else wheel
+    bias, load = (effects.SensorBias, "w"), (effects.ConstantLoad, "w")
+    assert are_equivalent(wheel, bias, load, retuned=False) is not friction
 
 
 def test_two_parameters_that_the_equations_tell_apart_are_not_the_same():

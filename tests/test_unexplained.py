@@ -152,6 +152,22 @@ def test_nothing_nameless_is_seen_where_a_known_effect_is_hidden():
     assert diagnosis.to_dict()["unexplained"] is None
 
 
+def test_two_known_causes_are_not_given_up_for_a_formula_of_as_many_numbers():
+    pendulum = PhysicsModel(
+        {"phi": "rad", "w": "rad/s"},
+        {"phi": "w", "w": "(M - d*w - k*sin(phi))/J"},
+        {"J": 0.12, "d": 0.1, "k": 2.5},
+        {"M": "N m"},
+        {"angle": "phi"},
+        inertia={"w": "J"},
+    )
+    kinds = ("quadratic_drag", "sensor_bias")
+    hidden = make_hidden_effect(pendulum, kinds, amplitude=1.5, random_state=1, **RECORDS)
+    diagnosis = ModelDiagnosis(hidden.prior).fit(hidden.X, hidden.y)
+    assert {cause.effect for cause in diagnosis.causes_} == set(kinds)
+    assert diagnosis.missing_ is None
+
+
 def test_a_sensor_that_sees_the_magnitude_is_named():
     cart = PhysicsModel(
         {"v": "m/s"},

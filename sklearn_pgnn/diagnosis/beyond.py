@@ -34,7 +34,7 @@ class Beyond:
         self._alone: Proposal | None = None
 
     def is_enough(self, search: Search, current: Trial) -> bool:
-        """Tell whether a formula alone leaves only noise, with fewer numbers than one more cause.
+        """Tell whether a formula alone leaves only noise, with fewer numbers than more causes.
 
         Parameters
         ----------
@@ -49,7 +49,7 @@ class Beyond:
             Whether further causes are needless.
         """
         alone = self._of_the_prior(search)
-        if alone is None or alone.n_parameters > current.hypothesis.n_parameters:
+        if alone is None or alone.n_parameters > len(current.hypothesis.causes):
             return False
         return search.is_at_noise(alone.trial)
 

@@ -385,16 +385,25 @@ class Search:
         return trial
 
     def _swap(self, trial: Trial, tried) -> Trial:
-        """Put another cause in a cause's place where that is clearly better."""
+        """Put another cause in a cause's place where that is clearly better, or simpler."""
         if len(trial.hypothesis.causes) < 2:
             return trial
         for cause in trial.hypothesis.causes:
             for sketch in self._replacements(trial, cause, tried):
                 swapped = self._complete(sketch, trial)
-                better = swapped.squares < trial.squares
-                if better and _is_fall(trial.pieces, swapped.pieces, self.rules.significance):
+                if np.isfinite(swapped.squares) and self._says_it_better(trial, swapped):
                     return self._swap(swapped, tried)
         return trial
+
+    def _says_it_better(self, trial: Trial, other: Trial) -> bool:
+        """Tell whether a trial explains as much with fewer numbers, or clearly more."""
+        more = _n_parameters(other) - _n_parameters(trial)
+        if more < 0:
+            return self.as_good(trial, other)
+        if more > 0 and self.as_good(other, trial):
+            return False
+        falls = _is_fall(trial.pieces, other.pieces, self.rules.significance)
+        return other.squares < trial.squares and falls
 
     def _replacements(self, trial: Trial, cause: Cause, tried) -> list[Sketch]:
         """Sketch the suspects that may stand in a cause's place, the best first."""
