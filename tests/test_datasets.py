@@ -134,6 +134,15 @@ def test_a_sliding_block_stops_where_the_law_says_and_stays():
     np.testing.assert_allclose(x[t >= 4.0], np.broadcast_to([2.0, 0.0], (25, 2)), atol=1e-12)
 
 
+def test_a_block_that_leaves_rest_and_stops_within_a_step_comes_to_rest():
+    level, start = 0.5, 1.0
+    push = effects.PeriodicDisturbance("v", sine=0.0, cosine=-level - 1e-6, frequency=1.0)
+    t = start + np.arange(100) / 100
+    (x,), _ = integrate(sliding_block(level) + push, t, np.zeros((1, 100, 1)), [[0.0, 0.0]])
+    assert np.isfinite(x).all()
+    assert np.abs(x[t < 1.4, 1]).max() < 1e-6
+
+
 def test_a_stuck_club_stays_until_the_torque_breaks_it_away():
     t = np.arange(3000) / 500
     p = values(systems.golf_robot())
@@ -305,6 +314,12 @@ def test_what_makes_no_records_is_refused(options, said):
 
 
 # -- ready rigs ----------------------------------------------------------------------------------
+
+
+def test_a_machine_that_runs_away_is_refused():
+    cart, runaway = systems.cart_on_spring(), effects.LinearStiffness("v", stiffness=-1e5)
+    with pytest.raises(ValueError, match=r"record 0 leaves the finite numbers .* a smaller effect"):
+        make_hidden_effect(cart, runaway, n_records=2, duration=5.0, amplitude=1.0)
 
 
 def test_golf_robot_records():

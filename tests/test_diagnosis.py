@@ -332,6 +332,17 @@ def test_too_little_data_is_refused():
         ModelDiagnosis(golf).fit(np.column_stack([t, np.sin(t)]), np.sin(t))
 
 
+@pytest.mark.parametrize("seen", [1, 5])
+def test_a_record_of_which_hardly_a_sample_is_seen_does_no_harm(seen):
+    hidden = make_hidden_effect(
+        systems.cart_on_spring(), "input_bias", random_state=SEED, **RIGS[systems.cart_on_spring]
+    )
+    y = hidden.y.copy()
+    y.iloc[seen : (hidden.X["trajectory"] == 0).sum()] = np.nan
+    diagnosis = ModelDiagnosis(hidden.prior, catalogue=[effects.InputBias]).fit(hidden.X, y)
+    assert [cause.effect for cause in diagnosis.causes_] == ["input_bias"]
+
+
 def test_an_output_that_never_changes_is_refused():
     golf = systems.golf_robot()
     t = np.arange(100) * 0.01

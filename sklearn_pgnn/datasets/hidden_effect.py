@@ -144,10 +144,22 @@ def make_hidden_effect(
         amplitudes, x, y = run_bounded(rig, truth, model, amplitudes)
     else:
         x, y = rig.run(truth, amplitudes, states=model.states)
+    _check_finite(t, y)
     x0 = x[:, 0, : len(model.states)]
     measured = add_noise(model, y, noise, rng)
     X, y = make_tables(model, t, rig.inputs(amplitudes), x0, measured)
     return HiddenEffect(X, y, perturb(model, parameter_error, rng), truth, effects)
+
+
+def _check_finite(t, y) -> None:
+    """Raise where a record left the finite numbers."""
+    lost = ~np.isfinite(y).all(axis=2)
+    if lost.any():
+        record, sample = np.argwhere(lost)[0]
+        raise ValueError(
+            f"effect: expected a machine that can be simulated, but record {record} leaves the "
+            f"finite numbers at t = {t[sample]:.4g} s. Remedy: a smaller effect or amplitude."
+        )
 
 
 def perturb(model, error: float, rng):

@@ -140,12 +140,18 @@ def _first_zero(plant, t, h, x, u, side, moving, new):
     row = plant.dry[first]
     low, v_low, high, v_high = 0.0, old[first, column], 1.0, new[first, column]
     for _ in range(ROOT_STEPS):
-        share = low + (high - low) * v_low / (v_low - v_high)
+        share = _chord_zero(low, v_low, high, v_high)
         v = _runge_kutta(plant, t, share * h, x, u, side, moving)[row, column]
         before = v * side[first, column] > 0
         low, v_low = np.where(before, share, low), np.where(before, v, v_low)
         high, v_high = np.where(before, high, share), np.where(before, v_high, v)
-    return row, low + (high - low) * v_low / (v_low - v_high)
+    return row, _chord_zero(low, v_low, high, v_high)
+
+
+def _chord_zero(low, v_low, high, v_high):
+    """Give where a chord is zero; its low end where it is zero all along, as from rest."""
+    fall = v_low - v_high
+    return low + (high - low) * np.divide(v_low, fall, out=np.zeros_like(fall), where=fall != 0)
 
 
 def _leave_rest(plant, t, x, u):

@@ -219,14 +219,14 @@ class Search:
         return {sketch.hypothesis.causes[-1]: sketch.squares / before for sketch in scouted}
 
     def _decide(self, current: Trial, scouted: list[Sketch]) -> Trial | None:
-        """Give the best suspect that proves itself on windows it has not seen."""
+        """Give the best suspect that proves itself on unseen windows, or says the same simpler."""
         ground = self.fitter.sketch(current)
-        left = [sketch for sketch in scouted if self._may_gain(ground, sketch)]
+        left = [s for s in scouted if self._may_gain(ground, s) or self._may_simplify(ground, s)]
         for _ in range(min(JUDGED, len(left))):
             trials = [self._complete(sketch, current) for sketch in self._contenders(left)]
             best = self._simplest_of_the_best(trials)
             current = self.fitter.retry(current, best)
-            if self._is_gain(current, best):
+            if self._is_simpler(current, best) or self._is_gain(current, best):
                 return best
             left = [sketch for sketch in left if sketch.hypothesis != best.hypothesis]
         return None
@@ -263,6 +263,15 @@ class Search:
         above = max(before.squares - self._rough_floor(), 0.0)
         enough = max(self.rules.whole * before.squares, self.rules.share * above)
         return before.squares - after.squares > enough / 2
+
+    def _may_simplify(self, before: Sketch, after: Sketch) -> bool:
+        """Tell whether a sketch has fewer parameters, and is not clearly worse."""
+        return _n_parameters(after) < _n_parameters(before) and not self._is_beaten(after, before)
+
+    def _is_simpler(self, before: Trial, after: Trial) -> bool:
+        """Tell whether a trial explains as much with fewer parameters."""
+        fewer = _n_parameters(after) < _n_parameters(before)
+        return fewer and np.isfinite(after.squares) and self.as_good(before, after)
 
     def _contenders(self, scouted: list[Sketch]) -> list[Sketch]:
         """Give the suspects that all samples may show to be as good as the first."""
@@ -391,16 +400,15 @@ class Search:
         for cause in trial.hypothesis.causes:
             for sketch in self._replacements(trial, cause, tried):
                 swapped = self._complete(sketch, trial)
-                if np.isfinite(swapped.squares) and self._says_it_better(trial, swapped):
+                if self._says_it_better(trial, swapped):
                     return self._swap(swapped, tried)
         return trial
 
     def _says_it_better(self, trial: Trial, other: Trial) -> bool:
         """Tell whether a trial explains as much with fewer numbers, or clearly more."""
-        more = _n_parameters(other) - _n_parameters(trial)
-        if more < 0:
-            return self.as_good(trial, other)
-        if more > 0 and self.as_good(other, trial):
+        if self._is_simpler(trial, other):
+            return True
+        if _n_parameters(other) != _n_parameters(trial) and self.as_good(other, trial):
             return False
         falls = _is_fall(trial.pieces, other.pieces, self.rules.significance)
         return other.squares < trial.squares and falls

@@ -1,5 +1,6 @@
 """States of a record: smoothed where they are measured, differentiated or simulated where not."""
 
+import itertools
 import warnings
 from dataclasses import dataclass
 
@@ -10,7 +11,7 @@ from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.simulate import Simulation, settled_start, simulate
 from sklearn_pgnn.simulation.windows import Windows
-from sklearn_pgnn.trajectories.smoothing import Smoothed, choose_penalty, smooth
+from sklearn_pgnn.trajectories.smoothing import FEWEST, Smoothed, choose_penalty, smooth
 
 #: how many of its standard errors a smoothed state may be off
 SAFETY = 3.0
@@ -72,20 +73,26 @@ class StateEstimator:
 
     def _smooth_column(self, column):
         """Smooth one output of every record, with the spread of value and slope."""
-        windows, penalty = self.windows, None
+        windows, penalty = self.windows, self._penalty(column)
         values, slopes, errors = [], [], []
         for a, b in zip(windows.bounds[:-1], windows.bounds[1:], strict=True):
             t, y = windows.t[a:b], windows.y[a:b, column]
-            if penalty is None:
-                seen = np.isfinite(y)
-                clock = (t[seen] - t[seen][0]) / np.mean(np.diff(t[seen]))
-                penalty = choose_penalty(clock, y[seen])
             whole = smooth(t, y, penalty)
             values.append(whole.value(t))
             slopes.append(whole.slope(t))
             errors.append(_halves_differ(t, y, penalty))
         value_error, slope_error = SAFETY * np.sqrt(np.mean(errors, axis=0))
         return (np.concatenate(values), value_error), (np.concatenate(slopes), slope_error)
+
+    def _penalty(self, column) -> float | None:
+        """Choose the penalty on the record with the most samples; none where these are too few."""
+        bounds, y = self.windows.bounds, self.windows.y[:, column]
+        seen = [a + np.flatnonzero(np.isfinite(y[a:b])) for a, b in itertools.pairwise(bounds)]
+        most = max(seen, key=len)
+        if most.size < FEWEST:
+            return None
+        t = self.windows.t[most]
+        return choose_penalty((t - t[0]) / np.mean(np.diff(t)), y[most])
 
     def estimate(self, model: PhysicsModel) -> StateEstimate:
         """Estimate the states of an extension of the model.

@@ -8,6 +8,8 @@ from scipy.interpolate import BSpline, make_smoothing_spline
 #: samples on which the smoothing is chosen (the choice costs far more than its use)
 CHOICE_SAMPLES = 600
 PENALTIES = np.logspace(-4, 9, 14)
+#: samples that a spline needs, one left out
+FEWEST = 6
 
 
 @dataclass(frozen=True)
@@ -62,7 +64,7 @@ def smooth(t: np.ndarray, y: np.ndarray, penalty: float | None = None) -> Smooth
     """
     known = np.isfinite(y)
     t, y = t[known], y[known]
-    if t.size < 5:
+    if t.size < FEWEST:
         return Smoothed(BSpline(*_line(t, y)))
     step = (t[-1] - t[0]) / (t.size - 1)
     clock = (t - t[0]) / step
