@@ -104,9 +104,7 @@ def commute(model: PhysicsModel, one: Cause, other: Cause) -> bool:
     """
     first, second = one[0](one[1]), other[0](other[1])
     a, b = second.apply(first.apply(model)), first.apply(second.apply(model))
-    return all(
-        dict(getattr(a, part)) == dict(getattr(b, part)) for part in ("equations", "outputs")
-    )
+    return dict(a.equations) == dict(b.equations) and dict(a.outputs) == dict(b.outputs)
 
 
 def count_parameters(cause: Cause) -> int:
