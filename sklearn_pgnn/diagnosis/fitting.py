@@ -69,6 +69,11 @@ class Trial:
         return self.fit.evaluation.piece_squares
 
 
+def objective_of(trial: Trial) -> float:
+    """Give what a fit has minimised, to sort by."""
+    return trial.fit.objective
+
+
 class Start(NamedTuple):
     """Expected initial states of windows, and how uncertain they are."""
 
@@ -238,7 +243,7 @@ class Fitter:
     def look(self, sketch: Sketch, cause: Cause) -> Sketch:
         """Take a first look at one more cause, from the best of the effect's starts and places."""
         orders = self.orders(sketch.hypothesis, cause)
-        return min((self._look(sketch, order, cause) for order in orders), key=_objective)
+        return min((self._look(sketch, order, cause) for order in orders), key=objective_of)
 
     def _look(self, sketch: Sketch, hypothesis: Hypothesis, cause: Cause) -> Sketch:
         key = self.key(hypothesis)
@@ -505,10 +510,6 @@ class Fitter:
             )
             squares[inside] = piece_squares(setting, judged, inside)
         return squares
-
-
-def _objective(trial: Trial) -> float:
-    return trial.fit.objective
 
 
 class _Glance(NamedTuple):

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from sklearn_pgnn.diagnosis.equivalence import are_equivalent
-from sklearn_pgnn.diagnosis.fitting import Fitter, Key, Sketch, Trial, make_folds
+from sklearn_pgnn.diagnosis.fitting import Fitter, Key, Sketch, Trial, make_folds, objective_of
 from sklearn_pgnn.diagnosis.hypothesis import Cause, count_parameters, same_causes
 from sklearn_pgnn.diagnosis.pairs import foretell_pairs
 from sklearn_pgnn.diagnosis.setting import HARDLY
@@ -207,11 +207,11 @@ class Search:
     def _settle(self, ground: Sketch, looks: list[Sketch]) -> list[Sketch]:
         """Follow looks, the best first, until they cannot explain half of what the best does."""
         best, found = ground.fit.objective, []
-        for place, look in enumerate(sorted(looks, key=_objective)):
+        for place, look in enumerate(sorted(looks, key=objective_of)):
             half = np.inf if place < JUDGED else (ground.fit.objective + best) / 2
             found.append(self.fitter.settle(look, hopeless=half))
             best = min(best, found[-1].fit.objective)
-        return sorted((s for s in found if np.isfinite(s.squares)), key=_objective)
+        return sorted((s for s in found if np.isfinite(s.squares)), key=objective_of)
 
     def _shares_left(self, base: Trial, scouted: list[Sketch]) -> dict[Cause, float]:
         """Give the share of the error power that every suspect leaves."""
@@ -237,7 +237,7 @@ class Search:
         """Look again where no suspect helps: to the end, at pairs, and at earlier hypotheses."""
         for key, (ground, alone) in self._grounds.items():
             settled = [self.fitter.settle(sketch) for sketch in alone]
-            self._grounds[key] = ground, sorted(settled, key=_objective)
+            self._grounds[key] = ground, sorted(settled, key=objective_of)
         _, alone = self._grounds[self.fitter.key(current.hypothesis)]
         return self._decide(current, alone) or self._decide(current, self._pairs())
 
@@ -251,7 +251,7 @@ class Search:
                 allowed = [(a, b) for _, a, b in ranked if first[a].hypothesis.allows(b)]
                 pairs = [self._ordered(first, a, b) for a, b in allowed[:PAIRS]]
                 found += self._settle(ground, [self.fitter.look(*pair) for pair in pairs])
-        return sorted(found, key=_objective)
+        return sorted(found, key=objective_of)
 
     @staticmethod
     def _ordered(first, a: Cause, b: Cause) -> tuple[Sketch, Cause]:
@@ -387,7 +387,7 @@ class Search:
         while len(trial.hypothesis.causes) > 1:
             sketch = self.fitter.sketch(trial)
             reduced = [self.fitter.reduce(sketch, c) for c in trial.hypothesis.causes]
-            least = self._complete(min(reduced, key=_objective), trial)
+            least = self._complete(min(reduced, key=objective_of), trial)
             if self._is_gain(least, trial):
                 return trial
             trial = least
@@ -422,7 +422,7 @@ class Search:
         looks = [self.fitter.look(without, other) for other in others]
         found = [self.fitter.settle(look, hopeless=needed) for look in looks]
         near = [s for s in found if np.isfinite(s.squares) and not self._is_beaten(s, sketch)]
-        return sorted(near, key=_objective)
+        return sorted(near, key=objective_of)
 
     def _rivals(self, without: Sketch, cause: Cause, tried) -> list[Cause]:
         """Name the suspects that explain a share of what a cause does alone, or were seen here."""
@@ -514,14 +514,10 @@ class Search:
             ready = [c for c in left if not any(part.id in c[0].shared for part, _ in left)]
             ground = self.fitter.sketch(trial)
             options = [self.fitter.settle(self.fitter.look(ground, cause)) for cause in ready]
-            trial = self.fitter.complete(min(options, key=_objective), trial)
+            trial = self.fitter.complete(min(options, key=objective_of), trial)
             left.remove(trial.hypothesis.causes[-1])
             steps.append(trial)
         return steps
-
-
-def _objective(trial: Trial) -> float:
-    return trial.fit.objective
 
 
 def _n_parameters(trial: Trial) -> int:
