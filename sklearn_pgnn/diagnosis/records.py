@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sklearn_pgnn.diagnosis.fitting import Fitter
-from sklearn_pgnn.diagnosis.hypothesis import Hypothesis
+from sklearn_pgnn.diagnosis.hypothesis import Cause
 from sklearn_pgnn.diagnosis.search import Outcome
 from sklearn_pgnn.diagnosis.setting import Setting
 from sklearn_pgnn.physics.model import PhysicsModel
@@ -52,8 +52,8 @@ class DiagnosisRecords:
         The ``"prior"``, the ``"refitted"`` prior and the ``"extended"`` model.
     setting : Setting
         The ground of the diagnosis, for what is asked of it later.
-    hypothesis : Hypothesis
-        The causes of the extended model.
+    causes : tuple of (effect class, target)
+        The causes of the extended model, in the order in which they apply.
     """
 
     windows: Windows
@@ -61,7 +61,7 @@ class DiagnosisRecords:
     states: np.ndarray
     fits: Mapping[str, FittedWindows]
     setting: Setting
-    hypothesis: Hypothesis
+    causes: tuple[Cause, ...]
 
 
 def keep_records(fitter: Fitter, outcome: Outcome, names) -> DiagnosisRecords:
@@ -94,7 +94,7 @@ def keep_records(fitter: Fitter, outcome: Outcome, names) -> DiagnosisRecords:
         states=setting.states.estimate(setting.prior).x,
         fits={which: _slim(fit) for which, fit in fits.items()},
         setting=replace(setting, windows=windows),
-        hypothesis=outcome.final.hypothesis,
+        causes=outcome.final.hypothesis.order,
     )
 
 

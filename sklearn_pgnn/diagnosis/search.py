@@ -23,6 +23,9 @@ NOTICED = 2.0
 PAIRS = 6
 #: suspects that are judged on held-out windows, the best first, before a search ends
 JUDGED = 3
+#: what two causes explain alone may differ by such a share, if they are to be the same: not every
+#: first look is followed to its end
+ALIKE = 0.1
 
 
 @dataclass(frozen=True)
@@ -479,7 +482,7 @@ class Search:
         without = self._complete(self.fitter.reduce(self.fitter.sketch(trial), cause), trial)
         if not self._is_better(without, trial):
             return self.same[cause]
-        found = [(0.0, other) for other in self._exact(trial, without, cause)]
+        found = [(0.0, other) for other in self._exact(trial, without, cause, tried)]
         for sketch in self._replacements(trial, cause, tried):
             other = sketch.hypothesis.causes[-1]
             if count_parameters(other) > count_parameters(cause) or (0.0, other) in found:
@@ -490,15 +493,19 @@ class Search:
         others = [other for _, other in sorted(found, key=lambda item: item[0])]
         return (*self.same[cause], *(c for other in others for c in (other, *self.same[other])))
 
-    def _exact(self, trial: Trial, without: Trial, cause: Cause) -> list[Cause]:
-        """Name the causes that are the same as one in the equations, beside the others."""
+    def _exact(self, trial: Trial, without: Trial, cause: Cause, tried) -> list[Cause]:
+        """Name the causes that are the same as one in the equations, beside the others.
+
+        Alone they explain the same, too; only such causes are looked at.
+        """
         model, hypothesis = without.fit.model, without.hypothesis
         return [
             other
-            for other in self.suspects
+            for other, left in tried.items()
             if other not in trial.hypothesis.causes
-            and count_parameters(other) <= count_parameters(cause)
-            and trial.hypothesis.allows(other)
+            and count_parameters(other) == count_parameters(cause) == 1
+            and abs(left - tried.get(cause, np.inf)) <= ALIKE * (1.0 - left)
+            and hypothesis.allows(other)
             and all(len(self.fitter.orders(hypothesis, c)) == 1 for c in (cause, other))
             and are_equivalent(model, cause, other, retuned=False)
         ]

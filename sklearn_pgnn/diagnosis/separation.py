@@ -192,7 +192,7 @@ def swap(records: DiagnosisRecords, old: Cause, new: Cause):
         The best fit over the starts of the new effect.
     """
     setting, prior = records.setting, records.setting.prior
-    hypothesis = Hypothesis(tuple(new if c == old else c for c in records.hypothesis.order))
+    hypothesis = Hypothesis(tuple(new if cause == old else cause for cause in records.causes))
     held = held_by(prior, hypothesis)
 
     def fit(model, max_steps=25):
