@@ -80,7 +80,7 @@ def _before(causes: tuple[Cause, ...], cause: Cause, new: Cause) -> tuple[Cause,
 
 
 def commute(model: PhysicsModel, one: Cause, other: Cause) -> bool:
-    """Tell whether two causes make the same model in either order.
+    """Tell whether two causes make the same model in either order, as those of two targets do.
 
     Parameters
     ----------
@@ -102,6 +102,8 @@ def commute(model: PhysicsModel, one: Cause, other: Cause) -> bool:
     >>> commute(cart, lag, (InputSaturation, "force")), commute(cart, lag, (InputDelay, "force"))
     (False, True)
     """
+    if one[1] != other[1]:
+        return True
     first, second = one[0](one[1]), other[0](other[1])
     a, b = second.apply(first.apply(model)), first.apply(second.apply(model))
     return dict(a.equations) == dict(b.equations) and dict(a.outputs) == dict(b.outputs)
