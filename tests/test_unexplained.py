@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from sklearn_pgnn import ModelDiagnosis, PhysicsModel, systems
+from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects, systems
 from sklearn_pgnn.datasets import make_hidden_effect
 from sklearn_pgnn.diagnosis.setting import make_setting
 from sklearn_pgnn.estimators.sindyc_formula import leading_terms
@@ -163,7 +163,8 @@ def test_two_known_causes_are_not_given_up_for_a_formula_of_as_many_numbers():
     )
     kinds = ("quadratic_drag", "sensor_bias")
     hidden = make_hidden_effect(pendulum, kinds, amplitude=1.5, random_state=1, **RECORDS)
-    diagnosis = ModelDiagnosis(hidden.prior).fit(hidden.X, hidden.y)
+    catalogue = (effects.Cogging, effects.QuadraticDrag, effects.SensorBias)
+    diagnosis = ModelDiagnosis(hidden.prior, catalogue=catalogue).fit(hidden.X, hidden.y)
     assert {cause.effect for cause in diagnosis.causes_} == set(kinds)
     assert diagnosis.missing_ is None
 
