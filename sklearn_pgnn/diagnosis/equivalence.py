@@ -5,7 +5,7 @@ from functools import lru_cache
 import numpy as np
 import sympy
 
-from sklearn_pgnn.diagnosis.hypothesis import Cause
+from sklearn_pgnn.diagnosis.hypothesis import Cause, is_of_other_order, number_at
 from sklearn_pgnn.physics.effects import WrongParameter
 from sklearn_pgnn.physics.expressions import TIME, symbol
 from sklearn_pgnn.physics.model import PhysicsModel
@@ -81,7 +81,7 @@ def _slopes(model: PhysicsModel, cause: Cause) -> np.ndarray | None:
     """Differentiate by a cause's parameters where it does nothing; None where the order changes."""
     effect, target = cause
     extended = effect(target).apply(model)
-    if dict(extended.delays) != dict(model.delays) or dict(extended.states) != dict(model.states):
+    if is_of_other_order(model, extended):
         return None
     return _by_names(extended, tuple(effect(target).names().values()))
 
@@ -98,16 +98,11 @@ def _by_coordinates(model) -> np.ndarray:
 
     States at which a function has a kink are left out: it would move.
     """
-    changes = []
-    for state in map(symbol, model.states):
-        if not any(state in kink.free_symbols for kink in _kinks(model)):
-            changes += [_change(model, state, by) for by in (sympy.Integer(1), state)]
-    return _columns(model, changes)
-
-
-def _kinks(model):
     expressions = [*model.equations.values(), *model.outputs.values()]
-    return [kink for e in expressions for kink in e.atoms(*KINKED)]
+    kinks = [kink for e in expressions for kink in e.atoms(*KINKED)]
+    bent = set().union(*(kink.free_symbols for kink in kinks))
+    smooth = [state for state in map(symbol, model.states) if state not in bent]
+    return _columns(model, [_change(model, x, by) for x in smooth for by in (sympy.Integer(1), x)])
 
 
 def _change(model, state, by) -> list:
@@ -120,7 +115,7 @@ def _change(model, state, by) -> list:
 def _columns(model, columns) -> np.ndarray:
     """Evaluate expressions at random points, all points of a column below each other."""
     points = _points(model)
-    values = [[_number(e, point) for point in points for e in column] for column in columns]
+    values = [[number_at(e, point) for point in points for e in column] for column in columns]
     n_rows = len(points) * (len(model.equations) + len(model.outputs))
     return np.array(values).reshape(len(columns), n_rows).T
 
@@ -134,13 +129,6 @@ def _points(model):
         -2, 1, (POINTS, len(moving))
     )
     return [fixed | dict(zip(moving, map(sympy.Float, draw), strict=True)) for draw in draws]
-
-
-def _number(expression, point) -> float:
-    try:
-        return float(expression.xreplace(point))
-    except TypeError:  # not real there, or a derivative of a jump
-        return np.nan
 
 
 def _rank(*parts) -> int:

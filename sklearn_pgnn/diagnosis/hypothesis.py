@@ -150,7 +150,7 @@ def same_parameter(model: PhysicsModel, effect: Effect) -> str | None:
     if isinstance(effect, WrongParameter) or len(names) != 1:
         return None
     extended = effect.apply(model)
-    if extended.delays != model.delays or extended.states != model.states:
+    if is_of_other_order(model, extended):
         return None
     mine = _derivatives(extended, names)[names[0]]
     theirs = _derivatives_by_parameters(model)
@@ -194,7 +194,7 @@ def _only_slope(model: PhysicsModel, cause: Cause) -> np.ndarray | None:
     if isinstance(effect, WrongParameter) or len(names) != 1:
         return None
     extended = effect.apply(model)
-    if extended.delays != model.delays or extended.states != model.states:
+    if is_of_other_order(model, extended):
         return None
     value = extended.parameters[names[0]].value
     further = extended.with_parameters(**{names[0]: value + 1.0})
@@ -237,12 +237,18 @@ def _derivatives(model: PhysicsModel, names) -> dict[str, np.ndarray]:
     points = [fixed | dict(zip(moving, map(sympy.Float, draw), strict=True)) for draw in draws]
     expressions = [*model.equations.values(), *model.outputs.values()]
     return {
-        name: np.array([[_number(slope, point) for slope in slopes] for point in points])
+        name: np.array([[number_at(slope, point) for slope in slopes] for point in points])
         for name, slopes in ((n, [sympy.diff(e, symbol(n)) for e in expressions]) for n in names)
     }
 
 
-def _number(expression, point) -> float:
+def is_of_other_order(model: PhysicsModel, extended: PhysicsModel) -> bool:
+    """Tell whether an extension has other states or delays than the model."""
+    return extended.delays != model.delays or extended.states != model.states
+
+
+def number_at(expression: sympy.Expr, point) -> float:
+    """Evaluate an expression at a point; NaN where it is no number there."""
     try:
         return float(expression.xreplace(point))
     except TypeError:  # not real there, or a derivative of a jump

@@ -482,18 +482,18 @@ class Search:
         without = self._complete(self.fitter.reduce(self.fitter.sketch(trial), cause), trial)
         if not self._is_better(without, trial):
             return self.same[cause]
-        found = [(0.0, other) for other in self._exact(trial, without, cause, tried)]
+        exact, found = self._exact(without, cause, tried), []
         for sketch in self._replacements(trial, cause, tried):
             other = sketch.hypothesis.causes[-1]
-            if count_parameters(other) > count_parameters(cause) or (0.0, other) in found:
+            if other in exact or count_parameters(other) > count_parameters(cause):
                 continue
             swapped = self.fitter.complete(sketch, trial)
             if np.isfinite(swapped.squares) and not self._is_better(swapped, trial):
                 found.append((swapped.squares, other))
-        others = [other for _, other in sorted(found, key=lambda item: item[0])]
+        others = [*exact, *(other for _, other in sorted(found, key=lambda item: item[0]))]
         return (*self.same[cause], *(c for other in others for c in (other, *self.same[other])))
 
-    def _exact(self, trial: Trial, without: Trial, cause: Cause, tried) -> list[Cause]:
+    def _exact(self, without: Trial, cause: Cause, tried) -> list[Cause]:
         """Name the causes that are the same as one in the equations, beside the others.
 
         Alone they explain the same, too; only such causes are looked at.
@@ -502,10 +502,10 @@ class Search:
         return [
             other
             for other, left in tried.items()
-            if other not in trial.hypothesis.causes
+            if other != cause
+            and hypothesis.allows(other)
             and count_parameters(other) == count_parameters(cause) == 1
             and abs(left - tried.get(cause, np.inf)) <= ALIKE * (1.0 - left)
-            and hypothesis.allows(other)
             and all(len(self.fitter.orders(hypothesis, c)) == 1 for c in (cause, other))
             and are_equivalent(model, cause, other, retuned=False)
         ]
@@ -515,7 +515,7 @@ class Search:
         left, steps, trial = list(final.hypothesis.causes), [], base
         while left:
             if len(left) == 1:
-                causes = trial.hypothesis.plus(left[0]).causes
+                causes = (*trial.hypothesis.causes, left[0])
                 steps.append(Trial(replace(final.hypothesis, causes=causes), final.fit))
                 break
             ready = [c for c in left if not any(part.id in c[0].shared for part, _ in left)]
