@@ -9,7 +9,7 @@ import pytest
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects, systems
 from sklearn_pgnn.cli.screen import tell
 from sklearn_pgnn.diagnosis.equivalence import are_equivalent
-from sklearn_pgnn.diagnosis.separation import waves
+from sklearn_pgnn.diagnosis.separation import are_same, waves
 
 NOISE = 4e-3
 
@@ -75,6 +75,18 @@ def test_two_parameters_that_the_equations_tell_apart_are_not_the_same():
     wrong = effects.WrongParameter
     assert not are_equivalent(golf, (wrong, "J"), (effects.CoulombFriction, "omega"))
     assert are_equivalent(golf, (effects.InputBias, "torque"), (effects.ConstantLoad, "omega"))
+
+
+def test_what_the_prior_cannot_tell_apart_another_cause_may():
+    t = np.arange(0, 8, 0.02)
+    inputs = [20 * np.sin((1 + r) * t) + 8 * np.sin((3 + r) * t) for r in range(4)]
+    rig = cart() + effects.CubicStiffness("v", stiffness=10.0)
+    rig = rig + effects.SensorBias("position", bias=0.2)
+    diagnosis = diagnose(measure(rig, inputs, t), (effects.CubicStiffness, effects.SensorBias))
+    assert {cause.effect for cause in diagnosis.causes_} == {"cubic_stiffness", "sensor_bias"}
+    bias, load = (effects.SensorBias, "position"), (effects.ConstantLoad, "v")
+    assert are_equivalent(diagnosis.model, bias, load)
+    assert not are_same(diagnosis.records_, bias, load)
 
 
 @pytest.fixture(scope="module")

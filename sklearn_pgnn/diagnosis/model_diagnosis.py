@@ -11,7 +11,6 @@ from sklearn.utils.validation import check_is_fitted
 from sklearn_pgnn.diagnosis.beyond import Beyond
 from sklearn_pgnn.diagnosis.data_quality import check_data_quality
 from sklearn_pgnn.diagnosis.detectability import Bench, Detectability, detect_all
-from sklearn_pgnn.diagnosis.equivalence import are_equivalent
 from sklearn_pgnn.diagnosis.fitting import Fitter
 from sklearn_pgnn.diagnosis.hypothesis import Cause, possible_causes
 from sklearn_pgnn.diagnosis.injection import verified
@@ -27,7 +26,7 @@ from sklearn_pgnn.diagnosis.result import (
     retuned_parameters,
 )
 from sklearn_pgnn.diagnosis.search import Outcome, Rules, Search
-from sklearn_pgnn.diagnosis.separation import Separation, plain_separation, separate
+from sklearn_pgnn.diagnosis.separation import Separation, are_same, plain_separation, separate
 from sklearn_pgnn.diagnosis.setting import (
     check_records,
     longer,
@@ -264,7 +263,7 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         found = []
         for cause in self.causes_:
             mine, others = self._cause(cause), cause.confused_with
-            same = [o for o in others if are_equivalent(self.model, mine, self._cause(o))]
+            same = [o for o in others if are_same(self.records_, mine, self._cause(o))]
             rest = [other for other in others if other not in same]
             for other in [*same, *rest[:1]]:
                 whole = self.separating_experiment(cause, other)

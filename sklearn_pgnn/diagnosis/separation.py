@@ -202,21 +202,22 @@ def swap(records: DiagnosisRecords, old: Cause, new: Cause):
         return fit_windows(model, records.windows, free, x0, estimate.spread, max_steps=max_steps)
 
     starts = new[0].starts(new[1], prior, setting.scales)
-    looks = [fit(_start_model(records, hypothesis, start, held), LOOK) for start in starts]
+    looks = [fit(_extend(records, hypothesis.order, start, held), LOOK) for start in starts]
     looks.sort(key=lambda look: look.objective)
     best = min((fit(look.model) for look in looks[:FOLLOWED]), key=lambda each: each.objective)
     return FittedWindows(best.model, best.x0, best.evaluation.residual, best.freedoms)
 
 
-def _start_model(records, hypothesis, start, held):
-    """Extend the prior by all causes: the new one at its start, the others at fitted values."""
+def _extend(records, causes, start=None, held=frozenset()):
+    """Extend the prior by causes: a new one at its start, the others at fitted values."""
     setting = records.setting
     model = setting.prior
-    for effect, target in hypothesis.order:
+    for effect, target in causes:
         own = effect.starts(target, setting.prior, setting.scales)[0]
-        is_new = (effect.id, target) == (start.id, start.target)
+        is_new = start is not None and (effect.id, target) == (start.id, start.target)
         model = (start if is_new else own).apply(model)
-    fresh = held | (set(start.names().values()) - set(setting.prior.parameters))
+    new = set() if start is None else set(start.names().values())
+    fresh = held | (new - set(setting.prior.parameters))
     known = records.fits["extended"].model.parameters
     values = {n: known[n].value for n in model.parameters if n in known and n not in fresh}
     return model.with_parameters(**values)
@@ -255,6 +256,25 @@ def _beyond(records, y) -> bool:
 # -- together --------------------------------------------------------------------------------------
 
 
+def are_same(records: DiagnosisRecords, cause: Cause, other: Cause) -> bool:
+    """Tell whether two causes are equivalent in the equations, beside the other causes.
+
+    Parameters
+    ----------
+    records : DiagnosisRecords
+        The records and the fits.
+    cause, other : (effect class, target)
+        The causes.
+
+    Returns
+    -------
+    bool
+        Whether no record separates them.
+    """
+    beside = tuple(each for each in records.causes if each not in (cause, other))
+    return are_equivalent(_extend(records, beside), cause, other)
+
+
 def separate(
     records: DiagnosisRecords,
     cause: Cause,
@@ -278,7 +298,7 @@ def separate(
         The experiments, the most telling first.
     """
     pair = Suspect(cause[0].id, cause[1]), Suspect(other[0].id, other[1])
-    if are_equivalent(records.setting.prior, cause, other):
+    if are_same(records, cause, other):
         return Separation(*pair, equivalent=True)
     found, same = _try_all(records, swap(records, cause, other), reach)
     nested = cause[0].id in other[0].generalises or other[0].id in cause[0].generalises
