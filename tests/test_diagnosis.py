@@ -28,6 +28,7 @@ from sklearn_pgnn.diagnosis.pairs import foretell_pairs
 from sklearn_pgnn.diagnosis.search import Rules, Search
 from sklearn_pgnn.diagnosis.setting import make_setting
 from sklearn_pgnn.exceptions import RecordError
+from sklearn_pgnn.inspection.words import separation_sentence
 from sklearn_pgnn.simulation.windows import Windows
 from sklearn_pgnn.trajectories import read_records
 
@@ -164,6 +165,21 @@ def test_an_input_may_saturate_before_or_behind_its_lag(kinds):
     for effect in hidden.effects:
         true = true + effect
     assert same_structure(diagnosis.extended_model_, true)
+
+
+def test_a_lag_much_shorter_than_a_sample_may_be_the_delay_that_is_named():
+    lag = effects.ActuatorLag("force", 0.004)
+    rig = RIGS[systems.cart_on_spring]
+    hidden = make_hidden_effect(
+        systems.cart_on_spring(), lag, noise=1e-4, substeps=8, random_state=SEED, **rig
+    )
+    diagnosis = diagnose(hidden, catalogue=(effects.InputDelay, effects.ActuatorLag))
+    (cause,) = diagnosis.causes_
+    assert names(cause) == {("input_delay", "force"), ("actuator_lag", "force")}
+    assert cause.equivalent == ()
+    assert abs(cause.parameters["delay"].value / lag.time_constant - 1) < 0.05
+    (separation,) = diagnosis.separations_
+    assert "a higher sampling rate" in separation_sentence(separation)
 
 
 @pytest.mark.parametrize(

@@ -114,6 +114,31 @@ def count_parameters(cause: Cause) -> int:
     return max(1, len(cause[0].quantities()))
 
 
+def resemble(setting: Setting, model: PhysicsModel, cause: Cause, other: Cause) -> bool:
+    """Tell whether a cause is so small that it may be another, which is not sought so small.
+
+    Parameters
+    ----------
+    setting : Setting
+        The ground of the diagnosis.
+    model : PhysicsModel
+        The model with the cause, fitted.
+    cause, other : (effect class, target)
+        The causes, such as a delay and a lag that is shorter than half a sample.
+
+    Returns
+    -------
+    bool
+        Whether records with these samples cannot tell.
+    """
+    (effect, target), (rival, its_target) = cause, other
+    if target != its_target or rival.id not in effect.resembles:
+        return False
+    mine, its = effect.resembles[rival.id]
+    low, _ = rival.limits(target, setting.prior, setting.scales)[its]
+    return model.parameters[effect(target).names()[mine]].value < low
+
+
 def possible_causes(model: PhysicsModel, catalogue, targets=None) -> tuple[Cause, ...]:
     """List the causes of a catalogue that a model's own parameters do not already hold.
 

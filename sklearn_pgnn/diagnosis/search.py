@@ -7,7 +7,7 @@ import numpy as np
 
 from sklearn_pgnn.diagnosis.equivalence import are_equivalent
 from sklearn_pgnn.diagnosis.fitting import Fitter, Key, Sketch, Trial, make_folds, objective_of
-from sklearn_pgnn.diagnosis.hypothesis import Cause, count_parameters, same_causes
+from sklearn_pgnn.diagnosis.hypothesis import Cause, count_parameters, resemble, same_causes
 from sklearn_pgnn.diagnosis.pairs import foretell_pairs
 from sklearn_pgnn.diagnosis.setting import HARDLY
 from sklearn_pgnn.physics.effects import WrongParameter
@@ -491,7 +491,15 @@ class Search:
             if np.isfinite(swapped.squares) and not self._is_better(swapped, trial):
                 found.append((swapped.squares, other))
         others = [*exact, *(other for _, other in sorted(found, key=lambda item: item[0]))]
+        others += [other for other in self._too_small(trial, cause) if other not in others]
         return (*self.same[cause], *(c for other in others for c in (other, *self.same[other])))
+
+    def _too_small(self, trial: Trial, cause: Cause) -> list[Cause]:
+        """Name the suspects that a cause may be, were they sought as small as it is."""
+        setting, model = self.fitter.setting, trial.fit.model
+        rest = trial.hypothesis.without(cause)
+        possible = [other for other in self.suspects if rest.allows(other)]
+        return [other for other in possible if resemble(setting, model, cause, other)]
 
     def _exact(self, without: Trial, cause: Cause, tried) -> list[Cause]:
         """Name the causes that are the same as one in the equations, beside the others.

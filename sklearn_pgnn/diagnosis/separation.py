@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sklearn_pgnn.diagnosis.equivalence import are_equivalent
-from sklearn_pgnn.diagnosis.hypothesis import Cause, Hypothesis, freedoms, held_by
+from sklearn_pgnn.diagnosis.hypothesis import Cause, Hypothesis, freedoms, held_by, resemble
 from sklearn_pgnn.diagnosis.records import DiagnosisRecords, FittedWindows
 from sklearn_pgnn.diagnosis.result import Suspect, plain
 from sklearn_pgnn.diagnosis.search import NOTICED
@@ -300,6 +300,8 @@ def separate(
     pair = Suspect(cause[0].id, cause[1]), Suspect(other[0].id, other[1])
     if are_same(records, cause, other):
         return Separation(*pair, equivalent=True)
+    if resemble(records.setting, records.fits["extended"].model, cause, other):
+        return Separation(*pair, equivalent=False)
     found, same = _try_all(records, swap(records, cause, other), reach)
     nested = cause[0].id in other[0].generalises or other[0].id in cause[0].generalises
     if found and same and not nested:

@@ -209,7 +209,7 @@ def separation_sentence(separation) -> str:
     if not separation.separable:
         return (
             f"No experiment tried within these amplitudes separates {one} from {other}: look for "
-            f"another sensor or a larger range."
+            f"another sensor, a larger range or a higher sampling rate."
         )
     best = separation.experiments[0]
     reached = listed(f"{name} up to {number(top, 2)}" for name, top in best.reached.items())

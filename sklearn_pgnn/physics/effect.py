@@ -114,6 +114,9 @@ class Effect(ABC):
     #: by id of an effect that stands beside this one on the same target, the fields that it
     #: takes over and that stay at zero here
     shared: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
+    #: by id of an effect that looks like this one where it is below its own limits: the field of
+    #: this one, and the field of the other that it stands for
+    resembles: ClassVar[Mapping[str, tuple[str, str]]] = MappingProxyType({})
 
     @classmethod
     @abstractmethod

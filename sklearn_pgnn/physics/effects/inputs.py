@@ -1,6 +1,7 @@
 """Effects on an input: what reaches the machine is not what was commanded."""
 
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import sympy
 
@@ -218,6 +219,7 @@ class InputDelay(Delay):
     """
 
     id = "input_delay"
+    resembles = MappingProxyType({"actuator_lag": ("delay", "time_constant")})
     summary = "The command acts late: bus, sampling, transport of material."
     check = "Step the command and measure the time until anything moves at all."
 
