@@ -36,7 +36,6 @@ from sklearn_pgnn import Effect, PhysicsModel, PhysicsModelRegressor, datasets
 from sklearn_pgnn.physics.effect import quantity
 from sklearn_pgnn.physics.effects import (
     ActuatorLag,
-    AsymmetricFriction,
     CoulombFriction,
     Formula,
     InputBias,
@@ -100,9 +99,10 @@ MACHINES = {
         "mm",
         1e3,
         {
+            "viscous friction by direction": (Formula("force", ("abs(v)",), (0.0,)),),
             "input lag": (ActuatorLag("force", 0.002),),
+            "input bias": (InputBias("force"),),
             "dry friction": (CoulombFriction("v", 20.0),),
-            "friction by direction": (AsymmetricFriction("v", 20.0, 20.0),),
             "Stribeck friction": (StribeckFriction("v", 10.0, 10.0, 0.02),),
             "curved friction": (Formula("v", ("v*abs(v)", "v**3"), (0.0, 0.0)),),
         },
