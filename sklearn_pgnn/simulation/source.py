@@ -160,53 +160,57 @@ class _Frozen:
 def _write(frozen: _Frozen, wrt) -> Source:
     model = frozen.model
     dry = dry_states(model)
-    x = [symbol(name) for name in model.states]
-    signs = {sympy.sign(v): sympy.Symbol(f"s{i}") for i, v in enumerate(x) if dry[i]}
-    f = [_real(rate.xreplace(signs)) for rate in model.equations.values()]
-    g = [_real(output.xreplace(signs)) for output in model.outputs.values()]
+    signs = {sympy.sign(symbol(n)): _sign(i) for i, n in enumerate(model.states) if dry[i]}
+    places = _places(model, dry)
+    # before differentiating: SymPy compares the arguments of maxima anew in all that holds them
+    local = {old: sympy.Symbol(f"{a}{i}", real=True) for old, (a, i) in places.items()}
+    local[TIME] = sympy.Symbol("t", real=True)
+    f = [_real(rate.xreplace(signs)).xreplace(local) for rate in model.equations.values()]
+    g = [_real(output.xreplace(signs)).xreplace(local) for output in model.outputs.values()]
+    x = [local[symbol(name)] for name in model.states]
     entries = f + g
     if wrt is not None:
         entries += [differentiate(e, v) for e in f for v in x]
-        entries += [_by_parameter(model, e, name) for e in f for name in wrt]
+        entries += [_by_parameter(model, local, e, name) for e in f for name in wrt]
         entries += [differentiate(e, v) for e in g for v in x]
-        entries += [_by_parameter(model, e, name) for e in g for name in wrt]
-    return Source(_function(_locals(model, dry), entries), len(entries), dry)
+        entries += [_by_parameter(model, local, e, name) for e in g for name in wrt]
+    arguments = {local[old]: place for old, place in places.items()}
+    return Source(_function(arguments, entries), len(entries), dry)
 
 
-def _by_parameter(model, expression, name):
+def _sign(i):
+    """Give what stands for the sign of a state."""
+    return sympy.Symbol(f"s{i}")
+
+
+def _by_parameter(model, local, expression, name):
     """Differentiate by a parameter, through a late input where it is a delay."""
-    derivative = differentiate(expression, symbol(name))
+    derivative = differentiate(expression, local[symbol(name)])
     for late, delay in model.delays.items():
         if delay == name:
-            slope = sympy.Symbol(slope_name(late), real=True)
-            derivative += differentiate(expression, symbol(late)) * slope
+            slope = local[sympy.Symbol(slope_name(late), real=True)]
+            derivative += differentiate(expression, local[symbol(late)]) * slope
     return derivative
 
 
-def _locals(model, dry):
+def _places(model, dry):
     """Give every symbol's place in the arguments."""
     inputs = [*model.inputs, *(slope_name(late) for late in model.delays)]
     places = {symbol(name): ("x", i) for i, name in enumerate(model.states)}
     places |= {sympy.Symbol(name, real=True): ("u", i) for i, name in enumerate(inputs)}
     places |= {symbol(name): ("p", i) for i, name in enumerate(model.parameters)}
-    places |= {sympy.Symbol(f"s{i}"): ("s", i) for i, is_dry in enumerate(dry) if is_dry}
+    places |= {_sign(i): ("s", i) for i, is_dry in enumerate(dry) if is_dry}
     return places
 
 
 def _function(places, entries) -> str:
     """Write the straight-line function that fills ``out`` with the entries."""
-    to_local = {old: sympy.Symbol(f"{a}{i}", real=True) for old, (a, i) in places.items()}
-    to_local[TIME] = sympy.Symbol("t", real=True)
-    entries = [sympy.sympify(entry).xreplace(to_local) for entry in entries]
+    entries = [sympy.sympify(entry) for entry in entries]
     names = sympy.numbered_symbols("c", real=True)
     shared, entries = sympy.cse(entries, symbols=names, order="none", list=True)
     used = set().union(*(e.free_symbols for e in entries), *(e.free_symbols for _, e in shared))
     write = _Printer().doprint
-    lines = [
-        f"{to_local[old]} = {array}[{i}]"
-        for old, (array, i) in places.items()
-        if to_local[old] in used
-    ]
+    lines = [f"{name} = {array}[{i}]" for name, (array, i) in places.items() if name in used]
     lines += [f"{name} = {write(expression)}" for name, expression in shared]
     lines += [f"out[{i}] = {write(entry)}" for i, entry in enumerate(entries)]
     return "\n".join(lines) + "\n"
