@@ -12,7 +12,7 @@ from sklearn_pgnn import PGNNLRegressor, ResidualRegressor, SINDYcRegressor, sys
 from sklearn_pgnn.model_selection import TrajectorySplit, search_space
 
 #: candidates of a search, those of them that are spread evenly, and its folds
-CANDIDATES, SPREAD, FOLDS = 12, 6, 4
+CANDIDATES, SPREAD, FOLDS = 8, 5, 2
 #: neurons in each of the two layers of a network
 NEURONS = (2, 9)
 #: a quicker training for the studies that is as good; see `benchmarks/network_parameters.py`
