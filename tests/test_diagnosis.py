@@ -312,6 +312,27 @@ def test_an_effect_that_a_parameter_holds_is_no_suspect():
     assert held_parameters(golf, (effects.AsymmetricFriction, "omega")) == ("d",)
 
 
+@pytest.mark.parametrize("kind", effects.CATALOGUE, ids=lambda kind: kind.id)
+def test_an_effect_that_the_model_was_extended_by_is_no_suspect(kind):
+    models = systems.cart_on_spring(), systems.two_tanks()
+    model, target = next((model, t) for model in models for t in kind.targets(model))
+    suspects = possible_causes(model + kind(target), effects.CATALOGUE)
+    assert ((kind, target) in suspects) is (not kind.quantities())
+
+
+def test_of_an_effect_that_the_model_was_extended_by_a_number_may_be_wrong():
+    golf = systems.golf_robot()
+    hidden = make_hidden_effect(golf, "coulomb_friction", random_state=SEED, **RECORDS)
+    prior = hidden.prior + replace(hidden.effect, level=1.5 * hidden.effect.level)
+    friction = [
+        kind for kind in effects.CATALOGUE if kind.__module__ == effects.CoulombFriction.__module__
+    ]
+    diagnosis = ModelDiagnosis(prior, catalogue=[*friction, effects.WrongParameter])
+    (cause,) = diagnosis.fit(hidden.X, hidden.y).causes_
+    assert (cause.effect, cause.target) == ("wrong_parameter", "Fc_omega")
+    assert abs(cause.parameters["value"].value / hidden.effect.level - 1) < 0.1
+
+
 def test_effects_that_say_the_same_are_one_suspect():
     cart = systems.cart_on_spring()
     suspects = possible_causes(cart, [effects.ConstantLoad, effects.InputBias, effects.SensorBias])

@@ -140,7 +140,9 @@ def resemble(setting: Setting, model: PhysicsModel, cause: Cause, other: Cause) 
 
 
 def possible_causes(model: PhysicsModel, catalogue, targets=None) -> tuple[Cause, ...]:
-    """List the causes of a catalogue that a model's own parameters do not already hold.
+    """List the causes of a catalogue that a model does not already hold.
+
+    An effect that the model was extended by is none: it may have wrong parameters only.
 
     Parameters
     ----------
@@ -160,8 +162,15 @@ def possible_causes(model: PhysicsModel, catalogue, targets=None) -> tuple[Cause
         (effect, target)
         for effect in catalogue
         for target in effect.targets(model)
-        if (targets is None or target in targets) and same_parameter(model, effect(target)) is None
+        if (targets is None or target in targets)
+        and not _is_there(model, effect(target))
+        and same_parameter(model, effect(target)) is None
     )
+
+
+def _is_there(model: PhysicsModel, effect: Effect) -> bool:
+    """Tell whether a model has the parameters that an effect would add."""
+    return any(parameter.name in model.parameters for parameter in effect.parameters(model))
 
 
 def same_parameter(model: PhysicsModel, effect: Effect) -> str | None:
@@ -174,6 +183,8 @@ def same_parameter(model: PhysicsModel, effect: Effect) -> str | None:
     names = tuple(effect.names().values())
     if isinstance(effect, WrongParameter) or len(names) != 1:
         return None
+    if _is_there(model, effect):
+        return names[0]
     extended = effect.apply(model)
     if is_of_other_order(model, extended):
         return None
