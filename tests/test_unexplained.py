@@ -136,6 +136,17 @@ def test_the_report_shows_it(friction_that_grows_with_the_deflection, tmp_path):
     assert "what is missing and has no name" in text
 
 
+def test_a_model_with_a_formula_may_miss_another_term():
+    hidden = hide("v", "v*x**2", -24.0)
+    first = Formula("v", ("x**2",), (0.1,))
+    diagnosis = ModelDiagnosis(hidden.prior + first, catalogue=(effects.ConstantLoad,))
+    diagnosis.fit(hidden.X, hidden.y)
+    part = diagnosis.missing_
+    assert part.effect.terms == ("v*x**2",)
+    assert part.effect.names() == {"c2": "c2_v"}
+    assert set(part.model.parameters) == {*hidden.prior.parameters, "c1_v", "c2_v"}
+
+
 def test_a_bent_sensor_is_told_from_a_force():
     hidden = hide("position", "x**2", 0.25)
     diagnosis = ModelDiagnosis(hidden.prior).fit(hidden.X, hidden.y)

@@ -158,7 +158,7 @@ def propose(setting: Setting, base: Trial, channel: str) -> list[Proposal]:
     own = _independent(columns[:: max(1, len(columns) // SAMPLES)])
     columns, terms = columns[:, own], [terms[i] for i in own]
     formulas = [
-        _formula(channel, terms, c) for c in _telling_terms(setting, base, channel, columns)
+        _formula(model, channel, terms, c) for c in _telling_terms(setting, base, channel, columns)
     ]
     fitted = [(formula, _fit(setting, base, formula)) for formula in formulas]
     return [
@@ -335,12 +335,13 @@ def _without_states(windows, table, by_state) -> np.ndarray:
     return np.concatenate(rows)
 
 
-def _formula(channel, terms, values) -> Formula:
+def _formula(model, channel, terms, values) -> Formula:
     chosen = np.flatnonzero(values)
     return Formula(
         channel,
         tuple(to_text(terms[i]) for i in chosen),
         tuple(float(values[i]) for i in chosen),
+        Formula.next_number(model, channel),
     )
 
 

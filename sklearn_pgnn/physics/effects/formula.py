@@ -1,5 +1,6 @@
 """An effect that has no name: terms that were found in records."""
 
+import re
 from dataclasses import dataclass
 
 import sympy
@@ -48,6 +49,8 @@ class Formula(Effect):
         Expressions of states, inputs and ``t``.
     coefficients : tuple of float
         One for every term.
+    first : int, default=1
+        Number of the first coefficient; see `next_number` for a second formula on a target.
 
     Examples
     --------
@@ -59,6 +62,7 @@ class Formula(Effect):
 
     terms: tuple[str, ...] = ()
     coefficients: tuple[float, ...] = ()
+    first: int = 1
     id = "formula"
     summary = "Something that the catalogue does not know; these terms describe it."
     check = "Plot what is missing over the quantities in the formula and ask what acts that way."
@@ -68,9 +72,36 @@ class Formula(Effect):
         """Name all states, inputs and outputs."""
         return tuple(dict.fromkeys((*model.states, *model.inputs, *model.outputs)))
 
+    @staticmethod
+    def next_number(model, target: str) -> int:
+        """Give the number that follows those of a target's coefficients in a model.
+
+        Parameters
+        ----------
+        model : PhysicsModel
+            The model.
+        target : str
+            The state, input or output.
+
+        Returns
+        -------
+        int
+            1 where there are none.
+
+        Examples
+        --------
+        >>> from sklearn_pgnn.physics.systems import cart_on_spring
+        >>> cart = cart_on_spring() + Formula("v", ("x**2", "v**2"), (0.1, 0.2))
+        >>> Formula.next_number(cart, "v")
+        3
+        """
+        names = [re.fullmatch(rf"c(\d+)_{re.escape(target)}", name) for name in model.parameters]
+        return max((int(name[1]) for name in names if name), default=0) + 1
+
     def names(self):
         """Give a name to every coefficient."""
-        return {f"c{i + 1}": f"c{i + 1}_{self.target}" for i in range(len(self.terms))}
+        numbers = range(self.first, self.first + len(self.terms))
+        return {f"c{number}": f"c{number}_{self.target}" for number in numbers}
 
     def parameters(self, model):
         """Give the coefficients."""
