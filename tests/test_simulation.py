@@ -539,3 +539,16 @@ def test_parameters_seen_only_together_have_no_finite_error():
     errors = standard_errors(fit, expected, estimate.spread)
     assert np.isinf([errors["a"], errors["b"]]).all()
     assert 0 < errors["c"] < 0.05
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_state_that_runs_away_unseen_is_taken_to_stay_at_its_start():
+    # large enough that its square is no number any more, but a number itself
+    runaway = PhysicsModel(
+        {"y": "V", "z": "V"}, {"y": "-y", "z": "g*z + 1"}, {"g": 1.0}, outputs={"y": "y"}
+    )
+    t = np.arange(0, 4, 0.1)
+    ground = window_records(runaway, read_records(runaway, t[:, None], np.exp(-t)), substeps=20)
+    estimate = ground.states.estimate(runaway.with_parameters(g=120.0))
+    assert np.isfinite(estimate.spread).all()
+    assert np.abs(estimate.x[:, 1]).max() < 1e100

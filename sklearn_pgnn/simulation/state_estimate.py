@@ -10,7 +10,7 @@ import sympy
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.simulate import Simulation, settled_start, simulate
-from sklearn_pgnn.simulation.windows import Windows
+from sklearn_pgnn.simulation.windows import ENDLESS, Windows
 from sklearn_pgnn.trajectories.smoothing import FEWEST, Smoothed, choose_penalty, smooth
 
 #: how many of its standard errors a smoothed state may be off
@@ -130,7 +130,7 @@ class StateEstimator:
             known = {s: v[0][a] for s, v in self.known.items()}
             x0 = np.array([{**start, **known}[state] for state in model.states])
             run = free_run(model, windows, a, b, x0).x
-            runs.append(np.where(np.isfinite(run), run, x0))
+            runs.append(np.where(np.abs(run) < ENDLESS, run, x0))
         return np.concatenate(runs)
 
 
