@@ -174,7 +174,10 @@ def _is_there(model: PhysicsModel, effect: Effect) -> bool:
 
 
 def same_parameter(model: PhysicsModel, effect: Effect) -> str | None:
-    r"""Name the free parameter of a model that does just what an effect would do.
+    r"""Name the parameter of a model that does just what an effect would do.
+
+    Of an effect that the model was extended by, that is the effect's own, fixed or free; else only
+    free ones count.
 
     An effect with a single parameter :math:`q` is the same as the parameter :math:`p` if
     :math:`\partial (f, g)/\partial q` is :math:`\partial (f, g)/\partial p` times a factor

@@ -498,8 +498,7 @@ class Search:
         """Name the suspects that a cause may be, were they sought as small as it is."""
         setting, model = self.fitter.setting, trial.fit.model
         rest = trial.hypothesis.without(cause)
-        possible = [other for other in self.suspects if rest.allows(other)]
-        return [other for other in possible if resemble(setting, model, cause, other)]
+        return [o for o in self.suspects if rest.allows(o) and resemble(setting, model, cause, o)]
 
     def _exact(self, without: Trial, cause: Cause, tried) -> list[Cause]:
         """Name the causes that are the same as one in the equations, beside the others.

@@ -205,7 +205,6 @@ def _places(model, dry):
 
 def _function(places, entries) -> str:
     """Write the straight-line function that fills ``out`` with the entries."""
-    entries = [sympy.sympify(entry) for entry in entries]
     names = sympy.numbered_symbols("c", real=True)
     shared, entries = sympy.cse(entries, symbols=names, order="none", list=True)
     used = set().union(*(e.free_symbols for e in entries), *(e.free_symbols for _, e in shared))
