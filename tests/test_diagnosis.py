@@ -312,6 +312,15 @@ def test_an_effect_that_a_parameter_holds_is_no_suspect():
     assert held_parameters(golf, (effects.AsymmetricFriction, "omega")) == ("d",)
 
 
+def test_roots_of_what_may_be_negative_are_no_obstacle():
+    rates = {"h": "k4*u - k1*sqrt(h)", "g": "k1*sqrt(h) - k3*sqrt(g)"}
+    tanks = PhysicsModel(
+        {"h": "m", "g": "m"}, rates, {"k1": 0.1, "k3": 0.1, "k4": 0.2}, {"u": "V"}, {"level": "g"}
+    )
+    suspects = possible_causes(tanks, effects.CATALOGUE)
+    assert {(effects.Leak, "h"), (effects.StateLimit, "g")} <= set(suspects)
+
+
 @pytest.mark.parametrize("kind", effects.CATALOGUE, ids=lambda kind: kind.id)
 def test_an_effect_that_the_model_was_extended_by_is_no_suspect(kind):
     models = systems.cart_on_spring(), systems.two_tanks()
@@ -453,3 +462,38 @@ def test_a_tone_in_what_is_left_is_heard_through_noise_of_four_times_its_power(f
     left[::7] = np.nan
     tones = np.array(tones_left(setting.windows, left[:, None]))
     assert np.abs(tones - frequency).min() < 1 / 8
+
+
+@pytest.fixture(scope="module", params=["zoh", "foh"])
+def smooth_input(request):
+    """A hardening spring seen eight times a period, under an input that is smooth between."""
+    cart = PhysicsModel(
+        {"q": "m", "v": "m/s"},
+        {"q": "v", "v": "(F - d*v - k*q)/m"},
+        {"m": 1.0, "d": 1.0, "k": 400.0},
+        {"F": "N"},
+        {"q": "q"},
+        inertia={"v": "m"},
+    )
+    rng, t = np.random.default_rng(SEED), np.arange(1500) / 25
+    waves = rng.uniform(0.5, 5.0, 25)[:, None] * t + rng.uniform(0, 1, 25)[:, None]
+    F = 8 * np.sin(2 * np.pi * waves).sum(axis=0)
+    rig = cart + effects.CubicStiffness("v", stiffness=2000.0)
+    q = rig.simulate(t, F, substeps=20, hold=request.param).y
+    q += 1e-3 * rng.standard_normal(q.shape)
+    prior = cart.with_parameters(k=380.0, d=1.05)
+    catalogue = [effects.CubicStiffness, effects.InputDelay]
+    return request.param, ModelDiagnosis(prior, catalogue=catalogue).fit(np.c_[t, F], q)
+
+
+def test_records_tell_how_inputs_run_between_samples(smooth_input):
+    hold, diagnosis = smooth_input
+    assert diagnosis.hold_ == hold
+    assert [cause.effect for cause in diagnosis.causes_] == ["cubic_stiffness"]
+    assert diagnosis.causes_[0].parameters["stiffness"].value == pytest.approx(2000, rel=0.02)
+
+
+def test_an_unknown_hold_is_refused():
+    hidden = make_hidden_effect(n_records=2, duration=3, sample_rate=50, random_state=0)
+    with pytest.raises(ValueError, match="hold: expected one of auto, zoh, foh, got 'linear'"):
+        ModelDiagnosis(hidden.prior, hold="linear").fit(hidden.X, hidden.y)

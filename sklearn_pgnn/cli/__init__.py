@@ -34,10 +34,11 @@ def _job_options(command):
 @click.option("--output", required=True, metavar="DIR", help="Where the results go.")
 @click.option(
     "--hold",
-    type=click.Choice(["zoh", "foh"]),
-    default="zoh",
+    type=click.Choice(["auto", "zoh", "foh"]),
+    default="auto",
     show_default=True,
-    help="Inputs are held between samples (zoh), or run straight from one to the next (foh).",
+    help="Inputs are held between samples (zoh), or run straight from one to the next (foh); "
+    "auto: held, unless the records speak against it.",
 )
 @click.option(
     "--window",

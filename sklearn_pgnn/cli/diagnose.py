@@ -74,7 +74,7 @@ class Job:
     model: str | PathLike
     data: Sequence[str | PathLike]
     output: str | PathLike
-    hold: str = "zoh"
+    hold: str = "auto"
     window: float | None = None
     max_causes: int = 4
     seed: int = 0

@@ -290,7 +290,7 @@ def number_at(expression: sympy.Expr, point) -> float:
     """Evaluate an expression at a point; NaN where it is no number there."""
     try:
         return float(expression.xreplace(point))
-    except TypeError:  # not real there, or a derivative of a jump
+    except (TypeError, ValueError):  # not real there, or compared so, or a derivative of a jump
         return np.nan
 
 

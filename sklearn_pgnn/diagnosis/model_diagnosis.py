@@ -1,6 +1,7 @@
 """The diagnosis as an estimator: records in, verdict, causes and an extended model out."""
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from joblib import effective_n_jobs
@@ -12,6 +13,7 @@ from sklearn_pgnn.diagnosis.beyond import Beyond
 from sklearn_pgnn.diagnosis.data_quality import check_data_quality
 from sklearn_pgnn.diagnosis.detectability import Bench, Detectability, detect_all
 from sklearn_pgnn.diagnosis.fitting import Fitter
+from sklearn_pgnn.diagnosis.ground import fit_window_length, speaks_for_slopes
 from sklearn_pgnn.diagnosis.hypothesis import Cause, possible_causes
 from sklearn_pgnn.diagnosis.injection import verified
 from sklearn_pgnn.diagnosis.records import keep_records
@@ -29,24 +31,18 @@ from sklearn_pgnn.diagnosis.search import Outcome, Rules, Search
 from sklearn_pgnn.diagnosis.separation import Separation, are_same, plain_separation, separate
 from sklearn_pgnn.diagnosis.setting import (
     check_records,
-    longer,
     make_setting,
-    shorter,
     with_prior_spreads,
 )
+from sklearn_pgnn.diagnosis.unexplained import MissingPart
 from sklearn_pgnn.physics.effects import CATALOGUE
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.readings import reading
-from sklearn_pgnn.simulation.record_windows import MIN_WINDOWS
-from sklearn_pgnn.simulation.simulate import simulate_records
+from sklearn_pgnn.simulation.simulate import HOLDS, simulate_records
+from sklearn_pgnn.simulation.window_fit import WindowFit
 from sklearn_pgnn.trajectories import read_records, rows_in_order
 from sklearn_pgnn.trajectories.validation import validate_table
 
-#: windows are as long as the re-tuned prior can follow: its error, in units of the noise, at which
-#: they are halved, and below which they are doubled
-TOO_LARGE, SMALL = 30.0, 3.0
-#: shorter windows must lower the error to this share of it; longer ones may raise it so many times
-HELPS, HARDLY_HARDER = 0.75, 1.15
 #: what is left above the noise, as a share of the re-tuned prior's error power, when a cause
 #: outside the catalogue must be at work
 UNEXPLAINED = 0.1
@@ -78,8 +74,9 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         Standard deviation of the outputs' noise; by default the records tell.
     significance : float, default=3
         A cause's held-out gain must be so many of its standard errors.
-    hold : {"zoh", "foh"}, default="zoh"
-        Whether an input is held between two samples or runs straight from one to the next.
+    hold : {"auto", "zoh", "foh"}, default="auto"
+        Whether an input is held between two samples (``"zoh"``) or runs straight from one to the
+        next (``"foh"``); by default held, unless the records speak against it.
     substeps : int, optional
         Integration steps from sample to sample; by default as many as accuracy needs.
     time : int or str, optional
@@ -109,6 +106,8 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         Window length used [s].
     substeps_ : int
         Integration steps from sample to sample.
+    hold_ : {"zoh", "foh"}
+        How the inputs were taken to run between samples.
     missing_ : MissingPart or None
         With the verdict ``"unexplained"``: where something is missing that the catalogue has no
         name for, what it depends on, and a formula for it.
@@ -152,7 +151,7 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         window=None,
         noise=None,
         significance=3.0,
-        hold="zoh",
+        hold="auto",
         substeps=None,
         time=None,
         n_jobs=None,
@@ -198,8 +197,10 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         Raises
         ------
         ValueError
-            If X or y cannot be read as records of the model, or hold too little.
+            If X or y cannot be read as records of the model, or hold too little; if `hold` is
+            none of its choices.
         """
+        _check_hold(self.hold)
         if y is None:
             raise ValueError(
                 f"{type(self).__name__} requires y to be passed, but the target y is None."
@@ -207,20 +208,15 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         X = validate_table(self, X, reset=True)
         records = read_records(self.model, X, y, time=self.time)
         check_records(self.model, records)
-        fitter = self._ground(records)
-        catalogue = CATALOGUE if self.catalogue is None else tuple(self.catalogue)
-        suspects = possible_causes(self.model, catalogue, self.targets)
-        rules = Rules(significance=self.significance, max_causes=self.max_causes)
-        beyond = Beyond()
-        search = Search(fitter, suspects, rules, self.progress or _silent, beyond.is_enough)
-        outcome, self.missing_ = beyond.judge(search, search.run())
-        self._keep(fitter, search, outcome)
+        found = self._investigate(records)
+        fitter, outcome, self.missing_ = found.search.fitter, found.outcome, found.missing
+        self._keep(fitter, found.search, outcome)
         self.data_quality_ = check_data_quality(
             fitter.setting,
             [record.name for record in records],
             outcome.base.fit,
             outcome.final.fit,
-            beyond.fit,
+            found.formula,
         )
         self.records_ = keep_records(fitter, outcome, (record.name for record in records))
         self.separations_ = self._separate()
@@ -228,18 +224,36 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         self._single_output = np.asarray(y).ndim == 1
         return self
 
-    def _ground(self, records) -> Fitter:
+    def _investigate(self, records) -> "_Finding":
+        """Search with inputs that run between samples as the user says, or else as records do."""
+        found = self._search(self._ground(records, "zoh" if self.hold == "auto" else self.hold))
+        if self.hold == "auto" and speaks_for_slopes(found.search.fitter, found.outcome.final):
+            again = self._search(self._ground(records, "foh"))
+            return min(found, again, key=_error)
+        return found
+
+    def _search(self, fitter: Fitter) -> "_Finding":
+        """Search the catalogue, and what it has no name for."""
+        catalogue = CATALOGUE if self.catalogue is None else tuple(self.catalogue)
+        suspects = possible_causes(self.model, catalogue, self.targets)
+        rules = Rules(significance=self.significance, max_causes=self.max_causes)
+        beyond = Beyond()
+        search = Search(fitter, suspects, rules, self.progress or _silent, beyond.is_enough)
+        outcome, missing = beyond.judge(search, search.run())
+        return _Finding(search, outcome, missing, beyond.fit)
+
+    def _ground(self, records, hold: str) -> Fitter:
         """Cut the records into windows, as long as the user or the records say."""
         setting = make_setting(
             self.model,
             records,
             window=self.window,
             noise=self.noise,
-            hold=self.hold,
+            hold=hold,
             substeps=self.substeps,
             threads=effective_n_jobs(self.n_jobs),
         )
-        return Fitter(setting) if self.window is not None else _fit_window_length(setting)
+        return Fitter(setting) if self.window is not None else fit_window_length(setting)
 
     def _keep(self, fitter: Fitter, search: Search, outcome: Outcome) -> None:
         """Turn the outcome of the search into learned attributes."""
@@ -254,7 +268,7 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         self.extended_model_ = with_prior_spreads(final.fit.model, self.model)
         self.verdict_ = self._verdict(search, outcome)
         self.window_ = setting.scales.window
-        self.substeps_ = setting.windows.substeps
+        self.substeps_, self.hold_ = setting.windows.substeps, setting.windows.hold
         tried = [Tried(e.id, target, float(left)) for (e, target), left in outcome.tried.items()]
         self.tried_ = tuple(sorted(tried, key=lambda suspect: suspect.left))
 
@@ -316,7 +330,7 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         check_is_fitted(self)
         records = read_records(self.model, validate_table(self, X, reset=False), time=self.time)
         outputs = simulate_records(
-            self.extended_model_, records, hold=self.hold, substeps=self.substeps_
+            self.extended_model_, records, hold=self.hold_, substeps=self.substeps_
         )
         outputs = rows_in_order(records, outputs)
         return outputs.ravel() if self._single_output else outputs
@@ -513,31 +527,23 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         return reading("plot_diagnosis")(self)
 
 
-def _fit_window_length(setting) -> Fitter:
-    """Make the windows as long as the re-tuned prior can follow, and as it forgets its start."""
-    fitter = Fitter(setting)
-    while fitter.base_error() > TOO_LARGE and (setting := shorter(setting)) is not None:
-        nearer = Fitter(setting)
-        if nearer.base_error() > HELPS * fitter.base_error():
-            break
-        fitter = nearer
-    while (setting := longer(fitter.setting)) is not None:
-        further = Fitter(setting)
-        if not (_follows(fitter, further) or _forgets(fitter, further)):
-            break
-        fitter = further
-    return fitter
+class _Finding(NamedTuple):
+    """A search, what it found, what has no name, and the fit of a formula for that."""
+
+    search: Search
+    outcome: Outcome
+    missing: MissingPart | None
+    formula: WindowFit | None
 
 
-def _follows(fitter: Fitter, further: Fitter) -> bool:
-    """Tell whether the re-tuned prior is near the records, and stays so in longer windows."""
-    return fitter.base_error() < SMALL and further.base_error() <= TOO_LARGE
+def _error(found: _Finding) -> float:
+    """Give what the causes leave, a sample."""
+    return found.outcome.final.squares / found.search.fitter.setting.n_samples
 
 
-def _forgets(fitter: Fitter, further: Fitter) -> bool:
-    """Tell whether longer windows are hardly harder, and still enough to judge on."""
-    enough = len(further.setting.windows) >= MIN_WINDOWS
-    return enough and further.base_error() < HARDLY_HARDER * fitter.base_error()
+def _check_hold(hold) -> None:
+    if hold not in ("auto", *HOLDS):
+        raise ValueError(f"hold: expected one of auto, {', '.join(HOLDS)}, got {hold!r}.")
 
 
 def _check_detectability(power, noise) -> None:

@@ -285,7 +285,7 @@ class Search:
         loss = worse.squares - better.squares
         floor = self._rough_floor()
         large = loss > max(2 * self.rules.share * (worse.squares - floor), HARDLY**2 * floor)
-        return large and _is_fall(worse.pieces, better.pieces, self.rules.significance)
+        return large and is_fall(worse.pieces, better.pieces, self.rules.significance)
 
     def _rough_floor(self) -> float:
         """Give the floor's part that falls to the samples of a sketch."""
@@ -333,7 +333,7 @@ class Search:
         many, few = self.fair(worse), self.fair(better)
         if many.sum() - few.sum() < max(NOTICED**2 * noise, HARDLY**2 * self.floor):
             return False
-        return _is_fall(many, few, NOTICED)
+        return is_fall(many, few, NOTICED)
 
     def fair(self, trial: Trial) -> np.ndarray:
         """Give the squares of every piece, with what the states of effects' own explain by chance.
@@ -375,7 +375,7 @@ class Search:
     def _is_clear(self, worse: np.ndarray, better: np.ndarray) -> bool:
         """Tell whether errors fall in the mean, or, where a few are huge, in proportion."""
         significance = self.rules.significance
-        if _is_fall(worse, better, significance):
+        if is_fall(worse, better, significance):
             return True
         seen = (worse > 0) & (better > 0)
         return _mean_in_errors(np.log(worse[seen] / better[seen])) > significance
@@ -404,7 +404,7 @@ class Search:
             for sketch in self._replacements(trial, cause, tried):
                 swapped = self._complete(sketch, trial)
                 if self._says_it_better(trial, swapped):
-                    return self._swap(swapped, tried)
+                    return self._swap(self._eliminate(swapped), tried)
         return trial
 
     def _says_it_better(self, trial: Trial, other: Trial) -> bool:
@@ -413,7 +413,7 @@ class Search:
             return True
         if _n_parameters(other) != _n_parameters(trial) and self.as_good(other, trial):
             return False
-        falls = _is_fall(trial.pieces, other.pieces, self.rules.significance)
+        falls = is_fall(trial.pieces, other.pieces, self.rules.significance)
         return other.squares < trial.squares and falls
 
     def _replacements(self, trial: Trial, cause: Cause, tried) -> list[Sketch]:
@@ -428,14 +428,15 @@ class Search:
         return sorted(near, key=objective_of)
 
     def _rivals(self, without: Sketch, cause: Cause, tried) -> list[Cause]:
-        """Name the suspects that explain a share of what a cause does alone, or were seen here."""
-        enough = 0.3 * (1.0 - tried.get(cause, 1.0))
+        """Name the suspects that explain a share of what a cause does alone, or stand with others.
+
+        Beside others, what a suspect explains alone says little.
+        """
+        enough = 0.3 * (1.0 - tried.get(cause, 1.0)) if not without.hypothesis.causes else 0.0
         return [
             other
             for other, left in tried.items()
-            if other != cause
-            and without.hypothesis.allows(other)
-            and (1.0 - left > enough or self.fitter.knows(without.hypothesis.plus(other)))
+            if other != cause and without.hypothesis.allows(other) and 1.0 - left >= enough
         ]
 
     def _split(self, trial: Trial, tried) -> Trial:
@@ -538,11 +539,23 @@ def _n_parameters(trial: Trial) -> int:
     return trial.hypothesis.n_parameters
 
 
-def _is_fall(worse: np.ndarray, better: np.ndarray, significance: float) -> bool:
+def is_fall(worse: np.ndarray, better: np.ndarray, significance: float) -> bool:
     """Tell whether the error norms of the pieces fall, and not by chance.
 
     Either their mean fall is so many of its standard errors; or, where an effect shows itself in a
     few pieces only, some fall by more than the noise and hardly any rises.
+
+    Parameters
+    ----------
+    worse, better : ndarray
+        Squared errors of the pieces, in units of the noise.
+    significance : float
+        Standard errors that count.
+
+    Returns
+    -------
+    bool
+        Whether they fall.
     """
     fall = (np.sqrt(worse) - np.sqrt(better)).ravel()
     falls, rises = fall[fall > 0].sum(), -fall[fall < 0].sum()

@@ -198,7 +198,7 @@ def _of_new(diagnosis, X, y, record) -> Comparison:
     chosen = records[record]
     models = {"prior": diagnosis.model, "extended": diagnosis.extended_model_}
     simulated = {
-        which: simulate_records(model, (chosen,), hold=diagnosis.hold)
+        which: simulate_records(model, (chosen,), hold=diagnosis.hold_)
         for which, model in models.items()
     }
     title = f"{_called(chosen.name, record, len(records))}, free run"

@@ -175,7 +175,7 @@ def _method(diagnosis) -> str:
         f"its own. Every suspect was fitted together with the model's free parameters and these "
         f"initial states. A cause is named only if it lowers the error on windows its parameters "
         f"were not fitted to by more than {diagnosis.significance:g} standard errors; it is "
-        f"dropped again where others make it needless. Inputs: {_hold(diagnosis.hold)}. "
+        f"dropped again where others make it needless. Inputs: {_hold(diagnosis.hold_)}. "
         f"Intervals are 95 % intervals, robust to residuals that are not white."
     )
 

@@ -29,7 +29,13 @@ from sklearn_pgnn.physics.effects.outputs import (
 )
 from sklearn_pgnn.physics.effects.parameters import ParameterDrift, WrongParameter
 from sklearn_pgnn.physics.effects.rates import ConstantLoad, PeriodicDisturbance
-from sklearn_pgnn.physics.effects.springs import Cogging, CubicStiffness, EndStop, LinearStiffness
+from sklearn_pgnn.physics.effects.springs import (
+    Cogging,
+    CubicStiffness,
+    EndStop,
+    LinearStiffness,
+    QuadraticStiffness,
+)
 
 CATALOGUE = (
     CoulombFriction,
@@ -38,6 +44,7 @@ CATALOGUE = (
     ViscousFriction,
     QuadraticDrag,
     LinearStiffness,
+    QuadraticStiffness,
     CubicStiffness,
     ConstantLoad,
     Cogging,

@@ -238,7 +238,8 @@ class Hysteresis(PositionEffect):
         \dot\zeta = \frac{1}{x_y} \left(v - (1 - s)\,|v|\,\zeta - s\,v\,|\zeta|\right)
 
     The force reaches :math:`\pm F_h` when the motion has gone on for some yield deflections; below
-    it acts as a spring of stiffness :math:`F_h/x_y`.
+    it acts as a spring of stiffness :math:`F_h/x_y`. A window may start with any :math:`\zeta`; one
+    beyond :math:`\pm 1`, from which the equation would run away, counts as :math:`\pm 1`.
 
     Parameters
     ----------
@@ -272,17 +273,22 @@ class Hysteresis(PositionEffect):
 
     def force(self, v, position, p):
         """Give the largest force times the state of the hysteresis."""
-        return p["level"] * symbol(self.state)
+        return p["level"] * self.bounded
 
     @property
     def state(self) -> str:
         """Name the state that remembers."""
         return f"zeta_{self.target}"
 
+    @property
+    def bounded(self) -> sympy.Expr:
+        """The state, kept where it is bound to stay."""
+        return sympy.Max(sympy.Min(symbol(self.state), 1), -1)
+
     def rewrite(self, model, p):
         """Subtract the force and add the state that remembers."""
         changes = super().rewrite(model, p)
-        v, zeta = symbol(self.target), symbol(self.state)
+        v, zeta = symbol(self.target), self.bounded
         bend = (1 - p["shape"]) * sympy.Abs(v) * zeta + p["shape"] * v * sympy.Abs(zeta)
         changes["equations"][self.state] = (v - bend) / p["deflection"]
         changes["states"] = {**model.states, self.state: ""}

@@ -48,6 +48,42 @@ class LinearStiffness(PositionEffect):
 
 
 @dataclass(frozen=True)
+class QuadraticStiffness(PositionEffect):
+    r"""A spring that is stiffer on one side than on the other, :math:`F = k_2\,x^2`.
+
+    Parameters
+    ----------
+    target : str
+        The velocity whose position the spring holds.
+    stiffness : float, default=0
+        Stiffness :math:`k_2` [force per position squared].
+
+    Examples
+    --------
+    >>> QuadraticStiffness("v", stiffness=5.0).names()
+    {'stiffness': 'k2_v'}
+    """
+
+    stiffness: float = quantity("k2", "{force}/({position})^2")
+    id = "quadratic_stiffness"
+    summary = "A spring that is stiffer on one side: preloaded, sagging, or bent."
+    check = "Push and pull with the same force: the deflections differ."
+
+    def force(self, v, position, p):
+        """Give k2*x^2."""
+        return p["stiffness"] * position**2
+
+    def potential(self, position, p):
+        """Give k2*x^3/3."""
+        return p["stiffness"] * position**3 / 3
+
+    @classmethod
+    def starts(cls, target, model, scales):
+        """Start with equal sides."""
+        return (cls(target),)
+
+
+@dataclass(frozen=True)
 class CubicStiffness(PositionEffect):
     r"""A hardening or softening spring, :math:`F = k_3\,x^3`.
 

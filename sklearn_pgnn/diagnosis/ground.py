@@ -1,0 +1,97 @@
+"""The ground that records ask for: how long windows are, and how inputs run between samples."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from sklearn_pgnn.diagnosis.fitting import Fitter, Trial, piece_squares
+from sklearn_pgnn.diagnosis.search import is_fall
+from sklearn_pgnn.diagnosis.setting import ROUGH_SAMPLES, Setting, longer, shorter
+from sklearn_pgnn.simulation.record_windows import MIN_WINDOWS
+from sklearn_pgnn.simulation.window_fit import fit_windows
+
+#: windows are as long as the re-tuned prior can follow: its error, in units of the noise, at which
+#: they are halved, and below which they are doubled
+TOO_LARGE, SMALL = 30.0, 3.0
+#: shorter windows must lower the error to this share of it; longer ones may raise it so many times
+HELPS, HARDLY_HARDER = 0.75, 1.15
+#: inputs that run straight between samples must lower a fit's squares to this share, and its errors
+#: by so many of their standard errors
+NEARER, CLEARLY = 0.95, 3.0
+#: steps in which a fit gets used to it
+STEPS = 8
+
+
+def fit_window_length(setting: Setting) -> Fitter:
+    """Make windows as long as the re-tuned prior can follow, and as it forgets its start.
+
+    Parameters
+    ----------
+    setting : Setting
+        The ground with windows of the usual length.
+
+    Returns
+    -------
+    Fitter
+        The fitter, on windows of the length that the records ask for.
+    """
+    fitter = Fitter(setting)
+    while fitter.base_error() > TOO_LARGE and (setting := shorter(setting)) is not None:
+        nearer = Fitter(setting)
+        if nearer.base_error() > HELPS * fitter.base_error():
+            break
+        fitter = nearer
+    while (setting := longer(fitter.setting)) is not None:
+        further = Fitter(setting)
+        if not (_follows(fitter, further) or _forgets(fitter, further)):
+            break
+        fitter = further
+    return fitter
+
+
+def _follows(fitter: Fitter, further: Fitter) -> bool:
+    """Tell whether the re-tuned prior is near the records, and stays so in longer windows."""
+    return fitter.base_error() < SMALL and further.base_error() <= TOO_LARGE
+
+
+def _forgets(fitter: Fitter, further: Fitter) -> bool:
+    """Tell whether longer windows are hardly harder, and still enough to judge on."""
+    enough = len(further.setting.windows) >= MIN_WINDOWS
+    return enough and further.base_error() < HARDLY_HARDER * fitter.base_error()
+
+
+def speaks_for_slopes(fitter: Fitter, trial: Trial) -> bool:
+    """Tell whether the records say that inputs are not held, but run straight between samples.
+
+    Parameters
+    ----------
+    fitter : Fitter
+        The fitter, on whose windows inputs are held.
+    trial : Trial
+        A hypothesis, fitted on these windows.
+
+    Returns
+    -------
+    bool
+        Whether the hypothesis is clearly nearer to the records with inputs that are not held.
+    """
+    setting, windows = fitter.setting, fitter.setting.windows
+    some = np.arange(0, len(windows), -(-windows.lengths.sum() // ROUGH_SAMPLES))
+    straight = replace(windows, hold="foh")
+    held, sloped = (_squares(replace(setting, windows=w), trial, some) for w in (windows, straight))
+    return sloped.sum() < NEARER * held.sum() and is_fall(held, sloped, CLEARLY)
+
+
+def _squares(setting: Setting, trial: Trial, some: np.ndarray) -> np.ndarray:
+    """Fit a hypothesis to some windows, from where it is, and give the squares of their pieces."""
+    start = setting.states.estimate(trial.fit.model)
+    fit = fit_windows(
+        trial.fit.model,
+        setting.windows.select(some),
+        trial.fit.freedoms,
+        start.x[setting.windows.starts[some]],
+        start.spread,
+        x0_start=trial.fit.x0[some],
+        max_steps=STEPS,
+    )
+    return piece_squares(setting, fit, some).sum(axis=-1)
