@@ -17,6 +17,7 @@ from sklearn_pgnn.diagnosis.hypothesis import (
 from sklearn_pgnn.diagnosis.lines import tones_left
 from sklearn_pgnn.diagnosis.setting import ROUGH_WINDOWS, Rough, Setting, rough_windows, worst_first
 from sklearn_pgnn.diagnosis.signs import turn_poor_windows
+from sklearn_pgnn.diagnosis.window_offset import WindowOffset
 from sklearn_pgnn.physics.effect import Scales
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.state_estimate import unsigned_states
@@ -478,14 +479,45 @@ class Fitter:
         """
         key = self.key(trial.hypothesis)
         if key not in self._held_out:
-            self._held_out[key] = self._cross_validate(trial, folds)
+            start = self._start(trial.fit.model)
+            self._held_out[key] = self._cross_validate(trial.fit, start, folds)
         return self._held_out[key]
 
-    def _cross_validate(self, trial, folds):
-        setting, fit = self.setting, trial.fit
-        windows = setting.windows
+    def held_out_with_offset(self, trial: Trial, target: str, folds: np.ndarray) -> np.ndarray:
+        """Give the same if every window may have an offset of its own, see `WindowOffset`.
+
+        Parameters
+        ----------
+        trial : Trial
+            The hypothesis, fitted on all windows.
+        target : str
+            What the offset acts on.
+        folds : ndarray of shape (n_windows,)
+            Fold of every window.
+
+        Returns
+        -------
+        ndarray of shape (n_windows, n_pieces, n_outputs)
+            Sum of squared residuals of every piece, in units of the noise.
+        """
+        model, scales = WindowOffset(target).apply(trial.fit.model), self.setting.scales
+        size = (scales.rate if target in model.states else scales.typical)[target]
+        x0, spread = self._start(trial.fit.model)
+        start = Start(np.c_[x0, np.zeros(len(x0))], np.append(spread, size))
+        fit = fit_windows(
+            model,
+            self.setting.windows,
+            trial.fit.freedoms,
+            *start,
+            x0_start=np.c_[trial.fit.x0, np.zeros(len(x0))],
+            tolerance=SKETCH_TOLERANCE,
+        )
+        return self._cross_validate(fit, start, folds)
+
+    def _cross_validate(self, fit: WindowFit, start: Start, folds: np.ndarray) -> np.ndarray:
+        setting, windows = self.setting, self.setting.windows
         squares = np.zeros((len(windows), windows.pieces, windows.y.shape[1]))
-        expected, spread = self._start(fit.model)
+        expected, spread = start
         for fold in np.unique(folds):
             inside, outside = folds == fold, folds != fold
             learned = fit_windows(

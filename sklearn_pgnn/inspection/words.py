@@ -1,6 +1,9 @@
 """A diagnosis in words: what an engineer reads on a screen or in a report."""
 
+import itertools
 import math
+
+from sklearn_pgnn.diagnosis.hypothesis import commute
 
 #: words of an effect's id that are names of people
 PEOPLE = {"coulomb": "Coulomb", "stribeck": "Stribeck"}
@@ -136,9 +139,10 @@ def verdict_sentence(diagnosis) -> str:
     sentences = {
         "model_adequate": f"The model of the {name} is adequate: what it misses is within the "
         f"noise, and no other effect makes it better.",
-        "cause_named": f"The model of the {name} misses {names}. {_worth(diagnosis)}",
+        "cause_named": f"The model of the {name} misses {names}. {_order(diagnosis)}"
+        f"{_worth(diagnosis)}",
         "ambiguous": f"The model of the {name} misses {names}, or {_others(diagnosis)}: "
-        f"these records cannot tell. {_worth(diagnosis)}",
+        f"these records cannot tell. {_order(diagnosis)}{_worth(diagnosis)}",
         "unexplained": f"The model of the {name} misses something that no known effect "
         f"explains{f'; {names} is a part of it' if causes else ''}. {_described(diagnosis)}",
     }
@@ -176,6 +180,21 @@ def _others(diagnosis) -> str:
     }
     place = "in its place" if len(diagnosis.causes_) == 1 else "in the place of one of them"
     return f"{' or '.join(others)} {place}"
+
+
+def _order(diagnosis) -> str:
+    """Say in which order a signal meets causes that would make another model in the other order.
+
+    An effect added to a model later acts on a command earlier, and on a sensor's signal later.
+    """
+    model, said = diagnosis.model, ""
+    for signal in (*model.inputs, *model.outputs):
+        met = [cause for cause in diagnosis.records_.causes if cause[1] == signal]
+        if not all(commute(model, *pair) for pair in itertools.combinations(met, 2)):
+            met = met[::-1] if signal in model.inputs else met
+            names = [cause_name(effect.id, target) for effect, target in met]
+            said += f"{signal} meets {', then '.join(names)}: the order matters. "
+    return said
 
 
 def _worth(diagnosis) -> str:
