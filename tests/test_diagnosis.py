@@ -11,7 +11,9 @@ import pickle
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
+from scipy.signal import lfilter
 from sklearn.base import clone
 
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects, systems
@@ -44,6 +46,13 @@ LONG = (
     effects.InputBacklash,
     effects.InputRateLimit,
     effects.ParameterDrift,
+)
+#: effects with a state of their own
+MEMORIES = (
+    effects.Hysteresis,
+    effects.InputBacklash,
+    effects.ActuatorLag,
+    effects.InputRateLimit,
 )
 RIGS = {
     systems.cart_on_spring: {"n_records": 4, "sample_rate": 100.0},
@@ -497,3 +506,31 @@ def test_an_unknown_hold_is_refused():
     hidden = make_hidden_effect(n_records=2, duration=3, sample_rate=50, random_state=0)
     with pytest.raises(ValueError, match="hold: expected one of auto, zoh, foh, got 'linear'"):
         ModelDiagnosis(hidden.prior, hold="linear").fit(hidden.X, hidden.y)
+
+
+def leaned_on():
+    """Records of a cart that somebody leans on, now more, now less; its model is right."""
+    cart = systems.cart_on_spring()
+    rng, t = np.random.default_rng(SEED), np.arange(0, 20, 0.02)
+    lean = PhysicsModel(
+        dict(cart.states),
+        {"x": "v", "v": "(force + lean - k*x - d*v)/m"},
+        {name: p.value for name, p in cart.parameters.items()},
+        {"force": "N", "lean": "N"},
+        {"position": "x"},
+    )
+    X, y = [], []
+    for record in range(4):
+        force = np.repeat(rng.uniform(-15, 15, 40), 25)
+        slow = lfilter([np.sqrt(1 - 0.98**2)], [1, -0.98], rng.standard_normal(t.size))
+        run = lean.simulate(t, np.c_[force, 0.5 * slow], substeps=4)
+        X.append(pd.DataFrame({"trajectory": record, "t": t, "force": force}))
+        y.append(run.y + 1e-3 * rng.standard_normal(run.y.shape))
+    return cart, pd.concat(X), np.concatenate(y)
+
+
+def test_a_slow_disturbance_from_outside_gets_no_name():
+    """What a free start of a memory explains in every window, an offset there explains as well."""
+    cart, X, y = leaned_on()
+    diagnosis = ModelDiagnosis(cart, catalogue=MEMORIES).fit(X, y)
+    assert (diagnosis.verdict_, diagnosis.causes_) == ("unexplained", ())
