@@ -30,7 +30,7 @@ from sklearn_pgnn.diagnosis.pairs import foretell_pairs
 from sklearn_pgnn.diagnosis.search import Rules, Search
 from sklearn_pgnn.diagnosis.setting import make_setting
 from sklearn_pgnn.exceptions import RecordError
-from sklearn_pgnn.inspection.words import separation_sentence
+from sklearn_pgnn.inspection.words import separation_sentence, verdict_sentence
 from sklearn_pgnn.simulation.windows import Windows
 from sklearn_pgnn.trajectories import read_records
 
@@ -445,7 +445,7 @@ def test_what_diverges_on_held_out_windows_is_worse_than_what_does_not(worse, be
     search = Search(Fitter(setting), (), Rules(), lambda *_: None)
     errors = {"before": np.array([2.0, worse]), "after": np.array([1.0, better])}
     search._held_out = errors.get
-    assert search._is_gain("before", "after") is gained
+    assert search.is_gain("before", "after") is gained
 
 
 @pytest.mark.parametrize("seed", [2, 5])
@@ -534,3 +534,6 @@ def test_a_slow_disturbance_from_outside_gets_no_name():
     cart, X, y = leaned_on()
     diagnosis = ModelDiagnosis(cart, catalogue=MEMORIES).fit(X, y)
     assert (diagnosis.verdict_, diagnosis.causes_) == ("unexplained", ())
+    assert diagnosis.disturbance_.target == "v"
+    assert diagnosis.disturbance_.share > 0.7
+    assert "A constant in the rate of v, another one every" in verdict_sentence(diagnosis)

@@ -131,4 +131,5 @@ def _matters(search: Search, outcome: Outcome, beside: Proposal) -> bool:
     """Tell whether a formula explains a part of all that the prior lacks, and not by chance."""
     gain = search.excess(outcome.final) - search.excess(beside.trial)
     large = gain > search.rules.share * search.excess(outcome.base)
-    return large and not search.as_good(beside.trial, outcome.final)
+    new = large and not search.as_good(beside.trial, outcome.final)
+    return new and search.is_gain(outcome.final, beside.trial)

@@ -115,7 +115,7 @@ class Fitter:
         self._trials: dict[Key, Trial] = {}
         self._sketches: dict[Key, Sketch] = {}
         self._begun: dict[Key, float] = {}
-        self._held_out: dict[Key, np.ndarray] = {}
+        self._held_out: dict[tuple[Key, tuple[str, ...]], np.ndarray] = {}
         self._held_names: dict[Cause, tuple[str, ...]] = {}
         self._commuting: dict[frozenset, bool] = {}
 
@@ -202,7 +202,11 @@ class Fitter:
         key = self.key(trial.hypothesis)
         if key not in self._trials or trial.fit.objective < self._trials[key].fit.objective:
             self._trials[key] = trial
-            self._held_out.pop(key, None)
+            self._held_out.pop(self._fitted(trial), None)
+
+    def _fitted(self, trial: Trial) -> tuple[Key, tuple[str, ...]]:
+        """Give what tells fits apart: the causes, and the numbers of a formula beside them."""
+        return self.key(trial.hypothesis), tuple(trial.fit.model.parameters)
 
     def _fit(self, hypothesis, model, beside, sketch=None) -> Trial:
         model, free = self._free(hypothesis, model)
@@ -477,14 +481,31 @@ class Fitter:
         ndarray of shape (n_windows, n_pieces, n_outputs)
             Sum of squared residuals of every piece, in units of the noise.
         """
-        key = self.key(trial.hypothesis)
+        key = self._fitted(trial)
         if key not in self._held_out:
             start = self._start(trial.fit.model)
             self._held_out[key] = self._cross_validate(trial.fit, start, folds)
         return self._held_out[key]
 
     def held_out_with_offset(self, trial: Trial, target: str, folds: np.ndarray) -> np.ndarray:
-        """Give the same if every window may have an offset of its own, see `WindowOffset`.
+        """Give the same if every window may have an offset of its own.
+
+        Parameters
+        ----------
+        trial, folds
+            As `held_out` has them.
+        target : str
+            What the offset acts on.
+
+        Returns
+        -------
+        ndarray of shape (n_windows, n_pieces, n_outputs)
+            Sum of squared residuals of every piece, in units of the noise.
+        """
+        return self._cross_validate(*self.with_offset(trial, target), folds)
+
+    def with_offset(self, trial: Trial, target: str) -> tuple[WindowFit, Start]:
+        """Fit a hypothesis again with an offset in every window, see `WindowOffset`.
 
         Parameters
         ----------
@@ -492,27 +513,27 @@ class Fitter:
             The hypothesis, fitted on all windows.
         target : str
             What the offset acts on.
-        folds : ndarray of shape (n_windows,)
-            Fold of every window.
 
         Returns
         -------
-        ndarray of shape (n_windows, n_pieces, n_outputs)
-            Sum of squared residuals of every piece, in units of the noise.
+        fit : WindowFit
+            The fit.
+        start : Start
+            What was expected of the initial states; the offset is as large as the signal.
         """
-        model, scales = WindowOffset(target).apply(trial.fit.model), self.setting.scales
-        size = (scales.rate if target in model.states else scales.typical)[target]
-        x0, spread = self._start(trial.fit.model)
-        start = Start(np.c_[x0, np.zeros(len(x0))], np.append(spread, size))
+        scales, (x0, spread) = self.setting.scales, self._start(trial.fit.model)
+        size = (scales.rate if target in trial.fit.model.states else scales.typical)[target]
+        none = np.zeros((len(x0), 1))
+        start = Start(np.hstack([x0, none]), np.append(spread, size))
         fit = fit_windows(
-            model,
+            WindowOffset(target).apply(trial.fit.model),
             self.setting.windows,
             trial.fit.freedoms,
             *start,
-            x0_start=np.c_[trial.fit.x0, np.zeros(len(x0))],
+            x0_start=np.hstack([trial.fit.x0, none]),
             tolerance=SKETCH_TOLERANCE,
         )
-        return self._cross_validate(fit, start, folds)
+        return fit, start
 
     def _cross_validate(self, fit: WindowFit, start: Start, folds: np.ndarray) -> np.ndarray:
         setting, windows = self.setting, self.setting.windows

@@ -36,13 +36,13 @@ def fit_window_length(setting: Setting) -> Fitter:
         The fitter, on windows of the length that the records ask for.
     """
     fitter = Fitter(setting)
-    while fitter.base_error() > TOO_LARGE and (setting := shorter(setting)) is not None:
-        nearer = Fitter(setting)
+    while fitter.base_error() > TOO_LARGE and (cut := shorter(fitter.setting)) is not None:
+        nearer = Fitter(cut)
         if nearer.base_error() > HELPS * fitter.base_error():
             break
         fitter = nearer
-    while (setting := longer(fitter.setting)) is not None:
-        further = Fitter(setting)
+    while (joined := longer(fitter.setting)) is not None:
+        further = Fitter(joined)
         if not (_follows(fitter, further) or _forgets(fitter, further)):
             break
         fitter = further

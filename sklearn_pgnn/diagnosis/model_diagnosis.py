@@ -12,6 +12,7 @@ from sklearn.utils.validation import check_is_fitted
 from sklearn_pgnn.diagnosis.beyond import Beyond
 from sklearn_pgnn.diagnosis.data_quality import check_data_quality
 from sklearn_pgnn.diagnosis.detectability import Bench, Detectability, detect_all
+from sklearn_pgnn.diagnosis.disturbance import find_disturbance
 from sklearn_pgnn.diagnosis.fitting import Fitter
 from sklearn_pgnn.diagnosis.ground import fit_window_length, speaks_for_slopes
 from sklearn_pgnn.diagnosis.hypothesis import Cause, possible_causes
@@ -111,6 +112,9 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
     missing_ : MissingPart or None
         With the verdict ``"unexplained"``: where something is missing that the catalogue has no
         name for, what it depends on, and a formula for it.
+    disturbance_ : Disturbance or None
+        Where there is neither name nor formula: .target and .share of what acts like a slow
+        disturbance from outside, if most of what is left does.
     tried_ : tuple of Tried
         Every suspect, the best first: .effect, .target and .left, the share of the re-tuned
         prior's error power it leaves alone.
@@ -211,6 +215,8 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         found = self._investigate(records)
         fitter, outcome, self.missing_ = found.search.fitter, found.outcome, found.missing
         self._keep(fitter, found.search, outcome)
+        nameless = self.verdict_ == "unexplained" and self.missing_ is None
+        self.disturbance_ = find_disturbance(found.search, outcome.final) if nameless else None
         self.data_quality_ = check_data_quality(
             fitter.setting,
             [record.name for record in records],
@@ -366,7 +372,9 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
             "parameters": {name: plain(p) for name, p in self.parameters_.items()},
             "gain": {name: plain(gain) for name, gain in self.gain_.items()},
             "unexplained": None if self.missing_ is None else self.missing_.to_dict(),
+            "disturbance": None if self.disturbance_ is None else plain(self.disturbance_),
             "window": self.window_,
+            "hold": self.hold_,
         }
 
     def to_html(self, path) -> None:

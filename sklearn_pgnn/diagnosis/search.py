@@ -150,7 +150,7 @@ class Search:
         """Fit the causes to their end, and judge once more the one that stands alone."""
         trial, base = self.fitter.polish(trial), self.fitter.polish(self.fitter.base())
         alone = len(trial.hypothesis.causes) == 1
-        return base if alone and not self._is_gain(base, trial) else trial
+        return base if alone and not self.is_gain(base, trial) else trial
 
     def _of_all(self, tried: dict[Cause, float]) -> dict[Cause, float]:
         """Say of causes that are the same as others what was found of these."""
@@ -229,7 +229,7 @@ class Search:
             trials = [self._complete(sketch, current) for sketch in self._contenders(left)]
             best = self._simplest_of_the_best(trials)
             current = self.fitter.retry(current, best)
-            if self._is_simpler(current, best) or self._is_gain(current, best):
+            if self._is_simpler(current, best) or self.is_gain(current, best):
                 return best
             left = [sketch for sketch in left if sketch.hypothesis != best.hypothesis]
         return None
@@ -358,8 +358,19 @@ class Search:
         added = len(trial.fit.model.states) - len(setting.prior.states)
         return added * self.floor / setting.n_samples / setting.windows.pieces
 
-    def _is_gain(self, before: Trial, after: Trial) -> bool:
-        """Decide on windows that the parameters have not seen."""
+    def is_gain(self, before: Trial, after: Trial) -> bool:
+        """Decide on windows that the parameters have not seen.
+
+        Parameters
+        ----------
+        before, after : Trial
+            A hypothesis, and one that says more.
+
+        Returns
+        -------
+        bool
+            Whether what it says more lowers the error enough, and not by chance.
+        """
         worse, better = self._held_out(before), self._held_out(after)
         if not np.isfinite(better).all():
             return False
@@ -409,7 +420,7 @@ class Search:
             sketch = self.fitter.sketch(trial)
             reduced = [self.fitter.reduce(sketch, c) for c in trial.hypothesis.causes]
             least = self._complete(min(reduced, key=objective_of), trial)
-            if self._is_gain(least, trial):
+            if self.is_gain(least, trial):
                 return trial
             trial = least
         return trial

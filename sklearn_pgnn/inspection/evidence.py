@@ -71,7 +71,7 @@ def missing_evidence(diagnosis) -> Evidence:
     x = samples.value(said)
     grid = even_grid(x)
     return Evidence(
-        title=f"What is missing in {missing_place(diagnosis)}",
+        title=f"What is missing in {missing_place(diagnosis, part)}",
         x_label=f"by the formula {part.formula}",
         y_label="as the records show it",
         points=(x, part.course),

@@ -149,17 +149,16 @@ def verdict_sentence(diagnosis) -> str:
     return sentences[diagnosis.verdict_].rstrip()
 
 
-def missing_place(diagnosis) -> str:
+def missing_place(diagnosis, part) -> str:
     """Say where something is missing that has no name."""
-    target = diagnosis.missing_.target
-    return f"the rate of {target}" if target in diagnosis.model.states else target
+    return f"the rate of {part.target}" if part.target in diagnosis.model.states else part.target
 
 
 def _described(diagnosis) -> str:
     """Say where something nameless is missing, what it depends on, and its formula."""
     part = diagnosis.missing_
     if part is None:
-        return ""
+        return _disturbed(diagnosis)
     on = (
         f"It depends on {listed(part.quantities)}, which explain {percent(part.share)} of its "
         f"smoothed course. "
@@ -167,8 +166,21 @@ def _described(diagnosis) -> str:
         else ""
     )
     return (
-        f"It is missing in {missing_place(diagnosis)}. {on}With {part.formula} added there the "
-        f"model leaves {number(part.error, 3)} times the noise."
+        f"It is missing in {missing_place(diagnosis, part)}. {on}With {part.formula} added there "
+        f"the model leaves {number(part.error, 3)} times the noise."
+    )
+
+
+def _disturbed(diagnosis) -> str:
+    """Say what acts like a disturbance from outside."""
+    part = diagnosis.disturbance_
+    if part is None:
+        return ""
+    return (
+        f"A constant in {missing_place(diagnosis, part)}, another one every "
+        f"{number(diagnosis.window_, 2)} s, would explain {percent(part.share)} of what is left: "
+        f"look for something that acts from outside and changes slowly, such as a load, a draught "
+        f"or a supply, and record it as an input."
     )
 
 
