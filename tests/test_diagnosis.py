@@ -537,3 +537,18 @@ def test_a_slow_disturbance_from_outside_gets_no_name():
     assert diagnosis.disturbance_.target == "v"
     assert diagnosis.disturbance_.share > 0.7
     assert "A constant in the rate of v, another one every" in verdict_sentence(diagnosis)
+
+
+def test_play_without_width_is_a_lag_at_its_place_among_the_others():
+    """Beside a delay the fit of a lag may end elsewhere; that of the play tells where it is."""
+    servo = PhysicsModel({"x": "m"}, {"x": "K*u"}, {"K": 0.1}, {"u": "V"})
+    rig = servo + effects.InputDelay("u", 0.06) + effects.ActuatorLag("u", 0.04)
+    rig = rig + effects.InputDeadZone("u", 0.5)
+    rng, t = np.random.default_rng(1), np.arange(2500) / 50
+    u = np.repeat(rng.uniform(-3, 3, 100), 25) + 0.4 * np.sin(3.1 * t)
+    x = rig.simulate(t, u, substeps=5).y + 1e-4 * rng.standard_normal((t.size, 1))
+    kinds = effects.InputBacklash, effects.InputDeadZone, effects.ActuatorLag, effects.InputDelay
+    prior = servo.with_parameters(K=0.095)
+    diagnosis = ModelDiagnosis(prior, catalogue=kinds).fit(np.c_[t, u], x)
+    found = {cause.effect for cause in diagnosis.causes_}
+    assert found == {"input_dead_zone", "actuator_lag", "input_delay"}

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sklearn_pgnn import PhysicsModel, effects
+from sklearn_pgnn import PhysicsModel, effects, systems
 from sklearn_pgnn.diagnosis.lines import find_lines
 from sklearn_pgnn.diagnosis.setting import make_setting
 from sklearn_pgnn.trajectories import read_records
@@ -148,3 +148,13 @@ def test_dry_friction_is_offered_where_a_signal_may_be_a_speed():
         assert dry.targets(first_order(unit)) == ()
     assert dry.targets(first_order("V", rate="K*u - T*sqrt(max(y, 0))")) == ()  # a level
     assert dry.targets(first_order("V", output="u")) == ()  # nobody sees it
+
+
+@pytest.mark.parametrize("start", [-3.0, -1.0, 0.0, 1.0, 3.0])
+@pytest.mark.parametrize("shape", [-0.5, 0.5, 1.0])
+def test_hysteresis_does_not_run_away_from_where_a_window_starts(start, shape):
+    effect = effects.Hysteresis("v", level=2.0, deflection=0.01, shape=shape)
+    model = systems.cart_on_spring() + effect
+    t = np.arange(0, 10, 0.01)
+    run = model.simulate(t, 10 * np.sin(t), [0.0, 0.5, start], substeps=4)
+    assert np.abs(run.x[:, 2]).max() <= max(1.0, abs(start)) + 1e-6

@@ -334,9 +334,10 @@ class Fitter:
 
     def exchange(self, sketch: Sketch, cause: Cause, others: list[Cause]) -> Sketch:
         """Sketch a hypothesis with some causes in the place of one."""
+        place = sketch.hypothesis.order.index(cause)
         hypothesis = sketch.hypothesis.without(cause)
         for other in others:
-            hypothesis = hypothesis.plus(other)
+            hypothesis = hypothesis.plus(other, place)
         return self._derive(sketch, hypothesis)
 
     def _derive(self, sketch, hypothesis, **values) -> Sketch:

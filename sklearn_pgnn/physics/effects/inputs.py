@@ -326,6 +326,7 @@ class InputRateLimit(ActuatorEffect):
     id = "input_rate_limit"
     summary = "The actuator cannot change faster than a limit: a slewing valve, a ramp in a drive."
     check = "Command a large and a small step: the larger one takes longer in proportion."
+    generalises = ("actuator_lag",)
     ending = "_slewed"
 
     def rate(self, u, acting, p):
@@ -376,6 +377,7 @@ class InputBacklash(ActuatorEffect):
     id = "input_backlash"
     summary = "Play: after a reversal the command must go some way before the machine follows."
     check = "Reverse the command slowly: nothing moves over twice the half-width."
+    generalises = ("actuator_lag",)
     ending = "_engaged"
 
     def rate(self, u, acting, p):
