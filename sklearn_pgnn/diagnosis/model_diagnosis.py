@@ -30,11 +30,7 @@ from sklearn_pgnn.diagnosis.result import (
 )
 from sklearn_pgnn.diagnosis.search import Outcome, Rules, Search
 from sklearn_pgnn.diagnosis.separation import Separation, are_same, plain_separation, separate
-from sklearn_pgnn.diagnosis.setting import (
-    check_records,
-    make_setting,
-    with_prior_spreads,
-)
+from sklearn_pgnn.diagnosis.setting import check_records, make_setting, with_prior_spreads
 from sklearn_pgnn.diagnosis.unexplained import MissingPart
 from sklearn_pgnn.physics.effects import CATALOGUE
 from sklearn_pgnn.physics.model import PhysicsModel
@@ -212,17 +208,17 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         X = validate_table(self, X, reset=True)
         records = read_records(self.model, X, y, time=self.time)
         check_records(self.model, records)
-        found = self._investigate(records)
-        fitter, outcome, self.missing_ = found.search.fitter, found.outcome, found.missing
-        self._keep(fitter, found.search, outcome)
+        search, outcome, self.missing_, formula = self._investigate(records)
+        fitter = search.fitter
+        self._keep(fitter, search, outcome)
         nameless = self.verdict_ == "unexplained" and self.missing_ is None
-        self.disturbance_ = find_disturbance(found.search, outcome.final) if nameless else None
+        self.disturbance_ = find_disturbance(search, outcome.final) if nameless else None
         self.data_quality_ = check_data_quality(
             fitter.setting,
             [record.name for record in records],
             outcome.base.fit,
             outcome.final.fit,
-            found.formula,
+            formula,
         )
         self.records_ = keep_records(fitter, outcome, (record.name for record in records))
         self.separations_ = self._separate()
@@ -230,7 +226,7 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         self._single_output = np.asarray(y).ndim == 1
         return self
 
-    def _investigate(self, records) -> "_Finding":
+    def _investigate(self, records) -> "_Found":
         """Search with inputs that run between samples as the user says, or else as records do."""
         found = self._search(self._ground(records, "zoh" if self.hold == "auto" else self.hold))
         if self.hold == "auto" and speaks_for_slopes(found.search.fitter, found.outcome.final):
@@ -238,7 +234,7 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
             return min(found, again, key=_error)
         return found
 
-    def _search(self, fitter: Fitter) -> "_Finding":
+    def _search(self, fitter: Fitter) -> "_Found":
         """Search the catalogue, and what it has no name for."""
         catalogue = CATALOGUE if self.catalogue is None else tuple(self.catalogue)
         suspects = possible_causes(self.model, catalogue, self.targets)
@@ -246,7 +242,7 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         beyond = Beyond()
         search = Search(fitter, suspects, rules, self.progress or _silent, beyond.is_enough)
         outcome, missing = beyond.judge(search, search.run())
-        return _Finding(search, outcome, missing, beyond.fit)
+        return _Found(search, outcome, missing, beyond.fit)
 
     def _ground(self, records, hold: str) -> Fitter:
         """Cut the records into windows, as long as the user or the records say."""
@@ -535,7 +531,7 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         return reading("plot_diagnosis")(self)
 
 
-class _Finding(NamedTuple):
+class _Found(NamedTuple):
     """A search, what it found, what has no name, and the fit of a formula for that."""
 
     search: Search
@@ -544,7 +540,7 @@ class _Finding(NamedTuple):
     formula: WindowFit | None
 
 
-def _error(found: _Finding) -> float:
+def _error(found: _Found) -> float:
     """Give what the causes leave, a sample."""
     return found.outcome.final.squares / found.search.fitter.setting.n_samples
 

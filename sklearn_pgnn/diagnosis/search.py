@@ -382,10 +382,16 @@ class Search:
             and gain > self.rules.share * self.excess(before)
             and self._is_clear(worse, better)
             and all(
-                self._is_clear(self._held_out_with_offset(before, target), better)
+                self._outdoes_offset(before, target, better)
                 for target in self._remembering(before, after)
             )
         )
+
+    def _outdoes_offset(self, before: Trial, target: str, better: np.ndarray) -> bool:
+        """Tell whether errors are less than with an offset in every window instead."""
+        squares = self.fitter.held_out_with_offset(before, target, self.folds).sum(axis=-1)
+        squares = squares + self._by_chance(before)
+        return not np.isfinite(squares).all() or self._is_clear(squares, better)
 
     def _remembering(self, before: Trial, after: Trial) -> set[str]:
         """Name the targets of new causes that have a memory, free at the start of a window."""
@@ -396,10 +402,6 @@ class Search:
             if (effect, target) not in known
             and len(effect(target).apply(prior).states) > len(prior.states)
         }
-
-    def _held_out_with_offset(self, trial: Trial, target: str) -> np.ndarray:
-        squares = self.fitter.held_out_with_offset(trial, target, self.folds)
-        return squares.sum(axis=-1) + self._by_chance(trial)
 
     def _is_clear(self, worse: np.ndarray, better: np.ndarray) -> bool:
         """Tell whether errors fall in the mean, or, where a few are huge, in proportion."""
