@@ -33,7 +33,7 @@ from joblib import Parallel, delayed
 import sklearn_pgnn
 from sklearn_pgnn import ModelDiagnosis, datasets, effects
 from sklearn_pgnn.datasets.integrator import integrate
-from sklearn_pgnn.diagnosis.search import Rules
+from sklearn_pgnn.diagnosis.judge import Rules
 from sklearn_pgnn.physics.effects.formula import Formula
 from sklearn_pgnn.physics.expressions import parse_expression
 from sklearn_pgnn.simulation.pointwise import numpy_function

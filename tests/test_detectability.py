@@ -8,7 +8,7 @@ from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects
 from sklearn_pgnn.diagnosis.detectability import Bench, _strength_along
 from sklearn_pgnn.diagnosis.effect_size import has_size, main_field, nothing, sized
 from sklearn_pgnn.diagnosis.injection import inject, of_main_size
-from sklearn_pgnn.diagnosis.search import Rules
+from sklearn_pgnn.diagnosis.judge import Rules
 from sklearn_pgnn.inspection import DetectabilityDisplay
 
 TRIED = (effects.CoulombFriction, effects.InputDeadZone, effects.InputDelay)

@@ -25,9 +25,9 @@ from sklearn_pgnn.diagnosis.hypothesis import (
     same_causes,
     same_parameter,
 )
+from sklearn_pgnn.diagnosis.judge import Judge, Rules
 from sklearn_pgnn.diagnosis.lines import tones_left
 from sklearn_pgnn.diagnosis.pairs import foretell_pairs
-from sklearn_pgnn.diagnosis.search import Rules, Search
 from sklearn_pgnn.diagnosis.setting import make_setting
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.inspection.words import separation_sentence, verdict_sentence
@@ -442,10 +442,10 @@ def test_an_interval_tells_how_far_the_held_friction_of_the_model_may_be_off():
 def test_what_diverges_on_held_out_windows_is_worse_than_what_does_not(worse, better, gained):
     hidden = make_hidden_effect(n_records=2, duration=3, sample_rate=50, random_state=0)
     setting = make_setting(hidden.prior, read_records(hidden.prior, hidden.X, hidden.y))
-    search = Search(Fitter(setting), (), Rules(), lambda *_: None)
+    judge = Judge(Fitter(setting), Rules())
     errors = {"before": np.array([2.0, worse]), "after": np.array([1.0, better])}
-    search._held_out = errors.get
-    assert search.is_gain("before", "after") is gained
+    judge._held_out = errors.get
+    assert judge.is_gain("before", "after") is gained
 
 
 @pytest.mark.parametrize("seed", [2, 5])

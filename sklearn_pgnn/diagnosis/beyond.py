@@ -51,7 +51,7 @@ class Beyond:
         alone = self._of_the_prior(search)
         if alone is None or alone.n_parameters > len(current.hypothesis.causes):
             return False
-        return search.is_at_noise(alone.trial)
+        return search.judge.is_at_noise(alone.trial)
 
     def judge(self, search: Search, outcome: Outcome) -> tuple[Outcome, MissingPart | None]:
         """Say what is still believed of an outcome, and what has no name.
@@ -75,7 +75,7 @@ class Beyond:
             What has no name.
         """
         final, setting = outcome.final, search.fitter.setting
-        enough = search.is_at_noise(final)
+        enough = search.judge.is_at_noise(final)
         if not search.suspects or (enough and len(outcome.steps) < 2):
             return outcome, None
         alone = self._of_the_prior(search)
@@ -107,29 +107,29 @@ def _best(search: Search, ground: Trial) -> Proposal | None:
     if not found:
         return None
     best = min(found, key=lambda p: p.trial.squares)
-    equal = [p for p in found if search.as_good(best.trial, p.trial)]
+    equal = [p for p in found if search.judge.as_good(best.trial, p.trial)]
     return min(equal, key=lambda p: (p.n_parameters, p.trial.squares))
 
 
 def _says_more(search: Search, alone: Proposal, outcome: Outcome) -> bool:
     """Tell whether a formula is the law, and says more than the causes or takes fewer numbers."""
     final = outcome.final
-    if not (_is_law(search, alone.trial, outcome) and search.as_good(final, alone.trial)):
+    if not (_is_law(search, alone.trial, outcome) and search.judge.as_good(final, alone.trial)):
         return False
     fewer = alone.n_parameters < final.hypothesis.n_parameters
-    return fewer or not search.as_good(alone.trial, final)
+    return fewer or not search.judge.as_good(alone.trial, final)
 
 
 def _is_law(search: Search, formula: Trial, outcome: Outcome) -> bool:
     """Tell whether a formula leaves noise, or hardly any of what the best single cause leaves."""
     best = min(outcome.tried.values(), default=1.0) * outcome.base.squares
-    hardly = search.excess(formula) <= LEFT * max(best - search.floor, 0.0)
-    return hardly or search.is_at_noise(formula)
+    hardly = search.judge.excess(formula) <= LEFT * max(best - search.judge.floor, 0.0)
+    return hardly or search.judge.is_at_noise(formula)
 
 
 def _matters(search: Search, outcome: Outcome, beside: Proposal) -> bool:
     """Tell whether a formula explains a part of all that the prior lacks, and not by chance."""
-    gain = search.excess(outcome.final) - search.excess(beside.trial)
-    large = gain > search.rules.share * search.excess(outcome.base)
-    new = large and not search.as_good(beside.trial, outcome.final)
-    return new and search.is_gain(outcome.final, beside.trial)
+    gain = search.judge.excess(outcome.final) - search.judge.excess(beside.trial)
+    large = gain > search.judge.rules.share * search.judge.excess(outcome.base)
+    new = large and not search.judge.as_good(beside.trial, outcome.final)
+    return new and search.judge.is_gain(outcome.final, beside.trial)

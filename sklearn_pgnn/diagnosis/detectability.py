@@ -15,8 +15,8 @@ import pandas as pd
 
 from sklearn_pgnn.diagnosis.effect_size import has_size, main_field, nothing, sized
 from sklearn_pgnn.diagnosis.hypothesis import Cause
+from sklearn_pgnn.diagnosis.judge import CLEARLY, FEW, Rules
 from sklearn_pgnn.diagnosis.records import DiagnosisRecords
-from sklearn_pgnn.diagnosis.search import CLEARLY, FEW, Rules
 from sklearn_pgnn.exceptions import ModelError
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.readings import reading

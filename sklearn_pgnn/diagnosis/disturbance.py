@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 from sklearn_pgnn.diagnosis.fitting import Trial
-from sklearn_pgnn.diagnosis.search import Search
+from sklearn_pgnn.diagnosis.judge import Judge
 from sklearn_pgnn.diagnosis.unexplained import channels
 
 #: share of what is left that a disturbance must explain to be spoken of, and by which two places
@@ -27,13 +27,13 @@ class Disturbance(NamedTuple):
     share: float
 
 
-def find_disturbance(search: Search, trial: Trial) -> Disturbance | None:
+def find_disturbance(judge: Judge, trial: Trial) -> Disturbance | None:
     """Find where an offset in every window explains most of what a hypothesis leaves.
 
     Parameters
     ----------
-    search : Search
-        The search, with its noise.
+    judge : Judge
+        The judge, with its noise.
     trial : Trial
         What it accepted.
 
@@ -43,18 +43,18 @@ def find_disturbance(search: Search, trial: Trial) -> Disturbance | None:
         The place where it explains most, rates before sensors, or nothing if that is less than
         half.
     """
-    left = search.excess(trial)
+    left = judge.excess(trial)
     if not left > 0:
         return None
-    places = channels(search.fitter.setting.prior)
-    found = [Disturbance(place, 1.0 - _left(search, trial, place) / left) for place in places]
+    places = channels(judge.fitter.setting.prior)
+    found = [Disturbance(place, 1.0 - _left(judge, trial, place) / left) for place in places]
     best = max(disturbance.share for disturbance in found)
     first = next(disturbance for disturbance in found if disturbance.share > best - DIFFERENT)
     return first if best > MOST else None
 
 
-def _left(search: Search, trial: Trial, target: str) -> float:
+def _left(judge: Judge, trial: Trial, target: str) -> float:
     """Give the squares above the floor that are left with an offset in every window."""
-    fit, _ = search.fitter.with_offset(trial, target)
-    by_chance = len(fit.x0) * search.floor / search.fitter.setting.n_samples
-    return max(fit.squares + by_chance - search.floor, 0.0)
+    fit, _ = judge.fitter.with_offset(trial, target)
+    by_chance = len(fit.x0) * judge.floor / judge.fitter.setting.n_samples
+    return max(fit.squares + by_chance - judge.floor, 0.0)

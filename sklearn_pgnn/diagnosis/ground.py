@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from sklearn_pgnn.diagnosis.fitting import Fitter, Trial, piece_squares
-from sklearn_pgnn.diagnosis.search import is_fall
+from sklearn_pgnn.diagnosis.judge import is_fall
 from sklearn_pgnn.diagnosis.setting import ROUGH_SAMPLES, Setting, longer, shorter
 from sklearn_pgnn.simulation.record_windows import MIN_WINDOWS
 from sklearn_pgnn.simulation.window_fit import fit_windows
@@ -17,7 +17,7 @@ TOO_LARGE, SMALL = 30.0, 3.0
 HELPS, HARDLY_HARDER = 0.75, 1.15
 #: inputs that run straight between samples must lower a fit's squares to this share, and its errors
 #: by so many of their standard errors
-NEARER, CLEARLY = 0.95, 3.0
+NEARER, SURE = 0.95, 3.0
 #: steps in which a fit gets used to it
 STEPS = 8
 
@@ -79,7 +79,7 @@ def speaks_for_slopes(fitter: Fitter, trial: Trial) -> bool:
     some = np.arange(0, len(windows), -(-windows.lengths.sum() // ROUGH_SAMPLES))
     straight = replace(windows, hold="foh")
     held, sloped = (_squares(replace(setting, windows=w), trial, some) for w in (windows, straight))
-    return sloped.sum() < NEARER * held.sum() and is_fall(held, sloped, CLEARLY)
+    return sloped.sum() < NEARER * held.sum() and is_fall(held, sloped, SURE)
 
 
 def _squares(setting: Setting, trial: Trial, some: np.ndarray) -> np.ndarray:

@@ -17,6 +17,7 @@ from sklearn_pgnn.diagnosis.fitting import Fitter
 from sklearn_pgnn.diagnosis.ground import fit_window_length, speaks_for_slopes
 from sklearn_pgnn.diagnosis.hypothesis import Cause, possible_causes
 from sklearn_pgnn.diagnosis.injection import verified
+from sklearn_pgnn.diagnosis.judge import Rules
 from sklearn_pgnn.diagnosis.records import keep_records
 from sklearn_pgnn.diagnosis.result import (
     NamedCause,
@@ -28,7 +29,7 @@ from sklearn_pgnn.diagnosis.result import (
     plain,
     retuned_parameters,
 )
-from sklearn_pgnn.diagnosis.search import Outcome, Rules, Search
+from sklearn_pgnn.diagnosis.search import Outcome, Search
 from sklearn_pgnn.diagnosis.separation import Separation, are_same, plain_separation, separate
 from sklearn_pgnn.diagnosis.setting import check_records, make_setting, with_prior_spreads
 from sklearn_pgnn.diagnosis.unexplained import MissingPart
@@ -212,7 +213,7 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         fitter = search.fitter
         self._keep(fitter, search, outcome)
         nameless = self.verdict_ == "unexplained" and self.missing_ is None
-        self.disturbance_ = find_disturbance(search, outcome.final) if nameless else None
+        self.disturbance_ = find_disturbance(search.judge, outcome.final) if nameless else None
         self.data_quality_ = check_data_quality(
             fitter.setting,
             [record.name for record in records],
@@ -261,9 +262,9 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         """Turn the outcome of the search into learned attributes."""
         setting, final = fitter.setting, outcome.final
         errors = parameter_errors(setting, final)
-        self.causes_ = name_causes(fitter, outcome, search.folds, errors)
+        self.causes_ = name_causes(fitter, outcome, search.judge.folds, errors)
         self.gain_ = measure_gain(
-            fitter, outcome, search.folds, np.random.default_rng(_seed(self.random_state))
+            fitter, outcome, search.judge.folds, np.random.default_rng(_seed(self.random_state))
         )
         self.parameters_ = retuned_parameters(setting, final.fit, errors)
         self.refitted_model_ = outcome.base.fit.model
@@ -307,9 +308,9 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
     def _verdict(self, search: Search, outcome: Outcome) -> str:
         if self.missing_ is not None:
             return "unexplained"
-        left, before = search.excess(outcome.final), search.excess(outcome.base)
+        left, before = search.judge.excess(outcome.final), search.judge.excess(outcome.base)
         if not outcome.steps:
-            enough = left < search.rules.share * outcome.base.squares
+            enough = left < search.judge.rules.share * outcome.base.squares
             return "model_adequate" if enough else "unexplained"
         if left > UNEXPLAINED * before:
             return "unexplained"

@@ -6,19 +6,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from sklearn_pgnn.diagnosis.equivalence import are_equivalent
-from sklearn_pgnn.diagnosis.fitting import Fitter, Key, Sketch, Trial, make_folds, objective_of
+from sklearn_pgnn.diagnosis.fitting import Fitter, Key, Sketch, Trial, objective_of
 from sklearn_pgnn.diagnosis.hypothesis import Cause, count_parameters, resemble, same_causes
+from sklearn_pgnn.diagnosis.judge import Judge, Rules, n_parameters
 from sklearn_pgnn.diagnosis.pairs import foretell_pairs
-from sklearn_pgnn.diagnosis.setting import HARDLY
 from sklearn_pgnn.physics.effects import WrongParameter
 
-#: an effect shows itself in at least so many pieces, and the error falls by so many times more than
-#: it rises, where it does not show itself in most
-FEW, CLEARLY = 3, 10.0
-#: smallest error that counts, as a share of an output's range: records may be free of noise
-RESOLUTION = 1e-5
-#: standard errors by which two fits must differ to be told apart
-NOTICED = 2.0
 #: pairs of suspects that are looked at on top of a hypothesis, the most promising first
 PAIRS = 6
 #: suspects that are judged on held-out windows, the best first, before a search ends
@@ -26,29 +19,6 @@ JUDGED = 3
 #: what two causes explain alone may differ by such a share, if they are to be the same: not every
 #: first look is followed to its end
 ALIKE = 0.1
-
-
-@dataclass(frozen=True)
-class Rules:
-    """When a difference counts; every rule is in units that the record itself gives.
-
-    Parameters
-    ----------
-    significance : float
-        A gain must be so many of its standard errors, taken over pieces of windows.
-    share : float
-        A cause must explain so much of the error power that is left above the noise; so must
-        the finer of two causes explain of what the simpler one leaves.
-    whole : float
-        A cause must explain so much of all error power, noise included.
-    max_causes : int
-        Causes named at most.
-    """
-
-    significance: float = 3.0
-    share: float = 0.15
-    whole: float = 0.05
-    max_causes: int = 4
 
 
 @dataclass
@@ -111,10 +81,8 @@ class Search:
         self.fitter = fitter
         self.same = same_causes(fitter.setting.prior, suspects)
         self.suspects = tuple(self.same)
-        self.rules = rules
+        self.judge = Judge(fitter, rules)
         self.progress = progress
-        self.folds = make_folds(fitter.setting)
-        self.floor = np.inf
         self._grounds: dict[Key, tuple[Sketch, list[Sketch]]] = {}
 
     def run(self) -> Outcome:
@@ -126,10 +94,13 @@ class Search:
             The accepted hypothesis and all that was weighed against it.
         """
         base = self.fitter.base()
-        self._learn_noise(base)
+        self.judge.learn_noise(base)
         current, tried = base, {}
-        while len(current.hypothesis.causes) < self.rules.max_causes:
-            if self.is_at_noise(current) or self.fitter.key(current.hypothesis) in self._grounds:
+        while len(current.hypothesis.causes) < self.judge.rules.max_causes:
+            if (
+                self.judge.is_at_noise(current)
+                or self.fitter.key(current.hypothesis) in self._grounds
+            ):
                 break
             if current is not base and self.is_beyond and self.is_beyond(self, current):
                 break
@@ -144,53 +115,17 @@ class Search:
         base = self.fitter.base()
         steps = self._in_order(base, current)
         alternatives = {c: self._alternatives(current, c, tried) for c in current.hypothesis.causes}
-        return Outcome(base, steps, alternatives, self._noise(current), self._of_all(tried))
+        return Outcome(base, steps, alternatives, self.judge.noise(current), self._of_all(tried))
 
     def _confirmed(self, trial: Trial) -> Trial:
         """Fit the causes to their end, and judge once more the one that stands alone."""
         trial, base = self.fitter.polish(trial), self.fitter.polish(self.fitter.base())
         alone = len(trial.hypothesis.causes) == 1
-        return base if alone and not self.is_gain(base, trial) else trial
+        return base if alone and not self.judge.is_gain(base, trial) else trial
 
     def _of_all(self, tried: dict[Cause, float]) -> dict[Cause, float]:
         """Say of causes that are the same as others what was found of these."""
         return {cause: left for c, left in tried.items() for cause in (c, *self.same[c])}
-
-    # -- noise ---------------------------------------------------------------------------------
-
-    def _noise(self, trial: Trial) -> np.ndarray:
-        """Estimate the white part of what a fit leaves, from neighbouring residuals."""
-        setting = self.fitter.setting
-        residual = trial.fit.evaluation.residual / setting.windows.scale
-        step = np.diff(residual, axis=0)
-        step[setting.windows.starts[1:] - 1] = np.nan
-        return np.sqrt(np.nanmean(step**2, axis=0) / 2.0 / self._freedom(trial))
-
-    def _freedom(self, trial: Trial) -> float:
-        """Give the share of the samples that the fitted numbers have not used up."""
-        setting = self.fitter.setting
-        fitted = len(setting.windows) * len(trial.fit.model.states) + trial.fit.values.size
-        return max(0.1, 1.0 - fitted / max(setting.n_samples, 1))
-
-    def _learn_noise(self, trial: Trial) -> None:
-        """Lower the floor: the squares that would be left if only white noise were."""
-        counts = np.isfinite(trial.fit.evaluation.residual).sum(axis=0)
-        noise = np.maximum(self._noise(trial), self._resolution())
-        self.floor = min(self.floor, float((noise**2 * counts).sum() * self._freedom(trial)))
-
-    def _resolution(self) -> np.ndarray:
-        """Give what no simulation is finer than, in units of the noise."""
-        setting = self.fitter.setting
-        typical = [setting.scales.typical[output] for output in setting.prior.outputs]
-        return RESOLUTION * np.array(typical) / setting.windows.scale
-
-    def excess(self, trial: Trial) -> float:
-        """Give the squares a fit leaves above the floor."""
-        return max(trial.squares - self.floor, 0.0)
-
-    def is_at_noise(self, trial: Trial) -> bool:
-        """Tell whether a fit leaves hardly more than noise."""
-        return self.excess(trial) < self.rules.whole * trial.squares
 
     # -- forward -------------------------------------------------------------------------------
 
@@ -224,12 +159,16 @@ class Search:
     def _decide(self, current: Trial, scouted: list[Sketch]) -> Trial | None:
         """Give the best suspect that proves itself on unseen windows, or says the same simpler."""
         ground = self.fitter.sketch(current)
-        left = [s for s in scouted if self._may_gain(ground, s) or self._may_simplify(ground, s)]
+        left = [
+            s
+            for s in scouted
+            if self.judge.may_gain(ground, s) or self.judge.may_simplify(ground, s)
+        ]
         for _ in range(min(JUDGED, len(left))):
             trials = [self._complete(sketch, current) for sketch in self._contenders(left)]
             best = self._simplest_of_the_best(trials)
             current = self.fitter.retry(current, best)
-            if self._is_simpler(current, best) or self.is_gain(current, best):
+            if self.judge.is_simpler(current, best) or self.judge.is_gain(current, best):
                 return best
             left = [sketch for sketch in left if sketch.hypothesis != best.hypothesis]
         return None
@@ -248,7 +187,7 @@ class Search:
         """Sketch the pairs that promise most on top of what was scouted, the best first."""
         found = []
         for ground, alone in self._grounds.values():
-            if len(ground.hypothesis.causes) <= self.rules.max_causes - 2:
+            if len(ground.hypothesis.causes) <= self.judge.rules.max_causes - 2:
                 ranked = foretell_pairs(ground, alone, self.fitter.rough.windows)
                 first = {sketch.hypothesis.causes[-1]: sketch for sketch in alone}
                 allowed = [(a, b) for _, a, b in ranked if first[a].hypothesis.allows(b)]
@@ -261,48 +200,20 @@ class Search:
         """Give the better of two causes as fitted, and the other."""
         return (first[a], b) if first[a].squares <= first[b].squares else (first[b], a)
 
-    def _may_gain(self, before: Sketch, after: Sketch) -> bool:
-        """Tell whether a sketch explains half of what counts as a gain, at least."""
-        above = max(before.squares - self._rough_floor(), 0.0)
-        enough = max(self.rules.whole * before.squares, self.rules.share * above)
-        return before.squares - after.squares > enough / 2
-
-    def _may_simplify(self, before: Sketch, after: Sketch) -> bool:
-        """Tell whether a sketch has fewer parameters, and is not clearly worse."""
-        return _n_parameters(after) < _n_parameters(before) and not self._is_beaten(after, before)
-
-    def _is_simpler(self, before: Trial, after: Trial) -> bool:
-        """Tell whether a trial explains as much with fewer parameters."""
-        fewer = _n_parameters(after) < _n_parameters(before)
-        return fewer and np.isfinite(after.squares) and self.as_good(before, after)
-
     def _contenders(self, scouted: list[Sketch]) -> list[Sketch]:
         """Give the suspects that all samples may show to be as good as the first."""
-        return [s for s in scouted if s is scouted[0] or not self._is_beaten(s, scouted[0])]
-
-    def _is_beaten(self, worse: Sketch, better: Sketch) -> bool:
-        """Tell whether a sketch is so much worse that no closer look can make it as good."""
-        loss = worse.squares - better.squares
-        floor = self._rough_floor()
-        large = loss > max(2 * self.rules.share * (worse.squares - floor), HARDLY**2 * floor)
-        return large and is_fall(worse.pieces, better.pieces, self.rules.significance)
-
-    def _rough_floor(self) -> float:
-        """Give the floor's part that falls to the samples of a sketch."""
-        windows = self.fitter.rough.windows
-        seen = windows.sum_pieces(np.isfinite(windows.y).astype(float)).sum()
-        return float(self.floor * seen / self.fitter.setting.n_samples)
+        return [s for s in scouted if s is scouted[0] or not self.judge.is_beaten(s, scouted[0])]
 
     def _complete(self, sketch: Sketch, beside: Trial) -> Trial:
         trial = self.fitter.complete(sketch, beside)
         if np.isfinite(trial.squares):
-            self._learn_noise(trial)
+            self.judge.learn_noise(trial)
         return trial
 
     def _simplest_of_the_best(self, trials: list[Trial]) -> Trial:
         """Give the trial with the fewest parameters among those as good as the best."""
-        best = min(trials, key=lambda trial: self.fair(trial).sum())
-        equal = [trial for trial in trials if self.as_good(best, trial)]
+        best = min(trials, key=lambda trial: self.judge.fair(trial).sum())
+        equal = [trial for trial in trials if self.judge.as_good(best, trial)]
         return min(equal, key=lambda trial: (*self._complexity(trial), trial.squares))
 
     @staticmethod
@@ -310,109 +221,6 @@ class Search:
         """Fewest parameters first; at equal number a wrong number before a missing part."""
         missing = [e for e, _ in trial.hypothesis.causes if e is not WrongParameter]
         return trial.hypothesis.n_parameters, len(missing)
-
-    def as_good(self, best: Trial, other: Trial) -> bool:
-        """Tell whether a trial explains as much as the best, but for little.
-
-        Parameters
-        ----------
-        best, other : Trial
-            Two hypotheses, fitted on all windows.
-
-        Returns
-        -------
-        bool
-            Whether the other leaves hardly more than the best.
-        """
-        loss = self.fair(other).sum() - self.fair(best).sum()
-        return loss <= self.rules.share * self.excess(other) or not self._is_better(other, best)
-
-    def _is_better(self, worse: Trial, better: Trial) -> bool:
-        """Tell whether two fits differ by more than chance and the simulation's own accuracy."""
-        noise = self.floor / self.fitter.setting.n_samples
-        many, few = self.fair(worse), self.fair(better)
-        if many.sum() - few.sum() < max(NOTICED**2 * noise, HARDLY**2 * self.floor):
-            return False
-        return is_fall(many, few, NOTICED)
-
-    def fair(self, trial: Trial) -> np.ndarray:
-        """Give the squares of every piece, with what the states of effects' own explain by chance.
-
-        Every window's initial value of such a state is one number more that is fitted to it.
-
-        Parameters
-        ----------
-        trial : Trial
-            A hypothesis, fitted on all windows.
-
-        Returns
-        -------
-        ndarray of shape (n_windows, n_pieces)
-            The squares.
-        """
-        return trial.pieces + self._by_chance(trial)
-
-    def _by_chance(self, trial: Trial) -> float:
-        """Give the squares of a piece that the initial values of added states explain."""
-        setting = self.fitter.setting
-        added = len(trial.fit.model.states) - len(setting.prior.states)
-        return added * self.floor / setting.n_samples / setting.windows.pieces
-
-    def is_gain(self, before: Trial, after: Trial) -> bool:
-        """Decide on windows that the parameters have not seen.
-
-        Parameters
-        ----------
-        before, after : Trial
-            A hypothesis, and one that says more.
-
-        Returns
-        -------
-        bool
-            Whether what it says more lowers the error enough, and not by chance.
-        """
-        worse, better = self._held_out(before), self._held_out(after)
-        if not np.isfinite(better).all():
-            return False
-        if not np.isfinite(worse).all():
-            return True
-        gain = worse.sum() - better.sum()
-        return bool(
-            gain > self.rules.whole * worse.sum()
-            and gain > self.rules.share * self.excess(before)
-            and self._is_clear(worse, better)
-            and all(
-                self._outdoes_offset(before, target, better)
-                for target in self._remembering(before, after)
-            )
-        )
-
-    def _outdoes_offset(self, before: Trial, target: str, better: np.ndarray) -> bool:
-        """Tell whether errors are less than with an offset in every window instead."""
-        squares = self.fitter.held_out_with_offset(before, target, self.folds).sum(axis=-1)
-        squares = squares + self._by_chance(before)
-        return not np.isfinite(squares).all() or self._is_clear(squares, better)
-
-    def _remembering(self, before: Trial, after: Trial) -> set[str]:
-        """Name the targets of new causes that have a memory, free at the start of a window."""
-        prior, known = self.fitter.setting.prior, before.hypothesis.causes
-        return {
-            target
-            for effect, target in after.hypothesis.causes
-            if (effect, target) not in known
-            and len(effect(target).apply(prior).states) > len(prior.states)
-        }
-
-    def _is_clear(self, worse: np.ndarray, better: np.ndarray) -> bool:
-        """Tell whether errors fall in the mean, or, where a few are huge, in proportion."""
-        significance = self.rules.significance
-        if is_fall(worse, better, significance):
-            return True
-        seen = (worse > 0) & (better > 0)
-        return _mean_in_errors(np.log(worse[seen] / better[seen])) > significance
-
-    def _held_out(self, trial: Trial) -> np.ndarray:
-        return self.fitter.held_out(trial, self.folds).sum(axis=-1) + self._by_chance(trial)
 
     # -- backward ------------------------------------------------------------------------------
 
@@ -422,7 +230,7 @@ class Search:
             sketch = self.fitter.sketch(trial)
             reduced = [self.fitter.reduce(sketch, c) for c in trial.hypothesis.causes]
             least = self._complete(min(reduced, key=objective_of), trial)
-            if self.is_gain(least, trial):
+            if self.judge.is_gain(least, trial):
                 return trial
             trial = least
         return trial
@@ -434,18 +242,9 @@ class Search:
         for cause in trial.hypothesis.causes:
             for sketch in self._replacements(trial, cause, tried):
                 swapped = self._complete(sketch, trial)
-                if self._says_it_better(trial, swapped):
+                if self.judge.says_it_better(trial, swapped):
                     return self._swap(self._eliminate(swapped), tried)
         return trial
-
-    def _says_it_better(self, trial: Trial, other: Trial) -> bool:
-        """Tell whether a trial explains as much with fewer numbers, or clearly more."""
-        if self._is_simpler(trial, other):
-            return True
-        if _n_parameters(other) != _n_parameters(trial) and self.as_good(other, trial):
-            return False
-        falls = is_fall(trial.pieces, other.pieces, self.rules.significance)
-        return other.squares < trial.squares and falls
 
     def _replacements(self, trial: Trial, cause: Cause, tried) -> list[Sketch]:
         """Sketch the suspects that may stand in a cause's place, the best first."""
@@ -455,7 +254,7 @@ class Search:
         needed = 0.8 * sketch.fit.objective + 0.2 * without.fit.objective
         looks = [self.fitter.look(without, other) for other in others]
         found = [self.fitter.settle(look, hopeless=needed) for look in looks]
-        near = [s for s in found if np.isfinite(s.squares) and not self._is_beaten(s, sketch)]
+        near = [s for s in found if np.isfinite(s.squares) and not self.judge.is_beaten(s, sketch)]
         return sorted(near, key=objective_of)
 
     def _rivals(self, without: Sketch, cause: Cause, tried) -> list[Cause]:
@@ -475,10 +274,10 @@ class Search:
         for ground in (trial, *self._equals(trial, tried)):
             sketch = self.fitter.sketch(ground)
             aparts = [a for cause in ground.hypothesis.causes for a in self._apart(sketch, cause)]
-            for apart in sorted(aparts, key=_n_parameters):
-                if _n_parameters(apart) < _n_parameters(trial):
+            for apart in sorted(aparts, key=n_parameters):
+                if n_parameters(apart) < n_parameters(trial):
                     split = self.fitter.complete(apart, ground)
-                    if np.isfinite(split.squares) and self.as_good(trial, split):
+                    if np.isfinite(split.squares) and self.judge.as_good(trial, split):
                         return self._eliminate(split)
         return trial
 
@@ -489,7 +288,7 @@ class Search:
             return []
         sketches = [s for cause in causes for s in self._replacements(trial, cause, tried)]
         swapped = [self._complete(sketch, trial) for sketch in sketches]
-        return [s for s in swapped if np.isfinite(s.squares) and self.as_good(trial, s)]
+        return [s for s in swapped if np.isfinite(s.squares) and self.judge.as_good(trial, s)]
 
     def _apart(self, sketch: Sketch, cause: Cause) -> list[Sketch]:
         """Sketch a cause beside a part of it, and its special cases without it."""
@@ -512,7 +311,7 @@ class Search:
     def _alternatives(self, trial: Trial, cause: Cause, tried) -> tuple[Cause, ...]:
         """Give the causes that would explain the records as well in a cause's place."""
         without = self._complete(self.fitter.reduce(self.fitter.sketch(trial), cause), trial)
-        if not self._is_better(without, trial):
+        if not self.judge.is_better(without, trial):
             return self.same[cause]
         exact, found = self._exact(without, cause, tried), []
         for sketch in self._replacements(trial, cause, tried):
@@ -520,7 +319,7 @@ class Search:
             if other in exact or count_parameters(other) > count_parameters(cause):
                 continue
             swapped = self.fitter.complete(sketch, trial)
-            if np.isfinite(swapped.squares) and not self._is_better(swapped, trial):
+            if np.isfinite(swapped.squares) and not self.judge.is_better(swapped, trial):
                 found.append((swapped.squares, other))
         others = [*exact, *(other for _, other in sorted(found, key=lambda item: item[0]))]
         others += [other for other in self._too_small(trial, cause) if other not in others]
@@ -564,40 +363,3 @@ class Search:
             left.remove(trial.hypothesis.causes[-1])
             steps.append(trial)
         return steps
-
-
-def _n_parameters(trial: Trial) -> int:
-    return trial.hypothesis.n_parameters
-
-
-def is_fall(worse: np.ndarray, better: np.ndarray, significance: float) -> bool:
-    """Tell whether the error norms of the pieces fall, and not by chance.
-
-    Either their mean fall is so many of its standard errors; or, where an effect shows itself in a
-    few pieces only, some fall by more than the noise and hardly any rises.
-
-    Parameters
-    ----------
-    worse, better : ndarray
-        Squared errors of the pieces, in units of the noise.
-    significance : float
-        Standard errors that count.
-
-    Returns
-    -------
-    bool
-        Whether they fall.
-    """
-    fall = (np.sqrt(worse) - np.sqrt(better)).ravel()
-    falls, rises = fall[fall > 0].sum(), -fall[fall < 0].sum()
-    few_but_clear = np.count_nonzero(fall > 1.0) >= FEW and falls > CLEARLY * rises
-    mean = _mean_in_errors(fall)
-    return bool(mean > significance or (mean > 0 and few_but_clear))
-
-
-def _mean_in_errors(values: np.ndarray) -> float:
-    """Give the mean in units of its standard error."""
-    mean, error = values.mean(), np.std(values) / np.sqrt(max(values.size - 1, 1))
-    if error > 0:
-        return float(mean / error)
-    return np.inf * np.sign(mean) if mean != 0 else 0.0

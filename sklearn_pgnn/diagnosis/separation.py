@@ -11,9 +11,9 @@ import numpy as np
 
 from sklearn_pgnn.diagnosis.equivalence import are_equivalent
 from sklearn_pgnn.diagnosis.hypothesis import Cause, Hypothesis, freedoms, held_by, resemble
+from sklearn_pgnn.diagnosis.judge import NOTICED
 from sklearn_pgnn.diagnosis.records import DiagnosisRecords, FittedWindows
 from sklearn_pgnn.diagnosis.result import Suspect, plain
-from sklearn_pgnn.diagnosis.search import NOTICED
 from sklearn_pgnn.simulation.record_windows import cut
 from sklearn_pgnn.simulation.state_estimate import free_run
 from sklearn_pgnn.simulation.window_fit import fit_windows
