@@ -9,13 +9,17 @@ one effect in half the records
 one or two wrong parameters
     off by a fifth or more, and no effect;
 a law that no effect of the catalogue is
-    a product or power subtracted from a state's rate, 0.3 times as large as the rate itself.
+    a product or power subtracted from a state's rate, 0.3 times as large as the rate itself;
+a disturbance from outside
+    noise added to a state's rate, 0.1 times as large and changing within a fiftieth of a record: no
+    effect is hidden.
 
 The table counts what was *named* (every hidden cause and no other, or groups said to be inseparable
 that hold them), *absorbed* (no wrong cause, some hidden ones not named, but what is named and the
 re-tuning leave only noise), *missed* (no wrong cause, and something is left), *wrong* (a cause that
 is not there). For laws beyond the catalogue *named* means: ``unexplained``, in the right equation;
-*missed*: ``unexplained``, elsewhere; *wrong*: a name and no doubt. Run:
+*missed*: ``unexplained``, elsewhere; *wrong*: a name and no doubt. For a disturbance *named* means:
+no cause, ``unexplained`` or, where re-tuning or the noise hides it, ``model_adequate``. Run:
 ``python benchmarks/diagnosis_studies.py [--draws 3] [--jobs 2] [--systems golf ...]``.
 """
 
@@ -24,18 +28,19 @@ import datetime
 import itertools
 import warnings
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from diagnosis import OUTCOMES, SYSTEMS, as_named, named_groups, table, write_lines
 from joblib import Parallel, delayed
+from scipy.signal import lfilter
 
 import sklearn_pgnn
 from sklearn_pgnn import ModelDiagnosis, datasets, effects
 from sklearn_pgnn.datasets.integrator import integrate
 from sklearn_pgnn.diagnosis.judge import Rules
 from sklearn_pgnn.physics.effects.formula import Formula
-from sklearn_pgnn.physics.expressions import parse_expression
+from sklearn_pgnn.physics.expressions import parse_expression, symbol
 from sklearn_pgnn.simulation.pointwise import numpy_function
 
 STUDIES = {
@@ -45,6 +50,7 @@ STUDIES = {
     "one wrong parameter": 1,
     "two wrong parameters": 2,
     "a law beyond the catalogue": 1,
+    "a disturbance from outside": 0,
 }
 #: laws by machine: the state whose rate they change, and the term
 LAWS = {
@@ -53,8 +59,8 @@ LAWS = {
     "tanks": (("x1", "pump*x1"), ("x2", "x1*x2"), ("x2", "x2**2")),
     "motor": (("w", "i*w"), ("i", "i**3"), ("i", "w**2")),
 }
-#: size of a law over the rate's
-LAW = 0.3
+#: size of a law and of a disturbance over the rate's, and how fast the latter changes
+LAW, DISTURBANCE, FADES = 0.3, 0.1, 1 / 50
 
 
 @dataclass(frozen=True)
@@ -78,11 +84,14 @@ def run(study, system, seed):
         options["n_records"] //= 2
     if "law" in study:
         hidden = hide_law(model, LAWS[system][seed % len(LAWS[system])], options)
+    elif "disturbance" in study:
+        hidden = disturb(model, LAWS[system][0][0], options, rng)
     else:
         draw = draw_parameters if "parameter" in study else draw_effects
         hidden = datasets.make_hidden_effect(model, draw(model, STUDIES[study], rng), **options)
     diagnosis = ModelDiagnosis(hidden.prior, n_jobs=1).fit(hidden.X, hidden.y)
     judge = judge_law if "law" in study else judge_causes
+    judge = judge_disturbance if "disturbance" in study else judge
     truth = [f"{effect.id} ({effect.target})" for effect in hidden.effects]
     named = [f"{cause.effect} ({cause.target})" for cause in diagnosis.causes_]
     said = f"{', '.join(named) or 'nothing'}; {diagnosis.verdict_}"
@@ -108,21 +117,43 @@ def draw_parameters(model, count, rng):
     ]
 
 
+def inputs_and_starts(model, hidden):
+    """Give the time, and inputs and initial states of all records."""
+    records = [rows for _, rows in hidden.X.groupby("trajectory")]
+    t, u = records[0]["t"].to_numpy(), np.stack([r[list(model.inputs)] for r in records])
+    return t - t[0], u, np.stack([rows[list(model.states)].iloc[0] for rows in records])
+
+
 def hide_law(model, law, options):
     """Subtract a term from a rate, its spread a share of the rate's without it."""
     state, term = law
-    X = datasets.make_hidden_effect(model, None, **options).X
-    records = [rows for _, rows in X.groupby("trajectory")]
-    t, u = records[0]["t"].to_numpy(), np.stack([r[list(model.inputs)] for r in records])
-    x0 = np.stack([rows[list(model.states)].iloc[0] for rows in records])
-    x, _ = integrate(model, t - t[0], u, x0)
+    t, u, x0 = inputs_and_starts(model, datasets.make_hidden_effect(model, None, **options))
+    x, _ = integrate(model, t, u, x0)
     signals = dict(zip(model.inputs, np.moveaxis(u, -1, 0), strict=True))
     signals |= dict(zip(model.states, np.moveaxis(x, -1, 0), strict=True))
     added = parse_expression(term, signals)
     spread = np.std(numpy_function(tuple(signals), added)(*signals.values()))
-    rate = np.std(np.gradient(signals[state], t, axis=1))
-    effect = Formula(state, (term,), (float(-LAW * rate / spread),))
+    effect = Formula(state, (term,), (float(-LAW * spread_of_rate(t, signals[state]) / spread),))
     return datasets.make_hidden_effect(model, effect, **options)
+
+
+def spread_of_rate(t, x):
+    """Give the standard deviation of a state's rate."""
+    return np.std(np.gradient(x, t, axis=1))
+
+
+def disturb(model, state, options, rng):
+    """Add slow noise to a rate; the model knows nothing of it."""
+    hidden = datasets.make_hidden_effect(model, None, **options)
+    t, u, x0 = inputs_and_starts(model, hidden)
+    x, calm = integrate(model, t, u, x0)
+    keeps = np.exp(-1.0 / (FADES * t.size))
+    slow = lfilter([np.sqrt(1 - keeps**2)], [1, -keeps], rng.standard_normal(u.shape[:2]))
+    slow *= DISTURBANCE * spread_of_rate(t, x[..., list(model.states).index(state)])
+    rates = {**model.equations, state: model.equations[state] + symbol("outside")}
+    rig = model.replace(equations=rates, inputs={**model.inputs, "outside": ""})
+    _, y = integrate(rig, t, np.concatenate([u, slow[..., None]], axis=2), x0)
+    return replace(hidden, y=hidden.y + (y - calm).reshape(hidden.y.shape))
 
 
 def judge_causes(diagnosis, hidden):
@@ -157,6 +188,11 @@ def judge_law(diagnosis, hidden):
     if diagnosis.causes_:
         return "wrong"
     return "absorbed"
+
+
+def judge_disturbance(diagnosis, hidden):
+    """Say whether a cause was named where only a disturbance is."""
+    return "wrong" if diagnosis.causes_ else "named"
 
 
 def write(results, draws):
