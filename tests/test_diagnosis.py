@@ -8,6 +8,7 @@ import copy
 import itertools
 import json
 import pickle
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -552,3 +553,32 @@ def test_play_without_width_is_a_lag_at_its_place_among_the_others():
     diagnosis = ModelDiagnosis(prior, catalogue=kinds).fit(np.c_[t, u], x)
     found = {cause.effect for cause in diagnosis.causes_}
     assert found == {"input_dead_zone", "actuator_lag", "input_delay"}
+
+
+def battery_records(**start):
+    battery = PhysicsModel(
+        {"soc": "", "v": "V"},
+        {"soc": "-I/Q", "v": "I/C - v/(R*C)"},
+        {"R": 0.03, "C": 800.0, "Q": 7200.0},
+        {"I": "A"},
+        {"U": "3.4 + 0.2*log(soc/(1 - soc)) - v"},
+    )
+    rng, t = np.random.default_rng(0), np.arange(400.0)
+    X = pd.DataFrame({"t": t, "I": np.repeat(rng.uniform(-3, 4, 40), 10)})
+    U = battery.simulate(t, X["I"], [0.7, 0.0]).y + 1e-4 * rng.standard_normal((t.size, 1))
+    return battery, X.assign(**start), U
+
+
+def test_a_model_that_cannot_be_simulated_is_refused_with_a_remedy():
+    """No output shows the charge, and of an empty battery there is no voltage."""
+    battery, X, U = battery_records()
+    said = r"14 of 15 windows, first in trajectory '0' from t = 0 s with soc = 0, .*columns soc, v"
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(RecordError, match=said):
+            ModelDiagnosis(battery, catalogue=()).fit(X, U)
+
+
+def test_a_state_that_is_told_makes_it_possible():
+    battery, X, U = battery_records(soc=0.7)
+    assert ModelDiagnosis(battery, catalogue=()).fit(X, U).verdict_ == "model_adequate"

@@ -1,5 +1,6 @@
 """The ground that records ask for: how long windows are, and how inputs run between samples."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -7,6 +8,7 @@ import numpy as np
 from sklearn_pgnn.diagnosis.fitting import Fitter, Trial, piece_squares
 from sklearn_pgnn.diagnosis.judge import is_fall
 from sklearn_pgnn.diagnosis.setting import ROUGH_SAMPLES, Setting, longer, shorter
+from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.simulation.record_windows import MIN_WINDOWS
 from sklearn_pgnn.simulation.window_fit import fit_windows
 
@@ -58,6 +60,33 @@ def _forgets(fitter: Fitter, further: Fitter) -> bool:
     """Tell whether longer windows are hardly harder, and still enough to judge on."""
     enough = len(further.setting.windows) >= MIN_WINDOWS
     return enough and further.base_error() < HARDLY_HARDER * fitter.base_error()
+
+
+def check_prior(fitter: Fitter, names: Sequence[str]) -> None:
+    """Raise `RecordError` where the prior cannot be simulated, whatever its parameters.
+
+    Parameters
+    ----------
+    fitter : Fitter
+        The fitter.
+    names : sequence of str
+        What the records are called.
+    """
+    fit, windows = fitter.base().fit, fitter.setting.windows
+    lost = np.flatnonzero(~np.isfinite(fit.evaluation.squares))
+    if not lost.size:
+        return
+    first, states = lost[0], list(fit.model.states)
+    start = zip(states, fit.x0[first], strict=True)
+    raise RecordError(
+        f"expected a model that can be simulated on the records, but {fit.model.name!r} leaves the "
+        f"finite numbers in {lost.size} of {len(windows)} windows, first in trajectory "
+        f"{names[windows.record[first]]!r} from t = {windows.t[windows.starts[first]]:g} s with "
+        f"{', '.join(f'{name} = {value:.3g}' for name, value in start)}. Remedy: say where the "
+        f"trajectories start (columns {', '.join(states)} of X), raise substeps (now "
+        f"{windows.substeps}), or check the parameters and that no root, logarithm or quotient "
+        f"meets a value that it is not made for."
+    )
 
 
 def speaks_for_slopes(fitter: Fitter, trial: Trial) -> bool:

@@ -14,7 +14,7 @@ from sklearn_pgnn.diagnosis.data_quality import check_data_quality
 from sklearn_pgnn.diagnosis.detectability import Bench, Detectability, detect_all
 from sklearn_pgnn.diagnosis.disturbance import find_disturbance
 from sklearn_pgnn.diagnosis.fitting import Fitter
-from sklearn_pgnn.diagnosis.ground import fit_window_length, speaks_for_slopes
+from sklearn_pgnn.diagnosis.ground import check_prior, fit_window_length, speaks_for_slopes
 from sklearn_pgnn.diagnosis.hypothesis import Cause, possible_causes
 from sklearn_pgnn.diagnosis.injection import verified
 from sklearn_pgnn.diagnosis.judge import Rules
@@ -198,8 +198,8 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         Raises
         ------
         ValueError
-            If X or y cannot be read as records of the model, or hold too little; if `hold` is
-            none of its choices.
+            If X or y cannot be read as records of the model, or hold too little; if the model
+            cannot be simulated on them; if `hold` is none of its choices.
         """
         _check_hold(self.hold)
         if y is None:
@@ -256,7 +256,9 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
             substeps=self.substeps,
             threads=effective_n_jobs(self.n_jobs),
         )
-        return Fitter(setting) if self.window is not None else fit_window_length(setting)
+        fitter = Fitter(setting) if self.window is not None else fit_window_length(setting)
+        check_prior(fitter, [record.name for record in records])
+        return fitter
 
     def _keep(self, fitter: Fitter, search: Search, outcome: Outcome) -> None:
         """Turn the outcome of the search into learned attributes."""

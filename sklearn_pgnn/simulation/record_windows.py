@@ -1,5 +1,6 @@
 """From records to windows: the records themselves say how long and how noisy."""
 
+import warnings
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -174,7 +175,9 @@ def _enough_substeps(model, windows, x) -> int:
     residual = evaluate(model, replace(windows, substeps=1), x0, ()).residual
     while substeps < MAX_SUBSTEPS:
         finer = evaluate(model, replace(windows, substeps=2 * substeps), x0, ()).residual
-        difference = np.sqrt(np.nanmean(((finer - residual) / windows.scale) ** 2))
+        with warnings.catch_warnings():  # of what leaves the finite numbers nothing is learned
+            warnings.simplefilter("ignore", RuntimeWarning)
+            difference = np.sqrt(np.nanmean(((finer - residual) / windows.scale) ** 2))
         if np.isfinite(difference) and difference < 0.1:
             return substeps
         substeps, residual = 2 * substeps, finer
