@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sklearn_pgnn.diagnosis.fitting import Fitter, Sketch, Trial, make_folds
+from sklearn_pgnn.diagnosis.hypothesis import Cause
 from sklearn_pgnn.diagnosis.setting import HARDLY
 
 #: an effect shows itself in at least so many pieces, and the error falls by so many times more than
@@ -206,32 +207,39 @@ class Judge:
             return False
         if not np.isfinite(worse).all():
             return True
-        gain = worse.sum() - better.sum()
-        return bool(
-            gain > self.rules.whole * worse.sum()
-            and gain > self.rules.share * self.excess(before)
-            and self._is_clear(worse, better)
-            and all(
-                self._outdoes_offset(before, target, better)
-                for target in self._remembering(before, after)
-            )
+        return self._is_enough(worse, better, self.excess(before)) and all(
+            self._outdoes_offset(before, after, target)
+            for target in self._remembering(before, after)
         )
 
-    def _outdoes_offset(self, before: Trial, target: str, better: np.ndarray) -> bool:
-        """Tell whether errors are less than with an offset in every window instead."""
-        squares = self.fitter.held_out_with_offset(before, target, self.folds).sum(axis=-1)
-        squares = squares + self._by_chance(before, 1)
-        return not np.isfinite(squares).all() or self._is_clear(squares, better)
+    def _is_enough(self, worse: np.ndarray, better: np.ndarray, above: float) -> bool:
+        """Tell whether errors fall by a part of all, by one of what is no noise, and clearly."""
+        gain = worse.sum() - better.sum()
+        least = max(self.rules.whole * worse.sum(), self.rules.share * above)
+        return bool(gain > least) and self._is_clear(worse, better)
+
+    def _outdoes_offset(self, before: Trial, after: Trial, target: str) -> bool:
+        """Tell whether errors are less than with an offset in every window, alone or beside it."""
+        offset = self._held_out_with_offset(before, target)
+        if not np.isfinite(offset).all() or self._is_clear(offset, self._held_out(after)):
+            return True
+        both, above = self._held_out_with_offset(after, target), offset.sum() - self.floor
+        return bool(np.isfinite(both).all()) and self._is_enough(offset, both, above)
+
+    def _held_out_with_offset(self, trial: Trial, target: str) -> np.ndarray:
+        squares = self.fitter.held_out_with_offset(trial, target, self.folds)
+        return squares.sum(axis=-1) + self._by_chance(trial, 1)
 
     def _remembering(self, before: Trial, after: Trial) -> set[str]:
-        """Name the targets of new causes that have a memory, free at the start of a window."""
-        prior, known = self.fitter.setting.prior, before.hypothesis.causes
-        return {
-            target
-            for effect, target in after.hypothesis.causes
-            if (effect, target) not in known
-            and len(effect(target).apply(prior).states) > len(prior.states)
-        }
+        """Name the targets of new causes that have a memory."""
+        new = set(after.hypothesis.causes) - set(before.hypothesis.causes)
+        return {cause[1] for cause in new if self.remembers(cause)}
+
+    def remembers(self, cause: Cause) -> bool:
+        """Tell whether a cause has a memory, free at the start of a window."""
+        effect, target = cause
+        prior = self.fitter.setting.prior
+        return len(effect(target).apply(prior).states) > len(prior.states)
 
     def _is_clear(self, worse: np.ndarray, better: np.ndarray) -> bool:
         """Tell whether errors fall in the mean, or, where a few are huge, in proportion."""

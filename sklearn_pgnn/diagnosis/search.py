@@ -230,10 +230,22 @@ class Search:
             sketch = self.fitter.sketch(trial)
             reduced = [self.fitter.reduce(sketch, c) for c in trial.hypothesis.causes]
             least = self._complete(min(reduced, key=objective_of), trial)
-            if self.judge.is_gain(least, trial):
+            needed = self.judge.is_gain(least, trial)
+            fewer = self._without_idle_memory(reduced, trial) if needed else least
+            if fewer is None:
                 return trial
-            trial = least
+            trial = fewer
         return trial
+
+    def _without_idle_memory(self, reduced: list[Sketch], trial: Trial) -> Trial | None:
+        """Drop a cause with a memory that is no gain beside the others, if there is one."""
+        for sketch in reduced:
+            (dropped,) = set(trial.hypothesis.causes) - set(sketch.hypothesis.causes)
+            if self.judge.remembers(dropped):
+                without = self._complete(sketch, trial)
+                if not self.judge.is_gain(without, trial):
+                    return without
+        return None
 
     def _swap(self, trial: Trial, tried) -> Trial:
         """Put another cause in a cause's place where that is clearly better, or simpler."""
