@@ -83,15 +83,14 @@ def run(study, system, seed):
     if "half" in study:
         options["n_records"] //= 2
     if "law" in study:
-        hidden = hide_law(model, LAWS[system][seed % len(LAWS[system])], options)
+        hidden, judge = hide_law(model, LAWS[system][seed % len(LAWS[system])], options), judge_law
     elif "disturbance" in study:
-        hidden = disturb(model, LAWS[system][0][0], options, rng)
+        hidden, judge = disturb(model, LAWS[system][0][0], options, rng), judge_disturbance
     else:
         draw = draw_parameters if "parameter" in study else draw_effects
-        hidden = datasets.make_hidden_effect(model, draw(model, STUDIES[study], rng), **options)
+        drawn = draw(model, STUDIES[study], rng)
+        hidden, judge = datasets.make_hidden_effect(model, drawn, **options), judge_causes
     diagnosis = ModelDiagnosis(hidden.prior, n_jobs=1).fit(hidden.X, hidden.y)
-    judge = judge_law if "law" in study else judge_causes
-    judge = judge_disturbance if "disturbance" in study else judge
     truth = [f"{effect.id} ({effect.target})" for effect in hidden.effects]
     named = [f"{cause.effect} ({cause.target})" for cause in diagnosis.causes_]
     said = f"{', '.join(named) or 'nothing'}; {diagnosis.verdict_}"

@@ -8,6 +8,7 @@ import copy
 import itertools
 import json
 import pickle
+import re
 import warnings
 from dataclasses import replace
 
@@ -477,14 +478,7 @@ def test_a_tone_in_what_is_left_is_heard_through_noise_of_four_times_its_power(f
 @pytest.fixture(scope="module", params=["zoh", "foh"])
 def smooth_input(request):
     """A hardening spring seen eight times a period, under an input that is smooth between."""
-    cart = PhysicsModel(
-        {"q": "m", "v": "m/s"},
-        {"q": "v", "v": "(F - d*v - k*q)/m"},
-        {"m": 1.0, "d": 1.0, "k": 400.0},
-        {"F": "N"},
-        {"q": "q"},
-        inertia={"v": "m"},
-    )
+    cart = systems.cart_on_spring().with_parameters(m=1.0, d=1.0, k=400.0)
     rng, t = np.random.default_rng(SEED), np.arange(1500) / 25
     waves = rng.uniform(0.5, 5.0, 25)[:, None] * t + rng.uniform(0, 1, 25)[:, None]
     F = 8 * np.sin(2 * np.pi * waves).sum(axis=0)
@@ -553,6 +547,10 @@ def test_play_without_width_is_a_lag_at_its_place_among_the_others():
     diagnosis = ModelDiagnosis(prior, catalogue=kinds).fit(np.c_[t, u], x)
     found = {cause.effect for cause in diagnosis.causes_}
     assert found == {"input_dead_zone", "actuator_lag", "input_delay"}
+    said = verdict_sentence(diagnosis)
+    assert re.search(
+        "u meets .*input dead zone of u, .*actuator lag of u.*: the order matters", said
+    )
 
 
 def battery_records(**start):

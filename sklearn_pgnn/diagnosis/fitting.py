@@ -115,7 +115,7 @@ class Fitter:
         self._trials: dict[Key, Trial] = {}
         self._sketches: dict[Key, Sketch] = {}
         self._begun: dict[Key, float] = {}
-        self._held_out: dict[tuple[Key, tuple[str, ...]], np.ndarray] = {}
+        self._held_out: dict[tuple[Key, tuple[str, ...]], dict[str | None, np.ndarray]] = {}
         self._held_names: dict[Cause, tuple[str, ...]] = {}
         self._commuting: dict[frozenset, bool] = {}
 
@@ -260,10 +260,6 @@ class Fitter:
             self._sketches[key] = look
         return replace(self._sketches[key], hypothesis=hypothesis)
 
-    def knows(self, hypothesis: Hypothesis) -> bool:
-        """Tell whether a hypothesis was sketched."""
-        return self.key(hypothesis) in self._sketches
-
     def key(self, hypothesis: Hypothesis) -> Key:
         """Give what tells hypotheses apart: the causes, and their order where it matters.
 
@@ -334,9 +330,8 @@ class Fitter:
 
     def exchange(self, sketch: Sketch, cause: Cause, others: list[Cause]) -> Sketch:
         """Sketch a hypothesis with some causes in the place of one."""
-        place = sketch.hypothesis.order.index(cause)
         hypothesis = sketch.hypothesis.without(cause)
-        for other in others:
+        for place, other in enumerate(others, sketch.hypothesis.order.index(cause)):
             hypothesis = hypothesis.plus(other, place)
         return self._derive(sketch, hypothesis)
 
@@ -467,7 +462,7 @@ class Fitter:
 
     # -- held out ------------------------------------------------------------------------------
 
-    def held_out(self, trial: Trial, folds: np.ndarray) -> np.ndarray:
+    def held_out(self, trial: Trial, folds: np.ndarray, offset: str | None = None) -> np.ndarray:
         """Give every window's squares under parameters fitted without its fold.
 
         Parameters
@@ -476,34 +471,22 @@ class Fitter:
             The hypothesis, fitted on all windows.
         folds : ndarray of shape (n_windows,)
             Fold of every window.
+        offset : str, optional
+            What an offset acts on that every window has of its own, see `WindowOffset`.
 
         Returns
         -------
         ndarray of shape (n_windows, n_pieces, n_outputs)
             Sum of squared residuals of every piece, in units of the noise.
         """
-        key = self._fitted(trial)
-        if key not in self._held_out:
-            start = self._start(trial.fit.model)
-            self._held_out[key] = self._cross_validate(trial.fit, start, folds)
-        return self._held_out[key]
-
-    def held_out_with_offset(self, trial: Trial, target: str, folds: np.ndarray) -> np.ndarray:
-        """Give the same if every window may have an offset of its own.
-
-        Parameters
-        ----------
-        trial, folds
-            As `held_out` has them.
-        target : str
-            What the offset acts on.
-
-        Returns
-        -------
-        ndarray of shape (n_windows, n_pieces, n_outputs)
-            Sum of squared residuals of every piece, in units of the noise.
-        """
-        return self._cross_validate(*self.with_offset(trial, target), folds)
+        known = self._held_out.setdefault(self._fitted(trial), {})
+        if offset not in known:
+            if offset is None:
+                fit, start = trial.fit, self._start(trial.fit.model)
+            else:
+                fit, start = self.with_offset(trial, offset)
+            known[offset] = self._cross_validate(fit, start, folds)
+        return known[offset]
 
     def with_offset(self, trial: Trial, target: str) -> tuple[WindowFit, Start]:
         """Fit a hypothesis again with an offset in every window, see `WindowOffset`.

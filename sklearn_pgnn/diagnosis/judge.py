@@ -220,15 +220,11 @@ class Judge:
 
     def _outdoes_offset(self, before: Trial, after: Trial, target: str) -> bool:
         """Tell whether errors are less than with an offset in every window, alone or beside it."""
-        offset = self._held_out_with_offset(before, target)
+        offset = self._held_out(before, target)
         if not np.isfinite(offset).all() or self._is_clear(offset, self._held_out(after)):
             return True
-        both, above = self._held_out_with_offset(after, target), offset.sum() - self.floor
+        both, above = self._held_out(after, target), offset.sum() - self.floor
         return bool(np.isfinite(both).all()) and self._is_enough(offset, both, above)
-
-    def _held_out_with_offset(self, trial: Trial, target: str) -> np.ndarray:
-        squares = self.fitter.held_out_with_offset(trial, target, self.folds)
-        return squares.sum(axis=-1) + self._by_chance(trial, 1)
 
     def _remembering(self, before: Trial, after: Trial) -> set[str]:
         """Name the targets of new causes that have a memory."""
@@ -249,8 +245,9 @@ class Judge:
         seen = (worse > 0) & (better > 0)
         return _mean_in_errors(np.log(worse[seen] / better[seen])) > significance
 
-    def _held_out(self, trial: Trial) -> np.ndarray:
-        return self.fitter.held_out(trial, self.folds).sum(axis=-1) + self._by_chance(trial)
+    def _held_out(self, trial: Trial, offset: str | None = None) -> np.ndarray:
+        squares = self.fitter.held_out(trial, self.folds, offset).sum(axis=-1)
+        return squares + self._by_chance(trial, offset is not None)
 
 
 def is_fall(worse: np.ndarray, better: np.ndarray, significance: float) -> bool:
