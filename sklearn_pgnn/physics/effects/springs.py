@@ -1,6 +1,7 @@
 """Forces that depend on the position: springs, ripple, end stops."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import sympy
 
@@ -12,7 +13,27 @@ MOST_CYCLES = 40.0
 
 
 @dataclass(frozen=True)
-class LinearStiffness(PositionEffect):
+class PowerOfPosition(PositionEffect):
+    r"""A spring whose force is a power of the position, :math:`F = k\,x^n`."""
+
+    power: ClassVar[int]
+
+    def force(self, v, position, p):
+        """Give k*x^n."""
+        return p["stiffness"] * position**self.power
+
+    def potential(self, position, p):
+        """Give k*x^(n+1)/(n+1)."""
+        return p["stiffness"] * position ** (self.power + 1) / (self.power + 1)
+
+    @classmethod
+    def starts(cls, target, model, scales):
+        """Start without it."""
+        return (cls(target),)
+
+
+@dataclass(frozen=True)
+class LinearStiffness(PowerOfPosition):
     r"""A spring, :math:`F = k\,x`.
 
     Parameters
@@ -32,23 +53,11 @@ class LinearStiffness(PositionEffect):
     id = "linear_stiffness"
     summary = "A spring, a cable or a gravity slope: a force in proportion to the position."
     check = "Hold several positions at rest and plot the force over the position."
-
-    def force(self, v, position, p):
-        """Give k*x."""
-        return p["stiffness"] * position
-
-    def potential(self, position, p):
-        """Give k*x^2/2."""
-        return p["stiffness"] * position**2 / 2
-
-    @classmethod
-    def starts(cls, target, model, scales):
-        """Start without a spring."""
-        return (cls(target),)
+    power = 1
 
 
 @dataclass(frozen=True)
-class QuadraticStiffness(PositionEffect):
+class QuadraticStiffness(PowerOfPosition):
     r"""A spring that is stiffer on one side than on the other, :math:`F = k_2\,x^2`.
 
     Parameters
@@ -68,23 +77,11 @@ class QuadraticStiffness(PositionEffect):
     id = "quadratic_stiffness"
     summary = "A spring that is stiffer on one side: preloaded, sagging, or bent."
     check = "Push and pull with the same force: the deflections differ."
-
-    def force(self, v, position, p):
-        """Give k2*x^2."""
-        return p["stiffness"] * position**2
-
-    def potential(self, position, p):
-        """Give k2*x^3/3."""
-        return p["stiffness"] * position**3 / 3
-
-    @classmethod
-    def starts(cls, target, model, scales):
-        """Start with equal sides."""
-        return (cls(target),)
+    power = 2
 
 
 @dataclass(frozen=True)
-class CubicStiffness(PositionEffect):
+class CubicStiffness(PowerOfPosition):
     r"""A hardening or softening spring, :math:`F = k_3\,x^3`.
 
     Parameters
@@ -104,19 +101,7 @@ class CubicStiffness(PositionEffect):
     id = "cubic_stiffness"
     summary = "A spring that hardens (or softens) with the deflection."
     check = "Compare the resonance frequency at small and at large amplitude."
-
-    def force(self, v, position, p):
-        """Give k3*x^3."""
-        return p["stiffness"] * position**3
-
-    def potential(self, position, p):
-        """Give k3*x^4/4."""
-        return p["stiffness"] * position**4 / 4
-
-    @classmethod
-    def starts(cls, target, model, scales):
-        """Start without the cubic part."""
-        return (cls(target),)
+    power = 3
 
 
 @dataclass(frozen=True)
