@@ -88,6 +88,25 @@ def check_data_quality(
     return tuple(finding for finding in found if finding is not None)
 
 
+def clipped_outputs(setting: Setting) -> tuple[str, ...]:
+    """Name the outputs that stand still at an end of their range, see `find_clipping`.
+
+    Parameters
+    ----------
+    setting : Setting
+        The ground of the diagnosis.
+
+    Returns
+    -------
+    tuple of str
+        Outputs.
+    """
+    model, windows = setting.prior, setting.windows
+    names = [""] * (windows.bounds.size - 1)
+    outputs = _signals(model, model.outputs, windows, windows.y, names)
+    return tuple(signal.name for signal in outputs if find_clipping(signal))
+
+
 def _signals(model, quantities, windows: Windows, values, names) -> list[Signal]:
     cuts = windows.bounds[1:-1]
     times = np.split(windows.t, cuts)

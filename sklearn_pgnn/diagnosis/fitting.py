@@ -40,6 +40,8 @@ LOOK_STEPS = 3
 SKETCH_TOLERANCE, TOLERANCE = 1e-3, 1e-4
 #: least steps with which the accepted hypothesis is fitted on, and where that ends
 POLISH_STEPS, POLISH_TOLERANCE = 3, 1e-9
+#: folds of records; a single one is cut into more stretches, for it shows much but a few times
+FOLDS, STRETCHES = 4, 8
 #: steps for the initial states alone, which are nearly linear
 PRIOR_STEPS = 8
 
@@ -595,15 +597,13 @@ def piece_squares(setting: Setting, fit: WindowFit, which=slice(None)) -> np.nda
     return sums
 
 
-def make_folds(setting: Setting, n_folds: int = 4) -> np.ndarray:
-    """Deal the windows into folds: by whole records, or by stretches of a few records.
+def make_folds(setting: Setting) -> np.ndarray:
+    """Deal the windows into folds: by whole records, or by stretches of a single one.
 
     Parameters
     ----------
     setting : Setting
         The ground of the diagnosis.
-    n_folds : int, default=4
-        Number of folds.
 
     Returns
     -------
@@ -612,10 +612,10 @@ def make_folds(setting: Setting, n_folds: int = 4) -> np.ndarray:
     """
     record = setting.windows.record
     n_records = record.max() + 1
-    if n_records >= n_folds:
-        return record % n_folds
+    if n_records >= FOLDS:
+        return record % FOLDS
     order = np.arange(record.size)
-    return (order * n_folds // record.size) if n_records == 1 else record
+    return order * STRETCHES // record.size if n_records == 1 else record
 
 
 def _carry_over(fit: WindowFit, model: PhysicsModel, expected) -> np.ndarray:

@@ -7,8 +7,10 @@ import numpy as np
 
 from sklearn_pgnn.diagnosis.fitting import Fitter, Trial, piece_squares
 from sklearn_pgnn.diagnosis.judge import is_fall
-from sklearn_pgnn.diagnosis.setting import ROUGH_SAMPLES, Setting, longer, shorter
+from sklearn_pgnn.diagnosis.setting import ROUGH_SAMPLES, Setting, longer, recut, shorter
 from sklearn_pgnn.exceptions import RecordError
+from sklearn_pgnn.physics.expressions import symbol
+from sklearn_pgnn.simulation.pointwise import evaluate_samples, sample_table
 from sklearn_pgnn.simulation.record_windows import MIN_WINDOWS
 from sklearn_pgnn.simulation.window_fit import fit_windows
 
@@ -17,6 +19,9 @@ from sklearn_pgnn.simulation.window_fit import fit_windows
 TOO_LARGE, SMALL = 30.0, 3.0
 #: shorter windows must lower the error to this share of it; longer ones may raise it so many times
 HELPS, HARDLY_HARDER = 0.75, 1.15
+#: time constants in which a state forgets where it started; windows that are so many times as long
+#: are worth another look
+FORGOTTEN, LONGER = 5.0, 1.5
 #: inputs that run straight between samples must lower a fit's squares to this share, and its errors
 #: by so many of their standard errors
 NEARER, SURE = 0.95, 3.0
@@ -60,6 +65,43 @@ def _forgets(fitter: Fitter, further: Fitter) -> bool:
     """Tell whether longer windows are hardly harder, and still enough to judge on."""
     enough = len(further.setting.windows) >= MIN_WINDOWS
     return enough and further.base_error() < HARDLY_HARDER * fitter.base_error()
+
+
+def look_further(fitter: Fitter) -> Fitter | None:
+    """Make windows so long that they forget where their hidden states start.
+
+    The initial value of a state that nobody sees is fitted in every window. Where the state is
+    slow, that takes up what is wrong with it.
+
+    Parameters
+    ----------
+    fitter : Fitter
+        The fitter, on windows of the usual length.
+
+    Returns
+    -------
+    Fitter or None
+        The fitter on longer windows; None where the usual ones, or the records, are as long.
+    """
+    setting = fitter.setting
+    scales, windows = setting.scales, setting.windows
+    all_windows = windows.lengths.sum() * scales.sample_time
+    length = min(FORGOTTEN * _slowest(fitter), all_windows / MIN_WINDOWS)
+    times = length / scales.window
+    if times < LONGER:
+        return None
+    further = recut(setting, length, max(1, round(times * windows.pieces)))
+    return None if further is None else Fitter(further)
+
+
+def _slowest(fitter: Fitter) -> float:
+    """Give the longest time constant of the hidden states of the re-tuned prior [s]."""
+    model, states = fitter.base().fit.model, fitter.setting.states
+    windows, x = fitter.setting.windows, states.estimate(model).x
+    table = sample_table(model, windows, x)
+    slopes = [model.equations[s].diff(symbol(s)) for s in states.hidden(model)]
+    decays = [-np.median(evaluate_samples(slope, table, len(x))) for slope in slopes]
+    return max((1.0 / decay for decay in decays if decay > 0), default=0.0)
 
 
 def check_prior(fitter: Fitter, names: Sequence[str]) -> None:

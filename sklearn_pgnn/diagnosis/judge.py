@@ -15,6 +15,8 @@ FEW, CLEARLY = 3, 10.0
 RESOLUTION = 1e-5
 #: standard errors by which two fits must differ to be told apart
 NOTICED = 2.0
+#: standard errors by which a cause must help that the records show by themselves
+LIKELY = 1.0
 
 
 @dataclass(frozen=True)
@@ -49,6 +51,8 @@ class Judge:
         Fits hypotheses.
     rules : Rules
         When a difference counts.
+    shown : frozenset of (effect class, target), default=frozenset()
+        Causes that the records show by themselves: they need no proof, only to do no harm.
 
     Attributes
     ----------
@@ -58,8 +62,8 @@ class Judge:
         Fold of every window, for what is held out.
     """
 
-    def __init__(self, fitter: Fitter, rules: Rules):
-        self.fitter, self.rules = fitter, rules
+    def __init__(self, fitter: Fitter, rules: Rules, shown: frozenset[Cause] = frozenset()):
+        self.fitter, self.rules, self.shown = fitter, rules, shown
         self.folds = make_folds(fitter.setting)
         self.floor = np.inf
 
@@ -207,6 +211,8 @@ class Judge:
             return False
         if not np.isfinite(worse).all():
             return True
+        if self._new(before, after) <= self.shown:
+            return self._is_clear(worse, better, LIKELY)
         return self._is_enough(worse, better, self.excess(before)) and all(
             self._outdoes_offset(before, after, target)
             for target in self._remembering(before, after)
@@ -228,8 +234,12 @@ class Judge:
 
     def _remembering(self, before: Trial, after: Trial) -> set[str]:
         """Name the targets of new causes that have a memory."""
-        new = set(after.hypothesis.causes) - set(before.hypothesis.causes)
-        return {cause[1] for cause in new if self.remembers(cause)}
+        return {cause[1] for cause in self._new(before, after) if self.remembers(cause)}
+
+    @staticmethod
+    def _new(before: Trial, after: Trial) -> set[Cause]:
+        """Give the causes that a hypothesis has more."""
+        return set(after.hypothesis.causes) - set(before.hypothesis.causes)
 
     def remembers(self, cause: Cause) -> bool:
         """Tell whether a cause has a memory, free at the start of a window."""
@@ -237,9 +247,9 @@ class Judge:
         prior = self.fitter.setting.prior
         return len(effect(target).apply(prior).states) > len(prior.states)
 
-    def _is_clear(self, worse: np.ndarray, better: np.ndarray) -> bool:
+    def _is_clear(self, worse: np.ndarray, better: np.ndarray, significance=None) -> bool:
         """Tell whether errors fall in the mean, or, where a few are huge, in proportion."""
-        significance = self.rules.significance
+        significance = self.rules.significance if significance is None else significance
         if is_fall(worse, better, significance):
             return True
         seen = (worse > 0) & (better > 0)

@@ -10,12 +10,17 @@ from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
 from sklearn_pgnn.diagnosis.beyond import Beyond
-from sklearn_pgnn.diagnosis.data_quality import check_data_quality
+from sklearn_pgnn.diagnosis.data_quality import check_data_quality, clipped_outputs
 from sklearn_pgnn.diagnosis.detectability import Bench, Detectability, detect_all
 from sklearn_pgnn.diagnosis.disturbance import find_disturbance
-from sklearn_pgnn.diagnosis.fitting import Fitter
-from sklearn_pgnn.diagnosis.ground import check_prior, fit_window_length, speaks_for_slopes
-from sklearn_pgnn.diagnosis.hypothesis import Cause, possible_causes
+from sklearn_pgnn.diagnosis.fitting import Fitter, Trial
+from sklearn_pgnn.diagnosis.ground import (
+    check_prior,
+    fit_window_length,
+    look_further,
+    speaks_for_slopes,
+)
+from sklearn_pgnn.diagnosis.hypothesis import Cause, Hypothesis, possible_causes
 from sklearn_pgnn.diagnosis.injection import verified
 from sklearn_pgnn.diagnosis.judge import Rules
 from sklearn_pgnn.diagnosis.records import keep_records
@@ -33,7 +38,7 @@ from sklearn_pgnn.diagnosis.search import Outcome, Search
 from sklearn_pgnn.diagnosis.separation import Separation, are_same, plain_separation, separate
 from sklearn_pgnn.diagnosis.setting import check_records, make_setting, with_prior_spreads
 from sklearn_pgnn.diagnosis.unexplained import MissingPart
-from sklearn_pgnn.physics.effects import CATALOGUE
+from sklearn_pgnn.physics.effects import CATALOGUE, SensorSaturation
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.readings import reading
 from sklearn_pgnn.simulation.simulate import HOLDS, simulate_records
@@ -209,8 +214,10 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         X = validate_table(self, X, reset=True)
         records = read_records(self.model, X, y, time=self.time)
         check_records(self.model, records)
-        search, outcome, self.missing_, formula = self._investigate(records)
+        found = self._investigate(records)
+        search, outcome, self.missing_, formula = found
         fitter = search.fitter
+        self.verdict_ = _verdict(found)
         self._keep(fitter, search, outcome)
         nameless = self.verdict_ == "unexplained" and self.missing_ is None
         self.disturbance_ = find_disturbance(search.judge, outcome.final) if nameless else None
@@ -232,8 +239,14 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         found = self._search(self._ground(records, "zoh" if self.hold == "auto" else self.hold))
         if self.hold == "auto" and speaks_for_slopes(found.search.fitter, found.outcome.final):
             again = self._search(self._ground(records, "foh"))
-            return min(found, again, key=_error)
-        return found
+            found = min(found, again, key=_error)
+        return self._further(found)
+
+    def _further(self, found: "_Found") -> "_Found":
+        """Search again in longer windows what stays unexplained, if slow states are hidden."""
+        little = _verdict(found) == "unexplained" and _explained(found) < 1.0 - UNEXPLAINED
+        further = look_further(found.search.fitter) if little and self.window is None else None
+        return found if further is None else max(found, self._search(further), key=_explained)
 
     def _search(self, fitter: Fitter) -> "_Found":
         """Search the catalogue, and what it has no name for."""
@@ -241,7 +254,8 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         suspects = possible_causes(self.model, catalogue, self.targets)
         rules = Rules(significance=self.significance, max_causes=self.max_causes)
         beyond = Beyond()
-        search = Search(fitter, suspects, rules, self.progress or _silent, beyond.is_enough)
+        shown = frozenset((SensorSaturation, output) for output in clipped_outputs(fitter.setting))
+        search = Search(fitter, suspects, rules, self.progress or _silent, beyond.is_enough, shown)
         outcome, missing = beyond.judge(search, search.run())
         return _Found(search, outcome, missing, beyond.fit)
 
@@ -271,7 +285,6 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         self.parameters_ = retuned_parameters(setting, final.fit, errors)
         self.refitted_model_ = outcome.base.fit.model
         self.extended_model_ = with_prior_spreads(final.fit.model, self.model)
-        self.verdict_ = self._verdict(search, outcome)
         self.window_ = setting.scales.window
         self.substeps_, self.hold_ = setting.windows.substeps, setting.windows.hold
         tried = [Tried(e.id, target, float(left)) for (e, target), left in outcome.tried.items()]
@@ -306,18 +319,6 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
             f"cause: expected an effect of the catalogue "
             f"({', '.join(kind.id for kind in catalogue)}), got {effect!r}."
         )
-
-    def _verdict(self, search: Search, outcome: Outcome) -> str:
-        if self.missing_ is not None:
-            return "unexplained"
-        left, before = search.judge.excess(outcome.final), search.judge.excess(outcome.base)
-        if not outcome.steps:
-            enough = left < search.judge.rules.share * outcome.base.squares
-            return "model_adequate" if enough else "unexplained"
-        if left > UNEXPLAINED * before:
-            return "unexplained"
-        ambiguous = any(cause.confused_with for cause in self.causes_)
-        return "ambiguous" if ambiguous else "cause_named"
 
     def predict(self, X):
         """Simulate the extended model in free run from every trajectory's initial state.
@@ -541,6 +542,28 @@ class _Found(NamedTuple):
     outcome: Outcome
     missing: MissingPart | None
     formula: WindowFit | None
+
+
+def _verdict(found: _Found) -> str:
+    """Say in a word what a search came to."""
+    judge, outcome = found.search.judge, found.outcome
+    if found.missing is not None:
+        return "unexplained"
+    left, before = judge.excess(outcome.final), judge.excess(outcome.base)
+    if not outcome.steps:
+        enough = left < judge.rules.share * outcome.base.squares
+        return "model_adequate" if enough else "unexplained"
+    if left > UNEXPLAINED * before:
+        return "unexplained"
+    return "ambiguous" if any(outcome.alternatives.values()) else "cause_named"
+
+
+def _explained(found: _Found) -> float:
+    """Give the share of the error above the noise that causes, and a formula, explain."""
+    judge, outcome = found.search.judge, found.outcome
+    before = judge.excess(outcome.base)
+    last = outcome.final if found.formula is None else Trial(Hypothesis(), found.formula)
+    return 1.0 - judge.excess(last) / before if before > 0 else 0.0
 
 
 def _error(found: _Found) -> float:

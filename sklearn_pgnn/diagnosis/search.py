@@ -67,6 +67,8 @@ class Search:
     is_beyond : callable, optional
         Asked ``is_beyond(search, trial)`` where causes leave something; the search ends where the
         answer is yes.
+    shown : frozenset of (effect class, target), default=frozenset()
+        Causes that the records show by themselves.
     """
 
     def __init__(
@@ -76,12 +78,13 @@ class Search:
         rules: Rules,
         progress: Callable[[str, int, int], None],
         is_beyond: Callable[["Search", Trial], bool] | None = None,
+        shown: frozenset[Cause] = frozenset(),
     ):
         self.is_beyond = is_beyond
         self.fitter = fitter
         self.same = same_causes(fitter.setting.prior, suspects)
         self.suspects = tuple(self.same)
-        self.judge = Judge(fitter, rules)
+        self.judge = Judge(fitter, rules, shown)
         self.progress = progress
         self._grounds: dict[Key, tuple[Sketch, list[Sketch]]] = {}
 
@@ -107,7 +110,8 @@ class Search:
             scouted = self._scout(current)
             if current is base:
                 tried = self._shares_left(base, scouted)
-            best = self._decide(current, scouted) or self._look_back(current)
+            best = self._shown(current) or self._decide(current, scouted)
+            best = best or self._look_back(current)
             if best is None:
                 break
             current = self._eliminate(best)
@@ -155,6 +159,15 @@ class Search:
         """Give the share of the error power that every suspect leaves."""
         before = self.fitter.sketch(base).squares
         return {sketch.hypothesis.causes[-1]: sketch.squares / before for sketch in scouted}
+
+    def _shown(self, current: Trial) -> Trial | None:
+        """Add the causes that the records show by themselves, to a hypothesis without causes."""
+        trial = current
+        for cause in self.suspects if not current.hypothesis.causes else ():
+            if cause in self.judge.shown:
+                look = self.fitter.look(self.fitter.sketch(trial), cause)
+                trial = self._complete(self.fitter.settle(look), trial)
+        return trial if trial is not current else None
 
     def _decide(self, current: Trial, scouted: list[Sketch]) -> Trial | None:
         """Give the best suspect that proves itself on unseen windows, or says the same simpler."""
@@ -251,7 +264,7 @@ class Search:
         """Put another cause in a cause's place where that is clearly better, or simpler."""
         if len(trial.hypothesis.causes) < 2:
             return trial
-        for cause in trial.hypothesis.causes:
+        for cause in (c for c in trial.hypothesis.causes if c not in self.judge.shown):
             for sketch in self._replacements(trial, cause, tried):
                 swapped = self._complete(sketch, trial)
                 if self.judge.says_it_better(trial, swapped):

@@ -83,7 +83,7 @@ def shorter(setting: Setting) -> Setting | None:
     length = setting.scales.window / 2
     if length < max(MIN_SAMPLES * setting.scales.sample_time, SHORTEST * setting.period):
         return None
-    return _recut(setting, length, 1)
+    return recut(setting, length, 1)
 
 
 def longer(setting: Setting) -> Setting | None:
@@ -91,10 +91,26 @@ def longer(setting: Setting) -> Setting | None:
 
     Statistics stay with pieces of the old length.
     """
-    return _recut(setting, 2 * setting.scales.window, 2 * setting.windows.pieces)
+    return recut(setting, 2 * setting.scales.window, 2 * setting.windows.pieces)
 
 
-def _recut(setting: Setting, length: float, pieces: int) -> Setting | None:
+def recut(setting: Setting, length: float, pieces: int) -> Setting | None:
+    """Give the setting with windows of another length, or None where that changes nothing.
+
+    Parameters
+    ----------
+    setting : Setting
+        The setting.
+    length : float
+        Length of the windows [s].
+    pieces : int
+        Pieces of a window that statistics are taken of.
+
+    Returns
+    -------
+    Setting or None
+        The setting.
+    """
     windows = replace(cut(setting.windows, length, min_windows=1), pieces=pieces)
     if np.array_equal(windows.starts, setting.windows.starts):
         return None

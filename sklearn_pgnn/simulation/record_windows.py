@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.record_start import find_starts
 from sklearn_pgnn.simulation.state_estimate import StateEstimator
 from sklearn_pgnn.simulation.windows import Windows, evaluate
 from sklearn_pgnn.trajectories.record import Record
@@ -94,6 +95,7 @@ def window_records(
         substeps = _enough_substeps(model, windows, states.estimate(model).x)
     windows = replace(windows, substeps=int(substeps))
     states.windows = windows
+    find_starts(model, cut(windows, period * WINDOW_SHARE), states)
     return WindowedRecords(windows, states, period, np.array(told) if window == WHOLE else None)
 
 

@@ -94,6 +94,10 @@ class StateEstimator:
         t = self.windows.t[most]
         return choose_penalty((t - t[0]) / np.mean(np.diff(t)), y[most])
 
+    def hidden(self, model: PhysicsModel) -> tuple[str, ...]:
+        """Name the states of a model that no output shows, alone or as a slope."""
+        return tuple(state for state in model.states if state not in self.known)
+
     def estimate(self, model: PhysicsModel) -> StateEstimate:
         """Estimate the states of an extension of the model.
 

@@ -27,6 +27,7 @@ from sklearn_pgnn.physics.effects.outputs import (
     SensorRectification,
     SensorSaturation,
 )
+from sklearn_pgnn.physics.effects.overflow import Overflow
 from sklearn_pgnn.physics.effects.parameters import ParameterDrift, WrongParameter
 from sklearn_pgnn.physics.effects.rates import ConstantLoad, PeriodicDisturbance
 from sklearn_pgnn.physics.effects.springs import (
@@ -53,6 +54,7 @@ CATALOGUE = (
     PeriodicDisturbance,
     RateLimit,
     StateLimit,
+    Overflow,
     Leak,
     InputBias,
     InputGain,

@@ -14,6 +14,12 @@ def _bounded(value, limit):
     return sympy.Max(sympy.Min(value, limit), -limit)
 
 
+def first_order_states(model):
+    """Name the states that are neither velocities nor their positions."""
+    known = set(positions(model).values())
+    return tuple(s for s in model.states if s not in known and not is_velocity(model, s))
+
+
 @dataclass(frozen=True)
 class StateEffect(Effect):
     """A state whose rate is replaced by an expression of it."""
@@ -21,8 +27,7 @@ class StateEffect(Effect):
     @classmethod
     def targets(cls, model):
         """Name the states of first order: neither velocities nor their positions."""
-        known = set(positions(model).values())
-        return tuple(s for s in model.states if s not in known and not is_velocity(model, s))
+        return first_order_states(model)
 
     def rate(self, state, rate, p):
         """Give the new rate from the state and its old rate."""

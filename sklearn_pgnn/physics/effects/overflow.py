@@ -1,0 +1,91 @@
+"""A vessel that runs over, into the next one below."""
+
+from dataclasses import dataclass
+
+import sympy
+
+from sklearn_pgnn.physics.effect import quantity
+from sklearn_pgnn.physics.effects.levels import StateEffect, StateLimit, first_order_states
+from sklearn_pgnn.physics.expressions import symbol
+
+
+@dataclass(frozen=True)
+class Overflow(StateEffect):
+    r"""A level that spills over a rim, partly into the vessel that it flows into.
+
+    .. math:: \dot x = f - s, \qquad \dot x_\mathrm{next} = f_\mathrm{next} + \rho s,
+              \qquad s = c \max(x - L, 0)
+
+    The next vessel is the one state of first order and of the same unit whose rate the level is
+    in, and that does not act back.
+
+    Parameters
+    ----------
+    target : str
+        The level.
+    limit : float, default=1e9
+        Rim :math:`L` [state].
+    steepness : float, default=1
+        How fast what is above the rim goes, :math:`c` [1/s].
+    share : float, default=0
+        What the next level gains for what this one loses, :math:`\rho`.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.physics.systems import two_tanks
+    >>> spilling = two_tanks() + Overflow("x1", limit=9.0, share=0.6)
+    >>> spilling.with_parameters(Lo_x1=8.0).parameters["so_x1"].value
+    0.6
+    """
+
+    limit: float = quantity("Lo", "{target}", default=1e9, low=0.0)
+    steepness: float = quantity("co", "1/s", default=1.0, low=0.0)
+    share: float = quantity("so", "", low=0.0)
+    id = "overflow"
+    summary = "A vessel spills over its rim, and part of that falls into the next one."
+    check = "Fill the vessel to its rim and watch where the excess goes."
+    generalises = (StateLimit.id,)
+    excludes = (StateLimit.id,)
+
+    @classmethod
+    def targets(cls, model):
+        """Name the levels that flow into one other."""
+        return tuple(state for state in super().targets(model) if len(_next(model, state)) == 1)
+
+    def rewrite(self, model, p):
+        """Take what spills from the target, and give a share of it to the next."""
+        (below,) = _next(model, self.target)
+        spilt = p["steepness"] * sympy.Max(symbol(self.target) - p["limit"], 0)
+        rates = dict(model.equations)
+        rates[self.target] -= spilt
+        rates[below] += p["share"] * spilt
+        return {"equations": rates}
+
+    @classmethod
+    def starts(cls, target, model, scales):
+        """Start from a little to a lot that spills, half of it caught."""
+        steepness, peak = 0.3 / scales.sample_time, scales.peak[target]
+        return tuple(cls(target, part * peak, steepness, 0.5) for part in (0.95, 0.8, 0.6))
+
+    @classmethod
+    def limits(cls, target, model, scales):
+        """Spill something, within a tenth of a window, but no faster than the samples show."""
+        fastest = 1.0 / scales.sample_time
+        return {
+            "limit": (0.1 * scales.peak[target], scales.peak[target]),
+            "steepness": (min(10.0 / scales.window, fastest), fastest),
+            "share": (0.0, 2.0),
+        }
+
+
+def _next(model, state: str) -> tuple[str, ...]:
+    """Name the levels that a level flows into."""
+    unit = model.unit(state)
+    return tuple(
+        other
+        for other in first_order_states(model)
+        if other != state
+        and model.unit(other) == unit
+        and model.equations[other].has(symbol(state))
+        and not model.equations[state].has(symbol(other))
+    )
