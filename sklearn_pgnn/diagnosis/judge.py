@@ -211,7 +211,8 @@ class Judge:
             return False
         if not np.isfinite(worse).all():
             return True
-        if self._new(before, after) <= self.shown:
+        new = self._new(before, after)
+        if new and new <= self.shown:
             return self._is_clear(worse, better, LIKELY)
         return self._is_enough(worse, better, self.excess(before)) and all(
             self._outdoes_offset(before, after, target)

@@ -10,7 +10,7 @@ from sklearn_pgnn.simulation.window_fit import fit_windows
 from sklearn_pgnn.simulation.windows import Windows
 
 #: another start must lower the squares of a record's first window to this share
-CLEARLY = 1 / 3
+CLEARLY = 1 / 2
 #: steps in which the initial states are fitted
 STEPS = 8
 
@@ -46,8 +46,8 @@ def find_starts(model: PhysicsModel, windows: Windows, states: StateEstimator) -
         for x0 in (expected, elsewhere)
     )
     better = there.evaluation.squares < CLEARLY * here.evaluation.squares
-    for r in np.flatnonzero(better):
-        names = list(model.states)
+    names = list(model.states)
+    for r in np.flatnonzero(better).tolist():
         states.starts[r].update({names[i]: there.x0[r, i] for i in unknown[r]})
 
 
