@@ -21,6 +21,13 @@ MATTERS = (10.0, 40.0)
 SMALLEST, BISECTIONS = 1e-3, 7
 #: effects whose size may have either sign
 EITHER_SIGN = frozenset({"constant_load", "input_bias", "sensor_bias", "sensor_gain"})
+
+
+def _below_peak(size: float, scale) -> float:
+    """Give a limit that cuts the more off a signal's peaks the larger an effect is."""
+    return scale["peak"] - size * min(0.7 * scale["peak"], 2 * scale["target"])
+
+
 #: parameters that are not in proportion to the size: value from size and the signals' scales
 SHAPES = {
     ("stribeck_friction", "level"): lambda size, scale: 0.3 * size * scale["force"],
@@ -30,9 +37,7 @@ SHAPES = {
         0.3 * size * scale["force"] / scale["velocity"]
     ),
     ("cogging", "period"): lambda size, scale: 0.5 * scale["position"],
-    ("input_saturation", "limit"): lambda size, scale: (
-        scale["peak"] - size * min(0.7 * scale["peak"], 2 * scale["target"])
-    ),
+    ("input_saturation", "limit"): _below_peak,
     ("input_dead_zone", "width"): lambda size, scale: 0.6 * size * scale["peak"],
     ("input_gain", "error"): lambda size, scale: 0.5 * size,
     ("input_rate_limit", "limit"): lambda size, scale: scale["target"] / (size * scale["s"]),
@@ -45,13 +50,12 @@ SHAPES = {
     ("end_stop", "lower"): lambda size, scale: -scale["position"] * (2.0 - 1.5 * size),
     ("end_stop", "stiffness"): lambda size, scale: 20.0 * scale["force"] / scale["position"],
     ("rate_limit", "limit"): lambda size, scale: 3.0 * scale["rate"] * (1.0 - 0.95 * size),
-    ("state_limit", "limit"): lambda size, scale: (
-        scale["peak"] - size * min(0.7 * scale["peak"], 2 * scale["target"])
-    ),
+    ("state_limit", "limit"): _below_peak,
     ("state_limit", "steepness"): lambda size, scale: 20.0 / scale["s"],
-    ("sensor_saturation", "upper"): lambda size, scale: (
-        scale["peak"] - size * min(0.7 * scale["peak"], 2 * scale["target"])
-    ),
+    ("overflow", "limit"): _below_peak,
+    ("overflow", "steepness"): lambda size, scale: 20.0 / scale["s"],
+    ("overflow", "share"): lambda size, scale: 0.5,
+    ("sensor_saturation", "upper"): _below_peak,
     ("sensor_saturation", "lower"): lambda size, scale: -scale["peak"],
     ("sensor_delay", "delay"): lambda size, scale: 0.3 * size * scale["s"],
     ("parameter_drift", "rate"): lambda size, scale: 2.0 * size / scale["duration"],

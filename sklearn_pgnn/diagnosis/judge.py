@@ -131,8 +131,9 @@ class Judge:
     # -- on all windows ------------------------------------------------------------------------
 
     def is_simpler(self, before: Trial, after: Trial) -> bool:
-        """Tell whether a trial explains as much with fewer parameters."""
+        """Tell whether a trial explains as much with fewer parameters, and says what is shown."""
         fewer = n_parameters(after) < n_parameters(before)
+        fewer = fewer and not self._new(after, before) & self.shown
         return fewer and np.isfinite(after.squares) and self.as_good(before, after)
 
     def says_it_better(self, trial: Trial, other: Trial) -> bool:

@@ -264,12 +264,16 @@ class Search:
         """Put another cause in a cause's place where that is clearly better, or simpler."""
         if len(trial.hypothesis.causes) < 2:
             return trial
-        for cause in (c for c in trial.hypothesis.causes if c not in self.judge.shown):
+        for cause in self._open_to_doubt(trial):
             for sketch in self._replacements(trial, cause, tried):
                 swapped = self._complete(sketch, trial)
                 if self.judge.says_it_better(trial, swapped):
                     return self._swap(self._eliminate(swapped), tried)
         return trial
+
+    def _open_to_doubt(self, trial: Trial) -> list[Cause]:
+        """Name the causes of a hypothesis that the records do not show by themselves."""
+        return [cause for cause in trial.hypothesis.causes if cause not in self.judge.shown]
 
     def _replacements(self, trial: Trial, cause: Cause, tried) -> list[Sketch]:
         """Sketch the suspects that may stand in a cause's place, the best first."""
@@ -311,7 +315,8 @@ class Search:
         causes = trial.hypothesis.causes
         if len(causes) < 2 or not any(effect.generalises for effect, _ in causes):
             return []
-        sketches = [s for cause in causes for s in self._replacements(trial, cause, tried)]
+        open_to_doubt = self._open_to_doubt(trial)
+        sketches = [s for c in open_to_doubt for s in self._replacements(trial, c, tried)]
         swapped = [self._complete(sketch, trial) for sketch in sketches]
         return [s for s in swapped if np.isfinite(s.squares) and self.judge.as_good(trial, s)]
 
