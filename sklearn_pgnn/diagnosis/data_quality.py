@@ -9,6 +9,7 @@ from scipy.stats import t as student
 
 from sklearn_pgnn.diagnosis.record_flaws import (
     ALPHA,
+    COARSE,
     FINE,
     WHOLE,
     Finding,
@@ -89,7 +90,9 @@ def check_data_quality(
 
 
 def clipped_outputs(setting: Setting) -> tuple[str, ...]:
-    """Name the outputs that stand still at an end of their range, see `find_clipping`.
+    """Name the outputs that stand still at an end of their range though they are noisy elsewhere.
+
+    That is the sensor: the machine itself may stand still at its stop, but its noise would not.
 
     Parameters
     ----------
@@ -104,7 +107,8 @@ def clipped_outputs(setting: Setting) -> tuple[str, ...]:
     model, windows = setting.prior, setting.windows
     names = [""] * (windows.bounds.size - 1)
     outputs = _signals(model, model.outputs, windows, windows.y, names)
-    return tuple(signal.name for signal in outputs if find_clipping(signal))
+    noisy = [signal for signal in outputs if signal.chance_of_equals() < COARSE]
+    return tuple(signal.name for signal in noisy if find_clipping(signal))
 
 
 def _signals(model, quantities, windows: Windows, values, names) -> list[Signal]:

@@ -16,7 +16,7 @@ RESOLUTION = 1e-5
 #: standard errors by which two fits must differ to be told apart
 NOTICED = 2.0
 #: standard errors by which a cause must help that the records show by themselves
-LIKELY = 1.0
+LIKELY = 0.5
 
 
 @dataclass(frozen=True)

@@ -166,7 +166,8 @@ class Search:
         for cause in self.suspects if not current.hypothesis.causes else ():
             if cause in self.judge.shown:
                 look = self.fitter.look(self.fitter.sketch(trial), cause)
-                trial = self._complete(self.fitter.settle(look), trial)
+                further = self._complete(self.fitter.settle(look), trial)
+                trial = further if np.isfinite(further.squares) else trial
         return trial if trial is not current else None
 
     def _decide(self, current: Trial, scouted: list[Sketch]) -> Trial | None:

@@ -1,0 +1,135 @@
+"""Two tanks of which only the lower level is seen, and nobody says how full the upper one was."""
+
+import numpy as np
+import pytest
+
+from sklearn_pgnn import ModelDiagnosis, PhysicsModel, PhysicsModelRegressor, effects, systems
+from sklearn_pgnn.diagnosis.data_quality import clipped_outputs
+from sklearn_pgnn.diagnosis.fitting import Fitter
+from sklearn_pgnn.diagnosis.ground import look_further
+from sklearn_pgnn.diagnosis.setting import make_setting
+from sklearn_pgnn.physics.expressions import symbol
+from sklearn_pgnn.trajectories import read_records
+
+VALUES = {"k1": 0.05, "k2": 0.05, "k3": 0.055, "k4": 0.045}
+OFF = {"k1": 0.052, "k2": 0.048, "k3": 0.057, "k4": 0.043}
+LEVELS = (
+    effects.Overflow,
+    effects.StateLimit,
+    effects.SensorSaturation,
+    effects.SensorBias,
+    effects.Leak,
+)
+
+
+def tanks(values) -> PhysicsModel:
+    """Give the tanks as one writes them: an empty tank has a level whose outflow has no slope."""
+    rates = {"x1": "k4*u - k1*sqrt(x1)", "x2": "k2*sqrt(x1) - k3*sqrt(x2)"}
+    return PhysicsModel({"x1": "V", "x2": "V"}, rates, values, {"u": "V"}, {"y": "x2"})
+
+
+def record(*hidden, end=np.inf, seed=0):
+    """Record the tanks for an hour, with noise, by a sensor that ends somewhere."""
+    rng, t = np.random.default_rng(seed), 4.0 * np.arange(1024)
+    turns = np.outer(np.arange(1, 25) / 4096, t) + rng.uniform(0, 1, 24)[:, None]
+    waves = np.sin(2 * np.pi * turns).sum(axis=0)
+    u = 3.2 + 2.9 * waves / np.abs(waves).max()
+    truth = sum(hidden, start=tanks(VALUES))
+    x0 = [6.0, 5.0, *[0.0] * (len(truth.states) - 2)]
+    y = truth.simulate(t, u, x0, substeps=20, hold="foh").y[:, 0]
+    return np.c_[t, u], np.minimum(y + 0.02 * rng.standard_normal(t.size), end)
+
+
+def setting_of(model, X, y):
+    return make_setting(model, read_records(model, X, y))
+
+
+def test_an_unseen_level_is_not_taken_to_start_empty():
+    X, y = record()
+    diagnosis = ModelDiagnosis(tanks(OFF), catalogue=(effects.Leak,)).fit(X, y)
+    assert diagnosis.verdict_ == "model_adequate"
+
+
+def test_nor_is_it_where_the_parameters_alone_are_sought():
+    X, y = record()
+    found = PhysicsModelRegressor(tanks(OFF), search="local").fit(X, y)
+    assert found.initial_states_[0] == pytest.approx([6.0, 5.0], rel=0.2)
+
+
+def test_what_is_told_of_the_start_stays():
+    X, y = record()
+    told = np.c_[X, np.full((len(X), 2), [0.5, np.nan])]
+    start = setting_of(tanks(OFF), told, y).states.starts[0]
+    assert start["x1"] == 0.5
+
+
+def test_where_the_model_itself_says_how_it_starts_nothing_changes():
+    model = systems.two_tanks()
+    t = np.arange(600.0)
+    X = np.c_[t, 3.0 + np.sin(t / 20)]
+    start = setting_of(model, X, model.simulate(t, X[:, 1]).y).states.starts[0]
+    assert np.isnan(start["x1"])
+
+
+def test_a_tank_that_runs_over_into_the_next_is_named():
+    rim = effects.Overflow("x1", limit=9.0, steepness=0.2, share=0.5)
+    diagnosis = ModelDiagnosis(tanks(OFF), catalogue=LEVELS).fit(*record(rim))
+    assert [cause.effect for cause in diagnosis.causes_] == ["overflow"]
+    found = diagnosis.causes_[0].parameters
+    assert found["limit"].value == pytest.approx(9.0, rel=0.05)
+    assert found["share"].value == pytest.approx(0.5, abs=0.05)
+
+
+def test_a_tank_whose_excess_is_lost_is_named_by_the_simpler_cause():
+    rim = effects.StateLimit("x1", limit=9.0, steepness=0.2)
+    diagnosis = ModelDiagnosis(tanks(OFF), catalogue=LEVELS).fit(*record(rim))
+    assert [cause.effect for cause in diagnosis.causes_] == ["state_limit"]
+
+
+def test_a_sensor_that_is_seen_to_end_is_named_beside_what_explains_more():
+    rim = effects.Overflow("x1", limit=9.0, steepness=0.2, share=0.5)
+    X, y = record(rim, end=10.0)
+    assert 5 < np.count_nonzero(y == 10.0) < 20
+    diagnosis = ModelDiagnosis(tanks(OFF), catalogue=LEVELS).fit(X, y)
+    assert {cause.effect for cause in diagnosis.causes_} == {"overflow", "sensor_saturation"}
+
+
+@pytest.mark.parametrize(("end", "seen"), [(9.5, ("y",)), (np.inf, ())])
+def test_standing_still_amid_noise_is_the_sensors_end(end, seen):
+    assert clipped_outputs(setting_of(tanks(OFF), *record(end=end))) == seen
+
+
+def test_a_level_at_its_rim_is_not_the_sensors_end():
+    rim = effects.StateLimit("x2", limit=7.0, steepness=0.25)
+    assert clipped_outputs(setting_of(tanks(OFF), *record(rim))) == ()
+
+
+def test_a_further_look_forgets_where_the_unseen_level_started():
+    setting = setting_of(tanks(OFF), *record())
+    slow = 2 * np.sqrt(6.0) / OFF["k1"]
+    further = look_further(Fitter(setting)).setting
+    assert setting.scales.window < 3 * slow
+    assert 3 * slow < further.scales.window <= 4096 / 8
+
+
+def test_there_is_no_further_look_where_every_state_is_seen():
+    cart = systems.cart_on_spring()
+    t = np.arange(0, 20, 0.01)
+    X = np.c_[t, 10 * np.sin(t)]
+    assert look_further(Fitter(setting_of(cart, X, cart.simulate(t, X[:, 1]).y))) is None
+
+
+def test_what_runs_over_is_not_lost_if_all_of_it_is_caught():
+    model = systems.two_tanks() + effects.Overflow("x1", limit=4.0, steepness=0.3, share=1.0)
+    before, after = (sum(m.equations.values()) for m in (systems.two_tanks(), model))
+    assert (after - before).subs(symbol("so_x1"), 1).simplify() == 0
+
+
+def test_only_a_level_that_flows_into_another_runs_over():
+    assert effects.Overflow.targets(systems.two_tanks()) == ("x1",)
+    assert effects.Overflow.targets(systems.golf_robot()) == ()
+    rates = {"a": "k*(b - a) + P", "b": "k*(a - b)"}
+    exchanger = PhysicsModel({"a": "K", "b": "K"}, rates, {"k": 0.1}, {"P": "W"})
+    assert effects.Overflow.targets(exchanger) == ()  # both ways: no vessel
+    motor = PhysicsModel({"i": "A", "w": "rad/s"}, {"i": "U - i", "w": "i - w"}, {}, {"U": "V"})
+    assert effects.Overflow.targets(motor) == ()  # another quantity
