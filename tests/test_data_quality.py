@@ -113,7 +113,7 @@ def noisier(table):
         (quantised, "quantisation", "position", "steps of 0.02 m, larger than its noise"),
         (with_gaps, "dropped samples", "t", "4 samples are missing from a clock of 0.02 s"),
         (held, "dropped samples", "position", "repeats the value before it in 5 samples"),
-        (with_outliers, "outliers", "position", "3 single samples .* record 0, sample 70"),
+        (with_outliers, "outliers", "position", "3 in all, the first in record 0, sample 70"),
         (noisier, "drift between records", "position", "in record 1 and .* in record"),
     ],
 )

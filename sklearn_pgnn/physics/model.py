@@ -272,14 +272,29 @@ class PhysicsModel:
         Returns
         -------
         str
-            Its unit; an output that is just a state or an input has that one's, others none.
+            Its unit; an output has that of the quantities it is a sum, a bound or the magnitude
+            of, others none.
+
+        Examples
+        --------
+        >>> cart = PhysicsModel({"v": "m/s"}, {"v": "F"}, inputs={"F": "N"},
+        ...                     outputs={"speed": "abs(v)", "power": "F*v"})
+        >>> cart.unit("speed"), cart.unit("power")
+        ('m/s', '')
         """
         if name in self.parameters:
             return self.parameters[name].unit
         units = {**self.states, **self.inputs}
-        if name in units:
-            return units[name]
-        return units.get(str(self.outputs.get(name, "")), "")
+        return units[name] if name in units else self._unit_of(self.outputs.get(name))
+
+    def _unit_of(self, expression) -> str:
+        """Give the unit that all quantities in a sum, a bound or a magnitude have."""
+        if isinstance(expression, sympy.Symbol):
+            return self.unit(str(expression))
+        if not isinstance(expression, sympy.Add | sympy.Max | sympy.Min | sympy.Abs):
+            return ""
+        units = {self._unit_of(part) for part in expression.args if not part.is_number}
+        return units.pop() if len(units) == 1 else ""
 
     # -- new models from this one ----------------------------------------------------------------
 

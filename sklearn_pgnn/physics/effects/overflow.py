@@ -13,8 +13,8 @@ from sklearn_pgnn.physics.expressions import symbol
 class Overflow(StateEffect):
     r"""A level that spills over a rim, partly into the vessel that it flows into.
 
-    .. math:: \dot x = f - s, \qquad \dot x_\mathrm{next} = f_\mathrm{next} + \rho s,
-              \qquad s = c \max(x - L, 0)
+    .. math:: \dot x = \min(f, c (L - x)), \qquad
+              \dot x_\mathrm{next} = f_\mathrm{next} + \rho \max(f - c (L - x), 0)
 
     The next vessel is the one state of first order and of the same unit whose rate the level is
     in, and that does not act back.
@@ -26,7 +26,7 @@ class Overflow(StateEffect):
     limit : float, default=1e9
         Rim :math:`L` [state].
     steepness : float, default=1
-        How fast what is above the rim goes, :math:`c` [1/s].
+        How fast the level comes to rest at its rim, :math:`c` [1/s].
     share : float, default=0
         What the next level gains for what this one loses, :math:`\rho`.
 
@@ -55,10 +55,11 @@ class Overflow(StateEffect):
     def rewrite(self, model, p):
         """Take what spills from the target, and give a share of it to the next."""
         (below,) = _next(model, self.target)
-        spilt = p["steepness"] * sympy.Max(symbol(self.target) - p["limit"], 0)
+        inflow = model.equations[self.target]
+        room = (p["limit"] - symbol(self.target)) * p["steepness"]
         rates = dict(model.equations)
-        rates[self.target] -= spilt
-        rates[below] += p["share"] * spilt
+        rates[self.target] = sympy.Min(inflow, room)
+        rates[below] += p["share"] * sympy.Max(inflow - room, 0)
         return {"equations": rates}
 
     @classmethod
@@ -69,7 +70,7 @@ class Overflow(StateEffect):
 
     @classmethod
     def limits(cls, target, model, scales):
-        """Spill something, within a tenth of a window, but no faster than the samples show."""
+        """Spill something, at rest within a tenth of a window, no faster than samples show."""
         fastest = 1.0 / scales.sample_time
         return {
             "limit": (0.1 * scales.peak[target], scales.peak[target]),
