@@ -6,20 +6,20 @@ import numpy as np
 
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.state_estimate import StateEstimator
-from sklearn_pgnn.simulation.window_fit import fit_windows
+from sklearn_pgnn.simulation.window_fit import WindowFit, fit_windows
 from sklearn_pgnn.simulation.windows import Windows
 
 #: another start must lower the squares of a record's first window to this share
 CLEARLY = 1 / 2
-#: steps in which the initial states are fitted
-STEPS = 8
+#: quantiles of a simulation in which hidden states are tried as starts
+PLACES = (0.25, 0.5, 0.75, 0.95)
 
 
 def find_starts(model: PhysicsModel, windows: Windows, states: StateEstimator) -> None:
     """Begin hidden states where they usually are, if a record's first window clearly says so.
 
     A model's own initial state may be a bad place to start from: an empty tank has a level whose
-    outflow has no slope, and no small step leads from there.
+    outflow has no slope, and no small step leads from there. Such a start is left in any case.
 
     Parameters
     ----------
@@ -30,28 +30,27 @@ def find_starts(model: PhysicsModel, windows: Windows, states: StateEstimator) -
     states : StateEstimator
         Estimates the initial states; told where records begin.
     """
-    hidden = [list(model.states).index(state) for state in states.hidden(model)]
-    begins = np.searchsorted(windows.starts, windows.bounds[:-1])
-    unknown = [_unknown(states.starts[r], model, hidden) for r in range(begins.size)]
+    names = list(model.states)
+    hidden = [names.index(state) for state in states.hidden(model)]
+    unknown = [[i for i in hidden if not np.isfinite(s[names[i]])] for s in states.starts]
     if not any(unknown):
         return
+    first = windows.select(np.searchsorted(windows.starts, windows.bounds[:-1]))
     usual = states.estimate(model)
-    expected = usual.x[windows.bounds[:-1]]
-    elsewhere = expected.copy()
-    for r, (a, b) in enumerate(itertools.pairwise(windows.bounds)):
-        elsewhere[r, unknown[r]] = np.median(usual.x[a:b, unknown[r]], axis=0)
-    first = windows.select(begins)
-    here, there = (
-        fit_windows(model, first, (), x0, usual.spread, max_steps=STEPS)
-        for x0 in (expected, elsewhere)
-    )
-    better = there.evaluation.squares < CLEARLY * here.evaluation.squares
-    names = list(model.states)
-    for r in np.flatnonzero(better).tolist():
-        states.starts[r].update({names[i]: there.x0[r, i] for i in unknown[r]})
+    here = usual.x[windows.bounds[:-1]]
+    fit = fit_windows(model, first, (), here, usual.spread)
+    least = np.where(_has_slope(fit, unknown), CLEARLY * fit.evaluation.squares, np.inf)
+    for place in PLACES:
+        there = here.copy()
+        for r, (a, b) in enumerate(itertools.pairwise(windows.bounds)):
+            there[r, unknown[r]] = np.quantile(usual.x[a:b, unknown[r]], place, axis=0)
+        fit = fit_windows(model, first, (), there, usual.spread)
+        for r in np.flatnonzero(fit.evaluation.squares < least).tolist():
+            least[r] = fit.evaluation.squares[r]
+            states.starts[r].update({names[i]: fit.x0[r, i] for i in unknown[r]})
 
 
-def _unknown(start: dict[str, float], model: PhysicsModel, hidden: list[int]) -> list[int]:
-    """Give the hidden states of which a record does not tell where they begin."""
-    names = list(model.states)
-    return [i for i in hidden if not np.isfinite(start[names[i]])]
+def _has_slope(fit: WindowFit, unknown: list[list[int]]) -> np.ndarray:
+    """Tell of every window whether a small step of its unknown states changes anything."""
+    gram = fit.evaluation.gram
+    return np.array([bool(np.all(gram[r, i, i] > 0)) for r, i in enumerate(unknown)])
