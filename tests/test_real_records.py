@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from sklearn_pgnn import ModelDiagnosis
+from sklearn_pgnn import ModelDiagnosis, PhysicsModelRegressor
 from sklearn_pgnn.physics import Parameter, PhysicsModel
 from sklearn_pgnn.trajectories.csv_file import read_csv_files
 from sklearn_pgnn.trajectories.reader import read_records
@@ -146,3 +146,8 @@ def test_tanks_run_over_and_their_sensor_ends(real_data):
     found = {(cause.effect, cause.target) for cause in diagnosis.causes_}
     assert found & {("overflow", "x1"), ("state_limit", "x1")}
     assert ("sensor_saturation", "y") in found
+    model = diagnosis.extended_model_
+    start = PhysicsModelRegressor(model, free=[], window="trajectory")
+    start.fit(learn[["t", "u_V"]].to_numpy(), learn["y_V"])
+    y = model.simulate(held_out["t"], held_out[["u_V"]], start.initial_states_[0]).y[:, 0]
+    assert np.sqrt(np.mean((y - held_out["y_V"])[50:] ** 2)) < 0.6

@@ -370,8 +370,8 @@ def find_outliers(signal: Signal, residual: Signal) -> Finding | None:
     return Finding(
         "outliers",
         signal.name,
-        f"{signal.name} has single samples far from their neighbours ({len(found)} in all, the first "
-        f"in record {record}, sample {k})",
+        f"{signal.name} has single samples far from their neighbours ({len(found)} in all, the "
+        f"first in record {record}, sample {k})",
         float(len(found)),
         "leave these samples empty (NaN) and look for loose contacts or lost telegrams",
     )
