@@ -73,6 +73,15 @@ def test_where_the_model_itself_says_how_it_starts_nothing_changes():
     assert np.isnan(start["x1"])
 
 
+def test_nor_where_no_output_depends_on_the_state():
+    clock = {"v": "(F - v)/T", "work": "F*v"}
+    model = PhysicsModel({"v": "m/s", "work": "J"}, clock, {"T": 2.0}, {"F": "N"}, {"y": "v"})
+    t = np.arange(0, 60, 0.1)
+    X = np.c_[t, np.sin(t)]
+    start = setting_of(model, X, model.simulate(t, X[:, 1]).y[:, :1]).states.starts[0]
+    assert np.isnan(start["work"])
+
+
 def test_a_tank_that_runs_over_into_the_next_is_named():
     rim = effects.Overflow("x1", limit=9.0, steepness=0.2, share=0.5)
     diagnosis = ModelDiagnosis(tanks(OFF), catalogue=LEVELS).fit(*record(rim))

@@ -38,19 +38,23 @@ def find_starts(model: PhysicsModel, windows: Windows, states: StateEstimator) -
     first = windows.select(np.searchsorted(windows.starts, windows.bounds[:-1]))
     usual = states.estimate(model)
     here = usual.x[windows.bounds[:-1]]
-    fit = fit_windows(model, first, (), here, usual.spread)
-    least = np.where(_has_slope(fit, unknown), CLEARLY * fit.evaluation.squares, np.inf)
+    begun = fit_windows(model, first, (), here, usual.spread)
+    least = np.full(len(first), np.inf)
     for place in PLACES:
         there = here.copy()
         for r, (a, b) in enumerate(itertools.pairwise(windows.bounds)):
             there[r, unknown[r]] = np.quantile(usual.x[a:b, unknown[r]], place, axis=0)
-        fit = fit_windows(model, first, (), there, usual.spread)
-        for r in np.flatnonzero(fit.evaluation.squares < least).tolist():
-            least[r] = fit.evaluation.squares[r]
-            states.starts[r].update({names[i]: fit.x0[r, i] for i in unknown[r]})
+        tried = fit_windows(model, first, (), there, usual.spread)
+        squares = tried.evaluation.squares
+        clear = squares < CLEARLY * begun.evaluation.squares
+        better = (squares < least) & (clear | _is_stuck(begun, tried, unknown))
+        for r in np.flatnonzero(better).tolist():
+            least[r] = squares[r]
+            states.starts[r].update({names[i]: tried.x0[r, i] for i in unknown[r]})
 
 
-def _has_slope(fit: WindowFit, unknown: list[list[int]]) -> np.ndarray:
-    """Tell of every window whether a small step of its unknown states changes anything."""
-    gram = fit.evaluation.gram
-    return np.array([bool(np.all(gram[r, i, i] > 0)) for r, i in enumerate(unknown)])
+def _is_stuck(begun: WindowFit, tried: WindowFit, unknown: list[list[int]]) -> np.ndarray:
+    """Tell of every window whether small steps of a state change nothing, but do elsewhere."""
+    here, there = (np.einsum("wii->wi", fit.evaluation.gram) > 0 for fit in (begun, tried))
+    lost = ~here & there
+    return np.array([bool(lost[r, i].any()) for r, i in enumerate(unknown)])
