@@ -553,7 +553,7 @@ def test_play_without_width_is_a_lag_at_its_place_among_the_others():
     )
 
 
-def battery_records(**start):
+def battery_records(weakest, **start):
     battery = PhysicsModel(
         {"soc": "", "v": "V"},
         {"soc": "-I/Q", "v": "I/C - v/(R*C)"},
@@ -562,21 +562,25 @@ def battery_records(**start):
         {"U": "3.4 + 0.2*log(soc/(1 - soc)) - v"},
     )
     rng, t = np.random.default_rng(0), np.arange(400.0)
-    X = pd.DataFrame({"t": t, "I": np.repeat(rng.uniform(-3, 4, 40), 10)})
+    X = pd.DataFrame({"t": t, "I": np.repeat(rng.uniform(weakest, 4, 40), 10)})
     U = battery.simulate(t, X["I"], [0.7, 0.0]).y + 1e-4 * rng.standard_normal((t.size, 1))
     return battery, X.assign(**start), U
 
 
 def test_a_model_that_cannot_be_simulated_is_refused_with_a_remedy():
-    """No output shows the charge, and of an empty battery there is no voltage."""
-    battery, X, U = battery_records()
-    said = r"14 of 15 windows, first in trajectory '0' from t = 0 s with soc = 0, .*columns soc, v"
+    """No output shows the charge, and there is no voltage of a battery that is emptied further."""
+    battery, X, U = battery_records(0.0)
+    said = r"16 of 16 windows, first in trajectory '0' from t = 0 s with soc = 0, .*columns soc, v"
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         with pytest.raises(RecordError, match=said):
             ModelDiagnosis(battery, catalogue=()).fit(X, U)
 
 
-def test_a_state_that_is_told_makes_it_possible():
-    battery, X, U = battery_records(soc=0.7)
-    assert ModelDiagnosis(battery, catalogue=()).fit(X, U).verdict_ == "model_adequate"
+@pytest.mark.parametrize(("weakest", "start"), [(0.0, {"soc": 0.7}), (-3.0, {})])
+def test_a_state_that_is_told_makes_it_possible_or_a_record_that_reaches_it(weakest, start):
+    """A battery that is charged, too, passes through charges of which there is a voltage."""
+    battery, X, U = battery_records(weakest, **start)
+    diagnosis = ModelDiagnosis(battery, catalogue=()).fit(X, U)
+    assert diagnosis.verdict_ == "model_adequate"
+    assert diagnosis.parameters_["Q"].value == pytest.approx(7200, rel=0.01)
