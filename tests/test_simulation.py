@@ -338,14 +338,15 @@ np.savez(sys.argv[2], x=run.x, s=run.sensitivities)
 """
 
 
-def test_pickled_model_gives_the_same_bits_in_another_process(tmp_path):
+@pytest.mark.parametrize("plain_calls", ["0", "1"], ids=["by address", "by numba's objects"])
+def test_pickled_model_gives_the_same_bits_in_another_process(tmp_path, plain_calls):
     model = PENDULUM + effects.CoulombFriction("omega", level=0.3)
     arguments = model, T, torque(T), np.array([0.5, 0.0])
     (tmp_path / "model.pickle").write_bytes(pickle.dumps(arguments))
     path = os.pathsep.join([str(Path(sklearn_pgnn.__file__).parents[1]), *sys.path])
     subprocess.run(
         [sys.executable, "-c", SCRIPT, tmp_path / "model.pickle", tmp_path / "result.npz"],
-        env={**os.environ, "PYTHONPATH": path},
+        env={**os.environ, "PYTHONPATH": path, "SKLEARN_PGNN_PLAIN_CALLS": plain_calls},
         check=True,
     )
     result = np.load(tmp_path / "result.npz")

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numba import boolean, int64, njit, types, void
 
-from sklearn_pgnn.simulation.compiled import FUNCTION
+from sklearn_pgnn.simulation.compiled import FUNCTION, call
 from sklearn_pgnn.simulation.stepping import INNER, OPTIONS, advance, workspace
 
 _F = types.float64
@@ -220,7 +220,7 @@ def run(
                 nodes, weights, work, old, u_from, u_to,
             )  # fmt: skip
         if guide == 3:
-            terms(t[k], x, acting[k], p, s, seen)
+            call(terms, t[k], x, acting[k], p, s, seen)
         _features(k, x, prior, dt, u, simulated, features, guide, seen, mean, scale, z)
         if core == 0:
             after[0] = z
@@ -307,7 +307,7 @@ def run_sensitive(
                 nodes, weights, work, old, u_from, u_to,
             )  # fmt: skip
         if guide == 3:
-            terms(t[k], x, acting[k], p, s, seen)
+            call(terms, t[k], x, acting[k], p, s, seen)
         _features(k, x, prior, dt, u, simulated, features, guide, seen, mean, scale, z)
         after[0] = z
         _forward(turned, sizes, activation, before, after)
@@ -388,7 +388,7 @@ def run_terms(function, t, x, u, p, size, V, J):
     s, out = np.zeros(nx), np.zeros(size)
     slopes = nx + n_terms + nx * nx
     for k in range(t.size):
-        function(t[k], x[k], u[k], p, s, out)
+        call(function, t[k], x[k], u[k], p, s, out)
         for i in range(n_terms):
             V[k, i] = out[nx + i]
             for j in range(nx):

@@ -15,7 +15,7 @@ import math
 import numpy as np
 from numba import boolean, int64, njit, types
 
-from sklearn_pgnn.simulation.compiled import FUNCTION
+from sklearn_pgnn.simulation.compiled import FUNCTION, call
 
 #: events handled exactly within one step; further ones are stepped over
 MAX_EVENTS = 6
@@ -31,7 +31,7 @@ _F3, _F4 = types.float64[:, :, ::1], types.float64[:, :, :, ::1]
 _B1 = boolean[::1]
 OPTIONS = {"cache": True, "error_model": "numpy", "nogil": True}
 #: of a part that allocates nothing: counting references takes longer than a step
-INNER = {**OPTIONS, "_nrt": False}
+INNER = {**OPTIONS, "_nrt": False, "forceinline": True}
 
 
 @njit(**INNER)
@@ -55,7 +55,7 @@ def _runge_kutta(function, t, h, x, S, u_start, u_end, p, s, stuck, nodes, weigh
                 Ss[i, j] = S[i, j] + step * kS[i, j]
         for i in range(us.size):
             us[i] = u_start[i] + nodes[stage] * (u_end[i] - u_start[i])
-        function(t + step, xs, us, p, s, out)
+        call(function, t + step, xs, us, p, s, out)
         for i in range(nx):
             kx[i] = 0.0 if stuck[i] else out[i]
             ax[i] += weights[stage] * kx[i]
@@ -86,10 +86,10 @@ def _side(function, t, x, u, p, s, stuck, i, out):
         s[i] = -1.0
     else:
         s[i] = 1.0
-        function(t, x, u, p, s, out)
+        call(function, t, x, u, p, s, out)
         forward = out[i]
         s[i] = -1.0
-        function(t, x, u, p, s, out)
+        call(function, t, x, u, p, s, out)
         backward = out[i]
         if forward > 0.0:
             s[i] = 1.0
@@ -176,10 +176,10 @@ def advance(function, t, h, x, S, u_start, u_end, p, s, stuck, dry, nodes, weigh
         done += share * (1.0 - done)
         _copy(u_mid, u_now)
         x[i] = 0.0
-        function(t + done * h, x, u_now, p, s, out)
+        call(function, t + done * h, x, u_now, p, s, out)
         _copy(out, before)
         _side(function, t + done * h, x, u_now, p, s, stuck, i, out)
-        function(t + done * h, x, u_now, p, s, out)
+        call(function, t + done * h, x, u_now, p, s, out)
         _jump(S, before, out, stuck, i)
         if not stuck[i]:
             x[i] = 1e-300 * s[i]
@@ -215,10 +215,10 @@ def workspace(nx, nq, nu, size):
     return work, old
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def _observe(function, t, x, S, u, p, s, out, y, Sy):
     """Evaluate the outputs and their sensitivities at one sample."""
-    function(t, x, u, p, s, out)
+    call(function, t, x, u, p, s, out)
     nx, nq = S.shape
     ny = y.size
     n_p = nq - nx
@@ -234,7 +234,7 @@ def _observe(function, t, x, S, u, p, s, out, y, Sy):
                 Sy[i, j] = value
 
 
-@njit(**OPTIONS)
+@njit(**INNER)
 def _to_next_sample(
     function, t, u, linear_hold, k, x, S, p, s, stuck, dry, substeps, nodes, weights, work, old,
     u_start, u_end,

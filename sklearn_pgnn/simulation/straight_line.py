@@ -62,7 +62,7 @@ def straight_line(text: str):
     def emitted(context, t, x, u, p, s, out):
         def generate(context, builder, signature, values):
             arrays = {
-                name: context.make_array(kind)(context, builder, value).data
+                name: data_of(context, builder, kind, value)
                 for name, kind, value in zip("xupso", signature.args[1:], values[1:], strict=True)
             }
             emitter = _Emitter(context, builder, {"t": values[0]}, arrays)
@@ -73,6 +73,13 @@ def straight_line(text: str):
         return types.void(t, x, u, p, s, out), generate
 
     return emitted
+
+
+def data_of(context, builder, kind, value):
+    """Return the LLVM pointer to the numbers of an array; a pointer is one already."""
+    if isinstance(kind, types.CPointer):
+        return value
+    return context.make_array(kind)(context, builder, value).data
 
 
 class _Emitter:
