@@ -7,6 +7,7 @@ from sklearn.preprocessing import StandardScaler
 from sklearn_pgnn.estimators.pgnnl import PGNNLRegressor
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.preprocessing import PhysicsModelTransformer
+from sklearn_pgnn.trajectories.validation import check_model
 
 
 def make_pgnn_pipeline(model: PhysicsModel, *, memory=None, **network) -> Pipeline:
@@ -36,6 +37,7 @@ def make_pgnn_pipeline(model: PhysicsModel, *, memory=None, **network) -> Pipeli
     >>> list(pipeline.named_steps)
     ['physics', 'scale', 'network']
     """
+    check_model(model)
     scale = ColumnTransformer(
         [("simulation", StandardScaler(), make_column_selector(pattern="_phy$"))],
         remainder="passthrough",

@@ -38,13 +38,13 @@ from sklearn_pgnn.diagnosis.search import Outcome, Search
 from sklearn_pgnn.diagnosis.separation import Separation, are_same, plain_separation, separate
 from sklearn_pgnn.diagnosis.setting import check_records, make_setting, with_prior_spreads
 from sklearn_pgnn.diagnosis.unexplained import MissingPart
-from sklearn_pgnn.physics.effects import CATALOGUE, SensorSaturation
+from sklearn_pgnn.physics.effects import SensorSaturation, read_catalogue
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.readings import reading
 from sklearn_pgnn.simulation.simulate import HOLDS, simulate_records
 from sklearn_pgnn.simulation.window_fit import WindowFit
 from sklearn_pgnn.trajectories import read_records, rows_in_order
-from sklearn_pgnn.trajectories.validation import validate_table
+from sklearn_pgnn.trajectories.validation import check_model, validate_table
 
 #: what is left above the noise, as a share of the re-tuned prior's error power, when a cause
 #: outside the catalogue must be at work
@@ -65,8 +65,8 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
     ----------
     model : PhysicsModel
         The prior.
-    catalogue : sequence of type[Effect], optional
-        Effects to think of; by default `sklearn_pgnn.effects.CATALOGUE`.
+    catalogue : sequence of type[Effect] or str, optional
+        Effects to think of, or their ids; by default `sklearn_pgnn.effects.CATALOGUE`.
     targets : sequence of str, optional
         States, inputs, outputs and parameters to suspect; by default all.
     max_causes : int, default=4
@@ -206,6 +206,8 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
             If X or y cannot be read as records of the model, or hold too little; if the model
             cannot be simulated on them; if `hold` is none of its choices.
         """
+        check_model(self.model)
+        read_catalogue(self.catalogue)
         _check_hold(self.hold)
         if y is None:
             raise ValueError(
@@ -250,8 +252,7 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
 
     def _search(self, fitter: Fitter) -> "_Found":
         """Search the catalogue, and what it has no name for."""
-        catalogue = CATALOGUE if self.catalogue is None else tuple(self.catalogue)
-        suspects = possible_causes(self.model, catalogue, self.targets)
+        suspects = possible_causes(self.model, read_catalogue(self.catalogue), self.targets)
         rules = Rules(significance=self.significance, max_causes=self.max_causes)
         beyond = Beyond()
         shown = frozenset((SensorSaturation, output) for output in clipped_outputs(fitter.setting))
@@ -311,7 +312,7 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
     def _cause(self, named) -> Cause:
         """Give an effect's class and its target for what names them."""
         effect, target = (named.effect, named.target) if hasattr(named, "effect") else named
-        catalogue = CATALOGUE if self.catalogue is None else tuple(self.catalogue)
+        catalogue = read_catalogue(self.catalogue)
         for kind in catalogue:
             if effect in (kind, kind.id):
                 return kind, target
@@ -406,8 +407,8 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
 
         Parameters
         ----------
-        effects : sequence of type[Effect], optional
-            The effects; by default the catalogue of the diagnosis.
+        effects : sequence of type[Effect] or str, optional
+            The effects, or their ids; by default the catalogue of the diagnosis.
         targets : sequence of str, optional
             What they act on; by default all that is possible.
         power : float, default=0.9
@@ -455,8 +456,7 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         rules = Rules(significance=self.significance, max_causes=self.max_causes)
         seed = _seed(random_state)
         bench = Bench(self.records_, noise == "white", rules, int(n_repeats), seed)
-        effects = self.catalogue if effects is None else effects
-        catalogue = CATALOGUE if effects is None else tuple(effects)
+        catalogue = read_catalogue(self.catalogue if effects is None else effects)
         rows = detect_all(bench, possible_causes(self.model, catalogue, targets), power)
         if verify:
             rows = tuple(verified(self, bench, row, catalogue) for row in rows)

@@ -40,7 +40,7 @@ from sklearn_pgnn.exceptions import SimulationWarning
 from sklearn_pgnn.simulation.free_run import enough_substeps
 from sklearn_pgnn.simulation.record_windows import dominant_period
 from sklearn_pgnn.trajectories import read_records, rows_in_order
-from sklearn_pgnn.trajectories.validation import validate_table
+from sklearn_pgnn.trajectories.validation import check_model, validate_table
 
 REFINEMENTS = ("auto", "lm", "lbfgs", None)
 #: in the last phase the outputs are compared so many times a dominant period
@@ -489,11 +489,13 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         random = check_random_state(self.random_state)
         train = self._train_on_trajectories if self._has_time(X) else self._train_on_rows
         with torch.random.fork_rng(devices=[]), single_threaded() as self._threads:
+            self._make_core(1, 1)  # refuses parameters that make none, before any work
             torch.manual_seed(random.randint(2**31 - 1))
             train(X, y, random, anew, **fit_params)
         return self
 
     def _check_parameters(self) -> None:
+        check_model(self.model, optional=True)
         check_lambda(self.lambda_phy)
         ground.check_structure(self.structure, self.guide, self.model is not None)
         if self.refine not in REFINEMENTS:

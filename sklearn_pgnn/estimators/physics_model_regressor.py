@@ -18,7 +18,7 @@ from sklearn_pgnn.simulation.record_windows import WHOLE, WindowedRecords, windo
 from sklearn_pgnn.simulation.simulate import simulate_records
 from sklearn_pgnn.simulation.uncertainty import NORMAL_95, estimate_of, standard_errors
 from sklearn_pgnn.trajectories import read_records, rows_in_order
-from sklearn_pgnn.trajectories.validation import validate_table
+from sklearn_pgnn.trajectories.validation import check_model, validate_table
 
 
 class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
@@ -138,6 +138,7 @@ class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         ValueError
             If X and y cannot be read as records of the model, or a parameter is unknown.
         """
+        check_model(self.model)
         if y is None:
             raise ValueError(
                 f"{type(self).__name__} requires y to be passed, but the target y is None."

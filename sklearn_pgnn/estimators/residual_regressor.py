@@ -12,7 +12,7 @@ from sklearn.utils.validation import check_is_fitted
 from sklearn_pgnn.simulation.finite_run import quantities_of, simulate_quantities
 from sklearn_pgnn.simulation.free_run import enough_substeps
 from sklearn_pgnn.trajectories import read_records, rows_in_order
-from sklearn_pgnn.trajectories.validation import validate_table
+from sklearn_pgnn.trajectories.validation import check_model, validate_table
 
 TIME, TRAJECTORY, SUFFIX = "t", "trajectory", "_phy"
 
@@ -131,6 +131,7 @@ class ResidualRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         ValueError
             If X and y cannot be read as records of the model, or no row has all outputs.
         """
+        check_model(self.model, optional=True)
         if y is None:
             raise ValueError(
                 f"{type(self).__name__} requires y to be passed, but the target y is None."

@@ -29,7 +29,7 @@ from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.free_run import enough_substeps, simulate_record
 from sklearn_pgnn.simulation.simulate import HOLDS
 from sklearn_pgnn.trajectories import read_records, rows_in_order
-from sklearn_pgnn.trajectories.validation import validate_table
+from sklearn_pgnn.trajectories.validation import check_model, validate_table
 
 #: a simulation that gets so many times as large as any measured output tells nothing
 RUNAWAY = 1e3
@@ -338,6 +338,7 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         self.equations_ = equation_texts(left, terms, self.coefficients_)
 
     def _check_parameters(self) -> None:
+        check_model(self.model, optional=True)
         _check_number("degree", self.degree, Integral, 1)
         _check_number("threshold", self.threshold, Real, 0)
         _check_number("alpha", self.alpha, Real, 0)

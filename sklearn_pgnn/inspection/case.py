@@ -8,7 +8,7 @@ import numpy as np
 from sklearn_pgnn.diagnosis.records import DiagnosisRecords
 from sklearn_pgnn.inspection.balance import Samples, shown_states, starts
 from sklearn_pgnn.inspection.words import cause_name
-from sklearn_pgnn.physics.effects import CATALOGUE
+from sklearn_pgnn.physics.effects import CATALOGUE, read_catalogue
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.windows import evaluate
 
@@ -69,7 +69,7 @@ class Case:
 
 def known_effects(diagnosis) -> dict:
     """Give the effects that a diagnosis may name, by id."""
-    return {effect.id: effect for effect in (*CATALOGUE, *(diagnosis.catalogue or ()))}
+    return {effect.id: effect for effect in (*CATALOGUE, *read_catalogue(diagnosis.catalogue))}
 
 
 def make_case(diagnosis, cause) -> Case:

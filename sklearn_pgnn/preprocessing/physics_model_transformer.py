@@ -8,7 +8,7 @@ from sklearn.utils.validation import _check_feature_names_in, check_is_fitted
 from sklearn_pgnn.simulation.finite_run import quantities_of, simulate_quantities
 from sklearn_pgnn.simulation.free_run import enough_substeps
 from sklearn_pgnn.trajectories import read_records
-from sklearn_pgnn.trajectories.validation import validate_table
+from sklearn_pgnn.trajectories.validation import check_model, validate_table
 
 SUFFIX, TRAJECTORY = "_phy", "trajectory"
 
@@ -104,6 +104,7 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
         ValueError
             If X cannot be read as records of the model, or a name in `outputs` is unknown.
         """
+        check_model(self.model, optional=True)
         X = validate_table(self, X, reset=True)
         if self.model is None:
             return self

@@ -1,6 +1,47 @@
 """What scikit-learn expects of every estimator's X, before it is read as records."""
 
+from os import PathLike
+
 from sklearn.utils.validation import validate_data
+
+from sklearn_pgnn.physics.model import PhysicsModel
+
+
+def check_model(model, *, optional: bool = False) -> None:
+    """Refuse a parameter ``model`` that is no model.
+
+    Parameters
+    ----------
+    model : PhysicsModel or None
+        The parameter.
+    optional : bool, default=False
+        Whether there may be none.
+
+    Raises
+    ------
+    TypeError
+        If it is something else.
+
+    Examples
+    --------
+    >>> check_model("model.yaml")
+    Traceback (most recent call last):
+        ...
+    TypeError: model: expected a PhysicsModel, got str 'model.yaml'. Remedy: \
+PhysicsModel.from_yaml('model.yaml').
+    """
+    if isinstance(model, PhysicsModel) or (optional and model is None):
+        return
+    expected = "a PhysicsModel or None" if optional else "a PhysicsModel"
+    got = "None" if model is None else f"{type(model).__name__} {_short(model)}"
+    a_path = isinstance(model, str | PathLike)
+    call = f"PhysicsModel.from_yaml({_short(model)})" if a_path else "PhysicsModel(states, ...)"
+    raise TypeError(f"model: expected {expected}, got {got}. Remedy: {call}.")
+
+
+def _short(value) -> str:
+    text = repr(str(value) if isinstance(value, PathLike) else value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
 
 
 def validate_table(estimator, X, *, reset: bool):

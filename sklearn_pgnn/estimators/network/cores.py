@@ -1,5 +1,7 @@
 """What a network is inside: layers in sequence, or a recurrent unit."""
 
+from numbers import Integral
+
 import torch
 from torch import nn
 
@@ -135,5 +137,5 @@ class Recurrent(nn.Module):
 
 
 def _check_at_least_one(name, number):
-    if int(number) != number or number < 1:
+    if not isinstance(number, Integral) or number < 1:
         raise ValueError(f"module__{name}: expected an integer >= 1, got {number!r}.")

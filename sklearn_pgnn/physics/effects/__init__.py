@@ -1,5 +1,9 @@
 """The catalogue: every physical cause a diagnosis knows. A new effect is one class, listed once."""
 
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects.formula import Formula
 from sklearn_pgnn.physics.effects.friction import (
     AsymmetricFriction,
@@ -38,7 +42,7 @@ from sklearn_pgnn.physics.effects.springs import (
     QuadraticStiffness,
 )
 
-CATALOGUE = (
+CATALOGUE: tuple[type[Effect], ...] = (
     CoulombFriction,
     StribeckFriction,
     AsymmetricFriction,
@@ -73,4 +77,75 @@ CATALOGUE = (
     ParameterDrift,
 )
 
-__all__ = ["CATALOGUE", "Formula", *(effect.__name__ for effect in CATALOGUE)]
+__all__ = ["CATALOGUE", "Formula", "by_id", *(effect.__name__ for effect in CATALOGUE)]
+
+
+def by_id(effect: str) -> type[Effect]:
+    """Return the effect of the catalogue that has an id.
+
+    Parameters
+    ----------
+    effect : str
+        Its id, as a diagnosis and its report write it.
+
+    Returns
+    -------
+    type[Effect]
+        The effect.
+
+    Raises
+    ------
+    ValueError
+        If the catalogue has none with that id.
+
+    Examples
+    --------
+    >>> by_id("coulomb_friction").__name__
+    'CoulombFriction'
+    """
+    kinds = {kind.id: kind for kind in CATALOGUE}
+    if effect in kinds:
+        return kinds[effect]
+    near = get_close_matches(effect, kinds, n=1)
+    meant = f"did you mean {near[0]!r}?" if near else f"one of {', '.join(kinds)}."
+    raise ValueError(f"catalogue: expected the id of an effect, got {effect!r}; {meant}")
+
+
+def read_catalogue(catalogue) -> tuple[type[Effect], ...]:
+    """Return the effects that a parameter ``catalogue`` means.
+
+    Parameters
+    ----------
+    catalogue : None or sequence of type[Effect] or str
+        Effects or their ids; None means all.
+
+    Returns
+    -------
+    tuple of type[Effect]
+        The effects.
+
+    Raises
+    ------
+    ValueError
+        If it is no sequence, or something in it is neither an effect nor the id of one.
+
+    Examples
+    --------
+    >>> read_catalogue(["leak", Cogging]) == (Leak, Cogging)
+    True
+    """
+    if catalogue is None:
+        return CATALOGUE
+    if isinstance(catalogue, str) or not isinstance(catalogue, Iterable):
+        raise ValueError(
+            f"catalogue: expected a sequence of effects or of their ids, got {catalogue!r}. "
+            f"Remedy: [effects.CoulombFriction], or ['coulomb_friction']."
+        )
+    kinds = tuple(by_id(kind) if isinstance(kind, str) else kind for kind in catalogue)
+    for kind in kinds:
+        if not (isinstance(kind, type) and issubclass(kind, Effect)):
+            raise ValueError(
+                f"catalogue: expected effects (the classes, without a target) or their ids, "
+                f"got {kind!r}."
+            )
+    return kinds
