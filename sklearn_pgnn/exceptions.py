@@ -21,6 +21,10 @@ class RecordError(ValueError):
     """A record (a table of samples, a CSV file) cannot be used."""
 
 
+class OptionError(ValueError):
+    """An option (a keyword of an estimator, a word on the command line) is none of its choices."""
+
+
 class SimulationError(RuntimeError):
     """A simulation left the finite numbers; the message says where, when and the remedy."""
 

@@ -3,6 +3,8 @@
 import click
 
 from sklearn_pgnn import __version__
+from sklearn_pgnn.cli.guard import guarded
+from sklearn_pgnn.cli.progress import show_progress
 
 EXAMPLE = """\b
 Example:
@@ -11,7 +13,7 @@ Example:
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]}, epilog=EXAMPLE)
-@click.version_option(__version__, prog_name="sklearn-pgnn")
+@click.version_option(__version__, "-V", "--version", prog_name="sklearn-pgnn")
 def main():
     """Find what is wrong with a physical model of a machine, from records of the test rig."""
 
@@ -64,12 +66,16 @@ def diagnose(data, model, output, jobs, quiet, debug, **options):
 
     A CSV file is one record: a header, the time t [s], the inputs and the measured outputs under
     the names that the model file gives them. The exit code is 0 with any verdict, 2 if the input
-    cannot be used.
+    cannot be used, 1 after a bug of ours, 130 or 143 after Ctrl-C or SIGTERM.
     """
-    from sklearn_pgnn.cli.diagnose import Job, guarded
-
     with guarded(debug):
-        Job(model, data, output, jobs=jobs, quiet=quiet, **options).run()
+        with show_progress(quiet) as progress:
+            progress("loading the libraries")
+            from sklearn_pgnn.cli.diagnose import Job
+
+            job = Job(model, data, output, jobs=jobs, quiet=quiet, **options)
+            diagnosis = job.run(progress)
+        job.tell(diagnosis)
 
 
 @main.command()
@@ -82,8 +88,8 @@ def demo(output, jobs, quiet, debug):
 
     Writes the model file and the CSV records to DIR/input, and diagnoses them.
     """
-    from sklearn_pgnn.cli.demo import run_demo
-    from sklearn_pgnn.cli.diagnose import guarded
-
     with guarded(debug):
+        with show_progress(quiet) as progress:
+            progress("loading the libraries")
+            from sklearn_pgnn.cli.demo import run_demo
         run_demo(output, jobs=jobs, quiet=quiet)

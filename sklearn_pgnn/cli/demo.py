@@ -6,7 +6,8 @@ from pathlib import Path
 import click
 
 from sklearn_pgnn.cli.diagnose import Job
-from sklearn_pgnn.cli.screen import one_line
+from sklearn_pgnn.cli.guard import one_line, writing
+from sklearn_pgnn.cli.progress import show_progress
 from sklearn_pgnn.datasets import make_hidden_effect
 from sklearn_pgnn.physics.effects import StribeckFriction
 from sklearn_pgnn.physics.systems import golf_robot
@@ -16,7 +17,7 @@ RECORDS, DURATION, SAMPLE_RATE = 6, 10.0, 100.0
 
 
 def run_demo(output, *, jobs: int = -1, quiet: bool = False) -> None:
-    """Write the model file and the records, and diagnose them.
+    """Write the model file and the records, diagnose them, and tell what was found.
 
     Parameters
     ----------
@@ -27,10 +28,17 @@ def run_demo(output, *, jobs: int = -1, quiet: bool = False) -> None:
     quiet : bool, default=False
         Whether to print the verdict only.
     """
-    model, data = write_input(Path(output) / "input")
+    place = Path(output) / "input"
+    with show_progress(quiet) as progress:
+        progress("simulating the records")
+        with writing(place):
+            model, data = write_input(place)
     if not quiet:
         _tell_what(model, data)
-    Job(model, data, output, jobs=jobs, quiet=quiet).run()
+    job = Job(model, data, output, jobs=jobs, quiet=quiet)
+    with show_progress(quiet) as progress:
+        diagnosis = job.run(progress)
+    job.tell(diagnosis)
     if not quiet:
         _tell_truth(model, output)
 

@@ -1,56 +1,18 @@
 """The job of ``sklearn-pgnn diagnose``: read, diagnose, write, tell."""
 
 import warnings
-from collections.abc import Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 
-import click
-
-from sklearn_pgnn.cli.output import result_folder, strict_json
-from sklearn_pgnn.cli.screen import one_line, show_progress, tell
+from sklearn_pgnn.cli.guard import OWN, Bug, one_line
+from sklearn_pgnn.cli.output import result_folder, strict_json, write_files
+from sklearn_pgnn.cli.screen import tell
 from sklearn_pgnn.diagnosis import ModelDiagnosis
-from sklearn_pgnn.exceptions import SimulationError
+from sklearn_pgnn.inspection.report import render_report
 from sklearn_pgnn.physics import PhysicsModel
 from sklearn_pgnn.trajectories.csv_file import read_csv_files
-
-
-class Unusable(click.ClickException):
-    """Input that cannot be used: one line on stderr."""
-
-    exit_code = 2
-
-
-class Unexpected(click.ClickException):
-    """What should not have happened: one line on stderr."""
-
-    exit_code = 1
-
-
-@contextmanager
-def guarded(debug: bool):
-    """Turn errors into one line: 2 for input that cannot be used, 1 for the unexpected."""
-    try:
-        yield
-    except click.ClickException:
-        raise
-    except (ValueError, SimulationError, OSError) as error:
-        if debug:
-            raise
-        raise Unusable(one_line(_said(error))) from None
-    except Exception as error:
-        if debug:
-            raise
-        what = f"unexpected {type(error).__name__}: {error}. --debug shows where; please report it."
-        raise Unexpected(one_line(what)) from None
-
-
-def _said(error: Exception) -> str:
-    if isinstance(error, OSError) and error.strerror:
-        return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
-    return str(error) or type(error).__name__
 
 
 @dataclass(frozen=True)
@@ -81,27 +43,74 @@ class Job:
     jobs: int = -1
     quiet: bool = False
 
-    def run(self) -> ModelDiagnosis:
-        """Read, diagnose, write and tell."""
+    def run(self, progress: Callable) -> ModelDiagnosis:
+        """Read, diagnose and write.
+
+        Parameters
+        ----------
+        progress : callable
+            Called as ``progress(stage, done, total)``.
+
+        Returns
+        -------
+        ModelDiagnosis
+            The fitted diagnosis.
+
+        Raises
+        ------
+        Bug
+            If something of ours breaks down; what was found before is written.
+        """
+        progress("reading the model and the records")
         model = PhysicsModel.from_yaml(self.model)
         X, y = read_csv_files(self.data, model)
         with result_folder(Path(self.output)) as folder:
-            diagnosis = self._fit(model, X, y)
-            folder.joinpath("diagnosis.json").write_text(strict_json(diagnosis), encoding="utf-8")
-            diagnosis.to_html(folder / "report.html")
-            diagnosis.extended_model_.to_yaml(folder / "extended_model.yaml")
-        tell(diagnosis, Path(self.output), quiet=self.quiet)
+            diagnosis, broken = self._fit(model, X, y, progress)
+            progress("writing the report")
+            failed = write_files(folder, _texts(diagnosis, broken))
+            kept = sorted(file.name for file in folder.iterdir())
+        if broken or failed:
+            error = broken or next(iter(failed.values()))
+            raise Bug(error, self._kept(kept)) from error
         return diagnosis
 
-    def _fit(self, model, X, y) -> ModelDiagnosis:
-        with show_progress(self.quiet) as progress, warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            return ModelDiagnosis(
-                model,
-                hold=self.hold,
-                window=self.window,
-                max_causes=self.max_causes,
-                n_jobs=self.jobs,
-                random_state=self.seed,
-                progress=progress,
-            ).fit(X, y)
+    def tell(self, diagnosis: ModelDiagnosis) -> None:
+        """Print what was found, and where it is."""
+        tell(diagnosis, Path(self.output), quiet=self.quiet)
+
+    def _fit(self, model, X, y, progress) -> tuple[ModelDiagnosis, Exception | None]:
+        """Return the diagnosis, and what ended it if it has something to say all the same."""
+        diagnosis = ModelDiagnosis(
+            model,
+            hold=self.hold,
+            window=self.window,
+            max_causes=self.max_causes,
+            n_jobs=self.jobs,
+            random_state=self.seed,
+            progress=progress,
+        )
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                return diagnosis.fit(X, y), None
+        except OWN:
+            raise
+        except Exception as error:
+            if not hasattr(diagnosis, "verdict_"):
+                raise
+            return diagnosis, error
+
+    def _kept(self, names: Sequence[str]) -> str:
+        """Say what was written all the same."""
+        if not names:
+            return ""
+        return f"What was found before is in {one_line(self.output)}: {', '.join(names)}."
+
+
+def _texts(diagnosis: ModelDiagnosis, broken: Exception | None) -> dict[str, Callable[[], str]]:
+    """Return by name what gives the text of each file."""
+    return {
+        "diagnosis.json": lambda: strict_json(diagnosis, broken),
+        "extended_model.yaml": lambda: diagnosis.extended_model_.to_yaml(),
+        "report.html": lambda: render_report(diagnosis),
+    }

@@ -5,16 +5,33 @@ import math
 import os
 import shutil
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
 from sklearn_pgnn import __version__
+from sklearn_pgnn.cli.guard import one_line, writing
+from sklearn_pgnn.cli.signals import held
+from sklearn_pgnn.exceptions import OptionError
 
 
-def strict_json(diagnosis) -> str:
-    """Write a diagnosis as strict JSON, with the package's version; what is not finite is null."""
-    data = {**diagnosis.to_dict(), "version": __version__}
+def strict_json(diagnosis, broken_off: Exception | None = None) -> str:
+    """Write a diagnosis as strict JSON, with the package's version; what is not finite is null.
+
+    Parameters
+    ----------
+    diagnosis : ModelDiagnosis
+        The diagnosis.
+    broken_off : Exception, optional
+        What ended it before its time.
+
+    Returns
+    -------
+    str
+        The text; its ``broken_off`` is null, or says what ended the diagnosis.
+    """
+    why = None if broken_off is None else one_line(f"{type(broken_off).__name__}: {broken_off}")
+    data = {**diagnosis.to_dict(), "broken_off": why, "version": __version__}
     return json.dumps(_finite(data), indent=2, allow_nan=False, ensure_ascii=False) + "\n"
 
 
@@ -28,9 +45,41 @@ def _finite(value):
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
+# -- several files ---------------------------------------------------------------------------------
+
+
+def write_files(folder: Path, texts: Mapping[str, Callable[[], str]]) -> dict[str, Exception]:
+    """Write what can be written; a text that breaks down does not keep the others from it.
+
+    Parameters
+    ----------
+    folder : Path
+        Where they go.
+    texts : mapping of str to callable
+        By the name of each file, what gives its text.
+
+    Returns
+    -------
+    dict of str to Exception
+        By name, why a file could not be made.
+    """
+    failed = {}
+    for name, make in texts.items():
+        try:
+            text = make()
+        except Exception as error:
+            failed[name] = error
+        else:
+            with writing(folder / name):
+                (folder / name).write_text(text, encoding="utf-8")
+    return failed
+
+
 @contextmanager
 def result_folder(output: Path):
     """Give a folder beside `output`; what is in it comes to `output` when all went well.
+
+    Nothing of it is left when something went wrong, or when a signal ended the work.
 
     Parameters
     ----------
@@ -44,28 +93,39 @@ def result_folder(output: Path):
 
     Raises
     ------
-    ValueError
+    OptionError
         If `output` is no folder, or none can be made there.
     """
     _check_place(output)
-    with tempfile.TemporaryDirectory(prefix=".sklearn_pgnn_", dir=_beside(output)) as temporary:
-        yield Path(temporary)
-        output.mkdir(parents=True, exist_ok=True)
-        for file in sorted(Path(temporary).iterdir()):
-            _move(file, output / file.name)
+    with held(), writing(output):
+        temporary = tempfile.TemporaryDirectory(prefix=".sklearn_pgnn_", dir=_beside(output))
+    try:
+        yield Path(temporary.name)
+        with held(), writing(output):
+            _move_all(sorted(Path(temporary.name).iterdir()), output)
+    finally:
+        with held():
+            temporary.cleanup()
 
 
 def _check_place(output: Path) -> None:
     if output.exists() and not output.is_dir():
-        raise ValueError(f"{output}: expected a folder for the results, got a file.")
+        raise OptionError(f"--output: {output}: expected a folder for the results, got a file.")
     place = _beside(output)
     if not place.is_dir() or not os.access(place, os.W_OK):
-        raise ValueError(f"{output}: cannot be written to.")
+        raise OptionError(f"--output: {output}: cannot be written to.")
 
 
 def _beside(output: Path) -> Path:
-    """Give the output itself if it is there, else the nearest folder above that is."""
+    """Return the output itself if it is there, else the nearest folder above that is."""
     return next(p for p in (output.absolute(), *output.absolute().parents) if p.exists())
+
+
+def _move_all(files: Sequence[Path], output: Path) -> None:
+    if files:
+        output.mkdir(parents=True, exist_ok=True)
+    for file in files:
+        _move(file, output / file.name)
 
 
 def _move(file: Path, target: Path) -> None:

@@ -1,21 +1,13 @@
-"""What a person sees on the terminal: progress on stderr, the result on stdout."""
+"""What a person sees on the terminal in the end: the result, on stdout."""
 
-from contextlib import contextmanager
 from pathlib import Path
 
 from rich.console import Console
 from rich.padding import Padding
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    SpinnerColumn,
-    TextColumn,
-    TimeElapsedColumn,
-)
 from rich.table import Table
 from rich.text import Text
 
+from sklearn_pgnn.cli.guard import one_line
 from sklearn_pgnn.inspection.words import (
     VERDICTS,
     cause_name,
@@ -32,76 +24,6 @@ FILES = {
     "diagnosis.json": "the same for programs",
     "extended_model.yaml": "the mended model, to be used as a model file",
 }
-
-
-def one_line(text: object) -> str:
-    r"""Keep a text on one line and free of control characters.
-
-    Examples
-    --------
-    >>> one_line("two\nlines \x1b[31m")
-    'two lines ?[31m'
-    """
-    return "".join(c if c.isprintable() else "?" for c in " ".join(str(text).split()))
-
-
-# -- progress --------------------------------------------------------------------------------------
-
-
-@contextmanager
-def show_progress(quiet: bool):
-    """Give a callback for a diagnosis that shows how far it is, on stderr."""
-    console = Console(stderr=True)
-    if quiet:
-        yield None
-    elif console.is_terminal:
-        with _bars(console) as bars:
-            yield _on_bars(bars)
-    else:
-        yield _in_lines(console)
-
-
-def _bars(console) -> Progress:
-    return Progress(
-        SpinnerColumn(),
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        console=console,
-        transient=True,
-    )
-
-
-def _on_bars(bars: Progress):
-    tasks = {"start": bars.add_task("compiling the model", total=None)}
-
-    def progress(stage: str, done: int, total: int) -> None:
-        if "start" in tasks:
-            bars.remove_task(tasks.pop("start"))
-        if stage not in tasks:
-            tasks[stage] = bars.add_task(_described(stage), total=total)
-        bars.update(tasks[stage], completed=done, total=total)
-
-    return progress
-
-
-def _in_lines(console):
-    seen = set()
-
-    def progress(stage: str, done: int, total: int) -> None:
-        if stage not in seen:
-            seen.add(stage)
-            console.print(f"{_described(stage)}: {total} suspects ...", highlight=False)
-
-    return progress
-
-
-def _described(stage: str) -> str:
-    return f"searching {stage}"
-
-
-# -- result ----------------------------------------------------------------------------------------
 
 
 def tell(diagnosis, output: Path, *, quiet: bool) -> None:

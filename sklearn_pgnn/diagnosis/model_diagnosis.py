@@ -38,6 +38,7 @@ from sklearn_pgnn.diagnosis.search import Outcome, Search
 from sklearn_pgnn.diagnosis.separation import Separation, are_same, plain_separation, separate
 from sklearn_pgnn.diagnosis.setting import check_records, make_setting, with_prior_spreads
 from sklearn_pgnn.diagnosis.unexplained import MissingPart
+from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.physics.effects import SensorSaturation, read_catalogue
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.readings import reading
@@ -573,7 +574,7 @@ def _error(found: _Found) -> float:
 
 def _check_hold(hold) -> None:
     if hold not in ("auto", *HOLDS):
-        raise ValueError(f"hold: expected one of auto, {', '.join(HOLDS)}, got {hold!r}.")
+        raise OptionError(f"hold: expected one of auto, {', '.join(HOLDS)}, got {hold!r}.")
 
 
 def _check_detectability(power, noise) -> None:

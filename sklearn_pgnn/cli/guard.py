@@ -1,0 +1,100 @@
+"""What goes wrong, in one line: input that cannot be used (exit 2), or a bug of ours (exit 1)."""
+
+import errno
+import traceback
+from contextlib import contextmanager
+
+import click
+
+from sklearn_pgnn.cli.signals import stoppable
+from sklearn_pgnn.exceptions import ModelError, OptionError, RecordError, SimulationError
+
+#: what the package itself calls unusable; every other error is a bug
+OWN = (ModelError, RecordError, OptionError, SimulationError)
+
+
+class Unusable(click.ClickException):
+    """Input that cannot be used: one line on stderr."""
+
+    exit_code = 2
+
+
+class Bug(click.ClickException):
+    """What should not have happened: one line on stderr.
+
+    Parameters
+    ----------
+    error : Exception
+        What happened.
+    kept : str, default=""
+        A sentence on what was found before.
+    """
+
+    exit_code = 1
+
+    def __init__(self, error: Exception, kept: str = ""):
+        said = f"{type(error).__name__}: {error}".rstrip(". :")
+        sentences = (
+            f"a bug of sklearn-pgnn, not of your input: {said}.",
+            kept,
+            "Please report it, with what --debug shows.",
+        )
+        super().__init__(one_line(" ".join(filter(None, sentences))))
+
+
+def one_line(text: object) -> str:
+    r"""Keep a text on one line and free of control characters.
+
+    Examples
+    --------
+    >>> one_line("two\nlines \x1b[31m")
+    'two lines ?[31m'
+    """
+    return "".join(c if c.isprintable() else "?" for c in " ".join(str(text).split()))
+
+
+@contextmanager
+def guarded(debug: bool):
+    """Turn errors into one line and an exit code, and signals into an end in order.
+
+    Parameters
+    ----------
+    debug : bool
+        Whether to print the traceback as well.
+    """
+    with stoppable():
+        try:
+            yield
+        except Exception as error:
+            if _is_not_ours(error):
+                raise
+            if debug:
+                click.echo("".join(traceback.format_exception(error)), err=True, nl=False)
+            raise _told(error) from None
+
+
+@contextmanager
+def writing(what: object):
+    """Turn what the file system refuses into input that cannot be used.
+
+    Parameters
+    ----------
+    what : path-like or str
+        What is written.
+    """
+    try:
+        yield
+    except OSError as error:
+        raise Unusable(one_line(f"{what}: {error.strerror or error}.")) from error
+
+
+def _is_not_ours(error: Exception) -> bool:
+    """Whether click sees to it: its own ways out, and a reader that is gone (``| head``)."""
+    gone = isinstance(error, OSError) and error.errno == errno.EPIPE
+    return gone or isinstance(error, click.exceptions.Exit | click.Abort)
+
+
+def _told(error: Exception) -> Exception:
+    if isinstance(error, click.ClickException):
+        return error
+    return Unusable(one_line(error)) if isinstance(error, OWN) else Bug(error)

@@ -1,0 +1,124 @@
+"""How far the work is, on stderr: a live line on a terminal, lines now and then in a pipe.
+
+Imports nothing heavy, so that the first word comes before the libraries are loaded.
+"""
+
+from collections.abc import Callable
+from contextlib import contextmanager
+from time import monotonic
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn
+from rich.text import Text
+
+from sklearn_pgnn.cli.signals import check
+
+#: seconds between two lines of one stage in a pipe
+EVERY = 5.0
+
+
+@contextmanager
+def show_progress(quiet: bool):
+    """Show on stderr how far the work is.
+
+    Parameters
+    ----------
+    quiet : bool
+        Whether to show nothing.
+
+    Yields
+    ------
+    callable
+        To be called as ``progress(stage, done, total)``, or ``progress(stage)`` where nothing is
+        counted; stages may come again.
+    """
+    console = Console(stderr=True)
+    if quiet:
+        yield _checked(lambda *_: None)
+    elif console.is_terminal:
+        with _bars(console) as bars:
+            yield _checked(_Live(bars))
+    else:
+        yield _checked(Lines(lambda line: console.print(line, highlight=False, soft_wrap=True)))
+
+
+def _checked(show: Callable) -> Callable:
+    """Ask at every step whether a signal wants the work to end."""
+
+    def progress(stage: str, done: int = 0, total: int | None = None) -> None:
+        check()
+        show(stage, done, total)
+
+    return progress
+
+
+def _bars(console: Console) -> Progress:
+    began = monotonic()
+
+    def elapsed(_task) -> Text:
+        minutes, seconds = divmod(int(monotonic() - began), 60)
+        return Text(f"{minutes}:{seconds:02d}")
+
+    columns = (
+        SpinnerColumn(),
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        TextColumn("{task.fields[count]}"),
+        _Column(elapsed),
+    )
+    return Progress(*columns, console=console, transient=True)
+
+
+class _Column(TextColumn):
+    """A column whose text a function tells."""
+
+    def __init__(self, tell: Callable):
+        super().__init__("")
+        self.tell = tell
+
+    def render(self, task) -> Text:
+        """Return the text of a task."""
+        return self.tell(task)
+
+
+class _Live:
+    """One line on a terminal that shows the present stage."""
+
+    def __init__(self, bars: Progress):
+        self.bars = bars
+        self.now: tuple | None = None
+
+    def __call__(self, stage: str, done: int, total: int | None) -> None:
+        if self.now != (stage, total):
+            self.now = stage, total
+            for task in self.bars.task_ids:
+                self.bars.remove_task(task)
+            self.bars.add_task(stage, total=total, count="")
+        if total is not None:
+            self.bars.update(self.bars.task_ids[-1], completed=done, count=f"{done}/{total}")
+
+
+class Lines:
+    """A line when a stage begins, and one every few seconds while it goes on.
+
+    Parameters
+    ----------
+    write : callable
+        Takes a line.
+    clock : callable, default=time.monotonic
+        Tells the time [s].
+    """
+
+    def __init__(self, write: Callable[[str], object], clock: Callable[[], float] = monotonic):
+        self.write, self.clock = write, clock
+        self.seen: set[str] = set()
+        self.last = -EVERY
+
+    def __call__(self, stage: str, done: int, total: int | None) -> None:
+        """Show a step, unless the last line was just now."""
+        now = self.clock()
+        if stage in self.seen and now - self.last < EVERY:
+            return
+        self.seen.add(stage)
+        self.last = now
+        self.write(f"{stage} ..." if total is None else f"{stage}: {done} of {total} ...")
