@@ -1,9 +1,16 @@
 """Find what is wrong with a physical model, mend it, and say what the mending is worth.
 
 Every public name is imported when it is first used, so that the import itself stays light.
+
+`PGNNLRegressor`, `make_pgnn_pipeline` and `network` need the extra ``network``: without it they
+are not listed, and asking for one says how to install it. So do, when they are used without their
+extras, `SINDYcRegressor` (``sindy``), `model_selection.search_space` (``tuning``) and the loaders
+of public benchmarks in `datasets` (``benchmarks``).
 """
 
 from importlib import import_module
+
+from sklearn_pgnn.extras import is_installed
 
 __version__ = "0.1.0.dev0"
 
@@ -19,23 +26,30 @@ _OBJECTS = {
     "SINDYcRegressor": "sklearn_pgnn.estimators.sindyc",
     "make_pgnn_pipeline": "sklearn_pgnn.pipeline",
 }
-_MODULES = {
-    "datasets": "sklearn_pgnn.datasets",
-    "effects": "sklearn_pgnn.physics.effects",
-    "inspection": "sklearn_pgnn.inspection",
-    "model_selection": "sklearn_pgnn.model_selection",
-    "network": "sklearn_pgnn.estimators.network",
-    "systems": "sklearn_pgnn.physics.systems",
-}
+_MODULES = (
+    "datasets",
+    "diagnosis",
+    "effects",
+    "exceptions",
+    "inspection",
+    "model_selection",
+    "network",
+    "simulation",
+    "systems",
+)
+#: the names that cannot be imported without the extra "network"
+_OF_NETWORK = {"PGNNLRegressor", "make_pgnn_pipeline", "network"}
 
-__all__ = sorted(["__version__", *_OBJECTS, *_MODULES])
+__all__ = sorted({"__version__", *_OBJECTS, *_MODULES})
+if not is_installed("network"):
+    __all__ = [name for name in __all__ if name not in _OF_NETWORK]
 
 
 def __getattr__(name):
     if name in _OBJECTS:
         value = getattr(import_module(_OBJECTS[name]), name)
     elif name in _MODULES:
-        value = import_module(_MODULES[name])
+        value = import_module(f"{__name__}.{name}")
     else:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     globals()[name] = value

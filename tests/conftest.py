@@ -11,6 +11,13 @@ hypothesis.settings.register_profile("repeatable", derandomize=True, deadline=No
 hypothesis.settings.load_profile("repeatable")
 
 
+def pytest_ignore_collect(collection_path, config):
+    """Of ``pytest -m core`` leave the files without such tests out: they may import any extra."""
+    if config.option.markexpr == "core" and collection_path.suffix == ".py":
+        return "mark.core" not in collection_path.read_text(encoding="utf-8") or None
+    return None
+
+
 @pytest.fixture(scope="session")
 def real_data() -> Path:
     """Give the folder of the measured records, or skip the test where it is not there."""

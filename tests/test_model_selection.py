@@ -404,7 +404,7 @@ def test_what_cannot_be_searched_is_refused():
 
 def test_missing_scikit_optimize_names_the_extra(monkeypatch):
     monkeypatch.setitem(sys.modules, "skopt", None)
-    with pytest.raises(ImportError, match=r"Remedy: pip install 'sklearn-pgnn\[tuning\]'"):
+    with pytest.raises(ImportError, match=r'Remedy: pip install "sklearn-pgnn\[tuning\]"'):
         search_space(Network(GOLF))
 
 

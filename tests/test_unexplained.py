@@ -9,8 +9,8 @@ import pytest
 
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects, systems
 from sklearn_pgnn.datasets import make_hidden_effect
+from sklearn_pgnn.diagnosis.leading_terms import leading_terms
 from sklearn_pgnn.diagnosis.setting import make_setting
-from sklearn_pgnn.estimators.sindyc_formula import leading_terms
 from sklearn_pgnn.exceptions import ModelError
 from sklearn_pgnn.physics.effects.formula import Formula
 from sklearn_pgnn.simulation.hidden_input import find_hidden_input
@@ -83,6 +83,37 @@ def test_the_leading_terms_are_the_true_ones():
     one, two = leading_terms(columns, target, 2)
     assert list(np.flatnonzero(one)) == [7]
     np.testing.assert_allclose(two[[7, 2]], [3.0, -0.5], atol=1e-3)
+
+
+def test_a_term_is_chosen_for_what_it_explains_together_with_those_before():
+    rng = np.random.default_rng(0)
+    x, v, other = rng.standard_normal((3, 400))
+    # after the first column the third is more like the rest, but only the second makes it up
+    columns = np.column_stack([x + 0.05 * v, x, other + 0.3 * v])
+    _, two = leading_terms(columns, x + v, 2)
+    np.testing.assert_allclose(two, [20.0, -19.0, 0.0], atol=1e-9)
+
+
+def test_columns_that_are_sums_of_the_terms_taken_are_no_terms():
+    x, v = np.random.default_rng(0).standard_normal((2, 100))
+    columns = np.column_stack([x, 3 * x, v, x - v])
+    found = leading_terms(columns, x + 2 * v, 4)
+    assert len(found) == 2
+    np.testing.assert_allclose(columns @ found[-1], x + 2 * v)
+
+
+def test_leading_terms_are_those_of_pysindy():
+    pysindy = pytest.importorskip("pysindy")
+    x, v = np.random.default_rng(0).standard_normal((2, 500))
+    columns = np.column_stack([x, v, x * v, x**3, v**3, np.abs(x), x * np.abs(x), np.sin(x)])
+    target = np.tanh(x) * v + 0.3 * x**3 + 0.1 * v
+    theirs = pysindy.FROLS(max_iter=4, alpha=1e-12)
+    size = np.linalg.norm(columns, axis=0)
+    theirs.fit(columns / size, target[:, None])
+    ours = leading_terms(columns, target, 4)
+    np.testing.assert_allclose(
+        ours, np.reshape(theirs.history_[1:], (4, -1)) / size, rtol=1e-8, atol=1e-10
+    )
 
 
 def test_a_formula_of_unknown_quantities_is_refused():

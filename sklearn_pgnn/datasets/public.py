@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 from scipy.io import loadmat
 
+from sklearn_pgnn.extras import needed_by
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.parameter import Parameter
 
@@ -213,14 +214,8 @@ def _files(benchmark: str, names, data_home) -> list[Path]:
 
 def _downloaded(benchmark: str):
     """Give the places of the files that the package keeps, downloaded where need be."""
-    try:
+    with needed_by(f"{benchmark} without a folder of its files (data_home)"):
         import nonlinear_benchmarks
-    except ImportError as error:
-        raise ImportError(
-            f"{benchmark}: neither a folder of files (data_home) nor the package "
-            f"'nonlinear_benchmarks', which downloads them, is there. Remedy: "
-            f'pip install "sklearn-pgnn[benchmarks]".'
-        ) from error
     return getattr(nonlinear_benchmarks, benchmark)(data_file_locations=True)
 
 

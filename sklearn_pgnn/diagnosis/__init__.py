@@ -1,17 +1,25 @@
 """Judgement: which physical cause a model misses, and what naming it is worth."""
 
 from sklearn_pgnn.diagnosis.detectability import Detectability, Detectable
+from sklearn_pgnn.diagnosis.disturbance import Disturbance
 from sklearn_pgnn.diagnosis.model_diagnosis import ModelDiagnosis
 from sklearn_pgnn.diagnosis.record_flaws import Finding
+from sklearn_pgnn.diagnosis.result import Gain, NamedCause, RetunedParameter, Suspect, Tried
 from sklearn_pgnn.diagnosis.separation import Experiment, Separation
 from sklearn_pgnn.diagnosis.unexplained import MissingPart
 
 __all__ = [
     "Detectability",
     "Detectable",
+    "Disturbance",
     "Experiment",
     "Finding",
+    "Gain",
     "MissingPart",
     "ModelDiagnosis",
+    "NamedCause",
+    "RetunedParameter",
     "Separation",
+    "Suspect",
+    "Tried",
 ]

@@ -22,14 +22,32 @@ RESAMPLINGS = 1000
 
 
 class Suspect(NamedTuple):
-    """An effect and what it acts on."""
+    """An effect and what it acts on.
+
+    Parameters
+    ----------
+    effect : str
+        Id of the effect in the catalogue.
+    target : str
+        The state in whose rate it acts, or the input, output or parameter.
+    """
 
     effect: str
     target: str
 
 
 class Tried(NamedTuple):
-    """A suspect, and the share of the re-tuned prior's error power that it leaves alone."""
+    """A suspect, and what it leaves where it is the only cause.
+
+    Parameters
+    ----------
+    effect : str
+        Id of the effect in the catalogue.
+    target : str
+        The state in whose rate it acts, or the input, output or parameter.
+    left : float
+        Share of the re-tuned prior's error power that is left.
+    """
 
     effect: str
     target: str

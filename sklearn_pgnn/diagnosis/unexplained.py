@@ -10,6 +10,7 @@ from sklearn.ensemble import HistGradientBoostingRegressor
 from sklearn.model_selection import GroupKFold, cross_val_predict
 
 from sklearn_pgnn.diagnosis.fitting import Trial
+from sklearn_pgnn.diagnosis.leading_terms import leading_terms
 from sklearn_pgnn.diagnosis.setting import Setting, with_prior_spreads
 from sklearn_pgnn.physics.effects.formula import Formula
 from sklearn_pgnn.physics.effects.rates import is_velocity, positions
@@ -296,8 +297,6 @@ def _functions(model, name) -> list[sympy.Expr]:
 
 def _telling_terms(setting, base, channel, columns) -> list[np.ndarray]:
     """Choose the terms by their effect on the outputs, what re-tuning explains projected out."""
-    from sklearn_pgnn.estimators.sindyc_formula import leading_terms
-
     windows, fit = setting.windows, base.fit
     responses, by_state = linear_responses(fit.model, windows, fit.x0, channel, columns)
     tuned = [_slope_by(setting, base, freedom) for freedom in fit.freedoms]

@@ -7,11 +7,9 @@ from numbers import Integral
 
 import numpy as np
 import pandas as pd
-import torch
 from sklearn.base import MultiOutputMixin
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted, validate_data
-from torch import nn
 
 from sklearn_pgnn.estimators.network import ground
 from sklearn_pgnn.estimators.network.balance import ADAPTIVE, check_lambda
@@ -37,10 +35,15 @@ from sklearn_pgnn.estimators.network.records import (
 from sklearn_pgnn.estimators.network.stepper import Stepper
 from sklearn_pgnn.estimators.network.trajectory_net import TrajectoryNet, single_threaded
 from sklearn_pgnn.exceptions import SimulationWarning
+from sklearn_pgnn.extras import needed_by
 from sklearn_pgnn.simulation.free_run import enough_substeps
 from sklearn_pgnn.simulation.record_windows import dominant_period
 from sklearn_pgnn.trajectories import read_records, rows_in_order
 from sklearn_pgnn.trajectories.validation import check_model, validate_table
+
+with needed_by("PGNNLRegressor"):
+    import torch
+    from torch import nn
 
 REFINEMENTS = ("auto", "lm", "lbfgs", None)
 #: in the last phase the outputs are compared so many times a dominant period

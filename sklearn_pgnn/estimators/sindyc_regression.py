@@ -11,6 +11,8 @@ import warnings
 import numpy as np
 from sklearn.base import clone
 
+from sklearn_pgnn.extras import needed_by
+
 #: below this share of its root mean square a target does not move
 STILL = 1e-9
 
@@ -83,13 +85,8 @@ def stepwise_least_squares(threshold: float, alpha: float, n_rows: int, n_terms:
        sparse identification of nonlinear dynamical systems", PNAS 113(15), 2016,
        :doi:`10.1073/pnas.1517384113`.
     """
-    try:
+    with needed_by("SINDYcRegressor"):
         from pysindy import STLSQ
-    except ImportError as error:
-        raise ImportError(
-            "SINDYcRegressor needs pysindy, which is not installed. "
-            'Remedy: pip install "sklearn-pgnn[sindy]".'
-        ) from error
     # every round but the last drops a term
     return STLSQ(threshold=threshold, alpha=alpha * n_rows, max_iter=n_terms + 1)
 

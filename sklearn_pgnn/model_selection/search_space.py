@@ -2,6 +2,8 @@
 
 from inspect import signature
 
+from sklearn_pgnn.extras import needed_by
+
 
 def search_space(estimator, **changes) -> dict:
     r"""Give the dimensions in which scikit-optimize's `BayesSearchCV` shall search.
@@ -133,11 +135,6 @@ def _sparse(parameters) -> dict:
 
 def _import_space():
     """Import scikit-optimize's dimensions."""
-    try:
+    with needed_by("search_space"):
         from skopt import space
-    except ImportError:
-        raise ImportError(
-            "search_space needs scikit-optimize, which is not installed. Remedy: "
-            "pip install 'sklearn-pgnn[tuning]'."
-        ) from None
     return space

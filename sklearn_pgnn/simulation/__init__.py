@@ -1,5 +1,6 @@
 """What a machine does: compiled simulation, sensitivities and windows (multiple shooting)."""
 
 from sklearn_pgnn.simulation.simulate import Simulation, simulate
+from sklearn_pgnn.simulation.uncertainty import Estimate
 
-__all__ = ["Simulation", "simulate"]
+__all__ = ["Estimate", "Simulation", "simulate"]

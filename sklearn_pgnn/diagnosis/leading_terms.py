@@ -1,0 +1,58 @@
+"""A sparse formula for samples of a quantity, term by term, the most telling first."""
+
+import numpy as np
+
+#: share of a column's power below which what the terms before it leave of it is rounding
+ROUNDING = np.finfo(float).eps
+
+
+def leading_terms(columns: np.ndarray, target: np.ndarray, count: int) -> list[np.ndarray]:
+    r"""Fit a quantity by one, two, and more of the columns of a library.
+
+    The columns are taken in by forward regression with orthogonal least squares,
+    :math:`\min_\xi |d - \Theta\xi|^2` with :math:`|\xi|_0 = 1, 2, \dots`: the next is the one that
+    lowers the squares most, together with those taken before. (Orthogonal matching pursuit takes
+    the one most like the rest, and is misled where columns are alike.)
+
+    Parameters
+    ----------
+    columns : ndarray of shape (n_samples, n_terms)
+        The library :math:`\Theta`.
+    target : ndarray of shape (n_samples,)
+        The quantity :math:`d`.
+    count : int
+        Most terms.
+
+    Returns
+    -------
+    list of ndarray of shape (n_terms,)
+        Coefficients :math:`\xi` with one term, with two, and so on; it ends where every further
+        column is a sum of those taken.
+
+    References
+    ----------
+    .. [1] S. Chen, S. A. Billings, W. Luo, "Orthogonal least squares methods and their application
+       to non-linear system identification", International Journal of Control 50(5), 1989,
+       :doi:`10.1080/00207178908953472`.
+
+    Examples
+    --------
+    >>> x = np.linspace(-1, 1, 50)
+    >>> leading_terms(np.column_stack([x, x**2, x**3]), 2 * x**3, 1)[0].round(3)
+    array([0., 0., 2.])
+    """
+    own = columns / np.linalg.norm(columns, axis=0)
+    taken: list[int] = []
+    found: list[np.ndarray] = []
+    while len(taken) < count:
+        power = np.sum(own**2, axis=0)
+        free = np.flatnonzero(power > ROUNDING)
+        if not free.size:
+            break
+        falls = (target @ own[:, free]) ** 2 / power[free]
+        taken.append(int(free[np.argmax(falls)]))
+        direction = own[:, taken[-1]] / np.sqrt(power[taken[-1]])
+        own = own - np.outer(direction, direction @ own)
+        found.append(np.zeros(columns.shape[1]))
+        found[-1][taken] = np.linalg.lstsq(columns[:, taken], target, rcond=None)[0]
+    return found

@@ -1,0 +1,57 @@
+"""Libraries that only some of the package needs, and the extras that install them."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib.util import find_spec
+
+EXTRAS = {
+    "benchmarks": ("nonlinear_benchmarks",),
+    "network": ("skorch", "torch"),
+    "sindy": ("pysindy",),
+    "tuning": ("skopt",),
+}
+EXTRA_OF = {library: extra for extra, libraries in EXTRAS.items() for library in libraries}
+
+
+def is_installed(extra: str) -> bool:
+    """Return whether the libraries of an extra are there, without importing them.
+
+    Parameters
+    ----------
+    extra : str
+        Its name, e.g. ``"network"``.
+
+    Returns
+    -------
+    bool
+        Whether all of them can be found.
+    """
+    return all(find_spec(library) is not None for library in EXTRAS[extra])
+
+
+@contextmanager
+def needed_by(what: str) -> Iterator[None]:
+    """Name the extra if an import inside the block does not find a library.
+
+    Any other error passes as it is: a library that is there and broken says so itself.
+
+    Parameters
+    ----------
+    what : str
+        What needs the library.
+
+    Raises
+    ------
+    ModuleNotFoundError
+        With the command that installs the extra.
+    """
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        if error.name not in EXTRA_OF:
+            raise
+        raise ModuleNotFoundError(
+            f"{what} needs {error.name}, which is not installed. Remedy: "
+            f'pip install "sklearn-pgnn[{EXTRA_OF[error.name]}]".',
+            name=error.name,
+        ) from error

@@ -1,0 +1,120 @@
+"""The core works without any extra, and what needs one says which."""
+
+import pytest
+from blocked import run_without
+
+from sklearn_pgnn.extras import EXTRA_OF, EXTRAS
+
+pytestmark = pytest.mark.core
+
+
+def run(program, folder):
+    """Run a program without any library of an extra."""
+    return run_without(EXTRA_OF, program, folder)
+
+
+def test_a_cause_outside_the_catalogue_is_described_plotted_and_reported(tmp_path):
+    program = """
+import sklearn_pgnn.systems
+from sklearn_pgnn import ModelDiagnosis, datasets
+from sklearn_pgnn.effects import CoulombFriction, Formula
+
+hidden = datasets.make_hidden_effect(
+    sklearn_pgnn.systems.cart_on_spring(),
+    Formula("v", ("v*x**2",), (-24.0,)),
+    random_state=1,
+    n_records=5,
+    sample_rate=100.0,
+)
+diagnosis = ModelDiagnosis(hidden.prior, catalogue=(CoulombFriction,)).fit(hidden.X, hidden.y)
+diagnosis.extended_model_.to_yaml("model.yaml")
+diagnosis.to_html("report.html")
+diagnosis.plot().figure_.savefig("picture.png")
+print(diagnosis.verdict_, *diagnosis.missing_.effect.terms)
+"""
+    result = run(program, tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert result.stdout.split() == ["unexplained", "v*x**2"]
+    written = {path.name for path in tmp_path.iterdir()}
+    assert written == {"model.yaml", "picture.png", "report.html"}
+
+
+def test_help_and_listings_work_and_hold_what_is_there(tmp_path):
+    program = """
+import inspect, pydoc, sklearn_pgnn
+from sklearn_pgnn import *
+
+names = {name for name, _ in inspect.getmembers(sklearn_pgnn)}
+assert names == set(dir(sklearn_pgnn)) == set(sklearn_pgnn.__all__)
+assert names.isdisjoint({"PGNNLRegressor", "make_pgnn_pipeline", "network"})
+assert ModelDiagnosis and SINDYcRegressor and PhysicsModelRegressor and effects.CATALOGUE
+help(sklearn_pgnn)
+"""
+    result = run(program, tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert "class ModelDiagnosis" in result.stdout
+    assert "need the extra ``network``" in result.stdout
+
+
+@pytest.mark.parametrize("extra", EXTRAS)
+def test_what_needs_an_extra_says_which(tmp_path, extra):
+    uses = {
+        "network": [
+            "sklearn_pgnn.PGNNLRegressor",
+            "sklearn_pgnn.make_pgnn_pipeline",
+            "sklearn_pgnn.network",
+            "import sklearn_pgnn.network",
+            "from sklearn_pgnn import PGNNLRegressor",
+            "from sklearn_pgnn.network import EnergyBalance",
+            "from sklearn_pgnn.estimators.pgnnl import PGNNLRegressor",
+        ],
+        "sindy": ["sklearn_pgnn.SINDYcRegressor().fit([[0.0], [1.0], [2.0], [3.0]], [0, 1, 2, 3])"],
+        "tuning": [
+            "sklearn_pgnn.model_selection.search_space(sklearn_pgnn.SINDYcRegressor())",
+        ],
+        "benchmarks": [
+            "sklearn_pgnn.datasets.load_emps()",
+            "sklearn_pgnn.datasets.load_cascaded_tanks()",
+            "sklearn_pgnn.datasets.load_coupled_drives()",
+        ],
+    }[extra]
+    program = f"""
+import sklearn_pgnn
+for use in {uses!r}:
+    try:
+        exec(use)
+    except ModuleNotFoundError as error:
+        print(error)
+"""
+    result = run(program, tmp_path)
+    assert result.returncode == 0, result.stderr
+    said = result.stdout.splitlines()
+    assert len(said) == len(uses)
+    remedy = f'which is not installed. Remedy: pip install "sklearn-pgnn[{extra}]".'
+    assert [line for line in said if not line.endswith(remedy)] == []
+
+
+@pytest.mark.parametrize(
+    "inside", ["raise ImportError('a shared object is missing')", "import its_own_need"]
+)
+def test_a_library_that_is_there_and_broken_says_so_itself(tmp_path, inside):
+    uses = {
+        "torch": "import sklearn_pgnn.network",
+        "pysindy": "sklearn_pgnn.SINDYcRegressor().fit([[0.0], [1.0], [2.0], [3.0]], range(4))",
+        "skopt": "sklearn_pgnn.model_selection.search_space(sklearn_pgnn.SINDYcRegressor())",
+        "nonlinear_benchmarks": "sklearn_pgnn.datasets.load_emps()",
+    }
+    for library in uses:
+        (tmp_path / f"{library}.py").write_text(inside, encoding="utf-8")
+    program = f"""
+import sklearn_pgnn
+for use in {list(uses.values())}:
+    try:
+        exec(use)
+    except ImportError as error:
+        print(error)
+"""
+    result = run_without((), program, tmp_path, tmp_path)
+    assert result.returncode == 0, result.stderr
+    said = "a shared object is missing" if "raise" in inside else "No module named 'its_own_need'"
+    assert result.stdout.splitlines() == [said] * len(uses)
