@@ -4,6 +4,7 @@ import click
 
 from sklearn_pgnn import __version__
 from sklearn_pgnn.cli.guard import guarded
+from sklearn_pgnn.cli.options import diagnosis_options, job_options, list_effects
 from sklearn_pgnn.cli.progress import show_progress
 
 EXAMPLE = """\b
@@ -18,48 +19,14 @@ def main():
     """Find what is wrong with a physical model of a machine, from records of the test rig."""
 
 
-def _job_options(command):
-    """Give a command the options that say how to work, not on what."""
-    options = (
-        click.option("--jobs", default=-1, show_default="all cores", help="Threads to use."),
-        click.option("--quiet", is_flag=True, help="Print the verdict only, no progress."),
-        click.option("--debug", is_flag=True, help="Show the traceback of an unexpected error."),
-    )
-    for option in reversed(options):
-        command = option(command)
-    return command
-
-
 @main.command(epilog=EXAMPLE)
 @click.argument("data", nargs=-1, required=True, metavar="DATA.csv [DATA.csv ...]")
 @click.option("--model", required=True, metavar="MODEL.yaml", help="The model file.")
 @click.option("--output", required=True, metavar="DIR", help="Where the results go.")
-@click.option(
-    "--hold",
-    type=click.Choice(["auto", "zoh", "foh"]),
-    default="auto",
-    show_default=True,
-    help="Inputs are held between samples (zoh), or run straight from one to the next (foh); "
-    "auto: held, unless the records speak against it.",
-)
-@click.option(
-    "--window",
-    type=click.FloatRange(min=0, min_open=True),
-    metavar="S",
-    help="Window length [s]; by default the records tell.",
-)
-@click.option(
-    "--max-causes",
-    type=click.IntRange(min=1),
-    default=4,
-    show_default=True,
-    help="Causes named at most.",
-)
-@click.option(
-    "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Random seed."
-)
-@_job_options
-def diagnose(data, model, output, jobs, quiet, debug, **options):
+@diagnosis_options
+@job_options
+@list_effects
+def diagnose(data, model, output, quiet, debug, **options):
     """Diagnose a model on CSV records.
 
     Writes DIR/report.html (open it first), DIR/diagnosis.json and DIR/extended_model.yaml.
@@ -73,7 +40,7 @@ def diagnose(data, model, output, jobs, quiet, debug, **options):
             progress("loading the libraries")
             from sklearn_pgnn.cli.diagnose import Job
 
-            job = Job(model, data, output, jobs=jobs, quiet=quiet, **options)
+            job = Job(model, data, output, quiet=quiet, options=options)
             diagnosis = job.run(progress)
         job.tell(diagnosis)
 
@@ -82,8 +49,8 @@ def diagnose(data, model, output, jobs, quiet, debug, **options):
 @click.option(
     "--output", default="sklearn_pgnn_demo", show_default=True, metavar="DIR", help="Where it goes."
 )
-@_job_options
-def demo(output, jobs, quiet, debug):
+@job_options
+def demo(output, n_jobs, quiet, debug):
     """Diagnose a simulated golf robot whose model misses its stick-slip.
 
     Writes the model file and the CSV records to DIR/input, and diagnoses them.
@@ -92,4 +59,4 @@ def demo(output, jobs, quiet, debug):
         with show_progress(quiet) as progress:
             progress("loading the libraries")
             from sklearn_pgnn.cli.demo import run_demo
-        run_demo(output, jobs=jobs, quiet=quiet)
+        run_demo(output, n_jobs=n_jobs, quiet=quiet)

@@ -16,14 +16,14 @@ HIDDEN = StribeckFriction("omega", level=0.1, peak=0.1, velocity=0.3)
 RECORDS, DURATION, SAMPLE_RATE = 6, 10.0, 100.0
 
 
-def run_demo(output, *, jobs: int = -1, quiet: bool = False) -> None:
+def run_demo(output, *, n_jobs: int = -1, quiet: bool = False) -> None:
     """Write the model file and the records, diagnose them, and tell what was found.
 
     Parameters
     ----------
     output : str or path-like
         Folder; the input goes to its folder ``input``.
-    jobs : int, default=-1
+    n_jobs : int, default=-1
         Threads to use.
     quiet : bool, default=False
         Whether to print the verdict only.
@@ -35,7 +35,7 @@ def run_demo(output, *, jobs: int = -1, quiet: bool = False) -> None:
             model, data = write_input(place)
     if not quiet:
         _tell_what(model, data)
-    job = Job(model, data, output, jobs=jobs, quiet=quiet)
+    job = Job(model, data, output, quiet=quiet, options={"n_jobs": n_jobs})
     with show_progress(quiet) as progress:
         diagnosis = job.run(progress)
     job.tell(diagnosis)

@@ -1,11 +1,18 @@
 """The job of ``sklearn-pgnn diagnose``: read, diagnose, write, tell."""
 
 import warnings
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
+from sklearn_pgnn.cli.choices import (
+    check_suspects,
+    choose_effects,
+    choose_targets,
+    read_noise,
+)
 from sklearn_pgnn.cli.guard import OWN, Bug, one_line
 from sklearn_pgnn.cli.output import result_folder, strict_json, write_files
 from sklearn_pgnn.cli.screen import tell
@@ -27,21 +34,18 @@ class Job:
         The CSV files.
     output : str or path-like
         Folder of the results.
-    hold, window, max_causes, seed, jobs
-        As `ModelDiagnosis` has them.
-    quiet : bool
+    quiet : bool, default=False
         Whether to print the verdict only.
+    options : mapping of str to object, default={}
+        Words for ``noise``, ``catalogue``, ``exclude`` and ``targets``, see
+        `sklearn_pgnn.cli.choices`; everything else as `ModelDiagnosis` has it.
     """
 
     model: str | PathLike
     data: Sequence[str | PathLike]
     output: str | PathLike
-    hold: str = "auto"
-    window: float | None = None
-    max_causes: int = 4
-    seed: int = 0
-    jobs: int = -1
     quiet: bool = False
+    options: Mapping[str, Any] = field(default_factory=dict)
 
     def run(self, progress: Callable) -> ModelDiagnosis:
         """Read, diagnose and write.
@@ -63,9 +67,10 @@ class Job:
         """
         progress("reading the model and the records")
         model = PhysicsModel.from_yaml(self.model)
+        diagnosis = self._prepare(model, progress)
         X, y = read_csv_files(self.data, model)
         with result_folder(Path(self.output)) as folder:
-            diagnosis, broken = self._fit(model, X, y, progress)
+            broken = _fit(diagnosis, X, y)
             progress("writing the report")
             failed = write_files(folder, _texts(diagnosis, broken))
             kept = sorted(file.name for file in folder.iterdir())
@@ -78,33 +83,36 @@ class Job:
         """Print what was found, and where it is."""
         tell(diagnosis, Path(self.output), quiet=self.quiet)
 
-    def _fit(self, model, X, y, progress) -> tuple[ModelDiagnosis, Exception | None]:
-        """Return the diagnosis, and what ended it if it has something to say all the same."""
-        diagnosis = ModelDiagnosis(
-            model,
-            hold=self.hold,
-            window=self.window,
-            max_causes=self.max_causes,
-            n_jobs=self.jobs,
-            random_state=self.seed,
-            progress=progress,
-        )
-        try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
-                return diagnosis.fit(X, y), None
-        except OWN:
-            raise
-        except Exception as error:
-            if not hasattr(diagnosis, "verdict_"):
-                raise
-            return diagnosis, error
+    def _prepare(self, model, progress) -> ModelDiagnosis:
+        """Return the diagnosis, its options checked."""
+        options = dict(self.options)
+        noise = read_noise(options.pop("noise", ()), list(model.outputs))
+        effects = choose_effects(options.pop("catalogue", ()), options.pop("exclude", ()))
+        targets = choose_targets(options.pop("targets", ()), model)
+        check_suspects(model, effects, targets)
+        chosen = {"noise": noise, "catalogue": effects, "targets": targets}
+        return ModelDiagnosis(model, **chosen, **options, progress=progress)
 
     def _kept(self, names: Sequence[str]) -> str:
         """Say what was written all the same."""
         if not names:
             return ""
         return f"What was found before is in {one_line(self.output)}: {', '.join(names)}."
+
+
+def _fit(diagnosis: ModelDiagnosis, X, y) -> Exception | None:
+    """Fit; return what broke down if the diagnosis has something to say all the same."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            diagnosis.fit(X, y)
+    except OWN:
+        raise
+    except Exception as error:
+        if not hasattr(diagnosis, "verdict_"):
+            raise
+        return error
+    return None
 
 
 def _texts(diagnosis: ModelDiagnosis, broken: Exception | None) -> dict[str, Callable[[], str]]:

@@ -3,12 +3,14 @@
 import math
 from collections.abc import Collection
 from dataclasses import dataclass
+from difflib import get_close_matches
 from functools import lru_cache
 
 import numpy as np
 import sympy
 
 from sklearn_pgnn.diagnosis.setting import Setting
+from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects import CATALOGUE, WrongParameter
 from sklearn_pgnn.physics.expressions import TIME, symbol
@@ -166,6 +168,32 @@ def possible_causes(model: PhysicsModel, catalogue, targets=None) -> tuple[Cause
         and not _is_there(model, effect(target))
         and same_parameter(model, effect(target)) is None
     )
+
+
+def check_targets(model: PhysicsModel, targets) -> None:
+    """Refuse targets that a model does not have.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The prior.
+    targets : collection of str or None
+        The targets; None means all.
+
+    Raises
+    ------
+    OptionError
+        If one is no state, input, output or parameter of the model.
+    """
+    known = [*model.states, *model.inputs, *model.outputs, *model.parameters]
+    for name in targets or ():
+        if name not in known:
+            near = get_close_matches(str(name), known, n=1)
+            meant = f"did you mean {near[0]!r}?" if near else f"one of {', '.join(known)}."
+            raise OptionError(
+                f"targets: expected states, inputs, outputs and parameters of {model.name!r}, "
+                f"got {name!r}; {meant}"
+            )
 
 
 def _is_there(model: PhysicsModel, effect: Effect) -> bool:

@@ -20,7 +20,7 @@ from sklearn_pgnn.diagnosis.ground import (
     look_further,
     speaks_for_slopes,
 )
-from sklearn_pgnn.diagnosis.hypothesis import Cause, Hypothesis, possible_causes
+from sklearn_pgnn.diagnosis.hypothesis import Cause, Hypothesis, check_targets, possible_causes
 from sklearn_pgnn.diagnosis.injection import verified
 from sklearn_pgnn.diagnosis.judge import Rules
 from sklearn_pgnn.diagnosis.records import keep_records
@@ -205,11 +205,13 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         ------
         ValueError
             If X or y cannot be read as records of the model, or hold too little; if the model
-            cannot be simulated on them; if `hold` is none of its choices.
+            cannot be simulated on them; if `hold` is none of its choices, or a target is
+            none of the model's.
         """
         check_model(self.model)
         read_catalogue(self.catalogue)
         _check_hold(self.hold)
+        check_targets(self.model, self.targets)
         if y is None:
             raise ValueError(
                 f"{type(self).__name__} requires y to be passed, but the target y is None."
@@ -453,6 +455,7 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         True
         """
         check_is_fitted(self)
+        check_targets(self.model, targets)
         _check_detectability(power, noise)
         rules = Rules(significance=self.significance, max_causes=self.max_causes)
         seed = _seed(random_state)

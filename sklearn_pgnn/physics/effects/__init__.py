@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 from difflib import get_close_matches
 
+from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects.formula import Formula
 from sklearn_pgnn.physics.effects.friction import (
@@ -95,7 +96,7 @@ def by_id(effect: str) -> type[Effect]:
 
     Raises
     ------
-    ValueError
+    OptionError
         If the catalogue has none with that id.
 
     Examples
@@ -108,7 +109,7 @@ def by_id(effect: str) -> type[Effect]:
         return kinds[effect]
     near = get_close_matches(effect, kinds, n=1)
     meant = f"did you mean {near[0]!r}?" if near else f"one of {', '.join(kinds)}."
-    raise ValueError(f"catalogue: expected the id of an effect, got {effect!r}; {meant}")
+    raise OptionError(f"catalogue: expected the id of an effect, got {effect!r}; {meant}")
 
 
 def read_catalogue(catalogue) -> tuple[type[Effect], ...]:
@@ -126,7 +127,7 @@ def read_catalogue(catalogue) -> tuple[type[Effect], ...]:
 
     Raises
     ------
-    ValueError
+    OptionError
         If it is no sequence, or something in it is neither an effect nor the id of one.
 
     Examples
@@ -137,14 +138,14 @@ def read_catalogue(catalogue) -> tuple[type[Effect], ...]:
     if catalogue is None:
         return CATALOGUE
     if isinstance(catalogue, str) or not isinstance(catalogue, Iterable):
-        raise ValueError(
+        raise OptionError(
             f"catalogue: expected a sequence of effects or of their ids, got {catalogue!r}. "
             f"Remedy: [effects.CoulombFriction], or ['coulomb_friction']."
         )
     kinds = tuple(by_id(kind) if isinstance(kind, str) else kind for kind in catalogue)
     for kind in kinds:
         if not (isinstance(kind, type) and issubclass(kind, Effect)):
-            raise ValueError(
+            raise OptionError(
                 f"catalogue: expected effects (the classes, without a target) or their ids, "
                 f"got {kind!r}."
             )

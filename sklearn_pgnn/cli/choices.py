@@ -1,0 +1,161 @@
+"""What the words on a command line mean for a model: noise, effects, targets."""
+
+import math
+import re
+from collections.abc import Iterable, Sequence
+
+from sklearn_pgnn.diagnosis.hypothesis import check_targets, possible_causes
+from sklearn_pgnn.exceptions import OptionError
+from sklearn_pgnn.physics.effect import Effect
+from sklearn_pgnn.physics.effects import CATALOGUE, by_id
+from sklearn_pgnn.physics.model import PhysicsModel
+
+
+def read_noise(words: Sequence[str], outputs: Sequence[str]) -> list[float] | None:
+    """Read the noise of a model's outputs.
+
+    Parameters
+    ----------
+    words : sequence of str
+        ``"0.01"`` if there is one output, or ``"name=0.01"`` for each.
+    outputs : sequence of str
+        The model's outputs.
+
+    Returns
+    -------
+    list of float or None
+        One standard deviation an output; None if there are no words.
+
+    Raises
+    ------
+    OptionError
+        If a word says something else, or not every output is there once.
+
+    Examples
+    --------
+    >>> read_noise(["v=0.1", "x=2e-3"], ["x", "v"])
+    [0.002, 0.1]
+    """
+    if not words:
+        return None
+    found: dict[str, float] = {}
+    for word in words:
+        name, equals, number = word.rpartition("=")
+        name = name.strip() if equals or len(outputs) > 1 else outputs[0]
+        if name not in outputs or name in found:
+            _refuse_noise(word, outputs)
+        found[name] = _positive(number, word)
+    missing = [name for name in outputs if name not in found]
+    if missing:
+        _refuse_noise(", ".join(words), outputs)
+    return [found[name] for name in outputs]
+
+
+def _positive(number: str, word: str) -> float:
+    try:
+        value = float(number)
+    except ValueError:
+        value = math.nan
+    if not 0 < value < math.inf:
+        raise OptionError(f"--noise: expected a number > 0 as standard deviation, got {word!r}.")
+    return value
+
+
+def _refuse_noise(word: str, outputs: Sequence[str]):
+    each = " ".join(f"--noise {name}=NUMBER" for name in outputs)
+    raise OptionError(f"--noise: expected every output of the model once ({each}), got {word!r}.")
+
+
+def choose_effects(only: Iterable[str], not_these: Iterable[str]) -> tuple[type[Effect], ...]:
+    """Choose effects of the catalogue by their ids.
+
+    Parameters
+    ----------
+    only : iterable of str
+        Ids, several with commas between; if there are none, all effects.
+    not_these : iterable of str
+        Ids to leave out.
+
+    Returns
+    -------
+    tuple of type[Effect]
+        The effects, in the catalogue's order.
+
+    Raises
+    ------
+    OptionError
+        If an id is unknown, or nothing is left.
+
+    Examples
+    --------
+    >>> [effect.id for effect in choose_effects(["leak,cogging", "overflow"], ["leak"])]
+    ['cogging', 'overflow']
+    """
+    wanted = [by_id(word) for word in split(only)] or CATALOGUE
+    unwanted = [by_id(word) for word in split(not_these)]
+    chosen = tuple(e for e in CATALOGUE if e in wanted and e not in unwanted)
+    if not chosen:
+        raise OptionError("--exclude: expected to leave some effect, got all of them excluded.")
+    return chosen
+
+
+def split(words: Iterable[str]) -> list[str]:
+    """Return what stands between commas and blanks.
+
+    Examples
+    --------
+    >>> split(["a, b", "c"])
+    ['a', 'b', 'c']
+    """
+    return [word for text in words for word in re.split(r"[,\s]+", text) if word]
+
+
+def choose_targets(words: Iterable[str], model: PhysicsModel) -> list[str] | None:
+    """Choose what of a model may be suspected.
+
+    Parameters
+    ----------
+    words : iterable of str
+        Names of states, inputs, outputs and parameters, several with commas between.
+    model : PhysicsModel
+        The model.
+
+    Returns
+    -------
+    list of str or None
+        The names; None if there are no words.
+
+    Raises
+    ------
+    OptionError
+        If the model has no such name.
+    """
+    names = split(words)
+    check_targets(model, names)
+    return names or None
+
+
+def check_suspects(model: PhysicsModel, effects, targets) -> None:
+    """Refuse a choice of effects and targets that leaves nothing to suspect.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    effects : sequence of type[Effect]
+        The chosen effects.
+    targets : list of str or None
+        The chosen targets.
+
+    Raises
+    ------
+    OptionError
+        If none of the effects can act on any of the targets.
+    """
+    if not possible_causes(model, effects, targets):
+        ids = ", ".join(effect.id for effect in effects)
+        on = f"on {', '.join(targets)} " if targets else ""
+        raise OptionError(
+            f"--catalogue, --exclude, --targets: expected to leave something to suspect, but "
+            f"{ids} cannot act {on}in the model {model.name!r}."
+        )

@@ -1,0 +1,127 @@
+"""The options of the commands: what they are called and what they are for."""
+
+import click
+
+
+def _threads(_context, _option, value: int) -> int:
+    if value == 0:
+        raise click.BadParameter("expected 1 thread or more, or -1 for all cores.")
+    return value
+
+
+_JOB = (
+    click.option(
+        "--jobs",
+        "n_jobs",
+        default=-1,
+        show_default="all cores",
+        callback=_threads,
+        help="Threads to use.",
+    ),
+    click.option("--quiet", is_flag=True, help="Print the verdict only, no progress."),
+    click.option("--debug", is_flag=True, help="Show the traceback of an error as well."),
+)
+_DIAGNOSIS = (
+    click.option(
+        "--noise",
+        multiple=True,
+        metavar="[OUTPUT=]SD",
+        help="Standard deviation of an output's noise, in the output's unit: a number, or "
+        "OUTPUT=NUMBER for each of several outputs; by default the records tell.",
+    ),
+    click.option(
+        "--hold",
+        type=click.Choice(["auto", "zoh", "foh"]),
+        default="auto",
+        show_default=True,
+        help="Inputs are held between samples (zoh), or run straight from one to the next (foh); "
+        "auto: held, unless the records speak against it.",
+    ),
+    click.option(
+        "--substeps",
+        type=click.IntRange(min=1),
+        metavar="N",
+        help="Integration steps from sample to sample; by default as many as accuracy needs.",
+    ),
+    click.option(
+        "--window",
+        type=click.FloatRange(min=0, min_open=True),
+        metavar="S",
+        help="Window length [s]: so long the model runs free before it is set back to the record; "
+        "by default the records tell.",
+    ),
+    click.option(
+        "--catalogue",
+        multiple=True,
+        metavar="EFFECTS",
+        help="Think of these effects only: ids, with commas between, as in "
+        "coulomb_friction,input_bias. By default all; --list-effects names them.",
+    ),
+    click.option(
+        "--exclude",
+        multiple=True,
+        metavar="EFFECTS",
+        help="Do not think of these effects: what you know the machine has not.",
+    ),
+    click.option(
+        "--targets",
+        multiple=True,
+        metavar="NAMES",
+        help="Suspect these states, inputs, outputs and parameters of the model only, with commas "
+        "between; by default all.",
+    ),
+    click.option(
+        "--max-causes",
+        type=click.IntRange(min=1),
+        default=4,
+        show_default=True,
+        help="Causes named at most.",
+    ),
+    click.option(
+        "--seed",
+        "random_state",
+        type=click.IntRange(min=0),
+        default=0,
+        show_default=True,
+        help="Random seed.",
+    ),
+)
+
+
+def job_options(command):
+    """Give a command the options that say how to work, not on what."""
+    return _with(command, _JOB)
+
+
+def diagnosis_options(command):
+    """Give a command the options that say how to diagnose."""
+    return _with(command, _DIAGNOSIS)
+
+
+def list_effects(command):
+    """Give a command the option that names the effects and ends."""
+    return click.option(
+        "--list-effects",
+        is_flag=True,
+        is_eager=True,
+        expose_value=False,
+        callback=_list_effects,
+        help="Name the effects that a diagnosis thinks of, and exit.",
+    )(command)
+
+
+def _list_effects(context, _option, wanted: bool) -> None:
+    if not wanted or context.resilient_parsing:
+        return
+    from sklearn_pgnn.physics.effects import CATALOGUE
+
+    width = max(len(effect.id) for effect in CATALOGUE)
+    for effect in CATALOGUE:
+        click.echo(f"{effect.id:{width}}  {effect.summary}")
+    context.exit()
+
+
+def _with(command, options):
+    for option in reversed(options):
+        command = option(command)
+    return command

@@ -1,0 +1,142 @@
+"""The options of the command line: what they say to a diagnosis, and how they are refused."""
+
+import json
+
+import pytest
+from click.testing import CliRunner
+from test_cli import write
+
+from sklearn_pgnn import ModelDiagnosis, __version__, effects
+from sklearn_pgnn.cli import main
+
+TWO = """\
+name: cart
+states: {x: m, v: m/s}
+inputs: {F: N}
+outputs: {speed: v, position: x}
+parameters: {m: {value: 2.0, unit: kg}, d: {value: 0.5, unit: N s/m}}
+equations: {x: v, v: "(F - d*v)/m"}
+inertia: {v: m}
+"""
+
+
+class Stop(RuntimeError):
+    """Ends a job before it costs anything."""
+
+
+@pytest.fixture
+def asked(tmp_path, monkeypatch):
+    """Return what a command line asks of a diagnosis."""
+
+    def ask(*options):
+        params = {}
+
+        def fit(self, X, y):
+            params.update(self.get_params())
+            raise Stop
+
+        monkeypatch.setattr(ModelDiagnosis, "fit", fit)
+        result = CliRunner().invoke(main, [*write(tmp_path), *options])
+        assert result.exit_code == 1, result.output
+        return params
+
+    return ask
+
+
+def test_options_reach_the_diagnosis(asked):
+    params = asked(
+        *("--noise", "0.002", "--substeps", "3", "--hold", "foh", "--window", "0.7"),
+        *("--catalogue", "coulomb_friction, input_bias", "--catalogue", "viscous_friction"),
+        *("--exclude", "input_bias", "--targets", "v", "--max-causes", "2", "--seed", "5"),
+    )
+    assert params["noise"] == [0.002]
+    assert params["substeps"] == 3
+    assert params["hold"] == "foh"
+    assert params["window"] == 0.7
+    assert params["catalogue"] == (effects.CoulombFriction, effects.ViscousFriction)
+    assert params["targets"] == ["v"]
+    assert params["max_causes"] == 2
+    assert params["random_state"] == 5
+    assert params["n_jobs"] == 1
+
+
+def test_without_options_a_diagnosis_has_its_defaults(asked):
+    params = asked()
+    given = ModelDiagnosis(None).get_params()
+    for name in set(given) - {"model", "catalogue", "n_jobs", "progress"}:
+        assert params[name] == given[name], name
+    assert params["catalogue"] == effects.CATALOGUE
+
+
+def test_noise_is_given_by_the_names_of_the_outputs(tmp_path, monkeypatch):
+    from sklearn_pgnn.cli.choices import read_noise
+
+    outputs = ["speed", "position"]
+    assert read_noise(["position=1e-4", "speed=0.1"], outputs) == [0.1, 1e-4]
+    assert read_noise([], outputs) is None
+
+
+REFUSED = {
+    "an effect misspelled": (
+        ["--catalogue", "coulom_friction"],
+        "'coulom_friction'; did you mean 'coulomb_friction'?",
+    ),
+    "an excluded effect misspelled": (["--exclude", "input_bais"], "did you mean 'input_bias'?"),
+    "nothing left": (
+        ["--catalogue", "leak", "--exclude", "leak"],
+        "expected to leave some effect",
+    ),
+    "nothing to act on": (["--catalogue", "leak"], "leak cannot act in the model 'cart'"),
+    "a target misspelled": (["--targets", "vv"], "got 'vv'; did you mean 'v'?"),
+    "noise that is no number": (["--noise", "loud"], "expected a number > 0"),
+    "noise below zero": (["--noise", "speed=-1"], "expected a number > 0"),
+    "noise of something else": (["--noise", "sped=1"], "--noise speed=NUMBER"),
+    "noise twice": (["--noise", "1", "--noise", "2"], "once"),
+    "no thread": (["--jobs", "0"], "expected 1 thread or more"),
+    "no step": (["--substeps", "0"], "--substeps"),
+    "no window": (["--window", "-1"], "--window"),
+}
+
+
+@pytest.mark.parametrize(("options", "said"), REFUSED.values(), ids=REFUSED)
+def test_what_an_option_cannot_mean_is_refused(tmp_path, options, said):
+    result = CliRunner().invoke(main, [*write(tmp_path), "--quiet", *options])
+    assert result.exit_code == 2
+    assert said in result.stderr.splitlines()[-1]
+    assert not (tmp_path / "out").exists()
+
+
+def test_noise_of_one_output_only_is_refused(tmp_path):
+    args = write(tmp_path, model=TWO)
+    for noise in ("0.1", "speed=0.1"):
+        result = CliRunner().invoke(main, [*args, "--quiet", "--noise", noise])
+        assert result.exit_code == 2
+        assert "--noise speed=NUMBER --noise position=NUMBER" in result.stderr
+
+
+def test_a_real_run_does_as_told(tmp_path):
+    options = ("--catalogue", "input_bias", "--hold", "foh", "--window", "1", "--substeps", "2")
+    args = [*write(tmp_path), "--quiet", "--noise", "0.001", *options]
+    result = CliRunner().invoke(main, args, catch_exceptions=False)
+    assert result.exit_code == 0
+    data = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
+    assert data["hold"] == "foh"
+    assert data["window"] == pytest.approx(1.0, rel=0.05)
+    assert {cause["effect"] for cause in data["causes"]} <= {"input_bias"}
+
+
+def test_effects_can_be_listed():
+    shown = CliRunner().invoke(main, ["diagnose", "--list-effects"]).stdout.splitlines()
+    assert [line.split()[0] for line in shown] == [effect.id for effect in effects.CATALOGUE]
+
+
+def test_the_version_has_a_short_name():
+    assert __version__ in CliRunner().invoke(main, ["-V"]).stdout
+
+
+def test_an_unknown_target_is_refused_by_the_diagnosis_itself():
+    from sklearn_pgnn import systems
+
+    diagnosis = ModelDiagnosis(systems.golf_robot(), targets=["omga"])
+    with pytest.raises(ValueError, match="did you mean 'omega'"):
+        diagnosis.fit([[0.0, 0.0]], [0.0])
