@@ -28,7 +28,7 @@ def make_pgnn_pipeline(model: PhysicsModel, *, memory=None, **network) -> Pipeli
     Returns
     -------
     Pipeline
-        With the steps ``physics``, ``scale`` and ``network``; its X is a DataFrame.
+        With the steps ``physics``, ``scale`` and ``network``; its X is a DataFrame or an array.
 
     Examples
     --------

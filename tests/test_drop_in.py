@@ -129,7 +129,7 @@ def test_target_may_be_transformed(golf):
 def test_output_may_be_a_table(golf):
     X, y = golf
     pipeline = behind_physics(FOREST).set_output(transform="pandas").fit(X, y)
-    names = ["t", "torque", "phi_phy", "omega_phy", "phi_measured_phy"]
+    names = ["t", "torque", "phi", "omega", "phi_phy", "omega_phy", "phi_measured_phy"]
     assert list(pipeline[-1].feature_names_in_) == names
     arrays = behind_physics(FOREST).fit(X, y)
     assert np.array_equal(pipeline.predict(X), arrays.predict(X))

@@ -282,6 +282,25 @@ def test_plain_network_that_cannot_be(options, message):
         PGNNLRegressor(**options).fit(X, Y)
 
 
+def test_plain_network_of_tables_with_names():
+    y = np.column_stack([Y, X["v"]])
+    table = pd.DataFrame(y, columns=["angle", "speed"])
+    net, named = (
+        PGNNLRegressor(states=STATES, **QUICK).fit(X, measured) for measured in (y, table)
+    )
+    assert np.array_equal(net.predict(NEW), named.predict(NEW))
+
+
+def test_repr_is_short_and_says_what_was_chosen():
+    text = repr(PGNNLRegressor(LAG, lambda_phy=0.1, module__neurons=3, callbacks="disable"))
+    assert text.startswith("PGNNLRegressor(")
+    parts = ["model=<PhysicsModel 'model': y>", "lambda_phy=0.1", "module__neurons=3"]
+    assert all(part in text for part in [*parts, "callbacks='disable'"])
+    assert len(text) < 130
+    assert repr(PGNNLRegressor()) == "PGNNLRegressor()"
+    assert repr(quick().fit(X, Y)) == repr(quick())
+
+
 def test_independent_rows():
     rng = np.random.default_rng(0)
     A = rng.normal(size=(300, 3)) * [1, 100, 1e-3] + [5, -1e3, 0]

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import joblib
 import numpy as np
+import pandas as pd
 import pytest
 from sklearn.base import clone
 from sklearn.compose import ColumnTransformer
@@ -18,9 +19,11 @@ from sklearn_pgnn import (
     PGNNLRegressor,
     PhysicsModelTransformer,
     datasets,
+    effects,
     make_pgnn_pipeline,
     systems,
 )
+from sklearn_pgnn.exceptions import SimulationWarning
 from sklearn_pgnn.model_selection import TrajectorySplit
 
 GOLF = systems.golf_robot()
@@ -93,6 +96,75 @@ def test_array_from_the_transformer_is_read(golf):
     net = PGNNLRegressor(GOLF, structure="increment", **QUICK).fit(array, y[one])
     assert net.n_features_in_ == array.shape[1]
     assert np.isfinite(net.predict(array)).all()
+
+
+def plain_by_hand(**network):
+    return Pipeline(
+        [("physics", PhysicsModelTransformer(GOLF)), ("net", PGNNLRegressor(GOLF, **network))]
+    )
+
+
+@pytest.fixture(scope="module")
+def thrown():
+    """Give records that begin with a speed, which no model's initial state tells."""
+    t = np.arange(0, 3, 0.01)
+    frames, outputs = [], []
+    for i in range(3):
+        torque = 0.3 * np.sin((2 + i) * t)
+        run = (GOLF + effects.CoulombFriction("omega", level=0.05)).simulate(
+            t, torque, [0.5 * i, 6.0 - 3 * i], substeps=4
+        )
+        frame = pd.DataFrame({"trajectory": i, "t": t, "torque": torque})
+        frame[["phi", "omega"]] = run.x
+        frames.append(frame)
+        outputs.append(run.y[:, 0])
+    return pd.concat(frames, ignore_index=True), np.concatenate(outputs)
+
+
+@pytest.mark.parametrize("structure", ["increment", "correction"])
+def test_pipeline_of_two_lines_keeps_the_initial_state(thrown, structure):
+    X, y = thrown
+    options = {**QUICK, "structure": structure, "max_epochs": 20}
+    plain = plain_by_hand(**options).fit(X, y)
+    made = make_pgnn_pipeline(GOLF, **options).fit(X, y)
+    assert plain.score(X, y) > 0.9
+    assert plain.predict(X) == pytest.approx(made.predict(X), abs=1e-6)
+    no_starts = X.drop(columns=["phi", "omega"])
+    assert plain_by_hand(**options).fit(no_starts, y).score(no_starts, y) < 0.9
+
+
+@pytest.mark.parametrize("build", [make_pgnn_pipeline, lambda _, **n: plain_by_hand(**n)])
+@pytest.mark.parametrize("columns", [["t", "torque"], ["t", "torque", "phi", "omega"]])
+def test_pipeline_of_arrays(thrown, build, columns):
+    X, y = thrown
+    table, array = X[columns], X[columns].to_numpy()
+    options = {**QUICK, "structure": "increment"}
+    net = build(GOLF, **options).fit(array, y)
+    named = build(GOLF, **options).fit(table, y)
+    assert net.predict(array) == pytest.approx(named.predict(table), abs=1e-9)
+
+
+def test_time_may_stand_anywhere_in_an_array(thrown):
+    X, y = thrown
+    options = {**QUICK, "structure": "increment"}
+    net = plain_by_hand(**options).fit(X[["t", "torque"]].to_numpy(), y)
+    moved = plain_by_hand(time=1, **options).set_params(physics__time=1)
+    moved.fit(X[["torque", "t"]].to_numpy(), y)
+    expected = net.predict(X[["t", "torque"]].to_numpy())
+    assert np.array_equal(moved.predict(X[["torque", "t"]].to_numpy()), expected)
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")  # such a model's states cannot be estimated
+def test_runaway_prior_reaches_no_scaler(thrown):
+    X, y = thrown
+    runaway = GOLF.replace(
+        equations={**GOLF.equations, "omega": "400*(omega + phi)"}, energy={}, name="runaway"
+    )
+    net = make_pgnn_pipeline(runaway, **QUICK, structure="increment")
+    with pytest.warns(SimulationWarning, match="Remedy"):
+        net.fit(X, y)
+    with pytest.warns(SimulationWarning, match="Remedy"):
+        assert np.isfinite(net.predict(X)).all()
 
 
 def test_parameters_are_reached_by_name(golf):

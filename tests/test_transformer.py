@@ -51,7 +51,7 @@ X, Y = table()
 
 def test_appends_what_a_finer_simulation_gives():
     found = PhysicsModelTransformer(CART).set_output(transform="pandas").fit_transform(X)
-    assert list(found) == ["t", "force", "x_phy", "v_phy", "position_phy"]
+    assert list(found) == ["t", "force", *STATES, "x_phy", "v_phy", "position_phy"]
     assert found["x_phy"].to_numpy() == pytest.approx(X["x"].to_numpy(), abs=1e-5)
     assert found["v_phy"].to_numpy() == pytest.approx(X["v"].to_numpy(), abs=1e-4)
     assert found["position_phy"].to_numpy() == pytest.approx(Y, abs=1e-5)
@@ -75,10 +75,40 @@ def test_arrays_and_tables_give_the_same():
     assert np.array_equal(as_table, as_array)
     moved = values.to_numpy()[:, [1, 2, 0, 3]]  # force, x, t, v
     transformer = PhysicsModelTransformer(CART, time=2).fit(moved)
-    assert np.array_equal(transformer.transform(moved)[:, 2:], as_array[:, 2:])
+    assert np.array_equal(transformer.transform(moved)[:, 4:], as_array[:, 4:])
     assert transformer.get_feature_names_out().tolist() == [
-        "x0", "x2", "x_phy", "v_phy", "position_phy",
+        "force", "x", "t", "v", "x_phy", "v_phy", "position_phy",
     ]  # fmt: skip
+
+
+def test_a_table_stays_a_table_and_its_states_are_held():
+    found = PhysicsModelTransformer(CART).fit_transform(X)
+    assert list(found.columns) == [*X.columns[1:], "x_phy", "v_phy", "position_phy"]
+    assert found.index.equals(X.index)
+    for _, rows in X.groupby("trajectory"):
+        for state in ("x", "v"):
+            assert (found.loc[rows.index, state] == rows[state].iloc[0]).all()
+    pd.testing.assert_frame_equal(found[["t", "force"]], X[["t", "force"]])
+
+
+def test_a_first_state_that_is_not_known_stays_so():
+    unknown = X.copy()
+    unknown.loc[X["trajectory"] == 1, "v"] = np.nan
+    found = PhysicsModelTransformer(CART).fit_transform(unknown)
+    assert found.loc[X["trajectory"] == 1, "v"].isna().all()
+    assert found.drop(columns="v").notna().all(axis=None)
+
+
+def test_trajectories_that_only_their_names_tell_apart():
+    later = X.copy()
+    later["t"] += 100.0 * (later["trajectory"] == later["trajectory"].iloc[-1])
+    transformer = PhysicsModelTransformer(CART).fit(later)
+    with pytest.warns(UserWarning, match=r"does not tell the trajectories apart.*append='all'"):
+        transformer.transform(later)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        transformer.transform(X)
+        PhysicsModelTransformer(CART, append="all").fit_transform(later)
 
 
 @pytest.mark.parametrize(
@@ -86,7 +116,7 @@ def test_arrays_and_tables_give_the_same():
     [
         ({"append": False}, ["x_phy", "v_phy", "position_phy"]),
         ({"append": False, "outputs": ["v"]}, ["v_phy"]),
-        ({"outputs": ["position"]}, ["t", "force", "position_phy"]),
+        ({"outputs": ["position"]}, [*X.columns[1:], "position_phy"]),
         ({"append": "all", "outputs": ["x"]}, [*X.columns, "x_phy"]),
     ],
 )
@@ -143,6 +173,15 @@ def test_diverging_trajectory_warns_and_passes_no_nan():
     assert np.isfinite(found).all()
     assert np.all(found[t.size :] == 0.1)
     assert found[: t.size, 0] == pytest.approx(1 / (10 - t))
+
+
+def test_runaway_model_is_told_before_its_numbers_are_used():
+    unstable = PhysicsModel({"y": "V"}, {"y": "(u + y)/T"}, {"T": 0.01}, {"u": "V"})
+    rows = np.column_stack([np.arange(0, 6, 0.01), np.ones(600)])  # e**600 is a number yet
+    expected = r"trajectory '0': 'y' runs away: it is .*e\+\d+ at t = .* s.*Remedy: check the para"
+    with pytest.warns(SimulationWarning, match=expected):
+        found = PhysicsModelTransformer(unstable, append=False, substeps=4).fit_transform(rows)
+    assert not found.any()
 
 
 def test_whole_solve_gives_no_warning():
@@ -212,7 +251,7 @@ def test_physical_columns_pass_a_scaler_untouched():
     pipeline = make_pipeline(scaler, PhysicsModelTransformer(CART), Ridge())
     assert pipeline.fit(X_clean, Y).score(X_clean, Y) > 0.99
     names = pipeline[:-1].get_feature_names_out()
-    assert list(names) == ["room", "t", "force", "x_phy", "v_phy", "position_phy"]
+    assert list(names) == ["room", "t", "force", *STATES, "x_phy", "v_phy", "position_phy"]
 
 
 def test_searches_and_scores():

@@ -430,12 +430,10 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         return self.model is not None or named or self.time is not None
 
     @property
-    def _time_name(self):
-        """Name the column of the time."""
-        if self.model is None:
-            named = self.time is None or isinstance(self.time, str)
-            return (self.time or "t") if named else f"column {self.time}"
-        return self.time
+    def _time_name(self) -> str:
+        """Name the column of the time where there is no model."""
+        named = self.time is None or isinstance(self.time, str)
+        return (self.time or "t") if named else f"column {self.time}"
 
     def _with_time_name(self, X) -> pd.DataFrame:
         """Name the columns of an array that has a time but no model."""
@@ -443,11 +441,18 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
             return X
         return pd.DataFrame(X, columns=[f"column {i}" for i in range(X.shape[1])])
 
+    def _named(self, X):
+        """Name the columns of X where they have no names, and the one that holds the time."""
+        if self.model is None:
+            return self._with_time_name(X), self._time_name
+        named = with_names(self.model, X, self.time)
+        return named, self.time if named is X else None
+
     def _read_ready(self, X):
         """Read X as trajectories that the loop can run along."""
         X = validate_table(self, X, reset=False)
-        X = with_names(self.model_, self._with_time_name(X) if self.model is None else X)
-        records = read_records(self.model_, X, time=self._time_name)
+        X, time = self._named(X)
+        records = read_records(self.model_, X, time=time)
         return _Runs(records, self._prepare(X, records), [])
 
     def _prepare(self, X, records):
@@ -560,18 +565,17 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
     def _lay_ground(self, X, y, random, anew):
         """Read the records, estimate their states, and settle what a step is made of."""
         X = validate_table(self, X, reset=anew)
-        self._single_output = np.ndim(y) == 1
+        self._single_output = np.asarray(y).ndim == 1
+        self.model_ = self.model
         if self.model is None:
-            X = self._with_time_name(X)
+            X, y = self._with_time_name(X), np.asarray(y)  # y names nothing that a model knows
             self.model_ = plain_model(X, y, self._time_name, self.states)
-        else:
-            self.model_ = self.model
-        X = with_names(self.model_, X)
-        records = read_records(self.model_, X, y, time=self._time_name)
+        X, time = self._named(X)
+        records = read_records(self.model_, X, y, time=time)
         if self.lambda_phy != 0:
             refuse_standardised(self.model_, records)
         options = {"hold": self.hold, "substeps": self._settle_substeps(records)}
-        self._further = further_columns(self.model_, X, self._time_name)
+        self._further = further_columns(self.model_, X, time)
         self._interval = float(np.median(np.concatenate([np.diff(r.t) for r in records])))
         self._stride = max(1, int(dominant_period(records) / self._interval / PER_PERIOD))
         if any(np.isnan(record.y).any() for record in records):

@@ -1,5 +1,7 @@
 """What a physical model makes of a table of samples, as further columns."""
 
+import warnings
+
 import numpy as np
 import pandas as pd
 from sklearn.base import BaseEstimator, TransformerMixin
@@ -7,18 +9,21 @@ from sklearn.utils.validation import _check_feature_names_in, check_is_fitted
 
 from sklearn_pgnn.simulation.finite_run import quantities_of, simulate_quantities
 from sklearn_pgnn.simulation.free_run import enough_substeps
-from sklearn_pgnn.trajectories import read_records
+from sklearn_pgnn.trajectories import read_records, rows_in_order, split_rows
 from sklearn_pgnn.trajectories.validation import check_model, validate_table
 
-SUFFIX, TRAJECTORY = "_phy", "trajectory"
+SUFFIX, TIME, TRAJECTORY = "_phy", "t", "trajectory"
 
 
 class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
     """Append the simulated states and outputs of a physical model to X.
 
     Every trajectory is simulated in free run from its first row: of the measured states only that
-    row is read, and their columns are not passed on (nor is ``trajectory``), for what is measured
-    later may not leak into a model that shall predict it.
+    row is read, and only it is passed on, held along the trajectory, for what is measured later may
+    not leak into a model that shall predict it. ``trajectory`` is no feature and not passed on; a
+    `UserWarning` says so where the time alone does not tell the trajectories apart.
+
+    Where X has names, so has the result: a DataFrame gives a DataFrame.
 
     A trajectory whose simulation leaves the finite numbers tells nothing: a `SimulationWarning`
     says where, when and which remedy, and all its rows get the values of its first row. The
@@ -31,9 +36,9 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
     outputs : sequence of str, optional
         States and outputs to append; by default all, the states first.
     append : bool or "all", default=True
-        Whether to put them behind the time, the inputs and whatever else X holds besides states;
-        ``"all"`` keeps every column of X, measured states included; False gives the simulation
-        alone.
+        Whether to put them behind the columns of X, of which the states hold each trajectory's
+        initial value; ``"all"`` keeps every column as it came, ``trajectory`` and states as
+        measured included; False gives the simulation alone.
     method : {"rk4", "euler"}, default="rk4"
         Runge-Kutta scheme of order four, or explicit Euler.
     substeps : int, optional
@@ -136,16 +141,19 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
         X = validate_table(self, X, reset=False)
         if self.model is None:
             return X
+        records = read_records(self.model, X, time=self.time)
         simulated = simulate_quantities(
             self.model,
-            read_records(self.model, X, time=self.time),
+            records,
             self._quantities(),
             method=self.method,
             hold=self.hold,
             substeps=self.substeps_,
         )
-        kept = X.iloc[:, self._kept()] if isinstance(X, pd.DataFrame) else X[:, self._kept()]
-        return np.column_stack([kept, simulated])
+        if not hasattr(self, "feature_names_in_"):
+            return np.column_stack([self._kept_table(pd.DataFrame(X), records), simulated])
+        new = pd.DataFrame(simulated, X.index, [name + SUFFIX for name in self._quantities()])
+        return pd.concat([self._kept_table(X, records), new], axis=1)
 
     def get_feature_names_out(self, input_features=None):
         """Name the columns that `transform` gives.
@@ -153,7 +161,7 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
         Parameters
         ----------
         input_features : array-like of str, optional
-            Names of the columns of X, where `fit` saw none.
+            Names of the columns of X, where `fit` saw none; by default the model's.
 
         Returns
         -------
@@ -161,6 +169,8 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
             The columns of X that are kept, then the simulated quantities with ``_phy`` added.
         """
         check_is_fitted(self)
+        if self.model is not None and input_features is None:
+            input_features = self._column_names()
         names = _check_feature_names_in(self, input_features)
         if self.model is None:
             return names
@@ -178,19 +188,63 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
             )
         return names
 
-    def _kept(self) -> list[int]:
-        """Give the columns of X that are passed on."""
-        everything = list(range(self.n_features_in_))
-        if self.append in (False, "all"):
-            return everything if self.append else []
+    def _kept_table(self, X: pd.DataFrame, records) -> pd.DataFrame:
+        """Return the columns of X that are passed on, states as they are in the first rows."""
+        kept = X.iloc[:, self._kept()]
+        if self.append is not True:
+            return kept
+        if TRAJECTORY in X.columns:
+            _warn_of_merging(records)
+        first = np.empty((len(X), len(self.model.states)))
+        for record in records:
+            first[record.rows] = record.x0
+        held = kept.copy()
+        for i, column in self._state_columns().items():
+            held[X.columns[column]] = first[:, i]
+        return held
+
+    def _column_names(self) -> list[str]:
+        """Return the names of the columns of X, of an array as the model calls them."""
         if hasattr(self, "feature_names_in_"):
-            states = {self.model.columns.get(name, name) for name in self.model.states}
-            dropped = {*states, TRAJECTORY}
-            return [i for i in everything if self.feature_names_in_[i] not in dropped]
-        time = everything.pop(self.time or 0)
-        return sorted([time, *everything[: len(self.model.inputs)]])
+            return list(self.feature_names_in_)
+        names = [*self.model.inputs, *self.model.states][: self.n_features_in_ - 1]
+        names.insert((self.time or 0) % self.n_features_in_, TIME)
+        return [self.model.columns.get(name, name) for name in names]
+
+    def _state_columns(self) -> dict[int, int]:
+        """Return the place in X of every state that X holds, by the state's number."""
+        names, found = self._column_names(), {}
+        for i, state in enumerate(self.model.states):
+            called = self.model.columns.get(state, state)
+            called = called if called in names else state
+            if called in names:
+                found[i] = names.index(called)
+        return found
+
+    def _kept(self) -> list[int]:
+        """Return the columns of X that are passed on."""
+        if not self.append:
+            return []
+        left_out = () if self.append == "all" else (TRAJECTORY,)
+        return [i for i, name in enumerate(self._column_names()) if name not in left_out]
 
     def __sklearn_tags__(self):
         tags = super().__sklearn_tags__()
         tags.input_tags.allow_nan = True  # in states, which are read in a trajectory's first row
         return tags
+
+
+def _warn_of_merging(records) -> None:
+    """Warn where trajectories that have names are not told apart by the time."""
+    t = rows_in_order(records, np.concatenate([record.t for record in records]))
+    by_time = [rows for _, rows in split_rows(t)]
+    apart = len(by_time) == len(records)
+    if apart and all(map(np.array_equal, by_time, [record.rows for record in records])):
+        return
+    warnings.warn(
+        "X: the column 'trajectory' is left out, and the time alone does not tell the trajectories "
+        "apart: what reads this table as records would read others. Remedy: append='all', or let "
+        "the time of every trajectory begin anew.",
+        UserWarning,
+        stacklevel=4,
+    )

@@ -7,7 +7,11 @@ import numpy as np
 from sklearn_pgnn.exceptions import SimulationWarning
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.free_run import simulate_record
+from sklearn_pgnn.simulation.simulate import Simulation
 from sklearn_pgnn.trajectories import rows_in_order
+
+#: trees and most networks hold numbers in single precision, whose largest is 3.4e38
+LARGEST = float(np.finfo(np.float32).max)
 
 
 def quantities_of(model: PhysicsModel) -> list[str]:
@@ -58,14 +62,53 @@ def simulate_quantities(model: PhysicsModel, records, names, **options) -> np.nd
     return rows_in_order(records, np.concatenate(runs))
 
 
+def what_is_wrong(run: Simulation, values: np.ndarray, names) -> str:
+    """Return why nobody can learn from a free run, empty if one can.
+
+    Parameters
+    ----------
+    run : Simulation
+        The run.
+    values : ndarray of shape (n_samples, n_names)
+        What is taken from it.
+    names : sequence of str
+        Its names.
+
+    Returns
+    -------
+    str
+        What happened and the remedy.
+
+    Examples
+    --------
+    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": -0.01}, {"u": "V"})
+    >>> run = lag.simulate([0.0, 1.0, 2.0], [1.0, 1.0, 1.0], [1e-9], substeps=100)
+    >>> print(what_is_wrong(run, run.y, ["y"]).split(",")[0])
+    'y' runs away: it is -1.86e+43 at t = 1 s
+    """
+    if run.message:
+        return run.message
+    bad = np.argwhere(~(np.abs(values) <= LARGEST))
+    if not bad.size:
+        return ""
+    k, column = bad[0]
+    if not np.isfinite(values[k, column]):
+        return "an output is not finite. Remedy: check the output's expression."
+    return (
+        f"{names[column]!r} runs away: it is {values[k, column]:.3g} at t = {run.t[k]:g} s, more "
+        f"than a regressor can hold. Remedy: check the parameters' values and units; an unstable "
+        f"machine needs shorter trajectories, or feedback in its model."
+    )
+
+
 def _finite_run(model, record, names, options) -> np.ndarray:
     run = simulate_record(model, record, **options)
     columns = dict(zip(model.states, run.x.T, strict=True))
     columns |= dict(zip(model.outputs, run.y.T, strict=True))
     values = np.column_stack([columns[name] for name in names])
-    if not run.message and np.isfinite(values).all():
+    what = what_is_wrong(run, values, names)
+    if not what:
         return values
-    what = run.message or "an output is not finite. Remedy: check the output's expression."
     warnings.warn(
         f"trajectory {record.name!r}: {what} Its rows get the values of its first row.",
         SimulationWarning,

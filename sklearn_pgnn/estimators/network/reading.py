@@ -13,7 +13,7 @@ SIMULATED = "_phy"
 EXACT = 1e-6
 
 
-def with_names(model: PhysicsModel, X):
+def with_names(model: PhysicsModel, X, time=None):
     """Name the columns of an array that `PhysicsModelTransformer` gave.
 
     Parameters
@@ -21,20 +21,26 @@ def with_names(model: PhysicsModel, X):
     model : PhysicsModel
         The model.
     X : DataFrame or ndarray of shape (n_samples, n_columns)
-        Time, inputs, and the simulated states and outputs.
+        Time, inputs, states or none, and the simulated states and outputs.
+    time : int or str or None
+        The parameter ``time``.
 
     Returns
     -------
     DataFrame or ndarray
         The table, as it came where it is something else.
     """
-    known = list(dict.fromkeys([*model.states, *model.outputs]))
-    names = [TIME, *model.inputs, *(name + SIMULATED for name in known)]
-    states = 1 + len(model.inputs) + len(model.states)
-    if isinstance(X, pd.DataFrame) or X.shape[1] != len(names) or X.shape[1] == states:
+    if isinstance(X, pd.DataFrame) or isinstance(time, str):
         return X
-    called = [model.columns.get(name, name) for name in names]
-    return pd.DataFrame(np.asarray(X), columns=called)
+    known = dict.fromkeys([*model.states, *model.outputs])
+    simulated = [name + SIMULATED for name in known]
+    for given in ([*model.inputs], [*model.inputs, *model.states]):
+        names = [*given, *simulated]
+        width = 1 + len(names)
+        if X.shape[1] == width != 1 + len(model.inputs) + len(model.states):
+            names.insert((time or 0) % (1 + len(given)), TIME)
+            return pd.DataFrame(X, columns=names)
+    return X
 
 
 def simulated_states(model: PhysicsModel, X) -> np.ndarray | None:

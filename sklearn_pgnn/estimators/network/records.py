@@ -9,6 +9,7 @@ from joblib import hash as hash_of
 from sklearn_pgnn.estimators.network.physics_loss import Motion
 from sklearn_pgnn.exceptions import SimulationWarning
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.finite_run import what_is_wrong
 from sklearn_pgnn.simulation.free_run import simulate_record
 from sklearn_pgnn.simulation.network_run import (
     NetworkRecord,
@@ -90,10 +91,11 @@ def prepare(model: PhysicsModel, records, features, simulated, *, hold: str, sub
 def open_loop(model: PhysicsModel, record, hold: str, substeps: int) -> np.ndarray:
     """Simulate a record in open loop; where the model diverges its first state is repeated."""
     run = simulate_record(model, record, substeps=substeps, hold=hold)
-    if not run.message:
+    what = what_is_wrong(run, run.x, list(model.states))
+    if not what:
         return run.x
     warnings.warn(
-        f"trajectory {record.name!r}: {run.message} The network is guided by its first state.",
+        f"trajectory {record.name!r}: {what} The network is guided by its first state.",
         SimulationWarning,
         stacklevel=2,
     )

@@ -76,6 +76,15 @@ class TrajectoryNet(NeuralNetRegressor):
         """Name the parameters; skorch also takes what `fit` keeps under a private name for one."""
         return [name for name in super()._get_param_names() if not name.startswith("_")]
 
+    def __repr__(self):
+        defaults = type(self)().get_params(deep=False)
+        changed = [
+            f"{name}={value!r}"
+            for name, value in self.get_params(deep=False).items()
+            if name not in defaults or repr(value) != repr(defaults[name])
+        ]
+        return f"{type(self).__name__}({', '.join(changed)})"
+
     def _train_steps(self, windows, rates, **fit_params) -> None:
         """Train on single steps; a recurrent core on stretches, the measured state fed back."""
         length = 1
