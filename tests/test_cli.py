@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -13,6 +14,8 @@ from click.testing import CliRunner
 from sklearn_pgnn import PhysicsModel, __version__, effects
 from sklearn_pgnn.cli import main
 from sklearn_pgnn.cli.output import result_folder, strict_json
+from sklearn_pgnn.cli.screen import described_files
+from sklearn_pgnn.diagnosis.record_flaws import Finding
 
 MODEL = """\
 name: cart
@@ -136,6 +139,41 @@ def test_a_second_run_replaces_the_results_and_leaves_the_rest(done, tmp_path):
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == sorted([*FILES, "notes.txt"])
     assert (tmp_path / "out" / "notes.txt").read_text() == "mine"
     assert (tmp_path / "out" / "report.html").read_text() != "old"
+
+
+def test_it_says_that_an_earlier_result_was_replaced(done, tmp_path):
+    _, first = done
+    assert "Replaced" not in first.stderr
+    args = [*write(tmp_path), "--catalogue", "input_bias"]
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "report.html").write_text("old")
+    result = CliRunner().invoke(main, args, catch_exceptions=False)
+    said = f"Replaced the files of an earlier diagnosis in {tmp_path / 'out'}."
+    assert said in result.stderr.splitlines()
+
+
+def test_faults_of_the_records_are_told_before_the_verdict(tmp_path, monkeypatch):
+    fault = Finding("outliers", "'F'", "three samples lie far off", 3.0, "look at the cable")
+    here = "sklearn_pgnn.diagnosis.model_diagnosis.check_data_quality"
+    monkeypatch.setattr(here, lambda *_: (fault,))
+    args = [*write(tmp_path), "--catalogue", "input_bias"]
+    text = CliRunner().invoke(main, args, catch_exceptions=False).stdout
+    assert text.startswith("Quality of the records: read this first\n  outliers: three samples")
+    assert "look at the cable.\n\n" in text
+    assert text.index("look at the cable") < text.index("The model of the cart")
+
+
+@pytest.mark.parametrize(
+    ("causes", "missing", "said"),
+    [
+        ((1,), None, "the model, re-tuned and extended by what was named; a model file again"),
+        ((), None, "the model, re-tuned only; a model file again"),
+        ((), 1, "the model, re-tuned only, without the formula, which is in diagnosis.json; a"),
+    ],
+)
+def test_the_model_file_is_called_what_it_is(causes, missing, said):
+    diagnosis = SimpleNamespace(causes_=causes, missing_=missing)
+    assert described_files(diagnosis)["extended_model.yaml"].startswith(said)
 
 
 def test_help_has_an_example_and_the_version_is_told():

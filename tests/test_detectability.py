@@ -1,5 +1,6 @@
 """Detectability: the sizes it states are those at which the diagnosis finds or misses."""
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 import pytest
@@ -176,6 +177,8 @@ def test_the_picture_names_every_effect_and_its_size(detectability):
     texts = [text.get_text() for text in display.axes_.texts]
     assert texts[0].startswith("level ")
     assert texts[0].endswith(" N")
+    assert display.figure_ is plt.gcf()
+    plt.close(display.figure_)
 
 
 def test_unusable_options_are_refused(diagnosis):

@@ -1,17 +1,25 @@
 """Pictures and report of a diagnosis: what they show, and what they refuse to carry."""
 
 import re
+from copy import copy
+from dataclasses import replace
 from html.parser import HTMLParser
+from xml.etree import ElementTree
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 import pytest
 
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects, systems
+from sklearn_pgnn.diagnosis.record_flaws import Finding
+from sklearn_pgnn.diagnosis.result import Tried
 from sklearn_pgnn.inspection import DiagnosisDisplay, plot_diagnosis, write_report
 from sklearn_pgnn.inspection.balance import Samples, shown_states
 from sklearn_pgnn.inspection.case import make_case
+from sklearn_pgnn.inspection.equations import LINE, equations_of
 from sklearn_pgnn.inspection.evidence import find_evidence
+from sklearn_pgnn.inspection.report import render_report
 
 INJECTED = "<script>alert(1)</script>"
 
@@ -136,7 +144,85 @@ def test_an_adequate_model_is_told_so(tmp_path):
     assert "What is missing" not in text
 
 
+def test_a_suspect_that_makes_it_worse_has_no_percentage(friction):
+    changed = copy(friction)
+    changed.tried_ = (Tried("sensor_rectification", "position", 207.99),)
+    text = render_report(changed)
+    assert "makes it worse" in text
+    assert "20799" not in text
+
+
+def test_faults_of_the_records_stand_above_the_verdict(friction):
+    changed = copy(friction)
+    changed.data_quality_ = (Finding("outliers", "'F'", "three samples lie far off", 3.0, "look"),)
+    text = re.sub(r"<[^>]+>", "", render_report(changed))
+    assert text.index("Three samples lie far off") < text.index("misses Coulomb friction on v")
+
+
+def test_units_have_superscripts(friction):
+    changed = copy(friction)
+    changed.gain_ = {"position": replace(friction.gain_["position"], unit="kg m^2")}
+    text = render_report(changed)
+    assert "kg m²" in text
+    assert "m^2" not in text
+
+
+# -- equations -------------------------------------------------------------------------------------
+
+
+def test_minus_signs_are_no_hyphens(report):
+    assert "<mo>-</mo>" not in report
+    assert "<mn>-" not in report
+    assert "<mo>&#x2212;</mo>" in report
+
+
+def test_a_long_sum_may_break_between_its_terms():
+    names = ("force", "stiffness", "damping", "friction", "cubic", "load")
+    model = PhysicsModel(
+        states={"x": "m", "v": "m/s"},
+        equations={
+            "x": "v",
+            "v": "(force - stiffness*x - damping*v - friction*sign(v) - cubic*x**3 + load)/mass",
+        },
+        parameters=dict.fromkeys(
+            ("stiffness", "damping", "friction", "cubic", "load", "mass"), 1.0
+        ),
+        inputs={"force": "N"},
+    )
+    short, long = (equation.mathml for equation in equations_of(model, model))
+    assert short.count("<math") == 1
+    pieces = long.split("</math> ")
+    assert len(pieces) == 6
+    assert all(xml.count("(") == xml.count(")") for xml in pieces[1:-1])
+    assert sorted(n for n in names for piece in pieces if f"<mi>{n}</mi>" in piece) == sorted(names)
+    assert long.count("<mi>mass</mi>") == 1
+    for piece in long.replace("</math> ", "</math>\n").splitlines():
+        ElementTree.fromstring(piece)
+
+
+def test_what_cannot_break_says_how_long_it_is():
+    product = "*".join(f"parameter_{i}" for i in range(12))
+    model = PhysicsModel({"y": "V"}, {"y": product}, {f"parameter_{i}": 2.0 for i in range(12)})
+    (equation,) = equations_of(model, model)
+    assert f"--lines: {len(product) / LINE:.2f}" in equation.mathml
+
+
 # -- the picture -----------------------------------------------------------------------------------
+
+
+@pytest.fixture(autouse=True)
+def closed():
+    """Close what a test has drawn."""
+    yield
+    plt.close("all")
+
+
+def test_pictures_are_shown_by_pyplot_but_not_those_of_a_report(friction, tmp_path):
+    friction.to_html(tmp_path / "report.html")
+    assert plt.get_fignums() == []
+    display = friction.plot()
+    assert display.figure_ is plt.gcf()
+    assert plt.get_fignums() == [display.figure_.number]
 
 
 def test_the_picture_has_curves_errors_and_evidence(friction):
@@ -145,7 +231,6 @@ def test_the_picture_has_curves_errors_and_evidence(friction):
     assert len(display.axes_) == 3
     assert [len(axes.lines) for axes in display.axes_[:2]] == [3, 2]
     assert display.axes_[0].get_ylabel() == "position [m]"
-    assert display._repr_png_().startswith(b"\x89PNG")
 
 
 def test_the_picture_can_show_windows_new_records_and_a_given_figure(friction):

@@ -41,8 +41,8 @@ def diagnose(data, model, output, quiet, debug, **options):
             from sklearn_pgnn.cli.diagnose import Job
 
             job = Job(model, data, output, quiet=quiet, options=options)
-            diagnosis = job.run(progress)
-        job.tell(diagnosis)
+            done = job.run(progress)
+        job.tell(done)
 
 
 @main.command()

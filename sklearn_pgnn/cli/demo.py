@@ -37,8 +37,8 @@ def run_demo(output, *, n_jobs: int = -1, quiet: bool = False) -> None:
         _tell_what(model, data)
     job = Job(model, data, output, quiet=quiet, options={"n_jobs": n_jobs})
     with show_progress(quiet) as progress:
-        diagnosis = job.run(progress)
-    job.tell(diagnosis)
+        done = job.run(progress)
+    job.tell(done)
     if not quiet:
         _tell_truth(model, output)
 

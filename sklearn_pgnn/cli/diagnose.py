@@ -5,7 +5,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
+
+import click
 
 from sklearn_pgnn.cli.choices import (
     check_suspects,
@@ -20,6 +22,16 @@ from sklearn_pgnn.diagnosis import ModelDiagnosis
 from sklearn_pgnn.inspection.report import render_report
 from sklearn_pgnn.physics import PhysicsModel
 from sklearn_pgnn.trajectories.csv_file import read_csv_files
+
+#: the files of a diagnosis
+NAMES = ("diagnosis.json", "extended_model.yaml", "report.html")
+
+
+class Done(NamedTuple):
+    """What came of a job: the fitted diagnosis, and whether an earlier one's files were there."""
+
+    diagnosis: ModelDiagnosis
+    replaced: bool
 
 
 @dataclass(frozen=True)
@@ -47,7 +59,7 @@ class Job:
     quiet: bool = False
     options: Mapping[str, Any] = field(default_factory=dict)
 
-    def run(self, progress: Callable) -> ModelDiagnosis:
+    def run(self, progress: Callable) -> Done:
         """Read, diagnose and write.
 
         Parameters
@@ -57,8 +69,8 @@ class Job:
 
         Returns
         -------
-        ModelDiagnosis
-            The fitted diagnosis.
+        Done
+            What came of it.
 
         Raises
         ------
@@ -69,6 +81,7 @@ class Job:
         model = PhysicsModel.from_yaml(self.model)
         diagnosis = self._prepare(model, progress)
         X, y = read_csv_files(self.data, model)
+        earlier = [name for name in NAMES if (Path(self.output) / name).exists()]
         with result_folder(Path(self.output)) as folder:
             broken = _fit(diagnosis, X, y)
             progress("writing the report")
@@ -77,11 +90,14 @@ class Job:
         if broken or failed:
             error = broken or next(iter(failed.values()))
             raise Bug(error, self._kept(kept)) from error
-        return diagnosis
+        return Done(diagnosis, bool(earlier))
 
-    def tell(self, diagnosis: ModelDiagnosis) -> None:
+    def tell(self, done: Done) -> None:
         """Print what was found, and where it is."""
-        tell(diagnosis, Path(self.output), quiet=self.quiet)
+        if done.replaced and not self.quiet:
+            place = one_line(self.output)
+            click.echo(f"Replaced the files of an earlier diagnosis in {place}.", err=True)
+        tell(done.diagnosis, Path(self.output), quiet=self.quiet)
 
     def _prepare(self, model, progress) -> ModelDiagnosis:
         """Return the diagnosis, its options checked."""
@@ -117,8 +133,9 @@ def _fit(diagnosis: ModelDiagnosis, X, y) -> Exception | None:
 
 def _texts(diagnosis: ModelDiagnosis, broken: Exception | None) -> dict[str, Callable[[], str]]:
     """Return by name what gives the text of each file."""
-    return {
-        "diagnosis.json": lambda: strict_json(diagnosis, broken),
-        "extended_model.yaml": lambda: diagnosis.extended_model_.to_yaml(),
-        "report.html": lambda: render_report(diagnosis),
-    }
+    makers = (
+        lambda: strict_json(diagnosis, broken),
+        lambda: diagnosis.extended_model_.to_yaml(),
+        lambda: render_report(diagnosis),
+    )
+    return dict(zip(NAMES, makers, strict=True))

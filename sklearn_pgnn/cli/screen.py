@@ -19,25 +19,42 @@ from sklearn_pgnn.inspection.words import (
     verdict_sentence,
 )
 
-FILES = {
-    "report.html": "the whole story with pictures; open it first",
-    "diagnosis.json": "the same for programs",
-    "extended_model.yaml": "the mended model, to be used as a model file",
-}
+
+def described_files(diagnosis) -> dict[str, str]:
+    """Say by name what each file of a diagnosis holds.
+
+    Parameters
+    ----------
+    diagnosis : ModelDiagnosis
+        A fitted diagnosis.
+
+    Returns
+    -------
+    dict of str to str
+        Names and descriptions.
+    """
+    held = "re-tuned and extended by what was named" if diagnosis.causes_ else "re-tuned only"
+    formula = ", without the formula, which is in diagnosis.json" if diagnosis.missing_ else ""
+    return {
+        "report.html": "the whole story with pictures; open it first",
+        "diagnosis.json": "the same for programs",
+        "extended_model.yaml": f"the model, {held}{formula}; a model file again",
+    }
 
 
 def tell(diagnosis, output: Path, *, quiet: bool) -> None:
     """Print what a diagnosis found and where its files are."""
     console = Console(highlight=False, markup=False, emoji=False)
+    if not quiet:
+        _tell_quality(console, diagnosis.data_quality_)
     _say(console, f"{VERDICTS[diagnosis.verdict_]}. {verdict_sentence(diagnosis)}", "bold")
     if quiet:
         return
-    _tell_quality(console, diagnosis.data_quality_)
     for place, cause in enumerate(diagnosis.causes_, start=1):
         _tell_cause(console, place, cause, diagnosis.separations_)
     _tell_parameters(console, diagnosis.parameters_)
     _tell_gain(console, diagnosis)
-    _tell_files(console, output)
+    _tell_files(console, diagnosis, output)
 
 
 def _say(console, text: str, style: str = "") -> None:
@@ -50,11 +67,14 @@ def _heading(console, text: str) -> None:
 
 
 def _tell_quality(console, findings) -> None:
-    if findings:
-        _heading(console, "Quality of the records")
+    """Print what stands in the way of the verdict, before it."""
+    if not findings:
+        return
+    _say(console, "Quality of the records: read this first", "bold")
     for finding in findings:
         text = f"{finding.kind}: {finding.text}. Remedy: {finding.remedy}."
         console.print(Text(f"  {one_line(text)}"), soft_wrap=True)
+    console.print()
 
 
 def _tell_cause(console, place: int, cause, separations) -> None:
@@ -101,9 +121,9 @@ def _tell_gain(console, diagnosis) -> None:
     _print_indented(console, table)
 
 
-def _tell_files(console, output: Path) -> None:
+def _tell_files(console, diagnosis, output: Path) -> None:
     _heading(console, "Written")
-    for name, what in FILES.items():
+    for name, what in described_files(diagnosis).items():
         console.print(Text(f"  {one_line(output / name)}  ({what})"), soft_wrap=True)
 
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from sklearn_pgnn.inspection.style import COLOURS, new_figure, plain, tidy, to_png
-from sklearn_pgnn.inspection.words import cause_name, number
+from sklearn_pgnn.inspection.style import COLOURS, plain, shown_figure, tidy
+from sklearn_pgnn.inspection.words import cause_name, number, typeset_unit
 
 
 class DetectabilityDisplay:
@@ -35,7 +35,7 @@ class DetectabilityDisplay:
         Parameters
         ----------
         figure : matplotlib.figure.Figure, optional
-            Where to draw; by default a new figure that no window shows.
+            Where to draw; by default a new figure of pyplot, which ``plt.show()`` shows.
 
         Returns
         -------
@@ -43,7 +43,7 @@ class DetectabilityDisplay:
             This display, with `figure_` and `axes_`.
         """
         rows = self.detectability.rows
-        self.figure_ = new_figure(9.0, 0.6 + 0.34 * len(rows)) if figure is None else figure
+        self.figure_ = shown_figure(9.0, 0.6 + 0.34 * len(rows)) if figure is None else figure
         self.axes_ = axes = self.figure_.subplots()
         for place, row in enumerate(rows):
             _draw_row(axes, place, row)
@@ -57,10 +57,6 @@ class DetectabilityDisplay:
         tidy(axes)
         return self
 
-    def _repr_png_(self):
-        """Show the picture in a notebook."""
-        return to_png(self.figure_)
-
 
 def _draw_row(axes, place, row) -> None:
     sizes, powers = np.array(row.curve[1:]).T
@@ -73,7 +69,9 @@ def _draw_row(axes, place, row) -> None:
     else:
         at = abs(row.smallest - row.curve[0][0]) / max(abs(sizes[-1] - row.curve[0][0]), 1e-300)
         axes.plot(at, place, marker="|", markersize=14, color=COLOURS["prior"], zorder=3)
-        text = f"{row.parameter.replace('_', ' ')} {number(row.smallest, 3)} {row.unit}"
+        text = (
+            f"{row.parameter.replace('_', ' ')} {number(row.smallest, 3)} {typeset_unit(row.unit)}"
+        )
     axes.annotate(
         plain(text.rstrip()),
         (1.02, place),

@@ -9,7 +9,7 @@ from sklearn.utils.validation import check_is_fitted
 from sklearn_pgnn.inspection.balance import free_runs
 from sklearn_pgnn.inspection.curves import Evidence
 from sklearn_pgnn.inspection.evidence import find_evidence
-from sklearn_pgnn.inspection.style import COLOURS, LABELS, label, new_figure, plain, tidy, to_png
+from sklearn_pgnn.inspection.style import COLOURS, LABELS, label, plain, shown_figure, tidy
 from sklearn_pgnn.simulation.simulate import simulate_records
 from sklearn_pgnn.trajectories import read_records
 
@@ -85,7 +85,7 @@ class DiagnosisDisplay:
         record : int, optional
             Number of the record; by default one with a typical error.
         figure : matplotlib.figure.Figure, optional
-            Where to draw; by default a new figure that no window shows.
+            Where to draw; by default a new figure of pyplot, which ``plt.show()`` shows.
 
         Returns
         -------
@@ -102,7 +102,7 @@ class DiagnosisDisplay:
         Parameters
         ----------
         figure : matplotlib.figure.Figure, optional
-            Where to draw; by default a new figure that no window shows.
+            Where to draw; by default a new figure of pyplot, which ``plt.show()`` shows.
 
         Returns
         -------
@@ -111,17 +111,14 @@ class DiagnosisDisplay:
         """
         n_outputs, shown = len(self.comparison.outputs), len(self.evidence)
         rows = 2 * n_outputs + shown
-        self.figure_ = new_figure(8.0, 3.6 * n_outputs + 3.2 * shown) if figure is None else figure
+        height = 3.6 * n_outputs + 3.2 * shown
+        self.figure_ = shown_figure(8.0, height) if figure is None else figure
         heights = [2.2, 1.3] * n_outputs + [3.2] * shown
         self.axes_ = self.figure_.subplots(rows, height_ratios=heights, squeeze=False)[:, 0]
         draw_comparison(self.axes_[: 2 * n_outputs], self.comparison)
         for axes, evidence in zip(self.axes_[2 * n_outputs :], self.evidence, strict=True):
             draw_evidence(axes, evidence)
         return self
-
-    def _repr_png_(self):
-        """Show the picture in a notebook."""
-        return to_png(self.figure_)
 
 
 def plot_diagnosis(diagnosis) -> DiagnosisDisplay:

@@ -10,6 +10,12 @@ from sklearn_pgnn.physics.model import PhysicsModel
 
 #: beyond so many operations an equation is shown as text only
 MAX_OPERATIONS = 400
+#: characters, as text, that fit a line: a longer sum is broken between its terms, what cannot be
+#: broken is printed smaller
+LINE = 60
+_MINUS, _DOT = "<mo>&#x2212;</mo>", "<mo>&#xB7;</mo>"
+_OPEN, _CLOSE = '<mo stretchy="false">(</mo>', '<mo stretchy="false">)</mo>'
+_RATE = '<mo stretchy="false" class="rate">&#x2D9;</mo>'
 
 
 @dataclass(frozen=True)
@@ -21,7 +27,8 @@ class Equation:
     text : str
         As text.
     mathml : str
-        As MathML, empty where it would be too large to read.
+        As MathML, in pieces between which a line may break; empty where it would be too large to
+        read.
     changed : bool
         Whether the other model has it otherwise.
     """
@@ -81,12 +88,38 @@ def _mathml(left, right) -> str:
     if right.count_ops() > MAX_OPERATIONS:
         return ""
     printer = MathMLPresentationPrinter({"mul_symbol": "dot"})
-    body = "".join((_part(printer, left), "<mo>=</mo>", _part(printer, right)))
-    return f'<math displaystyle="true"><mrow>{body}</mrow></math>'
+    said = f"{_part(printer, left)}<mo>=</mo>"
+    above, below = sympy.fraction(right)
+    terms = above.as_ordered_terms()
+    if len(to_text(right)) <= LINE or len(terms) == 1:
+        return _math(said + _part(printer, right), right)
+    if below != 1:
+        said += f"<mfrac><mn>1</mn>{_part(printer, below)}</mfrac>{_DOT}{_OPEN}"
+    signed = [_signed(printer, term, first=term is terms[0]) for term in terms]
+    pieces = [said + signed[0], *signed[1:]]
+    pieces[-1] += _CLOSE if below != 1 else ""
+    return " ".join(_math(piece, term) for piece, term in zip(pieces, terms, strict=True))
+
+
+def _math(body: str, expression) -> str:
+    """Wrap MathML; what is longer than a line says by how much, for print."""
+    body = body.replace("<mo>-</mo>", _MINUS).replace("<mn>-", "<mn>&#x2212;")
+    size = len(to_text(expression)) / LINE
+    style = f' style="--lines: {size:.2f}"' if size > 1 else ""
+    return f'<math displaystyle="true"{style}><mrow>{body}</mrow></math>'
+
+
+def _signed(printer, term, *, first: bool) -> str:
+    """Write a term of a sum with the sign before it."""
+    minus = term.could_extract_minus_sign()
+    if first:
+        return _part(printer, term)
+    sign = "&#x2212;" if minus else "+"
+    return f'<mo form="infix">{sign}</mo>{_part(printer, -term if minus else term)}'
 
 
 def _part(printer, expression) -> str:
     if isinstance(expression, sympy.Derivative):
-        return f"<mover>{_part(printer, expression.expr)}<mo>&#x2D9;</mo></mover>"
+        return f'<mover accent="true">{_part(printer, expression.expr)}{_RATE}</mover>'
     # as a function of its own an exponential is not pressed into a fraction
     return printer._print(expression.replace(sympy.exp, sympy.Function("exp"))).toxml()

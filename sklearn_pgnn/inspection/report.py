@@ -20,12 +20,14 @@ from sklearn_pgnn.inspection.style import new_figure, to_png
 from sklearn_pgnn.inspection.words import (
     VERDICTS,
     cause_name,
+    left_alone,
     listed,
     measured,
     number,
     percent,
     separation_sentence,
     share,
+    typeset_unit,
     verdict_sentence,
 )
 
@@ -106,7 +108,7 @@ def _cause(diagnosis, cause) -> dict:
             {
                 "name": field.replace("_", " "),
                 "symbol": symbols[field],
-                "value": measured(e.value, e.low, e.high, e.unit),
+                "value": measured(e.value, e.low, e.high, typeset_unit(e.unit)),
             }
             for field, e in cause.parameters.items()
         ],
@@ -126,7 +128,7 @@ def _gain(output, gain) -> dict:
     return {
         "output": output,
         **{which: number(getattr(gain, which), 3) for which in errors},
-        "unit": gain.unit or "-",
+        "unit": typeset_unit(gain.unit) or "-",
         "share": share(gain),
     }
 
@@ -137,7 +139,7 @@ def _parameter(name, parameter) -> dict:
     return {
         "name": name,
         "prior": number(p.prior),
-        "value": measured(p.value, p.low, p.high, p.unit),
+        "value": measured(p.value, p.low, p.high, typeset_unit(p.unit)),
         "change": change,
         "changed": p.changed,
     }
@@ -158,7 +160,7 @@ def _tried(diagnosis) -> list[dict]:
     return [
         {
             "name": cause_name(effect, target),
-            "left": percent(left),
+            "left": left_alone(left),
             "width": round(100 * min(max(float(left), 0.0), 1.0), 1),
             "named": (effect, target) in named,
         }

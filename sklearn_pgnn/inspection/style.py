@@ -2,6 +2,8 @@
 
 from io import BytesIO
 
+from sklearn_pgnn.inspection.words import typeset_unit
+
 #: colour of the record, of every model and of the evidence
 COLOURS = {
     "measured": "#b4b4b4",
@@ -22,10 +24,17 @@ DPI = 130
 
 
 def new_figure(width: float, height: float):
-    """Give an empty figure of some size [inch] that no window shows."""
+    """Return an empty figure of some size [inch] that no window shows, as a file needs it."""
     from matplotlib.figure import Figure
 
     return Figure(figsize=(width, height), layout="constrained")
+
+
+def shown_figure(width: float, height: float):
+    """Return an empty figure of some size [inch] that ``plt.show()`` and notebooks show."""
+    import matplotlib.pyplot as plt
+
+    return plt.figure(figsize=(width, height), layout="constrained")
 
 
 def tidy(axes) -> None:
@@ -40,10 +49,10 @@ def label(quantity: str, unit: str) -> str:
 
     Examples
     --------
-    >>> label("phi", "rad"), label("x", "")
-    ('phi [rad]', 'x [-]')
+    >>> label("alpha", "rad/s^2"), label("x", "")
+    ('alpha [rad/s²]', 'x [-]')
     """
-    return f"{plain(quantity)} [{plain(unit) or '-'}]"
+    return f"{plain(quantity)} [{plain(typeset_unit(unit)) or '-'}]"
 
 
 def plain(text: str) -> str:

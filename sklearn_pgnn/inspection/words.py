@@ -2,6 +2,7 @@
 
 import itertools
 import math
+import re
 
 from sklearn_pgnn.diagnosis.hypothesis import commute
 
@@ -57,6 +58,31 @@ def _rounded(value: float, places: int) -> str:
     if value and not 1e-4 <= abs(value) < 1e6 and abs(round(value, places)) > 0:
         return f"{value:.{max(places + math.floor(math.log10(abs(value))), 0)}e}"
     return f"{round(value, places):.{max(places, 0)}f}"
+
+
+def typeset_unit(unit: str) -> str:
+    """Write the powers of a unit as superscripts.
+
+    Examples
+    --------
+    >>> typeset_unit("kg m^2"), typeset_unit("N m s**-1"), typeset_unit("m^0.5")
+    ('kg m²', 'N m s⁻¹', 'm^0.5')
+    """
+    raised = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+    power = r"(?:\^|\*\*)(-?\d+)(?![\d.])"
+    return re.sub(power, lambda found: found[1].translate(raised), unit)
+
+
+def left_alone(left: float) -> str:
+    """Write the share of the error power that a suspect leaves alone.
+
+    Examples
+    --------
+    >>> left_alone(0.704), left_alone(1.0), left_alone(207.99)
+    ('70 %', '100 %', 'makes it worse')
+    """
+    worse = math.isfinite(left) and round(100 * left) > 100
+    return "makes it worse" if worse else percent(left)
 
 
 def percent(part: float) -> str:
