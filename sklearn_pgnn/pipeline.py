@@ -10,7 +10,7 @@ from sklearn_pgnn.preprocessing import PhysicsModelTransformer
 from sklearn_pgnn.trajectories.validation import check_model
 
 
-def make_pgnn_pipeline(model: PhysicsModel, *, memory=None, **network) -> Pipeline:
+def make_pgnn_pipeline(model: PhysicsModel, *, memory=None, verbose=0, **network) -> Pipeline:
     """Build the paper's pipeline: simulate the model, scale what it gives, train a network.
 
     Only the simulated columns are standardised. Time, inputs and initial states pass the scaler
@@ -22,6 +22,8 @@ def make_pgnn_pipeline(model: PhysicsModel, *, memory=None, **network) -> Pipeli
         The model.
     memory : str or joblib.Memory, optional
         Where the simulation is kept, so that a search does not repeat it.
+    verbose : int, default=0
+        Whether to print the steps' times, and the network's phases and epochs.
     **network
         Parameters of `PGNNLRegressor`.
 
@@ -46,6 +48,6 @@ def make_pgnn_pipeline(model: PhysicsModel, *, memory=None, **network) -> Pipeli
     steps = [
         ("physics", PhysicsModelTransformer(model, append="all").set_output(transform="pandas")),
         ("scale", scale.set_output(transform="pandas")),
-        ("network", PGNNLRegressor(model, **network)),
+        ("network", PGNNLRegressor(model, verbose=verbose, **network)),
     ]
-    return Pipeline(steps, memory=memory)
+    return Pipeline(steps, memory=memory, verbose=bool(verbose))

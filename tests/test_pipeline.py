@@ -178,6 +178,15 @@ def test_parameters_are_reached_by_name(golf):
         make_pgnn_pipeline(GOLF, 3)
 
 
+def test_verbose_tells_of_every_step_and_phase(golf, capsys):
+    make_pgnn_pipeline(GOLF, **QUICK).fit(*golf)
+    assert capsys.readouterr().out == ""
+    make_pgnn_pipeline(GOLF, verbose=1, **QUICK).fit(*golf)
+    printed = capsys.readouterr().out
+    for said in ("Processing physics", "single steps", "train_loss", "whole trajectories"):
+        assert said in printed
+
+
 def test_memory_keeps_the_simulation(golf, tmp_path):
     X, y = golf
     pipeline = make_pgnn_pipeline(GOLF, memory=str(tmp_path), structure="increment", **QUICK)

@@ -71,8 +71,12 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
     trajectory's first row.
 
     It is a skorch regressor: callbacks, devices, ``module__...`` and ``optimizer__...`` work as
-    there. Features are standardised inside, so that a scaler before it changes nothing, and
-    energies are taken in physical units.
+    there. `EarlyStopping` ends the phase it is in; `LRScheduler` takes the place of the cosine;
+    data sets that callbacks see are the rows of the trajectories trained on and, of three or more
+    trajectories, of those held out; ``callbacks="disable"`` keeps the last weights.
+
+    Features are standardised inside, so that a scaler before it changes nothing, and energies are
+    taken in physical units.
 
     The defaults are the best of a benchmark of three simulated plants. Where a parameter below says
     "costs 1.2", its free-run error there was 1.2 times that of the defaults, as the median of the
@@ -135,7 +139,8 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
     criterion : Module class, default=torch.nn.MSELoss
         Measures the scaled errors.
     optimizer : Optimizer class, default=torch.optim.Adam
-        Of the first two phases; the learning rate decays by a cosine in each.
+        Of the first two phases; the learning rate decays by a cosine in each
+        (``callbacks__decay=None`` holds it).
     lr : float, default=0.01
         Learning rate; a tenth of it in rollouts. 0.003 costs 0.98, 0.03 costs 1.9.
     max_epochs : int, default=50
@@ -146,10 +151,13 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         Makes batches for the training.
     iterator_train__shuffle : bool, default=True
         Whether it draws the order.
-    train_split : None
-        Not used: `validation` holds out trajectories.
+    train_split : callable or None, default=None
+        As in skorch, for rows that have no time; of trajectories `validation` holds some out.
+    use_caching : bool, default=False
+        Whether scores of skorch's callbacks are taken from a training step's own predictions,
+        which of trajectories are windows; otherwise from `predict`, which is a free run.
     verbose : int, default=0
-        Whether to print every epoch.
+        Whether to print every phase and every epoch.
     **kwargs
         Further parameters of `skorch.NeuralNet`.
 
@@ -223,6 +231,7 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         iterator_train=TensorBatches,
         iterator_train__shuffle=True,
         train_split=None,
+        use_caching=False,
         verbose=0,
         **kwargs,
     ):
@@ -236,6 +245,7 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
             iterator_train=iterator_train,
             iterator_train__shuffle=iterator_train__shuffle,
             train_split=train_split,
+            use_caching=use_caching,
             verbose=verbose,
             **kwargs,
         )
@@ -280,7 +290,8 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         ------
         ValueError
             If a parameter is none of what it can be, X and y cannot be read as records of the
-            model, or an energy is weighted that the model lacks or a scaler has spoilt.
+            model, an energy is weighted that the model lacks or a scaler has spoilt, or a loss
+            is not finite.
         """
         return self._fit(X, y, anew=not (self.warm_start and self.initialized_), **fit_params)
 
@@ -529,6 +540,7 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         self._validation, self._phase, self._physics = [], None, None
         if anew:
             self.initialize()
+        self._shown = {}
         self.notify("on_train_begin", X=X, y=y)
         with contextlib.suppress(KeyboardInterrupt):
             self.fit_loop(X, y, **fit_params)
@@ -537,34 +549,35 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
 
     def _train_on_trajectories(self, X, y, random, anew, **fit_params) -> None:
         """Train a network in feedback: single steps, rollouts, whole trajectories."""
+        if self.train_split is not None:
+            raise ValueError(
+                f"train_split: expected None where X has a time, got {self.train_split!r}: it "
+                f"would hold out windows whose neighbours are trained on. Remedy: validation=0.2 "
+                f"holds out trajectories."
+            )
         training, windows = self._lay_ground(X, y, random, anew)
         if anew:
             self.initialize()
+        self._check_callbacks()
         self.module_.samples = windows.samples
-        best = next(part for name, part in self.callbacks_ if name == "free_run")
         self.notify("on_train_begin", X=X, y=y)
-        if self._validation:  # what is trained on shall not become worse
-            best.note(self, self._validation_error())
-        rates = [group["lr"] for group in self.optimizer_.param_groups]
-        try:
-            self._train_steps(windows, rates, **fit_params)
-            best.restore(self)
+        with contextlib.suppress(KeyboardInterrupt):
+            with self._one_phase("single steps"):
+                self._train_steps(windows, **fit_params)
             if self.horizon > 1:
-                self._train_rollouts(training, windows, rates, **fit_params)
-                best.restore(self)
-            self._train_simulation(training)
-        except KeyboardInterrupt:
-            pass
-        best.restore(self)
-        for group, rate in zip(self.optimizer_.param_groups, rates, strict=True):
-            group["lr"] = rate  # as it was before it decayed, for those who train on
-        self.free_run_error_ = self._validation_error() if self._validation else np.nan
-        self.module_.samples, self._phase, self._validation = {}, None, []
+                with self._one_phase("rollouts"):
+                    self._train_rollouts(training, windows, **fit_params)
+            with self._one_phase("whole trajectories"):
+                self._train_simulation(training)
+        self._restore_best()
         self.notify("on_train_end", X=X, y=y)
+        self.free_run_error_ = self._validation_error() if self._validation else np.nan
+        self.module_.samples, self._phase, self._validation, self._shown = {}, None, [], {}
 
     def _lay_ground(self, X, y, random, anew):
         """Read the records, estimate their states, and settle what a step is made of."""
-        X = validate_table(self, X, reset=anew)
+        table = X = validate_table(self, X, reset=anew)
+        outputs = y if hasattr(y, "iloc") else np.asarray(y)
         self._single_output = np.asarray(y).ndim == 1
         self.model_ = self.model
         if self.model is None:
@@ -590,6 +603,7 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
             for each, x, record in zip(ready, states, records, strict=True)
         ]
         training, self._validation = split_for_validation(whole, self.validation, random)
+        self._show(table, outputs, records, whole)
         windows = Windows(
             training,
             self.model_,

@@ -1,6 +1,7 @@
 """Batches cut from whole tensors: much faster than samples put together one by one."""
 
 import torch
+from torch.utils.data import Subset
 
 #: a small set of windows is still cut into so many batches
 MIN_BATCHES = 16
@@ -11,7 +12,7 @@ class TensorBatches:
 
     Parameters
     ----------
-    dataset : skorch.dataset.Dataset
+    dataset : skorch.dataset.Dataset or torch.utils.data.Subset of it
         Its ``X`` is an array or a dict of arrays, its ``y`` an array.
     batch_size : int, default=1
         Most samples in a batch; fewer where that makes less than 16 batches.
@@ -37,7 +38,10 @@ class TensorBatches:
     def __iter__(self):
         n = len(self.dataset)
         order = torch.randperm(n) if self.shuffle else torch.arange(n)
-        X, y = _tensors(self.dataset.X), _tensors(self.dataset.y)
+        whole = self.dataset
+        while isinstance(whole, Subset):
+            whole, order = whole.dataset, torch.as_tensor(whole.indices)[order]
+        X, y = _tensors(whole.X), _tensors(whole.y)
         for rows in order.split(self.batch_size):
             yield _take(X, rows), _take(y, rows)
 

@@ -4,7 +4,7 @@ import copy
 import math
 
 import numpy as np
-from skorch.callbacks import Callback
+from skorch.callbacks import Callback, LRScheduler
 
 
 class EnoughTraining(Exception):
@@ -14,28 +14,43 @@ class EnoughTraining(Exception):
 class CosineDecay(Callback):
     r"""Let the learning rate of a phase fall to zero, :math:`\frac{1}{2}(1 + \cos \pi e/E)`.
 
+    Where an `LRScheduler` stands among the callbacks it alone decides.
+
     References
     ----------
     .. [1] I. Loshchilov, F. Hutter, "SGDR: stochastic gradient descent with warm restarts",
        ICLR 2017, arXiv:1608.03983.
     """
 
+    def on_train_begin(self, net, **kwargs):
+        """Note the learning rates that the phases begin with."""
+        decides = not any(isinstance(part, LRScheduler) for _, part in net.callbacks_)
+        self.groups_ = net.optimizer_.param_groups if decides else []
+        self.rates_ = [group["lr"] for group in self.groups_]
+
     def on_epoch_begin(self, net, **kwargs):
         """Set the epoch's learning rate."""
         phase = net._phase
         if phase is not None:
-            factor = (1 + math.cos(math.pi * phase.epoch / phase.epochs)) / 2
-            for group, rate in zip(net.optimizer_.param_groups, phase.rates, strict=True):
-                group["lr"] = rate * factor
+            factor = phase.rate * (1 + math.cos(math.pi * phase.epoch / phase.epochs)) / 2
+            self._set(factor)
+            phase.epoch += 1
 
-    def on_epoch_end(self, net, **kwargs):
-        """Count the epoch."""
-        if net._phase is not None:
-            net._phase.epoch += 1
+    def on_train_end(self, net, **kwargs):
+        """Give those who train on the learning rates as they were."""
+        self._set(1.0)
+        self.groups_ = []
+
+    def _set(self, factor) -> None:
+        for group, rate in zip(self.groups_, self.rates_, strict=False):
+            group["lr"] = rate * factor
 
 
 class BestFreeRun(Callback):
     """Keep the weights whose free run of the held-out trajectories is best; end without progress.
+
+    The history gets the error as ``free_run``, and its square, a mean squared error, as
+    ``valid_loss``.
 
     Parameters
     ----------
@@ -48,16 +63,19 @@ class BestFreeRun(Callback):
         self.patience = patience
 
     def on_train_begin(self, net, **kwargs):
-        """Begin anew."""
+        """Begin anew; what is trained on shall not become worse."""
         self.best_, self.weights_, self.waited_ = np.inf, None, 0
+        if net._validation:
+            self.note(net, net._validation_error())
 
     def on_epoch_end(self, net, **kwargs):
         """Run the held-out trajectories, and compare."""
         if not net._validation:
             return
         error = net._validation_error()
-        net.history.record("free_run", error)
-        net.history.record("free_run_best", bool(error < self.best_))
+        for name, value in (("free_run", error), ("valid_loss", error**2)):
+            net.history.record(name, value)
+            net.history.record(f"{name}_best", bool(error < self.best_))
         self.note(net, error)
         if self.waited_ >= self.patience and not net.module_.teacher_forcing:
             raise EnoughTraining

@@ -19,6 +19,10 @@ from sklearn_pgnn.physics.model import PhysicsModel
 KINDS = ("equality", "inequality")
 
 
+class NotFinite(ValueError):
+    """A loss is not finite, and nothing can be learnt from it."""
+
+
 class PhysicsTerm(BaseEstimator):
     """A physical relation as one's own function.
 
@@ -237,7 +241,7 @@ class PhysicsLoss:
         Raises
         ------
         ValueError
-            If one's own term gives another shape.
+            If one's own term gives another shape, or of finite states something not finite.
         """
         found = []
         for term, residual in zip(self.terms, self._residuals, strict=True):
@@ -246,6 +250,12 @@ class PhysicsLoss:
                 raise ValueError(
                     f"physics_loss: {type(term).__name__} gave shape {tuple(h.shape)}; expected "
                     f"{tuple(u.shape[:2])}, a residual for every step."
+                )
+            if not torch.isfinite(h).all() and torch.isfinite(x).all():
+                raise NotFinite(
+                    f"physics_loss: {_name_of(term)} is not finite, though the states are. Remedy: "
+                    f"keep roots, logarithms and divisions of it inside their domain "
+                    f"(torch.clamp), or leave the term out."
                 )
             h = h.reshape(*h.shape[:2], -1)
             found.append(torch.relu(h) if term.kind == "inequality" else h)
@@ -258,6 +268,11 @@ class PhysicsLoss:
             for term, h in zip(self.terms, self.residuals(x, u, t), strict=True)
         ]
         return torch.stack(costs).sum()
+
+
+def _name_of(term: PhysicsTerm) -> str:
+    """Return what a term is called: of one's own function its name."""
+    return getattr(term.residual, "__name__", type(term).__name__)
 
 
 def as_terms(physics_loss, model: PhysicsModel | None) -> list[PhysicsTerm]:

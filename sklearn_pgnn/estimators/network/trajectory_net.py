@@ -8,7 +8,16 @@ from typing import Any
 import numpy as np
 import torch
 from skorch import NeuralNetRegressor
-from skorch.callbacks import EpochTimer, PassthroughScoring, PrintLog
+from skorch.callbacks import (
+    BatchScoring,
+    EarlyStopping,
+    EpochTimer,
+    LRScheduler,
+    PassthroughScoring,
+    PrintLog,
+)
+from skorch.dataset import Dataset
+from skorch.utils import multi_indexing
 from threadpoolctl import threadpool_limits
 from torch import nn
 
@@ -22,7 +31,7 @@ from sklearn_pgnn.estimators.network.least_squares import (
     l_bfgs,
     levenberg_marquardt,
 )
-from sklearn_pgnn.estimators.network.physics_loss import PhysicsLoss
+from sklearn_pgnn.estimators.network.physics_loss import NotFinite, PhysicsLoss
 from sklearn_pgnn.estimators.network.records import TrainingRecord, Windows
 from sklearn_pgnn.estimators.network.row_network import RowNetwork
 from sklearn_pgnn.estimators.network.step_network import StepNetwork
@@ -60,7 +69,7 @@ class _Phase:
     horizon: int
     windows: Windows
     scale: torch.Tensor
-    rates: list[float]
+    rate: float
     epoch: int = 0
 
 
@@ -70,6 +79,7 @@ class TrajectoryNet(NeuralNetRegressor):
     _phase: _Phase | None
     _physics: PhysicsLoss | None
     _validation: list[TrainingRecord]
+    _shown: dict[str, Dataset | None]
     model_: Any  # a PhysicsModel; None where the rows have no time
 
     def _get_param_names(self):
@@ -85,7 +95,65 @@ class TrajectoryNet(NeuralNetRegressor):
         ]
         return f"{type(self).__name__}({', '.join(changed)})"
 
-    def _train_steps(self, windows, rates, **fit_params) -> None:
+    def notify(self, method_name, **cb_kwargs):
+        """Call a method of all callbacks, to which the data sets are rows of X and y, not windows.
+
+        Parameters
+        ----------
+        method_name : str
+            Such as ``"on_epoch_end"``.
+        **cb_kwargs
+            Its arguments.
+        """
+        if "dataset_train" in cb_kwargs:
+            cb_kwargs |= self._shown
+        super().notify(method_name, **cb_kwargs)
+
+    def _show(self, X, y, records, whole) -> None:
+        """Let callbacks see the rows of the trajectories trained on, and of those held out."""
+        held = [any(each is other for other in self._validation) for each in whole]
+        parts = {
+            "dataset_train": [r.rows for r, out in zip(records, held, strict=True) if not out],
+            "dataset_valid": [r.rows for r, out in zip(records, held, strict=True) if out],
+        }
+        self._shown = {name: _rows_of(X, y, rows) for name, rows in parts.items()}
+
+    @contextlib.contextmanager
+    def _one_phase(self, name: str):
+        """Train one phase: to `EarlyStopping` it is a training of its own."""
+        if self.verbose:
+            print(name, flush=True)
+        stopping = [part for _, part in self.callbacks_ if isinstance(part, EarlyStopping)]
+        for part in stopping:
+            part.on_train_begin(self)
+        try:
+            yield
+        except EnoughTraining:
+            pass
+        except KeyboardInterrupt:
+            if not any(part.misses_ >= part.patience for part in stopping):
+                raise
+        except NotFinite as error:
+            raise ValueError(
+                f"the training stopped in epoch {len(self.history)}: {error}"
+            ) from None
+        for part in stopping:
+            part.on_train_end(self)
+        self._restore_best()
+
+    def _restore_best(self) -> None:
+        for _, part in self.callbacks_:
+            if isinstance(part, BestFreeRun):
+                part.restore(self)
+
+    def _check_callbacks(self) -> None:
+        if any(isinstance(part, BatchScoring) for _, part in self.callbacks_):
+            raise ValueError(
+                "callbacks: BatchScoring scores batches of rows, but a batch of trajectories holds "
+                "windows of them. Remedy: EpochScoring."
+            )
+
+    def _train_steps(self, windows, **fit_params) -> None:
         """Train on single steps; a recurrent core on stretches, the measured state fed back."""
         length = 1
         if hasattr(self.module_.core, "at_rest"):
@@ -98,23 +166,21 @@ class TrajectoryNet(NeuralNetRegressor):
         left = np.sqrt(np.mean((windows.x[after] - base) ** 2, axis=0))[own]
         self.module_.teacher_forcing = True
         target = windows.at_ends(windows.x[:, own], length)
-        self._run_phase(windows, length, target, left, rates, self.max_epochs, **fit_params)
+        self._run_phase(windows, length, target, left, 1.0, self.max_epochs, **fit_params)
 
-    def _train_rollouts(self, training, windows, rates, **fit_params) -> None:
+    def _train_rollouts(self, training, windows, **fit_params) -> None:
         """Train on windows along which the prediction is fed back; the outputs are compared."""
         length = min(int(self.horizon), max(1, max(windows.lengths) - 1))
         self.module_.teacher_forcing = False
         left = self._base_error(training, length)
         target = windows.at_ends(windows.y, length)
-        rates = [rate / 10 for rate in rates]
-        self._run_phase(windows, length, target, left, rates, self.rollout_epochs, **fit_params)
+        self._run_phase(windows, length, target, left, 0.1, self.rollout_epochs, **fit_params)
 
-    def _run_phase(self, windows, length, target, scale, rates, epochs, **fit_params) -> None:
+    def _run_phase(self, windows, length, target, scale, rate, epochs, **fit_params) -> None:
         scale = torch.as_tensor(_positive(scale), device=self.device)
-        self._phase = _Phase(epochs, length, windows, scale, rates)
+        self._phase = _Phase(epochs, length, windows, scale, rate)
         batch = windows.cut(length, self.step_, teacher=self.module_.teacher_forcing)
-        with contextlib.suppress(EnoughTraining):
-            self.fit_loop(batch, target, epochs=epochs, **fit_params)
+        self.fit_loop(batch, target, epochs=epochs, **fit_params)
 
     def _base_error(self, training, length) -> np.ndarray:
         error = ground.base_error(self.step_, training, self._outputs, length)
@@ -146,7 +212,18 @@ class TrajectoryNet(NeuralNetRegressor):
         )
         minimise = levenberg_marquardt if method == "lm" else l_bfgs
         self._phase = None
-        minimise(objective, theta, self.refine_iterations, self._on_step)
+        with self._resting_optimizer():
+            minimise(objective, theta, self.refine_iterations, self._on_step)
+
+    @contextlib.contextmanager
+    def _resting_optimizer(self):
+        """Leave the schedulers out where no step is the optimizer's."""
+        everyone = self.callbacks_
+        self.callbacks_ = [each for each in everyone if not isinstance(each[1], LRScheduler)]
+        try:
+            yield
+        finally:
+            self.callbacks_ = everyone
 
     def _on_step(self, theta, cost) -> bool:
         """Take over weights of the last phase as an epoch, and tell whether it was the last."""
@@ -182,6 +259,7 @@ class TrajectoryNet(NeuralNetRegressor):
         return [
             ("epoch_timer", EpochTimer()),
             ("train_loss", PassthroughScoring(name="train_loss", on_train=True)),
+            ("valid_loss", PassthroughScoring(name="valid_loss")),
             ("decay", CosineDecay()),
             ("free_run", BestFreeRun(self.patience)),
             ("print_log", PrintLog()),
@@ -244,6 +322,8 @@ class TrajectoryNet(NeuralNetRegressor):
             scale = self.module_.scale_y
             return super().get_loss(y_pred / scale, y_true / scale, X, training)
         error = self._error_loss(y_pred, y_true, X)
+        if not torch.isfinite(error):
+            raise NotFinite(self._why_not_finite(error))
         if self.lambda_phy == 0:
             return error
         states = torch.cat([X["x"][:, :1], y_pred], dim=1)
@@ -253,6 +333,19 @@ class TrajectoryNet(NeuralNetRegressor):
             before = self.lambda_phy_ or None
             self.lambda_phy_ = balanced_lambda(error, physics, weights, before)
         return (1 - self.lambda_phy_) * error + self.lambda_phy_ * physics
+
+    def _why_not_finite(self, error) -> str:
+        weights = nn.utils.parameters_to_vector(self.module_.core.parameters())
+        if torch.isfinite(weights).all():
+            return (
+                f"the error of the prediction is {error.item()}. Remedy: a smaller lr, or a "
+                f"shorter horizon."
+            )
+        return (
+            "the network's weights are not finite, for a step was too large, or a term of "
+            "physics_loss has no finite slope. Remedy: a smaller lr; keep that term away from "
+            "roots and divisions at 0."
+        )
 
     def _error_loss(self, y_pred, y_true, X):
         """Compare states where the measured ones are fed back, outputs where the predicted ones."""
@@ -277,6 +370,7 @@ class TrajectoryNet(NeuralNetRegressor):
 
     def __getstate__(self):
         state = {name: part for name, part in self.__dict__.items() if name not in _TRAINED}
+        state |= {"_phase": None, "_validation": [], "_shown": {}}  # of a training that is going on
         if self.initialized_:
             weights = self.module_.state_dict()
             state["_weights"] = {name: part.cpu().numpy() for name, part in weights.items()}
@@ -302,3 +396,11 @@ class TrajectoryNet(NeuralNetRegressor):
 def _positive(values) -> np.ndarray:
     """Measure by 1 what does not vary at all."""
     return np.where(values > 0, values, 1.0)
+
+
+def _rows_of(X, y, pieces) -> Dataset | None:
+    """Return rows of a table and its outputs, if there are any."""
+    if not pieces:
+        return None
+    rows = np.sort(np.concatenate(pieces))
+    return Dataset(multi_indexing(X, rows), multi_indexing(y, rows))
