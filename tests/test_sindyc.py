@@ -28,7 +28,9 @@ from sklearn_pgnn.estimators.sindyc_library import (
     term_texts,
 )
 from sklearn_pgnn.estimators.sindyc_records import measure_states, rate_rows, step_rows
+from sklearn_pgnn.estimators.sindyc_regression import sparse_coefficients, stepwise_least_squares
 from sklearn_pgnn.exceptions import RecordError, SimulationWarning
+from sklearn_pgnn.simulation import record_windows
 from sklearn_pgnn.simulation.simulate import simulate_records
 from sklearn_pgnn.trajectories import read_records
 
@@ -358,6 +360,28 @@ def test_the_same_as_pysindy_on_the_same_rows():
     ours = SINDYcRegressor(library=["x0", "x1"], threshold=0.1, alpha=0.3 / 300).fit(X, y)
     np.testing.assert_allclose(ours.coefficients_, theirs.coefficients(), rtol=1e-10)
     assert (ours.coefficients_ == 0).sum() == 1
+
+
+def test_a_triangle_of_the_rows_gives_the_same_coefficients():
+    n_rows, degree = 4000, 3
+    terms = term_function(
+        read_library("polynomial", ["x", "v", "force"], degree), ["x", "v", "force"]
+    )(np.random.default_rng(0).normal(size=(n_rows, 3)) * [0.1, 5.0, 30.0])
+    targets = terms[:, 1:3] @ [[3.0, 0.0], [-0.2, 1.0]] + 0.1 * terms[:, [7, 9]]
+    targets += 0.05 * np.random.default_rng(1).normal(size=targets.shape)
+    optimizer = stepwise_least_squares(0.005, 1e-4, *terms.shape)
+    whole = sparse_coefficients(terms, targets, optimizer)
+    small = sparse_coefficients(terms, targets, optimizer, squares_only=True)
+    assert 0 < np.count_nonzero(whole) < whole.size
+    np.testing.assert_array_equal(small == 0, whole == 0)
+    np.testing.assert_allclose(small, whole, rtol=1e-9, atol=1e-12 * np.abs(whole).max())
+
+
+def test_nothing_is_simulated_where_all_states_are_shown(monkeypatch):
+    X, y, _ = records_of(SPRING)
+    records = read_records(SPRING, X, y)
+    monkeypatch.setattr(record_windows, "evaluate", None)
+    assert measure_states(SPRING, records).x.shape == (len(X), 2)
 
 
 # -- the model that comes out ----------------------------------------------------------------------

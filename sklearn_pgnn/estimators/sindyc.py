@@ -322,7 +322,7 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         optimizer = self.optimizer
         if optimizer is None:
             optimizer = stepwise_least_squares(self.threshold, self.alpha, *terms.shape)
-        found = sparse_coefficients(terms, targets, optimizer)
+        found = sparse_coefficients(terms, targets, optimizer, squares_only=self.optimizer is None)
         for name, row, target in zip(names, found, targets.T, strict=True):
             if not row.any() and target.any():
                 warnings.warn(

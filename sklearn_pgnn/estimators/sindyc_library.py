@@ -164,7 +164,9 @@ def term_function(terms, names: Sequence[str]):
     def values(columns, t=0.0) -> np.ndarray:
         with np.errstate(all="ignore"):
             found = function(t, *columns.T)
-        return np.column_stack([np.broadcast_to(v, len(columns)) for v in found]).astype(float)
+        return np.column_stack([np.broadcast_to(v, len(columns)) for v in found]).astype(
+            float, copy=False
+        )
 
     return values
 

@@ -19,6 +19,7 @@ import numpy as np
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.record_windows import window_records
+from sklearn_pgnn.simulation.state_estimate import hidden_states
 from sklearn_pgnn.simulation.windows import Windows
 from sklearn_pgnn.trajectories.record import Record
 
@@ -83,9 +84,11 @@ def measure_states(model: PhysicsModel, records, **options) -> MeasuredStates:
     MeasuredStates
         The states.
     """
+    if not hidden_states(model):  # nothing is simulated: neither steps nor noise matter
+        options = {"noise": np.ones(len(model.outputs)), **options, "substeps": 1}
     ground = window_records(model, records, **options)
     u = ground.windows.acting_inputs(model)[:, : len(model.inputs)]
-    return MeasuredStates(ground.windows, ground.states.estimate(model).x, u, ground.period)
+    return MeasuredStates(ground.windows, ground.states.values(model), u, ground.period)
 
 
 def rate_rows(states: MeasuredStates, library, span: float | None):

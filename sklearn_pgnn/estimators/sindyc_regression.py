@@ -17,8 +17,8 @@ from sklearn_pgnn.extras import needed_by
 STILL = 1e-9
 
 
-def sparse_coefficients(terms, targets, optimizer) -> np.ndarray:
-    """Find few terms that make up the targets.
+def sparse_coefficients(terms, targets, optimizer, *, squares_only=False) -> np.ndarray:
+    r"""Find few terms that make up the targets.
 
     Parameters
     ----------
@@ -28,6 +28,10 @@ def sparse_coefficients(terms, targets, optimizer) -> np.ndarray:
         What they shall make up.
     optimizer : pysindy optimizer or linear regressor without intercept
         It sees scaled terms and targets; it is cloned, not fitted itself.
+    squares_only : bool, default=False
+        Whether the optimizer depends on sums of squares alone. It then sees the triangle of a
+        QR decomposition, :math:`|R_\Psi \theta - R_y| = |\Psi\theta - y|` up to what no
+        :math:`\theta` changes, instead of as many rows as there are samples.
 
     Returns
     -------
@@ -40,6 +44,9 @@ def sparse_coefficients(terms, targets, optimizer) -> np.ndarray:
         If the optimizer fits an intercept.
     """
     size, spread = _sizes(terms), _spreads(targets)
+    if squares_only:
+        triangle = np.linalg.qr(np.column_stack([terms, targets]), mode="r")
+        terms, targets = triangle[:, : terms.shape[1]], triangle[:, terms.shape[1] :]
     optimizer = clone(optimizer)
     with warnings.catch_warnings():
         # the caller says it by the state's name

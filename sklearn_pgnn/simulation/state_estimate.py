@@ -3,6 +3,7 @@
 import itertools
 import warnings
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import sympy
@@ -55,44 +56,19 @@ class StateEstimator:
     def __init__(self, model: PhysicsModel, windows: Windows, starts: list[np.ndarray]):
         self.windows = windows
         self.starts = [dict(zip(model.states, x0, strict=True)) for x0 in starts]
-        self.known = self._smooth_outputs(model)
+        #: what is measured: values by state name
+        self.known: dict[str, np.ndarray] = {}
+        self._from: dict[str, tuple[_SmoothedOutput, int]] = {}
+        self._smooth_outputs(model)
 
-    def _smooth_outputs(self, model):
-        """Smooth what is measured: values and spread by state name."""
-        known = {}
-        positions = {position: velocity for velocity, position in model.kinematic_pairs.items()}
+    def _smooth_outputs(self, model) -> None:
+        """Smooth what is measured."""
         for column, output in enumerate(model.outputs.values()):
-            states = [name for name in model.states if output == symbol(name)]
-            for state in states:
-                value, slope = self._smooth_column(column)
-                known[state] = _free_within_range(*value)
-                velocity = positions.get(state)
-                if velocity is not None and velocity not in known:
-                    known[velocity] = _free_within_range(*slope)
-        return known
-
-    def _smooth_column(self, column):
-        """Smooth one output of every record, with the spread of value and slope."""
-        windows, penalty = self.windows, self._penalty(column)
-        values, slopes, errors = [], [], []
-        for a, b in zip(windows.bounds[:-1], windows.bounds[1:], strict=True):
-            t, y = windows.t[a:b], windows.y[a:b, column]
-            whole = smooth(t, y, penalty)
-            values.append(whole.value(t))
-            slopes.append(whole.slope(t))
-            errors.append(_halves_differ(t, y, penalty))
-        value_error, slope_error = SAFETY * np.sqrt(np.mean(errors, axis=0))
-        return (np.concatenate(values), value_error), (np.concatenate(slopes), slope_error)
-
-    def _penalty(self, column) -> float | None:
-        """Choose the penalty on the record with the most samples; none where these are too few."""
-        bounds, y = self.windows.bounds, self.windows.y[:, column]
-        seen = [a + np.flatnonzero(np.isfinite(y[a:b])) for a, b in itertools.pairwise(bounds)]
-        most = max(seen, key=len)
-        if most.size < FEWEST:
-            return None
-        t = self.windows.t[most]
-        return choose_penalty((t - t[0]) / np.mean(np.diff(t)), y[most])
+            for state, velocity in _shown_by(model, output):
+                smoothed = _SmoothedOutput(self.windows, column)
+                self.known[state], self._from[state] = smoothed.value, (smoothed, 0)
+                if velocity is not None and velocity not in self.known:
+                    self.known[velocity], self._from[velocity] = smoothed.slope, (smoothed, 1)
 
     def hidden(self, model: PhysicsModel) -> tuple[str, ...]:
         """Name the states of a model that no output shows, alone or as a slope."""
@@ -111,31 +87,111 @@ class StateEstimator:
         StateEstimate
             Its states at every sample.
         """
-        x = np.full((self.windows.t.size, len(model.states)), np.nan)
-        spread = np.full(len(model.states), np.nan)
-        for i, state in enumerate(model.states):
-            if state in self.known:
-                x[:, i], spread[i] = self.known[state]
-        unknown = np.flatnonzero(np.isnan(spread))
-        turned = [state for state in unsigned_states(model) if state in self.known]
-        unsigned = [list(model.states).index(state) for state in turned]
-        if unknown.size or unsigned:
+        x = self.values(model)
+        spread = [self._spread(state, x[:, i]) for i, state in enumerate(model.states)]
+        return StateEstimate(x, np.maximum(spread, _smallest_spread(x)))
+
+    def _spread(self, state, values) -> float:
+        if state not in self.known:
+            return float(np.std(values))
+        smoothed, derivative = self._from[state]
+        return float(smoothed.spreads[derivative])
+
+    def values(self, model: PhysicsModel) -> np.ndarray:
+        """Estimate the states alone, which is faster.
+
+        Parameters
+        ----------
+        model : PhysicsModel
+            The model or an extension of it, at its present parameters.
+
+        Returns
+        -------
+        ndarray of shape (n_samples, n_states)
+            Its states at every sample.
+        """
+        names = list(model.states)
+        x = np.empty((self.windows.t.size, len(names)))
+        for i, state in enumerate(names):
+            x[:, i] = self.known.get(state, np.nan)
+        unknown = [names.index(state) for state in self.hidden(model)]
+        unsigned = [names.index(state) for state in unsigned_states(model) if state in self.known]
+        if unknown or unsigned:
             run = self._simulate(model)
             x[:, unknown] = run[:, unknown]
             x[:, unsigned] *= np.where(run[:, unsigned[:1]] < 0, -1.0, 1.0)
-            spread[unknown] = np.std(x[:, unknown], axis=0)
-        return StateEstimate(x, np.maximum(spread, _smallest_spread(x)))
+        return x
 
     def _simulate(self, model) -> np.ndarray:
         """Simulate every record in free run; where that fails the state stays at its start."""
         windows, runs = self.windows, []
         for r, (a, b) in enumerate(zip(windows.bounds[:-1], windows.bounds[1:], strict=True)):
             start = {**settled_start(model, windows.u[a]), **_finite(self.starts[r])}
-            known = {s: v[0][a] for s, v in self.known.items()}
+            known = {s: v[a] for s, v in self.known.items()}
             x0 = np.array([{**start, **known}[state] for state in model.states])
             run = free_run(model, windows, a, b, x0).x
             runs.append(np.where(np.abs(run) < ENDLESS, run, x0))
         return np.concatenate(runs)
+
+
+class _SmoothedOutput:
+    """One output of every record, smoothed with the same penalty.
+
+    Parameters
+    ----------
+    windows : Windows
+        The records.
+    column : int
+        The output.
+    """
+
+    def __init__(self, windows: Windows, column: int):
+        self._records = [
+            (windows.t[a:b], windows.y[a:b, column]) for a, b in itertools.pairwise(windows.bounds)
+        ]
+        self._penalty = self._choose_penalty()
+        curves = [smooth(t, y, self._penalty) for t, y in self._records]
+        times = [t for t, _ in self._records]
+        self.value = np.concatenate([s.value(t) for s, t in zip(curves, times, strict=True)])
+        self.slope = np.concatenate([s.slope(t) for s, t in zip(curves, times, strict=True)])
+
+    def _choose_penalty(self) -> float | None:
+        """Choose the penalty on the record with the most samples; none where these are too few."""
+        seen = [(t[np.isfinite(y)], y[np.isfinite(y)]) for t, y in self._records]
+        t, y = max(seen, key=lambda samples: samples[0].size)
+        if t.size < FEWEST:
+            return None
+        return choose_penalty((t - t[0]) / np.mean(np.diff(t)), y)
+
+    @cached_property
+    def spreads(self) -> np.ndarray:
+        """How far value and slope may be off; this costs more than the smoothing.
+
+        They may go as far as a sensor may lie: a window's own samples say where it is.
+        """
+        variances = [_halves_differ(t, y, self._penalty) for t, y in self._records]
+        errors = SAFETY * np.sqrt(np.mean(variances, axis=0))
+        return np.maximum(errors, MEASURED_SPREAD * np.std([self.value, self.slope], axis=1))
+
+
+def hidden_states(model: PhysicsModel) -> tuple[str, ...]:
+    """Name the states of a model that its outputs do not show, alone or as a slope.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.physics.systems import cart_on_spring
+    >>> hidden_states(cart_on_spring())
+    ()
+    """
+    pairs = [pair for output in model.outputs.values() for pair in _shown_by(model, output)]
+    shown = {state for pair in pairs for state in pair}
+    return tuple(state for state in model.states if state not in shown)
+
+
+def _shown_by(model: PhysicsModel, output):
+    """Give the state that an output shows with its velocity, None where it has none."""
+    positions = {position: velocity for velocity, position in model.kinematic_pairs.items()}
+    return [(name, positions.get(name)) for name in model.states if output == symbol(name)]
 
 
 def unsigned_states(model: PhysicsModel) -> tuple[str, ...]:
@@ -165,11 +221,6 @@ def free_run(model: PhysicsModel, windows: Windows, a: int, b: int, x0) -> Simul
             substeps=windows.substeps,
             hold=windows.hold,
         )
-
-
-def _free_within_range(values, spread):
-    """Let a state go as far as a sensor may lie: the window's own samples say where it is."""
-    return values, max(spread, MEASURED_SPREAD * float(np.std(values)))
 
 
 def _finite(start: dict) -> dict:

@@ -3,7 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import BSpline, make_smoothing_spline
+from scipy.interpolate import PPoly
+from scipy.linalg import solve_banded
 
 #: samples on which the smoothing is chosen (the choice costs far more than its use)
 CHOICE_SAMPLES = 600
@@ -18,11 +19,11 @@ class Smoothed:
 
     Parameters
     ----------
-    spline : scipy.interpolate.BSpline
+    spline : scipy.interpolate.PPoly
         The smoothing spline over time.
     """
 
-    spline: BSpline
+    spline: PPoly
 
     def value(self, t) -> np.ndarray:
         """Give the smoothed quantity at times `t` [s]."""
@@ -31,6 +32,101 @@ class Smoothed:
     def slope(self, t) -> np.ndarray:
         """Give its rate of change at times `t` [s]."""
         return self.spline.derivative()(t)
+
+
+class NaturalSpline:
+    r"""Smoothing splines through the same samples; what no penalty changes is set up once.
+
+    The natural cubic spline that minimises
+
+    .. math:: \sum_i (y_i - g(t_i))^2 + \lambda \int g''(t)^2\,dt
+
+    has the values :math:`g = y - \lambda Q\gamma` and, between the ends, the second derivatives
+    :math:`\gamma` of :math:`(R + \lambda Q^T Q)\,\gamma = Q^T y`, with the second divided
+    differences :math:`Q^T y` and a tridiagonal :math:`R` [1]_.
+
+    Parameters
+    ----------
+    t : ndarray of shape (n_samples,)
+        Time, increasing; at least three samples.
+    y : ndarray of shape (n_samples,)
+        Measured quantity.
+
+    References
+    ----------
+    .. [1] P. J. Green, B. W. Silverman, "Nonparametric regression and generalized linear models",
+       Chapman and Hall, 1994, section 2.3.3.
+
+    Examples
+    --------
+    >>> spline = NaturalSpline(np.arange(6.0), np.array([0, 1, 0, 1, 0, 1.0]))
+    >>> spline.smoothed(np.array([0.0, 1e9]))(2.0).round(3)
+    array([0.   , 0.457])
+    """
+
+    def __init__(self, t: np.ndarray, y: np.ndarray):
+        self.t, self.y, self.h = t, y, np.diff(t)
+        before, after = 1 / self.h[:-1], 1 / self.h[1:]
+        centre = -(before + after)
+        self._q = before, centre, after
+        self._second_differences = before * y[:-2] + centre * y[1:-1] + after * y[2:]
+        self._r = _symmetric((self.h[:-1] + self.h[1:]) / 3, self.h[1:-1] / 6, np.zeros(t.size - 4))
+        self._qq = _symmetric(
+            before**2 + centre**2 + after**2,
+            after[:-1] * (centre[:-1] + centre[1:]),
+            after[:-2] * after[1:-1],
+        )
+
+    def smoothed(self, penalty) -> PPoly:
+        """Give the smoothing spline.
+
+        Parameters
+        ----------
+        penalty : float or ndarray of shape (n_penalties,)
+            Penalty on the curvature [unit of time cubed].
+
+        Returns
+        -------
+        scipy.interpolate.PPoly
+            The spline; of several penalties it gives values of shape (..., n_penalties).
+        """
+        penalties = np.atleast_1d(penalty)
+        curvature, h = self._curvatures(penalties), self.h[:, None]
+        value = np.repeat(self.y[:, None], penalties.size, axis=1)
+        for i, part in enumerate(self._q):
+            value[i : i + part.size] -= penalties * part[:, None] * curvature[1:-1]
+        bend = h / 6 * (2 * curvature[:-1] + curvature[1:])
+        pieces = [
+            np.diff(curvature, axis=0) / (6 * h),
+            curvature[:-1] / 2,
+            np.diff(value, axis=0) / h - bend,
+            value[:-1],
+        ]
+        return PPoly(np.stack(pieces).reshape(4, h.size, *np.shape(penalty)), self.t)
+
+    def _curvatures(self, penalties) -> np.ndarray:
+        """Give the second derivatives at the samples, a column a penalty; one system of blocks."""
+        blocks = self._r[:, None] + penalties[:, None] * self._qq[:, None]
+        inner = solve_banded(
+            (2, 2),
+            blocks.reshape(5, -1),
+            np.tile(self._second_differences, penalties.size),
+            overwrite_ab=True,
+            overwrite_b=True,
+            check_finite=False,
+        )
+        curvature = np.zeros((self.t.size, penalties.size))
+        curvature[1:-1] = inner.reshape(penalties.size, -1).T
+        return curvature
+
+
+def _symmetric(diagonal, next_to_it, two_off) -> np.ndarray:
+    """Write a symmetric matrix by its five diagonals, as LAPACK does."""
+    bands = np.zeros((5, diagonal.size))
+    bands[2] = diagonal
+    bands[1, 1:] = bands[3, :-1] = next_to_it
+    bands[0, 2:] = bands[4, :-2] = two_off
+    return bands
 
 
 def smooth(t: np.ndarray, y: np.ndarray, penalty: float | None = None) -> Smoothed:
@@ -65,13 +161,10 @@ def smooth(t: np.ndarray, y: np.ndarray, penalty: float | None = None) -> Smooth
     known = np.isfinite(y)
     t, y = t[known], y[known]
     if t.size < FEWEST:
-        return Smoothed(BSpline(*_line(t, y)))
+        return Smoothed(_line(t, y))
     step = (t[-1] - t[0]) / (t.size - 1)
-    clock = (t - t[0]) / step
-    spline = make_smoothing_spline(
-        clock, y, lam=choose_penalty(clock, y) if penalty is None else penalty
-    )
-    return Smoothed(BSpline(spline.t * step + t[0], spline.c, spline.k))
+    penalty = choose_penalty((t - t[0]) / step, y) if penalty is None else penalty
+    return Smoothed(NaturalSpline(t, y).smoothed(penalty * step**3))
 
 
 def choose_penalty(t: np.ndarray, y: np.ndarray) -> float:
@@ -92,26 +185,26 @@ def choose_penalty(t: np.ndarray, y: np.ndarray) -> float:
     starts = np.arange(0, max(t.size - CHOICE_SAMPLES, 0) + 1, CHOICE_SAMPLES // 2)
     a = starts[int(np.argmax([np.ptp(y[a : a + CHOICE_SAMPLES]) for a in starts]))]
     stretch = slice(a, a + CHOICE_SAMPLES)
-    errors = [_cross_validation(t[stretch], y[stretch], penalty) for penalty in PENALTIES]
+    errors = _cross_validation(t[stretch], y[stretch], PENALTIES)
     return float(PENALTIES[np.argmin(errors)])
 
 
-def _cross_validation(t, y, penalty) -> float:
-    """Predict every fifth sample from the others."""
-    error = 0.0
+def _cross_validation(t, y, penalties) -> np.ndarray:
+    """Predict every fifth sample from the others, with each penalty."""
+    errors = np.zeros(len(penalties))
     for k in range(5):
         left_out = np.zeros(t.size, dtype=bool)
         left_out[2 + k : -2 : 5] = True
-        spline = make_smoothing_spline(t[~left_out], y[~left_out], lam=penalty)
-        error += np.sum((spline(t[left_out]) - y[left_out]) ** 2)
-    return error
+        spline = NaturalSpline(t[~left_out], y[~left_out]).smoothed(penalties)
+        errors += np.sum((spline(t[left_out]) - y[left_out, None]) ** 2, axis=0)
+    return errors
 
 
-def _line(t, y):
-    """Give knots, coefficients and degree of the straight line through few samples."""
+def _line(t, y) -> PPoly:
+    """Give the straight line through few samples."""
     slope, level = np.polyfit(t, y, 1) if t.size > 1 else (0.0, float(y[0]) if t.size else 0.0)
     a, b = (t[0], t[-1]) if t.size > 1 else (0.0, 1.0)
-    return np.array([a, a, b, b]), np.array([level + slope * a, level + slope * b]), 1
+    return PPoly(np.array([[slope], [level + slope * a]]), np.array([a, b]))
 
 
 def noise_level(y: np.ndarray) -> float:
