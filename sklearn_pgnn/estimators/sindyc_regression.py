@@ -46,7 +46,7 @@ def sparse_coefficients(terms, targets, optimizer, *, squares_only=False) -> np.
     size, spread = _sizes(terms), _spreads(targets)
     if squares_only:
         triangle = np.linalg.qr(np.column_stack([terms, targets]), mode="r")
-        terms, targets = triangle[:, : terms.shape[1]], triangle[:, terms.shape[1] :]
+        terms, targets = np.split(triangle, [terms.shape[1]], axis=1)
     optimizer = clone(optimizer)
     with warnings.catch_warnings():
         # the caller says it by the state's name
