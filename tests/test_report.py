@@ -17,7 +17,7 @@ from sklearn_pgnn.diagnosis.result import Tried
 from sklearn_pgnn.inspection import DiagnosisDisplay, plot_diagnosis, write_report
 from sklearn_pgnn.inspection.balance import Samples, shown_states
 from sklearn_pgnn.inspection.case import make_case
-from sklearn_pgnn.inspection.equations import LINE, equations_of
+from sklearn_pgnn.inspection.equations import PAGE, equations_of
 from sklearn_pgnn.inspection.evidence import find_evidence
 from sklearn_pgnn.inspection.report import render_report
 
@@ -200,11 +200,11 @@ def test_a_long_sum_may_break_between_its_terms():
         ElementTree.fromstring(piece)
 
 
-def test_what_cannot_break_says_how_long_it_is():
+def test_what_cannot_break_says_how_wide_it_is():
     product = "*".join(f"parameter_{i}" for i in range(12))
     model = PhysicsModel({"y": "V"}, {"y": product}, {f"parameter_{i}": 2.0 for i in range(12)})
     (equation,) = equations_of(model, model)
-    assert f"--lines: {len(product) / LINE:.2f}" in equation.mathml
+    assert f"--pages: {len(product) / PAGE:.2f}" in equation.mathml
 
 
 # -- the picture -----------------------------------------------------------------------------------

@@ -10,9 +10,10 @@ from sklearn_pgnn.physics.model import PhysicsModel
 
 #: beyond so many operations an equation is shown as text only
 MAX_OPERATIONS = 400
-#: characters, as text, that fit a line: a longer sum is broken between its terms, what cannot be
-#: broken is printed smaller
+#: characters, as text, beyond which a sum may be broken between its terms
 LINE = 60
+#: characters, as text, that fit a printed page; what is longer and cannot be broken gets smaller
+PAGE = 80
 _MINUS, _DOT = "<mo>&#x2212;</mo>", "<mo>&#xB7;</mo>"
 _OPEN, _CLOSE = '<mo stretchy="false">(</mo>', '<mo stretchy="false">)</mo>'
 _RATE = '<mo stretchy="false" class="rate">&#x2D9;</mo>'
@@ -102,10 +103,10 @@ def _mathml(left, right) -> str:
 
 
 def _math(body: str, expression) -> str:
-    """Wrap MathML; what is longer than a line says by how much, for print."""
+    """Wrap MathML; what is wider than a page says by how much, for print."""
     body = body.replace("<mo>-</mo>", _MINUS).replace("<mn>-", "<mn>&#x2212;")
-    size = len(to_text(expression)) / LINE
-    style = f' style="--lines: {size:.2f}"' if size > 1 else ""
+    size = len(to_text(expression)) / PAGE
+    style = f' style="--pages: {size:.2f}"' if size > 1 else ""
     return f'<math displaystyle="true"{style}><mrow>{body}</mrow></math>'
 
 
