@@ -209,7 +209,7 @@ SORT = "Remedy: sort the record, or tell several apart by a column 'trajectory'.
         (
             RUN.replace("F", "torque"),
             "1: column 'F': missing; the file has t, torque, position. Remedy: say in the model "
-            "file what the CSV calls it, as in columns: {F: t}.",
+            "file what the CSV calls it, as in columns: {F: torque}.",
         ),
         ("# rig\n\n" + RUN.replace("position", "pos"), "3: column 'position': missing; the file "),
         (RUN.replace("t,F", "time,F"), "1: column 't': missing; the file has time, F, position."),
@@ -269,8 +269,21 @@ def test_a_missing_column_is_called_what_the_model_calls_it(file):
     message = refusal(file, RUN, model)
     assert message == (
         "1: column 'tau_cmd': missing; the file has t, F, position. Remedy: say in the model "
-        "file what the CSV calls it, as in columns: {F: t}."
+        "file what the CSV calls it, as in columns: {F: F}."
     )
+
+
+@pytest.mark.parametrize(
+    ("header", "remedy"),
+    [
+        ("t,temperature,force [N],position", "as in columns: {F: force}."),
+        ("t,position", "Remedy: add it to the file, or take it out of the model."),
+    ],
+)
+def test_the_remedy_for_a_missing_column_is_one_that_nothing_else_needs(file, header, remedy):
+    model = CART.replace(columns={"F": "force_N"})
+    row = ",".join(str(k) for k in range(header.count(",") + 1))
+    assert refusal(file, f"{header}\n{row}\n", model).endswith(remedy)
 
 
 def test_a_missing_file_and_a_folder_are_refused(tmp_path):

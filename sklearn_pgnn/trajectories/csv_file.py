@@ -5,6 +5,7 @@ import math
 import os
 import re
 from collections.abc import Iterable
+from difflib import get_close_matches
 from pathlib import Path
 from typing import NoReturn
 
@@ -218,11 +219,21 @@ class _Table:
         if found is None:
             self.refuse(
                 self.header_line,
-                f"missing; the file has {', '.join(self.header)}. Remedy: say in the model file "
-                f"what the CSV calls it, as in columns: {{{name}: {self.header[0]}}}.",
+                f"missing; the file has {', '.join(self.header)}. Remedy: {self.remedy(name)}",
                 self.model.columns.get(name, name),
             )
         return found
+
+    def remedy(self, name: str) -> str:
+        """Say what to do about a missing column: the likest that nothing else needs may be it."""
+        model = self.model
+        taken = {self.find(n) for n in (TIME, TRAJECTORY, *model.inputs, *model.states)}
+        taken |= {self.find(n) for n in model.outputs or ()}
+        free = [_UNIT.sub("", text) for k, text in enumerate(self.header) if k not in taken]
+        near = get_close_matches(model.columns.get(name, name), free, n=1, cutoff=0.0)
+        if not near:
+            return "add it to the file, or take it out of the model."
+        return f"say in the model file what the CSV calls it, as in columns: {{{name}: {near[0]}}}."
 
     def texts(self, k: int) -> list[str]:
         return [row[k].strip() if k < len(row) else "" for row in self.rows]
