@@ -92,7 +92,8 @@ def measure_scales(model, t, u, x, y) -> Scales:
         rate=dict(zip(model.states, _rms(rates).tolist(), strict=True)),
         sample_time=float(np.median(np.diff(t))),
         window=float(min(CHANGES * changes.max(), SHARE * (t[-1] - t[0]))),
-        duration=float(t[-1]),
+        duration=float(t[-1] - t[0]),
+        latest=float(t[-1]),
     )
 
 

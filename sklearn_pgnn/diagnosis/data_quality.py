@@ -28,6 +28,7 @@ from sklearn_pgnn.simulation.state_estimate import free_run
 from sklearn_pgnn.simulation.uncertainty import standard_errors
 from sklearn_pgnn.simulation.window_fit import Freedom, WindowFit, fit_windows, project
 from sklearn_pgnn.simulation.windows import Windows, evaluate
+from sklearn_pgnn.trajectories.record import Record
 
 #: samples into the past that a series is predicted from, and into the future that are compared
 ORDER, FUTURE = 10, 10
@@ -44,6 +45,7 @@ STEPS = 8
 def check_data_quality(
     setting: Setting,
     names: Sequence[str],
+    whole: Sequence[Record],
     base: WindowFit,
     final: WindowFit,
     best: WindowFit | None = None,
@@ -56,6 +58,8 @@ def check_data_quality(
         The ground of the diagnosis.
     names : sequence of str
         What the records are called.
+    whole : sequence of Record
+        The records as they were read, with their gaps.
     base, final : WindowFit
         The re-tuned prior and the extended model.
     best : WindowFit, optional
@@ -77,7 +81,8 @@ def check_data_quality(
     left = _signals(model, model.outputs, windows, final.evaluation.residual, names)
     found: list[Finding | None] = [find_dull_input(signal) for signal in inputs]
     found += find_blind_parameters(setting, base)
-    found += [find_gaps(outputs[0].times, names), find_jitter(outputs)]
+    clocks = [record.t for record in whole]
+    found += [find_gaps(clocks, [record.name for record in whole]), find_jitter(outputs)]
     for signal, rest in zip(outputs, left, strict=True):
         found += [find_clipping(signal), find_quantisation(signal), find_held_samples(signal)]
         found += [find_outliers(signal, rest), find_uneven_noise(signal)]

@@ -1,5 +1,6 @@
 """The diagnosis as an estimator: records in, verdict, causes and an extended model out."""
 
+import warnings
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -42,6 +43,7 @@ from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.physics.effects import SensorSaturation, read_catalogue
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.readings import reading
+from sklearn_pgnn.simulation.record_windows import without_gaps
 from sklearn_pgnn.simulation.simulate import HOLDS, simulate_records
 from sklearn_pgnn.simulation.window_fit import WindowFit
 from sklearn_pgnn.trajectories import read_records, rows_in_order
@@ -217,18 +219,21 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
                 f"{type(self).__name__} requires y to be passed, but the target y is None."
             )
         X = validate_table(self, X, reset=True)
-        records = read_records(self.model, X, y, time=self.time)
+        whole = read_records(self.model, X, y, time=self.time)
+        records = without_gaps(whole, self.window)
         check_records(self.model, records)
         found = self._investigate(records)
         search, outcome, self.missing_, formula = found
         fitter = search.fitter
         self.verdict_ = _verdict(found)
         self._keep(fitter, search, outcome)
+        self._warn_of_clocks(whole)
         nameless = self.verdict_ == "unexplained" and self.missing_ is None
         self.disturbance_ = find_disturbance(search.judge, outcome.final) if nameless else None
         self.data_quality_ = check_data_quality(
             fitter.setting,
             [record.name for record in records],
+            whole,
             outcome.base.fit,
             outcome.final.fit,
             formula,
@@ -238,6 +243,20 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         self.causes_ = tuple(self._with_equivalent(cause) for cause in self.causes_)
         self._single_output = np.asarray(y).ndim == 1
         return self
+
+    def _warn_of_clocks(self, records) -> None:
+        """Warn where the extended model alone contains the time, and a clock did not begin at 0."""
+        counted = self.model.is_autonomous and not self.extended_model_.is_autonomous
+        late = [record for record in records if record.origin]
+        if counted and late:
+            warnings.warn(
+                f"the time in the equations of the extended model counts from the first sample of "
+                f"each trajectory, but the clock of {late[0].name!r} begins at "
+                f"{late[0].origin:.12g} s. Remedy: take the first time off each trajectory before "
+                f"the extended model is simulated on it.",
+                UserWarning,
+                stacklevel=3,
+            )
 
     def _investigate(self, records) -> "_Found":
         """Search with inputs that run between samples as the user says, or else as records do."""

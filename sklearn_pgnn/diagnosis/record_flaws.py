@@ -412,25 +412,26 @@ def find_gaps(times: Sequence[np.ndarray], records: Sequence[str]) -> Finding | 
     >>> find_gaps([np.delete(np.arange(50) * 0.1, [20, 21])], ["a"]).value
     2.0
     """
-    steps = np.concatenate([np.diff(t) for t in times])
-    middle = float(np.median(steps)) if steps.size else 0.0
-    counts = np.maximum(np.rint(steps / max(middle, 1e-300)), 1)
-    if np.mean(np.abs(steps - counts * middle) < NEAR * middle) < REGULAR:
-        return None
     missing, first = 0, ""
     for t, record in zip(times, records, strict=True):
-        late = np.diff(t) > GAP * middle
-        missing += int(np.sum(np.rint(np.diff(t)[late] / middle) - 1))
-        if late.any() and not first:
-            first = f"record {record} at {t[:-1][late][0]:.4g} s"
+        steps, middle = np.diff(t), float(np.median(np.diff(t)))
+        counts = np.maximum(np.rint(steps / middle), 1)
+        late = steps > GAP * middle
+        regular = np.mean(np.abs(steps - counts * middle) < NEAR * middle) >= REGULAR
+        if not regular or not late.any():
+            continue
+        missing += int(np.sum(counts[late] - 1))
+        after = f"record {record} at {t[:-1][late][0]:.4g} s"
+        first = first or f"a clock of {middle:.4g} s, the first after {after}"
     if not missing:
         return None
     return Finding(
         "dropped samples",
         "t",
-        f"{missing} samples are missing from a clock of {middle:.4g} s, the first after {first}",
+        f"{missing} samples are missing from {first}",
         float(missing),
-        "find what the logger lost; across a gap the input is taken as held",
+        "find what the logger lost; across a gap the input is taken as held, and a record is taken "
+        "apart where the gap is longer than a window",
     )
 
 

@@ -1,6 +1,7 @@
 """What a diagnosis works on: windows, estimated states and the scales of the signals."""
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -188,16 +189,11 @@ def _thinning(setting: Setting) -> int:
 
 def _scales(model, windows, x) -> Scales:
     """Measure the signals."""
-    steps = np.diff(windows.t)
-    sample_time = float(np.median(steps[steps > 0]))
+    firsts, lasts = windows.bounds[:-1], windows.bounds[1:] - 1
+    steps = [np.diff(windows.t[a:b]) for a, b in pairwise(windows.bounds)]
+    sample_time = float(np.median(np.concatenate(steps)))
     table = {name: x[:, i] for i, name in enumerate(model.states)}
-    rate = {}
-    for name, values in table.items():
-        slopes = np.gradient(values) / sample_time
-        inside = np.ones(values.size, dtype=bool)
-        inside[windows.bounds[1:-1]] = False
-        inside[windows.bounds[1:] - 1] = False
-        rate[name] = float(np.sqrt(np.mean(slopes[inside] ** 2)))
+    rate = {name: _rate(windows, values) for name, values in table.items()}
     tones, ripples = find_lines(model, windows, x)
     table |= {name: windows.u[:, i] for i, name in enumerate(model.inputs)}
     table |= {name: windows.y[:, i] for i, name in enumerate(model.outputs)}
@@ -207,11 +203,20 @@ def _scales(model, windows, x) -> Scales:
         rate={name: _positive(value) for name, value in rate.items()},
         sample_time=sample_time,
         window=float(np.median(windows.lengths) * sample_time),
-        duration=float(windows.t.max()),
+        duration=float(np.max(windows.t[lasts] - windows.t[firsts])),
+        latest=float(np.abs(windows.t).max()),
         tones=tones,
         ripples=ripples,
         extremes={n: (float(np.nanmin(v)), float(np.nanmax(v))) for n, v in table.items()},
     )
+
+
+def _rate(windows, values) -> float:
+    r"""Return :math:`\sqrt{\overline{\dot x^2}}` of a state, the mean taken over time."""
+    spans = [slice(a, b) for a, b in pairwise(windows.bounds)]
+    slopes = np.concatenate([np.gradient(values[span], windows.t[span]) for span in spans])
+    widths = np.concatenate([np.gradient(windows.t[span]) for span in spans])
+    return float(np.sqrt(np.average(slopes**2, weights=widths)))
 
 
 def _positive(value) -> float:

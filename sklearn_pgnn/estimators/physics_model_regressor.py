@@ -14,7 +14,12 @@ from sklearn_pgnn.estimators.parameter_search import (
     find_parameters,
 )
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.record_windows import WHOLE, WindowedRecords, window_records
+from sklearn_pgnn.simulation.record_windows import (
+    WHOLE,
+    WindowedRecords,
+    window_records,
+    without_gaps,
+)
 from sklearn_pgnn.simulation.simulate import simulate_records
 from sklearn_pgnn.simulation.uncertainty import NORMAL_95, estimate_of, standard_errors
 from sklearn_pgnn.trajectories import read_records, rows_in_order
@@ -148,11 +153,15 @@ class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         if self.search not in SEARCHES:
             raise ValueError(f"search: expected one of {', '.join(SEARCHES)}, got {self.search!r}.")
         records = read_records(self.model, X, y, time=self.time)
-        ground, found = self._find(records, names)
+        pieces = without_gaps(records, self.window)
+        ground, found = self._find(pieces, names)
         self.model_ = found.fit.model
         self._keep_estimates(found)
         windows = ground.windows
-        self.initial_states_ = found.fit.x0[np.searchsorted(windows.starts, windows.bounds[:-1])]
+        firsts = found.fit.x0[np.searchsorted(windows.starts, windows.bounds[:-1])]
+        starts = {piece.rows[0]: x0 for piece, x0 in zip(pieces, firsts, strict=True)}
+        unknown = np.full(len(self.model.states), np.nan)
+        self.initial_states_ = np.array([starts.get(record.rows[0], unknown) for record in records])
         self.substeps_ = windows.substeps
         self.window_ = float(
             np.median(windows.t[windows.starts + windows.lengths - 1] - windows.t[windows.starts])

@@ -56,7 +56,10 @@ class Scales:
     window : float
         Length of the windows the model is judged on [s].
     duration : float, default=inf
-        Time at the end of the longest record [s].
+        Length of the longest record [s].
+    latest : float, default=inf
+        Largest time of a record [s]: more than `duration` behind a gap, or where a model's own
+        equations contain the time and its records begin late.
     tones, ripples : mapping of str to tuple of float
         For velocities, frequencies [Hz] and periods in position that stand out in what the model
         lacks of their rate; frequencies in what it leaves of the outputs, too.
@@ -70,6 +73,7 @@ class Scales:
     sample_time: float
     window: float
     duration: float = math.inf
+    latest: float = math.inf
     tones: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     ripples: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     extremes: Mapping[str, tuple[float, float]] = field(default_factory=dict)

@@ -15,6 +15,7 @@ import sympy
 
 from sklearn_pgnn.exceptions import ModelError
 from sklearn_pgnn.physics.expressions import (
+    TIME,
     parse_expression,
     same_name,
     standard_form,
@@ -255,6 +256,18 @@ class PhysicsModel:
             for position, rate in self.equations.items()
             if rate.is_Symbol and str(rate) in self.states
         }
+
+    @property
+    def is_autonomous(self) -> bool:
+        """Whether equations and outputs do without the time ``t``.
+
+        Examples
+        --------
+        >>> PhysicsModel({"y": "V"}, {"y": "-y + sin(t)"}).is_autonomous
+        False
+        """
+        expressions = (*self.equations.values(), *self.outputs.values())
+        return not any(expression.has(TIME) for expression in expressions)
 
     @property
     def free_parameters(self) -> tuple[str, ...]:

@@ -2,6 +2,7 @@
 
 import warnings
 from dataclasses import dataclass, replace
+from numbers import Real
 
 import numpy as np
 
@@ -9,6 +10,7 @@ from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.record_start import find_starts
 from sklearn_pgnn.simulation.state_estimate import StateEstimator
 from sklearn_pgnn.simulation.windows import Windows, evaluate
+from sklearn_pgnn.trajectories.gaps import split_at_gaps
 from sklearn_pgnn.trajectories.record import Record
 from sklearn_pgnn.trajectories.smoothing import noise_level
 
@@ -97,6 +99,27 @@ def window_records(
     states.windows = windows
     find_starts(model, cut(windows, period * WINDOW_SHARE), states)
     return WindowedRecords(windows, states, period, np.array(told) if window == WHOLE else None)
+
+
+def without_gaps(records: tuple[Record, ...], window=None) -> tuple[Record, ...]:
+    """Cut records where nothing was recorded for longer than a window, which bridges no such gap.
+
+    Parameters
+    ----------
+    records : tuple of Record
+        Measured trajectories.
+    window : float or "trajectory", optional
+        As in `window_records`.
+
+    Returns
+    -------
+    tuple of Record
+        See `sklearn_pgnn.trajectories.gaps.split_at_gaps`.
+    """
+    if window == WHOLE:
+        return records
+    length = window if isinstance(window, Real) else WINDOW_SHARE * dominant_period(records)
+    return split_at_gaps(records, float(length), MIN_SAMPLES)
 
 
 def _told_start(model, record) -> np.ndarray:

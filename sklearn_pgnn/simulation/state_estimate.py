@@ -135,7 +135,7 @@ class StateEstimator:
 
 
 class _SmoothedOutput:
-    """One output of every record, smoothed with the same penalty.
+    """One output of every record, smoothed with the same penalty in time.
 
     Parameters
     ----------
@@ -149,19 +149,27 @@ class _SmoothedOutput:
         self._records = [
             (windows.t[a:b], windows.y[a:b, column]) for a, b in itertools.pairwise(windows.bounds)
         ]
-        self._penalty = self._choose_penalty()
-        curves = [smooth(t, y, self._penalty) for t, y in self._records]
+        self._penalties = self._choose_penalties()
+        curves = [smooth(t, y, p) for (t, y), p in self._with_penalties()]
         times = [t for t, _ in self._records]
         self.value = np.concatenate([s.value(t) for s, t in zip(curves, times, strict=True)])
         self.slope = np.concatenate([s.slope(t) for s, t in zip(curves, times, strict=True)])
 
-    def _choose_penalty(self) -> float | None:
-        """Choose the penalty on the record with the most samples; none where these are too few."""
+    def _with_penalties(self):
+        return zip(self._records, self._penalties, strict=True)
+
+    def _choose_penalties(self) -> list[float | None]:
+        """Choose the penalty on the record with the most samples; none where these are too few.
+
+        It is the same for all records in seconds, and so another in each one's sample interval.
+        """
         seen = [(t[np.isfinite(y)], y[np.isfinite(y)]) for t, y in self._records]
         t, y = max(seen, key=lambda samples: samples[0].size)
         if t.size < FEWEST:
-            return None
-        return choose_penalty((t - t[0]) / np.mean(np.diff(t)), y)
+            return [None] * len(seen)
+        step = _mean_step(t)
+        penalty = choose_penalty((t - t[0]) / step, y) * step**3
+        return [penalty / _mean_step(t) ** 3 for t, _ in seen]
 
     @cached_property
     def spreads(self) -> np.ndarray:
@@ -169,7 +177,7 @@ class _SmoothedOutput:
 
         They may go as far as a sensor may lie: a window's own samples say where it is.
         """
-        variances = [_halves_differ(t, y, self._penalty) for t, y in self._records]
+        variances = [_halves_differ(t, y, p) for (t, y), p in self._with_penalties()]
         errors = SAFETY * np.sqrt(np.mean(variances, axis=0))
         return np.maximum(errors, MEASURED_SPREAD * np.std([self.value, self.slope], axis=1))
 
@@ -225,6 +233,11 @@ def free_run(model: PhysicsModel, windows: Windows, a: int, b: int, x0) -> Simul
 
 def _finite(start: dict) -> dict:
     return {name: float(value) for name, value in start.items() if np.isfinite(value)}
+
+
+def _mean_step(t: np.ndarray) -> float:
+    """Return the mean sample interval [s]."""
+    return (t[-1] - t[0]) / (t.size - 1) if t.size > 1 else 1.0
 
 
 def _halves_differ(t, y, penalty):

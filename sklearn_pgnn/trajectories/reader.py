@@ -4,6 +4,9 @@ A row is a sample. As a DataFrame, columns count by name: the time ``t``, the in
 states, of which only each trajectory's first row is read. As an array, the columns stand in that
 order: time, inputs, then states if there are as many more. A new trajectory begins wherever the
 time does not increase; a column ``trajectory`` overrules that.
+
+A record's time counts from its first sample: it does not matter what its clock showed. Where the
+model's own equations contain the time, it is taken as it is given.
 """
 
 import numpy as np
@@ -60,20 +63,14 @@ def read_records(model: PhysicsModel, X, y=None, *, time=None) -> tuple[Record, 
     _refuse_not_finite(u, list(model.inputs), table)
     pieces = split_rows(t, _trajectories(table))
     states = _states(model, table, [rows[0] for _, rows in pieces])
-    records = tuple(
-        Record(
-            t[rows],
-            u[rows],
-            None if outputs is None else outputs[rows],
-            states[i],
-            name,
-            rows,
-        )
-        for i, (name, rows) in enumerate(pieces)
-    )
-    for record in records:
-        _check(record, needs_outputs=y is not None)
-    return records
+    records = []
+    for (name, rows), x0 in zip(pieces, states, strict=True):
+        _check_clock(name, t[rows], rows, needs_outputs=y is not None)
+        origin = float(t[rows[0]]) if model.is_autonomous else 0.0
+        measured = None if outputs is None else outputs[rows]
+        records.append(Record(t[rows] - origin, u[rows], measured, x0, name, rows, origin))
+        _check_outputs(records[-1])
+    return tuple(records)
 
 
 def split_rows(t: np.ndarray, names=None) -> list[tuple[str, np.ndarray]]:
@@ -275,19 +272,21 @@ def _refuse_not_finite(values: np.ndarray, names: list[str], table: pd.DataFrame
         )
 
 
-def _check(record: Record, needs_outputs: bool) -> None:
-    backward = np.flatnonzero(np.diff(record.t) <= 0)
+def _check_clock(name: str, t: np.ndarray, rows: np.ndarray, needs_outputs: bool) -> None:
+    backward = np.flatnonzero(np.diff(t) <= 0)
     if backward.size:
         k = int(backward[0])
         raise RecordError(
-            f"X: time does not increase inside trajectory {record.name!r}: "
-            f"{record.t[k]:g} s in row {record.rows[k]}, then {record.t[k + 1]:g} s in row "
-            f"{record.rows[k + 1]}."
+            f"X: time does not increase inside trajectory {name!r}: {t[k]:.12g} s in row "
+            f"{rows[k]}, then {t[k + 1]:.12g} s in row {rows[k + 1]}."
         )
-    if needs_outputs and record.t.size < MIN_SAMPLES:
+    if needs_outputs and t.size < MIN_SAMPLES:
         raise RecordError(
-            f"X: trajectory {record.name!r} has {record.t.size} samples; expected at least "
-            f"{MIN_SAMPLES}. Remedy: leave it out, or check that time increases along the rows."
+            f"X: trajectory {name!r} has {t.size} samples; expected at least {MIN_SAMPLES}. "
+            f"Remedy: leave it out, or check that time increases along the rows."
         )
+
+
+def _check_outputs(record: Record) -> None:
     if record.y is not None and not np.any(np.isfinite(record.y)):
         raise RecordError(f"y: trajectory {record.name!r} has no measured output at all.")

@@ -23,6 +23,8 @@ class Record:
         What the trajectory is called.
     rows : ndarray of shape (n_samples,)
         Where its samples stand in the table they came from.
+    origin : float, default=0
+        What was taken off the table's clock [s]: it showed ``origin + t``.
     """
 
     t: np.ndarray
@@ -31,3 +33,4 @@ class Record:
     x0: np.ndarray
     name: str
     rows: np.ndarray
+    origin: float = 0.0

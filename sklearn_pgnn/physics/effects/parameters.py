@@ -104,5 +104,5 @@ class ParameterDrift(Effect):
 
     @classmethod
     def limits(cls, target, model, scales):
-        """Keep the parameter's sign to the end of the longest record."""
-        return {"rate": (-0.95 / scales.duration, 20.0 / scales.duration)}
+        """Keep the parameter's sign to the end of the records."""
+        return {"rate": (-0.95 / scales.latest, 20.0 / scales.latest)}

@@ -1,0 +1,63 @@
+"""Records with a gap: what lies before it and behind it are two records."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from sklearn_pgnn.trajectories.reader import MIN_SAMPLES
+from sklearn_pgnn.trajectories.record import Record
+
+
+def split_at_gaps(records: tuple[Record, ...], longest: float, samples: int) -> tuple[Record, ...]:
+    """Cut records wherever nothing was recorded for long: nobody knows the inputs there.
+
+    Parameters
+    ----------
+    records : tuple of Record
+        The records.
+    longest : float
+        Longest time without a sample [s] that a simulation may bridge.
+    samples : int
+        So many of a record's usual sample intervals are always bridged.
+
+    Returns
+    -------
+    tuple of Record
+        The records; what lies behind a gap begins at an unknown state, and keeps its time. A piece
+        too short to be a record, or without a measured output, is left out.
+
+    Examples
+    --------
+    >>> t = np.array([0.0, 0.1, 0.2, 0.3, 9.0, 9.1, 9.2, 9.3])
+    >>> whole = Record(t, np.zeros((8, 0)), np.ones((8, 1)), np.zeros(1), "a", np.arange(8))
+    >>> [(piece.name, piece.rows.size) for piece in split_at_gaps((whole,), 1.0, 20)]
+    [('a', 4), ('a from 9 s', 4)]
+    """
+    return tuple(piece for record in records for piece in _pieces(record, longest, samples))
+
+
+def _pieces(record: Record, longest: float, samples: int) -> list[Record]:
+    steps = np.diff(record.t)
+    bridged = max(longest, samples * float(np.median(steps)))
+    edges = [0, *(np.flatnonzero(steps > bridged) + 1), record.t.size]
+    if len(edges) == 2:
+        return [record]
+    spans = [slice(a, b) for a, b in pairwise(edges)]
+    pieces = [_piece(record, span) for span in spans]
+    return [
+        p for p in pieces if p.t.size >= MIN_SAMPLES and (p.y is None or np.isfinite(p.y).any())
+    ]
+
+
+def _piece(record: Record, span: slice) -> Record:
+    start = span.start
+    return replace(
+        record,
+        t=record.t[span],
+        u=record.u[span],
+        y=None if record.y is None else record.y[span],
+        x0=np.full_like(record.x0, np.nan) if start else record.x0,
+        name=f"{record.name} from {record.t[start]:g} s" if start else record.name,
+        rows=record.rows[span],
+    )

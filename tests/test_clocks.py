@@ -1,0 +1,181 @@
+"""A record is the same whatever its clock shows: verdict and numbers do not depend on it."""
+
+import warnings
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from sklearn_pgnn import ModelDiagnosis, PhysicsModel, PhysicsModelRegressor, effects
+from sklearn_pgnn.datasets import make_hidden_effect
+from sklearn_pgnn.diagnosis.record_flaws import find_gaps
+from sklearn_pgnn.diagnosis.setting import make_setting
+from sklearn_pgnn.simulation.record_windows import without_gaps
+from sklearn_pgnn.systems import cart_on_spring
+from sklearn_pgnn.trajectories import read_records
+from sklearn_pgnn.trajectories.gaps import split_at_gaps
+
+#: a time stamp of 2023 [s]; a float tells times apart to a quarter of a microsecond there
+STAMP = 1.7e9
+CATALOGUE = (effects.CubicStiffness, effects.CoulombFriction, effects.ParameterDrift)
+
+
+@pytest.fixture(scope="module")
+def cart():
+    """Records of a cart whose spring hardens, and the prior that knows nothing of it."""
+    hidden = make_hidden_effect(
+        cart_on_spring(), "cubic_stiffness", n_records=4, sample_rate=100.0, random_state=7
+    )
+    return hidden.prior, hidden.X.drop(columns=["x", "v"]), hidden.y
+
+
+def as_given(X, y):
+    return X, y
+
+
+def absolute(X, y):
+    return X.assign(t=X["t"] + STAMP), y
+
+
+def absolute_and_apart(X, y):
+    return X.assign(t=X["t"] + STAMP + 1234.567 * pd.factorize(X["trajectory"])[0]), y
+
+
+def paused(X, y):
+    """Let the clock of the second record run on for 10 s while nothing moves or is recorded."""
+    second = pd.factorize(X["trajectory"])[0] == 1
+    return X.assign(t=X["t"] + 10.0 * (second & (X["t"] > 4.0))), y
+
+
+def diagnose(prior, X, y):
+    return ModelDiagnosis(prior, catalogue=CATALOGUE).fit(X, y)
+
+
+@pytest.fixture(scope="module")
+def plain(cart):
+    return diagnose(*cart)
+
+
+def assert_same_diagnosis(found, expected, rtol):
+    assert found.verdict_ == expected.verdict_ == "cause_named"
+    assert [(c.effect, c.target) for c in found.causes_] == [("cubic_stiffness", "v")]
+    assert found.window_ == pytest.approx(expected.window_, rel=rtol)
+    assert (found.substeps_, found.hold_) == (expected.substeps_, expected.hold_)
+    for name, parameter in expected.extended_model_.parameters.items():
+        value = found.extended_model_.parameters[name].value
+        assert value == pytest.approx(parameter.value, rel=rtol), name
+    for one, other in zip(found.gain_.values(), expected.gain_.values(), strict=True):
+        assert one.extended == pytest.approx(other.extended, rel=rtol)
+
+
+@pytest.mark.parametrize("clock", [absolute, absolute_and_apart])
+def test_time_stamps_leave_a_diagnosis_as_it_is(cart, plain, clock):
+    prior, X, y = cart
+    assert_same_diagnosis(diagnose(prior, *clock(X, y)), plain, rtol=1e-5)
+
+
+def test_a_gap_leaves_a_diagnosis_as_it_is(cart, plain):
+    prior, X, y = cart
+    found = diagnose(prior, *paused(X, y))
+    assert_same_diagnosis(found, plain, rtol=2e-3)
+    (finding,) = found.data_quality_
+    assert finding.kind == "dropped samples"
+    assert "1000 samples are missing from a clock of 0.01 s" in finding.text
+
+
+@pytest.mark.parametrize("clock", [as_given, absolute, absolute_and_apart, paused])
+def test_clocks_and_gaps_leave_a_fit_as_it_is(cart, clock):
+    prior, X, y = cart
+    whole = prior + effects.CubicStiffness("v", 20.0)
+    fits = [PhysicsModelRegressor(whole).fit(*change(X, y)) for change in (as_given, clock)]
+    for name, parameter in fits[0].model_.parameters.items():
+        value = fits[1].model_.parameters[name].value
+        assert value == pytest.approx(parameter.value, rel=2e-3), name
+    for expected, found in zip(fits[0].initial_states_, fits[1].initial_states_, strict=True):
+        np.testing.assert_allclose(found, expected, atol=2e-3)
+
+
+def every_second(X, y):
+    """Sample the last two records half as fast."""
+    kept = (pd.factorize(X["trajectory"])[0] < 2) | (np.arange(len(X)) % 2 == 0)
+    return X[kept], y[kept]
+
+
+def at_random(X, y):
+    """Keep 4 of 5 samples, but the first of every record."""
+    kept = (np.random.default_rng(0).uniform(size=len(X)) < 0.8) | (X["t"] == 0)
+    return X[kept], y[kept]
+
+
+@pytest.mark.parametrize("sampled", [every_second, at_random, paused, absolute_and_apart])
+def test_the_scales_of_signals_do_not_depend_on_how_they_are_sampled(cart, sampled):
+    prior, X, y = cart
+    expected = make_setting(prior, read_records(prior, X, y)).scales
+    found = make_setting(prior, without_gaps(read_records(prior, *sampled(X, y)))).scales
+    for state, rate in expected.rate.items():
+        assert found.rate[state] == pytest.approx(rate, rel=0.02), state
+    assert found.duration == pytest.approx(expected.duration, rel=0.01)
+    pause = 10.0 if sampled is paused else 0.0
+    assert found.latest == pytest.approx(expected.latest + pause, rel=0.01)
+
+
+def test_files_of_different_sample_times_are_diagnosed_like_others(cart, plain):
+    prior, X, y = cart
+    found = diagnose(prior, *every_second(X, y))
+    assert found.verdict_ == plain.verdict_
+    assert [(c.effect, c.target) for c in found.causes_] == [("cubic_stiffness", "v")]
+    assert not [f for f in found.data_quality_ if f.kind == "dropped samples"]
+
+
+def test_each_record_has_a_clock_of_its_own():
+    clocks = [np.arange(300) * 0.002, np.arange(300) * 0.003]
+    assert find_gaps(clocks, ["a", "b"]) is None
+    assert find_gaps([clocks[0], np.delete(clocks[1], [7, 8, 9])], ["a", "b"]).value == 3
+
+
+def test_a_change_in_time_is_found_on_time_stamps_with_a_warning_of_what_its_time_is():
+    hidden = make_hidden_effect(
+        cart_on_spring(),
+        effects.ParameterDrift("k", rate=0.1),
+        n_records=4,
+        sample_rate=100.0,
+        random_state=7,
+    )
+    X = hidden.X.drop(columns=["x", "v"])
+    with pytest.warns(UserWarning, match=r"begins at 17000\d+ s. Remedy: take the first time off"):
+        found = diagnose(hidden.prior, *absolute_and_apart(X, hidden.y))
+    assert [(c.effect, c.target) for c in found.causes_] == [("parameter_drift", "k")]
+    assert found.extended_model_.parameters["drift_k"].value == pytest.approx(0.1, rel=0.05)
+    assert np.isfinite(found.predict(absolute(X, hidden.y)[0])).all()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        diagnose(hidden.prior, X, hidden.y)
+
+
+def test_a_model_with_the_time_in_its_equations_takes_the_time_as_it_is_given():
+    driven = PhysicsModel({"y": "V"}, {"y": "(sin(t) - y)/T"}, {"T": 2.0})
+    lag = PhysicsModel({"y": "V"}, {"y": "-y/T"}, {"T": 2.0})
+    assert not driven.is_autonomous
+    assert lag.is_autonomous
+    X = pd.DataFrame({"t": [5.0, 5.5, 6.0, 2.0, 2.5]})
+    assert [r.t.tolist() for r in read_records(driven, X)] == [[5.0, 5.5, 6.0], [2.0, 2.5]]
+    assert [r.t.tolist() for r in read_records(lag, X)] == [[0.0, 0.5, 1.0], [0.0, 0.5]]
+    assert [r.origin for r in read_records(lag, X)] == [5.0, 2.0]
+
+
+def test_what_lies_behind_a_gap_is_a_record_of_its_own():
+    lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
+    t = np.concatenate([np.arange(50) * 0.1, 100 + np.arange(60) * 0.1, [300.0, 300.1]])
+    X = pd.DataFrame({"t": t, "u": 1.0, "y": 0.5})
+    (record,) = read_records(lag, X, np.sin(t))
+    first, second = split_at_gaps((record,), longest=3.0, samples=20)
+    assert (first.name, second.name) == ("0", "0 from 100 s")
+    assert (first.t.size, second.t.size) == (50, 60)
+    assert first.x0.tolist() == [0.5]
+    assert np.isnan(second.x0).all()
+    np.testing.assert_array_equal(second.rows, np.arange(50, 110))
+    np.testing.assert_array_equal(second.t, record.t[50:110])
+    # a step that a window bridges, or that 20 of the record's own would, is no gap
+    assert split_at_gaps((record,), longest=300.0, samples=20) == (record,)
+    (joined,) = split_at_gaps((record,), longest=3.0, samples=1000)
+    assert joined.t.size == 110
