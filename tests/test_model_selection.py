@@ -338,7 +338,7 @@ def test_network_with_a_model():
         "module__neurons": Integer(3, 20),
         "module__layers": Integer(1, 2),
         "lr": Real(1e-3, 3e-2, prior="log-uniform"),
-        "lambda_phy": Real(1e-4, 0.9, prior="log-uniform"),
+        "lambda_phy": Categorical([0.0, 0.001, 0.01, 0.1, 0.3, 0.9]),
         "structure": Categorical(["output", "increment", "correction"]),
         "horizon": Categorical([1, 20, 50]),
     }
@@ -421,6 +421,19 @@ def test_bayesian_search_over_whole_trajectories():
     ).mean()
     assert best == pytest.approx(search.best_score_)
     assert search.best_score_ == max(search.cv_results_["mean_test_score"])
+
+
+def test_bayesian_search_may_choose_no_physical_loss(capsys):
+    X, _ = records([30] * 3)
+    keep = dict.fromkeys(["neurons", "layers", "lr", "structure", "horizon"])
+    search = BayesSearchCV(
+        Network(GOLF), search_space(Network(GOLF), **keep), n_iter=12, cv=TrajectorySplit(3),
+        random_state=0, verbose=1,
+    ).fit(X, 2.0 * X["u"])  # fmt: skip
+    tried = {candidate["lambda_phy"] for candidate in search.cv_results_["params"]}
+    assert {0.0, 0.9} <= tried
+    assert search.best_params_ == {"lambda_phy": 0.0}  # 1 - lambda scales what is exact
+    assert capsys.readouterr().out.count("Fitting 3 folds") == 12  # a line for every candidate
 
 
 def test_bayesian_search_takes_every_dimension_of_a_network():

@@ -682,6 +682,7 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         tags = super().__sklearn_tags__()
         # in states, which are read in a trajectory's first row
         tags.input_tags.allow_nan = self.model is not None
+        tags.regressor_tags.poor_score = self.model is not None  # on numbers of no such machine
         return tags
 
 

@@ -4,6 +4,9 @@ from inspect import signature
 
 from sklearn_pgnn.extras import needed_by
 
+#: weights of the physical loss: a logarithmic range has no 0, which often is the best
+LAMBDAS = (0.0, 0.001, 0.01, 0.1, 0.3, 0.9)
+
 
 def search_space(estimator, **changes) -> dict:
     r"""Give the dimensions in which scikit-optimize's `BayesSearchCV` shall search.
@@ -17,8 +20,8 @@ def search_space(estimator, **changes) -> dict:
     ``neurons``        3 to 20                                                `PGNNLRegressor`
     ``layers``         1 or 2, where the core has layers
     ``lr``             0.001 to 0.03, logarithmic
-    ``lambda_phy``     0.0001 (as good as none) to 0.9, logarithmic, where
-                       there is an energy or another physical loss
+    ``lambda_phy``     0 (no physical loss), 0.001, 0.01, 0.1, 0.3 or 0.9,
+                       where there is an energy or another physical loss
     ``structure``      ``"output"``, ``"increment"`` or ``"correction"``,
                        where there is a model
     ``horizon``        1, 20 or 50
@@ -110,7 +113,7 @@ def _network(parameters) -> dict:
         "module__neurons": ("neurons" in core, space.Integer(3, 20)),
         "module__layers": ("layers" in core, space.Integer(1, 2)),
         "lr": (True, space.Real(1e-3, 3e-2, prior="log-uniform")),
-        "lambda_phy": (energetic, space.Real(1e-4, 0.9, prior="log-uniform")),
+        "lambda_phy": (energetic, space.Categorical(list(LAMBDAS))),
         "structure": (
             model is not None,
             space.Categorical(["output", "increment", "correction"]),

@@ -390,11 +390,11 @@ def _common(step, theta, record, wrt=None):
         of_terms.size,
         BASES.index(step.base),
         GUIDES.index(step.guide),
-        step.offset,
-        np.ascontiguousarray(step.gain),
-        step.mean,
-        step.scale,
-        step.reach,
+        # copies, for a model that was loaded as a map of its file is read-only
+        *(
+            np.array(part, order="C")
+            for part in (step.offset, step.gain, step.mean, step.scale, step.reach)
+        ),
         np.array(step.sizes, dtype=np.int64),
         CORES.index(step.core),
         ACTIVATIONS.index(step.activation),

@@ -31,7 +31,7 @@ class StepNetwork(nn.Module):
         self.teacher_forcing = True
         self.gain_is_used = [bool(matrix.any()) for matrix in step.gain]
         for name in ("offset", "gain", "mean", "scale"):
-            self.register_buffer(name, torch.as_tensor(getattr(step, name)), persistent=False)
+            self.register_buffer(name, torch.tensor(getattr(step, name)), persistent=False)
 
     def forward(self, x, u, t, index, prior=None, terms=None, simulated=None, features=None):
         """Predict the states of windows.

@@ -384,7 +384,7 @@ class TrajectoryNet(NeuralNetRegressor):
             with torch.random.fork_rng(devices=[]):
                 self.initialize()
             self.history_ = history
-            tensors = {name: torch.as_tensor(part) for name, part in weights.items()}
+            tensors = {name: torch.tensor(part) for name, part in weights.items()}
             self.module_.load_state_dict(tensors)
 
     def _outputs(self, ready, x) -> np.ndarray:
