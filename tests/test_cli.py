@@ -17,6 +17,8 @@ from sklearn_pgnn.cli.output import result_folder, strict_json
 from sklearn_pgnn.cli.screen import described_files
 from sklearn_pgnn.diagnosis.record_flaws import Finding
 
+pytestmark = pytest.mark.core
+
 MODEL = """\
 name: cart
 states: {v: m/s}

@@ -11,6 +11,8 @@ from sklearn_pgnn.physics import PhysicsModel
 from sklearn_pgnn.trajectories.csv_file import read_csv, read_csv_files
 from sklearn_pgnn.trajectories.reader import read_records
 
+pytestmark = pytest.mark.core
+
 CART = PhysicsModel(
     name="cart",
     states={"x": "m", "v": "m/s"},

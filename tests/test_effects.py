@@ -8,6 +8,8 @@ from sklearn_pgnn.diagnosis.lines import find_lines
 from sklearn_pgnn.diagnosis.setting import make_setting
 from sklearn_pgnn.trajectories import read_records
 
+pytestmark = pytest.mark.core
+
 T = np.arange(0, 10, 0.01)
 
 

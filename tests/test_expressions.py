@@ -20,6 +20,8 @@ from sklearn_pgnn.physics.expressions import (
     to_text,
 )
 
+pytestmark = pytest.mark.core
+
 NAMES = ("x", "v", "u", "J", "E", "I", "S", "beta", "µ")
 POINT = {name: 0.3 + 0.17 * k for k, name in enumerate(NAMES)} | {"t": 0.7}
 NUMPY = {

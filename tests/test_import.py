@@ -8,6 +8,8 @@ import pytest
 
 import sklearn_pgnn
 
+pytestmark = pytest.mark.core
+
 HEAVY = {"matplotlib", "numba", "pysindy", "skorch", "torch"}
 
 

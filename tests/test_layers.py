@@ -8,6 +8,8 @@ import pytest
 
 import sklearn_pgnn
 
+pytestmark = pytest.mark.core
+
 #: from the bottom; a room imports from lower floors, and rooms on one floor not from each other
 FLOORS = (
     {"exceptions", "extras", "readings"},

@@ -14,6 +14,8 @@ from hypothesis import strategies as st
 from sklearn_pgnn.exceptions import ModelError
 from sklearn_pgnn.physics import Parameter, PhysicsModel, effects, systems
 
+pytestmark = pytest.mark.core
+
 SYSTEMS = (
     systems.golf_robot(),
     systems.servo_valve(),

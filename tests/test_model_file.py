@@ -15,6 +15,8 @@ from sklearn_pgnn.physics.effect import Scales
 from sklearn_pgnn.physics.effects import CATALOGUE
 from sklearn_pgnn.physics.model_file import MAX_BYTES, read_model, write_model
 
+pytestmark = pytest.mark.core
+
 CART = """\
 name: cart
 states: {x: m, v: m/s}

@@ -5,7 +5,9 @@ import sys
 
 import numpy as np
 import pytest
+from blocked import run_without
 from scipy.io import savemat
+from snippets import ROOT, blocked, read_page
 
 from sklearn_pgnn import PhysicsModelRegressor
 from sklearn_pgnn.datasets import load_cascaded_tanks, load_coupled_drives, load_emps
@@ -124,6 +126,15 @@ def test_without_folder_and_package_the_remedy_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "nonlinear_benchmarks", None)
     with pytest.raises(ImportError, match=r"sklearn-pgnn\[benchmarks\]"):
         load_emps()
+
+
+def test_the_snippet_of_the_documentation_runs(home, tmp_path):
+    (snippet,) = read_page(ROOT / "docs" / "public_benchmarks.rst")
+    assert snippet.needs == {"benchmarks"}
+    assert "load_emps()" in snippet.code
+    program = snippet.code.replace("load_emps()", f"load_emps(data_home={str(home)!r})")
+    result = run_without(blocked(snippet.needs), program, tmp_path)
+    assert result.returncode == 0, result.stderr
 
 
 @pytest.mark.parametrize("load", [load_emps, load_cascaded_tanks, load_coupled_drives])

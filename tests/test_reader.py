@@ -12,6 +12,8 @@ from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.physics import PhysicsModel
 from sklearn_pgnn.trajectories import Record, read_records, rows_in_order, split_rows
 
+pytestmark = pytest.mark.core
+
 MODEL = PhysicsModel(
     states={"q": "m", "v": "m/s"},
     inputs={"tau": "N", "load": "N"},

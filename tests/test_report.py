@@ -96,6 +96,7 @@ class Reader(HTMLParser):
 # -- the report ------------------------------------------------------------------------------------
 
 
+@pytest.mark.core
 def test_the_report_needs_nothing_else(report):
     read = Reader(report)
     assert read.sources
@@ -111,6 +112,7 @@ def test_names_of_the_model_are_escaped(report):
         assert text in report
 
 
+@pytest.mark.core
 def test_the_verdict_comes_first_and_everything_is_there(report, friction):
     headings = Reader(report).headings
     order = ["Diagnosis", "What is missing", "Measured", "Evidence", "Equations", "Parameters"]
@@ -217,6 +219,7 @@ def closed():
     plt.close("all")
 
 
+@pytest.mark.core
 def test_pictures_are_shown_by_pyplot_but_not_those_of_a_report(friction, tmp_path):
     friction.to_html(tmp_path / "report.html")
     assert plt.get_fignums() == []
@@ -225,6 +228,7 @@ def test_pictures_are_shown_by_pyplot_but_not_those_of_a_report(friction, tmp_pa
     assert plt.get_fignums() == [display.figure_.number]
 
 
+@pytest.mark.core
 def test_the_picture_has_curves_errors_and_evidence(friction):
     display = plot_diagnosis(friction)
     assert isinstance(display, DiagnosisDisplay)

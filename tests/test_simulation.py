@@ -30,6 +30,8 @@ from sklearn_pgnn.simulation.window_fit import (
 from sklearn_pgnn.simulation.windows import evaluate
 from sklearn_pgnn.trajectories import read_records
 
+pytestmark = pytest.mark.core
+
 LAG = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
 PENDULUM = PhysicsModel(
     states={"phi": "rad", "omega": "rad/s"},

@@ -18,6 +18,8 @@ from sklearn.preprocessing import StandardScaler
 from sklearn_pgnn import PhysicsModel, PhysicsModelTransformer, datasets, systems
 from sklearn_pgnn.exceptions import RecordError, SimulationWarning
 
+pytestmark = pytest.mark.core
+
 CART = systems.cart_on_spring()
 STATES = ["x", "v"]
 

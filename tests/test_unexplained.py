@@ -76,6 +76,7 @@ def test_linear_responses_are_those_of_small_added_inputs(channel):
     np.testing.assert_allclose(by_state[:, :, 1], (base - pushed) / small, atol=1e-6)
 
 
+@pytest.mark.core
 def test_the_leading_terms_are_the_true_ones():
     rng = np.random.default_rng(0)
     columns = rng.standard_normal((400, 12))
@@ -85,6 +86,7 @@ def test_the_leading_terms_are_the_true_ones():
     np.testing.assert_allclose(two[[7, 2]], [3.0, -0.5], atol=1e-3)
 
 
+@pytest.mark.core
 def test_a_term_is_chosen_for_what_it_explains_together_with_those_before():
     rng = np.random.default_rng(0)
     x, v, other = rng.standard_normal((3, 400))
@@ -94,6 +96,7 @@ def test_a_term_is_chosen_for_what_it_explains_together_with_those_before():
     np.testing.assert_allclose(two, [20.0, -19.0, 0.0], atol=1e-9)
 
 
+@pytest.mark.core
 def test_columns_that_are_sums_of_the_terms_taken_are_no_terms():
     x, v = np.random.default_rng(0).standard_normal((2, 100))
     columns = np.column_stack([x, 3 * x, v, x - v])
@@ -130,6 +133,7 @@ def friction_that_grows_with_the_deflection():
     return hidden, ModelDiagnosis(hidden.prior).fit(hidden.X, hidden.y)
 
 
+@pytest.mark.core
 def test_what_has_no_name_is_placed_and_described(friction_that_grows_with_the_deflection):
     _, diagnosis = friction_that_grows_with_the_deflection
     assert diagnosis.verdict_ == "unexplained"
@@ -151,6 +155,7 @@ def test_its_formula_mends_the_model(friction_that_grows_with_the_deflection):
     assert mended.missing_ is None
 
 
+@pytest.mark.core
 def test_it_is_said_in_json_and_survives_pickling(friction_that_grows_with_the_deflection):
     _, diagnosis = friction_that_grows_with_the_deflection
     said = json.loads(json.dumps(diagnosis.to_dict(), allow_nan=False))["unexplained"]
@@ -159,6 +164,7 @@ def test_it_is_said_in_json_and_survives_pickling(friction_that_grows_with_the_d
     assert pickle.loads(pickle.dumps(diagnosis)).to_dict() == diagnosis.to_dict()
 
 
+@pytest.mark.core
 def test_the_report_shows_it(friction_that_grows_with_the_deflection, tmp_path):
     _, diagnosis = friction_that_grows_with_the_deflection
     diagnosis.to_html(tmp_path / "report.html")
