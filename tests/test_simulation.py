@@ -23,6 +23,7 @@ from sklearn_pgnn.simulation.record_windows import window_records
 from sklearn_pgnn.simulation.uncertainty import standard_errors
 from sklearn_pgnn.simulation.window_fit import (
     Freedom,
+    _bounded_step,
     expected_decrease,
     fit_windows,
     project,
@@ -425,15 +426,36 @@ def test_gradient_of_windows_is_the_derivative_of_their_squares():
         assert -2 * gram[:, j, -1].sum() == pytest.approx(slope / (2 * step), rel=1e-4)
 
 
-def test_slopes_beyond_reckoning_are_left_out_and_the_outputs_kept():
-    """In too large steps the outputs may stay in range while their slopes grow to 1e135."""
+def test_a_window_whose_outputs_are_made_of_rounding_is_lost():
+    """In too large steps outputs may stay in range while their slopes grow to 1e135."""
     model = PhysicsModel({"y": "V"}, {"y": "sin(c*y) + b*u"}, {"c": 1638.0, "b": 1.0}, {"u": "V"})
     t = np.arange(0, 8, 0.1)
     records = read_records(model, np.column_stack([t, np.sin(t)]), np.sin(t)[:, None])
     ground = window_records(model, records, window="trajectory")
+    # the last digit of the initial state decides what is simulated
+    runs = [model.simulate(t, np.sin(t), [x0]).y for x0 in (1.0, 1.0 + 1e-15)]
+    assert np.abs(runs[0] - runs[1]).max() > 10 * ground.windows.scale
     found = evaluate(model, ground.windows, np.ones((1, 1)), ("c", "b"))
-    assert np.isfinite(found.squares).all()
-    assert np.abs(found.gram[:, :-1]).max() < np.sqrt(np.finfo(float).max)
+    assert found.squares.tolist() == [np.inf]
+    assert not found.gram[:, :-1].any()
+
+
+@pytest.mark.parametrize("hessian", [[[-1e-20]], [[-1e35]], [[0.0]]])
+def test_what_rounding_has_made_of_a_hessian_moves_nothing(hessian):
+    step = _bounded_step(np.array(hessian), np.array([1e-3]), 0.0, np.array([-1.0]), np.ones(1))
+    assert step.tolist() == [0.0]
+
+
+def test_what_the_state_explains_but_for_rounding_is_not_seen():
+    """Slopes of 1e10 times the noise: their products round to more than all that is known."""
+    rng = np.random.default_rng(0)
+    state, own, residual = rng.normal(size=(3, 200))
+    hidden, seen = 1e10 * state, 1e10 * state + 1e5 * own
+    columns = np.stack([hidden, seen, 1e10 * (1 + 1e-3 * rng.random()) * state, residual], axis=1)
+    normal = project((columns.T @ columns)[None], 2, np.ones(1), np.zeros((1, 1)))
+    assert normal.hessian[0, 0, 0] == normal.gradient[0, 0] == normal.hessian[0, 0, 1] == 0.0
+    alone = own - state * (state @ own) / (state @ state)
+    assert normal.hessian[0, 1, 1] == pytest.approx(1e10 * alone @ alone, rel=1e-3)
 
 
 def test_a_tank_that_was_empty_does_not_hide_the_slopes():

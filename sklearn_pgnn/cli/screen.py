@@ -16,6 +16,7 @@ from sklearn_pgnn.inspection.words import (
     number,
     separation_sentence,
     share,
+    unusable_sentence,
     verdict_sentence,
 )
 
@@ -48,6 +49,8 @@ def tell(diagnosis, output: Path, *, quiet: bool) -> None:
     if not quiet:
         _tell_quality(console, diagnosis.data_quality_)
     _say(console, f"{VERDICTS[diagnosis.verdict_]}. {verdict_sentence(diagnosis)}", "bold")
+    if diagnosis.unusable_ and not quiet:
+        _say(console, unusable_sentence(diagnosis))
     if quiet:
         return
     for place, cause in enumerate(diagnosis.causes_, start=1):

@@ -102,8 +102,13 @@ class Beyond:
 
 def _best(search: Search, ground: Trial) -> Proposal | None:
     """Give the formula with the fewest terms among those as good as the best, of all channels."""
-    setting = search.fitter.setting
-    found = [p for channel in channels(setting.prior) for p in propose(setting, ground, channel)]
+    setting, progress, found = search.fitter.setting, search.fitter.progress, []
+    places = channels(setting.prior)
+    progress.begin("formula", len(places))
+    for channel in places:
+        with search.fitter.ledger.spare((ground.hypothesis, channel), "formula", channel):
+            found += propose(setting, ground, channel, progress.tick)
+        progress.step()
     if not found:
         return None
     best = min(found, key=lambda p: p.trial.squares)

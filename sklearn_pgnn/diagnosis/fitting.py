@@ -1,6 +1,7 @@
 """Fit hypotheses: sketched on some of the samples, fitted on all; remember what was fitted."""
 
 import itertools
+from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -15,13 +16,20 @@ from sklearn_pgnn.diagnosis.hypothesis import (
     held_parameters,
 )
 from sklearn_pgnn.diagnosis.lines import tones_left
+from sklearn_pgnn.diagnosis.progress import Progress
 from sklearn_pgnn.diagnosis.setting import ROUGH_WINDOWS, Rough, Setting, rough_windows, worst_first
 from sklearn_pgnn.diagnosis.signs import turn_poor_windows
+from sklearn_pgnn.diagnosis.unusable import BREAKDOWNS, Ledger, Unusable
 from sklearn_pgnn.diagnosis.window_offset import WindowOffset
 from sklearn_pgnn.physics.effect import Scales
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.state_estimate import unsigned_states
-from sklearn_pgnn.simulation.window_fit import WindowFit, expected_decrease, fit_windows
+from sklearn_pgnn.simulation.window_fit import (
+    WindowFit,
+    expected_decrease,
+    fit_windows,
+    lost_fit,
+)
 from sklearn_pgnn.simulation.windows import Windows
 
 #: causes, and the pairs of them whose order matters
@@ -44,6 +52,8 @@ POLISH_STEPS, POLISH_TOLERANCE = 3, 1e-9
 FOLDS, STRETCHES = 4, 8
 #: steps for the initial states alone, which are nearly linear
 PRIOR_STEPS = 8
+#: fits of a hypothesis that are no trials of it
+OFFSET, HELD_OUT = "with an offset", "held out"
 
 
 @dataclass(frozen=True)
@@ -63,8 +73,8 @@ class Trial:
 
     @property
     def squares(self) -> float:
-        """Sum of squared residuals in units of the noise."""
-        return self.fit.squares
+        """Sum of squared residuals in units of the noise; infinite if it cannot be fitted."""
+        return self.fit.squares if self.fit.usable else np.inf
 
     @property
     def pieces(self) -> np.ndarray:
@@ -106,14 +116,21 @@ class Sketch(Trial):
 class Fitter:
     """Fits hypotheses, each once.
 
+    Where numbers break down the fit is `lost_fit`: that hypothesis cannot be used, and nothing
+    else is touched.
+
     Parameters
     ----------
     setting : Setting
         The ground of the diagnosis.
+    progress : Progress, optional
+        Told of every step of a fit.
     """
 
-    def __init__(self, setting: Setting):
+    def __init__(self, setting: Setting, progress: Progress | None = None):
         self.setting = setting
+        self.progress = Progress() if progress is None else progress
+        self.ledger = Ledger()
         self._trials: dict[Key, Trial] = {}
         self._sketches: dict[Key, Sketch] = {}
         self._begun: dict[Key, float] = {}
@@ -136,13 +153,69 @@ class Fitter:
         }
         return replace(scales, tones=tones)
 
+    # -- where numbers break down --------------------------------------------------------------
+
+    @property
+    def unusable(self) -> tuple[Unusable, ...]:
+        """The suspects that could not be fitted, each with the reason."""
+        return self.ledger.entries()
+
+    def _fit_windows(
+        self,
+        spare: AbstractContextManager,
+        model,
+        windows: Windows,
+        free,
+        start: Start,
+        x0,
+        **options,
+    ) -> WindowFit:
+        """Fit a model; where numbers break down give what stands for one that cannot be fitted."""
+        fit = lost_fit(model, windows, free, x0)
+        with spare:
+            fit = fit_windows(
+                model,
+                windows,
+                free,
+                *start,
+                x0_start=x0,
+                each_step=self.progress.tick,
+                **options,
+            )
+        return fit
+
+    def _turn(self, hypothesis, fit: WindowFit, windows: Windows, start: Start, tolerance):
+        with self._spare(hypothesis):
+            fit = turn_poor_windows(fit, windows, *start, tolerance, self.progress.tick)
+        return fit
+
+    def _spare(self, hypothesis: Hypothesis, *what: str) -> AbstractContextManager:
+        """Go on where numbers break down, and note what hypothesis cannot be used."""
+        return self.ledger.spare((self.key(hypothesis), *what), *_suspect(hypothesis))
+
+    def _noted(self, hypothesis: Hypothesis, fit: WindowFit) -> WindowFit:
+        """Note whether a hypothesis could be fitted."""
+        key = (self.key(hypothesis),)
+        if fit.usable:
+            self.ledger.fitted(key)
+        else:
+            self.ledger.lost(key, *_suspect(hypothesis), reason=_why(fit))
+        return fit
+
     # -- on all windows ------------------------------------------------------------------------
 
     def prior(self) -> WindowFit:
         """Fit only the initial states, at the prior's parameters."""
         model = self.setting.prior
-        return fit_windows(
-            model, self.setting.windows, (), *self._start(model), max_steps=PRIOR_STEPS
+        start = self._start(model)
+        return self._fit_windows(
+            self._spare(Hypothesis()),
+            model,
+            self.setting.windows,
+            (),
+            start,
+            start.x0,
+            max_steps=PRIOR_STEPS,
         )
 
     def base(self) -> Trial:
@@ -186,12 +259,13 @@ class Fitter:
         """Fit a hypothesis on to its minimum, also along directions that records hardly see."""
         model, start = trial.fit.model, self._start(trial.fit.model)
         for x0 in (trial.fit.x0, start.x0):
-            fit = fit_windows(
+            fit = self._fit_windows(
+                self._spare(trial.hypothesis),
                 model,
                 self.setting.windows,
                 trial.fit.freedoms,
-                *start,
-                x0_start=x0,
+                start,
+                x0,
                 min_steps=POLISH_STEPS,
                 max_steps=100,
                 tolerance=POLISH_TOLERANCE,
@@ -216,17 +290,18 @@ class Fitter:
         x0 = start.x0 if beside is None else _carry_over(beside.fit, model, start.x0)
         if sketch is not None:
             x0[self.rough.which] = sketch.fit.x0
-        fit = fit_windows(
+        fit = self._fit_windows(
+            self._spare(hypothesis),
             model,
             self.setting.windows,
             free,
-            *start,
-            x0_start=x0,
+            start,
+            x0,
             states_first=sketch is not None,
             tolerance=TOLERANCE,
         )
-        fit = turn_poor_windows(fit, self.setting.windows, start.x0, start.spread, TOLERANCE)
-        return Trial(hypothesis, fit)
+        fit = self._turn(hypothesis, fit, self.setting.windows, start, TOLERANCE)
+        return Trial(hypothesis, self._noted(hypothesis, fit))
 
     def _start(self, model) -> Start:
         estimate = self.setting.states.estimate(model)
@@ -255,12 +330,20 @@ class Fitter:
     def _look(self, sketch: Sketch, hypothesis: Hypothesis, cause: Cause) -> Sketch:
         key = self.key(hypothesis)
         if key not in self._sketches:
-            model = self._best_start(sketch, hypothesis, cause)
-            look = self._sketch(hypothesis, model, sketch, max_steps=LOOK_STEPS)
-            if look.start is not sketch.start:  # states of its own: they go with its parameters
-                look = replace(look, start=self._rough_start(look.fit.model))
+            ground = sketch.fit
+            lost = lost_fit(ground.model, self.rough.windows, ground.freedoms, ground.x0)
+            look = Sketch(hypothesis, lost, sketch.start)
+            with self._spare(hypothesis):
+                look = self._first_look(sketch, hypothesis, cause)
             self._sketches[key] = look
         return replace(self._sketches[key], hypothesis=hypothesis)
+
+    def _first_look(self, sketch: Sketch, hypothesis: Hypothesis, cause: Cause) -> Sketch:
+        model = self._best_start(sketch, hypothesis, cause)
+        look = self._sketch(hypothesis, model, sketch, max_steps=LOOK_STEPS)
+        if look.start is not sketch.start:  # states of its own: they go with its parameters
+            look = replace(look, start=self._rough_start(look.fit.model))
+        return look
 
     def key(self, hypothesis: Hypothesis) -> Key:
         """Give what tells hypotheses apart: the causes, and their order where it matters.
@@ -307,7 +390,7 @@ class Fitter:
 
     def settle(self, sketch: Sketch, hopeless: float = np.inf) -> Sketch:
         """Follow a look to its end, or until it is clear that its objective stays hopeless."""
-        if sketch.settled:
+        if sketch.settled or not sketch.fit.usable:
             return sketch
         found = self._settle(
             sketch.hypothesis,
@@ -354,19 +437,20 @@ class Fitter:
     def _settle(self, hypothesis, model, x0, start, *, hopeless=np.inf, **options) -> Sketch:
         model, free = self._free(hypothesis, model)
         windows = self._rough_windows(model)
-        fit = fit_windows(
+        fit = self._fit_windows(
+            self._spare(hypothesis),
             model,
             windows,
             free,
-            *start,
-            x0_start=x0,
+            start,
+            x0,
             tolerance=SKETCH_TOLERANCE,
             hopeless=hopeless,
             **options,
         )
-        fit = turn_poor_windows(fit, windows, start.x0, start.spread, SKETCH_TOLERANCE)
+        fit = self._turn(hypothesis, fit, windows, start, SKETCH_TOLERANCE)
         settled = "max_steps" not in options and fit.objective <= hopeless
-        return Sketch(hypothesis, fit, start, settled)
+        return Sketch(hypothesis, self._noted(hypothesis, fit), start, settled)
 
     def _start_beside(self, model, beside: Sketch) -> Start:
         """Take over what is known of the initial states, if they are the same states."""
@@ -404,13 +488,13 @@ class Fitter:
         """Give the objective that some steps on a few windows promise, and the model there."""
         few, start = _telling(sketch), self._start_beside(model, sketch)
         model, free = self._free(hypothesis, model)
-        fit = fit_windows(
+        fit = self._fit_windows(
+            suppress(*BREAKDOWNS),  # another start may do
             model,
             self._rough_windows(model).select(few),
             tuple(freedom for freedom in free if freedom.name not in held),
-            start.x0[few],
-            start.spread,
-            x0_start=_carry_over(sketch.fit, model, start.x0)[few],
+            Start(start.x0[few], start.spread),
+            _carry_over(sketch.fit, model, start.x0)[few],
             max_steps=steps,
             tolerance=GLANCE_TOLERANCE,
         )
@@ -487,7 +571,7 @@ class Fitter:
                 fit, start = trial.fit, self._start(trial.fit.model)
             else:
                 fit, start = self.with_offset(trial, offset)
-            known[offset] = self._cross_validate(fit, start, folds)
+            known[offset] = self._cross_validate(trial.hypothesis, fit, start, folds)
         return known[offset]
 
     def with_offset(self, trial: Trial, target: str) -> tuple[WindowFit, Start]:
@@ -511,44 +595,60 @@ class Fitter:
         size = (scales.rate if target in trial.fit.model.states else scales.typical)[target]
         none = np.zeros((len(x0), 1))
         start = Start(np.hstack([x0, none]), np.append(spread, size))
-        fit = fit_windows(
+        fit = self._fit_windows(
+            self._spare(trial.hypothesis, OFFSET),
             WindowOffset(target).apply(trial.fit.model),
             self.setting.windows,
             trial.fit.freedoms,
-            *start,
-            x0_start=np.hstack([trial.fit.x0, none]),
+            start,
+            np.hstack([trial.fit.x0, none]),
             tolerance=SKETCH_TOLERANCE,
         )
         return fit, start
 
-    def _cross_validate(self, fit: WindowFit, start: Start, folds: np.ndarray) -> np.ndarray:
+    def _cross_validate(self, hypothesis, fit: WindowFit, start: Start, folds) -> np.ndarray:
         setting, windows = self.setting, self.setting.windows
         squares = np.zeros((len(windows), windows.pieces, windows.y.shape[1]))
         expected, spread = start
         for fold in np.unique(folds):
             inside, outside = folds == fold, folds != fold
-            learned = fit_windows(
+            learned = self._fit_windows(
+                self._spare(hypothesis, HELD_OUT),
                 fit.model,
                 windows.select(outside),
                 fit.freedoms,
-                expected[outside],
-                spread,
-                x0_start=fit.x0[outside],
+                Start(expected[outside], spread),
+                fit.x0[outside],
                 evaluation=fit.evaluation.select(outside),
                 min_steps=1,
                 tolerance=SKETCH_TOLERANCE,
             )
-            judged = fit_windows(
+            judged = self._fit_windows(
+                self._spare(hypothesis, HELD_OUT),
                 learned.model,
                 windows.select(inside),
                 (),
-                expected[inside],
-                spread,
-                x0_start=fit.x0[inside],
+                Start(expected[inside], spread),
+                fit.x0[inside],
                 tolerance=SKETCH_TOLERANCE,
             )
             squares[inside] = piece_squares(setting, judged, inside)
         return squares
+
+
+def _suspect(hypothesis: Hypothesis) -> tuple[str, str, str]:
+    """Name the cause that a hypothesis adds to others, by effect and target, and the others."""
+    if not hypothesis.causes:
+        return "", "", ""
+    *others, (effect, target) = hypothesis.causes
+    names = " and ".join(f"{kind.id} of {what}" for kind, what in others)
+    return effect.id, target, f" beside {names}" if names else ""
+
+
+def _why(fit: WindowFit) -> str:
+    """Say why a fit cannot be used, unless an error has said so."""
+    lost = np.count_nonzero(~np.isfinite(fit.evaluation.squares))
+    return f"its simulation diverges or is made of rounding in {lost} of {len(fit.x0)} windows"
 
 
 class _Glance(NamedTuple):

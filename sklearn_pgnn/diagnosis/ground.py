@@ -7,6 +7,7 @@ import numpy as np
 
 from sklearn_pgnn.diagnosis.fitting import Fitter, Trial, piece_squares
 from sklearn_pgnn.diagnosis.judge import is_fall
+from sklearn_pgnn.diagnosis.progress import Progress
 from sklearn_pgnn.diagnosis.setting import ROUGH_SAMPLES, Setting, longer, recut, shorter
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.physics.expressions import symbol
@@ -29,27 +30,29 @@ NEARER, SURE = 0.95, 3.0
 STEPS = 8
 
 
-def fit_window_length(setting: Setting) -> Fitter:
+def fit_window_length(setting: Setting, progress: Progress | None = None) -> Fitter:
     """Make windows as long as the re-tuned prior can follow, and as it forgets its start.
 
     Parameters
     ----------
     setting : Setting
         The ground with windows of the usual length.
+    progress : Progress, optional
+        Told of every step of a fit.
 
     Returns
     -------
     Fitter
         The fitter, on windows of the length that the records ask for.
     """
-    fitter = Fitter(setting)
+    fitter = Fitter(setting, progress)
     while fitter.base_error() > TOO_LARGE and (cut := shorter(fitter.setting)) is not None:
-        nearer = Fitter(cut)
+        nearer = Fitter(cut, progress)
         if nearer.base_error() > HELPS * fitter.base_error():
             break
         fitter = nearer
     while (joined := longer(fitter.setting)) is not None:
-        further = Fitter(joined)
+        further = Fitter(joined, progress)
         if not (_follows(fitter, further) or _forgets(fitter, further)):
             break
         fitter = further
@@ -91,7 +94,7 @@ def look_further(fitter: Fitter) -> Fitter | None:
     if times < LONGER:
         return None
     further = recut(setting, length, max(1, round(times * windows.pieces)))
-    return None if further is None else Fitter(further)
+    return None if further is None else Fitter(further, fitter.progress)
 
 
 def _slowest(fitter: Fitter) -> float:
@@ -149,11 +152,13 @@ def speaks_for_slopes(fitter: Fitter, trial: Trial) -> bool:
     setting, windows = fitter.setting, fitter.setting.windows
     some = np.arange(0, len(windows), -(-windows.lengths.sum() // ROUGH_SAMPLES))
     straight = replace(windows, hold="foh")
-    held, sloped = (_squares(replace(setting, windows=w), trial, some) for w in (windows, straight))
+    held, sloped = (
+        _squares(fitter, replace(setting, windows=w), trial, some) for w in (windows, straight)
+    )
     return sloped.sum() < NEARER * held.sum() and is_fall(held, sloped, SURE)
 
 
-def _squares(setting: Setting, trial: Trial, some: np.ndarray) -> np.ndarray:
+def _squares(fitter: Fitter, setting: Setting, trial: Trial, some: np.ndarray) -> np.ndarray:
     """Fit a hypothesis to some windows, from where it is, and give the squares of their pieces."""
     start = setting.states.estimate(trial.fit.model)
     fit = fit_windows(
@@ -164,5 +169,6 @@ def _squares(setting: Setting, trial: Trial, some: np.ndarray) -> np.ndarray:
         start.spread,
         x0_start=trial.fit.x0[some],
         max_steps=STEPS,
+        each_step=fitter.progress.tick,
     )
     return piece_squares(setting, fit, some).sum(axis=-1)

@@ -1,7 +1,9 @@
 """The diagnosis as an estimator: records in, verdict, causes and an extended model out."""
 
 import warnings
-from dataclasses import replace
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from numbers import Real
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +15,7 @@ from sklearn.utils.validation import check_is_fitted
 from sklearn_pgnn.diagnosis.beyond import Beyond
 from sklearn_pgnn.diagnosis.data_quality import check_data_quality, clipped_outputs
 from sklearn_pgnn.diagnosis.detectability import Bench, Detectability, detect_all
-from sklearn_pgnn.diagnosis.disturbance import find_disturbance
+from sklearn_pgnn.diagnosis.disturbance import Disturbance, find_disturbance
 from sklearn_pgnn.diagnosis.fitting import Fitter, Trial
 from sklearn_pgnn.diagnosis.ground import (
     check_prior,
@@ -24,6 +26,8 @@ from sklearn_pgnn.diagnosis.ground import (
 from sklearn_pgnn.diagnosis.hypothesis import Cause, Hypothesis, check_targets, possible_causes
 from sklearn_pgnn.diagnosis.injection import verified
 from sklearn_pgnn.diagnosis.judge import Rules
+from sklearn_pgnn.diagnosis.progress import Progress, TimeIsUp
+from sklearn_pgnn.diagnosis.record_flaws import Finding
 from sklearn_pgnn.diagnosis.records import keep_records
 from sklearn_pgnn.diagnosis.result import (
     NamedCause,
@@ -47,6 +51,7 @@ from sklearn_pgnn.simulation.record_windows import without_gaps
 from sklearn_pgnn.simulation.simulate import HOLDS, simulate_records
 from sklearn_pgnn.simulation.window_fit import WindowFit
 from sklearn_pgnn.trajectories import read_records, rows_in_order
+from sklearn_pgnn.trajectories.record import Record
 from sklearn_pgnn.trajectories.validation import check_model, validate_table
 
 #: what is left above the noise, as a share of the re-tuned prior's error power, when a cause
@@ -92,7 +97,11 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
     random_state : int, RandomState or None, default=0
         Draws the resampled windows of the gain's interval.
     progress : callable, optional
-        Called as ``progress(stage, done, total)`` while fitting.
+        Called as ``progress(stage, done, total)`` while fitting, before every step of every fit;
+        `done` is at most `total`.
+    time_limit : float, optional
+        Time [s] after which the best so far is taken. The re-tuned prior, and the held-out error
+        of what was found, are computed in any case.
 
     Attributes
     ----------
@@ -127,6 +136,12 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         What in the records stands in the way: clipping, lost samples, feedback, poor excitation.
     separations_ : tuple of Separation
         For causes that these records cannot tell apart, the experiments that would.
+    unusable_ : tuple of Unusable
+        Suspects that could not be fitted because numbers broke down: .effect, .target, .reason.
+    stopped_ : str or None
+        Why the diagnosis did not come to its end, and at what stage.
+    complete_ : bool
+        Whether the search came to its end; else what is said is the best so far.
     records_ : DiagnosisRecords
         The records and what the models make of them, for pictures.
     n_features_in_ : int
@@ -166,6 +181,7 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         n_jobs=None,
         random_state=0,
         progress=None,
+        time_limit=None,
     ):
         self.model = model
         self.catalogue = catalogue
@@ -180,6 +196,11 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         self.n_jobs = n_jobs
         self.random_state = random_state
         self.progress = progress
+        self.time_limit = time_limit
+
+    def __sklearn_is_fitted__(self):
+        """Return whether there is a verdict."""
+        return hasattr(self, "verdict_")
 
     def __sklearn_tags__(self):
         """Say that states may be NaN and that random numbers follow no physical model."""
@@ -207,13 +228,20 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         ------
         ValueError
             If X or y cannot be read as records of the model, or hold too little; if the model
-            cannot be simulated on them; if `hold` is none of its choices, or a target is
-            none of the model's.
+            cannot be simulated on them; if `hold` is none of its choices, a target is none of the
+            model's, or `time_limit` is no time.
+
+        Notes
+        -----
+        Where the search ends with an error of the program, or is interrupted, the best so far is
+        kept before the error is raised again: there is something to show if there is a `verdict_`,
+        and `stopped_` says why the search ended.
         """
         check_model(self.model)
         read_catalogue(self.catalogue)
         _check_hold(self.hold)
         check_targets(self.model, self.targets)
+        _check_time_limit(self.time_limit)
         if y is None:
             raise ValueError(
                 f"{type(self).__name__} requires y to be passed, but the target y is None."
@@ -222,26 +250,18 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         whole = read_records(self.model, X, y, time=self.time)
         records = without_gaps(whole, self.window)
         check_records(self.model, records)
-        found = self._investigate(records)
-        search, outcome, self.missing_, formula = found
-        fitter = search.fitter
-        self.verdict_ = _verdict(found)
-        self._keep(fitter, search, outcome)
-        self._warn_of_clocks(whole)
-        nameless = self.verdict_ == "unexplained" and self.missing_ is None
-        self.disturbance_ = find_disturbance(search.judge, outcome.final) if nameless else None
-        self.data_quality_ = check_data_quality(
-            fitter.setting,
-            [record.name for record in records],
-            whole,
-            outcome.base.fit,
-            outcome.final.fit,
-            formula,
-        )
-        self.records_ = keep_records(fitter, outcome, (record.name for record in records))
-        self.separations_ = self._separate()
-        self.causes_ = tuple(self._with_equivalent(cause) for cause in self.causes_)
         self._single_output = np.asarray(y).ndim == 1
+        self._forget()
+        names = [record.name for record in records]
+        best = _Best(Progress(self.progress, self.time_limit), names, whole)
+        try:
+            self._investigate(records, best)
+            self._keep(best)
+            self._conclude(best)
+        except (Exception, KeyboardInterrupt) as error:
+            self._rescue(best, error)
+            raise
+        self._warn_of_clocks(whole)
         return self
 
     def _warn_of_clocks(self, records) -> None:
@@ -258,32 +278,60 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
                 stacklevel=3,
             )
 
-    def _investigate(self, records) -> "_Found":
+    def _forget(self) -> None:
+        """Drop what an earlier fit has learned, so that it is not taken for this one's."""
+        for name in list(vars(self)):
+            if name.endswith("_") and name not in ("n_features_in_", "feature_names_in_"):
+                delattr(self, name)
+
+    def _rescue(self, best: "_Best", error: BaseException) -> None:
+        """Keep the best so far where an error ends the fit."""
+        best.progress.end(_said(error))
+        with suppress(Exception):  # what has failed once may fail again: the first error is raised
+            if not hasattr(self, "verdict_"):
+                self._keep(best)
+            self.stopped_: str | None = best.progress.ended
+
+    def _investigate(self, records, best: "_Best") -> None:
         """Search with inputs that run between samples as the user says, or else as records do."""
-        found = self._search(self._ground(records, "zoh" if self.hold == "auto" else self.hold))
-        if self.hold == "auto" and speaks_for_slopes(found.search.fitter, found.outcome.final):
-            again = self._search(self._ground(records, "foh"))
-            found = min(found, again, key=_error)
-        return self._further(found)
+        hold = "zoh" if self.hold == "auto" else self.hold
+        best.found = found = self._search(self._ground(records, hold, best), best)
+        with suppress(TimeIsUp):
+            if self.hold == "auto" and best.progress.ended is None:
+                best.progress.begin("inputs between samples")
+                if speaks_for_slopes(found.search.fitter, found.outcome.final):
+                    again = self._search(self._ground(records, "foh", best), best)
+                    best.found = min(found, again, key=_error)
+            self._further(best)
 
-    def _further(self, found: "_Found") -> "_Found":
+    def _further(self, best: "_Best") -> None:
         """Search again in longer windows what stays unexplained, if slow states are hidden."""
+        found = best.so_far()
         little = _verdict(found) == "unexplained" and _explained(found) < 1.0 - UNEXPLAINED
-        further = look_further(found.search.fitter) if little and self.window is None else None
-        return found if further is None else max(found, self._search(further), key=_explained)
+        if not little or self.window is not None or best.progress.ended:
+            return
+        best.progress.begin("longer windows")
+        further = look_further(found.search.fitter)
+        if further is not None:
+            best.found = max(found, self._search(further, best), key=_explained)
 
-    def _search(self, fitter: Fitter) -> "_Found":
+    def _search(self, fitter: Fitter, best: "_Best") -> "_Found":
         """Search the catalogue, and what it has no name for."""
         suspects = possible_causes(self.model, read_catalogue(self.catalogue), self.targets)
         rules = Rules(significance=self.significance, max_causes=self.max_causes)
         beyond = Beyond()
         shown = frozenset((SensorSaturation, output) for output in clipped_outputs(fitter.setting))
-        search = Search(fitter, suspects, rules, self.progress or _silent, beyond.is_enough, shown)
-        outcome, missing = beyond.judge(search, search.run())
+        best.progress.begin("suspects")
+        best.search = search = Search(fitter, suspects, rules, beyond.is_enough, shown)
+        outcome, missing = search.run(), None
+        with suppress(TimeIsUp):
+            if best.progress.ended is None:
+                outcome, missing = beyond.judge(search, outcome)
         return _Found(search, outcome, missing, beyond.fit)
 
-    def _ground(self, records, hold: str) -> Fitter:
+    def _ground(self, records, hold: str, best: "_Best") -> Fitter:
         """Cut the records into windows, as long as the user or the records say."""
+        best.progress.begin("reading the records")
         setting = make_setting(
             self.model,
             records,
@@ -293,14 +341,24 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
             substeps=self.substeps,
             threads=effective_n_jobs(self.n_jobs),
         )
-        fitter = Fitter(setting) if self.window is not None else fit_window_length(setting)
-        check_prior(fitter, [record.name for record in records])
+        best.progress.begin("window length")
+        if self.window is None:
+            fitter = fit_window_length(setting, best.progress)
+        else:
+            fitter = Fitter(setting, best.progress)
+        check_prior(fitter, best.names)
         return fitter
 
-    def _keep(self, fitter: Fitter, search: Search, outcome: Outcome) -> None:
-        """Turn the outcome of the search into learned attributes."""
-        setting, final = fitter.setting, outcome.final
+    def _keep(self, best: "_Best") -> None:
+        """Turn the best so far into learned attributes; the verdict, the last, says it is whole."""
+        best.progress.counts = False
+        best.progress.begin("held-out error")
+        found = best.so_far()
+        search, outcome = found.search, found.outcome
+        fitter, final = search.fitter, outcome.final
+        setting = fitter.setting
         errors = parameter_errors(setting, final)
+        self.missing_ = found.missing
         self.causes_ = name_causes(fitter, outcome, search.judge.folds, errors)
         self.gain_ = measure_gain(
             fitter, outcome, search.judge.folds, np.random.default_rng(_seed(self.random_state))
@@ -312,18 +370,59 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         self.substeps_, self.hold_ = setting.windows.substeps, setting.windows.hold
         tried = [Tried(e.id, target, float(left)) for (e, target), left in outcome.tried.items()]
         self.tried_ = tuple(sorted(tried, key=lambda suspect: suspect.left))
+        self.records_ = keep_records(fitter, outcome, best.names)
+        self.disturbance_: Disturbance | None = None
+        self.data_quality_: tuple[Finding, ...] = ()
+        self.separations_: tuple[Separation, ...] = ()
+        self.unusable_, self.complete_ = fitter.unusable, outcome.complete
+        self.stopped_ = best.progress.ended
+        self.verdict_ = _verdict(found)  # the last: it says that all is there
 
-    def _separate(self) -> tuple[Separation, ...]:
+    def _conclude(self, best: "_Best") -> None:
+        """Find what else there is to say, as far as the time allows."""
+        progress, ledger = best.progress, best.so_far().search.fitter.ledger
+        progress.counts = True
+        with suppress(TimeIsUp):
+            for stage, what in (
+                ("disturbance from outside", self._find_disturbance),
+                ("quality of the records", self._check_data_quality),
+                ("experiments that separate", self._separate),
+            ):
+                if progress.ended is None:
+                    progress.begin(stage)
+                    with ledger.spare(stage, stage, ""):
+                        what(best)
+        self.unusable_, self.stopped_ = ledger.entries(), progress.ended
+
+    def _find_disturbance(self, best: "_Best") -> None:
+        if self.verdict_ == "unexplained" and self.missing_ is None:
+            found = best.so_far()
+            self.disturbance_ = find_disturbance(found.search.judge, found.outcome.final)
+
+    def _check_data_quality(self, best: "_Best") -> None:
+        search, outcome, _, formula = best.so_far()
+        self.data_quality_ = check_data_quality(
+            search.fitter.setting,
+            best.names,
+            best.whole,
+            outcome.base.fit,
+            outcome.final.fit,
+            formula,
+        )
+
+    def _separate(self, best: "_Best") -> None:
         """Tell every cause from those that are the same, and from the first that is not."""
-        found = []
         for cause in self.causes_:
             mine, others = self._cause(cause), cause.confused_with
             same = [o for o in others if are_same(self.records_, mine, self._cause(o))]
             rest = [other for other in others if other not in same]
             for other in [*same, *rest[:1]]:
-                whole = self.separating_experiment(cause, other)
-                found.append(replace(whole, experiments=whole.experiments[:SHOWN]))
-        return tuple(found)
+                theirs, tick = self._cause(other), best.progress.tick
+                whole = separate(self.records_, mine, theirs, each_step=tick)
+                shown = replace(whole, experiments=whole.experiments[:SHOWN])
+                self.separations_ = (*self.separations_, shown)
+                best.progress.step()
+        self.causes_ = tuple(self._with_equivalent(cause) for cause in self.causes_)
 
     def _with_equivalent(self, cause: NamedCause) -> NamedCause:
         """Note which causes are the same as one, so that no record tells them apart."""
@@ -396,6 +495,9 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
             "gain": {name: plain(gain) for name, gain in self.gain_.items()},
             "unexplained": None if self.missing_ is None else self.missing_.to_dict(),
             "disturbance": None if self.disturbance_ is None else plain(self.disturbance_),
+            "unusable": [plain(suspect) for suspect in self.unusable_],
+            "stopped": self.stopped_,
+            "complete": self.complete_,
             "window": self.window_,
             "hold": self.hold_,
         }
@@ -567,6 +669,39 @@ class _Found(NamedTuple):
     formula: WindowFit | None
 
 
+@dataclass
+class _Best:
+    """The best result so far, for an end that comes early.
+
+    Parameters
+    ----------
+    progress : Progress
+        Where the diagnosis stands.
+    names : list of str
+        What the records are called.
+    whole : tuple of Record
+        The records as they were given, gaps included.
+    found : _Found, optional
+        What a search has found that came to its end.
+    search : Search, optional
+        The search that runs, or the last.
+    """
+
+    progress: Progress
+    names: list[str]
+    whole: tuple[Record, ...]
+    found: _Found | None = None
+    search: Search | None = None
+
+    def so_far(self) -> _Found:
+        """Return what was found, by a search that did not come to its end if there is no other."""
+        if self.found is None:
+            if self.search is None:
+                raise LookupError("no search has begun")
+            self.found = _Found(self.search, self.search.so_far(), None, None)
+        return self.found
+
+
 def _verdict(found: _Found) -> str:
     """Say in a word what a search came to."""
     judge, outcome = found.search.judge, found.outcome
@@ -599,15 +734,23 @@ def _check_hold(hold) -> None:
         raise OptionError(f"hold: expected one of auto, {', '.join(HOLDS)}, got {hold!r}.")
 
 
+def _check_time_limit(limit) -> None:
+    if limit is not None and not (isinstance(limit, Real) and float(limit) > 0):
+        raise OptionError(f"time_limit: expected a time above 0 s or None, got {limit!r}.")
+
+
+def _said(error: BaseException) -> str:
+    """Say in short what ended a fit."""
+    if isinstance(error, KeyboardInterrupt):
+        return "interrupted"
+    return f"unexpected {type(error).__name__}: {error}"
+
+
 def _check_detectability(power, noise) -> None:
     if not 0 < power < 1:
         raise ValueError(f"power: expected a number between 0 and 1, got {power!r}.")
     if noise not in ("residual", "white"):
         raise ValueError(f"noise: expected 'residual' or 'white', got {noise!r}.")
-
-
-def _silent(stage: str, done: int, total: int) -> None:
-    """Show nothing."""
 
 
 def _seed(random_state) -> int:

@@ -10,6 +10,7 @@ window's initial state, and the changes of the outputs :math:`E` that a cause br
 fitted alone, and by each of its own parameters.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
@@ -28,7 +29,10 @@ ROUNDING = 1e-9
 
 
 def foretell_pairs(
-    ground: Sketch, alone: list[Sketch], windows: Windows
+    ground: Sketch,
+    alone: list[Sketch],
+    windows: Windows,
+    tick: Callable[[], None] = lambda: None,
 ) -> list[tuple[float, Cause, Cause]]:
     """Rank pairs of causes by the squares they are expected to leave.
 
@@ -40,13 +44,15 @@ def foretell_pairs(
         Its extensions by one cause.
     windows : Windows
         The windows of the sketches.
+    tick : callable, optional
+        Called before every simulation.
 
     Returns
     -------
     list of (float, cause, cause)
         Expected sum of squares and the two causes, the better pairs first.
     """
-    view = _View(windows, ground.fit)
+    view = _View(windows, ground.fit, tick)
     tuned = [view.slope(ground.fit, freedom.name) for freedom in ground.fit.freedoms]
     known = view.without_states(np.column_stack([view.residual, *tuned]))
     blocks = {
@@ -83,6 +89,7 @@ class _View:
 
     windows: Windows
     fit: WindowFit
+    tick: Callable[[], None]
 
     @property
     def residual(self) -> np.ndarray:
@@ -94,10 +101,17 @@ class _View:
         return np.nan_to_num(values[rows] / self.windows.scale).ravel()
 
     def change(self, fit: WindowFit, model, x0) -> np.ndarray:
-        """Give by how much the outputs change with the model and the initial states."""
+        """Give by how much the outputs change with the model and the initial states.
+
+        A window that is lost speaks for no change.
+        """
+        self.tick()
         wrt = tuple(freedom.name for freedom in fit.freedoms)
-        moved = evaluate(model, self.windows, x0, wrt).residual
-        return self.flat(fit.evaluation.residual - moved)
+        moved = evaluate(model, self.windows, x0, wrt)
+        known = np.repeat(
+            np.isfinite(moved.squares), self.windows.lengths * self.windows.y.shape[1]
+        )
+        return np.where(known, self.flat(fit.evaluation.residual - moved.residual), 0.0)
 
     def slope(self, fit: WindowFit, name: str) -> np.ndarray:
         """Give the direction in which a parameter moves the outputs, within its bounds."""

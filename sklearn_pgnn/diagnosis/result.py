@@ -140,7 +140,7 @@ def parameter_errors(setting: Setting, trial: Trial) -> dict[str, float]:
     fit, estimate = trial.fit, setting.states.estimate(trial.fit.model)
     expected = estimate.x[setting.windows.starts], estimate.spread
     errors, held = standard_errors(fit, *expected), held_freedoms(setting, trial.hypothesis)
-    if not held or not np.isfinite(fit.objective):
+    if not held or not fit.usable:
         return errors
     more = errors_by_held(fit, setting.windows, held, *expected)
     return {name: math.hypot(error, more[name]) for name, error in errors.items()}
@@ -180,6 +180,8 @@ def _estimates(setting, trial: Trial, cause: Cause, errors) -> dict[str, Estimat
 def _gain_percent(fitter, before: Trial, after: Trial, folds) -> float:
     worse = fitter.held_out(before, folds).sum()
     better = fitter.held_out(after, folds).sum()
+    if not np.isfinite(worse):  # without it the records cannot be followed at all
+        return 100.0 if np.isfinite(better) else np.nan
     return float(100.0 * (1.0 - np.sqrt(better / worse)))
 
 
@@ -236,8 +238,12 @@ def measure_gain(fitter: Fitter, outcome: Outcome, folds, random_state) -> dict[
 
 def explained_share(before, after, noise):
     """Give the share of the error power above the noise that is gone, between 0 and 1."""
-    above = np.maximum(np.asarray(before) - noise**2, 1e-12 * np.maximum(before, 1e-300))
-    return np.clip((np.asarray(before) - after) / above, 0.0, 1.0)
+    before, after = np.asarray(before), np.asarray(after)
+    known = np.isfinite(before) & np.isfinite(after)
+    finite = np.where(known, before, 1.0)
+    above = np.maximum(finite - noise**2, 1e-12 * np.maximum(finite, 1e-300))
+    share = np.clip((finite - np.where(known, after, 1.0)) / above, 0.0, 1.0)
+    return np.where(known, share, np.isfinite(after))
 
 
 def plain(value) -> dict:

@@ -1,6 +1,7 @@
 """Search for what is missing: forward choice, backward elimination, a held-out decision."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -10,6 +11,7 @@ from sklearn_pgnn.diagnosis.fitting import Fitter, Key, Sketch, Trial, objective
 from sklearn_pgnn.diagnosis.hypothesis import Cause, count_parameters, resemble, same_causes
 from sklearn_pgnn.diagnosis.judge import Judge, Rules, n_parameters
 from sklearn_pgnn.diagnosis.pairs import foretell_pairs
+from sklearn_pgnn.diagnosis.progress import TimeIsUp
 from sklearn_pgnn.physics.effects import WrongParameter
 
 #: pairs of suspects that are looked at on top of a hypothesis, the most promising first
@@ -37,6 +39,8 @@ class Outcome:
         Noise left by the best fit, in units of the setting's noise.
     tried : dict
         Every cause tried alone, and the error power it leaves relative to the base.
+    complete : bool, default=True
+        Whether the search came to its end.
     """
 
     base: Trial
@@ -44,6 +48,7 @@ class Outcome:
     alternatives: dict[Cause, tuple[Cause, ...]]
     noise: np.ndarray
     tried: dict[Cause, float] = field(default_factory=dict)
+    complete: bool = True
 
     @property
     def final(self) -> Trial:
@@ -62,21 +67,25 @@ class Search:
         The causes to think of.
     rules : Rules
         When a difference counts.
-    progress : callable
-        Called as ``progress(stage, done, total)``.
     is_beyond : callable, optional
         Asked ``is_beyond(search, trial)`` where causes leave something; the search ends where the
         answer is yes.
     shown : frozenset of (effect class, target), default=frozenset()
         Causes that the records show by themselves.
+
+    Attributes
+    ----------
+    current : Trial
+        The best hypothesis so far.
     """
+
+    current: Trial
 
     def __init__(
         self,
         fitter: Fitter,
         suspects: tuple[Cause, ...],
         rules: Rules,
-        progress: Callable[[str, int, int], None],
         is_beyond: Callable[["Search", Trial], bool] | None = None,
         shown: frozenset[Cause] = frozenset(),
     ):
@@ -85,11 +94,12 @@ class Search:
         self.same = same_causes(fitter.setting.prior, suspects)
         self.suspects = tuple(self.same)
         self.judge = Judge(fitter, rules, shown)
-        self.progress = progress
+        self.progress = fitter.progress
+        self._tried: dict[Cause, float] = {}
         self._grounds: dict[Key, tuple[Sketch, list[Sketch]]] = {}
 
     def run(self) -> Outcome:
-        """Find what is missing.
+        """Find what is missing, or as much of it as the time allows.
 
         Returns
         -------
@@ -98,28 +108,68 @@ class Search:
         """
         base = self.fitter.base()
         self.judge.learn_noise(base)
-        current, tried = base, {}
-        while len(current.hypothesis.causes) < self.judge.rules.max_causes:
+        self.current = base
+        self.progress.counts = True
+        with suppress(TimeIsUp):
+            self._go_forward()
+            self._mend()
+            return self._outcome(self._alternatives)
+        return self.so_far()
+
+    def so_far(self) -> Outcome:
+        """Return the best hypothesis so far, compared with what was looked at already.
+
+        Returns
+        -------
+        Outcome
+            The outcome of a search that did not come to its end.
+        """
+        return replace(self._outcome(self._seen_as_good), complete=False)
+
+    def _outcome(self, alternatives: Callable[[Trial, Cause], tuple[Cause, ...]]) -> Outcome:
+        base, final, found = self.fitter.base(), self.current, {}
+        causes = final.hypothesis.causes
+        self.progress.begin("order of causes", len(causes))
+        steps = self._in_order(base, final)
+        self.progress.begin("alternatives", len(causes))
+        for cause in causes:
+            found[cause] = alternatives(final, cause)
+            self.progress.step()
+        return Outcome(base, steps, found, self.judge.noise(final), self._of_all(self._tried))
+
+    def _go_forward(self) -> None:
+        """Add causes while they help, and drop those that become needless."""
+        base = self.current
+        while len(self.current.hypothesis.causes) < self.judge.rules.max_causes:
             if (
-                self.judge.is_at_noise(current)
-                or self.fitter.key(current.hypothesis) in self._grounds
+                self.judge.is_at_noise(self.current)
+                or self.fitter.key(self.current.hypothesis) in self._grounds
             ):
                 break
-            if current is not base and self.is_beyond and self.is_beyond(self, current):
+            if self.current is not base and self.is_beyond and self.is_beyond(self, self.current):
                 break
-            scouted = self._scout(current)
-            if current is base:
-                tried = self._shares_left(base, scouted)
-            best = self._shown(current) or self._decide(current, scouted)
-            best = best or self._look_back(current)
+            best = self._next(self.current)
             if best is None:
                 break
-            current = self._eliminate(best)
-        current = self._confirmed(self._split(self._swap(current, tried), tried))
-        base = self.fitter.base()
-        steps = self._in_order(base, current)
-        alternatives = {c: self._alternatives(current, c, tried) for c in current.hypothesis.causes}
-        return Outcome(base, steps, alternatives, self.judge.noise(current), self._of_all(tried))
+            self.current = best
+            self.progress.begin("needless causes", len(best.hypothesis.causes))
+            self.current = self._eliminate(best)
+
+    def _next(self, current: Trial) -> Trial | None:
+        """Return a hypothesis with one cause more, or with several that the records show."""
+        scouted = self._scout(current)
+        self.progress.begin(f"{_next_cause(current)}, held out", JUDGED)
+        best = self._shown(current) or self._decide(current, scouted)
+        return best or self._look_back(current)
+
+    def _mend(self) -> None:
+        """Replace causes, split them and fit them to their end."""
+        self.progress.begin("replacing causes")
+        self.current = self._swap(self.current)
+        self.progress.begin("splitting causes")
+        self.current = self._split(self.current)
+        self.progress.begin("last fit")
+        self.current = self._confirmed(self.current)
 
     def _confirmed(self, trial: Trial) -> Trial:
         """Fit the causes to their end, and judge once more the one that stands alone."""
@@ -136,14 +186,17 @@ class Search:
     def _scout(self, current: Trial) -> list[Sketch]:
         """Sketch every suspect on top of the current hypothesis, the best to their end."""
         left = [c for c in self.suspects if current.hypothesis.allows(c)]
-        stage, ground = f"cause {len(current.hypothesis.causes) + 1}", self.fitter.sketch(current)
-        looks = []
-        for done, cause in enumerate(left):
-            self.progress(stage, done, len(left))
+        self.progress.begin(_next_cause(current), 2 * len(left))
+        ground, looks, alone = self.fitter.sketch(current), [], not current.hypothesis.causes
+        for cause in left:
             looks.append(self.fitter.look(ground, cause))
-        self.progress(stage, len(left), len(left))
+            if alone:
+                self._tried |= _shares_left(ground, looks[-1:])
+            self.progress.step()
         scouted = self._settle(ground, looks)
         self._grounds[self.fitter.key(current.hypothesis)] = ground, scouted
+        if alone:
+            self._tried = _shares_left(ground, scouted)
         return scouted
 
     def _settle(self, ground: Sketch, looks: list[Sketch]) -> list[Sketch]:
@@ -153,12 +206,8 @@ class Search:
             half = np.inf if place < JUDGED else (ground.fit.objective + best) / 2
             found.append(self.fitter.settle(look, hopeless=half))
             best = min(best, found[-1].fit.objective)
-        return sorted((s for s in found if np.isfinite(s.squares)), key=objective_of)
-
-    def _shares_left(self, base: Trial, scouted: list[Sketch]) -> dict[Cause, float]:
-        """Give the share of the error power that every suspect leaves."""
-        before = self.fitter.sketch(base).squares
-        return {sketch.hypothesis.causes[-1]: sketch.squares / before for sketch in scouted}
+            self.progress.step()
+        return _usable(found)
 
     def _shown(self, current: Trial) -> Trial | None:
         """Add the causes that the records show by themselves, to a hypothesis without causes."""
@@ -167,7 +216,7 @@ class Search:
             if cause in self.judge.shown:
                 look = self.fitter.look(self.fitter.sketch(trial), cause)
                 further = self._complete(self.fitter.settle(look), trial)
-                trial = further if np.isfinite(further.squares) else trial
+                trial = further if further.fit.usable else trial
         return trial if trial is not current else None
 
     def _decide(self, current: Trial, scouted: list[Sketch]) -> Trial | None:
@@ -179,7 +228,12 @@ class Search:
             if self.judge.may_gain(ground, s) or self.judge.may_simplify(ground, s)
         ]
         for _ in range(min(JUDGED, len(left))):
-            trials = [self._complete(sketch, current) for sketch in self._contenders(left)]
+            contenders = self._contenders(left)
+            trials = _usable([self._complete(sketch, current) for sketch in contenders])
+            self.progress.step()
+            if not trials:
+                left = [sketch for sketch in left if sketch not in contenders]
+                continue
             best = self._simplest_of_the_best(trials)
             current = self.fitter.retry(current, best)
             if self.judge.is_simpler(current, best) or self.judge.is_gain(current, best):
@@ -191,22 +245,44 @@ class Search:
 
     def _look_back(self, current: Trial) -> Trial | None:
         """Look again where no suspect helps: to the end, at pairs, and at earlier hypotheses."""
+        self.progress.begin("second look", sum(len(alone) for _, alone in self._grounds.values()))
         for key, (ground, alone) in self._grounds.items():
-            settled = [self.fitter.settle(sketch) for sketch in alone]
-            self._grounds[key] = ground, sorted(settled, key=objective_of)
+            self._grounds[key] = ground, self._settle_all(alone)
         _, alone = self._grounds[self.fitter.key(current.hypothesis)]
-        return self._decide(current, alone) or self._decide(current, self._pairs())
+        best = self._decide(current, alone)
+        if best is None:
+            self.progress.begin("pairs", 2 * PAIRS * len(self._grounds))
+            best = self._decide(current, self._pairs())
+        return best
+
+    def _settle_all(self, looks: list[Sketch], hopeless: float = np.inf) -> list[Sketch]:
+        """Follow looks to their end, or until it is clear that they stay hopeless."""
+        found = []
+        for look in looks:
+            found.append(self.fitter.settle(look, hopeless))
+            self.progress.step()
+        return _usable(found)
+
+    def _look_at(self, pairs: list[tuple[Sketch, Cause]]) -> list[Sketch]:
+        """Take a first look at one cause more on top of each sketch."""
+        looks = []
+        for sketch, cause in pairs:
+            looks.append(self.fitter.look(sketch, cause))
+            self.progress.step()
+        return looks
 
     def _pairs(self) -> list[Sketch]:
         """Sketch the pairs that promise most on top of what was scouted, the best first."""
         found = []
         for ground, alone in self._grounds.values():
-            if len(ground.hypothesis.causes) <= self.judge.rules.max_causes - 2:
-                ranked = foretell_pairs(ground, alone, self.fitter.rough.windows)
+            room = len(ground.hypothesis.causes) <= self.judge.rules.max_causes - 2
+            if room and ground.fit.usable:
+                tick = self.progress.tick
+                ranked = foretell_pairs(ground, alone, self.fitter.rough.windows, tick)
                 first = {sketch.hypothesis.causes[-1]: sketch for sketch in alone}
                 allowed = [(a, b) for _, a, b in ranked if first[a].hypothesis.allows(b)]
                 pairs = [self._ordered(first, a, b) for a, b in allowed[:PAIRS]]
-                found += self._settle(ground, [self.fitter.look(*pair) for pair in pairs])
+                found += self._settle(ground, self._look_at(pairs))
         return sorted(found, key=objective_of)
 
     @staticmethod
@@ -220,7 +296,7 @@ class Search:
 
     def _complete(self, sketch: Sketch, beside: Trial) -> Trial:
         trial = self.fitter.complete(sketch, beside)
-        if np.isfinite(trial.squares):
+        if trial.fit.usable:
             self.judge.learn_noise(trial)
         return trial
 
@@ -261,65 +337,64 @@ class Search:
                     return without
         return None
 
-    def _swap(self, trial: Trial, tried) -> Trial:
+    def _swap(self, trial: Trial) -> Trial:
         """Put another cause in a cause's place where that is clearly better, or simpler."""
         if len(trial.hypothesis.causes) < 2:
             return trial
         for cause in self._open_to_doubt(trial):
-            for sketch in self._replacements(trial, cause, tried):
+            for sketch in self._replacements(trial, cause):
                 swapped = self._complete(sketch, trial)
                 if self.judge.says_it_better(trial, swapped):
-                    return self._swap(self._eliminate(swapped), tried)
+                    return self._swap(self._eliminate(swapped))
         return trial
 
     def _open_to_doubt(self, trial: Trial) -> list[Cause]:
         """Name the causes of a hypothesis that the records do not show by themselves."""
         return [cause for cause in trial.hypothesis.causes if cause not in self.judge.shown]
 
-    def _replacements(self, trial: Trial, cause: Cause, tried) -> list[Sketch]:
+    def _replacements(self, trial: Trial, cause: Cause) -> list[Sketch]:
         """Sketch the suspects that may stand in a cause's place, the best first."""
         sketch = self.fitter.sketch(trial)
         without = self.fitter.reduce(sketch, cause)
-        others = self._rivals(without, cause, tried)
         needed = 0.8 * sketch.fit.objective + 0.2 * without.fit.objective
-        looks = [self.fitter.look(without, other) for other in others]
-        found = [self.fitter.settle(look, hopeless=needed) for look in looks]
-        near = [s for s in found if np.isfinite(s.squares) and not self.judge.is_beaten(s, sketch)]
-        return sorted(near, key=objective_of)
+        looks = self._look_at([(without, other) for other in self._rivals(without, cause)])
+        found = self._settle_all(looks, hopeless=needed)
+        return [s for s in found if not self.judge.is_beaten(s, sketch)]
 
-    def _rivals(self, without: Sketch, cause: Cause, tried) -> list[Cause]:
+    def _rivals(self, without: Sketch, cause: Cause) -> list[Cause]:
         """Name the suspects that explain a share of what a cause does alone, or stand with others.
 
         Beside others, what a suspect explains alone says little.
         """
-        enough = 0.3 * (1.0 - tried.get(cause, 1.0)) if not without.hypothesis.causes else 0.0
+        alone = not without.hypothesis.causes
+        enough = 0.3 * (1.0 - self._tried.get(cause, 1.0)) if alone else 0.0
         return [
             other
-            for other, left in tried.items()
+            for other, left in self._tried.items()
             if other != cause and without.hypothesis.allows(other) and 1.0 - left >= enough
         ]
 
-    def _split(self, trial: Trial, tried) -> Trial:
+    def _split(self, trial: Trial) -> Trial:
         """Let parts of a cause stand on their own where that says the same with fewer numbers."""
-        for ground in (trial, *self._equals(trial, tried)):
+        for ground in (trial, *self._equals(trial)):
             sketch = self.fitter.sketch(ground)
             aparts = [a for cause in ground.hypothesis.causes for a in self._apart(sketch, cause)]
             for apart in sorted(aparts, key=n_parameters):
                 if n_parameters(apart) < n_parameters(trial):
                     split = self.fitter.complete(apart, ground)
-                    if np.isfinite(split.squares) and self.judge.as_good(trial, split):
+                    if split.fit.usable and self.judge.as_good(trial, split):
                         return self._eliminate(split)
         return trial
 
-    def _equals(self, trial: Trial, tried) -> list[Trial]:
+    def _equals(self, trial: Trial) -> list[Trial]:
         """Give what is as good with another cause in one's place, if any cause has parts."""
         causes = trial.hypothesis.causes
         if len(causes) < 2 or not any(effect.generalises for effect, _ in causes):
             return []
         open_to_doubt = self._open_to_doubt(trial)
-        sketches = [s for c in open_to_doubt for s in self._replacements(trial, c, tried)]
+        sketches = [s for c in open_to_doubt for s in self._replacements(trial, c)]
         swapped = [self._complete(sketch, trial) for sketch in sketches]
-        return [s for s in swapped if np.isfinite(s.squares) and self.judge.as_good(trial, s)]
+        return [s for s in swapped if s.fit.usable and self.judge.as_good(trial, s)]
 
     def _apart(self, sketch: Sketch, cause: Cause) -> list[Sketch]:
         """Sketch a cause beside a part of it, and its special cases without it."""
@@ -339,18 +414,18 @@ class Search:
 
     # -- result --------------------------------------------------------------------------------
 
-    def _alternatives(self, trial: Trial, cause: Cause, tried) -> tuple[Cause, ...]:
+    def _alternatives(self, trial: Trial, cause: Cause) -> tuple[Cause, ...]:
         """Give the causes that would explain the records as well in a cause's place."""
         without = self._complete(self.fitter.reduce(self.fitter.sketch(trial), cause), trial)
         if not self.judge.is_better(without, trial):
             return self.same[cause]
-        exact, found = self._exact(without, cause, tried), []
-        for sketch in self._replacements(trial, cause, tried):
+        exact, found = self._exact(without, cause), []
+        for sketch in self._replacements(trial, cause):
             other = sketch.hypothesis.causes[-1]
             if other in exact or count_parameters(other) > count_parameters(cause):
                 continue
             swapped = self.fitter.complete(sketch, trial)
-            if np.isfinite(swapped.squares) and not self.judge.is_better(swapped, trial):
+            if swapped.fit.usable and not self.judge.is_better(swapped, trial):
                 found.append((swapped.squares, other))
         others = [*exact, *(other for _, other in sorted(found, key=lambda item: item[0]))]
         others += [other for other in self._too_small(trial, cause) if other not in others]
@@ -362,7 +437,7 @@ class Search:
         rest = trial.hypothesis.without(cause)
         return [o for o in self.suspects if rest.allows(o) and resemble(setting, model, cause, o)]
 
-    def _exact(self, without: Trial, cause: Cause, tried) -> list[Cause]:
+    def _exact(self, without: Trial, cause: Cause) -> list[Cause]:
         """Name the causes that are the same as one in the equations, beside the others.
 
         Alone they explain the same, too; only such causes are looked at.
@@ -370,14 +445,29 @@ class Search:
         model, hypothesis = without.fit.model, without.hypothesis
         return [
             other
-            for other, left in tried.items()
+            for other, left in self._tried.items()
             if other != cause
             and hypothesis.allows(other)
             and count_parameters(other) == count_parameters(cause) == 1
-            and abs(left - tried.get(cause, np.inf)) <= ALIKE * (1.0 - left)
+            and abs(left - self._tried.get(cause, np.inf)) <= ALIKE * (1.0 - left)
             and all(len(self.fitter.orders(hypothesis, c)) == 1 for c in (cause, other))
-            and are_equivalent(model, cause, other, retuned=False)
+            and self._equivalent(model, cause, other)
         ]
+
+    def _equivalent(self, model, cause: Cause, other: Cause) -> bool:
+        self.progress.tick()
+        return are_equivalent(model, cause, other, retuned=False)
+
+    def _seen_as_good(self, trial: Trial, cause: Cause) -> tuple[Cause, ...]:
+        """Name the suspects that first looks do not show to be worse in a cause's place."""
+        key = self.fitter.key(trial.hypothesis.without(cause))
+        looks = {s.hypothesis.causes[-1]: s for s in self._grounds.get(key, (None, ()))[1]}
+        others = [
+            other
+            for other, look in looks.items()
+            if cause in looks and other != cause and not self.judge.is_beaten(look, looks[cause])
+        ]
+        return (*self.same[cause], *(c for other in others for c in (other, *self.same[other])))
 
     def _in_order(self, base: Trial, final: Trial) -> list[Trial]:
         """Add the causes of the final hypothesis one by one, the most telling first."""
@@ -394,3 +484,19 @@ class Search:
             left.remove(trial.hypothesis.causes[-1])
             steps.append(trial)
         return steps
+
+
+def _next_cause(current: Trial) -> str:
+    """Name the stage in which a hypothesis is extended."""
+    return f"cause {len(current.hypothesis.causes) + 1}"
+
+
+def _usable(trials: list) -> list:
+    """Return the trials that could be fitted, the best first."""
+    return sorted((trial for trial in trials if trial.fit.usable), key=objective_of)
+
+
+def _shares_left(ground: Sketch, sketches: list[Sketch]) -> dict[Cause, float]:
+    """Return the share of the error power that every suspect leaves."""
+    both = [sketch for sketch in sketches if sketch.fit.usable and ground.fit.usable]
+    return {sketch.hypothesis.causes[-1]: sketch.squares / ground.squares for sketch in both}

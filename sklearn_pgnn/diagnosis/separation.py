@@ -5,6 +5,7 @@ other shows; what it leaves, in units of the noise, is what the experiment would
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -176,7 +177,7 @@ def _designs(records: DiagnosisRecords, reach: float):
 # -- models ----------------------------------------------------------------------------------------
 
 
-def swap(records: DiagnosisRecords, old: Cause, new: Cause):
+def swap(records: DiagnosisRecords, old: Cause, new: Cause, each_step: Callable[[], None] | None):
     """Fit the model with one cause in the place of another.
 
     Parameters
@@ -185,6 +186,8 @@ def swap(records: DiagnosisRecords, old: Cause, new: Cause):
         The records and the fits.
     old, new : (effect class, target)
         The cause to take out and the one to put in.
+    each_step : callable or None
+        See `fit_windows`.
 
     Returns
     -------
@@ -199,7 +202,15 @@ def swap(records: DiagnosisRecords, old: Cause, new: Cause):
         estimate = setting.states.estimate(model)
         free = freedoms(setting, hypothesis, model, held)
         x0 = estimate.x[records.windows.starts]
-        return fit_windows(model, records.windows, free, x0, estimate.spread, max_steps=max_steps)
+        return fit_windows(
+            model,
+            records.windows,
+            free,
+            x0,
+            estimate.spread,
+            max_steps=max_steps,
+            each_step=each_step,
+        )
 
     starts = new[0].starts(new[1], prior, setting.scales)
     looks = [fit(_extend(records, hypothesis.order, start, held), LOOK) for start in starts]
@@ -223,7 +234,7 @@ def _extend(records, causes, start=None, held=frozenset()):
     return model.with_parameters(**values)
 
 
-def _left(records, truth: FittedWindows, rival: FittedWindows, t, u):
+def _left(records, truth: FittedWindows, rival: FittedWindows, t, u, each_step):
     """Re-tune a rival to what a model shows: squares left by piece, states reached; else None."""
     bounds = np.array([0, t.size])
     blank = np.zeros((t.size, records.windows.y.shape[1]))
@@ -241,7 +252,7 @@ def _left(records, truth: FittedWindows, rival: FittedWindows, t, u):
             x0[:, i] = run.x[windows.starts, list(truth.model.states).index(name)]
     spread = records.setting.states.estimate(rival.model).spread
     free = tuple(replace(f, centre=rival.model.parameters[f.name].value) for f in rival.freedoms)
-    fit = fit_windows(rival.model, windows, free, x0, spread, max_steps=STEPS)
+    fit = fit_windows(rival.model, windows, free, x0, spread, max_steps=STEPS, each_step=each_step)
     reached = dict(zip(truth.model.states, np.abs(run.x).max(axis=0).tolist(), strict=True))
     return fit.evaluation.piece_squares.ravel(), reached
 
@@ -280,6 +291,7 @@ def separate(
     cause: Cause,
     other: Cause,
     reach: float = 1.0,
+    each_step: Callable[[], None] | None = None,
 ) -> Separation:
     """Find the experiments that would separate two causes.
 
@@ -291,6 +303,8 @@ def separate(
         The cause that was named and the one that does as well.
     reach : float, default=1
         Largest amplitude, as a multiple of the records'.
+    each_step : callable, optional
+        Called before every step of a fit; what it raises ends the search.
 
     Returns
     -------
@@ -302,20 +316,24 @@ def separate(
         return Separation(*pair, equivalent=True)
     if resemble(records.setting, records.fits["extended"].model, cause, other):
         return Separation(*pair, equivalent=False)
-    found, same = _try_all(records, swap(records, cause, other), reach)
+    found, same = _try_all(records, swap(records, cause, other, each_step), reach, each_step)
     nested = cause[0].id in other[0].generalises or other[0].id in cause[0].generalises
     if found and same and not nested:
         return Separation(*pair, equivalent=True)
     return Separation(*pair, equivalent=False, experiments=found)
 
 
-def _try_all(records, second: FittedWindows, reach) -> tuple[tuple[Experiment, ...], bool]:
+def _try_all(
+    records, second: FittedWindows, reach, each_step
+) -> tuple[tuple[Experiment, ...], bool]:
     """Rank the experiments, and tell whether each model imitates the other in all of them."""
     first = records.fits["extended"]
     noise = max(float(np.nanmean((first.residual / records.windows.scale) ** 2)), 1e-300)
     found, largest = [], 0.0
     for design, t, u in _designs(records, reach):
-        runs = [_left(records, a, b, t, u) for a, b in ((first, second), (second, first))]
+        runs = [
+            _left(records, a, b, t, u, each_step) for a, b in ((first, second), (second, first))
+        ]
         whole = [run for run in runs if run is not None and np.isfinite(run[0]).all()]
         if len(whole) == 2:
             squares = min((run[0] / noise for run in whole), key=np.sum)

@@ -4,7 +4,7 @@ A way through zero, or near it, can be fitted in two ways then, and no small ste
 to the other.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -17,7 +17,12 @@ POOR = 3.0
 
 
 def turn_poor_windows(
-    fit: WindowFit, windows: Windows, expected: np.ndarray, spread: np.ndarray, tolerance: float
+    fit: WindowFit,
+    windows: Windows,
+    expected: np.ndarray,
+    spread: np.ndarray,
+    tolerance: float,
+    each_step: Callable[[], None] | None = None,
 ) -> WindowFit:
     """Start poor windows otherwise, and fit again; other models' fits stay as they are.
 
@@ -33,6 +38,8 @@ def turn_poor_windows(
         How uncertain they are.
     tolerance : float
         Relative decrease of the objective at which a fit ends.
+    each_step : callable, optional
+        See `fit_windows`.
 
     Returns
     -------
@@ -41,7 +48,7 @@ def turn_poor_windows(
     """
     unsigned, squares = unsigned_states(fit.model), fit.evaluation.squares
     poor = np.flatnonzero(squares > POOR * np.median(squares))
-    if not unsigned or not poor.size or not np.isfinite(fit.objective):
+    if not unsigned or not poor.size or not fit.usable:
         return fit
     x0, least = fit.x0.copy(), squares[poor]
     for begin in _other_starts(fit, windows, poor, unsigned):
@@ -53,12 +60,20 @@ def turn_poor_windows(
             spread,
             x0_start=begin,
             tolerance=tolerance,
+            each_step=each_step,
         )
         better = tried.evaluation.squares < least
         x0[poor[better]] = tried.x0[better]
         least = np.minimum(least, tried.evaluation.squares)
     again = fit_windows(
-        fit.model, windows, fit.freedoms, expected, spread, x0_start=x0, tolerance=tolerance
+        fit.model,
+        windows,
+        fit.freedoms,
+        expected,
+        spread,
+        x0_start=x0,
+        tolerance=tolerance,
+        each_step=each_step,
     )
     return min(fit, again, key=lambda each: each.objective)
 

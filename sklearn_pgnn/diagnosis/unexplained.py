@@ -1,6 +1,7 @@
 """Where no cause of the catalogue will do: where something is missing, and what it depends on."""
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 
@@ -125,7 +126,9 @@ def channels(model: PhysicsModel) -> tuple[str, ...]:
     return (*states, *several, *(name for name in model.outputs if name not in model.states))
 
 
-def propose(setting: Setting, base: Trial, channel: str) -> list[Proposal]:
+def propose(
+    setting: Setting, base: Trial, channel: str, each_step: Callable[[], None] | None = None
+) -> list[Proposal]:
     """Find the hidden input of a channel, and formulas for it with one term, with two, and more.
 
     The terms are those whose effect on the outputs, along the trajectories of the model and with
@@ -139,17 +142,31 @@ def propose(setting: Setting, base: Trial, channel: str) -> list[Proposal]:
         The model without it.
     channel : str
         The place.
+    each_step : callable, optional
+        Called before every run of the filter and every step of a fit; what it raises ends both.
 
     Returns
     -------
     list of Proposal
         Empty where no smoother ran to the end.
+
+    Raises
+    ------
+    SimulationError
+        If the responses to the terms leave the finite numbers.
     """
     model, scales = base.fit.model, setting.scales
     estimate = setting.states.estimate(model)
     size = scales.rate[channel] if channel in scales.rate else scales.typical[channel]
     hidden = find_hidden_input(
-        model, setting.windows, channel, estimate.x, estimate.spread, size, setting.period
+        model,
+        setting.windows,
+        channel,
+        estimate.x,
+        estimate.spread,
+        size,
+        setting.period,
+        each_step,
     )
     if not np.all(np.isfinite(hidden.values)):
         return []
@@ -161,11 +178,11 @@ def propose(setting: Setting, base: Trial, channel: str) -> list[Proposal]:
     formulas = [
         _formula(model, channel, terms, c) for c in _telling_terms(setting, base, channel, columns)
     ]
-    fitted = [(formula, _fit(setting, base, formula)) for formula in formulas]
+    fitted = [(formula, _fit(setting, base, formula, each_step)) for formula in formulas]
     return [
         Proposal(hidden, _at_fit(formula, fit), Trial(base.hypothesis, fit))
         for formula, fit in fitted
-        if np.isfinite(fit.objective)
+        if fit.usable
     ]
 
 
@@ -225,7 +242,7 @@ def is_known(model: PhysicsModel, effect: Formula) -> bool:
     return set(effect.terms) <= {to_text(law) for law in laws}
 
 
-def _fit(setting, base, effect) -> WindowFit:
+def _fit(setting, base, effect, each_step) -> WindowFit:
     """Fit a model with a formula on all windows, its other parameters with it."""
     model = effect.apply(base.fit.model)
     free = [
@@ -240,6 +257,7 @@ def _fit(setting, base, effect) -> WindowFit:
         estimate.x[setting.windows.starts],
         estimate.spread,
         x0_start=base.fit.x0,
+        each_step=each_step,
     )
 
 

@@ -27,7 +27,9 @@ from sklearn_pgnn.inspection.words import (
     percent,
     separation_sentence,
     share,
+    suspect_name,
     typeset_unit,
+    unusable_sentence,
     verdict_sentence,
 )
 
@@ -90,6 +92,12 @@ def report_content(diagnosis) -> dict:
         "parameters": [_parameter(name, p) for name, p in diagnosis.parameters_.items()],
         "equation_blocks": _equation_blocks(diagnosis),
         "tried": _tried(diagnosis),
+        "complete": diagnosis.complete_,
+        "unusable": [
+            {"name": suspect_name(effect, target), "reason": reason}
+            for effect, target, reason in diagnosis.unusable_
+        ],
+        "unusable_sentence": unusable_sentence(diagnosis),
         "method": _method(diagnosis),
         "versions": _versions(),
     }

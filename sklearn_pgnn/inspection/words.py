@@ -135,6 +135,13 @@ def cause_name(effect: str, target: str) -> str:
     return f"{words} {'of' if of else 'on'} {target}"
 
 
+def suspect_name(effect: str, target: str) -> str:
+    """Name what was fitted: an effect, the model itself, or a part of the diagnosis."""
+    if not effect:
+        return "the re-tuned model"
+    return cause_name(effect, target) if target else effect
+
+
 def listed(items) -> str:
     """Write a list as a sentence does.
 
@@ -160,8 +167,51 @@ def verdict_sentence(diagnosis) -> str:
     str
         One or two sentences.
     """
-    name, causes = diagnosis.model.name, diagnosis.causes_
+    causes = diagnosis.causes_
     names = listed(cause_name(c.effect, c.target) for c in causes)
+    found = _found(diagnosis, names) if causes or diagnosis.complete_ else _left(diagnosis)
+    return f"{stopped_sentence(diagnosis)}{found}".rstrip()
+
+
+def _left(diagnosis) -> str:
+    """Say what the model as it is leaves, where the search ended before a cause was found."""
+    if diagnosis.verdict_ == "model_adequate":
+        return f"The re-tuned model of the {diagnosis.model.name} leaves hardly more than noise."
+    return f"The model of the {diagnosis.model.name} misses something, and no cause was found yet."
+
+
+def stopped_sentence(diagnosis) -> str:
+    """Say why a diagnosis did not come to its end, if it did not."""
+    if not diagnosis.stopped_:
+        return ""
+    left = "the search was complete" if diagnosis.complete_ else "this is the best found until then"
+    return f"Ended early ({diagnosis.stopped_}); {left}. "
+
+
+def unusable_sentence(diagnosis) -> str:
+    """Say how many suspects could not be fitted, and which, if there are any.
+
+    Parameters
+    ----------
+    diagnosis : ModelDiagnosis
+        A fitted diagnosis.
+
+    Returns
+    -------
+    str
+        A sentence, or nothing.
+    """
+    lost = diagnosis.unusable_
+    if not lost:
+        return ""
+    names = listed(dict.fromkeys(suspect_name(effect, target) for effect, target, _ in lost))
+    fits = "fit" if len(lost) == 1 else "fits"
+    return f"{len(lost)} {fits} broke down and could not be judged: {names}."
+
+
+def _found(diagnosis, names: str) -> str:
+    """Say what was found."""
+    name, causes = diagnosis.model.name, diagnosis.causes_
     sentences = {
         "model_adequate": f"The model of the {name} is adequate: what it misses is within the "
         f"noise, and no other effect makes it better.",

@@ -14,6 +14,7 @@ References
    systems", AIAA Journal 3(8), 1965, :doi:`10.2514/3.3166`.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -91,6 +92,7 @@ def find_hidden_input(
     spread: np.ndarray,
     size: float,
     time: float,
+    each_run: Callable[[], None] | None = None,
 ) -> HiddenInput:
     """Smooth the hidden input of a channel.
 
@@ -110,6 +112,8 @@ def find_hidden_input(
         A typical value of the channel.
     time : float
         A typical time [s] in which it changes.
+    each_run : callable, optional
+        Called before the filter runs; what it raises ends the search.
 
     Returns
     -------
@@ -119,6 +123,8 @@ def find_hidden_input(
     filtered = _Filter(with_hidden_input(model, channel), windows, x, spread, size)
 
     def badness(exponent):
+        if each_run is not None:
+            each_run()
         return -filtered.likelihood(size**2 / time * 10.0**exponent)
 
     best = min(np.arange(DECADES[0], DECADES[1] + 1, 2.0), key=badness)
@@ -172,7 +178,8 @@ class _Filter:
     def likelihood(self, intensity) -> float:
         """Give the logarithm of the likelihood of all records; very small where one diverged."""
         runs = (self._run(intensity, *one)[0] for one in zip(self.spans, self.starts, strict=True))
-        return max(sum(runs), -1e300)
+        total = float(sum(runs))
+        return total if total > -1e300 else -1e300  # where it is not a number, too
 
     def smooth(self, intensity):
         """Give the smoothed states with the hidden input last, and its standard errors."""

@@ -12,6 +12,7 @@ candidate inputs cost little more than one simulation.
 import numpy as np
 from numba import njit, types
 
+from sklearn_pgnn.exceptions import SimulationError
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.compiled import compile_model
@@ -79,6 +80,11 @@ def linear_responses(
         Changes of the outputs; zero outside the windows.
     by_state : ndarray of shape (n_samples, n_outputs, n_states)
         Derivatives of the outputs by the initial states of their windows.
+
+    Raises
+    ------
+    SimulationError
+        If the responses leave the finite numbers.
     """
     extended = with_hidden_input(model, channel)
     F, x = _transitions(extended, windows, x0)
@@ -89,6 +95,11 @@ def linear_responses(
     _respond(
         F, H, windows.starts, windows.lengths, np.ascontiguousarray(theta), responses, by_state
     )
+    if not (np.isfinite(responses).all() and np.isfinite(by_state).all()):
+        raise SimulationError(
+            f"the responses of {model.name!r} to an input at {channel} leave the finite numbers. "
+            f"Remedy: shorter windows or more substeps (now {windows.substeps})."
+        )
     return responses, by_state
 
 

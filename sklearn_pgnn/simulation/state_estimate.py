@@ -11,13 +11,15 @@ import sympy
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.simulate import Simulation, settled_start, simulate
-from sklearn_pgnn.simulation.windows import ENDLESS, Windows
+from sklearn_pgnn.simulation.windows import Windows
 from sklearn_pgnn.trajectories.smoothing import FEWEST, Smoothed, choose_penalty, smooth
 
 #: how many of its standard errors a smoothed state may be off
 SAFETY = 3.0
 #: how far a state seen by a sensor may be off, as a share of its range: the sensor may lie
 MEASURED_SPREAD = 0.3
+#: states so large that their squares and products may not be finite
+ENDLESS = 1e100
 
 
 @dataclass(frozen=True)

@@ -93,7 +93,7 @@ def standard_errors(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) ->
     names = [freedom.name for freedom in fit.freedoms]
     if not names:
         return {}
-    if not np.isfinite(fit.objective):
+    if not fit.usable:
         return dict.fromkeys(names, np.inf)
     normal = project(fit.evaluation.gram, len(names), 1.0 / spread**2, fit.x0 - expected)
     pull = np.array([1.0 / freedom.spread**2 for freedom in fit.freedoms])
@@ -133,12 +133,14 @@ def errors_by_held(
     Returns
     -------
     dict of str to float
-        Standard error by fitted parameter.
+        Standard error by fitted parameter; infinite where slopes by held ones are made of rounding.
     """
     names, n_p = [freedom.name for freedom in fit.freedoms], len(fit.freedoms)
     wrt = (*names, *(freedom.name for freedom in held))
-    gram = evaluate(fit.model, windows, fit.x0, wrt).gram
-    hessian = project(gram, len(wrt), 1.0 / spread**2, fit.x0 - expected).hessian.sum(axis=0)
+    there = evaluate(fit.model, windows, fit.x0, wrt)
+    if not np.isfinite(there.squares).all():
+        return dict.fromkeys(names, np.inf)
+    hessian = project(there.gram, len(wrt), 1.0 / spread**2, fit.x0 - expected).hessian.sum(axis=0)
     pull = np.diag([1.0 / freedom.spread**2 for freedom in fit.freedoms])
     inverse, _ = _invert(hessian[:n_p, :n_p] + pull)
     reach = np.array([freedom.spread for freedom in held]) / np.sqrt(3.0)
@@ -157,9 +159,8 @@ def _piece_scores(fit: WindowFit, normal: Normal) -> np.ndarray:
 
 def _invert(hessian: np.ndarray):
     """Invert a Hessian where it is not flat, and tell which parameters lie in flat directions."""
-    size = np.sqrt(np.diag(hessian))
-    blind = ~(size > 0)
-    size = np.where(blind, 1.0, size)
+    blind = ~(np.diag(hessian) > 0)
+    size = np.sqrt(np.where(blind, 1.0, np.diag(hessian)))
     values, vectors = np.linalg.eigh(hessian / np.outer(size, size))
     is_flat = values <= FLAT * values[-1]
     inverse = (vectors / np.where(is_flat, np.inf, values)) @ vectors.T

@@ -12,6 +12,7 @@ own, and one that a step harms keeps its initial state: where dry friction stick
 smooth function of it, and a few such windows must not hold up all others.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -27,6 +28,9 @@ FIRST_DAMPING, DAMPINGS = 1e-3, (1e-9, 1e9)
 MAX_REJECTED = 8
 #: a fit may do so many times better than a linear model of it promises
 OPTIMISM = 10.0
+#: relative rounding of a sum of products, and the curvature, relative to the sharpest, below which
+#: a direction is as good as flat
+ROUNDING, FLAT = 1e-14, 1e-14
 
 
 @dataclass(frozen=True)
@@ -68,7 +72,7 @@ class WindowFit:
     evaluation : Evaluation
         Residuals and gradients at the fit.
     objective : float
-        The minimum.
+        The minimum; infinite where the model cannot be fitted.
     """
 
     model: PhysicsModel
@@ -86,6 +90,11 @@ class WindowFit:
     def values(self) -> np.ndarray:
         """Fitted values of the free parameters."""
         return _values(self.model, self.freedoms)
+
+    @property
+    def usable(self) -> bool:
+        """Whether the model could be fitted: no window diverged, nor is made of rounding."""
+        return bool(np.isfinite(self.objective))
 
 
 @dataclass(frozen=True)
@@ -112,6 +121,7 @@ def fit_windows(
     max_steps: int = 25,
     tolerance: float = 1e-5,
     hopeless: float = np.inf,
+    each_step: Callable[[], None] | None = None,
 ) -> WindowFit:
     """Fit a model's parameters and every window's initial state.
 
@@ -142,12 +152,16 @@ def fit_windows(
     hopeless : float, optional
         Objective that must come into reach: the fit ends where `OPTIMISM` times the decrease that
         a linear model promises would still leave it above.
+    each_step : callable, optional
+        Called before every step; what it raises ends the fit.
 
     Returns
     -------
     WindowFit
         The fit; its objective is infinite if the start itself diverges.
     """
+    each_step = each_step or _nothing
+    each_step()
     task = _Task(windows, freedoms, x0, 1.0 / x0_spread**2)
     fit = task.at(task.within_bounds(model), x0 if x0_start is None else x0_start, evaluation)
     if x0_start is not None and not np.isfinite(fit.objective):
@@ -157,6 +171,7 @@ def fit_windows(
     )
     steps = rejected = 0
     while steps < max_steps and rejected < MAX_REJECTED and np.isfinite(fit.objective):
+        each_step()
         small = tolerance * fit.objective
         if steps >= min_steps and rejected == 0 and task.is_done(fit, small, hopeless):
             break
@@ -171,6 +186,38 @@ def fit_windows(
         if decrease.sum() < small:
             break
     return fit
+
+
+def _nothing() -> None:
+    """Do nothing at a step."""
+
+
+def lost_fit(
+    model: PhysicsModel, windows: Windows, freedoms: tuple[Freedom, ...], x0: np.ndarray
+) -> WindowFit:
+    """Return what stands for a model that cannot be fitted: every window is lost.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    windows : Windows
+        The windows.
+    freedoms : tuple of Freedom
+        The parameters that were to be fitted.
+    x0 : ndarray of shape (n_windows, n_states)
+        Initial states.
+
+    Returns
+    -------
+    WindowFit
+        A fit with infinite squares.
+    """
+    size = len(freedoms) + len(model.states) + 1
+    gram = np.zeros((len(windows), windows.pieces, size, size))
+    gram[..., -1, -1] = np.inf
+    evaluation = Evaluation(gram, np.full(windows.y.shape, np.nan))
+    return WindowFit(model, freedoms, x0, evaluation, np.inf)
 
 
 class _Damping(NamedTuple):
@@ -231,7 +278,8 @@ class _Task:
         if evaluation is None:
             evaluation = evaluate(model, self.windows, x0, self.wrt)
         fit = WindowFit(model, self.freedoms, x0, evaluation, np.inf)
-        return replace(fit, objective=float(self.parts(fit).sum()))
+        objective = float(self.parts(fit).sum())
+        return fit if np.isnan(objective) else replace(fit, objective=objective)
 
     def parts(self, fit) -> np.ndarray:
         """Give the objective window by window, and last the parameters' part."""
@@ -290,7 +338,13 @@ def project(
     offset: np.ndarray,
     damping: np.ndarray | float = 0.0,
 ) -> Normal:
-    """Eliminate every window's initial state from its normal equations.
+    r"""Eliminate every window's initial state from its normal equations.
+
+    With all columns scaled to length one, the part of a parameter's column that the initial state
+    does not explain has the square :math:`1 - c^T W`, where :math:`c` are its products with the
+    columns of the state and :math:`W` the state's answer. It carries a rounding of
+    :math:`\rho (1 + \sum_i |W_i|)^2` if the products carry one of :math:`\rho`. What is not larger
+    than that is nothing: such a window does not see the parameter.
 
     Parameters
     ----------
@@ -313,8 +367,7 @@ def project(
     p, x = slice(0, n_p), slice(n_p, gram.shape[1] - 1)
     state_hessian = gram[:, x, x] + np.diag(weight)
     state_gradient = gram[:, x, -1] - weight * offset
-    size = np.sqrt(np.einsum("wii->wi", state_hessian))
-    size = np.where(size > 0, size, 1.0)
+    size = _length(np.einsum("wii->wi", state_hessian))
     scaled = state_hessian / (size[:, :, None] * size[:, None, :])
     scaled = scaled + np.asarray(damping)[..., None, None] * np.eye(size.shape[1])
     inverse = np.linalg.pinv(scaled, rcond=1e-12, hermitian=True)
@@ -323,7 +376,16 @@ def project(
     state_step = np.einsum("wij,wj->wi", inverse, state_gradient)
     hessian = gram[:, p, p] - gram[:, p, x] @ to_state
     gradient = gram[:, p, -1] - np.einsum("wpx,wx->wp", gram[:, p, x], state_step)
-    return Normal(hessian, gradient, to_state, state_step)
+    squares = np.einsum("wii->wi", gram[:, p, p])
+    answer = np.abs(to_state * size[:, :, None]).sum(axis=1) / _length(squares)
+    seen = np.einsum("wii->wi", hessian) > ROUNDING * (1.0 + answer) ** 2 * squares
+    hessian = hessian * (seen[:, :, None] & seen[:, None, :])
+    return Normal(hessian, gradient * seen, to_state, state_step)
+
+
+def _length(squares) -> np.ndarray:
+    """Give the lengths of columns, one for those that are nothing."""
+    return np.sqrt(np.where(squares > 0, squares, 1.0))
 
 
 def expected_decrease(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) -> float:
@@ -357,20 +419,21 @@ def expected_decrease(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) 
 
 def _bounded_step(hessian, gradient, damping, low, high):
     """Solve the damped normal equations within bounds; what the data do not see stays."""
-    if gradient.size == 0 or np.isinf(damping):
-        return np.zeros_like(gradient)
-    size = np.sqrt(np.maximum(np.diag(hessian), 0.0))
-    size = np.where(size > 0, size, 1.0)
-    scaled = hessian / np.outer(size, size) + damping * np.eye(size.size)
+    step, seen = np.zeros_like(gradient), np.diag(hessian) > 0
+    if not seen.any() or np.isinf(damping):
+        return step
+    size = np.sqrt(np.diag(hessian)[seen])
+    scaled = hessian[np.ix_(seen, seen)] / np.outer(size, size) + damping * np.eye(size.size)
     values, vectors = np.linalg.eigh(scaled)
-    root = np.sqrt(np.maximum(values, 1e-14 * values[-1]))
-    matrix = root[:, None] * vectors.T
-    target = (vectors.T @ (gradient / size)) / root
-    lower, upper = np.minimum(low * size, -1e-15), np.maximum(high * size, 1e-15)
+    root = np.sqrt(np.maximum(values, FLAT * values[-1]))
+    target = (vectors.T @ (gradient[seen] / size)) / root
+    lower, upper = np.minimum(low[seen] * size, -1e-15), np.maximum(high[seen] * size, 1e-15)
     free = vectors @ (target / root)
-    if np.all((lower <= free) & (free <= upper)):
-        return free / size
-    return lsq_linear(matrix, target, bounds=(lower, upper), method="bvls").x / size
+    if not np.all((lower <= free) & (free <= upper)):
+        matrix = root[:, None] * vectors.T
+        free = lsq_linear(matrix, target, bounds=(lower, upper), method="bvls").x
+    step[seen] = free / size
+    return step
 
 
 def _column(freedoms, attribute) -> np.ndarray:

@@ -21,8 +21,8 @@ from sklearn_pgnn.simulation.stepping import METHODS, run_windows
 
 #: parts that every thread simulates
 PARTS = 4
-#: products of slopes so large that a product of two of them may not be finite
-ENDLESS = 1e100
+#: relative rounding of a double
+ROUNDING = np.finfo(float).eps
 
 
 @dataclass(frozen=True)
@@ -164,7 +164,8 @@ class Evaluation:
     ----------
     piece_gram : ndarray of shape (n_windows, n_pieces, q + 1, q + 1)
         Per piece, the products of the columns ``[dy/dp, dy/dx0, residual]`` in units of the
-        noise; infinite where the window diverged.
+        noise; where the window diverged, or is beyond reckoning, the squares are infinite and all
+        other products zero.
     residual : ndarray of shape (n_samples, n_outputs)
         Measured minus simulated outputs, NaN outside the windows.
     """
@@ -229,7 +230,14 @@ class Evaluation:
 
 
 def evaluate(model: PhysicsModel, windows: Windows, x0, wrt: tuple[str, ...]) -> Evaluation:
-    """Simulate every window from its initial state, with sensitivities.
+    r"""Simulate every window from its initial state, with sensitivities.
+
+    A window is beyond reckoning where rounding a parameter or an initial state, :math:`\theta_i`,
+    moves its outputs by more than the noise :math:`\sigma`,
+
+    .. math:: \varepsilon |\theta_i| \, |\partial y / \partial \theta_i| > \sigma,
+
+    with the rounding :math:`\varepsilon` of a double: what was simulated is arbitrary.
 
     Parameters
     ----------
@@ -283,15 +291,19 @@ def evaluate(model: PhysicsModel, windows: Windows, x0, wrt: tuple[str, ...]) ->
         list(_pool(windows.threads).map(run, parts))
     lower = np.tril_indices(q + 1, -1)
     gram[..., lower[0], lower[1]] = gram[..., lower[1], lower[0]]
-    return Evaluation(_without_endless_slopes(gram), residual)
+    values = [model.parameters[name].value for name in wrt]
+    sizes = np.hstack([np.broadcast_to(values, (len(windows), len(wrt))), x0])
+    return Evaluation(_lose_arbitrary(gram, sizes), residual)
 
 
-def _without_endless_slopes(gram):
-    """Take the slopes of a window for zero where they, if not its outputs, are beyond reckoning."""
-    squares = gram[..., -1, -1].copy()
-    bad = ~(np.abs(gram) < ENDLESS).all(axis=(1, 2, 3))
-    gram[bad] = 0.0
-    gram[bad, :, -1, -1] = np.where(np.isfinite(squares[bad]), squares[bad], np.inf)
+def _lose_arbitrary(gram, sizes):
+    """Give up the windows in which rounding what has such sizes moves outputs beyond the noise."""
+    with np.errstate(over="ignore", invalid="ignore"):  # what overflows is lost as well
+        slopes = np.sqrt(np.einsum("wjii->wi", gram[..., :-1, :-1]))
+        known = (ROUNDING * np.abs(sizes) * slopes <= 1.0).all(axis=1)
+    lost = ~(known & np.isfinite(gram).all(axis=(1, 2, 3)))
+    gram[lost] = 0.0
+    gram[lost, :, -1, -1] = np.inf
     return gram
 
 

@@ -1,0 +1,88 @@
+"""How far a diagnosis is, and when its time is up."""
+
+from collections.abc import Callable
+from time import monotonic
+
+
+class TimeIsUp(Exception):
+    """The time that a diagnosis may take is over."""
+
+
+class Progress:
+    """Where a diagnosis stands; everything that takes long says here that it goes on.
+
+    Parameters
+    ----------
+    report : callable, optional
+        Called as ``report(stage, done, total)``.
+    time_limit : float, optional
+        Time [s] from now on.
+
+    Attributes
+    ----------
+    stage : str
+        What is being done.
+    counts : bool
+        Whether the time limit counts: not before there is a result, nor while it is written down.
+    ended : str or None
+        Why the end came early, and at what stage; only what the result needs is still done then.
+    """
+
+    def __init__(
+        self, report: Callable[[str, int, int], None] | None = None, time_limit: float | None = None
+    ):
+        self._report = report
+        self._limit, self._begun = time_limit, monotonic()
+        self.stage, self._done, self._total = "", 0, 1
+        self.counts = False
+        self.ended: str | None = None
+
+    def begin(self, stage: str, total: int = 1) -> None:
+        """Begin a stage.
+
+        Parameters
+        ----------
+        stage : str
+            What is done.
+        total : int, default=1
+            Steps it will take, as far as that is known.
+        """
+        self.stage, self._done, self._total = stage, 0, max(total, 1)
+        self.tick()
+
+    def step(self) -> None:
+        """Note that one step of the stage is done.
+
+        Raises
+        ------
+        TimeIsUp
+            If the time is up; once only.
+        """
+        self._done += 1
+        self._total = max(self._total, self._done)
+        self.tick()
+
+    def tick(self) -> None:
+        """Note that work goes on within a step.
+
+        Raises
+        ------
+        TimeIsUp
+            If the time is up; once only.
+        """
+        if self._report is not None:
+            self._report(self.stage, self._done, self._total)
+        limit = self._limit if self.counts and self.ended is None else None
+        if limit is not None and monotonic() - self._begun >= limit:
+            self.ended = f"time limit of {limit:g} s, at {self.stage!r}"
+            raise TimeIsUp
+
+    def end(self, reason: str) -> None:
+        """End early, and report no more.
+
+        Parameters
+        ----------
+        reason : str
+            Why.
+        """
+        self.ended, self._report = f"{reason}, at {self.stage!r}", None

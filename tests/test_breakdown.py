@@ -1,0 +1,388 @@
+"""A suspect whose fit breaks down is left out and named; what was found so far is never lost."""
+
+import json
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from sklearn.exceptions import NotFittedError
+
+from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects
+from sklearn_pgnn.diagnosis import beyond, fitting, model_diagnosis, progress
+from sklearn_pgnn.diagnosis.progress import Progress, TimeIsUp
+from sklearn_pgnn.inspection.report import render_report
+from sklearn_pgnn.inspection.words import unusable_sentence, verdict_sentence
+from sklearn_pgnn.physics.effect import Effect, quantity
+from sklearn_pgnn.physics.expressions import symbol
+from sklearn_pgnn.trajectories.csv_file import read_csv_files
+
+CART = PhysicsModel(
+    {"v": "m/s"}, {"v": "(F - d*v)/m"}, {"m": 2.0, "d": 0.5}, {"F": "N"}, inertia={"v": "m"}
+)
+SUSPECTS = (effects.CoulombFriction, effects.ConstantLoad)
+
+
+class OnVelocity(Effect):
+    """What the contrived suspects share: they act on v, and start at once."""
+
+    @classmethod
+    def targets(cls, model):
+        return ("v",)
+
+    @classmethod
+    def starts(cls, target, model, scales):
+        return (cls(target, strength=0.1),)
+
+
+@dataclass(frozen=True)
+class Chaotic(OnVelocity):
+    """A hidden state that stays small while its slopes grow by some decades in every step."""
+
+    id = "chaotic"
+    strength: float = quantity("ch", "m/s^2")
+
+    def rewrite(self, model, p):
+        hidden = symbol("hidden")
+        rate = model.equations["v"] + p["strength"] * hidden
+        equations = {**model.equations, "v": rate, "hidden": "sin(1e5*hidden) + v"}
+        return {"states": {**model.states, "hidden": ""}, "equations": equations}
+
+
+@dataclass(frozen=True)
+class Broken(OnVelocity):
+    """Drag by the third power, of which `break_fits` makes a suspect that cannot be fitted."""
+
+    id = "broken"
+    strength: float = quantity("br", "1/m")
+
+    def rewrite(self, model, p):
+        rate = model.equations["v"] - p["strength"] * symbol("v") ** 3
+        return {"equations": {**model.equations, "v": rate}}
+
+
+@dataclass(frozen=True)
+class Unstarted(Broken):
+    """A suspect that breaks down before there is anything to fit."""
+
+    id = "unstarted"
+    error = np.linalg.LinAlgError("Eigenvalues did not converge")
+
+    @classmethod
+    def starts(cls, target, model, scales):
+        raise cls.error
+
+
+def records(level=0.4):
+    t = np.arange(0, 60, 0.05)
+    F = 2 * np.sin(0.7 * t) + np.sin(1.9 * t)
+    rig = CART + effects.CoulombFriction("v", level=level)
+    v = rig.simulate(t, F, substeps=5).y + 1e-3 * np.random.default_rng(0).normal(size=(t.size, 1))
+    return np.column_stack([t, F]), v
+
+
+def diagnose(**options):
+    return ModelDiagnosis(CART, **{"catalogue": SUSPECTS, **options}).fit(*records())
+
+
+def break_fits(monkeypatch, error, after=0):
+    """Let every fit of a model with the broken suspect raise an error."""
+    calls, fit = [], fitting.fit_windows
+
+    def breaking(model, *args, **options):
+        if "br_v" in model.parameters:
+            calls.append(model)
+            if len(calls) > after:
+                raise error
+        return fit(model, *args, **options)
+
+    monkeypatch.setattr(fitting, "fit_windows", breaking)
+    return calls
+
+
+def named(diagnosis):
+    return [(cause.effect, cause.target) for cause in diagnosis.causes_]
+
+
+# -- no suspect ends a diagnosis -------------------------------------------------------------------
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+def test_a_suspect_whose_slopes_explode_is_unusable_and_the_search_goes_on(capfd):
+    diagnosis = diagnose(catalogue=(*SUSPECTS, Chaotic))
+    assert named(diagnosis) == [("coulomb_friction", "v")]
+    (lost,) = {(suspect.effect, suspect.target) for suspect in diagnosis.unusable_}
+    assert lost == ("chaotic", "v")
+    assert "made of rounding in" in diagnosis.unusable_[0].reason
+    assert capfd.readouterr().err == ""  # LAPACK complains there
+    assert not any(tried.effect == "chaotic" for tried in diagnosis.tried_)
+
+
+def test_a_record_on_which_a_suspect_broke_down_gets_its_verdict(real_data, capfd):
+    """A lag of a fifth of a millisecond at 5 ms: bounded states, slopes of 1e20 times the noise."""
+    folder = real_data / "mr_damper"
+    model = PhysicsModel.from_yaml(folder / "damper.yaml")
+    X, y = read_csv_files([folder / "damper.csv"], model)
+    inputs = (effects.InputSaturation, effects.InputBacklash)
+    catalogue = (*inputs, effects.RateLimit, effects.WrongParameter)
+    diagnosis = ModelDiagnosis(model, catalogue=catalogue, hold="zoh").fit(X, y)
+    assert "input_saturation" in {cause.effect for cause in diagnosis.causes_}
+    assert np.isfinite(diagnosis.gain_["F"].extended)
+    assert capfd.readouterr().err == ""
+
+
+@pytest.mark.parametrize(
+    "error", [np.linalg.LinAlgError("SVD did not converge"), FloatingPointError("overflow")]
+)
+def test_a_suspect_whose_fit_breaks_down_is_unusable_and_the_search_goes_on(monkeypatch, error):
+    break_fits(monkeypatch, error)
+    diagnosis = diagnose(catalogue=(Broken, *SUSPECTS))
+    assert named(diagnosis) == [("coulomb_friction", "v")]
+    assert diagnosis.unusable_[0] == ("broken", "v", str(error))
+    assert json.loads(json.dumps(diagnosis.to_dict()))["unusable"][0]["reason"] == str(error)
+    said = unusable_sentence(diagnosis)
+    assert "broken on v" in said
+    assert said in render_report(diagnosis)
+    assert "Broken on v</td><td>" + str(error) in render_report(diagnosis)
+
+
+def test_a_suspect_that_cannot_even_begin_is_unusable_too():
+    diagnosis = diagnose(catalogue=(Unstarted, *SUSPECTS))
+    assert named(diagnosis) == [("coulomb_friction", "v")]
+    assert diagnosis.unusable_[0] == ("unstarted", "v", "Eigenvalues did not converge")
+
+
+def test_a_suspect_that_breaks_down_later_is_not_named(monkeypatch):
+    """Its first look is fine, and it is the best of all until it is fitted on all windows."""
+    calls = break_fits(monkeypatch, np.linalg.LinAlgError("SVD did not converge"), after=1)
+    diagnosis = diagnose(catalogue=(Broken,))
+    assert len(calls) > 1
+    assert named(diagnosis) == []
+    assert diagnosis.unusable_[0].effect == "broken"
+
+
+def test_what_can_be_fitted_from_another_start_is_usable(monkeypatch):
+    calls, fit = [], fitting.fit_windows
+
+    def breaking(model, *args, **options):
+        if "L_F" in model.parameters or "I_v" in model.parameters:
+            calls.append(model)
+        if len(calls) == 1:
+            calls.append(model)
+            raise np.linalg.LinAlgError("SVD did not converge")
+        return fit(model, *args, **options)
+
+    monkeypatch.setattr(fitting, "fit_windows", breaking)
+    diagnosis = diagnose(catalogue=(*SUSPECTS, effects.InputSaturation))
+    assert named(diagnosis) == [("coulomb_friction", "v")]
+    assert diagnosis.unusable_ == ()
+    assert unusable_sentence(diagnosis) == ""
+
+
+def test_a_place_without_a_formula_is_said_so(monkeypatch):
+    def breaking(*args):
+        raise np.linalg.LinAlgError("SVD did not converge")
+
+    monkeypatch.setattr(beyond, "propose", breaking)
+    diagnosis = diagnose(catalogue=(effects.ConstantLoad,))
+    assert diagnosis.verdict_ == "unexplained"
+    assert ("formula", "v", "SVD did not converge") in diagnosis.unusable_
+
+
+def test_the_quality_of_the_records_may_break_down(monkeypatch):
+    def breaking(*args):
+        raise np.linalg.LinAlgError("Singular matrix")
+
+    monkeypatch.setattr(model_diagnosis, "check_data_quality", breaking)
+    diagnosis = diagnose()
+    assert named(diagnosis) == [("coulomb_friction", "v")]
+    assert diagnosis.unusable_ == (("quality of the records", "", "Singular matrix"),)
+    assert "quality of the records" in render_report(diagnosis)
+
+
+# -- what was found so far is kept -----------------------------------------------------------------
+
+
+class Bug(Exception):
+    """A mistake in the program."""
+
+
+@pytest.mark.parametrize("error", [Bug("what now"), KeyError("br_v")])
+def test_a_bug_in_a_suspect_is_raised_and_the_best_so_far_is_kept(monkeypatch, error):
+    break_fits(monkeypatch, error)
+    diagnosis = ModelDiagnosis(CART, catalogue=(effects.CoulombFriction, Broken))
+    with pytest.raises(type(error)):
+        diagnosis.fit(*records())
+    assert diagnosis.verdict_ == "unexplained"
+    assert diagnosis.stopped_ == f"unexpected {type(error).__name__}: {error}, at 'cause 1'"
+    assert [tried.effect for tried in diagnosis.tried_] == ["coulomb_friction"]
+    assert diagnosis.to_dict()["stopped"] == diagnosis.stopped_
+    assert verdict_sentence(diagnosis).startswith(f"Ended early ({diagnosis.stopped_})")
+    assert "no cause was found yet" in render_report(diagnosis)
+
+
+def test_a_cause_that_was_found_is_kept_where_the_program_fails_later(monkeypatch):
+    def breaking(*args):
+        raise Bug("what now")
+
+    monkeypatch.setattr(fitting.Fitter, "polish", breaking)
+    diagnosis = ModelDiagnosis(CART, catalogue=SUSPECTS)
+    with pytest.raises(Bug):
+        diagnosis.fit(*records())
+    assert named(diagnosis) == [("coulomb_friction", "v")]
+    assert diagnosis.gain_["v"].explained_share > 0.9
+    assert diagnosis.stopped_ == "unexpected Bug: what now, at 'last fit'"
+    assert not diagnosis.complete_
+    assert "Coulomb friction" in render_report(diagnosis)
+
+
+@pytest.mark.parametrize("name", ["check_data_quality", "find_disturbance", "are_same"])
+def test_a_bug_after_the_search_does_not_lose_its_result(monkeypatch, name):
+    def breaking(*args):
+        raise Bug("what now")
+
+    monkeypatch.setattr(model_diagnosis, name, breaking)
+    if name == "find_disturbance":
+        monkeypatch.setattr(model_diagnosis, "_verdict", lambda found: "unexplained")
+    catalogue = (effects.InputBias, effects.ConstantLoad) if name == "are_same" else SUSPECTS
+    X, y = records(level=0.0)
+    diagnosis = ModelDiagnosis(CART, catalogue=catalogue)
+    if name == "are_same":
+        y = (CART + effects.InputBias("F", bias=0.3)).simulate(X[:, 0], X[:, 1]).y
+        y = y + 1e-3 * np.random.default_rng(0).normal(size=y.shape)
+    with pytest.raises(Bug):
+        diagnosis.fit(X, y)
+    assert diagnosis.stopped_.startswith("unexpected Bug: what now, at ")
+    assert diagnosis.complete_
+    assert "the search was complete" in verdict_sentence(diagnosis)
+    assert len(diagnosis.causes_) == (name == "are_same")
+    assert render_report(diagnosis)
+
+
+def test_an_interrupt_keeps_the_best_so_far():
+    def progress(stage, done, total):
+        if stage == "last fit":
+            raise KeyboardInterrupt
+
+    diagnosis = ModelDiagnosis(CART, catalogue=SUSPECTS, progress=progress)
+    with pytest.raises(KeyboardInterrupt):
+        diagnosis.fit(*records())
+    assert named(diagnosis) == [("coulomb_friction", "v")]
+    assert diagnosis.stopped_ == "interrupted, at 'last fit'"
+
+
+def test_nothing_is_kept_of_an_earlier_fit_where_nothing_was_found():
+    def progress(stage, done, total):
+        raise KeyboardInterrupt
+
+    diagnosis = diagnose().set_params(progress=progress)
+    with pytest.raises(KeyboardInterrupt):
+        diagnosis.fit(*records())
+    assert not hasattr(diagnosis, "verdict_")
+    with pytest.raises(NotFittedError):
+        diagnosis.to_dict()
+
+
+def stages_until_the_end(monkeypatch, limit):
+    """Diagnose by a clock that moves on by a second whenever progress is told."""
+    seen = []
+    monkeypatch.setattr(progress, "monotonic", lambda: float(len(seen)))
+    diagnosis = diagnose(time_limit=limit, progress=lambda *said: seen.append(said))
+    return diagnosis, [stage for stage, _, _ in seen]
+
+
+def test_a_time_limit_that_is_never_enough_leaves_the_re_tuned_model(monkeypatch):
+    diagnosis, stages = stages_until_the_end(monkeypatch, 1e-3)
+    assert diagnosis.verdict_ == "unexplained"
+    assert diagnosis.causes_ == ()
+    assert diagnosis.stopped_ == "time limit of 0.001 s, at 'cause 1'"
+    assert stages[-1] == "held-out error"
+    assert diagnosis.gain_["v"].refitted > 0
+    assert "no cause was found yet" in verdict_sentence(diagnosis)
+    assert diagnosis.to_dict()["stopped"] == diagnosis.stopped_
+    assert render_report(diagnosis)
+
+
+def test_every_time_limit_gives_the_best_until_then(monkeypatch):
+    whole, stages = stages_until_the_end(monkeypatch, 1e9)
+    assert whole.stopped_ is None
+    known = []
+    for share in (0.3, 0.8, 0.95):
+        diagnosis, _ = stages_until_the_end(monkeypatch, share * len(stages))
+        assert diagnosis.stopped_.startswith("time limit of")
+        assert set(named(diagnosis)) <= {("coulomb_friction", "v")}
+        assert json.dumps(diagnosis.to_dict(), allow_nan=False)
+        known.append(len(diagnosis.causes_))
+    assert known == sorted(known)
+    assert known[0] == 0
+    assert known[-1] == 1
+
+
+@pytest.mark.parametrize("limit", [0, -1.0, "soon", float("nan")])
+def test_a_time_limit_that_is_none_is_refused(limit):
+    with pytest.raises(ValueError, match="time_limit: expected a time above 0 s or None, got"):
+        diagnose(time_limit=limit)
+
+
+def test_time_is_up_once_and_only_where_it_counts(monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr(progress, "monotonic", lambda: now[0])
+    clock = Progress(None, 3.0)
+    now[0] = 5.0
+    clock.tick()
+    clock.counts = True
+    with pytest.raises(TimeIsUp):
+        clock.begin("here")
+    assert clock.ended == "time limit of 3 s, at 'here'"
+    clock.step()
+
+
+# -- progress --------------------------------------------------------------------------------------
+
+
+def test_a_diagnosis_names_its_stages_and_every_step_of_a_fit_is_told(monkeypatch):
+    said, fits, fit = [], [], fitting.fit_windows
+
+    def counted(*args, **options):
+        before = len(said)
+        found = fit(*args, **options)
+        fits.append(len(said) - before)
+        return found
+
+    monkeypatch.setattr(fitting, "fit_windows", counted)
+    diagnose(progress=lambda *args: said.append(args))
+    assert min(fits) >= 1
+    assert sum(fits) > len(fits)
+    assert all(0 <= done <= total for _, done, total in said)
+    stages = list(dict.fromkeys(stage for stage, _, _ in said))
+    assert [s for s in stages if s not in ("second look", "pairs", "formula")] == [
+        "reading the records",
+        "window length",
+        "suspects",
+        "cause 1",
+        "cause 1, held out",
+        "needless causes",
+        "replacing causes",
+        "splitting causes",
+        "last fit",
+        "order of causes",
+        "alternatives",
+        "inputs between samples",
+        "held-out error",
+        "disturbance from outside",
+        "quality of the records",
+        "experiments that separate",
+    ]
+    ends = {stage: (done, total) for stage, done, total in said}
+    assert ends["cause 1"] == (4, 4)  # two suspects: a look at each, and each to its end
+
+
+def test_the_search_for_more_is_told_too():
+    said = []
+    rig = CART.replace(equations={"v": "(F - d*v - 0.3*cos(3*v))/m"})
+    X, _ = records()
+    y = rig.simulate(X[:, 0], X[:, 1]).y + 1e-3 * np.random.default_rng(0).normal(size=(len(X), 1))
+    ModelDiagnosis(
+        CART, catalogue=SUSPECTS, hold="zoh", progress=lambda *args: said.append(args)
+    ).fit(X, y)
+    stages = {stage for stage, _, _ in said}
+    assert {"second look", "pairs", "formula"} <= stages
