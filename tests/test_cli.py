@@ -118,7 +118,6 @@ def test_what_is_not_finite_is_null():
         "a": None,
         "b": [None, 3],
         "c": True,
-        "broken_off": None,
         "version": __version__,
     }
 

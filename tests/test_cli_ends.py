@@ -93,13 +93,14 @@ def test_debug_shows_the_traceback_with_the_same_exit_code(tmp_path, breaking):
 
 def test_what_was_found_before_a_bug_is_kept(tmp_path, breaking, fitted):
     args = write(tmp_path)
-    breaking(np.linalg.LinAlgError("SVD did not converge"), fitted)
+    why = "unexpected LinAlgError: SVD did not converge, at 'cause 2'"
+    breaking(np.linalg.LinAlgError("SVD did not converge"), {**fitted, "stopped_": why})
     result = run([*args, "--quiet"])
     assert result.exit_code == 1
     assert f"What was found before is in {tmp_path / 'out'}: {', '.join(FILES)}." in result.stderr
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == FILES
     data = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
-    assert data["broken_off"] == "LinAlgError: SVD did not converge"
+    assert data["stopped"] == why
     assert data["causes"][0]["effect"] == "coulomb_friction"
 
 

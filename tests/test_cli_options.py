@@ -48,6 +48,7 @@ def test_options_reach_the_diagnosis(asked):
         *("--noise", "0.002", "--substeps", "3", "--hold", "foh", "--window", "0.7"),
         *("--catalogue", "coulomb_friction, input_bias", "--catalogue", "viscous_friction"),
         *("--exclude", "input_bias", "--targets", "v", "--max-causes", "2", "--seed", "5"),
+        *("--time-limit", "60"),
     )
     assert params["noise"] == [0.002]
     assert params["substeps"] == 3
@@ -57,6 +58,7 @@ def test_options_reach_the_diagnosis(asked):
     assert params["targets"] == ["v"]
     assert params["max_causes"] == 2
     assert params["random_state"] == 5
+    assert params["time_limit"] == 60.0
     assert params["n_jobs"] == 1
 
 
@@ -94,6 +96,7 @@ REFUSED = {
     "noise twice": (["--noise", "1", "--noise", "2"], "once"),
     "no thread": (["--jobs", "0"], "expected 1 thread or more"),
     "no step": (["--substeps", "0"], "--substeps"),
+    "no time": (["--time-limit", "0"], "--time-limit"),
     "no window": (["--window", "-1"], "--window"),
 }
 
@@ -123,6 +126,15 @@ def test_a_real_run_does_as_told(tmp_path):
     assert data["hold"] == "foh"
     assert data["window"] == pytest.approx(1.0, rel=0.05)
     assert {cause["effect"] for cause in data["causes"]} <= {"input_bias"}
+
+
+def test_when_the_time_is_up_the_best_so_far_is_told(tmp_path):
+    args = [*write(tmp_path), "--catalogue", "coulomb_friction", "--time-limit", "1e-6"]
+    result = CliRunner().invoke(main, args, catch_exceptions=False)
+    assert result.exit_code == 0
+    data = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
+    assert data["stopped"].startswith("time limit of 1e-06 s")
+    assert "Ended early (time limit" in " ".join(result.stdout.split())
 
 
 def test_effects_can_be_listed():

@@ -85,7 +85,7 @@ class Job:
         with result_folder(Path(self.output)) as folder:
             broken = _fit(diagnosis, X, y)
             progress("writing the report")
-            failed = write_files(folder, _texts(diagnosis, broken))
+            failed = write_files(folder, _texts(diagnosis))
             kept = sorted(file.name for file in folder.iterdir())
         if broken or failed:
             error = broken or next(iter(failed.values()))
@@ -131,10 +131,10 @@ def _fit(diagnosis: ModelDiagnosis, X, y) -> Exception | None:
     return None
 
 
-def _texts(diagnosis: ModelDiagnosis, broken: Exception | None) -> dict[str, Callable[[], str]]:
+def _texts(diagnosis: ModelDiagnosis) -> dict[str, Callable[[], str]]:
     """Return by name what gives the text of each file."""
     makers = (
-        lambda: strict_json(diagnosis, broken),
+        lambda: strict_json(diagnosis),
         lambda: diagnosis.extended_model_.to_yaml(),
         lambda: render_report(diagnosis),
     )

@@ -78,6 +78,13 @@ _DIAGNOSIS = (
         help="Causes named at most.",
     ),
     click.option(
+        "--time-limit",
+        type=click.FloatRange(min=0, min_open=True),
+        metavar="S",
+        help="Time [s] after which the search ends and the best so far is told; what that needs "
+        "is still computed, so it takes a little longer.",
+    ),
+    click.option(
         "--seed",
         "random_state",
         type=click.IntRange(min=0),

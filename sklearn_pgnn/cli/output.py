@@ -10,28 +10,14 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from sklearn_pgnn import __version__
-from sklearn_pgnn.cli.guard import one_line, writing
+from sklearn_pgnn.cli.guard import writing
 from sklearn_pgnn.cli.signals import held
 from sklearn_pgnn.exceptions import OptionError
 
 
-def strict_json(diagnosis, broken_off: Exception | None = None) -> str:
-    """Write a diagnosis as strict JSON, with the package's version; what is not finite is null.
-
-    Parameters
-    ----------
-    diagnosis : ModelDiagnosis
-        The diagnosis.
-    broken_off : Exception, optional
-        What ended it before its time.
-
-    Returns
-    -------
-    str
-        The text; its ``broken_off`` is null, or says what ended the diagnosis.
-    """
-    why = None if broken_off is None else one_line(f"{type(broken_off).__name__}: {broken_off}")
-    data = {**diagnosis.to_dict(), "broken_off": why, "version": __version__}
+def strict_json(diagnosis) -> str:
+    """Write a diagnosis as strict JSON, with the package's version; what is not finite is null."""
+    data = {**diagnosis.to_dict(), "version": __version__}
     return json.dumps(_finite(data), indent=2, allow_nan=False, ensure_ascii=False) + "\n"
 
 
