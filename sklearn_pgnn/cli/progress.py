@@ -43,11 +43,11 @@ def show_progress(quiet: bool):
 
 
 def _checked(show: Callable) -> Callable:
-    """Ask at every step whether a signal wants the work to end."""
+    """Ask at every step whether a signal wants the work to end; a single step is not counted."""
 
     def progress(stage: str, done: int = 0, total: int | None = None) -> None:
         check()
-        show(stage, done, total)
+        show(stage, done, None if total == 1 else total)
 
     return progress
 
