@@ -326,6 +326,30 @@ def test_threads_change_no_number(fitted):
     assert PhysicsModelRegressor(CART, n_jobs=2).fit(X, Y).parameters_ == fitted.parameters_
 
 
+@pytest.mark.parametrize("window", [None, "trajectory"])
+def test_verbose_prints_the_stages(window, capsys):
+    PhysicsModelRegressor(CART, window=window).fit(X, Y)
+    assert capsys.readouterr().out == ""
+    PhysicsModelRegressor(CART, window=window, verbose=1).fit(X, Y)
+    lines = capsys.readouterr().out.splitlines()
+    assert all(line.startswith("[PhysicsModelRegressor] ") for line in lines)
+    assert "3 trajectories, 1200 samples" in lines[0]
+    assert "free: m, k, d" in lines[0]
+    stages = ["fit from the model's values"] + ["fit to whole trajectories"] * (window is not None)
+    for line, stage in zip(lines[1:], stages, strict=True):
+        assert stage in line
+        assert 0.8 < float(line.split("error ")[1].split()[0]) < 1.2  # the noise is left
+
+
+def test_verbose_prints_the_generations_of_a_search(capsys):
+    few = X["trajectory"] == 0
+    regressor = PhysicsModelRegressor(CART, free=["k"], search="global", verbose=1)
+    regressor.fit(X[few], Y[few])
+    lines = capsys.readouterr().out.splitlines()
+    assert "generation 1 of at most" in lines[2]
+    assert "fit from the best values between the bounds: error " in lines[-1]
+
+
 def test_searches_and_scores():
     folds = list(GroupKFold(3).split(X, Y, X["trajectory"]))
     regressor = PhysicsModelRegressor(CART, search="local", substeps=1)

@@ -549,6 +549,17 @@ def test_survives_joblib_in_another_process(tmp_path, spring):
     assert not needed_pysindy
 
 
+def test_verbose_prints_the_stages(capsys):
+    SINDYcRegressor(SPRING, degree=3).fit(SPRING_X, SPRING_Y)
+    assert capsys.readouterr().out == ""
+    fitted = SINDYcRegressor(SPRING, degree=3, verbose=1).fit(SPRING_X, SPRING_Y)
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 3
+    assert all(line.startswith("[SINDYcRegressor] ") for line in lines)
+    left = np.count_nonzero(fitted.coefficients_[1])
+    assert lines[1].endswith(f" rows, 20 terms, targets: v; {left} terms are left")
+
+
 def test_survives_copies(spring):
     expected = spring.predict(SPRING_X)
     np.testing.assert_array_equal(copy.deepcopy(spring).predict(SPRING_X), expected)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import differential_evolution
 
+from sklearn_pgnn.estimators.progress import Tell, silence
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.record_windows import WindowedRecords
 from sklearn_pgnn.simulation.window_fit import Freedom, WindowFit, fit_windows, project
@@ -57,6 +58,7 @@ def find_parameters(
     names: tuple[str, ...],
     search: str = "auto",
     random_state=None,
+    tell: Tell = silence,
 ) -> ParameterFit:
     """Fit parameters of a model to windows.
 
@@ -73,6 +75,8 @@ def find_parameters(
         where the local fit leaves much more than the noise.
     random_state : int, RandomState instance or None, default=None
         What draws the global search.
+    tell : callable, optional
+        Is told of every stage.
 
     Returns
     -------
@@ -81,10 +85,12 @@ def find_parameters(
     """
     free = tuple(free_between_bounds(model, name) for name in names)
     local = fit_locally(model, ground, free)
+    tell(f"fit from the model's values: {_left(local, ground)}")
     if search == "local" or not names or (search == "auto" and not _is_poor(local, ground)):
         return local
-    start = search_globally(local.fit.model, ground, free, random_state)
+    start = search_globally(local.fit.model, ground, free, random_state, tell)
     found = fit_locally(start, ground, free)
+    tell(f"fit from the best values between the bounds: {_left(found, ground)}")
     return min(local, found, key=lambda each: each.fit.objective)
 
 
@@ -95,6 +101,7 @@ def find_in_free_run(
     names: tuple[str, ...],
     search: str = "auto",
     random_state=None,
+    tell: Tell = silence,
 ) -> ParameterFit:
     """Fit parameters to whole records, from the model's values and from a fit to short windows.
 
@@ -112,16 +119,22 @@ def find_in_free_run(
         As in `find_parameters`, for the short windows.
     random_state : int, RandomState instance or None, default=None
         What draws the global search.
+    tell : callable, optional
+        Is told of every stage.
 
     Returns
     -------
     ParameterFit
         The better of the fits.
     """
-    near = find_parameters(model, short, names, search, random_state).fit.model if names else model
+    near = model
+    if names:
+        near = find_parameters(model, short, names, search, random_state, tell).fit.model
     free = tuple(free_between_bounds(model, name) for name in names)
     fits = [fit_locally(start, whole, free) for start in dict.fromkeys((model, near))]
-    return min(fits, key=lambda each: each.fit.objective)
+    best = min(fits, key=lambda each: each.fit.objective)
+    tell(f"fit to whole trajectories: {_left(best, whole)}")
+    return best
 
 
 def free_between_bounds(model: PhysicsModel, name: str) -> Freedom:
@@ -171,7 +184,9 @@ def _where_told(ground: WindowedRecords, expected, spread):
     return np.where(known, ground.told, expected), np.where(known, HELD * spread, spread)
 
 
-def search_globally(model: PhysicsModel, ground: WindowedRecords, free, random_state=None):
+def search_globally(
+    model: PhysicsModel, ground: WindowedRecords, free, random_state=None, tell: Tell = silence
+):
     """Look all over the bounds for values from which a local fit ends lowest.
 
     Parameters
@@ -184,6 +199,8 @@ def search_globally(model: PhysicsModel, ground: WindowedRecords, free, random_s
         The parameters to fit.
     random_state : int, RandomState instance or None, default=None
         What draws the members.
+    tell : callable, optional
+        Is told of every generation.
 
     Returns
     -------
@@ -204,6 +221,14 @@ def search_globally(model: PhysicsModel, ground: WindowedRecords, free, random_s
         squares = _least_squares(at(point), windows, expected, estimate.spread)
         return float(np.log(squares)) if 0 < squares < np.inf else WORST
 
+    def told(intermediate_result) -> None:
+        samples = windows.lengths.sum() * windows.y.shape[1]
+        size = np.sqrt(np.exp(intermediate_result.fun) / samples)
+        tell(
+            f"search between the bounds, generation {intermediate_result.nit} of at most "
+            f"{GENERATIONS}: error {size:.4g} times the noise"
+        )
+
     start = [s.place(model.parameters[f.name].value) for f, s in zip(free, scales, strict=True)]
     result = differential_evolution(
         error,
@@ -216,6 +241,7 @@ def search_globally(model: PhysicsModel, ground: WindowedRecords, free, random_s
         init="sobol",
         x0=start,
         rng=random_state,
+        callback=told,
     )
     order = np.argsort(result.population_energies)[:FOLLOWED]
     found = [at(result.population[k]) for k in order]
@@ -267,6 +293,13 @@ def _some(windows) -> np.ndarray:
     """Take every k-th window, so that a search is cheap whatever the length of the records."""
     step = min(windows.lengths.sum() // SOME_SAMPLES, len(windows) // SOME_WINDOWS)
     return np.arange(0, len(windows), max(1, step))
+
+
+def _left(found: ParameterFit, ground: WindowedRecords) -> str:
+    """Write what a fit leaves."""
+    measured = np.isfinite(ground.windows.y).sum()
+    size = np.sqrt(found.fit.squares / measured)
+    return f"error {size:.4g} times the noise"
 
 
 def _is_poor(found: ParameterFit, ground: WindowedRecords) -> bool:

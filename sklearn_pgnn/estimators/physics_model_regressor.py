@@ -13,6 +13,7 @@ from sklearn_pgnn.estimators.parameter_search import (
     find_in_free_run,
     find_parameters,
 )
+from sklearn_pgnn.estimators.progress import teller
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.record_windows import (
     WHOLE,
@@ -60,6 +61,8 @@ class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         Threads to simulate on; -1 means all.
     random_state : int, RandomState instance or None, default=0
         What draws the global search.
+    verbose : int, default=0
+        Whether to print a line for every stage of the fit.
 
     Attributes
     ----------
@@ -111,6 +114,7 @@ class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         time=None,
         n_jobs=None,
         random_state=0,
+        verbose=0,
     ):
         self.model = model
         self.free = free
@@ -122,6 +126,7 @@ class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         self.time = time
         self.n_jobs = n_jobs
         self.random_state = random_state
+        self.verbose = verbose
 
     def fit(self, X, y):
         """Fit the free parameters.
@@ -197,12 +202,17 @@ class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
             "substeps": self.substeps,
             "threads": effective_n_jobs(self.n_jobs),
         }
-        search = self.search, self.random_state
+        tell = teller(self)
+        search = self.search, self.random_state, tell
+        ground = window_records(self.model, records, window=self.window, **options)
+        windows = ground.windows
+        tell(
+            f"{len(records)} trajectories, {windows.t.size} samples, {len(windows)} windows, "
+            f"{windows.substeps} substeps; free: {', '.join(names) or 'none'}"
+        )
         if self.window != WHOLE:
-            ground = window_records(self.model, records, window=self.window, **options)
             return ground, find_parameters(self.model, ground, names, *search)
         short = window_records(self.model, records, **options)
-        ground = window_records(self.model, records, window=WHOLE, **options)
         return ground, find_in_free_run(self.model, short, ground, names, *search)
 
     def _free_names(self) -> tuple[str, ...]:

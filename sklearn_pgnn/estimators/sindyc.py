@@ -7,6 +7,7 @@ import numpy as np
 from sklearn.base import BaseEstimator, MultiOutputMixin, RegressorMixin
 from sklearn.utils.validation import check_is_fitted, validate_data
 
+from sklearn_pgnn.estimators.progress import teller
 from sklearn_pgnn.estimators.sindyc_library import read_library, term_function, term_texts
 from sklearn_pgnn.estimators.sindyc_model import (
     complete,
@@ -84,6 +85,8 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
     substeps : int, optional
         Integration steps from sample to sample; by default as many as accuracy needs. A map takes
         one.
+    verbose : int, default=0
+        Whether to print a line for every stage of the fit.
 
     Attributes
     ----------
@@ -156,6 +159,7 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         time=None,
         hold="zoh",
         substeps=None,
+        verbose=0,
     ):
         self.model = model
         self.library = library
@@ -168,6 +172,7 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         self.time = time
         self.hold = hold
         self.substeps = substeps
+        self.verbose = verbose
 
     def fit(self, X, y):
         """Identify the equations.
@@ -232,6 +237,8 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         base = blank_model(X, y, self.time) if self.model is None else self.model
         records = read_records(base, X, y, time=self.time)
         states = measure_states(base, records, hold=self.hold, substeps=self.substeps)
+        tell = teller(self)
+        tell(f"{len(records)} trajectories, {len(states.x)} samples: states estimated")
         library = read_library(self.library, [*base.states, *base.inputs], self.degree, self.model)
         found = self._identify(base, states, library)
         terms, self.coefficients_ = complete(base, library, found, self.discrete)
@@ -245,6 +252,7 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         largest = np.nanmax(np.abs(states.windows.y), axis=0)
         self._limit = np.where(largest > 0, RUNAWAY * largest, np.inf)
         self.substeps_ = self._enough_substeps(records)
+        tell(f"{self.substeps_} substeps from sample to sample")
         return self
 
     def _identify(self, base, states, library) -> np.ndarray:
@@ -323,6 +331,10 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         if optimizer is None:
             optimizer = stepwise_least_squares(self.threshold, self.alpha, *terms.shape)
         found = sparse_coefficients(terms, targets, optimizer, squares_only=self.optimizer is None)
+        n_found, (n_rows, n_terms) = np.count_nonzero(found), terms.shape
+        teller(self)(
+            f"{n_rows} rows, {n_terms} terms, targets: {', '.join(names)}; {n_found} terms are left"
+        )
         for name, row, target in zip(names, found, targets.T, strict=True):
             if not row.any() and target.any():
                 warnings.warn(

@@ -1,0 +1,39 @@
+"""What an estimator that is asked to says of its fit, as scikit-learn's do."""
+
+from collections.abc import Callable
+
+#: takes one line of text
+Tell = Callable[[str], None]
+
+
+def silence(text: str) -> None:
+    """Say nothing."""
+
+
+def teller(estimator) -> Tell:
+    """Return what prints lines to the standard output, or nothing unless the estimator is verbose.
+
+    Parameters
+    ----------
+    estimator : estimator
+        Has a parameter ``verbose``.
+
+    Returns
+    -------
+    callable
+        Takes a line of text.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn import PhysicsModelRegressor
+    >>> teller(PhysicsModelRegressor(None, verbose=1))("3 records")
+    [PhysicsModelRegressor] 3 records
+    """
+    if not estimator.verbose:
+        return silence
+    name = type(estimator).__name__
+
+    def tell(text: str) -> None:
+        print(f"[{name}] {text}", flush=True)
+
+    return tell
