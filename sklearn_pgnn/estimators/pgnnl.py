@@ -113,8 +113,9 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         Last phase, on the simulation of whole trajectories: Levenberg-Marquardt, L-BFGS or none.
         ``"auto"`` is Levenberg-Marquardt for a `FeedForward` core of at most 1000 weights. L-BFGS
         costs 1.7, none 4.7.
-    refine_iterations : int, default=30
-        Most steps of that phase; 60 cost as much.
+    refine_iterations : int, default=500
+        Most steps of that phase, which ends by itself where five steps lower the loss by less than
+        a thousandth; steps that are tried in vain do not count.
     validation : float, default=0.2
         Share of the trajectories held out to choose the weights; of less than three
         trajectories, the share at the end of each.
@@ -214,7 +215,7 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         horizon=1,
         rollout_epochs=20,
         refine="auto",
-        refine_iterations=30,
+        refine_iterations=500,
         validation=0.2,
         patience=20,
         states=None,

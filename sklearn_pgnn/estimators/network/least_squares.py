@@ -1,8 +1,8 @@
 r"""The second phase: all weights at once, on the free-run simulation of whole trajectories.
 
 Minimised is :math:`F = (1 - \lambda)\,L_{error} + \lambda\,L_{phy}`, with the exact gradient from
-the compiled sensitivities, by Levenberg and Marquardt's steps or by L-BFGS. An inequality's
-ReLU counts in the curvature like the parabola that touches it,
+the compiled sensitivities, by Levenberg and Marquardt's steps or by L-BFGS, until the cost hardly
+falls any more. An inequality's ReLU counts in the curvature like the parabola that touches it,
 :math:`h \le h^2/(2 h_0) + h_0/2`.
 """
 
@@ -22,7 +22,11 @@ from sklearn_pgnn.simulation.network_run import NetworkSensitivities, NetworkSte
 #: damping to begin with, and its largest value
 DAMPING, MOST_DAMPING = 1e-3, 1e12
 #: the search ends where so many steps lower the cost by no more than this share
-SETTLED, TOLERANCE = 5, 0.02
+SETTLED, TOLERANCE = 5, 0.001
+#: most weights that L-BFGS tries in one direction
+LINE_SEARCH = 20
+#: least gain that a step is compared with
+TINY = np.finfo(float).tiny
 #: an inequality is never taken for nearer to its edge than this
 EDGE = 1e-6
 
@@ -34,6 +38,11 @@ class Sums:
     cost: float
     gradient: np.ndarray
     curvature: np.ndarray
+
+    @property
+    def is_finite(self) -> bool:
+        """Whether cost, gradient and curvature are numbers that a step can be made of."""
+        return all(np.isfinite(part).all() for part in (self.cost, self.gradient, self.curvature))
 
     def add(self, residual, jacobian, factor: float) -> None:
         """Add ``factor`` times the squares of residuals."""
@@ -209,7 +218,7 @@ def levenberg_marquardt(objective, theta: np.ndarray, iterations: int, on_step) 
     theta : ndarray of shape (n_weights,)
         The start.
     iterations : int
-        Most steps that are tried.
+        Most steps that lower the cost; those that are tried in vain are not counted.
     on_step : callable
         Is told of every accepted step, ``on_step(theta, cost)``; True ends the search.
 
@@ -225,27 +234,36 @@ def levenberg_marquardt(objective, theta: np.ndarray, iterations: int, on_step) 
     .. [2] K. Madsen, H. B. Nielsen, O. Tingleff, "Methods for non-linear least squares problems",
        Technical University of Denmark, 2004: how the damping follows the gain.
     """
-    now, damping, stiffen = objective(theta), DAMPING, 2.0
-    if not np.isfinite(now.cost):
+    now, damping = objective(theta), DAMPING
+    if not now.is_finite:
         return theta
     size, costs = np.diag(now.curvature).copy(), [now.cost]
     for _ in range(iterations):
         size = np.maximum(size, np.diag(now.curvature))
+        found = _next_step(objective, theta, now, damping, size)
+        if found is None:
+            break
+        theta, now, damping = found
+        costs.append(now.cost)
+        if on_step(theta, now.cost) or _has_settled(costs):
+            break
+    return theta
+
+
+def _next_step(objective, theta, now: Sums, damping: float, size: np.ndarray):
+    """Stiffen the damping until a step lowers the cost; None where even the shortest does not.
+
+    A step into a divergence, of the simulation or of its sensitivities, is one that does not.
+    """
+    stiffen = 2.0
+    while damping <= MOST_DAMPING:
         step = _damped_step(now, damping * np.maximum(size, 1e-12 * size.max()))
         cost = objective.cost(theta + step)
-        if cost < now.cost:
-            share = (now.cost - cost) / _expected_gain(now, step)
-            damping *= max(1 / 3, 1 - (2 * share - 1) ** 3)
-            theta, stiffen = theta + step, 2.0
-            now = objective(theta)
-            costs.append(now.cost)
-            if on_step(theta, now.cost) or _has_settled(costs):
-                break
-        else:
-            damping, stiffen = damping * stiffen, 2 * stiffen
-            if damping > MOST_DAMPING:
-                break
-    return theta
+        if cost < now.cost and (after := objective(theta + step)).is_finite:
+            share = (now.cost - cost) / max(_expected_gain(now, step), TINY)
+            return theta + step, after, damping * max(1 / 3, 1 - (2 * share - 1) ** 3)
+        damping, stiffen = damping * stiffen, 2 * stiffen
+    return None
 
 
 def _expected_gain(sums: Sums, step: np.ndarray) -> float:
@@ -281,14 +299,22 @@ def l_bfgs(objective, theta: np.ndarray, iterations: int, on_step) -> np.ndarray
     ndarray of shape (n_weights,)
         The last weights that were accepted.
     """
+    costs: list[float] = []
 
     def both(weights):
         sums = objective(weights)
-        return (sums.cost if np.isfinite(sums.cost) else 1e30), sums.gradient
+        return (sums.cost, sums.gradient) if sums.is_finite else (1e30, np.zeros(theta.size))
 
     def told(intermediate_result):
-        if on_step(intermediate_result.x, intermediate_result.fun):
+        costs.append(intermediate_result.fun)
+        if on_step(intermediate_result.x, intermediate_result.fun) or _has_settled(costs):
             raise StopIteration
 
-    options = {"maxiter": iterations, "maxfun": 2 * iterations}
+    options = {
+        "maxiter": iterations,
+        "maxls": LINE_SEARCH,
+        "maxfun": LINE_SEARCH * iterations,
+        "ftol": 0.0,  # `_has_settled` says when
+        "gtol": 0.0,
+    }
     return minimize(both, theta, jac=True, method="L-BFGS-B", callback=told, options=options).x
