@@ -262,15 +262,6 @@ def test_text_in_a_column_of_numbers():
     assert message == "y: output 'v_m': expected a number, got 'broken' in row 3."
 
 
-@pytest.mark.parametrize(
-    "t", [pd.date_range("2024-01-01", periods=4, freq="s"), pd.to_timedelta(range(4), unit="s")]
-)
-def test_a_time_that_is_a_date_is_refused(t):
-    X, y = table(4)
-    message = refusal(X.assign(t=t), y)
-    assert message.startswith("X: time 't': expected seconds as numbers, got ")
-
-
 def test_complex_numbers_are_refused():
     X, y = table(4)
     assert "expected real numbers" in refusal(X.assign(tau=1j), y)

@@ -104,13 +104,15 @@ def test_a_first_state_that_is_not_known_stays_so():
 def test_trajectories_that_only_their_names_tell_apart():
     later = X.copy()
     later["t"] += 100.0 * (later["trajectory"] == later["trajectory"].iloc[-1])
-    transformer = PhysicsModelTransformer(CART).fit(later)
+    mixed = X.sort_values("t", kind="stable")
+    transformer = PhysicsModelTransformer(CART).fit(X)
     with pytest.warns(UserWarning, match=r"does not tell the trajectories apart.*append='all'"):
-        transformer.transform(later)
+        transformer.transform(mixed)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        transformer.transform(X)
-        PhysicsModelTransformer(CART, append="all").fit_transform(later)
+        # every trajectory has a clock of its own, which begins anew
+        pd.testing.assert_frame_equal(transformer.transform(later), transformer.transform(X))
+        PhysicsModelTransformer(CART, append="all").fit_transform(mixed)
 
 
 @pytest.mark.parametrize(

@@ -39,6 +39,7 @@ from sklearn_pgnn.extras import needed_by
 from sklearn_pgnn.simulation.free_run import enough_substeps
 from sklearn_pgnn.simulation.record_windows import dominant_period
 from sklearn_pgnn.trajectories import read_records, rows_in_order
+from sklearn_pgnn.trajectories.tables import TIME, as_pandas, as_table
 from sklearn_pgnn.trajectories.validation import check_model, validate_table
 
 with needed_by("PGNNLRegressor"):
@@ -438,7 +439,7 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         )
 
     def _has_time(self, X) -> bool:
-        named = isinstance(X, pd.DataFrame) and "t" in X.columns
+        named = TIME in getattr(as_table(X), "columns", ())
         return self.model is not None or named or self.time is not None
 
     @property
@@ -578,6 +579,7 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
     def _lay_ground(self, X, y, random, anew):
         """Read the records, estimate their states, and settle what a step is made of."""
         table = X = validate_table(self, X, reset=anew)
+        y = as_pandas(y)
         outputs = y if hasattr(y, "iloc") else np.asarray(y)
         self._single_output = np.asarray(y).ndim == 1
         self.model_ = self.model

@@ -30,6 +30,7 @@ from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.free_run import enough_substeps, simulate_record
 from sklearn_pgnn.simulation.simulate import HOLDS
 from sklearn_pgnn.trajectories import read_records, rows_in_order
+from sklearn_pgnn.trajectories.tables import as_pandas
 from sklearn_pgnn.trajectories.validation import check_model, validate_table
 
 #: a simulation that gets so many times as large as any measured output tells nothing
@@ -201,6 +202,7 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
                 f"{type(self).__name__} requires y to be passed, but the target y is None."
             )
         self._check_parameters()
+        y = as_pandas(y)
         self._single_output = np.asarray(y).ndim == 1
         if is_timed(X, self.model, self.time):
             return self._fit_records(validate_table(self, X, reset=True), y)

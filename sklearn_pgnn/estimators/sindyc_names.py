@@ -10,11 +10,12 @@ from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.physics.expressions import RESERVED
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.trajectories.reader import TIME, TRAJECTORY
+from sklearn_pgnn.trajectories.tables import as_table
 
 
 def is_timed(X, model, time) -> bool:
     """Tell whether the rows of X are samples in time, or independent."""
-    return model is not None or time is not None or TIME in getattr(X, "columns", ())
+    return model is not None or time is not None or TIME in getattr(as_table(X), "columns", ())
 
 
 def blank_model(X, y, time) -> PhysicsModel:

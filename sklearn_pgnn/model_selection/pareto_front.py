@@ -6,8 +6,8 @@ from joblib import Parallel, delayed
 from sklearn.base import clone
 from sklearn.pipeline import Pipeline
 
-from sklearn_pgnn.model_selection.pieces import take_rows
 from sklearn_pgnn.model_selection.trajectory_split import TrajectorySplit
+from sklearn_pgnn.trajectories.tables import take_rows
 
 #: weights of the physical loss that are tried
 LAMBDAS = (0.0, 0.001, 0.01, 0.03, 0.1, 0.3, 0.6, 0.9)

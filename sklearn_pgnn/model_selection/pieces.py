@@ -3,9 +3,11 @@
 from itertools import pairwise
 
 import numpy as np
+import pandas as pd
 
 from sklearn_pgnn.trajectories import split_rows
 from sklearn_pgnn.trajectories.reader import TIME, TRAJECTORY
+from sklearn_pgnn.trajectories.tables import as_table, read_clock
 
 
 def read_pieces(X, groups=None, time=None) -> list[np.ndarray]:
@@ -36,6 +38,7 @@ def read_pieces(X, groups=None, time=None) -> list[np.ndarray]:
     >>> [rows.tolist() for rows in read_pieces([[0.0, 5.0], [0.1, 5.0], [0.0, 7.0]])]
     [[0, 1], [2]]
     """
+    X = as_table(X, time)
     names = _column(X, TRAJECTORY) if groups is None else np.asarray(groups)
     if names is not None:
         return [rows for _, rows in split_rows(np.empty(len(names)), names)]
@@ -74,6 +77,7 @@ def refuse_merging(X, pieces, groups=None, time=None) -> None:
     ValueError: X: the trajectories that end in row 1 and begin in row 4 would read as one, \
 for time goes on increasing from 0.1 s to 0.4 s. Remedy: give X a column 'trajectory'.
     """
+    X = as_table(X, time)
     if groups is not None or _column(X, TRAJECTORY) is not None:
         return
     t = _read_time(X, time)
@@ -117,34 +121,16 @@ def deal_in_order(lengths, shares) -> list[np.ndarray]:
     return np.split(np.arange(len(ends)), cuts)
 
 
-def take_rows(table, rows):
-    """Give some rows of a table.
-
-    Parameters
-    ----------
-    table : DataFrame, Series or array-like of shape (n_samples, ...)
-        The table.
-    rows : array-like of int
-        Row numbers.
-
-    Returns
-    -------
-    DataFrame, Series or ndarray
-        The rows, of the table's own kind.
-    """
-    return table.iloc[rows] if hasattr(table, "iloc") else np.asarray(table)[rows]
-
-
 def _column(X, name) -> np.ndarray | None:
     """Give a column by its name; None where there is none."""
-    if not hasattr(X, "columns") or name not in X.columns:
+    if not isinstance(X, pd.DataFrame) or name not in X.columns:
         return None
     return X[name].to_numpy()
 
 
 def _read_time(X, time) -> np.ndarray:
     """Read the time [s] of every row."""
-    if hasattr(X, "columns") and not isinstance(time, int | np.integer):
+    if isinstance(X, pd.DataFrame) and not isinstance(time, int | np.integer):
         t = _column(X, TIME if time is None else time)
         if t is None:
             raise ValueError(
@@ -154,6 +140,9 @@ def _read_time(X, time) -> np.ndarray:
             )
     else:
         t = np.asarray(X)[:, 0 if time is None else time]
+    clock = read_clock(pd.Series(t), "X: time")
+    if clock is not None:
+        return (clock[0] - clock[0][0]) * clock[1]
     t = np.asarray(t, dtype=float)
     bad = np.flatnonzero(~np.isfinite(t))
     if bad.size:

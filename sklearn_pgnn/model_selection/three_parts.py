@@ -7,9 +7,9 @@ from sklearn_pgnn.model_selection.pieces import (
     deal_in_order,
     read_pieces,
     refuse_merging,
-    take_rows,
 )
 from sklearn_pgnn.trajectories.reader import MIN_SAMPLES
+from sklearn_pgnn.trajectories.tables import take_rows
 
 WAYS = ("trajectory", "time")
 

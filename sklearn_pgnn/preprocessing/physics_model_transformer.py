@@ -37,8 +37,8 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
         States and outputs to append; by default all, the states first.
     append : bool or "all", default=True
         Whether to put them behind the columns of X, of which the states hold each trajectory's
-        initial value; ``"all"`` keeps every column as it came, ``trajectory`` and states as
-        measured included; False gives the simulation alone.
+        initial value and the time counts from its first sample; ``"all"`` keeps every column,
+        ``trajectory`` and states as measured included; False gives the simulation alone.
     method : {"rk4", "euler"}, default="rk4"
         Runge-Kutta scheme of order four, or explicit Euler.
     substeps : int, optional
@@ -190,7 +190,7 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
 
     def _kept_table(self, X: pd.DataFrame, records) -> pd.DataFrame:
         """Return the columns of X that are passed on, states as they are in the first rows."""
-        kept = X.iloc[:, self._kept()]
+        kept = self._on_own_clocks(X, records).iloc[:, self._kept()]
         if self.append is not True:
             return kept
         if TRAJECTORY in X.columns:
@@ -202,6 +202,15 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
         for i, column in self._state_columns().items():
             held[X.columns[column]] = first[:, i]
         return held
+
+    def _on_own_clocks(self, X: pd.DataFrame, records) -> pd.DataFrame:
+        """Return X with the time of the records: seconds that tell trajectories apart."""
+        names = self._column_names()
+        called = next(c for c in (self.time, self.model.columns.get(TIME), TIME) if c in names)
+        table = X.copy(deep=False)
+        seconds = np.concatenate([record.t for record in records])
+        table.isetitem(names.index(called), rows_in_order(records, seconds))
+        return table
 
     def _column_names(self) -> list[str]:
         """Return the names of the columns of X, of an array as the model calls them."""

@@ -1,9 +1,11 @@
 """The one reader of X and y: a table of samples becomes records.
 
-A row is a sample. As a DataFrame, columns count by name: the time ``t``, the inputs, and the
-states, of which only each trajectory's first row is read. As an array, the columns stand in that
-order: time, inputs, then states if there are as many more. A new trajectory begins wherever the
-time does not increase; a column ``trajectory`` overrules that.
+A row is a sample. As a DataFrame, of pandas, polars or another library, columns count by name: the
+time ``t``, the inputs, and the states, of which only each trajectory's first row is read. As an
+array, the columns stand in that order: time, inputs, then states if there are as many more. A new
+trajectory begins wherever the time does not increase; a column ``trajectory`` overrules that.
+
+The time is in seconds, or dates or time differences: these count from a trajectory's first sample.
 
 A record's time counts from its first sample: it does not matter what its clock showed. Where the
 model's own equations contain the time, it is taken as it is given.
@@ -15,10 +17,11 @@ import pandas as pd
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.trajectories.record import Record
+from sklearn_pgnn.trajectories.tables import TIME, as_pandas, as_table, read_clock
 
 #: a trajectory with outputs has at least so many samples
 MIN_SAMPLES = 4
-TIME, TRAJECTORY = "t", "trajectory"
+TRAJECTORY = "trajectory"
 
 
 def read_records(model: PhysicsModel, X, y=None, *, time=None) -> tuple[Record, ...]:
@@ -29,7 +32,8 @@ def read_records(model: PhysicsModel, X, y=None, *, time=None) -> tuple[Record, 
     model : PhysicsModel
         Names the inputs, states and outputs; its `columns` say what the table calls them.
     X : DataFrame or array-like of shape (n_samples, n_columns)
-        Time [s], inputs and, where known, the states in each trajectory's first row.
+        Time [s], inputs and, where known, the states in each trajectory's first row. The time may
+        be dates, or time differences, too, and stand in the index of a pandas DataFrame.
     y : DataFrame or array-like of shape (n_samples, n_outputs) or (n_samples,), optional
         Measured outputs; NaN where there is none.
     time : int or str, optional
@@ -57,18 +61,20 @@ def read_records(model: PhysicsModel, X, y=None, *, time=None) -> tuple[Record, 
     outputs = None if y is None else _as_outputs(model, y, len(table))
     if not len(table):
         raise RecordError("X: expected samples, got none.")
-    t = _numbers(table[TIME], "X: time 't'")
+    t, tick = _clock(table)
     u = _inputs(model, table)
-    _refuse_not_finite(t[:, None], [TIME], table)
     _refuse_not_finite(u, list(model.inputs), table)
     pieces = split_rows(t, _trajectories(table))
     states = _states(model, table, [rows[0] for _, rows in pieces])
     records = []
     for (name, rows), x0 in zip(pieces, states, strict=True):
         _check_clock(name, t[rows], rows, needs_outputs=y is not None)
-        origin = float(t[rows[0]]) if model.is_autonomous else 0.0
         measured = None if outputs is None else outputs[rows]
-        records.append(Record(t[rows] - origin, u[rows], measured, x0, name, rows, origin))
+        own = (t[rows] - t[rows[0]]) * (tick or 1.0)
+        origin = 0.0 if tick else float(t[rows[0]])
+        if not (tick or model.is_autonomous):
+            own, origin = t[rows], 0.0
+        records.append(Record(own, u[rows], measured, x0, name, rows, origin))
         _check_outputs(records[-1])
     return tuple(records)
 
@@ -128,6 +134,7 @@ def rows_in_order(records: tuple[Record, ...], values: np.ndarray) -> np.ndarray
 
 def _as_table(model: PhysicsModel, X, time) -> pd.DataFrame:
     """Give the columns that count under the model's own names; nothing of X is changed."""
+    X = as_table(X, time)
     if isinstance(X, pd.DataFrame) and all(isinstance(name, str) for name in X.columns):
         return _from_names(model, X, time)
     array = np.asarray(X)
@@ -181,8 +188,7 @@ def _from_array(model: PhysicsModel, array: np.ndarray, time) -> pd.DataFrame:
 def _numbers(column: pd.Series, what: str) -> np.ndarray:
     """Read a column as real numbers, NaN where there is nothing."""
     if column.dtype.kind in "mMc":
-        expected = "seconds as numbers" if what.startswith("X: time") else "real numbers"
-        raise RecordError(f"{what}: expected {expected}, got {column.dtype}.")
+        raise RecordError(f"{what}: expected real numbers, got {column.dtype}.")
     try:
         return column.to_numpy(dtype=float, na_value=np.nan)
     except (TypeError, ValueError):
@@ -191,6 +197,16 @@ def _numbers(column: pd.Series, what: str) -> np.ndarray:
         raise RecordError(
             f"{what}: expected a number, got {column.iloc[row]!r} in row {row}."
         ) from None
+
+
+def _clock(table: pd.DataFrame) -> tuple[np.ndarray, float | None]:
+    """Read the time: in seconds, or of dates in ticks, with what one lasts [s]."""
+    clock = read_clock(table[TIME], "X: time 't'")
+    if clock is not None:
+        return clock
+    t = _numbers(table[TIME], "X: time 't'")
+    _refuse_not_finite(t[:, None], [TIME], table)
+    return t, None
 
 
 def _inputs(model: PhysicsModel, table: pd.DataFrame) -> np.ndarray:
@@ -222,7 +238,7 @@ def _trajectories(table: pd.DataFrame) -> np.ndarray | None:
 
 
 def _as_outputs(model: PhysicsModel, y, n_samples: int) -> np.ndarray:
-    names = list(model.outputs)
+    names, y = list(model.outputs), as_pandas(y)
     if isinstance(y, pd.DataFrame):
         y = _named_outputs(model, y)
     table = pd.DataFrame(y if isinstance(y, pd.DataFrame) else np.asarray(y))

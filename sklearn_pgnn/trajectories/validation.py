@@ -2,9 +2,11 @@
 
 from os import PathLike
 
+import pandas as pd
 from sklearn.utils.validation import validate_data
 
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.trajectories.tables import as_table
 
 
 def check_model(model, *, optional: bool = False) -> None:
@@ -59,7 +61,7 @@ def validate_table(estimator, X, *, reset: bool):
     Returns
     -------
     DataFrame or ndarray
-        The table; a DataFrame as it came.
+        The table; a DataFrame of another library as one of pandas.
 
     Raises
     ------
@@ -75,7 +77,8 @@ def validate_table(estimator, X, *, reset: bool):
     >>> estimator.n_features_in_
     2
     """
-    if hasattr(X, "columns"):
+    X = as_table(X, getattr(estimator, "time", None))
+    if isinstance(X, pd.DataFrame):
         validate_data(estimator, X, reset=reset, skip_check_array=True)
         return X
     return validate_data(estimator, X, reset=reset, ensure_all_finite="allow-nan")

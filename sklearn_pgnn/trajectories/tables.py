@@ -1,0 +1,127 @@
+"""Tables of any library as pandas ones, and what of them is a clock."""
+
+import narwhals.stable.v1 as nw
+import numpy as np
+import pandas as pd
+
+from sklearn_pgnn.exceptions import RecordError
+
+TIME = "t"
+
+
+def as_table(X, time=None):
+    """Return a DataFrame of any library as one of pandas, with its clock as a column.
+
+    Parameters
+    ----------
+    X : DataFrame, Series or array-like of shape (n_samples, ...)
+        The table. An index of dates or of time differences becomes the column ``t``, if X has none
+        and `time` is not given.
+    time : int or str, optional
+        Column of the time.
+
+    Returns
+    -------
+    DataFrame, Series or array-like
+        The table; what is no DataFrame as it came.
+
+    Examples
+    --------
+    >>> index = pd.to_datetime(["2026-01-31 12:00:00", "2026-01-31 12:00:01"])
+    >>> as_table(pd.DataFrame({"u": [1.0, 2.0]}, index)).columns.tolist()
+    ['t', 'u']
+    """
+    table = as_pandas(X)
+    if not isinstance(table, pd.DataFrame) or time is not None or TIME in table.columns:
+        return table
+    if not isinstance(table.index, pd.DatetimeIndex | pd.TimedeltaIndex):
+        return table
+    table = table.copy(deep=False)
+    table.insert(0, TIME, table.index)
+    return table
+
+
+def as_pandas(X):
+    """Return a DataFrame or Series of any library as one of pandas; anything else as it came.
+
+    Parameters
+    ----------
+    X : DataFrame, Series or array-like of shape (n_samples, ...)
+        The table.
+
+    Returns
+    -------
+    DataFrame, Series or array-like
+        The table.
+    """
+    if isinstance(X, pd.DataFrame | pd.Series):
+        return X
+    native = nw.from_native(X, pass_through=True, allow_series=True)  # polars, pyarrow and others
+    if isinstance(native, nw.LazyFrame):
+        native = native.collect()
+    if isinstance(native, nw.DataFrame):
+        return pd.DataFrame({name: native[name].to_numpy() for name in native.columns})
+    if isinstance(native, nw.Series):
+        return pd.Series(native.to_numpy(), name=native.name)
+    return X
+
+
+def take_rows(table, rows):
+    """Return some rows of a table.
+
+    Parameters
+    ----------
+    table : DataFrame, Series or array-like of shape (n_samples, ...)
+        The table.
+    rows : array-like of int
+        Row numbers.
+
+    Returns
+    -------
+    DataFrame, Series or ndarray
+        The rows, of the table's own kind.
+    """
+    if hasattr(table, "iloc"):
+        return table.iloc[rows]
+    native = nw.from_native(table, pass_through=True, allow_series=True, eager_only=True)
+    if isinstance(native, nw.DataFrame | nw.Series):
+        return native[np.asarray(rows).tolist()].to_native()
+    return np.asarray(table)[rows]
+
+
+def read_clock(column: pd.Series, what: str) -> tuple[np.ndarray, float] | None:
+    """Read dates or time differences, without loss.
+
+    Parameters
+    ----------
+    column : Series of shape (n_samples,)
+        A column of the table.
+    what : str
+        What it is called, for the error's text.
+
+    Returns
+    -------
+    tuple of (ndarray of int, float) or None
+        Ticks and what one lasts [s]; None where the column holds something else.
+
+    Raises
+    ------
+    RecordError
+        If a sample has no time.
+
+    Examples
+    --------
+    >>> ticks, tick = read_clock(pd.Series(pd.to_timedelta([0, 5], unit="ms")), "t")
+    >>> ((ticks - ticks[0]) * tick).tolist()
+    [0.0, 0.005]
+    """
+    if column.dtype.kind not in "mM":
+        return None
+    empty = np.flatnonzero(column.isna())
+    if empty.size:
+        raise RecordError(
+            f"{what} is NaT in row {empty[0]}; expected a time. "
+            f"Remedy: fill the gap or cut the record there."
+        )
+    index = (pd.DatetimeIndex if column.dtype.kind == "M" else pd.TimedeltaIndex)(column)
+    return index.asi8, float(np.timedelta64(1, index.unit) / np.timedelta64(1, "s"))
