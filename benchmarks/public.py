@@ -204,8 +204,8 @@ def fit(model, X, y, starts=None, free=None):
 def starts_in_window(model, X, y, samples):
     """Fit states, but no parameters, to the first samples; actuators start settled."""
     window = (X.groupby("trajectory").cumcount() < samples).to_numpy()
-    lagged = [name.removesuffix("_lagged") for name in model.states]
-    known = [X[name].iloc[0] if name in X else np.nan for name in lagged]
+    followed = [model.settled.get(state) for state in model.states]
+    known = [np.nan if name is None else X[name].iloc[0] for name in followed]
     return fit(model, X[window], y[window], [known], free=()).initial_states_
 
 

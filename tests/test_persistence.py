@@ -112,6 +112,7 @@ TRUSTED = {
     "SINDYcRegressor": {MODEL, "sklearn_pgnn.estimators.sindyc.SINDYcRegressor"},
     "ModelDiagnosis": {
         MODEL,
+        "sklearn_pgnn.diagnosis.free_run.FreeRunError",
         "sklearn_pgnn.diagnosis.model_diagnosis.ModelDiagnosis",
         "sklearn_pgnn.diagnosis.record_flaws.Finding",
         "sklearn_pgnn.diagnosis.separation.Experiment",
@@ -121,6 +122,7 @@ TRUSTED = {
         "sklearn_pgnn.physics.effect.Scales",
         "sklearn_pgnn.physics.effects.formula.Formula",
         "sklearn_pgnn.simulation.state_estimate.StateEstimator",
+        "sklearn_pgnn.simulation.state_estimate._SmoothedOutput",
         "sklearn_pgnn.simulation.window_fit.Freedom",
         "sklearn_pgnn.diagnosis.records.DiagnosisRecords",
         "sklearn_pgnn.diagnosis.records.FittedWindows",

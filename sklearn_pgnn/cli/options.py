@@ -35,13 +35,14 @@ _DIAGNOSIS = (
         default="auto",
         show_default=True,
         help="Inputs are held between samples (zoh), or run straight from one to the next (foh); "
-        "auto: held, unless the records speak against it.",
+        "auto: as the model file says, else held, unless the records speak against it.",
     ),
     click.option(
         "--substeps",
         type=click.IntRange(min=1),
         metavar="N",
-        help="Integration steps from sample to sample; by default as many as accuracy needs.",
+        help="Integration steps from sample to sample; by default as the model file says, else as "
+        "many as accuracy needs.",
     ),
     click.option(
         "--window",

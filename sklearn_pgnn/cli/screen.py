@@ -11,6 +11,7 @@ from sklearn_pgnn.cli.guard import one_line
 from sklearn_pgnn.inspection.words import (
     VERDICTS,
     cause_name,
+    free_run_error,
     listed,
     measured,
     number,
@@ -57,6 +58,7 @@ def tell(diagnosis, output: Path, *, quiet: bool) -> None:
         _tell_cause(console, place, cause, diagnosis.separations_)
     _tell_parameters(console, diagnosis.parameters_)
     _tell_gain(console, diagnosis)
+    _tell_free_run(console, diagnosis)
     _tell_files(console, diagnosis, output)
 
 
@@ -121,6 +123,16 @@ def _tell_gain(console, diagnosis) -> None:
     for output, gain in diagnosis.gain_.items():
         errors = (gain.prior, gain.refitted, gain.extended, gain.noise)
         table.add_row(_cell(output), *(number(e, 3) for e in errors), _cell(gain.unit), share(gain))
+    _print_indented(console, table)
+
+
+def _tell_free_run(console, diagnosis) -> None:
+    _heading(console, "Error in free run over whole records (root mean square)")
+    table = _table("", "as given", "re-tuned", "extended", "")
+    for output, error in diagnosis.free_run_.items():
+        errors = (error.prior, error.refitted, error.extended)
+        unit = _cell(diagnosis.model.unit(output))
+        table.add_row(_cell(output), *map(free_run_error, errors), unit)
     _print_indented(console, table)
 
 

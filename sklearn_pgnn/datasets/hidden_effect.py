@@ -62,7 +62,7 @@ def make_hidden_effect(
     parameter_error: float = 0.07,
     excitation="mixed",
     amplitude: float | None = None,
-    substeps: int = 2,
+    substeps: int | None = None,
     random_state=None,
 ) -> HiddenEffect:
     r"""Drive a machine that differs from its model by one hidden effect, or by several.
@@ -98,9 +98,9 @@ def make_hidden_effect(
         record is driven until the first output moves by half of its reach to all of it (1.2 rad,
         70 deg, or 1 of any other unit); with the effect, one that goes beyond 1.2 times the reach
         is driven less, and one that hardly moves more.
-    substeps : int, default=2
-        Integration steps per sample interval; a stiff machine needs more. Amplitudes and sizes
-        are found with half of them.
+    substeps : int, optional
+        Integration steps per sample interval, by default as the model's `simulation` says, else 2;
+        a stiff machine needs more. Amplitudes and sizes are found with half of them.
     random_state : int, RandomState instance or None, default=None
         What draws everything random.
 
@@ -132,6 +132,7 @@ def make_hidden_effect(
     model = golf_robot() if model is None else model
     t = np.arange(max(2, round(duration * sample_rate))) / sample_rate
     waves = excite(excitation, t, n_records, len(model.inputs), rng)
+    substeps = model.simulation.get("substeps", 2) if substeps is None else substeps
     rig = Rig(t, waves, resting_input(model), substeps)
     trial = replace(rig, substeps=max(1, substeps // 2))
     goals = rng.uniform(0.5, 1.0, n_records)

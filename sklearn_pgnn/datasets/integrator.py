@@ -5,9 +5,10 @@ advance together as columns, by the classical Runge-Kutta method in equal subste
 
 .. math:: x_{n+1} = x_n + \tfrac{h}{6}(k_1 + 2 k_2 + 2 k_3 + k_4),
 
-under zero-order hold: ``u[k]`` acts from ``t[k]`` to ``t[k+1]`` and ``y[k]`` is seen at ``t[k]``.
+under zero-order hold: ``u[k]`` acts from ``t[k]`` to ``t[k+1]`` and ``y[k]`` is seen at ``t[k]``;
+or, where the model's `simulation` says so, with inputs that run straight from sample to sample.
 An input delay :math:`\tau` is an exact shift in time: the steps also break where ``u(t - tau)``
-jumps. Before the record begins an input has its first value.
+jumps or bends. Before the record begins an input has its first value.
 
 Dry friction really sticks. ``sign(v)`` of a state is a side that is held within a step; a column
 whose velocity changes sign is stepped again to the root of ``v`` (regula falsi), where ``v`` is
@@ -15,6 +16,8 @@ set to zero. From rest it leaves forward or backward only if the rate with that 
 else it stays, exactly. The state is thus fourth order in the step from event to event, where one
 of the rates' own kinks (a dead zone, a limit) does not fall within a step.
 """
+
+from dataclasses import dataclass
 
 import numpy as np
 import sympy
@@ -38,9 +41,11 @@ def integrate(model, t, u=None, x0=None, *, substeps: int = 4):
     t : ndarray of shape (n_samples,)
         Time [s], increasing, common to the records.
     u : ndarray of shape (n_records, n_samples, n_inputs), optional
-        Inputs, held from sample to sample; by default zero.
+        Inputs, held from sample to sample unless the model's `simulation` says that they run
+        straight; by default zero.
     x0 : ndarray of shape (n_records, n_states), optional
-        Initial states; by default the model's `initial_state` in every record.
+        Initial states; by default the model's `initial_state` in every record, its `settled`
+        states at the first inputs.
     substeps : int, default=4
         Runge-Kutta steps per sample interval.
 
@@ -61,20 +66,29 @@ def integrate(model, t, u=None, x0=None, *, substeps: int = 4):
     np.True_
     """
     t = np.asarray(t, dtype=float)
-    if x0 is None:
-        x0 = np.tile(list(model.initial_state.values()), (1 if u is None else len(u), 1))
     if u is None:
-        u = np.zeros((len(x0), t.size, len(model.inputs)))
+        u = np.zeros((1 if x0 is None else len(x0), t.size, len(model.inputs)))
+    u = np.asarray(u, dtype=float)
+    x0 = _starts(model, u) if x0 is None else x0
     plant = Plant(model)
-    edges, acting = _edges(model, t)
-    u, sampled = np.moveaxis(np.asarray(u, dtype=float), 0, -1), np.searchsorted(edges, t)
+    edges, acting = _act(model, t, np.moveaxis(u, 0, -1))
+    sampled = np.searchsorted(edges, t)
     with np.errstate(all="ignore"):
-        x = _run(plant, t, edges, sampled, acting, u, np.array(x0, dtype=float).T, substeps)
-        y = plant.outputs(t[:, None], np.moveaxis(x, 1, 0), _held(u, acting, sampled))
+        x = _run(plant, t, edges, sampled, acting, np.array(x0, dtype=float).T, substeps)
+        seen = [values[sampled] for values, _ in acting]
+        y = plant.outputs(t[:, None], np.moveaxis(x, 1, 0), seen)
     return np.moveaxis(x, -1, 0), np.moveaxis(y, (0, 1, 2), (2, 1, 0))
 
 
-def _run(plant, t, edges, sampled, acting, u, x, substeps):
+def _starts(model, u):
+    """Return the model's initial state for every record, what is settled at the first inputs."""
+    x0 = np.tile(list(model.initial_state.values()), (len(u), 1))
+    for state, name in model.settled.items():
+        x0[:, list(model.states).index(state)] = u[:, 0, list(model.inputs).index(name)]
+    return x0
+
+
+def _run(plant, t, edges, sampled, acting, x, substeps):
     """Step from edge to edge and keep the states at the samples."""
     kept = np.empty((t.size, *x.shape))
     kept[0] = x
@@ -83,15 +97,52 @@ def _run(plant, t, edges, sampled, acting, u, x, substeps):
         for edge in range(sampled[k], sampled[k + 1]):
             width = edges[edge + 1] - edges[edge]
             count = max(1, int(np.ceil(width / shortest - 1e-6)))
-            held = _held(u, acting, edge)
+            inputs = Inputs(edges[edge], [(v[edge], s[edge]) for v, s in acting])
             for step in range(count):
-                x = _advance(plant, edges[edge] + step * width / count, width / count, x, held)
+                x = _advance(plant, edges[edge] + step * width / count, width / count, x, inputs)
         kept[k + 1] = x
     return kept
 
 
+@dataclass(frozen=True)
+class Inputs:
+    """The inputs from one instant where any of them may jump or bend to the next.
+
+    Parameters
+    ----------
+    start : float
+        The first instant [s].
+    lines : list of (ndarray, ndarray)
+        Value there and slope of every input, by column.
+    """
+
+    start: float
+    lines: list
+
+    def at(self, t):
+        """Return the inputs at an instant, or at one of every column."""
+        return [value + slope * (t - self.start) for value, slope in self.lines]
+
+    def of(self, columns):
+        """Return the inputs of some columns."""
+        return Inputs(self.start, [(value[columns], slope[columns]) for value, slope in self.lines])
+
+
+def _act(model, t, u):
+    """Return the instants where any input may jump or bend, and value and slope of each after."""
+    edges, samples, delays = _edges(model, t)
+    if model.simulation.get("hold") != "foh":
+        return edges, [(v, np.zeros_like(v)) for v in (u[k, i] for i, k in enumerate(samples))]
+    acting = []
+    for i, delay in enumerate(delays):
+        columns = [np.interp(edges - delay, t, column) for column in u[:, i].T]
+        values, widths = np.column_stack(columns), np.diff(edges)[:, None]
+        acting.append((values, np.vstack([np.diff(values, axis=0) / widths, 0.0 * values[:1]])))
+    return edges, acting
+
+
 def _edges(model, t):
-    """Give the instants where any input may jump, and which sample of each input acts after."""
+    """Return where any input may jump or bend, which sample of each acts after, and the delays."""
     delays = [model.parameters[model.delays[name]].value if name in model.delays else 0.0
               for name in model.inputs]  # fmt: skip
     near = 1e-9 * np.diff(t).min() if t.size > 1 else 0.0
@@ -100,12 +151,7 @@ def _edges(model, t):
     after = t[np.searchsorted(t, late - near)]
     edges = np.sort(np.concatenate([t, late[np.abs(after - late) > near]]))
     samples = [np.searchsorted(t, edges - delay + near, side="right") - 1 for delay in delays]
-    return edges, np.clip(samples, 0, t.size - 1).astype(int)
-
-
-def _held(u, acting, edge):
-    """Give the inputs that act from an edge on (or from each of several), inputs first."""
-    return [u[samples[edge], i] for i, samples in enumerate(acting)]
+    return edges, np.clip(samples, 0, t.size - 1).astype(int), delays
 
 
 def _advance(plant, t, h, x, u, crossings=MAX_CROSSINGS):
@@ -118,7 +164,7 @@ def _advance(plant, t, h, x, u, crossings=MAX_CROSSINGS):
     cut = np.flatnonzero((side * new[plant.dry] < 0).any(axis=0))
     if cut.size and crossings:
         t, h = np.broadcast_to(t, x.shape[1])[cut], np.broadcast_to(h, x.shape[1])[cut]
-        columns = x[:, cut], [v[cut] for v in u], side[:, cut], moving[:, cut]
+        columns = x[:, cut], u.of(cut), side[:, cut], moving[:, cut]
         new[:, cut] = _cross(plant, t, h, *columns, new[:, cut], crossings)
     return new
 
@@ -156,7 +202,7 @@ def _chord_zero(low, v_low, high, v_high):
 
 def _leave_rest(plant, t, x, u):
     """Give the side of every dry friction, and 1 where it lets its velocity move, else 0."""
-    side = np.sign(x[plant.dry])
+    side, u = np.sign(x[plant.dry]), u.at(t)
     moving = np.ones_like(side)
     for i, row in enumerate(plant.dry):
         forward = _rate_on_side(plant, t, x, u, side, i, 1.0)[row]
@@ -179,10 +225,11 @@ def _rate_on_side(plant, t, x, u, side, i, value):
 def _runge_kutta(plant, t, h, x, u, side, moving):
     """Advance all columns by one classical step with the sides held; what sticks stays."""
     half = 0.5 * h
-    k1 = plant.rates(t, x, u, side, moving)
-    k2 = plant.rates(t + half, x + half * k1, u, side, moving)
-    k3 = plant.rates(t + half, x + half * k2, u, side, moving)
-    k4 = plant.rates(t + h, x + h * k3, u, side, moving)
+    between = u.at(t + half)
+    k1 = plant.rates(t, x, u.at(t), side, moving)
+    k2 = plant.rates(t + half, x + half * k1, between, side, moving)
+    k3 = plant.rates(t + half, x + half * k2, between, side, moving)
+    k4 = plant.rates(t + h, x + h * k3, u.at(t + h), side, moving)
     k2 += k3
     k2 *= 2.0
     k2 += k1

@@ -2,6 +2,7 @@
 
 from sklearn_pgnn.diagnosis.detectability import Detectability, Detectable
 from sklearn_pgnn.diagnosis.disturbance import Disturbance
+from sklearn_pgnn.diagnosis.free_run import FreeRunError
 from sklearn_pgnn.diagnosis.model_diagnosis import ModelDiagnosis
 from sklearn_pgnn.diagnosis.record_flaws import Finding
 from sklearn_pgnn.diagnosis.result import Gain, NamedCause, RetunedParameter, Suspect, Tried
@@ -14,6 +15,7 @@ __all__ = [
     "Disturbance",
     "Experiment",
     "Finding",
+    "FreeRunError",
     "Gain",
     "MissingPart",
     "ModelDiagnosis",

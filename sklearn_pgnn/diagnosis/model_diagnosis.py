@@ -17,6 +17,7 @@ from sklearn_pgnn.diagnosis.data_quality import check_data_quality, clipped_outp
 from sklearn_pgnn.diagnosis.detectability import Bench, Detectability, detect_all
 from sklearn_pgnn.diagnosis.disturbance import Disturbance, find_disturbance
 from sklearn_pgnn.diagnosis.fitting import Fitter, Trial
+from sklearn_pgnn.diagnosis.free_run import free_run_errors
 from sklearn_pgnn.diagnosis.ground import (
     check_prior,
     fit_window_length,
@@ -28,7 +29,7 @@ from sklearn_pgnn.diagnosis.injection import verified
 from sklearn_pgnn.diagnosis.judge import Rules
 from sklearn_pgnn.diagnosis.progress import Progress, TimeIsUp
 from sklearn_pgnn.diagnosis.record_flaws import Finding
-from sklearn_pgnn.diagnosis.records import keep_records
+from sklearn_pgnn.diagnosis.records import as_judged, keep_records
 from sklearn_pgnn.diagnosis.result import (
     NamedCause,
     Suspect,
@@ -41,14 +42,14 @@ from sklearn_pgnn.diagnosis.result import (
 )
 from sklearn_pgnn.diagnosis.search import Outcome, Search
 from sklearn_pgnn.diagnosis.separation import Separation, are_same, plain_separation, separate
-from sklearn_pgnn.diagnosis.setting import check_records, make_setting, with_prior_spreads
+from sklearn_pgnn.diagnosis.setting import check_records, make_setting
 from sklearn_pgnn.diagnosis.unexplained import MissingPart
 from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.physics.effects import SensorSaturation, read_catalogue
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.readings import reading
 from sklearn_pgnn.simulation.record_windows import without_gaps
-from sklearn_pgnn.simulation.simulate import HOLDS, simulate_records
+from sklearn_pgnn.simulation.simulate import HOLDS, hold_of, simulate_records
 from sklearn_pgnn.simulation.window_fit import WindowFit
 from sklearn_pgnn.trajectories import read_records, rows_in_order
 from sklearn_pgnn.trajectories.record import Record
@@ -87,9 +88,11 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         A cause's held-out gain must be so many of its standard errors.
     hold : {"auto", "zoh", "foh"}, default="auto"
         Whether an input is held between two samples (``"zoh"``) or runs straight from one to the
-        next (``"foh"``); by default held, unless the records speak against it.
+        next (``"foh"``); by default as the model's `simulation` says, else held, unless the
+        records speak against it.
     substeps : int, optional
-        Integration steps from sample to sample; by default as many as accuracy needs.
+        Integration steps from sample to sample; by default as the model's `simulation` says, else
+        as many as accuracy needs.
     time : int or str, optional
         Column of X that holds the time; by default the first, or ``"t"``.
     n_jobs : int, optional
@@ -110,13 +113,20 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
     causes_ : tuple of NamedCause
         What is missing, the most telling first.
     extended_model_ : PhysicsModel
-        The prior, re-tuned and extended by the causes.
+        The prior, re-tuned and extended by the causes. Its `simulation` says with which hold and
+        substeps it was judged, and its `initial_state` where the first record was found to start.
     refitted_model_ : PhysicsModel
         The prior, re-tuned only.
     parameters_ : dict of str to RetunedParameter
         The prior's free parameters in the extended model.
     gain_ : dict of str to Gain
         Held-out error of every output before, after re-tuning and after extending.
+    free_run_ : dict of str to FreeRunError
+        Error of every output over whole records: .prior, .refitted and .extended, simulated from
+        `initial_states_` without restarts; infinite where a simulation leaves the finite numbers.
+    initial_states_ : ndarray of shape (n_trajectories, n_states)
+        State of the extended model at the start of every trajectory: what X tells, `settled`
+        states at the first input, and else as the first window was fitted.
     window_ : float
         Window length used [s].
     substeps_ : int
@@ -293,11 +303,12 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
             self.stopped_: str | None = best.progress.ended
 
     def _investigate(self, records, best: "_Best") -> None:
-        """Search with inputs that run between samples as the user says, or else as records do."""
-        hold = "zoh" if self.hold == "auto" else self.hold
-        best.found = found = self._search(self._ground(records, hold, best), best)
+        """Search with inputs that run as the user says, or the model, or else the records."""
+        said = self.model.simulation.get("hold") if self.hold == "auto" else self.hold
+        ground = self._ground(records, hold_of(self.model, said), best)
+        best.found = found = self._search(ground, best)
         with suppress(TimeIsUp):
-            if self.hold == "auto" and best.progress.ended is None:
+            if said is None and best.progress.ended is None:
                 best.progress.begin("inputs between samples")
                 if speaks_for_slopes(found.search.fitter, found.outcome.final):
                     again = self._search(self._ground(records, "foh", best), best)
@@ -364,13 +375,15 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
             fitter, outcome, search.judge.folds, np.random.default_rng(_seed(self.random_state))
         )
         self.parameters_ = retuned_parameters(setting, final.fit, errors)
-        self.refitted_model_ = outcome.base.fit.model
-        self.extended_model_ = with_prior_spreads(final.fit.model, self.model)
+        self.refitted_model_ = as_judged(setting, outcome.base.fit)
+        self.extended_model_ = as_judged(setting, final.fit)
         self.window_ = setting.scales.window
         self.substeps_, self.hold_ = setting.windows.substeps, setting.windows.hold
         tried = [Tried(e.id, target, float(left)) for (e, target), left in outcome.tried.items()]
         self.tried_ = tuple(sorted(tried, key=lambda suspect: suspect.left))
         self.records_ = keep_records(fitter, outcome, best.names)
+        self.initial_states_ = self.records_.starts
+        self.free_run_ = free_run_errors(self.records_)
         self.disturbance_: Disturbance | None = None
         self.data_quality_: tuple[Finding, ...] = ()
         self.separations_: tuple[Separation, ...] = ()
@@ -457,9 +470,7 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         """
         check_is_fitted(self)
         records = read_records(self.model, validate_table(self, X, reset=False), time=self.time)
-        outputs = simulate_records(
-            self.extended_model_, records, hold=self.hold_, substeps=self.substeps_
-        )
+        outputs = simulate_records(self.extended_model_, records)
         outputs = rows_in_order(records, outputs)
         return outputs.ravel() if self._single_output else outputs
 
@@ -493,6 +504,8 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
             "separations": [plain_separation(found) for found in self.separations_],
             "parameters": {name: plain(p) for name, p in self.parameters_.items()},
             "gain": {name: plain(gain) for name, gain in self.gain_.items()},
+            "free_run": {name: plain(error) for name, error in self.free_run_.items()},
+            "initial_states": self._named_starts(),
             "unexplained": None if self.missing_ is None else self.missing_.to_dict(),
             "disturbance": None if self.disturbance_ is None else plain(self.disturbance_),
             "unusable": [plain(suspect) for suspect in self.unusable_],
@@ -500,7 +513,16 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
             "complete": self.complete_,
             "window": self.window_,
             "hold": self.hold_,
+            "substeps": self.substeps_,
         }
+
+    def _named_starts(self) -> list[dict]:
+        """Return every trajectory's name, and where it starts."""
+        states = list(self.extended_model_.states)
+        return [
+            {"trajectory": name, "state": dict(zip(states, start.tolist(), strict=True))}
+            for name, start in zip(self.records_.names, self.initial_states_, strict=True)
+        ]
 
     def to_html(self, path) -> None:
         """Write the report, one self-contained file.

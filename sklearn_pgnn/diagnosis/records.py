@@ -8,8 +8,9 @@ import numpy as np
 from sklearn_pgnn.diagnosis.fitting import Fitter
 from sklearn_pgnn.diagnosis.hypothesis import Cause
 from sklearn_pgnn.diagnosis.search import Outcome
-from sklearn_pgnn.diagnosis.setting import Setting
+from sklearn_pgnn.diagnosis.setting import Setting, with_prior_spreads
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.simulate import settled_start
 from sklearn_pgnn.simulation.window_fit import Freedom, WindowFit
 from sklearn_pgnn.simulation.windows import Windows
 
@@ -48,6 +49,8 @@ class DiagnosisRecords:
         What each record is called.
     states : ndarray of shape (n_samples, n_states)
         The prior's states as estimated from the records.
+    starts : ndarray of shape (n_records, n_states)
+        The extended model's states where every record starts.
     fits : dict of str to FittedWindows
         The ``"prior"``, the ``"refitted"`` prior and the ``"extended"`` model.
     setting : Setting
@@ -59,6 +62,7 @@ class DiagnosisRecords:
     windows: Windows
     names: tuple[str, ...]
     states: np.ndarray
+    starts: np.ndarray
     fits: Mapping[str, FittedWindows]
     setting: Setting
     causes: tuple[Cause, ...]
@@ -87,14 +91,67 @@ def keep_records(fitter: Fitter, outcome: Outcome, names) -> DiagnosisRecords:
         "refitted": outcome.base.fit,
         "extended": outcome.final.fit,
     }
-    windows = replace(setting.windows, threads=1)
+    final, windows = outcome.final.fit, replace(setting.windows, threads=1)
     return DiagnosisRecords(
         windows=windows,
         names=tuple(map(str, names)),
         states=setting.states.estimate(setting.prior).x,
+        starts=record_starts(setting, final.model, final.x0),
         fits={which: _slim(fit) for which, fit in fits.items()},
         setting=replace(setting, windows=windows),
         causes=outcome.final.hypothesis.order,
+    )
+
+
+def record_starts(setting: Setting, model: PhysicsModel, x0: np.ndarray) -> np.ndarray:
+    """Return where every record starts: what it tells, `settled` states, else as it was found.
+
+    Parameters
+    ----------
+    setting : Setting
+        The ground of the diagnosis.
+    model : PhysicsModel
+        The model.
+    x0 : ndarray of shape (n_windows, n_states)
+        Its fitted initial states of the windows.
+
+    Returns
+    -------
+    ndarray of shape (n_records, n_states)
+        Initial states, as whoever simulates the model on the records has them.
+    """
+    windows, first = setting.windows, setting.windows.bounds[:-1]
+    starts = x0[np.searchsorted(windows.starts, first)].copy()
+    for start, u, told in zip(starts, windows.u[first], setting.states.told, strict=True):
+        known = {**settled_start(model, u), **told}
+        for i, state in enumerate(model.states):
+            if state in told or state in model.settled:
+                start[i] = known[state]
+    return starts
+
+
+def as_judged(setting: Setting, fit: WindowFit) -> PhysicsModel:
+    """Return a fitted model with all it was judged with, to be handed over.
+
+    Parameters
+    ----------
+    setting : Setting
+        The ground of the diagnosis.
+    fit : WindowFit
+        The fitted model.
+
+    Returns
+    -------
+    PhysicsModel
+        The model with its hold and substeps, the prior's spreads, and as `initial_state` where the
+        first record was found to start in what it does not tell.
+    """
+    model, windows = with_prior_spreads(fit.model, setting.prior), setting.windows
+    start = dict(zip(model.states, record_starts(setting, model, fit.x0)[0].tolist(), strict=True))
+    found = {s: v for s, v in start.items() if s not in {*setting.states.told[0], *model.settled}}
+    return model.replace(
+        initial_state={**model.initial_state, **found},
+        simulation={"hold": windows.hold, "substeps": windows.substeps},
     )
 
 

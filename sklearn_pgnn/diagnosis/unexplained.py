@@ -12,7 +12,8 @@ from sklearn.model_selection import GroupKFold, cross_val_predict
 
 from sklearn_pgnn.diagnosis.fitting import Trial
 from sklearn_pgnn.diagnosis.leading_terms import leading_terms
-from sklearn_pgnn.diagnosis.setting import Setting, with_prior_spreads
+from sklearn_pgnn.diagnosis.records import as_judged
+from sklearn_pgnn.diagnosis.setting import Setting
 from sklearn_pgnn.physics.effects.formula import Formula
 from sklearn_pgnn.physics.effects.rates import is_velocity, positions
 from sklearn_pgnn.physics.expressions import TIME, symbol, to_text
@@ -211,7 +212,7 @@ def describe(setting: Setting, proposal: Proposal) -> MissingPart:
         columns = np.column_stack([table[name][rows] for name in quantities])
         share = _explained(columns, hidden.values[rows], _groups(setting)[rows])
     error = float(np.sqrt(fit.squares / setting.n_samples))
-    model = with_prior_spreads(fit.model, setting.prior)
+    model = as_judged(setting, fit)
     return MissingPart(effect.target, quantities, share, effect, error, model, hidden.values)
 
 

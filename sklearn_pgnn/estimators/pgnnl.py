@@ -36,8 +36,9 @@ from sklearn_pgnn.estimators.network.stepper import Stepper
 from sklearn_pgnn.estimators.network.trajectory_net import TrajectoryNet, single_threaded
 from sklearn_pgnn.exceptions import SimulationWarning
 from sklearn_pgnn.extras import needed_by
-from sklearn_pgnn.simulation.free_run import enough_substeps
+from sklearn_pgnn.simulation.free_run import substeps_for
 from sklearn_pgnn.simulation.record_windows import dominant_period
+from sklearn_pgnn.simulation.simulate import hold_of
 from sklearn_pgnn.trajectories import read_records, rows_in_order
 from sklearn_pgnn.trajectories.tables import TIME, as_pandas, as_table
 from sklearn_pgnn.trajectories.validation import check_model, validate_table
@@ -126,10 +127,12 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
     states : sequence of str, optional
         Without a model: columns of X whose first row in every trajectory is the initial state, the
         outputs and then their rates.
-    hold : {"zoh", "foh"}, default="zoh"
-        Whether an input is held between two samples or runs straight from one to the next.
+    hold : {"zoh", "foh"}, optional
+        Whether an input is held between two samples or runs straight from one to the next; by
+        default as the model's `simulation` says, else held.
     substeps : int, optional
-        Integration steps of the model from sample to sample; by default as many as accuracy needs.
+        Integration steps of the model from sample to sample; by default as the model's
+        `simulation` says, else as many as accuracy needs.
     time : int or str, optional
         Column of X that holds the time; by default ``"t"``, of an array the first.
     random_state : int, RandomState instance or None, default=0
@@ -171,6 +174,8 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         The last weight of the physical loss.
     step_ : NetworkStep
         What a step is made of.
+    hold_ : {"zoh", "foh"}
+        How the inputs were taken to run between samples.
     substeps_ : int
         Integration steps of the model from sample to sample.
     free_run_error_ : float
@@ -220,7 +225,7 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         validation=0.2,
         patience=20,
         states=None,
-        hold="zoh",
+        hold=None,
         substeps=None,
         time=None,
         random_state=0,
@@ -404,7 +409,7 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         Parameters
         ----------
         x0 : array-like of shape (n_states,), optional
-            Initial state; by default the model's.
+            Initial state; by default the model's, its `settled` states at the first input.
         interval : float, optional
             Sample interval [s]; by default the training data's.
 
@@ -423,9 +428,8 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
             raise ValueError(
                 "stepper: expected a network with the core FeedForward, trained on trajectories."
             )
-        start = list(self.model_.initial_state.values()) if x0 is None else x0
         return Stepper(
-            self.module_.core, self.step_, start, interval or self._interval, self._guide_line
+            self.module_.core, self.step_, x0, interval or self._interval, self._guide_line
         )
 
     # -- reading -----------------------------------------------------------------------------------
@@ -479,7 +483,7 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
             records,
             [features[record.rows] for record in records],
             None if simulated is None else [simulated[record.rows] for record in records],
-            hold=self.hold,
+            hold=self.hold_,
             substeps=self.substeps_,
         )
 
@@ -590,7 +594,9 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         records = read_records(self.model_, X, y, time=time)
         if self.lambda_phy != 0:
             refuse_standardised(self.model_, records)
-        options = {"hold": self.hold, "substeps": self._settle_substeps(records)}
+        self.hold_ = hold_of(self.model_, self.hold)
+        self.substeps_ = substeps_for(self.model_, records, self.substeps, hold=self.hold_)
+        options = {"hold": self.hold_, "substeps": self.substeps_}
         self._further = further_columns(self.model_, X, time)
         self._interval = float(np.median(np.concatenate([np.diff(r.t) for r in records])))
         self._stride = max(1, int(dominant_period(records) / self._interval / PER_PERIOD))
@@ -621,12 +627,6 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         self._settle_physics(windows)
         self._spread = _positive(np.nanstd(np.concatenate([r.y for r in records]), axis=0))
         return training, windows
-
-    def _settle_substeps(self, records) -> int:
-        self.substeps_ = self.substeps
-        if self.substeps is None:
-            self.substeps_ = enough_substeps(self.model_, records, hold=self.hold)
-        return self.substeps_
 
     def _settle_structure(self, records, states, options) -> None:
         plain = self.model is None
@@ -678,7 +678,7 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
     def _open_loop(self, record):
         return prepare(
             self.model_, [record], [np.zeros((len(record.t), 0))], None,
-            hold=self.hold, substeps=self.substeps_,
+            hold=self.hold_, substeps=self.substeps_,
         )[0].simulated  # fmt: skip
 
     def __sklearn_tags__(self):

@@ -51,10 +51,12 @@ class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         rows of all trajectories tell is taken as it is, others are fitted.
     noise : array-like of shape (n_outputs,), optional
         Standard deviation of the outputs' noise, which weights them; by default the records tell.
-    hold : {"zoh", "foh"}, default="zoh"
-        Whether an input is held between two samples or runs straight from one to the next.
+    hold : {"zoh", "foh"}, optional
+        Whether an input is held between two samples or runs straight from one to the next; by
+        default as the model's `simulation` says, else held.
     substeps : int, optional
-        Integration steps from sample to sample; by default as many as accuracy needs.
+        Integration steps from sample to sample; by default as the model's `simulation` says, else
+        as many as accuracy needs.
     time : int or str, optional
         Column of X that holds the time; by default the first, or ``"t"``.
     n_jobs : int, optional
@@ -67,7 +69,7 @@ class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
     Attributes
     ----------
     model_ : PhysicsModel
-        The model at the fitted values.
+        The model at the fitted values; its `simulation` says how it was simulated for the fit.
     parameters_ : dict of str to Estimate
         Value, 95 % interval and unit of every fitted parameter. The interval holds also where the
         residuals are not white; it is as wide as the bounds where the records say nothing.
@@ -75,6 +77,8 @@ class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         Fitted state at the start of every trajectory, in the order of their first rows.
     window_ : float
         Median length of the windows [s].
+    hold_ : {"zoh", "foh"}
+        How the inputs were taken to run between samples.
     substeps_ : int
         Integration steps from sample to sample.
     n_features_in_ : int
@@ -109,7 +113,7 @@ class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         search="auto",
         window=None,
         noise=None,
-        hold="zoh",
+        hold=None,
         substeps=None,
         time=None,
         n_jobs=None,
@@ -160,14 +164,15 @@ class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         records = read_records(self.model, X, y, time=self.time)
         pieces = without_gaps(records, self.window)
         ground, found = self._find(pieces, names)
-        self.model_ = found.fit.model
-        self._keep_estimates(found)
         windows = ground.windows
+        self.hold_, self.substeps_ = windows.hold, windows.substeps
+        said = {"hold": self.hold_, "substeps": self.substeps_}
+        self.model_ = found.fit.model.replace(simulation=said)
+        self._keep_estimates(found)
         firsts = found.fit.x0[np.searchsorted(windows.starts, windows.bounds[:-1])]
         starts = {piece.rows[0]: x0 for piece, x0 in zip(pieces, firsts, strict=True)}
         unknown = np.full(len(self.model.states), np.nan)
         self.initial_states_ = np.array([starts.get(record.rows[0], unknown) for record in records])
-        self.substeps_ = windows.substeps
         self.window_ = float(
             np.median(windows.t[windows.starts + windows.lengths - 1] - windows.t[windows.starts])
         )
@@ -190,7 +195,7 @@ class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         """
         check_is_fitted(self)
         records = read_records(self.model, validate_table(self, X, reset=False), time=self.time)
-        outputs = simulate_records(self.model_, records, hold=self.hold, substeps=self.substeps_)
+        outputs = simulate_records(self.model_, records)
         outputs = rows_in_order(records, outputs)
         return outputs.ravel() if self._single_output else outputs
 

@@ -10,7 +10,8 @@ from sklearn.utils import check_array, check_consistent_length, get_tags
 from sklearn.utils.validation import check_is_fitted
 
 from sklearn_pgnn.simulation.finite_run import quantities_of, simulate_quantities
-from sklearn_pgnn.simulation.free_run import enough_substeps
+from sklearn_pgnn.simulation.free_run import substeps_for
+from sklearn_pgnn.simulation.simulate import hold_of
 from sklearn_pgnn.trajectories import read_records, rows_in_order
 from sklearn_pgnn.trajectories.validation import check_model, validate_table
 
@@ -41,17 +42,21 @@ class ResidualRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
     time : int or str, optional
         Column of X that holds the time; by default ``"t"``, of an array the first, or without a
         model none.
-    hold : {"zoh", "foh"}, default="zoh"
-        Whether an input is held between two samples or runs straight from one to the next.
+    hold : {"zoh", "foh"}, optional
+        Whether an input is held between two samples or runs straight from one to the next; by
+        default as the model's `simulation` says, else held.
     substeps : int, optional
-        Integration steps from sample to sample; by default as many as the records of `fit` need
-        until nothing changes by more than a thousandth of its range.
+        Integration steps from sample to sample; by default as the model's `simulation` says, else
+        as many as the records of `fit` need until nothing changes by more than a thousandth of
+        its range.
 
     Attributes
     ----------
     regressor_ : regressor
         The fitted :math:`g`; its features are the inputs, then the simulated states and outputs
         with ``_phy`` added to their names.
+    hold_ : {"zoh", "foh"}
+        How the inputs were taken to run between samples, where there is a model.
     substeps_ : int
         Integration steps from sample to sample, where there is a model.
     n_features_in_ : int
@@ -102,7 +107,7 @@ class ResidualRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         regressor=None,
         *,
         time=None,
-        hold="zoh",
+        hold=None,
         substeps=None,
     ):
         self.model = model
@@ -177,9 +182,8 @@ class ResidualRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
     def _simulate_and_compare(self, X, y) -> tuple[pd.DataFrame, np.ndarray]:
         """Give the features and the model's error."""
         records = read_records(self.model, X, y, time=self.time)
-        self.substeps_ = self.substeps
-        if self.substeps is None:
-            self.substeps_ = enough_substeps(self.model, records, hold=self.hold)
+        self.hold_ = hold_of(self.model, self.hold)
+        self.substeps_ = substeps_for(self.model, records, self.substeps, hold=self.hold_)
         features, simulated = self._simulate(records)
         measured = rows_in_order(records, np.concatenate([record.y for record in records]))
         return features, measured - simulated
@@ -188,7 +192,7 @@ class ResidualRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         """Give the features (inputs, simulated states and outputs) and the simulated outputs."""
         names = quantities_of(self.model)
         values = simulate_quantities(
-            self.model, records, names, hold=self.hold, substeps=self.substeps_
+            self.model, records, names, hold=self.hold_, substeps=self.substeps_
         )
         inputs = rows_in_order(records, np.concatenate([record.u for record in records]))
         columns = [*self.model.inputs, *(name + SUFFIX for name in names)]

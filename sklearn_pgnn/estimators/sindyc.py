@@ -27,8 +27,8 @@ from sklearn_pgnn.estimators.sindyc_regression import sparse_coefficients, stepw
 from sklearn_pgnn.exceptions import SimulationWarning
 from sklearn_pgnn.physics.expressions import parse_expression
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.free_run import enough_substeps, simulate_record
-from sklearn_pgnn.simulation.simulate import HOLDS
+from sklearn_pgnn.simulation.free_run import simulate_record, substeps_for
+from sklearn_pgnn.simulation.simulate import HOLDS, hold_of
 from sklearn_pgnn.trajectories import read_records, rows_in_order
 from sklearn_pgnn.trajectories.tables import as_pandas
 from sklearn_pgnn.trajectories.validation import check_model, validate_table
@@ -80,12 +80,13 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         period of the outputs. 0 takes neighbouring samples.
     time : int or str, optional
         Column of X that holds the time; by default ``"t"`` or, with a model, an array's first.
-    hold : {"zoh", "foh"}, default="zoh"
-        Whether an input is held between two samples or runs straight from one to the next. A map
-        knows only the input at its sample.
+    hold : {"zoh", "foh"}, optional
+        Whether an input is held between two samples or runs straight from one to the next; by
+        default as the model's `simulation` says, else held. A map knows only the input at its
+        sample.
     substeps : int, optional
-        Integration steps from sample to sample; by default as many as accuracy needs. A map takes
-        one.
+        Integration steps from sample to sample; by default as the model's `simulation` says, else
+        as many as accuracy needs. A map takes one.
     verbose : int, default=0
         Whether to print a line for every stage of the fit.
 
@@ -104,8 +105,11 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         The library, term by term.
     equations_ : list of str
         What was found, an equation a state, coefficients rounded to four digits.
+    hold_ : {"zoh", "foh"}
+        How the inputs were taken to run between samples, where rows are samples in time.
     substeps_ : int
-        Integration steps from sample to sample.
+        Integration steps from sample to sample, where rows are samples in time; `model_` carries
+        both.
     n_features_in_ : int
         Number of columns of X.
     feature_names_in_ : ndarray of str
@@ -158,7 +162,7 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         discrete=False,
         span=None,
         time=None,
-        hold="zoh",
+        hold=None,
         substeps=None,
         verbose=0,
     ):
@@ -238,7 +242,8 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
     def _fit_records(self, X, y):
         base = blank_model(X, y, self.time) if self.model is None else self.model
         records = read_records(base, X, y, time=self.time)
-        states = measure_states(base, records, hold=self.hold, substeps=self.substeps)
+        self.hold_ = hold_of(base, self.hold)
+        states = measure_states(base, records, hold=self.hold_, substeps=self.substeps)
         tell = teller(self)
         tell(f"{len(records)} trajectories, {len(states.x)} samples: states estimated")
         library = read_library(self.library, [*base.states, *base.inputs], self.degree, self.model)
@@ -253,7 +258,9 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         self._keep_texts([form.format(state) for state in base.states], terms)
         largest = np.nanmax(np.abs(states.windows.y), axis=0)
         self._limit = np.where(largest > 0, RUNAWAY * largest, np.inf)
-        self.substeps_ = self._enough_substeps(records)
+        self.substeps_ = 1 if self.discrete else self._enough_substeps(records)
+        said = {"hold": self.hold_, "substeps": self.substeps_}
+        self.model_ = self.model_.replace(simulation=said)
         tell(f"{self.substeps_} substeps from sample to sample")
         return self
 
@@ -271,12 +278,8 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         return self._regress(terms, rates[:, [name in names for name in base.states]], names)
 
     def _enough_substeps(self, records) -> int:
-        if self.discrete:
-            return 1
-        if self.substeps is not None:
-            return self.substeps
         with np.errstate(all="ignore"):  # what runs away does so here as well
-            return enough_substeps(self.model_, records, hold=self.hold)
+            return substeps_for(self.model_, records, self.substeps, hold=self.hold_)
 
     def _predict_records(self, X):
         records = read_records(self.model_, validate_table(self, X, reset=False), time=self.time)
@@ -287,9 +290,7 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
     def _simulate(self, record) -> np.ndarray:
         """Simulate one trajectory; where it runs away repeat its first row."""
         method = "rk4" if self._interval is None else "euler"
-        run = simulate_record(
-            self.model_, record, method=method, substeps=self.substeps_, hold=self.hold
-        )
+        run = simulate_record(self.model_, record, method=method)
         away = ~(np.abs(run.y) <= self._limit).all(axis=1)
         if not away.any():
             return run.y
@@ -360,7 +361,7 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
             _check_number("span", self.span, Real, 0)
         if self.substeps is not None:
             _check_number("substeps", self.substeps, Integral, 1)
-        if self.hold not in HOLDS:
+        if self.hold not in (None, *HOLDS):
             raise ValueError(f"hold: expected one of {', '.join(HOLDS)}, got {self.hold!r}.")
 
     def __sklearn_tags__(self):

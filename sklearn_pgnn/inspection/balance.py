@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sklearn_pgnn.diagnosis.free_run import free_runs
 from sklearn_pgnn.diagnosis.records import DiagnosisRecords
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.pointwise import evaluate_samples
-from sklearn_pgnn.simulation.state_estimate import free_run
 
 #: a span is this share of a piece of a window, and at least two samples
 SPAN_SHARE = 0.04
@@ -129,7 +129,7 @@ def _states(records: DiagnosisRecords, model: PhysicsModel) -> dict[str, np.ndar
     table = {name: records.states[:, i] for i, name in enumerate(prior.states)}
     simulated = set(model.states) - _told_states(prior)
     if simulated:
-        run = np.concatenate([x for _, x, _ in free_runs(records, "extended")])
+        run = np.concatenate([run.x for run in free_runs(records, "extended")])
         table |= {name: run[:, list(model.states).index(name)] for name in simulated}
     return table
 
@@ -139,30 +139,6 @@ def _told_states(model: PhysicsModel) -> set[str]:
     read = {str(s) for output in model.outputs.values() for s in output.free_symbols}
     velocities = {v for v, position in model.kinematic_pairs.items() if position in read}
     return (read & set(model.states)) | velocities
-
-
-def free_runs(records: DiagnosisRecords, which: str):
-    """Simulate every record in free run, from the first state that the extended model found.
-
-    Parameters
-    ----------
-    records : DiagnosisRecords
-        The records.
-    which : {"prior", "refitted", "extended"}
-        The model.
-
-    Returns
-    -------
-    list of (slice, ndarray, ndarray)
-        Samples, states and outputs of every record.
-    """
-    windows, model = records.windows, records.fits[which].model
-    x0 = starts(records, model)
-    runs = []
-    for a, b in zip(windows.bounds[:-1], windows.bounds[1:], strict=True):
-        run = free_run(model, windows, a, b, x0[np.searchsorted(windows.starts, a)])
-        runs.append((slice(a, b), run.x, run.y))
-    return runs
 
 
 def starts(records: DiagnosisRecords, model: PhysicsModel) -> np.ndarray:

@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 from sklearn.utils.validation import check_is_fitted
 
-from sklearn_pgnn.inspection.balance import free_runs
+from sklearn_pgnn.diagnosis.free_run import free_runs
 from sklearn_pgnn.inspection.curves import Evidence
 from sklearn_pgnn.inspection.evidence import find_evidence
 from sklearn_pgnn.inspection.style import COLOURS, LABELS, label, plain, shown_figure, tidy
@@ -179,7 +179,7 @@ def _of_fit(diagnosis, kind, record) -> Comparison:
     if kind == "windows":
         simulated = {which: (windows.y - records.fits[which].residual)[rows] for which in MODELS}
     else:
-        simulated = {which: free_runs(records, which)[record][2] for which in MODELS}
+        simulated = {which: free_runs(records, which)[record].y for which in MODELS}
     how = (
         f"restarted from the record every {diagnosis.window_:.3g} s"
         if kind == "windows"
@@ -195,7 +195,9 @@ def _of_new(diagnosis, X, y, record) -> Comparison:
     chosen = records[record]
     models = {"prior": diagnosis.model, "extended": diagnosis.extended_model_}
     simulated = {
-        which: simulate_records(model, (chosen,), hold=diagnosis.hold_)
+        which: simulate_records(
+            model, (chosen,), hold=diagnosis.hold_, substeps=diagnosis.substeps_
+        )
         for which, model in models.items()
     }
     title = f"{_called(chosen.name, record, len(records))}, free run"

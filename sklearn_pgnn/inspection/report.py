@@ -20,6 +20,7 @@ from sklearn_pgnn.inspection.style import new_figure, to_png
 from sklearn_pgnn.inspection.words import (
     VERDICTS,
     cause_name,
+    free_run_error,
     left_alone,
     listed,
     measured,
@@ -89,6 +90,7 @@ def report_content(diagnosis) -> dict:
         "comparisons": [_comparison(diagnosis, kind) for kind in ("free_run", "windows")],
         "evidence": _all_evidence(diagnosis),
         "gain": [_gain(name, gain) for name, gain in diagnosis.gain_.items()],
+        "free_run": [_free_run(diagnosis, output) for output in diagnosis.free_run_],
         "parameters": [_parameter(name, p) for name, p in diagnosis.parameters_.items()],
         "equation_blocks": _equation_blocks(diagnosis),
         "tried": _tried(diagnosis),
@@ -141,6 +143,17 @@ def _gain(output, gain) -> dict:
     }
 
 
+def _free_run(diagnosis, output) -> dict:
+    error = diagnosis.free_run_[output]
+    return {
+        "output": output,
+        "prior": free_run_error(error.prior),
+        "refitted": free_run_error(error.refitted),
+        "extended": free_run_error(error.extended),
+        "unit": diagnosis.model.unit(output) or "-",
+    }
+
+
 def _parameter(name, parameter) -> dict:
     p = parameter
     change = f"{100 * (p.value / p.prior - 1):+.1f} %" if p.prior else number(p.value, 3)
@@ -185,7 +198,8 @@ def _method(diagnosis) -> str:
         f"its own. Every suspect was fitted together with the model's free parameters and these "
         f"initial states. A cause is named only if it lowers the error on windows its parameters "
         f"were not fitted to by more than {diagnosis.significance:g} standard errors; it is "
-        f"dropped again where others make it needless. Inputs: {_hold(diagnosis.hold_)}. "
+        f"dropped again where others make it needless. Inputs: {_hold(diagnosis.hold_)}; "
+        f"integration steps from sample to sample: {diagnosis.substeps_}. "
         f"Intervals are 95 % intervals, robust to residuals that are not white."
     )
 

@@ -13,7 +13,6 @@ from sklearn_pgnn.inspection.case import (
 )
 from sklearn_pgnn.inspection.curves import GRID, Evidence, Line, even_grid
 from sklearn_pgnn.inspection.style import label
-from sklearn_pgnn.physics.effects.inputs import ACTUATOR_STATES
 from sklearn_pgnn.physics.expressions import symbol
 
 
@@ -163,9 +162,9 @@ def _seen_input(case: Case, state: str, grid) -> np.ndarray:
 
 def _late_input(case: Case) -> np.ndarray:
     """Give the input as it acts in the extended model: delayed, or lagged."""
-    for ending in ACTUATOR_STATES:
-        if case.target + ending in case.samples.table:
-            return case.samples.table[case.target + ending]
+    for state in case.full.settled:
+        if state not in case.without.states:
+            return case.samples.table[state]
     acting = case.records.windows.acting_inputs(case.full)
     return acting[:, list(case.full.inputs).index(case.target)]
 

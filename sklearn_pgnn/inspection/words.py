@@ -27,6 +27,17 @@ def number(value: float, digits: int = 4) -> str:
     return f"{value:.{digits}g}" if math.isfinite(value) else "-"
 
 
+def free_run_error(value: float) -> str:
+    """Return the error of a free run in words.
+
+    Examples
+    --------
+    >>> free_run_error(0.0123), free_run_error(float("inf"))
+    ('0.0123', 'runs away')
+    """
+    return number(value, 3) if math.isfinite(value) else "runs away"
+
+
 def measured(value: float, low: float, high: float, unit: str = "") -> str:
     """Write a value with its interval, no finer than the interval makes sense.
 

@@ -8,6 +8,7 @@ are samples.
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
+from numbers import Integral
 from types import MappingProxyType
 from typing import Any
 
@@ -26,6 +27,8 @@ from sklearn_pgnn.physics.parameter import Parameter, check_name
 from sklearn_pgnn.readings import reading
 
 ENERGY_PARTS = ("stored", "supplied", "dissipated")
+#: how an input may run between samples: held, or straight from one to the next
+HOLDS = ("zoh", "foh")
 
 
 def _as_expression(item, names, where) -> sympy.Expr:
@@ -57,6 +60,23 @@ def _as_state(name, value) -> float:
             ("initial_state", name),
         )
     return number
+
+
+def _as_simulation(settings: Mapping) -> dict:
+    """Return how the model is to be simulated, with a plain integer as `substeps`."""
+    found = dict(settings)
+    hold, substeps = found.get("hold", HOLDS[0]), found.get("substeps", 1)
+    if hold not in HOLDS:
+        raise ModelError(
+            f"simulation.hold: expected one of {', '.join(HOLDS)}, got {hold!r}.",
+            ("simulation", "hold"),
+        )
+    if not isinstance(substeps, Integral) or isinstance(substeps, bool) or substeps < 1:
+        raise ModelError(
+            f"simulation.substeps: expected an integer >= 1, got {substeps!r}.",
+            ("simulation", "substeps"),
+        )
+    return found | ({"substeps": int(substeps)} if "substeps" in found else {})
 
 
 def _as_parameter(name, value) -> Parameter:
@@ -123,8 +143,15 @@ class PhysicsModel:
         For an input that acts late, the name of the parameter that holds its delay [s].
     initial_state : mapping of str to float, default: zeros
         State at the start of a trajectory that does not tell its own.
+    settled : mapping of str to str, default={}
+        For a state that follows an input, as an actuator's own does, the name of that input: a
+        trajectory that does not tell such a state starts at the input's first value.
     columns : mapping of str to str, default={}
         What a table calls a quantity (also ``t`` and ``trajectory``), where that is not its name.
+    simulation : mapping, default={}
+        How the model is to be simulated: ``hold`` (``"zoh"`` or ``"foh"``, whether an input is
+        held between two samples or runs straight from one to the next) and ``substeps``, the
+        integration steps from sample to sample.
 
     Raises
     ------
@@ -151,7 +178,9 @@ class PhysicsModel:
     energy: Mapping[str, sympy.Expr] = field(default_factory=dict)
     delays: Mapping[str, str] = field(default_factory=dict)
     initial_state: Mapping[str, float] = field(default_factory=dict)
+    settled: Mapping[str, str] = field(default_factory=dict)
     columns: Mapping[str, str] = field(default_factory=dict)
+    simulation: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self):
         states = _as_units("states", self.states)
@@ -165,6 +194,8 @@ class PhysicsModel:
         self._check_keys("energy", self.energy, ENERGY_PARTS)
         self._check_keys("delays", self.delays, inputs)
         self._check_keys("initial_state", self.initial_state, states)
+        self._check_keys("simulation", self.simulation, ("hold", "substeps"))
+        self._check_settled(states, inputs)
         outputs = _as_mapping("outputs", self.outputs or {name: name for name in states})
         for output in outputs:
             check_name(output, "output")
@@ -197,7 +228,9 @@ class PhysicsModel:
             "initial_state": MappingProxyType(
                 {s: _as_state(s, dict(self.initial_state or {}).get(s, 0.0)) for s in states}
             ),
+            "settled": MappingProxyType(dict(self.settled or {})),
             "columns": MappingProxyType(dict(self.columns or {})),
+            "simulation": MappingProxyType(_as_simulation(self.simulation or {})),
         }
         for key, value in values.items():
             object.__setattr__(self, key, value)
@@ -214,6 +247,14 @@ class PhysicsModel:
                         f"{what} {name!r}: the name is taken by {taken}.", (f"{what}s", name)
                     )
                 seen[same_name(name)] = f"{'an' if what == 'input' else 'a'} {what}"
+
+    def _check_settled(self, states, inputs):
+        self._check_keys("settled", self.settled, states)
+        for state, followed in dict(self.settled or {}).items():
+            if followed not in inputs:
+                raise ModelError(
+                    f"settled: {state!r} expects an input, got {followed!r}.", ("settled", state)
+                )
 
     def _check_columns(self, states, inputs, outputs):
         own = ("t", "trajectory", *inputs, *states)
@@ -410,7 +451,9 @@ class PhysicsModel:
             "energy": texts(self.energy),
             "delays": dict(self.delays),
             "initial_state": {s: v for s, v in self.initial_state.items() if v},
+            "settled": dict(self.settled),
             "columns": dict(self.columns),
+            "simulation": dict(self.simulation),
         }
         return {key: part for key, part in parts.items() if part}
 
@@ -492,7 +535,8 @@ class PhysicsModel:
         u : array-like of shape (n_samples, n_inputs) or (n_samples,), optional
             Inputs; not needed by a model without inputs.
         x0 : array-like of shape (n_states,), optional
-            Initial state; by default the model's `initial_state`.
+            Initial state; by default the model's `initial_state`, and for `settled` states the
+            first value of their inputs.
         **options
             See `sklearn_pgnn.simulation.simulate`.
 

@@ -269,6 +269,18 @@ class _Reader:
             self.refuse(node, f"{what}: expected a finite number, got {value}.")
         return value
 
+    def simulation(self, node, part):
+        return self.section(node, part, self.setting)
+
+    def setting(self, node, what) -> str | int:
+        text = self.text_of(node, what)
+        if not what.endswith(".substeps"):
+            return text
+        try:
+            return int(text)
+        except ValueError:
+            self.refuse(node, f"{what}: expected an integer >= 1, got {_shown(node)}.")
+
     def parameters(self, node, part):
         return self.section(node, part, self.parameter)
 
@@ -305,7 +317,9 @@ _SECTIONS = {
     "energy": _Reader.texts,
     "delays": _Reader.texts,
     "initial_state": _Reader.numbers,
+    "settled": _Reader.texts,
     "columns": _Reader.texts,
+    "simulation": _Reader.simulation,
 }
 _PARAMETER = {
     "value": _Reader.number,

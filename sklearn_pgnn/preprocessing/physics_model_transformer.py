@@ -8,7 +8,8 @@ from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils.validation import _check_feature_names_in, check_is_fitted
 
 from sklearn_pgnn.simulation.finite_run import quantities_of, simulate_quantities
-from sklearn_pgnn.simulation.free_run import enough_substeps
+from sklearn_pgnn.simulation.free_run import substeps_for
+from sklearn_pgnn.simulation.simulate import hold_of
 from sklearn_pgnn.trajectories import read_records, rows_in_order, split_rows
 from sklearn_pgnn.trajectories.validation import check_model, validate_table
 
@@ -42,15 +43,19 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
     method : {"rk4", "euler"}, default="rk4"
         Runge-Kutta scheme of order four, or explicit Euler.
     substeps : int, optional
-        Integration steps from sample to sample; by default as many as the records of `fit` need
-        until nothing changes by more than a thousandth of its range.
-    hold : {"zoh", "foh"}, default="zoh"
-        Whether an input is held between two samples or runs straight from one to the next.
+        Integration steps from sample to sample; by default as the model's `simulation` says, else
+        as many as the records of `fit` need until nothing changes by more than a thousandth of
+        its range.
+    hold : {"zoh", "foh"}, optional
+        Whether an input is held between two samples or runs straight from one to the next; by
+        default as the model's `simulation` says, else held.
     time : int or str, optional
         Column of X that holds the time; by default the first, or ``"t"``.
 
     Attributes
     ----------
+    hold_ : {"zoh", "foh"}
+        How the inputs were taken to run between samples, where there is a model.
     substeps_ : int
         Integration steps from sample to sample, where there is a model.
     n_features_in_ : int
@@ -78,7 +83,7 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
         append=True,
         method="rk4",
         substeps=None,
-        hold="zoh",
+        hold=None,
         time=None,
     ):
         self.model = model
@@ -117,11 +122,10 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
         self._quantities()
         if self.append not in (True, False, "all"):
             raise ValueError(f"append: expected True, False or 'all', got {self.append!r}.")
-        self.substeps_ = self.substeps
-        if self.substeps is None:
-            self.substeps_ = enough_substeps(
-                self.model, records, method=self.method, hold=self.hold
-            )
+        self.hold_ = hold_of(self.model, self.hold)
+        self.substeps_ = substeps_for(
+            self.model, records, self.substeps, method=self.method, hold=self.hold_
+        )
         return self
 
     def transform(self, X):
@@ -147,7 +151,7 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
             records,
             self._quantities(),
             method=self.method,
-            hold=self.hold,
+            hold=self.hold_,
             substeps=self.substeps_,
         )
         if not hasattr(self, "feature_names_in_"):

@@ -43,6 +43,35 @@ def simulate_record(model: PhysicsModel, record: Record, **options) -> Simulatio
         return simulate(model, record.t, record.u, start_of(model, record), **options)
 
 
+def substeps_for(model: PhysicsModel, records, substeps: int | None = None, **options) -> int:
+    """Return the integration steps: as is told, else as the model says, else as accuracy needs.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    records : sequence of Record
+        What is simulated.
+    substeps : int, optional
+        What is told.
+    **options
+        See `simulate`.
+
+    Returns
+    -------
+    int
+        Steps from sample to sample.
+
+    Examples
+    --------
+    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
+    >>> substeps_for(lag.replace(simulation={"substeps": 3}), ())
+    3
+    """
+    said = model.simulation.get("substeps") if substeps is None else substeps
+    return enough_substeps(model, records, **options) if said is None else said
+
+
 def enough_substeps(model: PhysicsModel, records, **options) -> int:
     """Double the substeps until states and outputs hardly change.
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.record_start import find_starts
+from sklearn_pgnn.simulation.simulate import hold_of
 from sklearn_pgnn.simulation.state_estimate import StateEstimator
 from sklearn_pgnn.simulation.windows import Windows, evaluate
 from sklearn_pgnn.trajectories.gaps import split_at_gaps
@@ -51,7 +52,7 @@ def window_records(
     *,
     window: float | str | None = None,
     noise=None,
-    hold: str = "zoh",
+    hold: str | None = None,
     substeps: int | None = None,
     threads: int = 1,
 ) -> WindowedRecords:
@@ -68,10 +69,11 @@ def window_records(
         period of the outputs.
     noise : array-like of shape (n_outputs,), optional
         Standard deviation of every output's noise; by default estimated.
-    hold : {"zoh", "foh"}, default="zoh"
-        How inputs run between samples.
+    hold : {"zoh", "foh"}, optional
+        How inputs run between samples; by default as the model says, else held.
     substeps : int, optional
-        Integration steps from sample to sample; by default as many as accuracy needs.
+        Integration steps from sample to sample; by default as the model says, else as many as
+        accuracy needs.
     threads : int, default=1
         Threads to simulate on.
 
@@ -80,6 +82,8 @@ def window_records(
     WindowedRecords
         The windows.
     """
+    hold = hold_of(model, hold)
+    substeps = model.simulation.get("substeps") if substeps is None else substeps
     t = np.concatenate([record.t for record in records])
     u = np.ascontiguousarray(np.concatenate([record.u for record in records]), dtype=float)
     y = np.ascontiguousarray(np.concatenate([record.y for record in records]), dtype=float)

@@ -6,13 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from sklearn_pgnn.exceptions import SimulationError, SimulationWarning
-from sklearn_pgnn.physics.effects.inputs import ACTUATOR_STATES
-from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.model import HOLDS, PhysicsModel
 from sklearn_pgnn.simulation.compiled import compile_model
 from sklearn_pgnn.simulation.inputs import delayed_inputs
 from sklearn_pgnn.simulation.stepping import METHODS, run_trajectory
-
-HOLDS = ("zoh", "foh")
 
 
 @dataclass(frozen=True)
@@ -72,8 +69,8 @@ def simulate(
     x0=None,
     *,
     method: str = "rk4",
-    substeps: int = 1,
-    hold: str = "zoh",
+    substeps: int | None = None,
+    hold: str | None = None,
     wrt: tuple[str, ...] | None = None,
 ) -> Simulation:
     """Simulate a model on the record's own clock.
@@ -87,13 +84,15 @@ def simulate(
     u : array-like of shape (n_samples, n_inputs) or (n_samples,), optional
         Inputs; ``u[k]`` acts from ``t[k]`` on.
     x0 : array-like of shape (n_states,), optional
-        Initial state; by default the model's `initial_state`.
+        Initial state; by default the model's `initial_state`, and for its `settled` states the
+        first value of their inputs.
     method : {"rk4", "euler"}, default="rk4"
         Runge-Kutta scheme of order four, or explicit Euler.
-    substeps : int, default=1
-        Steps from one sample to the next.
-    hold : {"zoh", "foh"}, default="zoh"
-        Whether an input is held between two samples or runs straight from one to the next.
+    substeps : int, optional
+        Steps from one sample to the next; by default as the model's `simulation` says, else 1.
+    hold : {"zoh", "foh"}, optional
+        Whether an input is held between two samples or runs straight from one to the next; by
+        default as the model's `simulation` says, else held.
     wrt : tuple of str, optional
         Parameters to differentiate the outputs by; the initial state is added.
 
@@ -117,7 +116,9 @@ def simulate(
     True
     """
     t, u, x0 = _check_arrays(model, t, u, x0)
-    _check_options(method, substeps, hold)
+    hold = hold_of(model, hold)
+    substeps = model.simulation.get("substeps", 1) if substeps is None else substeps
+    _check_options(method, substeps)
     unknown = [name for name in wrt or () if name not in model.parameters]
     if unknown:
         raise ValueError(f"wrt: unknown parameter {unknown[0]!r}.")
@@ -152,6 +153,38 @@ def simulate(
     return Simulation(t, X, Y, names, None if wrt is None else SY, message)
 
 
+def hold_of(model: PhysicsModel, hold: str | None = None) -> str:
+    """Return how inputs run between samples: as is told, else as the model says, else held.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    hold : {"zoh", "foh"}, optional
+        What is told.
+
+    Returns
+    -------
+    {"zoh", "foh"}
+        Whether they are held or run straight from one to the next.
+
+    Raises
+    ------
+    ValueError
+        If it is neither.
+
+    Examples
+    --------
+    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
+    >>> hold_of(lag), hold_of(lag.replace(simulation={"hold": "foh"})), hold_of(lag, "foh")
+    ('zoh', 'foh', 'foh')
+    """
+    hold = model.simulation.get("hold", HOLDS[0]) if hold is None else hold
+    if hold not in HOLDS:
+        raise ValueError(f"hold: expected one of {', '.join(HOLDS)}, got {hold!r}.")
+    return hold
+
+
 def simulate_records(model: PhysicsModel, records, **options) -> np.ndarray:
     """Simulate the outputs of every record in free run, laid end to end.
 
@@ -176,7 +209,7 @@ def simulate_records(model: PhysicsModel, records, **options) -> np.ndarray:
 
 
 def start_of(model: PhysicsModel, record) -> list[float]:
-    """Give a record's initial state: what it tells, actuators settled, the model's for the rest."""
+    """Return a record's initial state: what it tells, what is settled, the model's for the rest."""
     start = settled_start(model, record.u[0])
     if record.x0 is not None:
         told = zip(model.states, record.x0, strict=False)
@@ -185,7 +218,7 @@ def start_of(model: PhysicsModel, record) -> list[float]:
 
 
 def settled_start(model: PhysicsModel, u) -> dict[str, float]:
-    """Give the model's initial state, actuators settled at the first input.
+    """Return the model's initial state, its `settled` states at the first value of their inputs.
 
     Parameters
     ----------
@@ -199,12 +232,9 @@ def settled_start(model: PhysicsModel, u) -> dict[str, float]:
     dict of str to float
         Value by state.
     """
-    start = dict(model.initial_state)
-    for name, value in zip(model.inputs, u, strict=True):
-        for ending in ACTUATOR_STATES:
-            if name + ending in start:
-                start[name + ending] = float(value)
-    return start
+    first = dict(zip(model.inputs, map(float, u), strict=True))
+    followed = {state: first[name] for state, name in model.settled.items()}
+    return {**model.initial_state, **followed}
 
 
 def parameter_values(model: PhysicsModel) -> np.ndarray:
@@ -230,18 +260,16 @@ def _check_arrays(model, t, u, x0):
     if not np.all(np.isfinite(u)):
         row, column = np.argwhere(~np.isfinite(u))[0]
         raise ValueError(f"u: {list(model.inputs)[column]!r} is not finite at sample {row}.")
-    start = list(model.initial_state.values()) if x0 is None else x0
+    start = list(settled_start(model, u[0]).values()) if x0 is None else x0
     x0 = np.asarray(start, dtype=float).ravel()
     if x0.shape != (len(model.states),) or not np.all(np.isfinite(x0)):
         raise ValueError(f"x0: expected {len(model.states)} finite numbers, got {x0}.")
     return t, np.array(u, order="C"), x0
 
 
-def _check_options(method, substeps, hold):
+def _check_options(method, substeps):
     if method not in METHODS:
         raise ValueError(f"method: expected one of {', '.join(METHODS)}, got {method!r}.")
-    if hold not in HOLDS:
-        raise ValueError(f"hold: expected one of {', '.join(HOLDS)}, got {hold!r}.")
     if not isinstance(substeps, int | np.integer) or substeps < 1:
         raise ValueError(f"substeps: expected an integer >= 1, got {substeps!r}.")
 

@@ -58,6 +58,8 @@ class StateEstimator:
     def __init__(self, model: PhysicsModel, windows: Windows, starts: list[np.ndarray]):
         self.windows = windows
         self.starts = [dict(zip(model.states, x0, strict=True)) for x0 in starts]
+        #: by record, the initial states that it tells
+        self.told = [_finite(start) for start in self.starts]
         #: what is measured: values by state name
         self.known: dict[str, np.ndarray] = {}
         self._from: dict[str, tuple[_SmoothedOutput, int]] = {}

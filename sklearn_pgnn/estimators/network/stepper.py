@@ -10,7 +10,7 @@ from torch import nn
 from sklearn_pgnn.estimators.network.free_run import outputs_of, run_core
 from sklearn_pgnn.simulation.inputs import delayed_inputs
 from sklearn_pgnn.simulation.network_run import NetworkStep, network_record
-from sklearn_pgnn.simulation.simulate import simulate
+from sklearn_pgnn.simulation.simulate import settled_start, simulate
 
 
 class Stepper:
@@ -24,8 +24,8 @@ class Stepper:
         The trained core, feed-forward.
     step : NetworkStep
         What a step is made of.
-    x0 : array-like of shape (n_states,)
-        Initial state.
+    x0 : array-like of shape (n_states,) or None
+        Initial state; None for the model's, its `settled` states at the first input.
     interval : float
         Sample interval [s].
     guide_line : (ndarray, ndarray)
@@ -44,7 +44,9 @@ class Stepper:
         # delays are applied here, from the inputs that are remembered
         self._step = replace(step, model=step.model.replace(delays={}))
         self._interval, self.t = float(interval), 0.0
-        self.x = np.array(x0, dtype=float)
+        self._told = x0 is not None
+        start = list(step.model.initial_state.values()) if x0 is None else x0
+        self.x = np.array(start, dtype=float)
         self._simulated = self.x.copy()
         longest = max([step.model.parameters[p].value for p in step.model.delays.values()] or [0.0])
         self._inputs: deque[np.ndarray] = deque(maxlen=int(longest / interval) + 3)
@@ -65,7 +67,7 @@ class Stepper:
             Outputs at the next sample, while `u` still acts; where an output depends on an input
             itself, `output` gives it once the next input is known.
         """
-        u = np.atleast_1d(np.asarray(u, dtype=float))
+        u = self._read(u)
         acting = np.tile(self._acting(u), (2, 1))
         self._inputs.extend([u] if self._inputs else [u, u])
         t = np.array([self.t, self.t + self._interval])
@@ -91,7 +93,16 @@ class Stepper:
         ndarray of shape (n_outputs,)
             Outputs; nothing is advanced.
         """
-        return self._outputs(self._acting(np.atleast_1d(np.asarray(u, dtype=float))))
+        return self._outputs(self._acting(self._read(u)))
+
+    def _read(self, u) -> np.ndarray:
+        """Return an input as an array; at the first one the states that nobody told settle."""
+        u = np.atleast_1d(np.asarray(u, dtype=float))
+        if not (self._told or self._inputs):
+            for i, (state, value) in enumerate(settled_start(self._late, u).items()):
+                if state in self._late.settled:
+                    self.x[i] = self._simulated[i] = value
+        return u
 
     def _outputs(self, acting) -> np.ndarray:
         now = (torch.as_tensor(part) for part in (self.x, acting, np.float64(self.t)))

@@ -1,12 +1,13 @@
 """Effects on an input: what reaches the machine is not what was commanded."""
 
+import re
 from dataclasses import dataclass
 from types import MappingProxyType
 
 import sympy
 
 from sklearn_pgnn.physics.effect import Effect, quantity
-from sklearn_pgnn.physics.expressions import symbol
+from sklearn_pgnn.physics.expressions import same_name, symbol
 
 
 @dataclass(frozen=True)
@@ -243,7 +244,14 @@ class ActuatorEffect(Effect):
     @classmethod
     def targets(cls, model):
         """Name the inputs whose actuator has no such state yet."""
-        return tuple(name for name in model.inputs if name + cls.ending not in model.states)
+        return tuple(name for name in model.inputs if cls.state_of(name, model) is None)
+
+    @classmethod
+    def state_of(cls, name, model) -> str | None:
+        """Return the actuator's own state that the effect has given an input, if any."""
+        named = re.compile(re.escape(name + cls.ending) + r"(_\d+)?")
+        followers = (state for state, followed in model.settled.items() if followed == name)
+        return next((state for state in followers if named.fullmatch(state)), None)
 
     def rate(self, u, acting, p):
         """Give the rate of what acts, from what is commanded."""
@@ -251,11 +259,19 @@ class ActuatorEffect(Effect):
 
     def rewrite(self, model, p):
         """Add the actuator's state and let the equations see it."""
-        u, acting = symbol(self.target), symbol(self.target + self.ending)
+        u, acting = symbol(self.target), symbol(self._free_name(model))
         changes = substitute(model, u, acting)
         changes["equations"][str(acting)] = self.rate(u, acting, p)
         changes["states"] = {**model.states, str(acting): model.inputs[self.target]}
+        changes["settled"] = {**model.settled, str(acting): self.target}
         return changes
+
+    def _free_name(self, model) -> str:
+        """Return the first name for the actuator's state that the model has not given away."""
+        wanted = self.target + self.ending
+        taken = {same_name(name) for name in (*model.states, *model.inputs, *model.parameters)}
+        names = (wanted, *(f"{wanted}_{number}" for number in range(2, len(taken) + 3)))
+        return next(name for name in names if same_name(name) not in taken)
 
 
 @dataclass(frozen=True)
@@ -399,7 +415,3 @@ class InputBacklash(ActuatorEffect):
             "width": (0.0, 0.95 * scales.peak[target]),
             "time_constant": (0.5 * step, 2.0 * step),
         }
-
-
-#: how the names of actuators' own states end, after the input's
-ACTUATOR_STATES = tuple(kind.ending for kind in (ActuatorLag, InputRateLimit, InputBacklash))

@@ -1,0 +1,79 @@
+"""Free runs of the records: what whoever simulates the models without restarts will see."""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from sklearn_pgnn.diagnosis.records import DiagnosisRecords
+from sklearn_pgnn.simulation.simulate import Simulation
+from sklearn_pgnn.simulation.state_estimate import free_run
+
+
+@dataclass(frozen=True)
+class FreeRunError:
+    """The error of an output over whole records, nothing measured read again after the start.
+
+    Parameters
+    ----------
+    prior, refitted, extended : float
+        Root mean square error of the prior, the re-tuned prior and the extended model; infinite
+        where a simulation leaves the finite numbers.
+    """
+
+    prior: float
+    refitted: float
+    extended: float
+
+
+def free_runs(records: DiagnosisRecords, which: str) -> list[Simulation]:
+    """Simulate every record in free run, from where the extended model found it to start.
+
+    Parameters
+    ----------
+    records : DiagnosisRecords
+        The records.
+    which : {"prior", "refitted", "extended"}
+        The model.
+
+    Returns
+    -------
+    list of Simulation
+        States and outputs of every record.
+    """
+    windows, model = records.windows, records.fits[which].model
+    states = list(records.fits["extended"].model.states)
+    own = [states.index(state) for state in model.states]
+    return [
+        free_run(model, windows, a, b, start[own])
+        for (a, b), start in zip(pairwise(windows.bounds), records.starts, strict=True)
+    ]
+
+
+def free_run_errors(records: DiagnosisRecords) -> dict[str, FreeRunError]:
+    """Measure the free runs of all models over all records.
+
+    Parameters
+    ----------
+    records : DiagnosisRecords
+        The records.
+
+    Returns
+    -------
+    dict of str to FreeRunError
+        Errors by output.
+    """
+    errors = {which: _errors(records, which) for which in records.fits}
+    outputs = records.fits["prior"].model.outputs
+    return {
+        output: FreeRunError(**{which: float(error[i]) for which, error in errors.items()})
+        for i, output in enumerate(outputs)
+    }
+
+
+def _errors(records: DiagnosisRecords, which: str) -> np.ndarray:
+    y = records.windows.y
+    simulated = np.concatenate([run.y for run in free_runs(records, which)])
+    with np.errstate(over="ignore", invalid="ignore"):
+        squares = np.where(np.isfinite(y), (simulated - y) ** 2, 0.0).sum(axis=0)
+    return np.nan_to_num(np.sqrt(squares / np.isfinite(y).sum(axis=0)), nan=np.inf)
