@@ -2,15 +2,16 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.stats import binom, norm
 
-from sklearn_pgnn.trajectories.smoothing import noise_level
+from sklearn_pgnn.trajectories.noise import finest_differences, noise_level, relative_error
 
 #: chance at which one check of a quantity speaks up although nothing is wrong
 ALPHA = 1e-3
-#: correlation of neighbouring third differences, block by block: -0.75 of white noise, near 1 of a
+#: correlation of neighbouring differences, block by block: -0.75 or less of white noise, near 1 of a
 #: smooth signal
 NOISE_LIKE, BLOCK = -0.5, 64
 #: share of neighbouring samples that may be equal by chance before equal samples say nothing
@@ -84,17 +85,21 @@ class Signal:
         """All values, record after record."""
         return np.concatenate(self.pieces)
 
-    @property
+    @cached_property
     def noise(self) -> float:
         """Standard deviation of its white noise."""
-        return float(np.median([noise_level(piece) for piece in self.pieces]))
+        return float(np.median([noise_level(*piece) for piece in self._timed]))
 
-    @property
+    @cached_property
     def noisy(self) -> bool:
         """Whether the finest part of it is noise, and not motion."""
-        return _looks_like_noise(self.pieces)
+        return _looks_like_noise(self.pieces, self.times)
 
     @property
+    def _timed(self):
+        return zip(self.pieces, self.times, strict=True)
+
+    @cached_property
     def resolution(self) -> float:
         """The step of which all values are multiples; 0 where there is none."""
         return grid_step(self.values)
@@ -114,24 +119,27 @@ class Signal:
         return f"{value:.4g} {self.unit}".rstrip()
 
 
-def _looks_like_noise(pieces) -> bool:
-    """Tell whether third differences alternate nearly everywhere, as those of noise do.
+def _looks_like_noise(pieces, times) -> bool:
+    """Return whether the finest differences alternate nearly everywhere, as those of noise do.
 
-    Samples at the ends of the range are left out: a sensor may be cut there.
+    Samples at the ends of the range are left out: a sensor may be cut there. What is finer than any
+    simulation is the computer's rounding.
     """
     ends = np.nanmin(np.concatenate(pieces)), np.nanmax(np.concatenate(pieces))
-    found = [_alternates(np.where(np.isin(piece, ends), np.nan, piece)) for piece in pieces]
-    blocks = np.concatenate(found)
+    inner = [np.where(np.isin(piece, ends), np.nan, piece) for piece in pieces]
+    levels = [noise_level(*piece) for piece in zip(inner, times, strict=True)]
+    if not np.median(levels) > FINE * np.nanstd(np.concatenate(pieces)):
+        return False
+    blocks = np.concatenate([_alternates(*piece) for piece in zip(inner, times, strict=True)])
     return bool(blocks.size and np.mean(blocks) > REGULAR)
 
 
-def _alternates(piece: np.ndarray) -> np.ndarray:
-    """Tell block by block whether neighbouring third differences have opposite signs."""
-    steps = np.diff(piece, 3)
+def _alternates(piece: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """Return block by block whether neighbouring differences have opposite signs."""
+    steps = finest_differences(piece, times)[0]
     pairs = np.column_stack([steps[:-1], steps[1:]])
     blocks = np.array_split(pairs, max(1, len(pairs) // BLOCK))
-    known = [block[np.isfinite(block).all(axis=1)] for block in blocks]
-    return np.array([_correlation(block) < NOISE_LIKE for block in known if len(block) >= 8])
+    return np.array([_correlation(block) < NOISE_LIKE for block in blocks if len(block) >= 8])
 
 
 def _correlation(pairs: np.ndarray) -> float:
@@ -527,13 +535,13 @@ def find_uneven_noise(signal: Signal) -> Finding | None:
     Finding or None
         What was found.
     """
-    if len(signal.pieces) < 2 or not all(_looks_like_noise([p]) for p in signal.pieces):
+    timed = list(zip(signal.pieces, signal.times, strict=True))
+    if len(timed) < 2 or not all(_looks_like_noise([y], [t]) for y, t in timed):
         return None
-    levels = np.array([noise_level(piece) for piece in signal.pieces])
-    sizes = np.array([np.isfinite(piece).sum() for piece in signal.pieces])
+    levels = np.array([noise_level(*piece) for piece in timed])
+    errors = np.array([_noise_error(*piece) for piece in timed])
     low, high = int(np.argmin(levels)), int(np.argmax(levels))
-    # the median of third differences is as good as the spread of about a seventh of the samples
-    error = np.sqrt(0.5 / (sizes[low] / 7) + 0.5 / (sizes[high] / 7))
+    error = np.hypot(errors[low], errors[high])
     pairs = len(levels) * (len(levels) - 1)
     least = np.log(2) + norm.isf(ALPHA / pairs) * error
     if not levels[low] > 0 or np.log(levels[high] / levels[low]) < least:
@@ -547,3 +555,9 @@ def find_uneven_noise(signal: Signal) -> Finding | None:
         float(levels[high] / levels[low]),
         "find what changed between the records, or diagnose them apart",
     )
+
+
+def _noise_error(piece, times) -> float:
+    """Return the relative standard error of the noise of a record."""
+    differences, order = finest_differences(piece, times)
+    return relative_error(differences.size, order)

@@ -13,12 +13,14 @@ from sklearn_pgnn.simulation.state_estimate import StateEstimator
 from sklearn_pgnn.simulation.windows import Windows, evaluate
 from sklearn_pgnn.trajectories.gaps import split_at_gaps
 from sklearn_pgnn.trajectories.record import Record
-from sklearn_pgnn.trajectories.smoothing import noise_level
+from sklearn_pgnn.trajectories.noise import noise_level
 
 #: a window holds at least so many samples, and there are at least so many windows
 MIN_SAMPLES, MIN_WINDOWS = 20, 8
 #: share of the dominant period of the fastest output that makes a window
 WINDOW_SHARE = 1 / 3
+#: samples over which an output's rate is taken, the fewest that noise does not hide first
+LAGS = (1, 2, 4, 8, 16, 32, 64)
 MAX_SUBSTEPS = 32
 #: the window that is a whole record
 WHOLE = "trajectory"
@@ -135,7 +137,7 @@ def output_noise(records) -> np.ndarray:
     """Estimate the noise of every output, never below a millionth of its range."""
     y = np.concatenate([record.y for record in records])
     spread = np.nanstd(y, axis=0)
-    levels = [[noise_level(column) for column in record.y.T] for record in records]
+    levels = [[noise_level(column, record.t) for column in record.y.T] for record in records]
     return np.maximum(np.median(levels, axis=0), np.where(spread > 0, 1e-6 * spread, 1.0))
 
 
@@ -145,28 +147,32 @@ def dominant_period(records) -> float:
     It is :math:`2\pi\,\mathrm{rms}(y)/\mathrm{rms}(\dot y)`. The differences are taken over a
     stretch long enough that noise does not matter.
     """
-    periods = []
-    for column in range(records[0].y.shape[1]):
-        period = np.inf
-        noise = float(np.median([noise_level(record.y[:, column]) for record in records]))
-        for lag in (1, 2, 4, 8, 16, 32, 64):
-            squares, steps, count = 0.0, 0.0, 0
-            for record in records:
-                y, t = record.y[:, column], record.t
-                if t.size <= 4 * lag:
-                    continue
-                rate = (y[lag:] - y[:-lag]) / (t[lag:] - t[:-lag])
-                floor = 2 * (noise / np.median(t[lag:] - t[:-lag])) ** 2
-                good = np.isfinite(rate)
-                steps += np.sum(rate[good] ** 2) - floor * good.sum()
-                squares += np.nansum((y - np.nanmean(y)) ** 2) / t.size * good.sum()
-                count += good.sum()
-            if count and steps > 0.5 * count * floor:
-                period = 2 * np.pi * np.sqrt(squares / steps)
-                break
-        periods.append(period)
     duration = max(record.t[-1] - record.t[0] for record in records)
-    return float(min(*periods, duration) if len(periods) > 1 else min(periods[0], duration))
+    columns = range(records[0].y.shape[1])
+    return float(min(duration, *(_period(records, column) for column in columns)))
+
+
+def _period(records, column: int) -> float:
+    """Return the dominant period of one output; infinite where noise hides its rate everywhere."""
+    noise = np.median([noise_level(record.y[:, column], record.t) for record in records])
+    powers = np.sum([_powers(record, column, noise) for record in records], axis=0)
+    return float(2 * np.pi * np.sqrt(powers[0] / powers[1])) if powers[1] > 0 else np.inf
+
+
+def _powers(record, column: int, noise: float) -> np.ndarray:
+    """Return the powers of an output and of its rate, times the samples, of one record.
+
+    The rate is taken over the shortest lag at which it rises above this record's part of noise.
+    """
+    y, t = record.y[:, column], record.t
+    for lag in LAGS:
+        width = t[lag:] - t[:-lag]
+        rate = (y[lag:] - y[:-lag]) / width
+        good = np.isfinite(rate)
+        power, floor = np.sum(rate[good] ** 2), np.sum(2 * (noise / width[good]) ** 2)
+        if t.size > 4 * lag and power > 1.5 * floor:
+            return np.array([np.nanvar(y) * good.sum(), power - floor])
+    return np.zeros(2)
 
 
 def cut(whole: Windows, length: float, min_windows: int = MIN_WINDOWS) -> Windows:

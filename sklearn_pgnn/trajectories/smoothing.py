@@ -205,34 +205,3 @@ def _line(t, y) -> PPoly:
     slope, level = np.polyfit(t, y, 1) if t.size > 1 else (0.0, float(y[0]) if t.size else 0.0)
     a, b = (t[0], t[-1]) if t.size > 1 else (0.0, 1.0)
     return PPoly(np.array([[slope], [level + slope * a]]), np.array([a, b]))
-
-
-def noise_level(y: np.ndarray) -> float:
-    """Estimate the standard deviation of white noise on a smooth signal.
-
-    Third differences remove every quadratic trend; their variance is 20 times the noise's.
-
-    Parameters
-    ----------
-    y : ndarray of shape (n_samples,)
-        The signal, evenly sampled; NaN is skipped.
-
-    Returns
-    -------
-    float
-        Noise [unit of y].
-
-    Examples
-    --------
-    >>> rng = np.random.default_rng(0)
-    >>> y = np.sin(np.linspace(0, 10, 2000)) + 0.01 * rng.standard_normal(2000)
-    >>> round(noise_level(y), 3)
-    0.01
-    """
-    differences = np.diff(y, 3)
-    differences = differences[np.isfinite(differences)]
-    if differences.size == 0:
-        return 0.0
-    # the median is not misled by jumps and by stretches of rest
-    robust = np.median(np.abs(differences)) / 0.6745 if np.any(differences) else 0.0
-    return float((robust or np.std(differences)) / np.sqrt(20.0))

@@ -1,0 +1,188 @@
+"""How noisy a measured quantity is, told from the record alone."""
+
+from math import comb
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from scipy.stats import norm
+
+#: orders of differences: every one passes less of a signal and more of it near two samples a period
+ORDERS = (3, 4, 6, 8, 12, 16, 24, 32)
+#: samples of the filter that the record itself chooses, and rows of it from which that is done
+TAPS, ROWS = 32, 4096
+#: rows for every number of that filter, at least
+ROWS_A_TAP = 4
+#: rows of which the weights are held at a time
+CHUNK = 10_000
+#: median size of a normal value of unit strength; sizes that count; the strength of what they keep
+MEDIAN, REACH = norm.ppf(0.75), 3.0
+INSIDE = np.sqrt(1 - 2 * REACH * norm.pdf(REACH) / (norm.cdf(REACH) - norm.cdf(-REACH)))
+#: relative scatter of its steps up to which a clock is even
+EVEN = 1e-6
+
+
+def noise_level(y: np.ndarray, t: np.ndarray | None = None) -> float:
+    r"""Estimate the standard deviation of white noise on a signal.
+
+    A filter of unit norm, :math:`\sum_k h_k^2 = 1`, leaves the strength of white noise as it is. So
+    what it makes of a record is the noise, and what it passes of the signal on top: the filter that
+    leaves least comes nearest. Tried are divided differences, which remove every polynomial below
+    their order, and on an even clock the filter that leaves least of one half of the record (the
+    least eigenvector of its covariance [1]_), applied to the other half. Medians keep jumps and
+    corners out.
+
+    Parameters
+    ----------
+    y : ndarray of shape (n_samples,)
+        The signal; NaN is skipped.
+    t : ndarray of shape (n_samples,), optional
+        Time [s]; by default the clock is even.
+
+    Returns
+    -------
+    float
+        Noise [unit of y].
+
+    References
+    ----------
+    .. [1] V. F. Pisarenko, "The retrieval of harmonics from a covariance function", Geophysical
+       Journal International 33(3), 1973, :doi:`10.1111/j.1365-246X.1973.tb03424.x`.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(0)
+    >>> y = np.sin(2 * np.pi * np.arange(2000) / 8) + 0.01 * rng.standard_normal(2000)
+    >>> round(noise_level(y), 3)
+    0.01
+    """
+    y = np.asarray(y, dtype=float)
+    clocks = _clocks(y, t)
+    third = _divided_differences(y, clocks[0], ORDERS[0])
+    if third.size == 0:
+        return 0.0
+    if np.median(np.abs(third)) == 0:  # most of the time nothing moves
+        return float(np.std(third))
+    tried = [_finest(y, clock) for clock in clocks]
+    return min(_strength(filtered) for filtered in (*tried, _least_passed(y)) if filtered.size)
+
+
+def finest_differences(y: np.ndarray, t: np.ndarray | None = None) -> tuple[np.ndarray, int]:
+    """Return the divided differences that leave least of a record, and their order.
+
+    Parameters
+    ----------
+    y : ndarray of shape (n_samples,)
+        The signal; NaN is skipped.
+    t : ndarray of shape (n_samples,), optional
+        Time [s]; by default the clock is even.
+
+    Returns
+    -------
+    differences : ndarray of shape (n_known - order,)
+        White noise keeps its strength in them, and neighbours have opposite signs.
+    order : int
+        Their order.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(0)
+    >>> y = np.sin(2 * np.pi * np.arange(2000) / 100) + 0.01 * rng.standard_normal(2000)
+    >>> finest_differences(y)[1]
+    3
+    """
+    clocks = _clocks(y, t)
+    found = min((_finest(y, clock) for clock in clocks), key=_strength)
+    return found, int(np.isfinite(y).sum()) - found.size
+
+
+def relative_error(size: int, order: int = ORDERS[0]) -> float:
+    r"""Return the relative standard error of the noise of so many samples, told by differences.
+
+    The squares of differences of order :math:`m` are worth :math:`1/\sqrt{\pi m/2}` as many
+    independent ones.
+    """
+    return float(np.sqrt(0.5 * np.sqrt(np.pi * order / 2) / max(size, 1)))
+
+
+def _finest(y, clock) -> np.ndarray:
+    """Raise the order of the differences while that leaves less, by more than chance."""
+    best = _divided_differences(y, clock, ORDERS[0])
+    for order in ORDERS[1:]:
+        found = _divided_differences(y, clock, order)
+        chance = relative_error(found.size, order)
+        if found.size < ROWS_A_TAP * order or _strength(found) > (1 - chance) * _strength(best):
+            break
+        best = found
+    return best
+
+
+def _strength(differences) -> float:
+    """Return the standard deviation of normal values among a few larger ones; inf of none.
+
+    Jumps and corners of a signal are few: what lies beyond some times the median size is left out.
+    """
+    if not differences.size:
+        return np.inf
+    size = np.abs(differences)
+    near = size[size <= REACH * np.median(size) / MEDIAN]
+    return float(np.sqrt(np.mean(near**2)) / INSIDE)
+
+
+def _clocks(y, t) -> list[np.ndarray]:
+    """Return the known samples' places, and their times if these run otherwise."""
+    known = np.flatnonzero(np.isfinite(y))
+    if t is None or known.size < 2:
+        return [known]
+    steps = np.diff(t[known]) / np.diff(known)
+    return [known] if np.ptp(steps) < EVEN * steps.mean() else [known, t[known]]
+
+
+def _divided_differences(y, clock, order: int) -> np.ndarray:
+    """Return the divided differences of the known samples, their weights scaled to norm one."""
+    known = y[np.isfinite(y)]
+    if known.size <= order:
+        return np.zeros(0)
+    if np.ptp(np.diff(clock)) <= EVEN * np.mean(np.diff(clock)):
+        return np.diff(known, order) / np.sqrt(comb(2 * order, order))
+    clock = (clock - clock[0]) * (clock.size - 1) / (clock[-1] - clock[0])
+    rows = sliding_window_view(known, order + 1)
+    starts = range(0, len(rows), CHUNK)
+    weights = (_weights(clock[a : a + CHUNK + order], order) for a in starts)
+    parts = [
+        np.einsum("ij,ij->i", w, rows[a : a + CHUNK]) for a, w in zip(starts, weights, strict=True)
+    ]
+    return np.concatenate(parts)
+
+
+def _weights(clock, order: int) -> np.ndarray:
+    r"""Return the weights of divided differences, of shape (n_samples - order, order + 1).
+
+    They follow from :math:`[t_i, \dots, t_{i+m}] = ([t_{i+1}, \dots, t_{i+m}]
+    - [t_i, \dots, t_{i+m-1}])/(t_{i+m} - t_i)`.
+    """
+    weights = np.ones((clock.size, 1))
+    for m in range(1, order + 1):
+        later, earlier = (
+            np.pad(weights[1:], ((0, 0), (1, 0))),
+            np.pad(weights[:-1], ((0, 0), (0, 1))),
+        )
+        weights = (later - earlier) / (clock[m:] - clock[:-m])[:, None]
+    return weights / np.linalg.norm(weights, axis=1, keepdims=True)
+
+
+def _least_passed(y) -> np.ndarray:
+    """Filter each half of an even record as leaves least of the other; parabolas never pass."""
+    if y.size <= TAPS:
+        return np.zeros(0)
+    rows = sliding_window_view(y, TAPS)
+    rows = rows[np.isfinite(rows).all(axis=1)]
+    half = len(rows) // 2
+    if half < ROWS_A_TAP * TAPS:
+        return np.zeros(0)
+    trend = np.vander(np.linspace(-1, 1, TAPS), 3)
+    bent = rows @ np.linalg.qr(trend, mode="complete")[0][:, 3:]
+    filtered = []
+    for some, others in ((bent[:half], bent[half:]), (bent[half:], bent[:half])):
+        learned = some[:: -(-len(some) // ROWS)]
+        filtered.append(others @ np.linalg.svd(learned, full_matrices=False)[2][-1])
+    return np.concatenate(filtered)
