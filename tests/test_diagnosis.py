@@ -395,7 +395,7 @@ def test_thinned_windows_hold_the_mean_of_the_inputs():
 def test_too_little_data_is_refused():
     golf = systems.golf_robot()
     t = np.arange(10) * 0.01
-    with pytest.raises(RecordError, match=r"expected at least 40 samples in all records .* got 10"):
+    with pytest.raises(RecordError, match=r"at least 80 samples .* got 10 samples, which make 0"):
         ModelDiagnosis(golf).fit(np.column_stack([t, np.sin(t)]), np.sin(t))
 
 

@@ -24,6 +24,7 @@ from sklearn_pgnn.diagnosis.record_flaws import (
     find_uneven_noise,
 )
 from sklearn_pgnn.diagnosis.setting import Setting
+from sklearn_pgnn.simulation.record_windows import MIN_SAMPLES, MIN_WINDOWS, window_length
 from sklearn_pgnn.simulation.state_estimate import free_run
 from sklearn_pgnn.simulation.uncertainty import standard_errors
 from sklearn_pgnn.simulation.window_fit import Freedom, WindowFit, fit_windows, project
@@ -79,7 +80,8 @@ def check_data_quality(
     outputs = _signals(model, model.outputs, windows, windows.y, names)
     inputs = _signals(model, model.inputs, windows, windows.u, names)
     left = _signals(model, model.outputs, windows, final.evaluation.residual, names)
-    found: list[Finding | None] = [find_dull_input(signal) for signal in inputs]
+    found: list[Finding | None] = [find_few_windows(windows)]
+    found += [find_dull_input(signal) for signal in inputs]
     found += find_blind_parameters(setting, base)
     clocks = [record.t for record in whole]
     found += [find_gaps(clocks, [record.name for record in whole]), find_jitter(outputs)]
@@ -123,6 +125,36 @@ def _signals(model, quantities, windows: Windows, values, names) -> list[Signal]
         Signal(name, model.unit(name), np.split(values[:, i], cuts), times, names)
         for i, name in enumerate(quantities)
     ]
+
+
+# -- length ----------------------------------------------------------------------------------------
+
+
+def find_few_windows(windows: Windows) -> Finding | None:
+    """Find that there are fewer windows than what is held out should be judged from.
+
+    Parameters
+    ----------
+    windows : Windows
+        The windows of the diagnosis.
+
+    Returns
+    -------
+    Finding or None
+        What was found.
+    """
+    count = len(windows)
+    if count >= MIN_WINDOWS:
+        return None
+    return Finding(
+        "short records",
+        "t",
+        f"the records make only {count} windows of {window_length(windows):.3g} s, fewer than "
+        f"{MIN_WINDOWS}: held-out errors, and so the verdict, are uncertain",
+        float(count),
+        f"record longer, so that at least {MIN_WINDOWS} windows of {MIN_SAMPLES} samples fit, or "
+        f"choose shorter windows",
+    )
 
 
 # -- excitation ------------------------------------------------------------------------------------

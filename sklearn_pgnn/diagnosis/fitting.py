@@ -50,6 +50,8 @@ SKETCH_TOLERANCE, TOLERANCE = 1e-3, 1e-4
 POLISH_STEPS, POLISH_TOLERANCE = 3, 1e-9
 #: folds of records; a single one is cut into more stretches, for it shows much but a few times
 FOLDS, STRETCHES = 4, 8
+#: largest share of the windows that a fold may hold
+MOST_HELD_OUT = 2 / 3
 #: steps for the initial states alone, which are nearly linear
 PRIOR_STEPS = 8
 #: fits of a hypothesis that are no trials of it
@@ -204,6 +206,7 @@ class Fitter:
 
     # -- on all windows ------------------------------------------------------------------------
 
+    @cached_property
     def prior(self) -> WindowFit:
         """Fit only the initial states, at the prior's parameters."""
         model = self.setting.prior
@@ -698,7 +701,10 @@ def piece_squares(setting: Setting, fit: WindowFit, which=slice(None)) -> np.nda
 
 
 def make_folds(setting: Setting) -> np.ndarray:
-    """Deal the windows into folds: by whole records, or by stretches of a single one.
+    """Deal the windows into folds: by whole records, or by stretches.
+
+    Stretches are taken of a single record, or where one holds so many of the windows that the
+    others would teach too little about them.
 
     Parameters
     ----------
@@ -708,14 +714,12 @@ def make_folds(setting: Setting) -> np.ndarray:
     Returns
     -------
     ndarray of shape (n_windows,)
-        Fold of every window.
+        Fold of every window, counted from 0; none is empty.
     """
-    record = setting.windows.record
-    n_records = record.max() + 1
-    if n_records >= FOLDS:
-        return record % FOLDS
-    order = np.arange(record.size)
-    return order * STRETCHES // record.size if n_records == 1 else record
+    folds = setting.windows.record % FOLDS
+    if np.bincount(folds).max() > MOST_HELD_OUT * folds.size:
+        folds = np.arange(folds.size) * min(STRETCHES, folds.size) // folds.size
+    return np.unique(folds, return_inverse=True)[1]
 
 
 def _carry_over(fit: WindowFit, model: PhysicsModel, expected) -> np.ndarray:

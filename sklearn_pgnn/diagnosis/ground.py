@@ -12,7 +12,6 @@ from sklearn_pgnn.diagnosis.setting import ROUGH_SAMPLES, Setting, longer, recut
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.simulation.pointwise import evaluate_samples, sample_table
-from sklearn_pgnn.simulation.record_windows import MIN_WINDOWS
 from sklearn_pgnn.simulation.window_fit import fit_windows
 
 #: windows are as long as the re-tuned prior can follow: its error, in units of the noise, at which
@@ -65,9 +64,8 @@ def _follows(fitter: Fitter, further: Fitter) -> bool:
 
 
 def _forgets(fitter: Fitter, further: Fitter) -> bool:
-    """Tell whether longer windows are hardly harder, and still enough to judge on."""
-    enough = len(further.setting.windows) >= MIN_WINDOWS
-    return enough and further.base_error() < HARDLY_HARDER * fitter.base_error()
+    """Return whether longer windows are hardly harder."""
+    return further.base_error() < HARDLY_HARDER * fitter.base_error()
 
 
 def look_further(fitter: Fitter) -> Fitter | None:
@@ -87,14 +85,9 @@ def look_further(fitter: Fitter) -> Fitter | None:
         The fitter on longer windows; None where the usual ones, or the records, are as long.
     """
     setting = fitter.setting
-    scales, windows = setting.scales, setting.windows
-    all_windows = windows.lengths.sum() * scales.sample_time
-    length = min(FORGOTTEN * _slowest(fitter), all_windows / MIN_WINDOWS)
-    times = length / scales.window
-    if times < LONGER:
-        return None
-    further = recut(setting, length, max(1, round(times * windows.pieces)))
-    return None if further is None else Fitter(further, fitter.progress)
+    length, least = FORGOTTEN * _slowest(fitter), LONGER * setting.scales.window
+    further = recut(setting, length) if length >= least else None
+    return None if further is None or further.scales.window < least else Fitter(further, fitter.progress)
 
 
 def _slowest(fitter: Fitter) -> float:

@@ -11,8 +11,8 @@ from sklearn_pgnn.trajectories.noise import finest_differences, noise_level, rel
 
 #: chance at which one check of a quantity speaks up although nothing is wrong
 ALPHA = 1e-3
-#: correlation of neighbouring differences, block by block: -0.75 or less of white noise, near 1 of a
-#: smooth signal
+#: correlation of neighbouring differences, block by block: -0.75 or less of white noise, near 1 of
+#: a smooth signal
 NOISE_LIKE, BLOCK = -0.5, 64
 #: share of neighbouring samples that may be equal by chance before equal samples say nothing
 COARSE = 0.2
@@ -443,6 +443,11 @@ def find_gaps(times: Sequence[np.ndarray], records: Sequence[str]) -> Finding | 
     )
 
 
+def _sample_time(t: np.ndarray) -> float:
+    """Return the usual step of one record's clock; files may have clocks of their own."""
+    return float(np.median(np.diff(t))) if t.size > 1 else np.inf
+
+
 def find_jitter(signals: Sequence[Signal]) -> Finding | None:
     """Find a clock so uneven that it moves an output by a part of its noise.
 
@@ -456,34 +461,41 @@ def find_jitter(signals: Sequence[Signal]) -> Finding | None:
     Finding or None
         What was found.
     """
-    times = signals[0].times
-    steps = np.concatenate([np.diff(t) for t in times])
-    middle = float(np.median(steps))
-    scatter = float(np.std(steps[steps < GAP * middle]))
+    found = [_jitter(signals, record) for record in range(len(signals[0].times))]
+    uneven = [finding for finding in found if finding is not None]
+    return max(uneven, key=lambda finding: finding.value, default=None)
+
+
+def _jitter(signals: Sequence[Signal], record: int) -> Finding | None:
+    """Find that the clock of one record is uneven."""
+    t = signals[0].times[record]
+    steps, middle = np.diff(t), _sample_time(t)
+    regular = steps[steps < GAP * middle]
+    scatter = float(np.std(regular)) if regular.size else 0.0
     # stamps rounded to a step scatter by up to 0.41 steps
-    if scatter <= 0.5 * min(grid_step(np.concatenate(times)), middle) or scatter < 1e-6 * middle:
+    if scatter <= 0.5 * min(grid_step(t), middle) or scatter < 1e-6 * middle:
         return None
-    moved = [_slope(s) * scatter / max(s.noise, FINE * _spread(s)) for s in signals]
+    moved = [_slope(s, record) * scatter / max(s.noise, FINE * _spread(s)) for s in signals]
     if max(moved) ** 2 < WHOLE:
         return None
     worst = signals[int(np.argmax(moved))].name
     return Finding(
         "clock jitter",
         "t",
-        f"the sample time of {middle:.4g} s scatters by {scatter:.2g} s ({scatter / middle:.1%}), "
-        f"in which {worst} moves by {max(moved):.2g} times its noise",
+        f"the sample time of {middle:.4g} s scatters by {scatter:.2g} s ({scatter / middle:.1%}) "
+        f"in record {signals[0].records[record]}, in which {worst} moves by {max(moved):.2g} times its noise",
         scatter,
         "check that the time stamps are those of the sampling, not of the writing; record with a "
         "hardware clock",
     )
 
 
-def _slope(signal) -> float:
-    """Give the typical rate of change beyond what the noise makes."""
-    steps = np.concatenate([np.diff(piece) for piece in signal.pieces])
-    times = np.concatenate([np.diff(t) for t in signal.times])
-    power = np.nanmean(steps**2) - 2 * signal.noise**2 * signal.noisy
-    return float(np.sqrt(max(power, 0.0)) / np.median(times))
+def _slope(signal, record: int) -> float:
+    """Return the typical rate of change in a record, beyond what the noise makes."""
+    steps = np.diff(signal.pieces[record])
+    squares = steps[np.isfinite(steps)] ** 2
+    power = squares.mean() - 2 * signal.noise**2 * signal.noisy if squares.size else 0.0
+    return float(np.sqrt(max(power, 0.0))) / _sample_time(signal.times[record])
 
 
 def find_dull_input(signal: Signal) -> Finding | None:

@@ -87,7 +87,7 @@ def keep_records(fitter: Fitter, outcome: Outcome, names) -> DiagnosisRecords:
     """
     setting = fitter.setting
     fits = {
-        "prior": fitter.prior(),
+        "prior": fitter.prior,
         "refitted": outcome.base.fit,
         "extended": outcome.final.fit,
     }

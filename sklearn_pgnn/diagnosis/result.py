@@ -201,12 +201,11 @@ def measure_gain(fitter: Fitter, outcome: Outcome, folds, random_state) -> dict[
     """Measure what re-tuning and extending are worth on held-out windows."""
     setting = fitter.setting
     windows = setting.windows
-    seen = windows.sum_pieces(np.isfinite(windows.y).astype(float))
-    counts = seen.reshape(-1, seen.shape[-1])
+    counts = windows.sum_pieces(np.isfinite(windows.y).astype(float)).sum(axis=1)
     squares = {
-        which: found.reshape(counts.shape)
+        which: found.sum(axis=1)
         for which, found in {
-            "prior": piece_squares(setting, fitter.prior()),
+            "prior": piece_squares(setting, fitter.prior),
             "refitted": fitter.held_out(outcome.base, folds),
             "extended": fitter.held_out(outcome.final, folds),
         }.items()

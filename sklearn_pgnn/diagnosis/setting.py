@@ -9,12 +9,21 @@ from sklearn_pgnn.diagnosis.lines import find_lines
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.physics.effect import Scales
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.record_windows import MIN_SAMPLES, cut, window_records
+from sklearn_pgnn.simulation.record_windows import (
+    MIN_SAMPLES,
+    cut,
+    cut_exactly,
+    record_durations,
+    window_length,
+    window_records,
+)
 from sklearn_pgnn.simulation.state_estimate import StateEstimator
 from sklearn_pgnn.simulation.windows import Windows, evaluate
 from sklearn_pgnn.trajectories.record import Record
 
-#: shortest window, as a share of that period
+#: windows without which nothing can be held out: every one is judged by what the others taught
+LEAST_WINDOWS = 4
+#: shortest window, as a share of the dominant period
 SHORTEST = 1 / 24
 #: a first look takes about so many samples, from at least so many windows
 ROUGH_SAMPLES, ROUGH_WINDOWS = 6000, 6
@@ -66,57 +75,89 @@ def make_setting(model: PhysicsModel, records: tuple[Record, ...], **options) ->
     -------
     Setting
         The ground of the diagnosis.
+
+    Raises
+    ------
+    ValueError
+        If the length that the user wants windows to have leaves too few of them.
     """
     ground = window_records(model, records, **options)
     windows = ground.windows
+    _check_count(windows, options.get("window"))
+    scales = _scales(model, windows, ground.states.estimate(model).x)
     return Setting(
         model,
         windows,
         ground.states,
-        _scales(model, windows, ground.states.estimate(model).x),
+        replace(scales, window=window_length(windows)),
         int(np.isfinite(windows.y).sum()),
         ground.period,
     )
 
 
+def _check_count(windows: Windows, window) -> None:
+    """Raise `ValueError` where the user's windows are so long that too few are left."""
+    if len(windows) >= LEAST_WINDOWS:
+        return
+    durations = record_durations(windows)
+    steps = durations / np.diff(windows.bounds)
+    ends = (durations - MIN_SAMPLES * steps)[:, None] / np.arange(1, LEAST_WINDOWS + 1)
+    lengths = np.concatenate([durations, ends.ravel(), durations / LEAST_WINDOWS])
+    enough = [x for x in lengths if x > 0 and len(cut_exactly(windows, x)) >= LEAST_WINDOWS]
+    least = float(np.max(MIN_SAMPLES * steps))
+    raise ValueError(
+        f"window: expected a length from {least:.4g} s ({MIN_SAMPLES} samples) to "
+        f"{max(enough, default=least):.4g} s ({LEAST_WINDOWS} windows in all records, for each is "
+        f"judged by what the others taught), got {window!r}. Remedy: choose one of these, leave it "
+        f"out, or record longer."
+    )
+
+
 def shorter(setting: Setting) -> Setting | None:
-    """Give the setting with windows of half the length, or None where they would be too short."""
+    """Return the setting with windows of half the length, or None where they would be too short."""
     length = setting.scales.window / 2
     if length < max(MIN_SAMPLES * setting.scales.sample_time, SHORTEST * setting.period):
         return None
-    return recut(setting, length, 1)
+    return recut(setting, length)
 
 
 def longer(setting: Setting) -> Setting | None:
-    """Give the setting with windows of twice the length, or None where they are whole records.
+    """Return the setting with windows of twice the length, or None where they cannot be longer.
 
-    Statistics stay with pieces of the old length.
+    There are always `sklearn_pgnn.simulation.record_windows.MIN_WINDOWS`, if the records make so
+    many at all. Statistics stay with pieces of the old length.
     """
-    return recut(setting, 2 * setting.scales.window, 2 * setting.windows.pieces)
+    further = recut(setting, 2 * setting.scales.window)
+    grows = further is not None and further.scales.window > setting.scales.window
+    return further if grows else None
 
 
-def recut(setting: Setting, length: float, pieces: int) -> Setting | None:
-    """Give the setting with windows of another length, or None where that changes nothing.
+def recut(setting: Setting, length: float) -> Setting | None:
+    """Return the setting with windows of another length, or None where that changes nothing.
 
     Parameters
     ----------
     setting : Setting
         The setting.
     length : float
-        Length of the windows [s].
-    pieces : int
-        Pieces of a window that statistics are taken of.
+        Length of the windows [s]; they are shorter where there would be fewer than
+        `sklearn_pgnn.simulation.record_windows.MIN_WINDOWS`.
 
     Returns
     -------
     Setting or None
-        The setting.
+        The setting. Longer windows have more pieces, of about the old length.
     """
-    windows = replace(cut(setting.windows, length, min_windows=1), pieces=pieces)
+    windows = cut(setting.windows, length)
     if np.array_equal(windows.starts, setting.windows.starts):
         return None
-    length = float(np.median(windows.lengths) * setting.scales.sample_time)
-    return replace(setting, windows=windows, scales=replace(setting.scales, window=length))
+    length = window_length(windows)
+    pieces = max(1, round(setting.windows.pieces * length / setting.scales.window))
+    return replace(
+        setting,
+        windows=replace(windows, pieces=pieces),
+        scales=replace(setting.scales, window=length),
+    )
 
 
 @dataclass(frozen=True)
@@ -178,7 +219,7 @@ def _thinning(setting: Setting) -> int:
     simulated = replace(windows, y=windows.y - residual)
     while (
         windows.lengths.sum() > factor * ROUGH_SAMPLES
-        and np.median(windows.lengths) >= 2 * factor * MIN_SAMPLES
+        and windows.lengths.min() >= 2 * factor * MIN_SAMPLES
     ):
         change = evaluate(model, simulated.thin(2 * factor), x0, ()).residual / windows.scale
         if not np.sqrt(np.nanmean(change**2)) < HARDLY:
@@ -225,12 +266,14 @@ def _positive(value) -> float:
 
 def check_records(model: PhysicsModel, records: tuple[Record, ...]) -> None:
     """Raise `RecordError` where records cannot carry a diagnosis."""
-    samples = sum(record.t.size for record in records)
-    needed = MIN_SAMPLES * 2
-    if samples < needed:
+    sizes = [record.t.size for record in records]
+    windows = sum(size // MIN_SAMPLES for size in sizes)
+    if windows < LEAST_WINDOWS:
         raise RecordError(
-            f"expected at least {needed} samples in all records to diagnose {model.name!r}, "
-            f"got {samples}. Remedy: record longer or at a higher rate."
+            f"expected records of at least {LEAST_WINDOWS * MIN_SAMPLES} samples to diagnose "
+            f"{model.name!r}, {LEAST_WINDOWS} windows of {MIN_SAMPLES}, for each is judged by what "
+            f"the others taught; got {sum(sizes)} samples, which make {windows}. Remedy: record "
+            f"longer, more often, or at a higher rate."
         )
     for name, column in zip(model.outputs, np.concatenate([r.y for r in records]).T, strict=True):
         if not np.nanstd(column) > 0:

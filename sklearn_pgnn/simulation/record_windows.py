@@ -12,8 +12,8 @@ from sklearn_pgnn.simulation.simulate import hold_of
 from sklearn_pgnn.simulation.state_estimate import StateEstimator
 from sklearn_pgnn.simulation.windows import Windows, evaluate
 from sklearn_pgnn.trajectories.gaps import split_at_gaps
-from sklearn_pgnn.trajectories.record import Record
 from sklearn_pgnn.trajectories.noise import noise_level
+from sklearn_pgnn.trajectories.record import Record
 
 #: a window holds at least so many samples, and there are at least so many windows
 MIN_SAMPLES, MIN_WINDOWS = 20, 8
@@ -24,6 +24,8 @@ LAGS = (1, 2, 4, 8, 16, 32, 64)
 MAX_SUBSTEPS = 32
 #: the window that is a whole record
 WHOLE = "trajectory"
+#: relative accuracy of a length that is compared with a clock
+ROUNDING = 1e-6
 
 
 @dataclass(frozen=True)
@@ -68,7 +70,8 @@ def window_records(
         Measured trajectories.
     window : float or "trajectory", optional
         Window length [s], or every record in one window; by default a third of the dominant
-        period of the outputs.
+        period of the outputs. A length that is told is kept to: only the last window of a record
+        may be shorter, or longer by less than `MIN_SAMPLES` samples.
     noise : array-like of shape (n_outputs,), optional
         Standard deviation of every output's noise; by default estimated.
     hold : {"zoh", "foh"}, optional
@@ -83,6 +86,11 @@ def window_records(
     -------
     WindowedRecords
         The windows.
+
+    Raises
+    ------
+    ValueError
+        If `window` is no length, or shorter than `MIN_SAMPLES` samples.
     """
     hold = hold_of(model, hold)
     substeps = model.simulation.get("substeps") if substeps is None else substeps
@@ -97,8 +105,10 @@ def window_records(
     period = dominant_period(records)
     if window == WHOLE:
         windows = replace(whole, pieces=-(-MIN_WINDOWS // len(records)))
+    elif window is None:
+        windows = cut(whole, period * WINDOW_SHARE)
     else:
-        windows = cut(whole, period * WINDOW_SHARE if window is None else float(window))
+        windows = cut_exactly(whole, check_length(whole, window))
     if substeps is None:
         substeps = _enough_substeps(model, windows, states.estimate(model).x)
     windows = replace(windows, substeps=int(substeps))
@@ -181,26 +191,103 @@ def cut(whole: Windows, length: float, min_windows: int = MIN_WINDOWS) -> Window
     Parameters
     ----------
     whole : Windows
-        One window a record.
+        The records.
     length : float
         Wanted length [s]; at least `MIN_SAMPLES` samples.
     min_windows : int, default=8
-        The length is short enough for so many windows in all.
+        The windows are made shorter until there are so many in all, if the samples are enough.
 
     Returns
     -------
     Windows
         The windows.
     """
-    durations = whole.t[whole.bounds[1:] - 1] - whole.t[whole.bounds[:-1]]
-    length = min(length, durations.sum() / min_windows)
-    starts, lengths = [], []
-    for a, b, duration in zip(whole.bounds[:-1], whole.bounds[1:], durations, strict=True):
-        count = max(1, min(round(duration / length), (b - a) // MIN_SAMPLES))
-        edges = np.linspace(a, b, count + 1).astype(int)
-        starts.append(edges[:-1])
-        lengths.append(np.diff(edges))
-    return replace(whole, starts=np.concatenate(starts), lengths=np.concatenate(lengths))
+    durations, samples = record_durations(whole), np.diff(whole.bounds)
+    most = np.maximum(samples // MIN_SAMPLES, 1)
+    counts = np.clip(np.rint(durations / length), 1, most).astype(int)
+    while counts.sum() < min_windows and (counts < most).any():
+        counts[np.argmax(np.where(counts < most, durations / counts, -np.inf))] += 1
+    spans = zip(whole.bounds[:-1], whole.bounds[1:], counts, strict=True)
+    return _between(whole, [np.linspace(a, b, count + 1).astype(int) for a, b, count in spans])
+
+
+def cut_exactly(whole: Windows, length: float) -> Windows:
+    """Cut every record into windows of one length; what is left at its end is one more.
+
+    Parameters
+    ----------
+    whole : Windows
+        The records.
+    length : float
+        The length [s]. A window of fewer than `MIN_SAMPLES` samples, across a gap or at the end of
+        a record, goes with the one before.
+
+    Returns
+    -------
+    Windows
+        The windows.
+    """
+    edges = []
+    for a, b, duration in zip(
+        whole.bounds[:-1], whole.bounds[1:], record_durations(whole), strict=True
+    ):
+        t = whole.t[a:b]
+        # the computer's rounding of a clock puts no sample into the window before
+        ends = t[0] + length * np.arange(1, int(duration / length) + 1) - 0.5 * duration / t.size
+        mine = [0]
+        for edge in np.searchsorted(t, ends).tolist():
+            if min(edge - mine[-1], t.size - edge) >= MIN_SAMPLES:
+                mine.append(edge)
+        edges.append(a + np.array([*mine, t.size]))
+    return _between(whole, edges)
+
+
+def _between(whole: Windows, edges) -> Windows:
+    """Return the windows between edges, record by record."""
+    starts = np.concatenate([some[:-1] for some in edges])
+    return replace(whole, starts=starts, lengths=np.concatenate([np.diff(some) for some in edges]))
+
+
+def record_durations(windows: Windows) -> np.ndarray:
+    """Return the duration of every record [s], its last sample's interval included."""
+    return _durations(windows.t, windows.bounds[:-1], np.diff(windows.bounds))
+
+
+def window_length(windows: Windows) -> float:
+    """Return the median length of windows [s], each on its own record's clock."""
+    return float(np.median(_durations(windows.t, windows.starts, windows.lengths)))
+
+
+def _durations(t, starts, lengths) -> np.ndarray:
+    return (t[starts + lengths - 1] - t[starts]) * lengths / np.maximum(lengths - 1, 1)
+
+
+def check_length(whole: Windows, window) -> float:
+    """Return the length that a user wants windows to have, or raise `ValueError`.
+
+    Parameters
+    ----------
+    whole : Windows
+        The records.
+    window : float
+        The length [s].
+
+    Returns
+    -------
+    float
+        The length.
+    """
+    durations = record_durations(whole)
+    least = float(np.max(MIN_SAMPLES * durations / np.diff(whole.bounds)))
+    least, most = min(least, durations.max()), float(durations.max())
+    known = isinstance(window, Real) and not isinstance(window, bool)
+    if not known or not least * (1 - ROUNDING) <= window <= most * (1 + ROUNDING):
+        raise ValueError(
+            f"window: expected {WHOLE!r} or a length from {least:.4g} s ({MIN_SAMPLES} samples) to "
+            f"{most:.4g} s (the longest record), got {window!r}. Remedy: choose one of these, or "
+            f"leave it out."
+        )
+    return float(window)
 
 
 def _enough_substeps(model, windows, x) -> int:
