@@ -319,6 +319,33 @@ def test_time_stamps_rounded_to_milliseconds_are_no_jitter():
     assert find_jitter([Signal("y", "V", [y], times, ["a"])]) is None
 
 
+def two_clocks(*steps, jitter=0.0):
+    rng = np.random.default_rng(0)
+    times = [step * np.arange(1500) for step in steps]
+    times[-1] = times[-1] + jitter * steps[-1] * rng.uniform(-1, 1, 1500)
+    pieces = [np.sin(3 * t) + 1e-3 * rng.standard_normal(t.size) for t in times]
+    return Signal("y", "V", pieces, times, [str(i) for i in range(len(steps))])
+
+
+@pytest.mark.parametrize("steps", [(0.002, 0.003), (0.002, 0.004), (0.002, 0.002, 0.02)])
+def test_files_of_different_sample_times_are_neither_jitter_nor_gaps(steps):
+    assert find_jitter([two_clocks(*steps)]) is None
+    assert find_gaps(two_clocks(*steps).times, "abc"[: len(steps)]) is None
+
+
+def test_the_record_whose_clock_jitters_is_named():
+    finding = find_jitter([two_clocks(0.02, 0.03, jitter=0.2)])
+    assert "sample time of 0.0299" in finding.text
+    assert "in record 1" in finding.text
+
+
+def test_gaps_are_counted_on_the_clock_of_their_own_record():
+    times = [0.002 * np.arange(900), np.delete(0.004 * np.arange(900), [100, 101])]
+    finding = find_gaps(times, ["a", "b"])
+    assert finding.value == 2
+    assert "from a clock of 0.004 s, the first after record b" in finding.text
+
+
 # -- what comes of it ------------------------------------------------------------------------------
 
 

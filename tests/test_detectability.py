@@ -1,10 +1,13 @@
 """Detectability: the sizes it states are those at which the diagnosis finds or misses."""
 
+from dataclasses import replace
+
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 import pytest
 
+import sklearn_pgnn.diagnosis.detectability as detectability_module
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects
 from sklearn_pgnn.diagnosis.detectability import Bench, _strength_along
 from sklearn_pgnn.diagnosis.effect_size import has_size, main_field, nothing, sized
@@ -141,6 +144,56 @@ def test_an_effect_the_inputs_never_bring_to_act_is_said_so():
     )
     (row,) = fitted.detectability((effects.InputDelay,), ["F2"]).rows
     assert "hardly moves the outputs" in row.reason
+
+
+def test_a_memory_is_found_by_its_size_and_not_by_being_there(diagnosis):
+    """Play without width is a lag of a sample, which these records show."""
+    (row,) = diagnosis.detectability((effects.InputBacklash,), ["F"]).rows
+    assert row.smallest > 1e-3 * diagnosis.records_.setting.scales.typical["F"]
+    assert row.curve[1][1] < 0.1
+
+
+def test_a_size_that_cannot_be_simulated_counts_for_nothing(diagnosis, monkeypatch):
+    evaluate = detectability_module.evaluate
+
+    def diverging(model, windows, x0, wrt):
+        found = evaluate(model, windows, x0, wrt)
+        level = model.parameters.get("Fc_v")
+        if level is not None and abs(level.value) > 0.5:
+            gram = np.full_like(found.piece_gram, np.inf)
+            return replace(found, piece_gram=gram)
+        return found
+
+    (whole,) = diagnosis.detectability((effects.CoulombFriction,)).rows
+    monkeypatch.setattr(detectability_module, "evaluate", diverging)
+    (row,) = diagnosis.detectability((effects.CoulombFriction,)).rows
+    assert row.smallest == pytest.approx(whole.smallest, rel=0.2)
+    assert max(size for size, _ in row.curve) <= 0.5
+    monkeypatch.setattr(
+        detectability_module,
+        "evaluate",
+        lambda m, *rest: diverging(m.with_parameters(Fc_v=9.0), *rest),
+    )
+    (never,) = diagnosis.detectability((effects.CoulombFriction,)).rows
+    assert np.isnan(never.smallest)
+    assert "leaves the finite numbers" in never.reason
+    assert never.curve == ((0.0, 0.0),)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_parameter_that_is_zero_has_a_size_too():
+    zero = cart().replace(
+        equations={"x": "v", "v": "(b*F - k*x - d*v - c*x**3)/m"},
+        parameters={**cart().parameters, "c": {"value": 0.0, "unit": "N/m^3"}},
+    )
+    table = records()
+    fitted = ModelDiagnosis(zero, catalogue=()).fit(
+        table[["trajectory", "t", "F"]], table["position"]
+    )
+    table = fitted.detectability((effects.WrongParameter,), ["c"])
+    (row,) = table.rows
+    assert 0 < row.smallest <= 1.0
+    assert table.to_frame().loc[0, "power at 1x"] >= 0.9
 
 
 def test_verify_runs_the_diagnosis_itself(diagnosis):

@@ -1,5 +1,8 @@
 """Held out means held out: windows enough to learn from, of the length that was asked for."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -7,6 +10,7 @@ import pytest
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, PhysicsModelRegressor, effects
 from sklearn_pgnn.diagnosis.fitting import MOST_HELD_OUT, make_folds
 from sklearn_pgnn.diagnosis.ground import fit_window_length, look_further
+from sklearn_pgnn.diagnosis.result import measure_gain
 from sklearn_pgnn.diagnosis.setting import LEAST_WINDOWS, longer, make_setting
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.simulation.record_windows import MIN_SAMPLES, MIN_WINDOWS, window_length
@@ -175,3 +179,23 @@ def test_a_hardening_spring_at_nine_samples_a_period_is_named_and_its_error_is_t
     assert diagnosis.records_.windows.scale[0] == pytest.approx(noise, rel=0.2)
     assert diagnosis.gain_["y"].extended == pytest.approx(noise, rel=0.2)
     assert len(diagnosis.records_.windows) >= MIN_WINDOWS
+
+
+# -- what the gain's interval says -----------------------------------------------------------------
+
+
+def test_the_interval_of_the_gain_resamples_windows_and_not_their_pieces(monkeypatch):
+    """Windows that are all alike leave no doubt, however much their pieces differ."""
+    setting = setting_of((1600,), window=4.0)
+    setting = replace(setting, windows=replace(setting.windows, pieces=2))
+    count = len(setting.windows)
+
+    def squares(early, late):
+        return np.tile([[[100.0 * early], [100.0 * late]]], (count, 1, 1))
+
+    before, after = squares(9.0, 1.5), squares(1.0, 1.2)
+    fitter = SimpleNamespace(setting=setting, prior=None, held_out=lambda trial, folds: after)
+    monkeypatch.setattr("sklearn_pgnn.diagnosis.result.piece_squares", lambda *_: before)
+    outcome = SimpleNamespace(base=None, final=None, noise=np.zeros(1))
+    gain = measure_gain(fitter, outcome, np.zeros(count), np.random.default_rng(0))["v"]
+    assert gain.low == pytest.approx(gain.explained_share) == gain.high

@@ -382,3 +382,10 @@ def test_a_parameter_is_a_value():
     assert hash(Parameter("J", 1)) == hash(Parameter("J", 1.0))
     assert Parameter("J", 1, bounds=[0, 2]).with_value(2) == Parameter("J", 2.0, bounds=(0, 2))
     assert Parameter("J", 1, unit=None).unit == ""
+
+
+def test_a_bound_on_the_rate_does_not_part_a_position_from_its_velocity():
+    cart = systems.cart_on_spring()
+    slow = cart + effects.RateLimit("x", limit=2.0)
+    assert slow.equations["x"] != cart.equations["x"]
+    assert slow.kinematic_pairs == cart.kinematic_pairs == {"v": "x"}

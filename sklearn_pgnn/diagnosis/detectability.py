@@ -25,6 +25,8 @@ from sklearn_pgnn.simulation.windows import Evaluation, Windows, evaluate
 
 #: smallest size looked at, and halvings of the interval (on a logarithmic scale) from there to 1
 SMALLEST, HALVINGS = 1e-6, 8
+#: a size that cannot be simulated is followed by one so many times smaller
+LESS = 10.0
 #: steps of re-tuning to a model that is near, and the decrease at which they end
 STEPS, TOLERANCE = 5, 1e-2
 #: an effect that re-tuning lowers to this share is imitated by it
@@ -100,12 +102,15 @@ class Detectability:
 
     def _powers(self, row: Detectable):
         """Interpolate the power at multiples of the smallest size, on a logarithmic scale."""
-        none = row.curve[0][0]
-        strengths = np.log([abs(size - none) for size, _ in row.curve[1:]])
-        powers = [power for _, power in row.curve[1:]]
+        (none, _), *seen = row.curve
+        strengths = np.log([abs(size - none) for size, _ in seen if size != none])
+        powers = [power for size, power in seen if size != none]
+        smallest = abs(row.smallest - none)
         for multiple in self.sizes:
-            at = np.log(multiple * abs(row.smallest - none))
-            yield multiple, float(np.interp(at, strengths, powers, left=np.nan))
+            power = np.nan
+            if smallest > 0 and powers:
+                power = np.interp(np.log(multiple * smallest), strengths, powers, left=np.nan)
+            yield multiple, float(power)
 
     def plot(self, **options):
         """Draw the smallest sizes and the power over the size.
@@ -165,11 +170,26 @@ class Bench:
             x0[:, list(model.states).index(name)] = fitted.x0[:, i]
         return x0
 
-    def inject(self, effect) -> Windows:
-        """Put an effect into the fitted model and give the windows with what it would show."""
+    def show(self, effect) -> np.ndarray:
+        """Return the windows' outputs with an effect in the fitted model; infinite if one diverges.
+
+        Parameters
+        ----------
+        effect : Effect or None
+            The effect, if any.
+
+        Returns
+        -------
+        ndarray of shape (n_samples, n_outputs)
+            The outputs.
+        """
+        if effect is None:
+            return self.windows.y - self.records.fits["extended"].residual
         model = effect.apply(self.model)
-        shown = evaluate(model, self.windows, self.start(model), ())
-        return replace(self.windows, y=self.windows.y - shown.residual)
+        evaluation = evaluate(model, self.windows, self.start(model), ())
+        if not np.isfinite(evaluation.squares).all():
+            return np.full_like(self.windows.y, np.inf)
+        return self.windows.y - evaluation.residual
 
     def retune(self, windows: Windows) -> WindowFit:
         """Re-tune the fitted model to other outputs of the same windows."""
@@ -262,23 +282,53 @@ def detect(bench: Bench, cause: Cause, power: float) -> Detectable:
         The smallest size and the power over the size.
     """
     of_size = sized(*cause, bench.model, bench.records.setting.scales)
-    curve = {size: _power(bench, of_size(size)) for size in (SMALLEST, 1.0)}
+    bare = _bare(bench, cause, of_size)
+
+    def power_of(share):
+        return _power(bench, _injected(bench, of_size(share), bare))
+
     low, high = SMALLEST, 1.0
-    if curve[1.0] >= power > curve[SMALLEST]:
+    curve = {share: power_of(share) for share in (low, high)}
+    while not np.isfinite(curve[high]) and high > LESS * low:  # too much for the machine
+        high /= LESS
+        curve[high] = power_of(high)
+    if curve[high] >= power > curve[low]:
         for _ in range(HALVINGS):
             middle = float(np.sqrt(low * high))
-            curve[middle] = _power(bench, of_size(middle))
+            curve[middle] = power_of(middle)
             low, high = (low, middle) if curve[middle] >= power else (middle, high)
-    smallest = min((s for s in curve if curve[s] >= power), default=np.nan)
-    return _described(bench, cause, of_size, curve, smallest)
+    known = {share: chance for share, chance in curve.items() if np.isfinite(chance)}
+    return _described(bench, cause, of_size, bare, known, power)
 
 
-def _power(bench: Bench, effect) -> float:
-    left = bench.retune(bench.inject(effect)).evaluation
-    return bench.power(left) if np.isfinite(left.squares).all() else 1.0
+def _bare(bench: Bench, cause: Cause, of_size) -> np.ndarray:
+    """Return what the machine shows with an effect of no size.
+
+    That is not always what it shows without: an effect with a memory is something even then, as
+    play without width is a lag. Only what comes with the size is to be found.
+    """
+    kind, target = cause
+    none, least = nothing(kind, target, bench.model, bench.records.setting.scales), of_size(0.0)
+    return bench.show(least if getattr(least, main_field(kind)) == none else None)
 
 
-def _described(bench, cause, of_size, curve, smallest) -> Detectable:
+def _injected(bench: Bench, effect, bare) -> Windows | None:
+    """Return the windows with what an effect's size shows; None where a simulation diverges."""
+    shown = bench.show(effect)
+    if np.isinf(shown).any() or np.isinf(bare).any():
+        return None
+    return replace(bench.windows, y=bench.show(None) + shown - bare)
+
+
+def _power(bench: Bench, windows: Windows | None) -> float:
+    """Return the power to find what windows show; NaN where the machine does not stay finite."""
+    if windows is None:
+        return np.nan
+    left = bench.retune(windows).evaluation
+    return bench.power(left) if np.isfinite(left.squares).all() else np.nan
+
+
+def _described(bench, cause, of_size, bare, curve, power) -> Detectable:
     kind, target = cause
     field = main_field(kind)
     name = of_size(1.0).names()[field]
@@ -287,24 +337,29 @@ def _described(bench, cause, of_size, curve, smallest) -> Detectable:
     def size(share):
         return float(getattr(of_size(share), field))
 
+    found = [share for share in curve if curve[share] >= power]
     none = nothing(kind, target, bench.model, bench.records.setting.scales)
     return Detectable(
         effect=kind.id,
         target=target,
         parameter=field,
         unit=unit,
-        smallest=size(smallest) if np.isfinite(smallest) else np.nan,
+        smallest=size(min(found)) if found else np.nan,
         curve=((none, 0.0), *((size(s), curve[s]) for s in sorted(curve))),
-        reason="" if np.isfinite(smallest) else _why_not(bench, of_size(1.0), size(1.0), unit),
+        reason="" if found else _why_not(bench, of_size, bare, max(curve, default=0.0), field),
     )
 
 
-def _why_not(bench: Bench, effect, size, unit) -> str:
-    """Say why even the largest sensible effect is not seen."""
-    windows = bench.inject(effect)
+def _why_not(bench: Bench, of_size, bare, share, field) -> str:
+    """Say why even the largest size that the machine bears is not seen."""
+    effect = of_size(share)
+    windows = _injected(bench, effect, bare)
+    if windows is None:
+        return "however small, the simulation with it leaves the finite numbers"
     before = float(bench.without(windows).squares.sum())
     fit = bench.retune(windows)
-    largest = f"even {size:.3g} {unit}".rstrip()
+    unit = effect.apply(bench.model).unit(effect.names()[field])
+    largest = f"even {getattr(effect, field):.3g} {unit}".rstrip()
     noise = float(np.nansum((bench.records.fits["extended"].residual / windows.scale) ** 2))
     if before < bench.rules.whole * noise:
         return f"{largest} hardly moves the outputs: these inputs never bring it to act"

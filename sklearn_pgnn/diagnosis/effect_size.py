@@ -24,8 +24,8 @@ def sized(
 
     Size 0 does nothing. Size 1 is a force as large as the typical inertial force, a bias or a dead
     zone as large as the signal's ups and downs, a limit that lets nothing through, a delay as long
-    as a window, a parameter of twice its value. Quantities like a period take the middle of the
-    values a diagnosis would start from.
+    as a window, a parameter of twice its value, or 1 where that is 0. Quantities like a period take
+    the middle of the values a diagnosis would start from.
 
     Parameters
     ----------
@@ -135,8 +135,10 @@ def _end(quantity, usual, limits, size) -> float:
 
 
 def _wrong_parameter(kind, parameter):
+    low, high = parameter.bounds
+    change = parameter.value or 1.0
+
     def of_size(size):
-        low, high = parameter.bounds
-        return kind(parameter.name, value=float(min(max(parameter.value * (1 + size), low), high)))
+        return kind(parameter.name, value=min(max(parameter.value + size * change, low), high))
 
     return of_size

@@ -14,6 +14,7 @@ from sklearn_pgnn.diagnosis.hypothesis import (
     commute,
     freedoms,
     held_parameters,
+    without_spread,
 )
 from sklearn_pgnn.diagnosis.lines import tones_left
 from sklearn_pgnn.diagnosis.progress import Progress
@@ -526,9 +527,10 @@ class Fitter:
         return model.with_parameters(**known)
 
     def _free(self, hypothesis, model):
-        """Say what a fit of a hypothesis may change; what a cause speaks for stays."""
+        """Say what a fit may change; what a cause speaks for stays, and what has no spread."""
         prior = self.setting.prior
         held = {name for cause in hypothesis.causes for name in self.held(cause)}
+        held |= without_spread(prior, hypothesis)
         model = model.with_parameters(**{name: prior.parameters[name].value for name in held})
         return model, freedoms(self.setting, hypothesis, model, held)
 

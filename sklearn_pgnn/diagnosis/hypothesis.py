@@ -285,8 +285,23 @@ def held_parameters(model: PhysicsModel, cause: Cause) -> tuple[str, ...]:
 
 
 def held_by(model: PhysicsModel, hypothesis: "Hypothesis") -> set[str]:
-    """Name the model's parameters that any of the causes speaks for, see `held_parameters`."""
-    return {name for cause in hypothesis.causes for name in held_parameters(model, cause)}
+    """Name the model's parameters that stay where they are under a hypothesis.
+
+    Those are what any of the causes speaks for, see `held_parameters`, and what has no spread.
+    """
+    spoken_for = {name for cause in hypothesis.causes for name in held_parameters(model, cause)}
+    return spoken_for | without_spread(model, hypothesis)
+
+
+def without_spread(model: PhysicsModel, hypothesis: "Hypothesis") -> set[str]:
+    """Name the parameters of value 0 that are not said to be wrong: a share of 0 is 0."""
+    still = {name for name in model.free_parameters if model.parameters[name].reach == 0}
+    return still - said_to_be_wrong(hypothesis)
+
+
+def said_to_be_wrong(hypothesis: "Hypothesis") -> set[str]:
+    """Name the parameters that a hypothesis says to be wrong."""
+    return {target for effect, target in hypothesis.causes if effect is WrongParameter}
 
 
 @lru_cache(maxsize=16)
@@ -337,8 +352,8 @@ def freedoms(
 ) -> tuple[Freedom, ...]:
     """Say how far every parameter may go under a hypothesis.
 
-    The prior's parameters stay within their spread, softly and by bounds; one that is said to be
-    wrong may go to its bounds; the effects' own stay within their limits.
+    The prior's parameters stay within their spread, so one of value 0 stays there; one that is said
+    to be wrong may go to its bounds; the effects' own stay within their limits.
 
     Parameters
     ----------
@@ -356,11 +371,12 @@ def freedoms(
     tuple of Freedom
         One for every free parameter.
     """
-    wrong = {target for effect, target in hypothesis.causes if effect is WrongParameter}
+    wrong = said_to_be_wrong(hypothesis)
+    still = {*held, *without_spread(setting.prior, hypothesis)}
     free = [
         _prior_freedom(setting.prior, name, name in wrong)
         for name in setting.prior.free_parameters
-        if name not in held or name in wrong
+        if name not in still or name in wrong
     ]
     for effect, target in hypothesis.causes:
         limits = effect.limits(target, setting.prior, setting.scales)
@@ -391,17 +407,21 @@ def held_freedoms(setting: Setting, hypothesis: Hypothesis) -> tuple[Freedom, ..
     tuple of Freedom
         Those with a spread.
     """
-    prior, wrong = setting.prior, {t for e, t in hypothesis.causes if e is WrongParameter}
-    held = held_by(prior, hypothesis) - wrong
+    prior = setting.prior
+    held = held_by(prior, hypothesis) - said_to_be_wrong(hypothesis)
     names = [name for name in prior.free_parameters if name in held]
-    freedoms = (_prior_freedom(prior, name, False) for name in names)
-    return tuple(freedom for freedom in freedoms if math.isfinite(freedom.spread))
+    uncertain = [name for name in names if 0 < prior.parameters[name].reach < math.inf]
+    return tuple(_prior_freedom(prior, name, False) for name in uncertain)
 
 
 def _prior_freedom(prior, name, wrong) -> Freedom:
+    r"""Let a parameter be anywhere within its spread, or, if it is wrong, within its bounds.
+
+    The variance of what is anywhere within :math:`\pm r` is :math:`r^2/3`.
+    """
     parameter = prior.parameters[name]
-    value, (low, high) = parameter.value, parameter.bounds
-    reach = abs(value) * parameter.spread
-    if wrong or reach == 0.0 or not math.isfinite(reach):
-        return Freedom(name, low, high, value, math.inf, max(reach, 1e-12))
-    return Freedom(name, max(low, value - reach), min(high, value + reach), value, reach, reach)
+    value, (low, high), reach = parameter.value, parameter.bounds, parameter.reach
+    if wrong or not math.isfinite(reach):
+        return Freedom(name, low, high, value, math.inf, abs(value) or 1.0)
+    low, high = max(low, value - reach), min(high, value + reach)
+    return Freedom(name, low, high, value, reach / math.sqrt(3.0), reach)

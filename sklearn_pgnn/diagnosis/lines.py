@@ -12,7 +12,7 @@ import sympy
 from scipy.ndimage import median_filter
 from scipy.signal import argrelmax, lombscargle
 
-from sklearn_pgnn.physics.effects.rates import is_velocity, positions
+from sklearn_pgnn.physics.effects.rates import is_velocity
 from sklearn_pgnn.physics.effects.springs import MOST_CYCLES
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.model import PhysicsModel
@@ -85,7 +85,7 @@ def find_lines(model: PhysicsModel, windows: Windows, x: np.ndarray) -> tuple[di
         Periods [unit of the position] by velocity.
     """
     tones, ripples = {}, {}
-    pairs = positions(model)
+    pairs = model.kinematic_pairs
     for state in model.states:
         if not is_velocity(model, state):
             continue

@@ -81,7 +81,8 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
     max_causes : int, default=4
         Causes named at most.
     window : float, optional
-        Window length [s]; by default the records tell.
+        Window length [s], kept to; by default the records tell. At least 20 samples, and at most
+        so long that four windows are left.
     noise : array-like of shape (n_outputs,), optional
         Standard deviation of the outputs' noise; by default the records tell.
     significance : float, default=3

@@ -483,7 +483,8 @@ def _jitter(signals: Sequence[Signal], record: int) -> Finding | None:
         "clock jitter",
         "t",
         f"the sample time of {middle:.4g} s scatters by {scatter:.2g} s ({scatter / middle:.1%}) "
-        f"in record {signals[0].records[record]}, in which {worst} moves by {max(moved):.2g} times its noise",
+        f"in record {signals[0].records[record]}, in which {worst} moves by {max(moved):.2g} times "
+        f"its noise",
         scatter,
         "check that the time stamps are those of the sampling, not of the writing; record with a "
         "hardware clock",

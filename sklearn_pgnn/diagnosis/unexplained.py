@@ -15,7 +15,7 @@ from sklearn_pgnn.diagnosis.leading_terms import leading_terms
 from sklearn_pgnn.diagnosis.records import as_judged
 from sklearn_pgnn.diagnosis.setting import Setting
 from sklearn_pgnn.physics.effects.formula import Formula
-from sklearn_pgnn.physics.effects.rates import is_velocity, positions
+from sklearn_pgnn.physics.effects.rates import is_velocity
 from sklearn_pgnn.physics.expressions import TIME, symbol, to_text
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.hidden_input import HiddenInput, find_hidden_input
@@ -117,7 +117,7 @@ def channels(model: PhysicsModel) -> tuple[str, ...]:
     The rate of a position is its velocity by definition; an input that enters only one rate is
     that rate's.
     """
-    known = set(positions(model).values())
+    known = set(model.kinematic_pairs.values())
     states = tuple(state for state in model.states if state not in known)
     several = tuple(
         name
@@ -234,8 +234,8 @@ def is_known(model: PhysicsModel, effect: Formula) -> bool:
     target = effect.target
     own = symbol(target)
     laws = [sympy.Integer(1), own, own * sympy.Abs(own), sympy.sign(own), sympy.Abs(own)]
-    if target in positions(model):
-        at = symbol(positions(model)[target])
+    if target in model.kinematic_pairs:
+        at = symbol(model.kinematic_pairs[target])
         laws += [at, at**3]
     laws += [symbol(name) for name in model.inputs]
     if target in model.outputs:

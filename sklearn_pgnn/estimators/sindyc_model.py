@@ -145,8 +145,9 @@ def _product(value: float, term: sympy.Expr) -> str:
 
 
 def velocities(base: PhysicsModel) -> dict[str, str]:
-    """Give the velocity of every position."""
-    return {position: velocity for velocity, position in base.kinematic_pairs.items()}
+    """Return the velocity of every position whose rate is just that."""
+    pairs = {position: velocity for velocity, position in base.kinematic_pairs.items()}
+    return {p: v for p, v in pairs.items() if base.equations[p] == symbol(v)}
 
 
 def _kept_parameters(base: PhysicsModel, with_inertia: bool) -> dict[str, Parameter]:

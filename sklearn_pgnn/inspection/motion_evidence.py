@@ -9,7 +9,7 @@ import sympy
 from sklearn_pgnn.inspection.case import Case, effect_parameters
 from sklearn_pgnn.inspection.curves import GRID, Evidence, Line, even_grid
 from sklearn_pgnn.inspection.style import label
-from sklearn_pgnn.physics.effects.rates import force_unit, is_velocity, positions
+from sklearn_pgnn.physics.effects.rates import force_unit, is_velocity
 from sklearn_pgnn.physics.expressions import TIME, symbol
 from sklearn_pgnn.simulation.pointwise import evaluate_samples
 
@@ -72,7 +72,7 @@ def _motion(case: Case, added, force) -> tuple[str, np.ndarray, Line]:
         period = 1.0 / next(p.value for p in effect_parameters(case) if p.unit == "Hz")
         x = table["t"] % period
         return "the time within a period", x, _law(case, force, "t", x)
-    position = positions(case.full).get(case.target)
+    position = case.full.kinematic_pairs.get(case.target)
     memory = set(map(str, symbols)) & set(case.full.states) - set(case.without.states)
     over = position if position and (memory or symbol(position) in symbols) else case.target
     x = table[over]

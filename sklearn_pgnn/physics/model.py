@@ -291,12 +291,13 @@ class PhysicsModel:
 
     @property
     def kinematic_pairs(self) -> dict[str, str]:
-        """Velocity to position, for every state whose equation is just another state."""
-        return {
-            str(rate): position
-            for position, rate in self.equations.items()
-            if rate.is_Symbol and str(rate) in self.states
-        }
+        """Velocity to position, for every state whose rate is another state, bounded or not."""
+        moving, found = {symbol(name) for name in (*self.states, *self.inputs)}, {}
+        for position, rate in self.equations.items():
+            rates = [part for part in _compared(rate) if part.free_symbols & moving]
+            if len(rates) == 1 and str(rates[0]) in self.states:
+                found[str(rates[0])] = position
+        return found
 
     @property
     def is_autonomous(self) -> bool:
@@ -571,6 +572,13 @@ class PhysicsModel:
 
     def __repr__(self):
         return f"<PhysicsModel {self.name!r}: {', '.join(self.states)}>"
+
+
+def _compared(rate: sympy.Expr) -> list[sympy.Expr]:
+    """Return what is compared in nested maxima and minima, else the rate itself."""
+    if isinstance(rate, sympy.Max | sympy.Min):
+        return [leaf for part in rate.args for leaf in _compared(part)]
+    return [rate]
 
 
 def _parameter_dict(parameter: Parameter) -> dict:

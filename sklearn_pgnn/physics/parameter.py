@@ -41,8 +41,10 @@ class Parameter:
         Whether the value is known and never re-tuned.
     spread : float, default=0.1
         How far the true value may lie from `value`, as a share of it, and still be called
-        calibrated. A diagnosis re-tunes within the spread freely and names `wrong_parameter`
-        beyond it.
+        calibrated: anywhere within is as likely, beyond it is not. A diagnosis re-tunes within the
+        spread, never further, and names `wrong_parameter` where the records want more. A share of 0
+        is 0: a parameter of value 0 stays 0 unless it is wrong. With ``inf`` it may go to its
+        bounds.
 
     Raises
     ------
@@ -89,6 +91,11 @@ class Parameter:
 
     def _refuse(self, why: str) -> NoReturn:
         raise ModelError(f"parameter {self.name!r}: {why}.", ("parameters", self.name)) from None
+
+    @property
+    def reach(self) -> float:
+        """How far the true value may lie from `value`, in `unit`."""
+        return math.inf if self.spread == math.inf else abs(self.value) * self.spread
 
     def with_value(self, value: float) -> "Parameter":
         """Give the same parameter with another value.

@@ -114,8 +114,8 @@ def errors_by_held(
 ) -> dict[str, float]:
     r"""Give the standard errors that come from parameters which were held in a fit.
 
-    A held parameter :math:`q` that is anywhere within its spread :math:`r` would move the others
-    by :math:`-H_{pp}^{-1} H_{pq}` for each of its units, and its variance is :math:`r^2 / 3`.
+    A held parameter :math:`q` would move the others by :math:`-H_{pp}^{-1} H_{pq}` for each of its
+    units.
 
     Parameters
     ----------
@@ -124,7 +124,7 @@ def errors_by_held(
     windows : Windows
         The windows.
     held : tuple of Freedom
-        The held parameters, and how far each may be off.
+        The held parameters, and the standard deviation of each.
     expected : ndarray of shape (n_windows, n_states)
         Expected initial states of the windows.
     spread : ndarray of shape (n_states,)
@@ -143,8 +143,7 @@ def errors_by_held(
     hessian = project(there.gram, len(wrt), 1.0 / spread**2, fit.x0 - expected).hessian.sum(axis=0)
     pull = np.diag([1.0 / freedom.spread**2 for freedom in fit.freedoms])
     inverse, _ = _invert(hessian[:n_p, :n_p] + pull)
-    reach = np.array([freedom.spread for freedom in held]) / np.sqrt(3.0)
-    moved = inverse @ hessian[:n_p, n_p:] * reach
+    moved = inverse @ hessian[:n_p, n_p:] * np.array([freedom.spread for freedom in held])
     return dict(zip(names, np.sqrt((moved**2).sum(axis=1)).tolist(), strict=True))
 
 

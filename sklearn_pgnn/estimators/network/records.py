@@ -2,6 +2,7 @@
 
 import warnings
 from dataclasses import dataclass
+from threading import Lock
 
 import numpy as np
 from joblib import hash as hash_of
@@ -24,6 +25,8 @@ from sklearn_pgnn.simulation.simulate import start_of
 #: state estimates that are kept
 KEPT = 8
 _ESTIMATES: dict[tuple, np.ndarray] = {}
+#: held while these are looked up or kept: candidates may be fitted on several threads
+_KEEPING = Lock()
 
 
 @dataclass(frozen=True)
@@ -124,13 +127,17 @@ def estimate_states(model: PhysicsModel, records, *, hold: str, substeps: int) -
         The states.
     """
     key = (model, hash_of([(r.t, r.u, r.y, r.x0) for r in records]), hold, substeps)
-    if key not in _ESTIMATES:
+    with _KEEPING:
+        x = _ESTIMATES.get(key)
+    if x is None:
         ground = window_records(model, records, hold=hold, substeps=substeps)
-        while len(_ESTIMATES) >= KEPT:
-            _ESTIMATES.pop(next(iter(_ESTIMATES)), None)
-        _ESTIMATES[key] = ground.states.estimate(model).x
+        x = ground.states.estimate(model).x
+        with _KEEPING:
+            _ESTIMATES[key] = x
+            while len(_ESTIMATES) > KEPT:
+                del _ESTIMATES[next(iter(_ESTIMATES))]
     edges = np.cumsum([record.t.size for record in records])[:-1]
-    return [part.copy() for part in np.split(_ESTIMATES[key], edges)]
+    return [part.copy() for part in np.split(x, edges)]
 
 
 def split_for_validation(records: list[TrainingRecord], share: float, random):

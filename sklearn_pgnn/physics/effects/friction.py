@@ -11,7 +11,6 @@ from sklearn_pgnn.physics.effects.rates import (
     RateEffect,
     force_scale,
     may_be_speed,
-    positions,
 )
 from sklearn_pgnn.physics.expressions import symbol
 
@@ -298,7 +297,7 @@ class Hysteresis(PositionEffect):
     def starts(cls, target, model, scales):
         """Start from a small to a large deflection."""
         force = 0.1 * force_scale(target, model, scales)
-        travel = scales.typical[positions(model)[target]]
+        travel = scales.typical[model.kinematic_pairs[target]]
         return tuple(cls(target, force, share * travel) for share in (0.02, 0.06, 0.2))
 
     @classmethod
@@ -307,6 +306,6 @@ class Hysteresis(PositionEffect):
 
         One of the size of the travel is a spring, with a load that is new in every window.
         """
-        travel, step = scales.typical[positions(model)[target]], scales.sample_time
+        travel, step = scales.typical[model.kinematic_pairs[target]], scales.sample_time
         least = max(0.002 * travel, step * scales.typical[target])
         return {"deflection": (least, max(0.3 * travel, 2.0 * least))}

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import sympy
 
 from sklearn_pgnn.physics.effect import Effect, quantity
-from sklearn_pgnn.physics.effects.rates import is_velocity, positions
+from sklearn_pgnn.physics.effects.rates import is_velocity
 from sklearn_pgnn.physics.expressions import symbol
 
 
@@ -16,7 +16,7 @@ def _bounded(value, limit):
 
 def first_order_states(model):
     """Name the states that are neither velocities nor their positions."""
-    known = set(positions(model).values())
+    known = set(model.kinematic_pairs.values())
     return tuple(s for s in model.states if s not in known and not is_velocity(model, s))
 
 

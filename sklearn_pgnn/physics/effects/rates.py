@@ -20,28 +20,10 @@ FORCE_UNITS = {"kg": "N", "kg m^2": "N m", "kg*m^2": "N m", "kg m²": "N m", "t"
 FAINT = 0.001
 
 
-def positions(model) -> dict[str, str]:
-    """Give the position of every velocity that has one; bounds on its rate do not part them."""
-    moving = {symbol(name) for name in (*model.states, *model.inputs)}
-    found = {}
-    for position, rate in model.equations.items():
-        leaves = [leaf for leaf in _leaves(rate) if leaf.free_symbols & moving]
-        if len(leaves) == 1 and str(leaves[0]) in model.states:
-            found[str(leaves[0])] = position
-    return found
-
-
-def _leaves(rate):
-    """Give what is compared in nested maxima and minima, else the rate itself."""
-    if isinstance(rate, sympy.Max | sympy.Min):
-        return [leaf for part in rate.args for leaf in _leaves(part)]
-    return [rate]
-
-
 def is_velocity(model, state: str) -> bool:
     """Tell whether a state is a velocity: by a position, an inertia or its unit."""
     return (
-        state in positions(model)
+        state in model.kinematic_pairs
         or state in model.inertia
         or model.states[state].strip() in SPEED_UNITS
     )
@@ -64,7 +46,13 @@ def may_be_speed(model, state: str) -> bool:
     roots = any(p.base.has(x) and not p.exp.is_integer for p in rate.atoms(sympy.Pow))
     shown = any(output.has(x) for output in model.outputs.values())
     signal = model.states[state].strip() in SIGNAL_UNITS
-    return signal and shown and rate.has(x) and not roots and state not in positions(model).values()
+    return (
+        signal
+        and shown
+        and rate.has(x)
+        and not roots
+        and state not in model.kinematic_pairs.values()
+    )
 
 
 @dataclass(frozen=True)
@@ -87,7 +75,7 @@ class RateEffect(Effect):
     def rewrite(self, model, p):
         """Subtract the force, divided by the inertia, from the target's rate."""
         v = symbol(self.target)
-        pair = positions(model).get(self.target)
+        pair = model.kinematic_pairs.get(self.target)
         position = None if pair is None else symbol(pair)
         force = self.force(v, position, p)
         inertia = model.inertia.get(self.target, sympy.Integer(1))
@@ -108,7 +96,7 @@ class RateEffect(Effect):
     def units(self, model):
         """Give the units of force, velocity and position at the target."""
         velocity = model.unit(self.target)
-        pair = positions(model).get(self.target)
+        pair = model.kinematic_pairs.get(self.target)
         return {
             "force": force_unit(model, self.target),
             "velocity": velocity,
@@ -144,7 +132,7 @@ class PositionEffect(RateEffect):
     @classmethod
     def targets(cls, model):
         """Name the velocities of kinematic pairs."""
-        return tuple(state for state in model.states if state in positions(model))
+        return tuple(state for state in model.states if state in model.kinematic_pairs)
 
 
 def force_scale(target, model, scales) -> float:

@@ -6,7 +6,7 @@ from typing import ClassVar
 import sympy
 
 from sklearn_pgnn.physics.effect import quantity
-from sklearn_pgnn.physics.effects.rates import FAINT, PositionEffect, force_scale, positions
+from sklearn_pgnn.physics.effects.rates import FAINT, PositionEffect, force_scale
 
 #: most periods of a ripple within the travel
 MOST_CYCLES = 40.0
@@ -139,13 +139,13 @@ class Cogging(PositionEffect):
     def starts(cls, target, model, scales):
         """Start faintly at periods that stand out in the missing rate, or at half of the travel."""
         force = FAINT * force_scale(target, model, scales)
-        periods = scales.ripples.get(target) or (scales.peak[positions(model)[target]],)
+        periods = scales.ripples.get(target) or (scales.peak[model.kinematic_pairs[target]],)
         return tuple(cls(target, force, force, period) for period in periods)
 
     @classmethod
     def limits(cls, target, model, scales):
         """Keep at least one and a half periods within the travel."""
-        travel = 2 * scales.peak[positions(model)[target]]
+        travel = 2 * scales.peak[model.kinematic_pairs[target]]
         return {"period": (travel / (2 * MOST_CYCLES), travel / 1.5)}
 
 
@@ -191,7 +191,7 @@ class EndStop(PositionEffect):
     @classmethod
     def starts(cls, target, model, scales):
         """Start with stops at both ends or at one."""
-        position = positions(model)[target]
+        position = model.kinematic_pairs[target]
         stiffness = 5.0 * force_scale(target, model, scales) / scales.peak[position]
         cuts = ((0.05, 0.05), (0.2, 0.2), (0.1, 0.0), (0.0, 0.1))
         places = (scales.ends(position, below, above) for above, below in cuts)
@@ -200,6 +200,6 @@ class EndStop(PositionEffect):
     @classmethod
     def limits(cls, target, model, scales):
         """Keep the stops within the travel."""
-        position = positions(model)[target]
+        position = model.kinematic_pairs[target]
         (low, high), (lowest, highest) = scales.ends(position), scales.ends(position, 0.05, 0.05)
         return {"upper": (lowest, high), "lower": (low, highest)}

@@ -6,7 +6,6 @@ import sympy
 
 from sklearn_pgnn.exceptions import ModelError
 from sklearn_pgnn.physics.effect import Scales
-from sklearn_pgnn.physics.effects.rates import positions
 from sklearn_pgnn.physics.expressions import parse_expression, symbol
 from sklearn_pgnn.physics.model import PhysicsModel
 
@@ -32,7 +31,7 @@ def typical_by_kind(target: str, model: PhysicsModel, scales: Scales) -> dict[st
     if target in model.states:
         values = {symbol(name): p.value for name, p in model.parameters.items()}
         inertia = model.inertia.get(target, sympy.Integer(1)).subs(values)
-        pair = positions(model).get(target)
+        pair = model.kinematic_pairs.get(target)
         scale["velocity"] = scales.typical[target]
         scale["force"] = scales.rate[target] * (float(inertia) if inertia.is_number else 1.0)
         scale["position"] = scales.typical[pair] if pair else 1.0

@@ -1,0 +1,76 @@
+"""What a spread means: how far a parameter may be off, and no further; a share of 0 is 0."""
+
+import math
+
+import numpy as np
+import pytest
+
+from sklearn_pgnn import ModelDiagnosis, Parameter, PhysicsModel, effects
+from sklearn_pgnn.diagnosis.fitting import Fitter
+from sklearn_pgnn.diagnosis.hypothesis import Hypothesis, freedoms
+from sklearn_pgnn.diagnosis.setting import make_setting
+from sklearn_pgnn.trajectories import read_records
+
+STATES, INPUTS = {"v": "m/s"}, {"F": "N"}
+MASS = {"value": 2.0, "unit": "kg"}
+DRAG = 0.6
+
+
+def sledge(**damping):
+    """Make a mass with a damper whose prior value is 0, or without one."""
+    rate = "(F - d*v)/m" if damping else "F/m"
+    parameters = {"m": MASS} | ({"d": damping} if damping else {})
+    return PhysicsModel(STATES, {"v": rate}, parameters, INPUTS, inertia={"v": "m"})
+
+
+@pytest.fixture(scope="module")
+def drawn():
+    t = np.arange(0, 40, 0.02)
+    force = 2 * np.sin(0.7 * t) + np.sin(1.9 * t)
+    truth = sledge(value=DRAG)
+    noise = 1e-3 * np.random.default_rng(0).normal(size=(t.size, 1))
+    return np.column_stack([t, force]), truth.simulate(t, force, substeps=5).y + noise
+
+
+CATALOGUE = (effects.ViscousFriction, effects.CoulombFriction, effects.WrongParameter)
+
+
+def test_a_share_of_zero_is_zero():
+    assert Parameter("d", 0.0).reach == 0.0
+    assert Parameter("d", -4.0, spread=0.5).reach == 2.0
+    assert Parameter("d", 0.0, spread=math.inf).reach == math.inf
+
+
+@pytest.mark.parametrize("damping", [{"value": 0.0}, {"value": 0.0, "bounds": (0, 10)}])
+def test_a_parameter_of_value_zero_hides_no_cause(damping, drawn):
+    without = ModelDiagnosis(sledge(), catalogue=CATALOGUE).fit(*drawn)
+    with_zero = ModelDiagnosis(sledge(**damping), catalogue=CATALOGUE).fit(*drawn)
+    assert [(c.effect, c.target) for c in without.causes_] == [("viscous_friction", "v")]
+    assert [(c.effect, c.target) for c in with_zero.causes_] == [("wrong_parameter", "d")]
+    assert with_zero.verdict_ == without.verdict_ == "cause_named"
+    (named,), (same,) = with_zero.causes_, without.causes_
+    assert named.parameters["value"].value == pytest.approx(DRAG, rel=0.02)
+    (coefficient,) = same.parameters.values()
+    assert named.parameters["value"].value == pytest.approx(coefficient.value, rel=1e-3)
+    assert with_zero.refitted_model_.parameters["d"].value == 0.0
+    assert with_zero.gain_["v"].extended == pytest.approx(without.gain_["v"].extended, rel=0.01)
+
+
+def test_an_endless_spread_lets_a_parameter_of_value_zero_be_re_tuned(drawn):
+    free = sledge(value=0.0, spread=math.inf)
+    diagnosis = ModelDiagnosis(free, catalogue=CATALOGUE).fit(*drawn)
+    assert diagnosis.verdict_ == "model_adequate"
+    assert diagnosis.parameters_["d"].value == pytest.approx(DRAG, rel=0.02)
+
+
+def test_re_tuning_goes_as_far_as_the_spread_and_no_further(drawn):
+    X, y = drawn
+    prior = sledge(value=0.9 * DRAG, spread=0.05)
+    setting = make_setting(prior, read_records(prior, X, y))
+    (mass, drag) = freedoms(setting, Hypothesis(), prior)
+    assert (drag.low, drag.high) == pytest.approx((0.95 * 0.9 * DRAG, 1.05 * 0.9 * DRAG))
+    assert drag.spread == pytest.approx(0.05 * 0.9 * DRAG / math.sqrt(3))  # of what is uniform
+    assert (mass.low, mass.high) == pytest.approx((1.8, 2.2))
+    fitter = Fitter(setting)
+    assert fitter.base().fit.model.parameters["d"].value == pytest.approx(drag.high)
+    assert fitter.prior is fitter.prior
