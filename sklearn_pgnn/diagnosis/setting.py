@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 
 from sklearn_pgnn.diagnosis.lines import find_lines
-from sklearn_pgnn.exceptions import RecordError
+from sklearn_pgnn.exceptions import OptionError, RecordError
 from sklearn_pgnn.physics.effect import Scales
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.record_windows import (
@@ -78,7 +78,7 @@ def make_setting(model: PhysicsModel, records: tuple[Record, ...], **options) ->
 
     Raises
     ------
-    ValueError
+    OptionError
         If the length that the user wants windows to have leaves too few of them.
     """
     ground = window_records(model, records, **options)
@@ -96,7 +96,7 @@ def make_setting(model: PhysicsModel, records: tuple[Record, ...], **options) ->
 
 
 def _check_count(windows: Windows, window) -> None:
-    """Raise `ValueError` where the user's windows are so long that too few are left."""
+    """Raise `OptionError` where the user's windows are so long that too few are left."""
     if len(windows) >= LEAST_WINDOWS:
         return
     durations = record_durations(windows)
@@ -105,7 +105,7 @@ def _check_count(windows: Windows, window) -> None:
     lengths = np.concatenate([durations, ends.ravel(), durations / LEAST_WINDOWS])
     enough = [x for x in lengths if x > 0 and len(cut_exactly(windows, x)) >= LEAST_WINDOWS]
     least = float(np.max(MIN_SAMPLES * steps))
-    raise ValueError(
+    raise OptionError(
         f"window: expected a length from {least:.4g} s ({MIN_SAMPLES} samples) to "
         f"{max(enough, default=least):.4g} s ({LEAST_WINDOWS} windows in all records, for each is "
         f"judged by what the others taught), got {window!r}. Remedy: choose one of these, leave it "

@@ -6,6 +6,7 @@ from numbers import Real
 
 import numpy as np
 
+from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.record_start import find_starts
 from sklearn_pgnn.simulation.simulate import hold_of
@@ -89,7 +90,7 @@ def window_records(
 
     Raises
     ------
-    ValueError
+    OptionError
         If `window` is no length, or shorter than `MIN_SAMPLES` samples.
     """
     hold = hold_of(model, hold)
@@ -263,7 +264,7 @@ def _durations(t, starts, lengths) -> np.ndarray:
 
 
 def check_length(whole: Windows, window) -> float:
-    """Return the length that a user wants windows to have, or raise `ValueError`.
+    """Return the length that a user wants windows to have, or raise `OptionError`.
 
     Parameters
     ----------
@@ -282,7 +283,7 @@ def check_length(whole: Windows, window) -> float:
     least, most = min(least, durations.max()), float(durations.max())
     known = isinstance(window, Real) and not isinstance(window, bool)
     if not known or not least * (1 - ROUNDING) <= window <= most * (1 + ROUNDING):
-        raise ValueError(
+        raise OptionError(
             f"window: expected {WHOLE!r} or a length from {least:.4g} s ({MIN_SAMPLES} samples) to "
             f"{most:.4g} s (the longest record), got {window!r}. Remedy: choose one of these, or "
             f"leave it out."
