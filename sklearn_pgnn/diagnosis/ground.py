@@ -87,7 +87,11 @@ def look_further(fitter: Fitter) -> Fitter | None:
     setting = fitter.setting
     length, least = FORGOTTEN * _slowest(fitter), LONGER * setting.scales.window
     further = recut(setting, length) if length >= least else None
-    return None if further is None or further.scales.window < least else Fitter(further, fitter.progress)
+    return (
+        None
+        if further is None or further.scales.window < least
+        else Fitter(further, fitter.progress)
+    )
 
 
 def _slowest(fitter: Fitter) -> float:
