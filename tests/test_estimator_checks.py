@@ -38,6 +38,7 @@ OF_THE_COLUMNS = (
     "X: expected the columns",  # of another number
     "X: trajectory '0' has",  # whose first one is no time: it does not increase
     "X: column 't' is nan",  # where only states may be
+    "X: the time is standardised",  # as some checks do with all that they bring
 )
 
 OF_TIME = {

@@ -52,6 +52,7 @@ from sklearn_pgnn.simulation.record_windows import without_gaps
 from sklearn_pgnn.simulation.simulate import HOLDS, hold_of, simulate_records
 from sklearn_pgnn.simulation.window_fit import WindowFit
 from sklearn_pgnn.trajectories import read_records, rows_in_order
+from sklearn_pgnn.trajectories.lost_units import refuse_standardised
 from sklearn_pgnn.trajectories.record import Record
 from sklearn_pgnn.trajectories.validation import check_model, validate_table
 
@@ -259,6 +260,7 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
             )
         X = validate_table(self, X, reset=True)
         whole = read_records(self.model, X, y, time=self.time)
+        refuse_standardised(self.model, whole)
         records = without_gaps(whole, self.window)
         check_records(self.model, records)
         self._single_output = np.asarray(y).ndim == 1

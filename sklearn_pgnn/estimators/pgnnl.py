@@ -21,7 +21,6 @@ from sklearn_pgnn.estimators.network.plain_model import plain_model
 from sklearn_pgnn.estimators.network.reading import (
     feature_values,
     further_columns,
-    refuse_standardised,
     simulated_states,
     with_names,
 )
@@ -40,6 +39,7 @@ from sklearn_pgnn.simulation.free_run import substeps_for
 from sklearn_pgnn.simulation.record_windows import dominant_period
 from sklearn_pgnn.simulation.simulate import hold_of
 from sklearn_pgnn.trajectories import read_records, rows_in_order
+from sklearn_pgnn.trajectories.lost_units import refuse_standardised
 from sklearn_pgnn.trajectories.tables import TIME, as_pandas, as_table
 from sklearn_pgnn.trajectories.validation import check_model, validate_table
 
@@ -592,8 +592,8 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
             self.model_ = plain_model(X, y, self._time_name, self.states)
         X, time = self._named(X)
         records = read_records(self.model_, X, y, time=time)
-        if self.lambda_phy != 0:
-            refuse_standardised(self.model_, records)
+        if self.model is not None:
+            refuse_standardised(self.model, records, energies=self.lambda_phy != 0)
         self.hold_ = hold_of(self.model_, self.hold)
         self.substeps_ = substeps_for(self.model_, records, self.substeps, hold=self.hold_)
         options = {"hold": self.hold_, "substeps": self.substeps_}

@@ -24,6 +24,7 @@ from sklearn_pgnn.simulation.record_windows import (
 from sklearn_pgnn.simulation.simulate import simulate_records
 from sklearn_pgnn.simulation.uncertainty import NORMAL_95, estimate_of, standard_errors
 from sklearn_pgnn.trajectories import read_records, rows_in_order
+from sklearn_pgnn.trajectories.lost_units import refuse_standardised
 from sklearn_pgnn.trajectories.validation import check_model, validate_table
 
 
@@ -162,6 +163,7 @@ class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         if self.search not in SEARCHES:
             raise ValueError(f"search: expected one of {', '.join(SEARCHES)}, got {self.search!r}.")
         records = read_records(self.model, X, y, time=self.time)
+        refuse_standardised(self.model, records)
         pieces = without_gaps(records, self.window)
         ground, found = self._find(pieces, names)
         windows = ground.windows

@@ -13,6 +13,7 @@ from sklearn_pgnn.simulation.finite_run import quantities_of, simulate_quantitie
 from sklearn_pgnn.simulation.free_run import substeps_for
 from sklearn_pgnn.simulation.simulate import hold_of
 from sklearn_pgnn.trajectories import read_records, rows_in_order
+from sklearn_pgnn.trajectories.lost_units import refuse_standardised
 from sklearn_pgnn.trajectories.validation import check_model, validate_table
 
 TIME, TRAJECTORY, SUFFIX = "t", "trajectory", "_phy"
@@ -182,6 +183,7 @@ class ResidualRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
     def _simulate_and_compare(self, X, y) -> tuple[pd.DataFrame, np.ndarray]:
         """Give the features and the model's error."""
         records = read_records(self.model, X, y, time=self.time)
+        refuse_standardised(self.model, records)
         self.hold_ = hold_of(self.model, self.hold)
         self.substeps_ = substeps_for(self.model, records, self.substeps, hold=self.hold_)
         features, simulated = self._simulate(records)

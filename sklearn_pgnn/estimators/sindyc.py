@@ -30,6 +30,7 @@ from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.free_run import simulate_record, substeps_for
 from sklearn_pgnn.simulation.simulate import HOLDS, hold_of
 from sklearn_pgnn.trajectories import read_records, rows_in_order
+from sklearn_pgnn.trajectories.lost_units import refuse_standardised
 from sklearn_pgnn.trajectories.tables import as_pandas
 from sklearn_pgnn.trajectories.validation import check_model, validate_table
 
@@ -242,6 +243,8 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
     def _fit_records(self, X, y):
         base = blank_model(X, y, self.time) if self.model is None else self.model
         records = read_records(base, X, y, time=self.time)
+        if self.model is not None:
+            refuse_standardised(self.model, records)
         self.hold_ = hold_of(base, self.hold)
         states = measure_states(base, records, hold=self.hold_, substeps=self.substeps)
         tell = teller(self)

@@ -11,6 +11,7 @@ from sklearn_pgnn.simulation.finite_run import quantities_of, simulate_quantitie
 from sklearn_pgnn.simulation.free_run import substeps_for
 from sklearn_pgnn.simulation.simulate import hold_of
 from sklearn_pgnn.trajectories import read_records, rows_in_order, split_rows
+from sklearn_pgnn.trajectories.lost_units import refuse_standardised
 from sklearn_pgnn.trajectories.validation import check_model, validate_table
 
 SUFFIX, TIME, TRAJECTORY = "_phy", "t", "trajectory"
@@ -119,6 +120,7 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
         if self.model is None:
             return self
         records = read_records(self.model, X, time=self.time)
+        refuse_standardised(self.model, records)
         self._quantities()
         if self.append not in (True, False, "all"):
             raise ValueError(f"append: expected True, False or 'all', got {self.append!r}.")

@@ -9,8 +9,6 @@ from sklearn_pgnn.trajectories.reader import TIME, TRAJECTORY
 
 #: what `PhysicsModelTransformer` adds to a name
 SIMULATED = "_phy"
-#: how near to 0 and 1 mean and deviation of a standardised column are
-EXACT = 1e-6
 
 
 def with_names(model: PhysicsModel, X, time=None):
@@ -112,47 +110,6 @@ def feature_values(X, names: list[str]) -> np.ndarray:
         If one is not a number.
     """
     return _numbers(X, names) if names else np.zeros((len(X), 0))
-
-
-def refuse_standardised(model: PhysicsModel, records) -> None:
-    """Refuse records that have lost their units to a scaler.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    records : tuple of Record
-        The records.
-
-    Raises
-    ------
-    RecordError
-        If the time, an input or an output is exactly standardised over all records.
-    """
-    columns = {"time": np.concatenate([record.t for record in records])}
-    u = np.concatenate([record.u for record in records])
-    y = np.concatenate([record.y for record in records])
-    columns |= {f"input {name!r}": u[:, i] for i, name in enumerate(model.inputs)}
-    columns |= {f"output {name!r}": y[:, i] for i, name in enumerate(model.outputs)}
-    for what, values in columns.items():
-        if _is_standardised(values[np.isfinite(values)]):
-            raise RecordError(
-                f"X, y: the {what} is standardised, so that its unit is lost, but energies need "
-                f"physical units. Remedy: let time, inputs, states and outputs pass the scaler "
-                f"untouched (ColumnTransformer(..., remainder='passthrough')), or use "
-                f"make_pgnn_pipeline; or set lambda_phy=0."
-            )
-
-
-def _is_standardised(values) -> bool:
-    """Tell whether a column left StandardScaler or RobustScaler."""
-    if values.size < 10:
-        return False
-    low, middle, high = np.percentile(values, [25, 50, 75])
-    return bool(
-        (abs(values.mean()) < EXACT and abs(values.std() - 1) < EXACT)
-        or (abs(middle) < EXACT and abs(high - low - 1) < EXACT)
-    )
 
 
 def _numbers(X: pd.DataFrame, names) -> np.ndarray:

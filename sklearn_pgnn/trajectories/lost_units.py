@@ -1,0 +1,116 @@
+"""Records that have lost their units to a scaler, and what can be known of it.
+
+No number tells its unit. What gives a scaler away is that it moves the time too: to the mean 0 and
+the deviation 1. A part of such a table, as a fold is, has them nearly, and so have its inputs; its
+trajectories begin below zero, and its even steps are no round number of seconds, nor their rate:
+clocks are set, a standard deviation is not. What a ``MinMaxScaler`` leaves, inputs that were scaled
+without the time, and a part of a standardised clock with uneven steps look like records of their
+own.
+"""
+
+import numpy as np
+
+from sklearn_pgnn.exceptions import RecordError
+from sklearn_pgnn.physics.model import PhysicsModel
+
+#: how near to 0 and 1 mean and deviation of a whole standardised column are
+EXACT = 1e-6
+#: and of a part of one: two thirds of a column cannot have a larger mean than this, for the rest
+#: has the opposite one; a deviation is less than this factor away from 1
+PART_MEAN, PART_FACTOR = 0.5**0.5, 2.0
+#: significant digits of a sample interval or rate that somebody chose
+DIGITS = 6
+#: fewer samples tell nothing
+FEWEST = 10
+REMEDY = (
+    "Remedy: let time, inputs, states and outputs pass the scaler untouched "
+    "(ColumnTransformer(..., remainder='passthrough')), or use make_pgnn_pipeline"
+)
+
+
+def refuse_standardised(model: PhysicsModel, records, *, energies: bool = False) -> None:
+    """Refuse records that have lost their units to a scaler.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    records : tuple of Record
+        The records.
+    energies : bool, default=False
+        Whether energies are taken from them: one column that is standardised is then enough.
+
+    Raises
+    ------
+    RecordError
+        If the time is standardised, or, of a part of such a table, time and inputs nearly are; with
+        `energies`, if an input or an output is exactly standardised over all records.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.trajectories import read_records
+    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
+    >>> t = np.linspace(-1.7, 1.7, 50)
+    >>> refuse_standardised(lag, read_records(lag, np.column_stack([t, np.sin(t)])))
+    Traceback (most recent call last):
+        ...
+    sklearn_pgnn.exceptions.RecordError: X: the time is standardised, so that its unit is lost ...
+    """
+    t = np.concatenate([record.origin + record.t for record in records])
+    if t.size < FEWEST:
+        return
+    u = np.concatenate([record.u for record in records])
+    below_zero = sum(record.origin + record.t[0] < 0 for record in records)
+    part = below_zero > len(records) / 2 and not _has_set_clock(records)
+    part = part and u.shape[1] and all(map(_is_nearly, [t, *u.T]))
+    if part or _is_standardised(t):
+        raise RecordError(
+            f"X: the time is standardised, so that its unit is lost: it begins at {t[0]:.3g} s, "
+            f"its mean is {t.mean():.2g} s, its deviation {t.std():.2g} s, but a simulation needs "
+            f"seconds and physical units. {REMEDY}. If the clock is right, let it begin at 0."
+        )
+    if energies:
+        _refuse_each(model, records, u)
+
+
+def _refuse_each(model, records, u) -> None:
+    """Refuse an input or an output that is exactly standardised over all records."""
+    columns = {f"input {name!r}": u[:, i] for i, name in enumerate(model.inputs)}
+    if records[0].y is not None:
+        y = np.concatenate([record.y for record in records])
+        columns |= {f"output {name!r}": y[:, i] for i, name in enumerate(model.outputs)}
+    for what, values in columns.items():
+        if _is_standardised(values[np.isfinite(values)]):
+            raise RecordError(
+                f"X, y: the {what} is standardised, so that its unit is lost, but energies need "
+                f"physical units. {REMEDY}; or set lambda_phy=0."
+            )
+
+
+def _is_standardised(values) -> bool:
+    """Whether a whole column left StandardScaler or RobustScaler."""
+    if values.size < FEWEST:
+        return False
+    low, middle, high = np.percentile(values, [25, 50, 75])
+    return bool(
+        (abs(values.mean()) < EXACT and abs(values.std() - 1) < EXACT)
+        or (abs(middle) < EXACT and abs(high - low - 1) < EXACT)
+    )
+
+
+def _has_set_clock(records) -> bool:
+    """Whether the steps or their rate are a round number, or the steps are not even."""
+    steps = np.concatenate([np.diff(record.t) for record in records])
+    if not steps.size:
+        return True
+    step = np.median(steps)
+    even = np.mean(np.abs(steps / step - 1) < EXACT) > 0.5
+    return not even or any(
+        abs(float(f"{value:.{DIGITS}g}") / value - 1) < 1e-9 for value in (step, 1 / step)
+    )
+
+
+def _is_nearly(values) -> bool:
+    """Whether a column may be a part of a standardised one."""
+    spread = values.std()
+    return bool(abs(values.mean()) < PART_MEAN and 1 / PART_FACTOR < spread < PART_FACTOR)

@@ -1,0 +1,96 @@
+"""A table that was standardised never reaches a simulation, and no record of its own is refused."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from sklearn.model_selection import KFold, cross_val_score
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import RobustScaler, StandardScaler
+
+from sklearn_pgnn import (
+    ModelDiagnosis,
+    PGNNLRegressor,
+    PhysicsModel,
+    PhysicsModelRegressor,
+    PhysicsModelTransformer,
+    ResidualRegressor,
+    SINDYcRegressor,
+    datasets,
+    systems,
+)
+from sklearn_pgnn.model_selection import TrajectorySplit
+from sklearn_pgnn.trajectories import read_records
+from sklearn_pgnn.trajectories.lost_units import refuse_standardised
+
+LAG = PhysicsModel({"y": "V"}, {"y": "(K*u - y)/T"}, {"K": 1.0, "T": 2.0}, {"u": "V"})
+NETWORK = {"max_epochs": 1, "refine": None, "substeps": 1}
+ESTIMATORS = [
+    PhysicsModelTransformer(LAG),
+    PhysicsModelRegressor(LAG),
+    ResidualRegressor(LAG),
+    SINDYcRegressor(LAG),
+    PGNNLRegressor(LAG, **NETWORK),
+    ModelDiagnosis(LAG),
+]
+EXPECTED = r"X: the time is standardised.*Remedy: let time, inputs.*make_pgnn_pipeline"
+
+
+def records(n_records=6, seed=0):
+    """Give arrays of records of several lengths, each with its own clock."""
+    rng = np.random.default_rng(seed)
+    tables, outputs = [], []
+    for i in range(n_records):
+        t = np.arange(0, 20 + 4 * (i % 3), 0.1)
+        u = 5 + 3 * np.sin((0.3 + 0.2 * i) * t) + rng.normal(size=t.size)
+        tables.append(np.column_stack([t, u]))
+        outputs.append(1.1 * LAG.simulate(t, u).y[:, 0])
+    return np.concatenate(tables), np.concatenate(outputs)
+
+
+X, Y = records()
+
+
+@pytest.mark.parametrize("scaler", [StandardScaler(), RobustScaler()], ids=["standard", "robust"])
+@pytest.mark.parametrize("estimator", ESTIMATORS, ids=lambda e: type(e).__name__)
+def test_a_scaler_before_a_simulation_is_refused(estimator, scaler):
+    with pytest.raises(ValueError, match=EXPECTED):
+        make_pipeline(scaler, estimator).fit(X, Y)
+
+
+@pytest.mark.parametrize("scaler", [StandardScaler(), RobustScaler()], ids=["standard", "robust"])
+@pytest.mark.parametrize("cv", [TrajectorySplit(3), KFold(3)], ids=["trajectories", "rows"])
+def test_folds_of_a_scaled_array_are_refused(scaler, cv):
+    scaled = scaler.fit_transform(X)
+    network = PGNNLRegressor(LAG, **NETWORK)
+    for estimator in (network, ResidualRegressor(LAG)):
+        with pytest.raises(ValueError, match=EXPECTED):
+            cross_val_score(estimator, scaled, Y, cv=cv, error_score="raise")
+
+
+@pytest.mark.parametrize(
+    "records",
+    [
+        (systems.golf_robot(), datasets.make_golf_robot(sample_rate=100, duration=3)),
+        (systems.servo_valve(), datasets.make_servo_valve(n_records=3)),
+        (systems.two_tanks(), datasets.make_two_tanks()),
+    ],
+    ids=["golf", "valve", "tanks"],
+)
+@pytest.mark.parametrize("offset", [0.0, -1.0, 1.7e9], ids=["from 0", "from -1 s", "time stamps"])
+def test_records_of_the_rigs_are_none(records, offset):
+    model, made = records
+    table, y = made[:2] if isinstance(made, tuple) else (made.X, made.y)
+    refuse_standardised(model, read_records(model, table.assign(t=table["t"] + offset), y))
+
+
+@pytest.mark.parametrize("begin", [0.0, -1.0, -10.0, 100.0])
+def test_inputs_of_unit_variance_are_none(begin):
+    t = np.arange(0, 20, 0.1)
+    for u in (np.sqrt(2) * np.sin(np.pi * t), np.random.default_rng(0).normal(size=t.size)):
+        table = np.column_stack([t + begin, (u - u.mean()) / u.std()])
+        refuse_standardised(LAG, read_records(LAG, table))
+
+
+def test_a_network_without_a_model_has_no_units():
+    scaled = pd.DataFrame(StandardScaler().fit_transform(X), columns=["t", "u"])
+    assert PGNNLRegressor(**NETWORK).fit(scaled, Y).model is None
