@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 
 from sklearn_pgnn import (
+    ModelDiagnosis,
     PhysicsModel,
     PhysicsModelRegressor,
     PhysicsModelTransformer,
@@ -266,6 +267,26 @@ def test_an_actuators_state_finds_a_name_beside_ones_own():
     assert np.array_equal(mine.simulate(T, F).x, plain.simulate(T, F).x)
     assert effects.ActuatorLag.targets(own_names()) == ("F",)
     assert effects.ActuatorLag.targets(mine) == ()
+
+
+def test_the_name_of_a_state_changes_neither_verdict_nor_numbers():
+    t = np.arange(1500) / 50
+    force = 3.0 + 4 * np.sin(1.3 * t) + 3 * np.sin(3.7 * t) + 2 * np.sin(9.1 * t)
+    rig = plain_names() + effects.ActuatorLag("F", 0.15)
+    y = rig.simulate(t, force, substeps=4).y[:, 0]
+    y += 1e-3 * np.random.default_rng(0).standard_normal(t.size)
+    catalogue = [effects.ActuatorLag, effects.InputGain]
+    mine, plain = (
+        ModelDiagnosis(model.replace(outputs={"y": "x"}), catalogue=catalogue).fit(
+            np.c_[t, force], y
+        )
+        for model in (own_names(), plain_names())
+    )
+    assert [(c.effect, c.target) for c in plain.causes_] == [("actuator_lag", "F")]
+    assert mine.verdict_ == plain.verdict_
+    assert mine.causes_ == plain.causes_
+    assert mine.gain_ == plain.gain_
+    assert mine.free_run_ == plain.free_run_
 
 
 @pytest.mark.parametrize(
