@@ -77,7 +77,13 @@ def test_what_needs_an_extra_says_which(tmp_path, extra):
             "sklearn_pgnn.datasets.load_cascaded_tanks()",
             "sklearn_pgnn.datasets.load_coupled_drives()",
         ],
+        "files": [
+            "from sklearn_pgnn.trajectories import read_file; read_file('run.xlsx', None)",
+            "from sklearn_pgnn.trajectories import read_file; read_file('run.parquet', None)",
+            "from sklearn_pgnn.trajectories import read_file; read_file('run.mat', None)",
+        ],
     }[extra]
+    (tmp_path / "run.mat").write_bytes(b"\x89HDF\r\n\x1a\n")  # as version 7.3 begins
     program = f"""
 import sklearn_pgnn
 for use in {uses!r}:

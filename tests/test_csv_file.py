@@ -186,7 +186,7 @@ def test_trajectories_of_several_files_are_told_apart(tmp_path):
 
 
 def test_no_file_is_refused():
-    with pytest.raises(RecordError, match=r"^expected at least one CSV file, got none\.$"):
+    with pytest.raises(RecordError, match=r"^expected at least one file of records, got none\.$"):
         read_csv_files([], CART)
 
 

@@ -21,7 +21,7 @@ from sklearn_pgnn.cli.screen import tell
 from sklearn_pgnn.diagnosis import ModelDiagnosis
 from sklearn_pgnn.inspection.report import render_report
 from sklearn_pgnn.physics import PhysicsModel
-from sklearn_pgnn.trajectories.csv_file import read_csv_files
+from sklearn_pgnn.trajectories.files import read_files
 
 #: the files of a diagnosis
 NAMES = ("diagnosis.json", "extended_model.yaml", "report.html")
@@ -80,7 +80,7 @@ class Job:
         progress("reading the model and the records")
         model = PhysicsModel.from_yaml(self.model)
         diagnosis = self._prepare(model, progress)
-        X, y = read_csv_files(self.data, model)
+        X, y = read_files(self.data, model)
         earlier = [name for name in NAMES if (Path(self.output) / name).exists()]
         with result_folder(Path(self.output)) as folder:
             broken = _fit(diagnosis, X, y)

@@ -43,6 +43,19 @@ FUNCTIONS = {
 _SEVERAL_ARGUMENTS = {"atan2": (2, 2), "max": (2, 20), "min": (2, 20)}
 CONSTANTS = {"pi": sympy.pi}
 _UNARY = {ast.UAdd: operator.pos, ast.USub: operator.neg}
+#: what Python has besides
+_OTHER_SIGNS = {
+    ast.BitAnd: "&",
+    ast.BitOr: "|",
+    ast.BitXor: "^",
+    ast.FloorDiv: "//",
+    ast.Invert: "~",
+    ast.LShift: "<<",
+    ast.MatMult: "@",
+    ast.Mod: "%",
+    ast.Not: "not",
+    ast.RShift: ">>",
+}
 #: operators that follow each other in one sum or one product
 _CHAINS = {ast.Add: sympy.Add, ast.Sub: sympy.Add, ast.Mult: sympy.Mul, ast.Div: sympy.Mul}
 #: longest text and deepest nesting an equation may have
@@ -159,6 +172,14 @@ def _as_reread(expression: sympy.Expr) -> sympy.Expr:
     )
 
 
+def _about_operator(operation: ast.operator) -> str:
+    """Return why an operator between two values is refused, as the user wrote it."""
+    sign = _OTHER_SIGNS[type(operation)]
+    if sign == "^":
+        return "'^' is no operator here; use ** for a power, as in x**2"
+    return f"operator {sign!r} is not allowed; use + - * / **"
+
+
 class _Translator:
     """Walk the syntax tree and build the expression node by node."""
 
@@ -224,7 +245,7 @@ class _Translator:
         if type(node.op) in _CHAINS:
             return self.chain(node, depth)
         if not isinstance(node.op, ast.Pow):
-            self.refuse(node, f"operator {type(node.op).__name__} is not allowed; use + - * / **")
+            self.refuse(node, _about_operator(node.op))
         base, exponent = self.translate(node.left, depth), self.translate(node.right, depth)
         self.check_power(node, base, exponent)
         return base**exponent
@@ -269,7 +290,8 @@ class _Translator:
     def unary(self, node, depth):
         operation = _UNARY.get(type(node.op))
         if operation is None:
-            self.refuse(node, f"operator {type(node.op).__name__} is not allowed; use + or -")
+            sign = _OTHER_SIGNS[type(node.op)]
+            self.refuse(node, f"operator {sign!r} is not allowed; use + or -")
         return operation(self.translate(node.operand, depth))
 
     def call(self, node, depth):

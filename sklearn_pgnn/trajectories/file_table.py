@@ -1,0 +1,279 @@
+"""A file of measured samples as X and y: its columns by name, every error with its place."""
+
+import math
+import re
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from difflib import get_close_matches
+from numbers import Real
+from pathlib import Path
+from typing import Any, NoReturn
+
+import numpy as np
+import pandas as pd
+
+from sklearn_pgnn.exceptions import RecordError
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.trajectories.reader import MIN_SAMPLES, TIME, TRAJECTORY, split_rows
+from sklearn_pgnn.trajectories.tables import read_clock
+
+_UNIT = re.compile(r"\s*(\[[^]]*\]|\([^)]*\))$")
+#: what a file without a time is told
+NO_TIME = (
+    "Or, if it has no time, say how much of it lies between samples: sample_time=0.01 [s] "
+    "(--sample-time)."
+)
+
+
+class FileTable(ABC):
+    """A file as a header and columns of cells.
+
+    Parameters
+    ----------
+    path : str
+        The file.
+    model : PhysicsModel
+        Names the columns; its `columns` say what the file calls them.
+    sample_time : float, optional
+        Time from sample to sample [s] of a file without a time.
+    """
+
+    #: what the file is called in an error
+    kind = "file"
+    header: list[str]
+
+    def __init__(self, path: str, model: PhysicsModel, sample_time: float | None = None):
+        self.path, self.model, self.sample_time = path, model, sample_time
+        known = isinstance(sample_time, Real) and not isinstance(sample_time, bool)
+        if sample_time is not None and not (known and 0 < sample_time < math.inf):
+            raise ValueError(
+                f"sample_time: expected the time from sample to sample [s], a positive number, got "
+                f"{sample_time!r}."
+            )
+
+    @property
+    @abstractmethod
+    def size(self) -> int:
+        """Number of samples."""
+
+    @abstractmethod
+    def place(self, row: int | None) -> str:
+        """Return what stands behind the path in an error about a row, or about the header."""
+
+    @abstractmethod
+    def name_of(self, row: int) -> str:
+        """Return what a row is called in an error about another one."""
+
+    @abstractmethod
+    def cells(self, k: int) -> Sequence[Any]:
+        """Return what stands in a column."""
+
+    @abstractmethod
+    def number(self, cell) -> float | None:
+        """Read a number, NaN where there is nothing, None where there is something else."""
+
+    @abstractmethod
+    def dates(self, k: int) -> pd.Series | None:
+        """Read a column as dates or time differences, None where its cells are something else."""
+
+    def refuse(self, row: int | None, why: str, column: str | None = None) -> NoReturn:
+        """Raise `RecordError` about a row, or the header."""
+        about = "" if column is None else f"column {column!r}: "
+        place = self.path + self.place(row)
+        raise RecordError(f"{place}: {about}{' '.join(why.split())}") from None
+
+    def read(self) -> tuple[pd.DataFrame, pd.DataFrame]:
+        """Return X and y under the model's own names."""
+        model = self.model
+        names = self.trajectories()
+        t = self.times(names)
+        inputs = {name: self.finite(name) for name in model.inputs}
+        outputs = {name: self.output(name) for name in model.outputs or ()}
+        states = {n: self.numbers(n) for n in model.states if self.find(n) is not None}
+        self.check_records(t, names)
+        return pd.DataFrame({TRAJECTORY: names, TIME: t, **inputs, **states}), pd.DataFrame(outputs)
+
+    # -- columns -----------------------------------------------------------------------------------
+
+    def find(self, name: str) -> int | None:
+        """Find a quantity of the model in the header, by its whole name or without its unit."""
+        wanted = self.model.columns.get(name, name)
+        for header in (self.header, [_UNIT.sub("", name) for name in self.header]):
+            found = [k for k, text in enumerate(header) if text == wanted]
+            if len(found) > 1:
+                self.refuse(None, f"expected it once, got it {len(found)} times.", wanted)
+            if found:
+                return found[0]
+        return None
+
+    def column(self, name: str) -> int:
+        """Return the column of a quantity, or raise `RecordError`."""
+        found = self.find(name)
+        if found is None:
+            self.refuse(
+                None,
+                f"missing; the file has {', '.join(self.header)}. Remedy: {self.remedy(name)}",
+                self.model.columns.get(name, name),
+            )
+        return found
+
+    def remedy(self, name: str) -> str:
+        """Return the remedy for a missing column: the likest that nothing else needs may be it."""
+        model = self.model
+        taken = {self.find(n) for n in (TIME, TRAJECTORY, *model.inputs, *model.states)}
+        taken |= {self.find(n) for n in model.outputs or ()}
+        free = [_UNIT.sub("", text) for k, text in enumerate(self.header) if k not in taken]
+        near = get_close_matches(model.columns.get(name, name), free, n=1, cutoff=0.0)
+        last = f" {NO_TIME}" if name == TIME else ""
+        if not near:
+            return f"add it to the file, or take it out of the model.{last}"
+        return (
+            f"say in the model file what the {self.kind} calls it, as in "
+            f"columns: {{{name}: {near[0]}}}.{last}"
+        )
+
+    def numbers(self, name: str) -> np.ndarray:
+        """Read a column; NaN where it is empty."""
+        k = self.column(name)
+        cells = self.cells(k)
+        values = [self.number(cell) for cell in cells]
+        for row, value in enumerate(values):
+            if value is None or math.isinf(value):
+                self.refuse(row, f"expected a number, got {cells[row]!r}.", self.header[k])
+        return np.array(values, dtype=float)
+
+    def finite(self, name: str) -> np.ndarray:
+        """Read a column that has a number in every row."""
+        values = self.numbers(name)
+        bad = np.flatnonzero(np.isnan(values))
+        if bad.size:
+            k, row = self.column(name), int(bad[0])
+            cell = self.cells(k)[row]
+            got = repr(cell) if isinstance(cell, str) and cell else "nothing"
+            self.refuse(
+                row,
+                f"expected a number, got {got}. Remedy: fill the gap or cut the record there.",
+                self.header[k],
+            )
+        return values
+
+    def output(self, name: str) -> np.ndarray:
+        """Read a column that has a number in some row."""
+        values = self.numbers(name)
+        if values.size and np.all(np.isnan(values)):
+            column = self.header[self.column(name)]
+            self.refuse(0, "expected a measured value, got none at all.", column)
+        return values
+
+    # -- records -----------------------------------------------------------------------------------
+
+    def trajectories(self) -> list[str]:
+        """Read what trajectory every row belongs to; by default the file's stem."""
+        k = self.find(TRAJECTORY)
+        if k is None:
+            return [Path(self.path).stem] * self.size
+        cells = self.cells(k)
+        for row, cell in enumerate(cells):
+            if not isinstance(cell, str) and pd.isna(cell):
+                self.refuse(row, "expected a name, got nothing.", self.header[k])
+        return [f"{cell:.12g}" if isinstance(cell, float) else str(cell) for cell in cells]
+
+    def times(self, names: list[str]) -> np.ndarray:
+        """Read the time [s]: numbers, dates, or the samples' own where the file has none."""
+        if self.find(TIME) is None and self.sample_time is not None:
+            t = np.empty(self.size)
+            for _, rows in split_rows(t, names) if self.size else ():
+                t[rows] = self.sample_time * np.arange(rows.size)
+            return t
+        k = self.column(TIME)
+        dates = self.dates(k)
+        if dates is None:
+            return self.finite(TIME)
+        bad = np.flatnonzero(dates.isna())
+        if bad.size:
+            row = int(bad[0])
+            self.refuse(
+                row,
+                f"expected a time such as 2026-01-31 12:00:00.005, got {self.cells(k)[row]!r}.",
+                self.header[k],
+            )
+        ticks, tick = read_clock(dates, "t") or (np.zeros(0), 0.0)
+        t = np.empty(self.size)
+        for _, rows in split_rows(t, names):
+            t[rows] = (ticks[rows] - ticks[rows[0]]) * tick
+        return t
+
+    def check_records(self, t: np.ndarray, names: list[str]) -> None:
+        """Refuse a time that does not increase, and records of too few samples."""
+        k = self.find(TIME)
+        column = TIME if k is None else self.header[k]
+        if not t.size:
+            self.refuse(None, f"expected at least {MIN_SAMPLES} samples, got 0.", column)
+        for name, rows in split_rows(t, names):
+            still = np.flatnonzero(np.diff(t[rows]) <= 0)
+            if still.size and k is not None:
+                self.refuse_still(k, t, rows[still[0]], rows[still[0] + 1])
+            if rows.size < MIN_SAMPLES:
+                self.refuse(
+                    rows[0],
+                    f"expected at least {MIN_SAMPLES} samples in a record, got {rows.size} in "
+                    f"{name!r}.",
+                    column,
+                )
+
+    def refuse_still(self, k: int, t: np.ndarray, before: int, here: int) -> NoReturn:
+        """Refuse a time that does not increase from one row to another."""
+        cells, dated = self.cells(k), self.dates(k) is not None
+        got, last = (str(cells[row]) if dated else f"{t[row]:.12g}" for row in (here, before))
+        self.refuse(
+            here,
+            f"expected time to increase, got {got} after {last} in {self.name_of(before)}. "
+            f"Remedy: sort the record, or tell several apart by a column 'trajectory'.",
+            self.header[k],
+        )
+
+
+def read_each(read, paths, model: PhysicsModel, sample_time) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Read several files as one X and y; every file is at least one trajectory.
+
+    Parameters
+    ----------
+    read : callable
+        Reads one: ``read(path, model, sample_time)``.
+    paths : iterable of str or path-like
+        The files.
+    model : PhysicsModel
+        Names the columns.
+    sample_time : float or None
+        Time from sample to sample [s] of files without a time.
+
+    Returns
+    -------
+    X : DataFrame
+        ``trajectory`` holds the file's stem, made unique, and the file's own names behind it.
+    y : DataFrame
+        The outputs.
+    """
+    paths = list(paths)
+    if not paths:
+        raise RecordError("expected at least one file of records, got none.")
+    tables, outputs = [], []
+    for path, name in zip(paths, _unique([Path(path).stem for path in paths]), strict=True):
+        X, y = read(path, model, sample_time)
+        own = X[TRAJECTORY]
+        alone = own.nunique() == 1 and own.iloc[0] == Path(path).stem
+        tables.append(X.assign(**{TRAJECTORY: name if alone else name + "/" + own}))
+        outputs.append(y)
+    return pd.concat(tables, ignore_index=True), pd.concat(outputs, ignore_index=True)
+
+
+def _unique(names: list[str]) -> list[str]:
+    """Give every name once, those that come again with a number."""
+    found: list[str] = []
+    for name in names:
+        new, count = name, 1
+        while new in found:
+            count += 1
+            new = f"{name}-{count}"
+        found.append(new)
+    return found

@@ -1,0 +1,273 @@
+"""Files of measured samples by their ending: CSV, MAT, Parquet and Excel."""
+
+import os
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from functools import partial
+from numbers import Real
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from sklearn_pgnn.exceptions import RecordError
+from sklearn_pgnn.extras import needed_by
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.trajectories.csv_file import read_csv
+from sklearn_pgnn.trajectories.file_table import FileTable, read_each
+from sklearn_pgnn.trajectories.reader import TIME, TRAJECTORY
+
+#: where the format of MAT files of version 7.3 may begin, and what it begins with
+_HDF5, _STARTS = b"\x89HDF\r\n\x1a\n", (0, 512, 1024, 2048)
+#: MATLAB's tables are objects of its own, which no library reads
+_AS_STRUCT = (
+    "Remedy: in MATLAB, s = table2struct(data, 'ToScalar', true) of a table, or vectors of a "
+    "timeseries, and save('run.mat', '-struct', 's')."
+)
+
+
+def read_file(
+    path, model: PhysicsModel, sample_time: float | None = None
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    r"""Read a file of measured samples as the X and y of a model, by its ending.
+
+    ``.mat`` holds vectors of one length, in variables of their own or in a struct; versions up to
+    7 are read as they are, 7.3 needs h5py. ``.parquet`` needs pyarrow. ``.xlsx`` holds a header and
+    samples on its first sheet, and needs openpyxl. All these come with
+    ``pip install "sklearn-pgnn[files]"``. Everything else is a CSV file, see `read_csv`.
+
+    Parameters
+    ----------
+    path : str or path-like
+        The file.
+    model : PhysicsModel
+        Names the columns; its `columns` say what the file calls them.
+    sample_time : float, optional
+        Time from sample to sample [s] of a file without a time.
+
+    Returns
+    -------
+    X : DataFrame
+        ``trajectory`` (by default the file's stem), ``t``, the inputs, and the states that the
+        file has, under the model's own names.
+    y : DataFrame
+        The outputs under the model's own names, NaN where there is none.
+
+    Raises
+    ------
+    RecordError
+        If the file cannot be read or says what a record cannot say: ``FILE, row N: what``.
+    ModuleNotFoundError
+        If the library that reads the file is not installed.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from scipy.io import savemat
+    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder, "run.mat")
+    ...     savemat(path, {"u": [1.5, 1.5, 1.5, 1.5], "y": [0.0, 0.6, 0.9, 1.2]})
+    ...     X, y = read_file(path, lag, sample_time=0.5)
+    >>> X["t"].tolist()
+    [0.0, 0.5, 1.0, 1.5]
+    """
+    path = os.fspath(path)
+    kind = _KINDS.get(Path(path).suffix.lower())
+    if kind is None:
+        return read_csv(path, model, sample_time)
+    name, load, offset = kind
+    return _FrameTable(path, model, sample_time, name, load(path, model), offset).read()
+
+
+def read_files(
+    paths: Iterable, model: PhysicsModel, sample_time: float | None = None
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    r"""Read several files as one X and y; every file is at least one trajectory.
+
+    Parameters
+    ----------
+    paths : iterable of str or path-like
+        The files, of any kind that `read_file` reads.
+    model : PhysicsModel
+        Names the columns; its `columns` say what the files call them.
+    sample_time : float, optional
+        Time from sample to sample [s] of files without a time.
+
+    Returns
+    -------
+    X : DataFrame
+        As `read_file`; ``trajectory`` holds the file's stem, made unique.
+    y : DataFrame
+        The outputs.
+
+    Raises
+    ------
+    RecordError
+        As `read_file`, or if there is no file.
+    ModuleNotFoundError
+        If the library that reads a file is not installed.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> lag = PhysicsModel({"y": "V"}, {"y": "-y/T"}, {"T": 2.0})
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder, "run.csv")
+    ...     _ = path.write_text("y\n1\n0.6\n0.4\n0.2\n")
+    ...     X, y = read_files([path, path], lag, sample_time=0.5)
+    >>> X["trajectory"].unique().tolist()
+    ['run', 'run-2']
+    """
+    return read_each(read_file, paths, model, sample_time)
+
+
+class _FrameTable(FileTable):
+    """A file whose columns have types."""
+
+    def __init__(self, path, model, sample_time, kind, frame: pd.DataFrame, offset: int):
+        super().__init__(path, model, sample_time)
+        self.kind, self.frame, self.offset = f"{kind} file", frame, offset
+        self.header = [str(name).strip() for name in frame.columns]
+
+    @property
+    def size(self) -> int:
+        """Number of samples."""
+        return len(self.frame)
+
+    def place(self, row: int | None) -> str:
+        """Return the row, counted as the file's own program does."""
+        return "" if row is None else f", {self.name_of(row)}"
+
+    def name_of(self, row: int) -> str:
+        """Return the row."""
+        return f"row {self.frame.index[row] + self.offset}"
+
+    def cells(self, k: int) -> list[Any]:
+        """Return the values of a column."""
+        return self.frame.iloc[:, k].tolist()
+
+    def number(self, cell) -> float | None:
+        """Read a number, NaN where there is nothing, None where there is something else."""
+        if isinstance(cell, Real):
+            return float(cell)
+        if isinstance(cell, str):
+            try:
+                return float(cell) if cell.strip() else np.nan
+            except ValueError:
+                return None
+        return np.nan if cell is None or pd.isna(cell) else None
+
+    def dates(self, k: int) -> pd.Series | None:
+        """Return a column of dates or time differences."""
+        column = self.frame.iloc[:, k].reset_index(drop=True)
+        return column if column.dtype.kind in "mM" else None
+
+
+# -- files -----------------------------------------------------------------------------------------
+
+
+def _loaded(path: str, kind: str, load) -> Any:
+    """Load a file, or raise `RecordError`: what a library says of a broken file is anything."""
+    try:
+        Path(path).open("rb").close()
+        return load()
+    except ModuleNotFoundError:
+        raise
+    except OSError as error:
+        why = error.strerror or str(error)
+    except Exception as error:
+        why = str(error) or type(error).__name__
+    raise RecordError(f"{path}: expected {kind}, got: {' '.join(why.split())}.") from None
+
+
+def _load_parquet(path: str, model: PhysicsModel) -> pd.DataFrame:
+    with needed_by("Reading a Parquet file"):
+        import pyarrow  # noqa: F401
+    frame = _loaded(path, "a Parquet file", partial(pd.read_parquet, path, engine="pyarrow"))
+    if isinstance(frame.index, pd.DatetimeIndex | pd.TimedeltaIndex) and TIME not in frame:
+        frame.insert(0, TIME, frame.index)
+    return frame.reset_index(drop=True)
+
+
+def _load_excel(path: str, model: PhysicsModel) -> pd.DataFrame:
+    with needed_by("Reading an Excel file"):
+        import openpyxl  # noqa: F401
+    frame = _loaded(path, "an Excel file", partial(pd.read_excel, path, engine="openpyxl"))
+    return frame.dropna(how="all")
+
+
+def _load_mat(path: str, model: PhysicsModel) -> pd.DataFrame:
+    """Return the vectors of a MAT file that are as long as the time."""
+    found = _leaves(_loaded(path, "a MAT file", partial(_mat_content, path)))
+    vectors = {name: values for name, values in found.items() if values.ndim == 1}
+    if not vectors:
+        raise RecordError(f"{path}: expected vectors of samples, got none. {_AS_STRUCT}")
+    wanted = [TIME, TRAJECTORY, *model.inputs, *model.states, *(model.outputs or ())]
+    called = [model.columns.get(name, name) for name in wanted]
+    time = vectors.get(called[0])
+    sizes = Counter(values.size for values in vectors.values())
+    size = sizes.most_common(1)[0][0] if time is None else time.size
+    for name in called:
+        if name in found and found[name].shape != (size,):
+            raise RecordError(
+                f"{path}: variable {name!r}: expected a vector of {size} samples, got an array of "
+                f"shape {found[name].shape}. Remedy: save every quantity as a vector of its own, "
+                f"all of one length."
+            )
+    return pd.DataFrame({name: values for name, values in vectors.items() if values.size == size})
+
+
+def _mat_content(path: str) -> Mapping:
+    from scipy.io import loadmat
+
+    if not _is_hdf5(path):
+        return loadmat(path, simplify_cells=True)
+    with needed_by("Reading a MAT file of version 7.3"):
+        import h5py
+    with h5py.File(path, "r") as file:
+        return _hdf5_content(file)
+
+
+def _is_hdf5(path: str) -> bool:
+    with open(path, "rb") as file:
+        head = file.read(_STARTS[-1] + len(_HDF5))
+    return any(head[start:].startswith(_HDF5) for start in _STARTS)
+
+
+def _hdf5_content(group) -> dict:
+    """Return variables and structs; what MATLAB keeps for itself begins with ``#``."""
+    content = {}
+    for name, item in group.items():
+        if hasattr(item, "items"):
+            content[name] = {} if name.startswith("#") else _hdf5_content(item)
+        else:
+            content[name] = np.squeeze(item[()])
+    return content
+
+
+def _leaves(content: Mapping, path: str = "") -> dict[str, np.ndarray]:
+    """Return the numbers of structs in structs, each by its own name, or if shared by its path."""
+    found: list[tuple[str, str, np.ndarray]] = []
+
+    def walk(part: Mapping, path: str) -> None:
+        for name, item in part.items():
+            if isinstance(item, Mapping):
+                walk(item, f"{path}{name}.")
+            elif not name.startswith("__") and np.asarray(item).dtype.kind in "biuf":
+                found.append((name, path + name, np.asarray(item)))
+
+    walk(content, path)
+    shared = Counter(name for name, _, _ in found)
+    return {name if shared[name] == 1 else full: values for name, full, values in found}
+
+
+#: by ending: what the file is called, what reads it, and the number of its first sample
+_KINDS = {
+    ".mat": ("MAT", _load_mat, 1),
+    ".parquet": ("Parquet", _load_parquet, 0),
+    ".pq": ("Parquet", _load_parquet, 0),
+    ".xlsx": ("Excel", _load_excel, 2),
+    ".xlsm": ("Excel", _load_excel, 2),
+}
