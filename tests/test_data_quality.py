@@ -210,6 +210,16 @@ def test_only_outputs_that_lead_the_inputs_are_not_synchronous(lead, found):
         assert late[0].text.startswith(f"the outputs lead the inputs by {lead} samples")
 
 
+def test_the_lead_is_a_time_on_every_clock():
+    """Every other record is sampled half as often; the outputs lead the inputs by 0.08 s."""
+    tables = []
+    for record, rows in measure(t=np.arange(0, 8.4, 0.02)).groupby("trajectory"):
+        early = rows.assign(position=rows["position"].shift(-4)).dropna()
+        tables.append(early.iloc[:: 1 + record % 2])
+    late = [f for f in findings(pd.concat(tables)) if f.kind == "not synchronous"]
+    assert [finding.value for finding in late] == [pytest.approx(0.08)]
+
+
 def test_an_input_delay_is_a_cause_and_no_finding():
     late = [cart() + effects.InputDelay("F", delay=0.1)] * 3
     table = measure(machines=late)

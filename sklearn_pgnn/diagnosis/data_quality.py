@@ -395,11 +395,11 @@ def find_early_output(setting: Setting, base: WindowFit, final: WindowFit) -> Fi
 
 def _best_lead(setting, base) -> tuple[int, WindowFit]:
     """Move the inputs earlier by doubling, then step by step, while that lowers the error."""
-    fits = {0: base}
+    fits, sample_time = {0: base}, setting.scales.sample_time
 
     def error(lead):
         if lead not in fits:
-            fits[lead] = _refit(setting, base, _earlier(setting.windows, lead))
+            fits[lead] = _refit(setting, base, _earlier(setting.windows, lead * sample_time))
         return fits[lead].objective
 
     best, step = 0, 1
@@ -412,9 +412,11 @@ def _best_lead(setting, base) -> tuple[int, WindowFit]:
     return best, fits[best]
 
 
-def _earlier(windows: Windows, lead: int) -> Windows:
+def _earlier(windows: Windows, time: float) -> Windows:
+    """Move the inputs to earlier samples, of every record's own clock."""
     u = windows.u.copy()
     for a, b in zip(windows.bounds[:-1], windows.bounds[1:], strict=True):
+        lead = round(time / float(np.median(np.diff(windows.t[a:b]))))
         u[a:b] = windows.u[np.minimum(np.arange(a, b) + lead, b - 1)]
     return replace(windows, u=u)
 
