@@ -6,6 +6,8 @@ A golf robot is a driven pendulum whose bearing sticks and slips; its physical m
 friction that grows with the load. Residual modelling, sparse regression (SINDYc), a plain network
 and the physics-guided network (PGNN-L) learn from the same records and then run freely along one
 that none of them has seen.
+
+Needs ``pip install ".[network,sindy]"``.
 """
 
 # %%

@@ -5,6 +5,8 @@ How much should physics weigh?
 The loss of a PGNN-L weighs the error against a balance of energies by ``lambda_phy``. The balance
 is that of the model, and the model of this golf robot has the wrong friction. So the weight is
 searched together with the size of the network, and then varied alone, to see what it buys.
+
+Needs ``pip install ".[network,tuning]"``.
 """
 
 # %%
