@@ -25,6 +25,10 @@ class OptionError(ValueError):
     """An option (a keyword of an estimator, a word on the command line) is none of its choices."""
 
 
+class RecordWarning(UserWarning):
+    """A record is used, but not quite as it stands; the message says how, and the remedy."""
+
+
 class SimulationError(RuntimeError):
     """A simulation left the finite numbers; the message says where, when and the remedy."""
 

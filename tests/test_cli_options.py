@@ -1,13 +1,15 @@
 """The options of the command line: what they say to a diagnosis, and how they are refused."""
 
 import json
+import warnings
 
 import pytest
 from click.testing import CliRunner
-from test_cli import write
+from test_cli import table, write
 
 from sklearn_pgnn import ModelDiagnosis, __version__, effects
 from sklearn_pgnn.cli import main
+from sklearn_pgnn.exceptions import RecordWarning
 
 TWO = """\
 name: cart
@@ -126,6 +128,39 @@ def test_a_real_run_does_as_told(tmp_path):
     assert data["hold"] == "foh"
     assert data["window"] == pytest.approx(1.0, rel=0.05)
     assert {cause["effect"] for cause in data["causes"]} <= {"input_bias"}
+
+
+def test_files_without_a_time_take_a_sample_time(tmp_path, monkeypatch):
+    read = []
+
+    def fit(self, X, y):
+        read.append(X["t"].to_numpy())
+        raise Stop
+
+    monkeypatch.setattr(ModelDiagnosis, "fit", fit)
+    tables = {"a.csv": table(0).drop(columns="t")}
+    args = write(tmp_path, tables=tables)
+    assert CliRunner().invoke(main, [*args, "--sample-time", "0.25"]).exit_code == 1
+    assert read[0][:3].tolist() == [0.0, 0.25, 0.5]
+    result = CliRunner().invoke(main, args)
+    assert result.exit_code == 2
+    assert "(--sample-time)" in result.stderr
+
+
+def test_what_is_said_with_a_reservation_is_said_on_the_screen(tmp_path, monkeypatch):
+    fit = ModelDiagnosis.fit
+
+    def warned(self, X, y):
+        warnings.warn("the clock is strange. Remedy: look at it.", RecordWarning, stacklevel=2)
+        warnings.warn("of no concern", DeprecationWarning, stacklevel=2)
+        return fit(self, X, y)
+
+    monkeypatch.setattr(ModelDiagnosis, "fit", warned)
+    args = [*write(tmp_path), "--catalogue", "input_bias"]
+    result = CliRunner().invoke(main, args, catch_exceptions=False)
+    assert result.exit_code == 0
+    assert "Warning: the clock is strange. Remedy: look at it.\n" in result.stderr
+    assert "of no concern" not in result.stderr
 
 
 def test_when_the_time_is_up_the_best_so_far_is_told(tmp_path):

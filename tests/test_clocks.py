@@ -10,6 +10,7 @@ from sklearn_pgnn import ModelDiagnosis, PhysicsModel, PhysicsModelRegressor, ef
 from sklearn_pgnn.datasets import make_hidden_effect
 from sklearn_pgnn.diagnosis.record_flaws import find_gaps
 from sklearn_pgnn.diagnosis.setting import make_setting
+from sklearn_pgnn.exceptions import RecordWarning
 from sklearn_pgnn.simulation.record_windows import without_gaps
 from sklearn_pgnn.systems import cart_on_spring
 from sklearn_pgnn.trajectories import read_records
@@ -142,7 +143,9 @@ def test_a_change_in_time_is_found_on_time_stamps_with_a_warning_of_what_its_tim
         random_state=7,
     )
     X = hidden.X.drop(columns=["x", "v"])
-    with pytest.warns(UserWarning, match=r"begins at 17000\d+ s. Remedy: take the first time off"):
+    with pytest.warns(
+        RecordWarning, match=r"at 17000\d+ s. Remedy: take the first time off"
+    ):
         found = diagnose(hidden.prior, *absolute_and_apart(X, hidden.y))
     assert [(c.effect, c.target) for c in found.causes_] == [("parameter_drift", "k")]
     assert found.extended_model_.parameters["drift_k"].value == pytest.approx(0.1, rel=0.05)

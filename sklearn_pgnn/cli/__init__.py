@@ -20,20 +20,21 @@ def main():
 
 
 @main.command(epilog=EXAMPLE)
-@click.argument("data", nargs=-1, required=True, metavar="DATA.csv [DATA.csv ...]")
+@click.argument("data", nargs=-1, required=True, metavar="DATA [DATA ...]")
 @click.option("--model", required=True, metavar="MODEL.yaml", help="The model file.")
 @click.option("--output", required=True, metavar="DIR", help="Where the results go.")
 @diagnosis_options
 @job_options
 @list_effects
 def diagnose(data, model, output, quiet, debug, **options):
-    """Diagnose a model on CSV records.
+    """Diagnose a model on records.
 
     Writes DIR/report.html (open it first), DIR/diagnosis.json and DIR/extended_model.yaml.
 
-    A CSV file is one record: a header, the time t [s], the inputs and the measured outputs under
-    the names that the model file gives them. The exit code is 0 with any verdict, 2 if the input
-    cannot be used, 1 after a bug of ours, 130 or 143 after Ctrl-C or SIGTERM.
+    A file is one record: CSV, MAT, Parquet or Excel, with the time t [s], the inputs and the
+    measured outputs under the names that the model file gives them. The exit code is 0 with any
+    verdict, 2 if the input cannot be used, 1 after a bug of ours, 130 or 143 after Ctrl-C or
+    SIGTERM.
     """
     with guarded(debug):
         with show_progress(quiet) as progress:

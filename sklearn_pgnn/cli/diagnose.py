@@ -19,6 +19,7 @@ from sklearn_pgnn.cli.guard import OWN, Bug, one_line
 from sklearn_pgnn.cli.output import result_folder, strict_json, write_files
 from sklearn_pgnn.cli.screen import tell
 from sklearn_pgnn.diagnosis import ModelDiagnosis
+from sklearn_pgnn.exceptions import RecordWarning
 from sklearn_pgnn.inspection.report import render_report
 from sklearn_pgnn.physics import PhysicsModel
 from sklearn_pgnn.trajectories.files import read_files
@@ -28,9 +29,10 @@ NAMES = ("diagnosis.json", "extended_model.yaml", "report.html")
 
 
 class Done(NamedTuple):
-    """What came of a job: the fitted diagnosis, and whether an earlier one's files were there."""
+    """What came of a job: the diagnosis, its warnings, and if an earlier one's files were there."""
 
     diagnosis: ModelDiagnosis
+    warned: list[str]
     replaced: bool
 
 
@@ -43,14 +45,14 @@ class Job:
     model : str or path-like
         The model file.
     data : sequence of str or path-like
-        The CSV files.
+        The files of records.
     output : str or path-like
         Folder of the results.
     quiet : bool, default=False
         Whether to print the verdict only.
     options : mapping of str to object, default={}
-        Words for ``noise``, ``catalogue``, ``exclude`` and ``targets``, see
-        `sklearn_pgnn.cli.choices`; everything else as `ModelDiagnosis` has it.
+        ``sample_time`` as `read_files` has it; words for ``noise``, ``catalogue``, ``exclude``
+        and ``targets``, see `sklearn_pgnn.cli.choices`; everything else as `ModelDiagnosis` has it.
     """
 
     model: str | PathLike
@@ -80,28 +82,30 @@ class Job:
         progress("reading the model and the records")
         model = PhysicsModel.from_yaml(self.model)
         diagnosis = self._prepare(model, progress)
-        X, y = read_files(self.data, model)
+        X, y = read_files(self.data, model, self.options.get("sample_time"))
         earlier = [name for name in NAMES if (Path(self.output) / name).exists()]
         with result_folder(Path(self.output)) as folder:
-            broken = _fit(diagnosis, X, y)
+            broken, warned = _fit(diagnosis, X, y)
             progress("writing the report")
             failed = write_files(folder, _texts(diagnosis))
             kept = sorted(file.name for file in folder.iterdir())
         if broken or failed:
             error = broken or next(iter(failed.values()))
             raise Bug(error, self._kept(kept)) from error
-        return Done(diagnosis, bool(earlier))
+        return Done(diagnosis, warned, bool(earlier))
 
     def tell(self, done: Done) -> None:
         """Print what was found, and where it is."""
         if done.replaced and not self.quiet:
             place = one_line(self.output)
             click.echo(f"Replaced the files of an earlier diagnosis in {place}.", err=True)
+        for warning in done.warned:
+            click.echo(f"Warning: {one_line(warning)}", err=True)
         tell(done.diagnosis, Path(self.output), quiet=self.quiet)
 
     def _prepare(self, model, progress) -> ModelDiagnosis:
         """Return the diagnosis, its options checked."""
-        options = dict(self.options)
+        options = {name: value for name, value in self.options.items() if name != "sample_time"}
         noise = read_noise(options.pop("noise", ()), list(model.outputs))
         effects = choose_effects(options.pop("catalogue", ()), options.pop("exclude", ()))
         targets = choose_targets(options.pop("targets", ()), model)
@@ -116,19 +120,21 @@ class Job:
         return f"What was found before is in {one_line(self.output)}: {', '.join(names)}."
 
 
-def _fit(diagnosis: ModelDiagnosis, X, y) -> Exception | None:
-    """Fit; return what broke down if the diagnosis has something to say all the same."""
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
+def _fit(diagnosis: ModelDiagnosis, X, y) -> tuple[Exception | None, list[str]]:
+    """Fit; return what broke down if there is something to say all the same, and the warnings."""
+    broken = None
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("ignore")
+        warnings.simplefilter("always", RecordWarning)
+        try:
             diagnosis.fit(X, y)
-    except OWN:
-        raise
-    except Exception as error:
-        if not hasattr(diagnosis, "verdict_"):
+        except OWN:
             raise
-        return error
-    return None
+        except Exception as error:
+            if not hasattr(diagnosis, "verdict_"):
+                raise
+            broken = error
+    return broken, [str(warning.message) for warning in told]
 
 
 def _texts(diagnosis: ModelDiagnosis) -> dict[str, Callable[[], str]]:

@@ -23,6 +23,12 @@ _JOB = (
 )
 _DIAGNOSIS = (
     click.option(
+        "--sample-time",
+        type=click.FloatRange(min=0, min_open=True),
+        metavar="S",
+        help="Time from sample to sample [s], for files that have no time.",
+    ),
+    click.option(
         "--noise",
         multiple=True,
         metavar="[OUTPUT=]SD",

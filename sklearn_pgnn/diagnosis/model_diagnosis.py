@@ -44,7 +44,7 @@ from sklearn_pgnn.diagnosis.search import Outcome, Search
 from sklearn_pgnn.diagnosis.separation import Separation, are_same, plain_separation, separate
 from sklearn_pgnn.diagnosis.setting import check_records, make_setting
 from sklearn_pgnn.diagnosis.unexplained import MissingPart
-from sklearn_pgnn.exceptions import OptionError
+from sklearn_pgnn.exceptions import OptionError, RecordWarning
 from sklearn_pgnn.physics.effects import SensorSaturation, read_catalogue
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.readings import reading
@@ -287,7 +287,7 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
                 f"each trajectory, but the clock of {late[0].name!r} begins at "
                 f"{late[0].origin:.12g} s. Remedy: take the first time off each trajectory before "
                 f"the extended model is simulated on it.",
-                UserWarning,
+                RecordWarning,
                 stacklevel=3,
             )
 
