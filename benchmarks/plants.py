@@ -34,6 +34,9 @@ class Plant:
         Samples for which a level of the input is held.
     noise : float
         Standard deviation of the measurement noise [unit of the outputs].
+    reference_share : float, default=1
+        Share of the inputs' range that the records to compare with take: what resonates must not
+        leave the states that were trained on.
     """
 
     model: PhysicsModel
@@ -43,16 +46,18 @@ class Plant:
     inputs: tuple[float, float]
     hold: int
     noise: float
+    reference_share: float = 1.0
 
     def make(self, *, reference=False, random_state=0):
         """Make records as tables X and y."""
         random = np.random.default_rng([random_state, reference])
-        tables = [self._record(i, random) for i in range(REFERENCE if reference else TRAINING)]
+        share, n_records = (self.reference_share, REFERENCE) if reference else (1.0, TRAINING)
+        tables = [self._record(i, random, share) for i in range(n_records)]
         return tuple(pd.concat(parts, ignore_index=True) for parts in zip(*tables, strict=True))
 
-    def _record(self, i, random):
+    def _record(self, i, random, share):
         t = self.interval * np.arange(self.n_samples)
-        levels = random.uniform(*self.inputs, self.n_samples // self.hold + 1)
+        levels = share * random.uniform(*self.inputs, self.n_samples // self.hold + 1)
         u = np.repeat(levels, self.hold)[: self.n_samples]
         run = self.truth.simulate(t, u, substeps=16)
         X = pd.DataFrame({"trajectory": i, "t": t, next(iter(self.model.inputs)): u})
@@ -105,6 +110,7 @@ PLANTS = {
     "mass": _plant(
         MASS, {"v": "3*x**3/m"},
         interval=0.05, n_samples=400, inputs=(-6.0, 6.0), hold=20, noise=0.002,
+        reference_share=0.7,
     ),
     "bodies": _plant(
         BODIES, {"T1": "3*T1/C1"},
