@@ -81,7 +81,7 @@ def turn_poor_windows(
 def _other_starts(fit, windows, which, unsigned) -> Iterator[np.ndarray]:
     """Turn initial states, or their velocities only; or begin where the windows before lead."""
     x0, states = fit.x0[which], list(fit.model.states)
-    velocities = [state for state in unsigned if state in fit.model.kinematic_pairs]
+    velocities = [state for state in unsigned if state in fit.model.slope_pairs]
     turn = np.where(np.isin(states, unsigned), -1.0, 1.0)
     yield turn * x0
     yield np.where(np.isin(states, velocities), -1.0, 1.0) * x0

@@ -146,7 +146,7 @@ def _product(value: float, term: sympy.Expr) -> str:
 
 def velocities(base: PhysicsModel) -> dict[str, str]:
     """Return the velocity of every position whose rate is just that."""
-    pairs = {position: velocity for velocity, position in base.kinematic_pairs.items()}
+    pairs = {position: velocity for velocity, position in base.slope_pairs.items()}
     return {p: v for p, v in pairs.items() if base.equations[p] == symbol(v)}
 
 

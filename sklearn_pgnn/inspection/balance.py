@@ -106,7 +106,7 @@ def shown_states(model: PhysicsModel) -> frozenset[str]:
     (['omega', 'phi'], ['x2'])
     """
     seen = {str(output) for output in model.outputs.values() if str(output) in model.states}
-    velocities = {v for v, position in model.kinematic_pairs.items() if position in seen}
+    velocities = {v for v, position in model.slope_pairs.items() if position in seen}
     return frozenset(seen | velocities)
 
 
@@ -137,7 +137,7 @@ def _states(records: DiagnosisRecords, model: PhysicsModel) -> dict[str, np.ndar
 def _told_states(model: PhysicsModel) -> set[str]:
     """Name the states that the outputs tell something of, at the time."""
     read = {str(s) for output in model.outputs.values() for s in output.free_symbols}
-    velocities = {v for v, position in model.kinematic_pairs.items() if position in read}
+    velocities = {v for v, position in model.slope_pairs.items() if position in read}
     return (read & set(model.states)) | velocities
 
 

@@ -300,6 +300,19 @@ class PhysicsModel:
         return found
 
     @property
+    def slope_pairs(self) -> dict[str, str]:
+        """Velocity to position, where the position's slope is the velocity: of no bounded rate.
+
+        Examples
+        --------
+        >>> rod = PhysicsModel({"x": "m", "v": "m/s"}, {"x": "min(v, 0.1)", "v": "-x"})
+        >>> rod.kinematic_pairs, rod.slope_pairs
+        ({'v': 'x'}, {})
+        """
+        pairs = self.kinematic_pairs.items()
+        return {v: position for v, position in pairs if self.equations[position] == symbol(v)}
+
+    @property
     def is_autonomous(self) -> bool:
         """Whether equations and outputs do without the time ``t``.
 

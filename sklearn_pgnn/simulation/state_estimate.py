@@ -202,7 +202,7 @@ def hidden_states(model: PhysicsModel) -> tuple[str, ...]:
 
 def _shown_by(model: PhysicsModel, output):
     """Give the state that an output shows with its velocity, None where it has none."""
-    positions = {position: velocity for velocity, position in model.kinematic_pairs.items()}
+    positions = {position: velocity for velocity, position in model.slope_pairs.items()}
     return [(name, positions.get(name)) for name in model.states if output == symbol(name)]
 
 
@@ -218,7 +218,7 @@ def unsigned_states(model: PhysicsModel) -> tuple[str, ...]:
     """
     shown = [g.args[0] for g in model.outputs.values() if isinstance(g, sympy.Abs)]
     hidden = [str(state) for state in shown if str(state) in model.states]
-    return (*hidden, *(v for v, at in model.kinematic_pairs.items() if at in hidden))
+    return (*hidden, *(v for v, at in model.slope_pairs.items() if at in hidden))
 
 
 def free_run(model: PhysicsModel, windows: Windows, a: int, b: int, x0) -> Simulation:

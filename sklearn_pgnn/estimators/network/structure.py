@@ -38,7 +38,7 @@ def corrected_states(model: PhysicsModel, structure: str) -> list[int]:
     list of int
         Their places.
     """
-    positions = set(model.kinematic_pairs.values()) if structure == "correction" else set()
+    positions = set(model.slope_pairs.values()) if structure == "correction" else set()
     return [i for i, state in enumerate(model.states) if state not in positions]
 
 
@@ -73,7 +73,7 @@ def gain_of(model: PhysicsModel, structure: str, x, x_next, prior, dt) -> np.nda
         size = np.sqrt(np.mean(((x_next - base) / dt[:, None]) ** 2, axis=0))
     size = np.where(size > 0, size, 1.0)
     power = 0 if structure == "output" else 1
-    pairs = model.kinematic_pairs if structure == "correction" else {}
+    pairs = model.slope_pairs if structure == "correction" else {}
     for column, i in enumerate(own):
         gain[power, i, column] = size[i]
         position = pairs.get(states[i])
