@@ -13,7 +13,7 @@ from sklearn_pgnn.simulation.simulate import hold_of
 from sklearn_pgnn.simulation.state_estimate import StateEstimator
 from sklearn_pgnn.simulation.windows import Windows, evaluate
 from sklearn_pgnn.trajectories.gaps import split_at_gaps
-from sklearn_pgnn.trajectories.noise import noise_level
+from sklearn_pgnn.trajectories.noise import noise_level, rough_noise_level
 from sklearn_pgnn.trajectories.record import Record
 
 #: a window holds at least so many samples, and there are at least so many windows
@@ -25,6 +25,8 @@ LAGS = (1, 2, 4, 8, 16, 32, 64)
 MAX_SUBSTEPS = 32
 #: the window that is a whole record
 WHOLE = "trajectory"
+#: share of a power that is too small to matter
+NEGLIGIBLE = 0.01
 #: relative accuracy of a length that is compared with a clock
 ROUNDING = 1e-6
 
@@ -164,14 +166,24 @@ def dominant_period(records) -> float:
 
 
 def _period(records, column: int) -> float:
-    """Return the dominant period of one output; infinite where noise hides its rate everywhere."""
-    noise = np.median([noise_level(record.y[:, column], record.t) for record in records])
-    powers = np.sum([_powers(record, column, noise) for record in records], axis=0)
-    return float(2 * np.pi * np.sqrt(powers[0] / powers[1])) if powers[1] > 0 else np.inf
+    """Return the dominant period of one output; infinite where noise hides its rate everywhere.
+
+    Most noise is so small that a rough estimate will do; a fine one is made where that matters.
+    """
+    signal, rate, floor = _powers(records, column, rough_noise_level)
+    if not floor < NEGLIGIBLE * rate:
+        signal, rate, floor = _powers(records, column, noise_level)
+    return float(2 * np.pi * np.sqrt(signal / rate)) if rate > 0 else np.inf
 
 
-def _powers(record, column: int, noise: float) -> np.ndarray:
-    """Return the powers of an output and of its rate, times the samples, of one record.
+def _powers(records, column: int, estimate) -> np.ndarray:
+    """Return the powers of an output, of its rate, and of noise in the rate, times the samples."""
+    noise = np.median([estimate(record.y[:, column], record.t) for record in records])
+    return np.sum([_powers_of(record, column, noise) for record in records], axis=0)
+
+
+def _powers_of(record, column: int, noise: float) -> np.ndarray:
+    """Return the powers of one record.
 
     The rate is taken over the shortest lag at which it rises above this record's part of noise.
     """
@@ -182,8 +194,8 @@ def _powers(record, column: int, noise: float) -> np.ndarray:
         good = np.isfinite(rate)
         power, floor = np.sum(rate[good] ** 2), np.sum(2 * (noise / width[good]) ** 2)
         if t.size > 4 * lag and power > 1.5 * floor:
-            return np.array([np.nanvar(y) * good.sum(), power - floor])
-    return np.zeros(2)
+            return np.array([np.nanvar(y) * good.sum(), power - floor, floor])
+    return np.zeros(3)
 
 
 def cut(whole: Windows, length: float, min_windows: int = MIN_WINDOWS) -> Windows:

@@ -66,6 +66,31 @@ def noise_level(y: np.ndarray, t: np.ndarray | None = None) -> float:
     return min(_strength(filtered) for filtered in (*tried, _least_passed(y)) if filtered.size)
 
 
+def rough_noise_level(y: np.ndarray, t: np.ndarray | None = None) -> float:
+    """Return a quick and generous estimate of the noise: whatever the third differences leave.
+
+    Parameters
+    ----------
+    y : ndarray of shape (n_samples,)
+        The signal; NaN is skipped.
+    t : ndarray of shape (n_samples,), optional
+        Time [s]; by default the clock is even.
+
+    Returns
+    -------
+    float
+        Noise, and what is left of the signal [unit of y].
+
+    Examples
+    --------
+    >>> y = np.sin(2 * np.pi * np.arange(2000) / 8)
+    >>> bool(rough_noise_level(y) > noise_level(y))
+    True
+    """
+    third = _divided_differences(np.asarray(y, dtype=float), _clocks(y, t)[0], ORDERS[0])
+    return float(np.sqrt(np.sum(third**2) / max(third.size, 1)))
+
+
 def finest_differences(y: np.ndarray, t: np.ndarray | None = None) -> tuple[np.ndarray, int]:
     """Return the divided differences that leave least of a record, and their order.
 
@@ -179,10 +204,9 @@ def _least_passed(y) -> np.ndarray:
     half = len(rows) // 2
     if half < ROWS_A_TAP * TAPS:
         return np.zeros(0)
-    trend = np.vander(np.linspace(-1, 1, TAPS), 3)
-    bent = rows @ np.linalg.qr(trend, mode="complete")[0][:, 3:]
+    straight = np.linalg.qr(np.vander(np.linspace(-1, 1, TAPS), 3), mode="complete")[0][:, 3:]
     filtered = []
-    for some, others in ((bent[:half], bent[half:]), (bent[half:], bent[:half])):
-        learned = some[:: -(-len(some) // ROWS)]
-        filtered.append(others @ np.linalg.svd(learned, full_matrices=False)[2][-1])
+    for some, others in ((rows[:half], rows[half:]), (rows[half:], rows[:half])):
+        learned = some[:: -(-len(some) // ROWS)] @ straight
+        filtered.append(others @ (straight @ np.linalg.svd(learned, full_matrices=False)[2][-1]))
     return np.concatenate(filtered)

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import PPoly
-from scipy.linalg import solve_banded
+from scipy.linalg import solveh_banded
 
 #: samples on which the smoothing is chosen (the choice costs far more than its use)
 CHOICE_SAMPLES = 600
@@ -107,12 +107,12 @@ class NaturalSpline:
     def _curvatures(self, penalties) -> np.ndarray:
         """Give the second derivatives at the samples, a column a penalty; one system of blocks."""
         blocks = self._r[:, None] + penalties[:, None] * self._qq[:, None]
-        inner = solve_banded(
-            (2, 2),
-            blocks.reshape(5, -1),
+        inner = solveh_banded(
+            blocks.reshape(3, -1),
             np.tile(self._second_differences, penalties.size),
             overwrite_ab=True,
             overwrite_b=True,
+            lower=True,
             check_finite=False,
         )
         curvature = np.zeros((self.t.size, penalties.size))
@@ -121,11 +121,9 @@ class NaturalSpline:
 
 
 def _symmetric(diagonal, next_to_it, two_off) -> np.ndarray:
-    """Write a symmetric matrix by its five diagonals, as LAPACK does."""
-    bands = np.zeros((5, diagonal.size))
-    bands[2] = diagonal
-    bands[1, 1:] = bands[3, :-1] = next_to_it
-    bands[0, 2:] = bands[4, :-2] = two_off
+    """Write a symmetric matrix by its diagonal and the two below it, as LAPACK does."""
+    bands = np.zeros((3, diagonal.size))
+    bands[0], bands[1, :-1], bands[2, :-2] = diagonal, next_to_it, two_off
     return bands
 
 
