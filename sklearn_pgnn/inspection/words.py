@@ -231,9 +231,15 @@ def _found(diagnosis, names: str) -> str:
         "ambiguous": f"The model of the {name} misses {names}, or {_others(diagnosis)}: "
         f"these records cannot tell. {_order(diagnosis)}{_worth(diagnosis)}",
         "unexplained": f"The model of the {name} misses something that no known effect "
-        f"explains{f'; {names} is a part of it' if causes else ''}. {_described(diagnosis)}",
+        f"explains{_known_part(names, len(causes))}. {_described(diagnosis)}",
     }
     return sentences[diagnosis.verdict_].rstrip()
+
+
+def _known_part(names: str, count: int) -> str:
+    if not count:
+        return ""
+    return f"; {names} is a part of it" if count == 1 else f"; {names} are parts of it"
 
 
 def missing_place(diagnosis, part) -> str:
