@@ -21,7 +21,13 @@ from sklearn_pgnn.cli.progress import EVERY, Lines, _bars, _Live
 from sklearn_pgnn.cli.signals import check, held, stoppable
 from sklearn_pgnn.exceptions import RecordError, SimulationError
 
-CALL = "import sys; from sklearn_pgnn.cli import main; main(sys.argv[1:])"
+#: as from a terminal: a job in the background would ignore Ctrl-C
+CALL = """
+import signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)
+from sklearn_pgnn.cli import main
+main(sys.argv[1:])
+"""
 
 
 @pytest.fixture(scope="module")
@@ -205,10 +211,13 @@ def test_handlers_are_as_before_afterwards_and_what_is_ignored_stays_so():
         assert signal.getsignal(signal.SIGTERM) is signal.SIG_IGN
     finally:
         signal.signal(signal.SIGTERM, before)
-    handler = signal.getsignal(signal.SIGINT)
-    with stoppable():
-        assert signal.getsignal(signal.SIGINT) is not handler
-    assert signal.getsignal(signal.SIGINT) is handler
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a job may ignore it
+    try:
+        with stoppable():
+            assert signal.getsignal(signal.SIGINT) is not signal.default_int_handler
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def test_nothing_is_left_of_results_that_a_signal_ended(tmp_path):
