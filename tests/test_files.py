@@ -208,9 +208,9 @@ def test_a_sample_time_is_a_positive_number(tmp_path, value):
 def test_the_remedy_for_a_missing_time_is_no_column_that_something_else_needs(tmp_path):
     path = write(tmp_path, "csv", RUN.drop(columns="t"))
     assert refusal(path) == (
-        ":1: column 't': missing; the file has force, position, x. Remedy: add it to the file, or "
-        "take it out of the model. Or, if it has no time, say how much of it lies between samples: "
-        "sample_time=0.01 [s] (--sample-time)."
+        ":1: column 't': missing; the file has force, position, x. Remedy: add it to the file. "
+        "Or, if it has no time, say how much of it lies between samples: sample_time=0.01 [s] "
+        "(--sample-time)."
     )
 
 
@@ -271,6 +271,19 @@ def test_arrays_that_are_no_vectors_of_one_length_are_refused(tmp_path):
     assert "'position': expected a vector of 5 samples, got an array of shape (4,)" in refusal(path)
     savemat(path, {"note": "a table is an object"})
     assert "got none. Remedy: in MATLAB, s = table2struct(data, 'ToScalar', true)" in refusal(path)
+
+
+def test_a_matrix_gives_its_columns_by_number(tmp_path):
+    path = tmp_path / "run.mat"
+    matrix = np.column_stack([RUN["t"], RUN["position"], RUN["force"]])
+    called = {"t": "log_1", "F": "log_3", "position": "log_2"}
+    model = CART.replace(columns=called)
+    for saved in (matrix, matrix.T):
+        savemat(path, {"log": saved, "gain": 2.0})
+        X, y = read_file(path, model)
+        assert X["F"].tolist() == RUN["force"].tolist()
+        assert y["position"].equals(RUN["position"])
+    assert "the file has log_1, log_2, log_3" in refusal(path)
 
 
 def test_names_that_two_structs_share_are_told_apart(tmp_path):

@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+from sklearn.base import clone
 from sklearn.model_selection import KFold, cross_val_score
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import RobustScaler, StandardScaler
@@ -48,6 +49,14 @@ def records(n_records=6, seed=0):
 
 
 X, Y = records()
+
+
+@pytest.mark.parametrize("estimator", ESTIMATORS[:-1], ids=lambda e: type(e).__name__)
+def test_a_standardised_table_is_refused_after_the_fit_too(estimator):
+    fitted = clone(estimator).fit(X, Y)
+    use = fitted.transform if hasattr(fitted, "transform") else fitted.predict
+    with pytest.raises(ValueError, match=EXPECTED):
+        use(StandardScaler().fit_transform(X))
 
 
 @pytest.mark.parametrize("scaler", [StandardScaler(), RobustScaler()], ids=["standard", "robust"])

@@ -129,6 +129,22 @@ def test_structure_follows_the_model():
     assert chosen(systems.servo_valve(limits=True), *valve) == "correction"
 
 
+def test_random_weights_are_not_the_best_of_a_training():
+    options = {"module__neurons": 4, "refine": None, "validation": 0.5, "random_state": 1}
+    few = quick(CART, max_epochs=3, **options).fit(X, Y)
+    none = quick(CART, max_epochs=0, **options).fit(X, Y)
+    assert few.history[0, "valid_loss_best"]
+    assert np.abs(few.predict(X) - none.predict(X)).max() > 0
+
+
+def test_a_stepper_refuses_what_is_no_state_and_no_input():
+    net = quick(CART, max_epochs=1).fit(X, Y)
+    with pytest.raises(ValueError, match=r"x0: expected 2 numbers, one for each of x, v, got"):
+        net.stepper(x0=[0.1])
+    with pytest.raises(ValueError, match=r"u: expected 1 numbers, .* got shape \(2,\)"):
+        net.stepper().step([0.1, 2.0])
+
+
 def test_several_outputs():
     both = CART.replace(outputs={"position": "x", "speed": "v"})
     y = np.column_stack([Y, X["v"]])

@@ -330,6 +330,16 @@ def test_arguments_are_not_changed():
         assert np.array_equal(now, before)
 
 
+def test_a_gap_is_stepped_through_as_its_samples_would_be():
+    stiff = PhysicsModel({"x": "", "v": ""}, {"x": "v", "v": "u - 400*x - 2*v"}, {}, {"u": ""})
+    t = np.arange(0, 20, 0.02)
+    u = np.where(t < 4, np.sin(3 * t), np.sin(3 * t[200]))  # held in the gap, and behind it
+    seen = (t <= t[200]) | (t > 14)
+    whole, gappy = simulate(stiff, t, u), simulate(stiff, t[seen], u[seen])
+    assert gappy.success
+    assert gappy.y[:, 0] == pytest.approx(whole.y[seen, 0], abs=1e-9)
+
+
 # -- other processes ------------------------------------------------------------------------------
 
 SCRIPT = """

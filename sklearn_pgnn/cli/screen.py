@@ -127,7 +127,7 @@ def _tell_gain(console, diagnosis) -> None:
 
 
 def _tell_free_run(console, diagnosis) -> None:
-    _heading(console, "Error in free run over whole records (root mean square)")
+    _heading(console, "Error in free run, every record from its own start (root mean square)")
     table = _table("", "as given", "re-tuned", "extended", "")
     for output, error in diagnosis.free_run_.items():
         errors = (error.prior, error.refitted, error.extended)

@@ -48,10 +48,11 @@ from sklearn_pgnn.exceptions import OptionError, RecordWarning
 from sklearn_pgnn.physics.effects import SensorSaturation, read_catalogue
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.readings import reading
+from sklearn_pgnn.simulation.finite_run import simulate_quantities
 from sklearn_pgnn.simulation.record_windows import without_gaps
-from sklearn_pgnn.simulation.simulate import HOLDS, hold_of, simulate_records
+from sklearn_pgnn.simulation.simulate import HOLDS, hold_of
 from sklearn_pgnn.simulation.window_fit import WindowFit
-from sklearn_pgnn.trajectories import read_records, rows_in_order
+from sklearn_pgnn.trajectories import read_records
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
 from sklearn_pgnn.trajectories.record import Record
 from sklearn_pgnn.trajectories.validation import check_model, validate_table
@@ -469,12 +470,14 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         Returns
         -------
         ndarray of shape (n_samples, n_outputs) or (n_samples,)
-            Simulated outputs.
+            Simulated outputs. All rows of a trajectory whose simulation leaves the finite numbers
+            get the values of the first one, of which a `SimulationWarning` tells.
         """
         check_is_fitted(self)
         records = read_records(self.model, validate_table(self, X, reset=False), time=self.time)
-        outputs = simulate_records(self.extended_model_, records)
-        outputs = rows_in_order(records, outputs)
+        refuse_standardised(self.model, records)
+        names = list(self.extended_model_.outputs)
+        outputs = simulate_quantities(self.extended_model_, records, names)
         return outputs.ravel() if self._single_output else outputs
 
     def to_dict(self) -> dict:

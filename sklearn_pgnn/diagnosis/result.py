@@ -217,12 +217,13 @@ def measure_gain(fitter: Fitter, outcome: Outcome, folds, random_state) -> dict[
         noise = float(outcome.noise[i])
 
         def power(which, rows, i=i):
-            return squares[which][rows, i].sum(axis=-1) / counts[rows, i].sum(axis=-1)
+            measured = counts[rows, i].sum(axis=-1)
+            return squares[which][rows, i].sum(axis=-1) / np.where(measured > 0, measured, np.nan)
 
         whole = np.arange(len(counts))
         share = explained_share(power("prior", whole), power("extended", whole), noise)
         shares = explained_share(power("prior", draws), power("extended", draws), noise)
-        low, high = np.percentile(shares, [2.5, 97.5])
+        low, high = np.nanpercentile(shares, [2.5, 97.5])  # some draws may have measured nothing
         errors = {which: float(scale * np.sqrt(power(which, whole))) for which in squares}
         gains[output] = Gain(
             **errors,

@@ -476,6 +476,8 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         X = validate_table(self, X, reset=False)
         X, time = self._named(X)
         records = read_records(self.model_, X, time=time)
+        if self.model is not None:
+            refuse_standardised(self.model, records)
         return _Runs(records, self._prepare(X, records), [])
 
     def _prepare(self, X, records):

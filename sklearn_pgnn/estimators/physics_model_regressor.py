@@ -15,15 +15,15 @@ from sklearn_pgnn.estimators.parameter_search import (
 )
 from sklearn_pgnn.estimators.progress import teller
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.finite_run import simulate_quantities
 from sklearn_pgnn.simulation.record_windows import (
     WHOLE,
     WindowedRecords,
     window_records,
     without_gaps,
 )
-from sklearn_pgnn.simulation.simulate import simulate_records
 from sklearn_pgnn.simulation.uncertainty import NORMAL_95, estimate_of, standard_errors
-from sklearn_pgnn.trajectories import read_records, rows_in_order
+from sklearn_pgnn.trajectories import read_records
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
 from sklearn_pgnn.trajectories.validation import check_model, validate_table
 
@@ -192,13 +192,13 @@ class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         Returns
         -------
         ndarray of shape (n_samples, n_outputs) or (n_samples,)
-            Simulated outputs; NaN after a simulation has left the finite numbers, of which a
-            `SimulationWarning` tells.
+            Simulated outputs. All rows of a trajectory whose simulation leaves the finite numbers
+            get the values of the first one, of which a `SimulationWarning` tells.
         """
         check_is_fitted(self)
         records = read_records(self.model, validate_table(self, X, reset=False), time=self.time)
-        outputs = simulate_records(self.model_, records)
-        outputs = rows_in_order(records, outputs)
+        refuse_standardised(self.model, records)
+        outputs = simulate_quantities(self.model_, records, list(self.model_.outputs))
         return outputs.ravel() if self._single_output else outputs
 
     def _find(self, records, names) -> tuple[WindowedRecords, ParameterFit]:

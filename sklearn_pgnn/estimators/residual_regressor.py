@@ -176,7 +176,9 @@ class ResidualRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         if self.model is None:
             outputs = np.asarray(self.regressor_.predict(self._plain(X)))
         else:
-            features, simulated = self._simulate(read_records(self.model, X, time=self.time))
+            records = read_records(self.model, X, time=self.time)
+            refuse_standardised(self.model, records)
+            features, simulated = self._simulate(records)
             outputs = simulated + self.regressor_.predict(features).reshape(simulated.shape)
         return outputs.ravel() if self._single_output else outputs.reshape(len(outputs), -1)
 

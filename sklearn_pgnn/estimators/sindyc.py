@@ -286,6 +286,8 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
 
     def _predict_records(self, X):
         records = read_records(self.model_, validate_table(self, X, reset=False), time=self.time)
+        if self.model is not None:
+            refuse_standardised(self.model, records)
         if self._interval is not None:
             records = on_even_clock(records, self._interval)
         return rows_in_order(records, np.concatenate(list(map(self._simulate, records))))

@@ -148,6 +148,7 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
         if self.model is None:
             return X
         records = read_records(self.model, X, time=self.time)
+        refuse_standardised(self.model, records)
         simulated = simulate_quantities(
             self.model,
             records,

@@ -296,7 +296,7 @@ def check_length(whole: Windows, window) -> float:
     known = isinstance(window, Real) and not isinstance(window, bool)
     if not known or not least * (1 - ROUNDING) <= window <= most * (1 + ROUNDING):
         raise OptionError(
-            f"window: expected {WHOLE!r} or a length from {least:.4g} s ({MIN_SAMPLES} samples) to "
+            f"window: expected a length from {least:.4g} s ({MIN_SAMPLES} samples) to "
             f"{most:.4g} s (the longest record), got {window!r}. Remedy: choose one of these, or "
             f"leave it out."
         )

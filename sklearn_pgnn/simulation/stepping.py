@@ -17,6 +17,8 @@ from numba import boolean, int64, njit, types
 
 from sklearn_pgnn.simulation.compiled import FUNCTION, call
 
+#: samples that a gap counts for at most: one of years must not hang a simulation
+MOST_SAMPLES = 1e6
 #: events handled exactly within one step; further ones are stepped over
 MAX_EVENTS = 6
 #: weights of the stages, and where in the step each stage stands
@@ -237,15 +239,16 @@ def _observe(function, t, x, S, u, p, s, out, y, Sy):
 @njit(**INNER)
 def _to_next_sample(
     function, t, u, linear_hold, k, x, S, p, s, stuck, dry, substeps, nodes, weights, work, old,
-    u_start, u_end,
+    u_start, u_end, usual=math.inf,
 ):  # fmt: skip
-    """Advance from sample k to sample k + 1 in equal substeps."""
-    h = (t[k + 1] - t[k]) / substeps
-    for step in range(substeps):
+    """Advance from sample k to sample k + 1 in equal substeps, a gap in those of its samples."""
+    count = substeps * int(min(max(1.0, round((t[k + 1] - t[k]) / usual)), MOST_SAMPLES))
+    h = (t[k + 1] - t[k]) / count
+    for step in range(count):
         for i in range(u_start.size):
             slope = u[k + 1, i] - u[k, i] if linear_hold else 0.0
-            u_start[i] = u[k, i] + slope * step / substeps
-            u_end[i] = u[k, i] + slope * (step + 1) / substeps
+            u_start[i] = u[k, i] + slope * step / count
+            u_end[i] = u[k, i] + slope * (step + 1) / count
         advance(
             function, t[k] + step * h, h, x, S, u_start, u_end, p, s, stuck, dry, nodes, weights,
             work, old,
@@ -263,7 +266,7 @@ def run_trajectory(
     nx, nq = S.shape
     work, old = workspace(nx, nq, u.shape[1], size)
     s, stuck = np.zeros(nx), np.zeros(nx, dtype=np.bool_)
-    Sy = np.zeros((Y.shape[1], nq))
+    Sy, usual = np.zeros((Y.shape[1], nq)), np.median(np.diff(t)) if t.size > 1 else math.inf
     u_start, u_end = np.zeros(u.shape[1]), np.zeros(u.shape[1])
     for k in range(t.size):
         for i in range(nx):
@@ -278,7 +281,7 @@ def run_trajectory(
         if k + 1 < t.size:
             _to_next_sample(
                 function, t, u, linear_hold, k, x, S, p, s, stuck, dry, substeps, nodes, weights,
-                work, old, u_start, u_end,
+                work, old, u_start, u_end, usual,
             )  # fmt: skip
     return -1
 

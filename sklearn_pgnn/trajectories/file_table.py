@@ -126,7 +126,8 @@ class FileTable(ABC):
         near = get_close_matches(model.columns.get(name, name), free, n=1, cutoff=0.0)
         last = f" {NO_TIME}" if name == TIME else ""
         if not near:
-            return f"add it to the file, or take it out of the model.{last}"
+            without = "." if name == TIME else ", or take it out of the model."
+            return f"add it to the file{without}{last}"
         return (
             f"say in the model file what the {self.kind} calls it, as in "
             f"columns: {{{name}: {near[0]}}}.{last}"

@@ -199,9 +199,10 @@ def _load_excel(path: str, model: PhysicsModel) -> pd.DataFrame:
 
 
 def _load_mat(path: str, model: PhysicsModel) -> pd.DataFrame:
-    """Return the vectors of a MAT file that are as long as the time."""
+    """Return the vectors of a MAT file that are as long as the time, and its matrices' columns."""
     found = _leaves(_loaded(path, "a MAT file", partial(_mat_content, path)))
     vectors = {name: values for name, values in found.items() if values.ndim == 1}
+    vectors = {**_matrix_columns(found), **vectors}
     if not vectors:
         raise RecordError(f"{path}: expected vectors of samples, got none. {_AS_STRUCT}")
     wanted = [TIME, TRAJECTORY, *model.inputs, *model.states, *(model.outputs or ())]
@@ -217,6 +218,16 @@ def _load_mat(path: str, model: PhysicsModel) -> pd.DataFrame:
                 f"all of one length."
             )
     return pd.DataFrame({name: values for name, values in vectors.items() if values.size == size})
+
+
+def _matrix_columns(found: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return the columns of matrices as ``data_1``, ``data_2`` and so on; samples are many."""
+    matrices = {name: values for name, values in found.items() if values.ndim == 2}
+    return {
+        f"{name}_{k}": column
+        for name, values in matrices.items()
+        for k, column in enumerate(values.T if len(values) > values.shape[1] else values, start=1)
+    }
 
 
 def _mat_content(path: str) -> Mapping:

@@ -63,9 +63,9 @@ class BestFreeRun(Callback):
         self.patience = patience
 
     def on_train_begin(self, net, **kwargs):
-        """Begin anew; what is trained on shall not become worse."""
+        """Begin anew; what was trained before shall not become worse."""
         self.best_, self.weights_, self.waited_ = np.inf, None, 0
-        if net._validation:
+        if net._validation and net.history:
             self.note(net, net._validation_error())
 
     def on_epoch_end(self, net, **kwargs):

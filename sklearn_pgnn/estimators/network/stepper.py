@@ -47,6 +47,11 @@ class Stepper:
         self._told = x0 is not None
         start = list(step.model.initial_state.values()) if x0 is None else x0
         self.x = np.array(start, dtype=float)
+        if self.x.shape != (len(step.model.states),):
+            raise ValueError(
+                f"x0: expected {len(step.model.states)} numbers, one for each of "
+                f"{', '.join(step.model.states)}, got shape {self.x.shape}."
+            )
         self._simulated = self.x.copy()
         longest = max([step.model.parameters[p].value for p in step.model.delays.values()] or [0.0])
         self._inputs: deque[np.ndarray] = deque(maxlen=int(longest / interval) + 3)
@@ -98,6 +103,11 @@ class Stepper:
     def _read(self, u) -> np.ndarray:
         """Return an input as an array; at the first one the states that nobody told settle."""
         u = np.atleast_1d(np.asarray(u, dtype=float))
+        if u.shape != (len(self._late.inputs),):
+            raise ValueError(
+                f"u: expected {len(self._late.inputs)} numbers, one for each of "
+                f"{', '.join(self._late.inputs)}, got shape {u.shape}."
+            )
         if not (self._told or self._inputs):
             for i, (state, value) in enumerate(settled_start(self._late, u).items()):
                 if state in self._late.settled:
