@@ -17,6 +17,8 @@ from numba import boolean, int64, njit, types
 
 from sklearn_pgnn.simulation.compiled import FUNCTION, call
 
+#: what is longer than so many usual sample intervals is a gap
+GAP = 20.0
 #: samples that a gap counts for at most: one of years must not hang a simulation
 MOST_SAMPLES = 1e6
 #: events handled exactly within one step; further ones are stepped over
@@ -242,7 +244,8 @@ def _to_next_sample(
     u_start, u_end, usual=math.inf,
 ):  # fmt: skip
     """Advance from sample k to sample k + 1 in equal substeps, a gap in those of its samples."""
-    count = substeps * int(min(max(1.0, round((t[k + 1] - t[k]) / usual)), MOST_SAMPLES))
+    missing = (t[k + 1] - t[k]) / usual
+    count = substeps * (int(min(missing, MOST_SAMPLES)) if missing > GAP else 1)
     h = (t[k + 1] - t[k]) / count
     for step in range(count):
         for i in range(u_start.size):
