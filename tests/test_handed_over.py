@@ -197,5 +197,5 @@ def test_the_report_and_the_terminal_state_the_number(one_record, capsys):
     assert f"<b>{stated}</b>" in row.group()
     tell(diagnosis, Path("out"), quiet=False)
     said = capsys.readouterr().out
-    assert "Error in free run over whole records" in said
+    assert "Error in free run, every record from its own start" in said
     assert stated in said.split("free run")[1]
