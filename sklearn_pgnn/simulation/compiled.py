@@ -24,8 +24,6 @@ _BY_POINTERS = types.void(types.float64, *[_POINTER] * 5)
 
 #: whether functions are called as numba's function objects; set by the environment before import
 PLAIN_CALLS = os.environ.get("SKLEARN_PGNN_PLAIN_CALLS", "0") == "1"
-#: compiled functions whose addresses were given away
-_KEPT: list = []
 #: the type of a model's function as an argument of the time loop
 FUNCTION = types.FunctionType(_BY_ARRAYS) if PLAIN_CALLS else types.int64
 
@@ -48,12 +46,13 @@ def compile_model(model: PhysicsModel, wrt: tuple[str, ...] | None = None):
         What was compiled.
     """
     source = write_source(model, wrt)
-    return _compile(source.text), source
+    function = _compile(source.text)
+    return function if PLAIN_CALLS else function.address, source
 
 
 @cache
 def _compile(text: str):
-    """Compile assignments to what the time loops call; kept, for a loop may be in it."""
+    """Compile assignments to a function; it is kept, for its address is given away."""
     emitted = straight_line(text)
 
     def function(t, x, u, p, s, out):
@@ -61,9 +60,7 @@ def _compile(text: str):
 
     if PLAIN_CALLS:
         return numba.njit(_BY_ARRAYS, error_model="numpy", no_cpython_wrapper=True)(function)
-    compiled = numba.cfunc(_BY_POINTERS, error_model="numpy")(function)
-    _KEPT.append(compiled)
-    return compiled.address
+    return numba.cfunc(_BY_POINTERS, error_model="numpy")(function)
 
 
 @intrinsic

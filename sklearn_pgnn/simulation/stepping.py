@@ -203,6 +203,15 @@ def _jump(S, before, after, stuck, i):
 
 
 @njit(**OPTIONS)
+def _usual_interval(t):
+    """Return the median sample interval; infinity, at no cost, where none can be a gap."""
+    shortest, longest = math.inf, 0.0
+    for k in range(t.size - 1):
+        shortest, longest = min(shortest, t[k + 1] - t[k]), max(longest, t[k + 1] - t[k])
+    return np.median(np.diff(t)) if longest > GAP * shortest else math.inf
+
+
+@njit(**OPTIONS)
 def workspace(nx, nq, nu, size):
     """Allocate what a step needs, once per trajectory."""
     work = (
@@ -269,7 +278,7 @@ def run_trajectory(
     nx, nq = S.shape
     work, old = workspace(nx, nq, u.shape[1], size)
     s, stuck = np.zeros(nx), np.zeros(nx, dtype=np.bool_)
-    Sy, usual = np.zeros((Y.shape[1], nq)), np.median(np.diff(t)) if t.size > 1 else math.inf
+    Sy, usual = np.zeros((Y.shape[1], nq)), _usual_interval(t)
     u_start, u_end = np.zeros(u.shape[1]), np.zeros(u.shape[1])
     for k in range(t.size):
         for i in range(nx):
