@@ -23,7 +23,7 @@ from joblib import Parallel, delayed
 
 import sklearn_pgnn
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, datasets, effects, systems
-from sklearn_pgnn.diagnosis.hypothesis import same_parameter
+from sklearn_pgnn.estimation.hypothesis import same_parameter
 
 TABLES = Path(__file__).parent.parent / "docs" / "tables"
 #: diagnoses of records in which nothing is hidden, for every system, noise and seed

@@ -182,7 +182,7 @@ def leaves_noise(diagnosis):
 def judge_law(diagnosis, hidden):
     """Say what came of a hidden law that no cause of the catalogue is."""
     if diagnosis.verdict_ == "unexplained":
-        part = diagnosis.missing_
+        part = diagnosis.discrepancy_
         return "named" if part and part.target == hidden.effect.target else "missed"
     if diagnosis.causes_:
         return "wrong"

@@ -53,7 +53,7 @@ def main():
     space = model_selection.search_space(pipeline, layers=None, structure=None, horizon=None)
     print("searched:", ", ".join(space), flush=True)
     start = time.perf_counter()
-    folds = model_selection.TrajectorySplit(3)
+    folds = model_selection.TrajectoryKFold(3)
     search = BayesSearchCV(pipeline, space, n_iter=8, cv=folds, n_jobs=jobs, random_state=0)
     search.fit(X, y)
     print(f"{time.perf_counter() - start:.0f} s, best: {dict(search.best_params_)}")

@@ -17,7 +17,7 @@ from sklearn.model_selection import GridSearchCV
 from sklearn.pipeline import Pipeline
 
 from sklearn_pgnn import PhysicsModelTransformer, datasets, systems
-from sklearn_pgnn.model_selection import TrajectorySplit
+from sklearn_pgnn.model_selection import TrajectoryKFold
 from sklearn_pgnn.preprocessing import physics_model_transformer
 
 CANDIDATES, FOLDS, REPEATS = 10, 3, 2
@@ -30,7 +30,7 @@ def search(steps, memory=None):
     """Prepare a search over Ridge's penalty."""
     pipeline = Pipeline([*steps, ("ridge", Ridge())], memory=memory)
     grid = {"ridge__alpha": np.logspace(-6, 3, CANDIDATES)}
-    return GridSearchCV(pipeline, grid, cv=TrajectorySplit(FOLDS))
+    return GridSearchCV(pipeline, grid, cv=TrajectoryKFold(FOLDS))
 
 
 def plain(physics, X, y):

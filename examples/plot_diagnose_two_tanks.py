@@ -29,7 +29,7 @@ print("hidden was:", machine.effect)
 
 # %%
 # What could be the cause, and how much error power each suspect leaves alone:
-for effect, target, left in diagnosis.tried_:
+for effect, target, left in diagnosis.candidates_:
     print(f"{effect:20} {target:8} {100 * left:6.1f} %")
 
 # %%

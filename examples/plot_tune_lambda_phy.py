@@ -34,7 +34,7 @@ with tempfile.TemporaryDirectory() as memory:
     space = model_selection.search_space(
         pipeline, layers=None, lr=None, structure=None, horizon=None, neurons=(3, 8)
     )
-    folds = model_selection.TrajectorySplit(2)
+    folds = model_selection.TrajectoryKFold(2)
     search = BayesSearchCV(pipeline, space, n_iter=4, cv=folds, random_state=0).fit(X, y)
 
 results = zip(search.cv_results_["params"], search.cv_results_["mean_test_score"], strict=True)

@@ -9,7 +9,7 @@ from sklearn.exceptions import NotFittedError
 
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects
 from sklearn_pgnn.diagnosis import beyond, fitting, model_diagnosis, progress
-from sklearn_pgnn.diagnosis.progress import Progress, TimeIsUp
+from sklearn_pgnn.estimation.progress import Progress, TimeIsUp
 from sklearn_pgnn.inspection.report import render_report
 from sklearn_pgnn.inspection.words import unusable_sentence, verdict_sentence
 from sklearn_pgnn.physics.effect import Effect, quantity
@@ -114,7 +114,7 @@ def test_a_suspect_whose_slopes_explode_is_unusable_and_the_search_goes_on(capfd
     assert lost == ("chaotic", "v")
     assert "made of rounding in" in diagnosis.unusable_[0].reason
     assert capfd.readouterr().err == ""  # LAPACK complains there
-    assert not any(tried.effect == "chaotic" for tried in diagnosis.tried_)
+    assert not any(tried.effect == "chaotic" for tried in diagnosis.candidates_)
 
 
 def test_a_record_on_which_a_suspect_broke_down_gets_its_verdict(real_data, capfd):
@@ -214,7 +214,7 @@ def test_a_bug_in_a_suspect_is_raised_and_the_best_so_far_is_kept(monkeypatch, e
         diagnosis.fit(*records())
     assert diagnosis.verdict_ == "unexplained"
     assert diagnosis.stopped_ == f"unexpected {type(error).__name__}: {error}, at 'cause 1'"
-    assert [tried.effect for tried in diagnosis.tried_] == ["coulomb_friction"]
+    assert [tried.effect for tried in diagnosis.candidates_] == ["coulomb_friction"]
     assert diagnosis.to_dict()["stopped"] == diagnosis.stopped_
     assert verdict_sentence(diagnosis).startswith(f"Ended early ({diagnosis.stopped_})")
     assert "no cause was found yet" in render_report(diagnosis)
@@ -224,7 +224,7 @@ def test_a_cause_that_was_found_is_kept_where_the_program_fails_later(monkeypatc
     def breaking(*args):
         raise Bug("what now")
 
-    monkeypatch.setattr(fitting.Fitter, "polish", breaking)
+    monkeypatch.setattr(fitting.HypothesisFitter, "polish", breaking)
     diagnosis = ModelDiagnosis(CART, catalogue=SUSPECTS)
     with pytest.raises(Bug):
         diagnosis.fit(*records())

@@ -15,7 +15,7 @@ from sklearn_pgnn import PhysicsModel, __version__, effects
 from sklearn_pgnn.cli import main
 from sklearn_pgnn.cli.output import result_folder, strict_json
 from sklearn_pgnn.cli.screen import described_files
-from sklearn_pgnn.diagnosis.record_flaws import Finding
+from sklearn_pgnn.record_quality.flaws import Finding
 
 pytestmark = pytest.mark.core
 
@@ -174,7 +174,7 @@ def test_faults_of_the_records_are_told_before_the_verdict(tmp_path, monkeypatch
     ],
 )
 def test_the_model_file_is_called_what_it_is(causes, missing, said):
-    diagnosis = SimpleNamespace(causes_=causes, missing_=missing)
+    diagnosis = SimpleNamespace(causes_=causes, discrepancy_=missing)
     assert described_files(diagnosis)["extended_model.yaml"].startswith(said)
 
 

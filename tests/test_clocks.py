@@ -8,9 +8,9 @@ import pytest
 
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, PhysicsModelRegressor, effects
 from sklearn_pgnn.datasets import make_hidden_effect
-from sklearn_pgnn.diagnosis.record_flaws import find_gaps
-from sklearn_pgnn.diagnosis.setting import make_setting
+from sklearn_pgnn.estimation.problem import build_problem
 from sklearn_pgnn.exceptions import RecordWarning
+from sklearn_pgnn.record_quality.flaws import find_gaps
 from sklearn_pgnn.simulation.record_windows import without_gaps
 from sklearn_pgnn.systems import cart_on_spring
 from sklearn_pgnn.trajectories import read_records
@@ -111,8 +111,8 @@ def at_random(X, y):
 @pytest.mark.parametrize("sampled", [every_second, at_random, paused, absolute_and_apart])
 def test_the_scales_of_signals_do_not_depend_on_how_they_are_sampled(cart, sampled):
     prior, X, y = cart
-    expected = make_setting(prior, read_records(prior, X, y)).scales
-    found = make_setting(prior, without_gaps(read_records(prior, *sampled(X, y)))).scales
+    expected = build_problem(prior, read_records(prior, X, y)).scales
+    found = build_problem(prior, without_gaps(read_records(prior, *sampled(X, y)))).scales
     for state, rate in expected.rate.items():
         assert found.rate[state] == pytest.approx(rate, rel=0.02), state
     assert found.duration == pytest.approx(expected.duration, rel=0.01)

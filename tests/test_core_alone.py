@@ -30,7 +30,7 @@ diagnosis = ModelDiagnosis(hidden.prior, catalogue=(CoulombFriction,)).fit(hidde
 diagnosis.extended_model_.to_yaml("model.yaml")
 diagnosis.to_html("report.html")
 diagnosis.plot().figure_.savefig("picture.png")
-print(diagnosis.verdict_, *diagnosis.missing_.effect.terms)
+print(diagnosis.verdict_, *diagnosis.discrepancy_.effect.terms)
 """
     result = run(program, tmp_path)
     assert result.returncode == 0, result.stderr

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects, systems
 from sklearn_pgnn.cli.screen import tell
 from sklearn_pgnn.datasets import make_hidden_effect, make_two_tanks
-from sklearn_pgnn.diagnosis.record_flaws import (
+from sklearn_pgnn.record_quality.flaws import (
     Signal,
     find_clipping,
     find_gaps,

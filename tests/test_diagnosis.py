@@ -20,20 +20,20 @@ from sklearn.base import clone
 
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects, systems
 from sklearn_pgnn.datasets import make_hidden_effect, make_two_tanks
-from sklearn_pgnn.diagnosis.fitting import Fitter
-from sklearn_pgnn.diagnosis.hypothesis import (
+from sklearn_pgnn.diagnosis.judge import Judge, Rules
+from sklearn_pgnn.diagnosis.pairs import foretell_pairs
+from sklearn_pgnn.estimation.fitting import HypothesisFitter
+from sklearn_pgnn.estimation.hypothesis import (
     held_parameters,
     possible_causes,
     same_causes,
     same_parameter,
 )
-from sklearn_pgnn.diagnosis.judge import Judge, Rules
-from sklearn_pgnn.diagnosis.lines import tones_left
-from sklearn_pgnn.diagnosis.pairs import foretell_pairs
-from sklearn_pgnn.diagnosis.setting import make_setting
+from sklearn_pgnn.estimation.problem import build_problem
+from sklearn_pgnn.estimation.spectral_lines import tones_left
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.inspection.words import separation_sentence, verdict_sentence
-from sklearn_pgnn.simulation.windows import Windows
+from sklearn_pgnn.simulation.windows import ShootingWindows
 from sklearn_pgnn.trajectories import read_records
 
 RECORDS = {"n_records": 6, "sample_rate": 100.0}
@@ -309,7 +309,7 @@ def test_fit_changes_nothing_it_was_given(friction):
 def test_the_catalogue_and_the_targets_can_be_narrowed(friction):
     hidden, _ = friction
     diagnosis = diagnose(hidden, catalogue=[effects.CoulombFriction, effects.InputBias])
-    suspects = [(tried.effect, tried.target) for tried in diagnosis.tried_]
+    suspects = [(tried.effect, tried.target) for tried in diagnosis.candidates_]
     assert suspects == [("coulomb_friction", "omega"), ("input_bias", "torque")]
 
 
@@ -365,8 +365,8 @@ def test_the_two_causes_that_explain_most_together_are_foretold():
     cart = systems.cart_on_spring()
     truth = (effects.QuadraticDrag("v", 0.6), effects.ConstantLoad("v", 0.8))
     hidden = make_hidden_effect(cart, truth, random_state=SEED, **RIGS[systems.cart_on_spring])
-    setting = make_setting(hidden.prior, read_records(hidden.prior, hidden.X, hidden.y))
-    fitter = Fitter(setting)
+    problem = build_problem(hidden.prior, read_records(hidden.prior, hidden.X, hidden.y))
+    fitter = HypothesisFitter(problem)
     ground = fitter.sketch(fitter.base())
     kinds = (
         effects.QuadraticDrag,
@@ -383,7 +383,7 @@ def test_the_two_causes_that_explain_most_together_are_foretold():
 def test_thinned_windows_hold_the_mean_of_the_inputs():
     t, u = np.arange(10.0), np.arange(10.0)[:, None]
     bounds = np.array([0, 10])
-    windows = Windows(t, u, u, bounds, np.array([0, 5]), np.array([5, 5]), np.ones(1))
+    windows = ShootingWindows(t, u, u, bounds, np.array([0, 5]), np.array([5, 5]), np.ones(1))
     thin = windows.thin(2)
     np.testing.assert_array_equal(thin.t, [0, 2, 4, 5, 7, 9])
     np.testing.assert_array_equal(thin.u[:, 0], [0.5, 2.5, 4.0, 5.5, 7.5, 9.0])
@@ -443,8 +443,8 @@ def test_an_interval_tells_how_far_the_held_friction_of_the_model_may_be_off():
 )
 def test_what_diverges_on_held_out_windows_is_worse_than_what_does_not(worse, better, gained):
     hidden = make_hidden_effect(n_records=2, duration=3, sample_rate=50, random_state=0)
-    setting = make_setting(hidden.prior, read_records(hidden.prior, hidden.X, hidden.y))
-    judge = Judge(Fitter(setting), Rules())
+    problem = build_problem(hidden.prior, read_records(hidden.prior, hidden.X, hidden.y))
+    judge = Judge(HypothesisFitter(problem), Rules())
     errors = {"before": np.array([2.0, worse]), "after": np.array([1.0, better])}
     judge._held_out = errors.get
     assert judge.is_gain("before", "after") is gained
@@ -456,22 +456,22 @@ def test_ways_through_zero_are_fitted_with_either_sign(seed):
     cart = systems.cart_on_spring()
     options = {"n_records": 3, "sample_rate": 100.0, "random_state": seed}
     hidden = make_hidden_effect(cart, "sensor_rectification", **options)
-    setting = make_setting(hidden.prior, read_records(hidden.prior, hidden.X, hidden.y))
-    fitter = Fitter(setting)
+    problem = build_problem(hidden.prior, read_records(hidden.prior, hidden.X, hidden.y))
+    fitter = HypothesisFitter(problem)
     base, cause = fitter.base(), (effects.SensorRectification, "position")
     sketch = fitter.settle(fitter.look(fitter.sketch(base), cause))
-    assert fitter.complete(sketch, base).squares < 1.1 * setting.n_samples < 0.1 * base.squares
+    assert fitter.complete(sketch, base).squares < 1.1 * problem.n_samples < 0.1 * base.squares
 
 
 @pytest.mark.parametrize("frequency", [0.83, 7.3, 23.1])
 def test_a_tone_in_what_is_left_is_heard_through_noise_of_four_times_its_power(frequency):
     hidden = make_hidden_effect(n_records=3, duration=8, sample_rate=60, random_state=0)
-    setting = make_setting(hidden.prior, read_records(hidden.prior, hidden.X, hidden.y))
-    t = setting.windows.t
+    problem = build_problem(hidden.prior, read_records(hidden.prior, hidden.X, hidden.y))
+    t = problem.windows.t
     noise = np.random.default_rng(0).standard_normal(t.size) * np.sqrt(2)
     left = np.sin(2 * np.pi * frequency * t) + noise
     left[::7] = np.nan
-    tones = np.array(tones_left(setting.windows, left[:, None]))
+    tones = np.array(tones_left(problem.windows, left[:, None]))
     assert np.abs(tones - frequency).min() < 1 / 8
 
 

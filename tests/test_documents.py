@@ -132,7 +132,7 @@ SHORTER = {
     "ModelDiagnosis(golf)": "ModelDiagnosis(golf, catalogue=['stribeck_friction'])",
     "ModelDiagnosis(hidden.prior)": "ModelDiagnosis(hidden.prior, catalogue=['coulomb_friction'])",
     "n_iter=8": "n_iter=1",
-    "TrajectorySplit(3)": "TrajectorySplit(2)",
+    "TrajectoryKFold(3)": "TrajectoryKFold(2)",
     "make_pgnn_pipeline(golf, ": f"make_pgnn_pipeline(golf, {BRIEF}, ",
     "PGNNLRegressor(golf, ": f"PGNNLRegressor(golf, {BRIEF}, ",
     "verify=True": "effects=[effects.CoulombFriction]",

@@ -17,7 +17,7 @@ from sklearn.utils.estimator_checks import parametrize_with_checks
 from sklearn_pgnn import PhysicsModelRegressor, PhysicsModelTransformer, datasets, systems
 from sklearn_pgnn.estimators.residual_regressor import ResidualRegressor
 from sklearn_pgnn.exceptions import RecordError
-from sklearn_pgnn.model_selection import TrajectorySplit
+from sklearn_pgnn.model_selection import TrajectoryKFold
 
 GOLF = systems.golf_robot()
 STATES = list(GOLF.states)
@@ -60,10 +60,10 @@ def behind_physics(regressor):
 @pytest.mark.parametrize("regressor", [FOREST, Ridge()], ids=["forest", "ridge"])
 def test_any_regressor_stands_behind_the_physics(golf, regressor):
     X, y = golf
-    scores = cross_val_score(behind_physics(regressor), X, y, cv=TrajectorySplit(3))
+    scores = cross_val_score(behind_physics(regressor), X, y, cv=TrajectoryKFold(3))
     assert scores.min() > 0.8
     without = X[["t", "torque"]]  # what the simulation adds is what makes it good
-    alone = cross_val_score(regressor, without, y, cv=TrajectorySplit(3))
+    alone = cross_val_score(regressor, without, y, cv=TrajectoryKFold(3))
     assert scores.min() > alone.max() + 0.2
 
 
@@ -77,7 +77,7 @@ def test_any_regressor_stands_behind_the_physics(golf, regressor):
 )
 def test_grid_search(golf, regressor, grid):
     X, y = golf
-    search = GridSearchCV(behind_physics(regressor), grid, cv=TrajectorySplit(3)).fit(X, y)
+    search = GridSearchCV(behind_physics(regressor), grid, cv=TrajectoryKFold(3)).fit(X, y)
     (name, values) = next(iter(grid.items()))
     assert search.best_params_[name] == values[0]
     assert search.predict(X).shape == y.shape
@@ -92,7 +92,7 @@ def test_halving_search_saves_trees_instead_of_samples(golf):
         min_resources=3,
         max_resources=12,
         factor=2,
-        cv=TrajectorySplit(3),
+        cv=TrajectoryKFold(3),
         random_state=0,
     ).fit(X, y)
     assert search.n_resources_ == [3, 6, 12]
@@ -106,7 +106,7 @@ def test_halving_search_by_samples_is_refused_not_misread(golf):
         {"ridge__alpha": loguniform(1e-6, 1e3)},
         resource="n_samples",
         min_resources=300,
-        cv=TrajectorySplit(3),
+        cv=TrajectoryKFold(3),
         random_state=0,
         error_score="raise",
     )
@@ -181,5 +181,5 @@ def test_search_may_choose_whether_to_simulate(golf):
     X, y = golf
     grid = {"physicsmodeltransformer__model": [None, GOLF]}
     X = X[["t", "torque"]]
-    search = GridSearchCV(behind_physics(Ridge()), grid, cv=TrajectorySplit(3)).fit(X, y)
+    search = GridSearchCV(behind_physics(Ridge()), grid, cv=TrajectoryKFold(3)).fit(X, y)
     assert search.best_params_["physicsmodeltransformer__model"] is GOLF

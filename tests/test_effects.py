@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from sklearn_pgnn import PhysicsModel, effects, systems
-from sklearn_pgnn.diagnosis.lines import find_lines
-from sklearn_pgnn.diagnosis.setting import make_setting
+from sklearn_pgnn.estimation.problem import build_problem
+from sklearn_pgnn.estimation.spectral_lines import find_lines
 from sklearn_pgnn.trajectories import read_records
 
 pytestmark = pytest.mark.core
@@ -119,17 +119,17 @@ def test_a_disturbance_is_found_in_the_spectrum_of_what_is_missing():
     shaken = block() + effects.PeriodicDisturbance("v", sine=1.0, frequency=1.7)
     F = 2 * np.sin(0.9 * T) + np.sin(2.3 * T)
     x = shaken.simulate(T, F).y[:, 0] + 1e-4 * np.random.default_rng(0).standard_normal(T.size)
-    setting = make_setting(block(), read_records(block(), np.column_stack([T, F]), x))
-    estimate = setting.states.estimate(block())
-    tones, _ = find_lines(block(), setting.windows, estimate.x)
+    problem = build_problem(block(), read_records(block(), np.column_stack([T, F]), x))
+    estimate = problem.states.estimate(block())
+    tones, _ = find_lines(block(), problem.windows, estimate.x)
     assert min(abs(tone - 1.7) for tone in tones["v"]) < 0.06
-    assert setting.scales.tones == tones
+    assert problem.scales.tones == tones
 
 
 @pytest.mark.parametrize("kind", [effects.ActuatorLag, effects.InputRateLimit])
 def test_the_fastest_actuator_a_fit_may_try_is_stable_in_a_step_a_sample(kind):
     model = lag()
-    ground = make_setting(model, read_records(model, np.column_stack([T, np.sin(T)]), np.sin(T)))
+    ground = build_problem(model, read_records(model, np.column_stack([T, np.sin(T)]), np.sin(T)))
     fastest = kind.limits("u", model, ground.scales)["time_constant"][0]
     step = np.median(np.diff(T))
     z = -step / fastest

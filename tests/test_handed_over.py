@@ -167,8 +167,8 @@ def test_a_formula_without_a_name_is_handed_over_with_its_setting():
     diagnosis = ModelDiagnosis(hidden.prior, catalogue=[effects.CubicStiffness]).fit(
         hidden.X, hidden.y
     )
-    assert diagnosis.missing_.effect.terms == ("v*x**2",)
-    assert dict(diagnosis.missing_.model.simulation) == {"hold": "foh", "substeps": 3}
+    assert diagnosis.discrepancy_.effect.terms == ("v*x**2",)
+    assert dict(diagnosis.discrepancy_.model.simulation) == {"hold": "foh", "substeps": 3}
 
 
 def test_a_free_run_that_runs_away_is_null_and_has_words():

@@ -8,10 +8,10 @@ import pandas as pd
 import pytest
 
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, PhysicsModelRegressor, effects
-from sklearn_pgnn.diagnosis.fitting import MOST_HELD_OUT, make_folds
 from sklearn_pgnn.diagnosis.ground import fit_window_length, look_further
 from sklearn_pgnn.diagnosis.result import measure_gain
-from sklearn_pgnn.diagnosis.setting import LEAST_WINDOWS, longer, make_setting
+from sklearn_pgnn.estimation.fitting import MOST_HELD_OUT, make_folds
+from sklearn_pgnn.estimation.problem import LEAST_WINDOWS, build_problem, longer
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.simulation.record_windows import MIN_SAMPLES, MIN_WINDOWS, window_length
 from sklearn_pgnn.trajectories import read_records
@@ -33,9 +33,9 @@ def drive(sizes, steps=None, cart=CART, noise=1e-3):
     return pd.concat(X, ignore_index=True), np.concatenate(y)
 
 
-def setting_of(sizes, steps=None, **options):
+def problem_of(sizes, steps=None, **options):
     X, y = drive(sizes, steps)
-    return make_setting(CART, read_records(CART, X, y), **options)
+    return build_problem(CART, read_records(CART, X, y), **options)
 
 
 # -- enough windows --------------------------------------------------------------------------------
@@ -46,28 +46,28 @@ def setting_of(sizes, steps=None, **options):
     "sizes", [(160,), (600,), (3000,), (80, 80), (500, 500), (1000, 90), (200,) * 3, (300,) * 7]
 )
 def test_windows_are_never_fewer_than_eight(sizes, hold):
-    fitter = fit_window_length(setting_of(sizes, hold=hold))
-    assert len(fitter.setting.windows) >= MIN_WINDOWS
-    assert fitter.setting.windows.lengths.sum() == sum(sizes)
+    fitter = fit_window_length(problem_of(sizes, hold=hold))
+    assert len(fitter.problem.windows) >= MIN_WINDOWS
+    assert fitter.problem.windows.lengths.sum() == sum(sizes)
     further = look_further(fitter)
-    assert further is None or len(further.setting.windows) >= MIN_WINDOWS
+    assert further is None or len(further.problem.windows) >= MIN_WINDOWS
 
 
 def test_windows_grow_until_eight_are_left():
-    setting = setting_of((3000,))
-    while (further := longer(setting)) is not None:
-        assert further.scales.window > setting.scales.window
-        setting = further
-    assert len(setting.windows) == MIN_WINDOWS
+    problem = problem_of((3000,))
+    while (further := longer(problem)) is not None:
+        assert further.scales.window > problem.scales.window
+        problem = further
+    assert len(problem.windows) == MIN_WINDOWS
 
 
 @pytest.mark.parametrize(
     "sizes", [(80,), (100,), (3000,), (40, 60), (1000, 40), (3000, 20, 20, 20, 20), (500,) * 6]
 )
 def test_every_fold_is_judged_by_enough_others(sizes):
-    setting = setting_of(sizes)
-    folds = make_folds(setting)
-    count = len(setting.windows)
+    problem = problem_of(sizes)
+    folds = make_folds(problem)
+    count = len(problem.windows)
     assert count >= LEAST_WINDOWS
     held_out = np.bincount(folds)
     assert 2 <= held_out.size <= count
@@ -76,8 +76,8 @@ def test_every_fold_is_judged_by_enough_others(sizes):
 
 
 def test_folds_are_whole_records_where_these_are_alike():
-    setting = setting_of((500, 600, 550))
-    np.testing.assert_array_equal(make_folds(setting), setting.windows.record)
+    problem = problem_of((500, 600, 550))
+    np.testing.assert_array_equal(make_folds(problem), problem.windows.record)
 
 
 @pytest.mark.parametrize("sizes", [(79,), (39, 39, 39), (19,) * 5])
@@ -112,8 +112,8 @@ def test_a_length_that_is_asked_for_is_kept_to(window):
 
 
 def test_a_length_is_one_in_seconds_whatever_the_clock():
-    setting = setting_of((1000, 1500), (0.03, 0.02), window=2.0)
-    windows = setting.windows
+    problem = problem_of((1000, 1500), (0.03, 0.02), window=2.0)
+    windows = problem.windows
     seconds = windows.lengths * np.where(windows.record == 0, 0.03, 0.02)
     last = np.append(np.diff(windows.record) > 0, True)
     np.testing.assert_allclose(seconds[~last], 2.0, atol=0.02)
@@ -186,16 +186,16 @@ def test_a_hardening_spring_at_nine_samples_a_period_is_named_and_its_error_is_t
 
 def test_the_interval_of_the_gain_resamples_windows_and_not_their_pieces(monkeypatch):
     """Windows that are all alike leave no doubt, however much their pieces differ."""
-    setting = setting_of((1600,), window=4.0)
-    setting = replace(setting, windows=replace(setting.windows, pieces=2))
-    count = len(setting.windows)
+    problem = problem_of((1600,), window=4.0)
+    problem = replace(problem, windows=replace(problem.windows, pieces=2))
+    count = len(problem.windows)
 
     def squares(early, late):
         return np.tile([[[100.0 * early], [100.0 * late]]], (count, 1, 1))
 
     before, after = squares(9.0, 1.5), squares(1.0, 1.2)
-    fitter = SimpleNamespace(setting=setting, prior=None, held_out=lambda trial, folds: after)
-    monkeypatch.setattr("sklearn_pgnn.diagnosis.result.piece_squares", lambda *_: before)
+    fitter = SimpleNamespace(problem=problem, prior=None, held_out=lambda trial, folds: after)
+    monkeypatch.setattr("sklearn_pgnn.diagnosis.result.block_squares", lambda *_: before)
     outcome = SimpleNamespace(base=None, final=None, noise=np.zeros(1))
     gain = measure_gain(fitter, outcome, np.zeros(count), np.random.default_rng(0))["v"]
     assert gain.low == pytest.approx(gain.explained_share) == gain.high

@@ -6,11 +6,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, PhysicsModelRegressor, effects, systems
-from sklearn_pgnn.diagnosis.data_quality import clipped_outputs
-from sklearn_pgnn.diagnosis.fitting import Fitter
 from sklearn_pgnn.diagnosis.ground import look_further
-from sklearn_pgnn.diagnosis.setting import make_setting
+from sklearn_pgnn.estimation.fitting import HypothesisFitter
+from sklearn_pgnn.estimation.problem import build_problem
 from sklearn_pgnn.physics.expressions import symbol
+from sklearn_pgnn.record_quality.checks import clipped_outputs
 from sklearn_pgnn.trajectories import read_records
 
 VALUES = {"k1": 0.05, "k2": 0.05, "k3": 0.055, "k4": 0.045}
@@ -42,8 +42,8 @@ def record(*hidden, end=np.inf, seed=0):
     return np.c_[t, u], np.minimum(y + 0.02 * rng.standard_normal(t.size), end)
 
 
-def setting_of(model, X, y):
-    return make_setting(model, read_records(model, X, y))
+def problem_of(model, X, y):
+    return build_problem(model, read_records(model, X, y))
 
 
 def test_an_unseen_level_is_not_taken_to_start_empty():
@@ -61,7 +61,7 @@ def test_nor_is_it_where_the_parameters_alone_are_sought():
 def test_what_is_told_of_the_start_stays():
     X, y = record()
     told = np.c_[X, np.full((len(X), 2), [0.5, np.nan])]
-    start = setting_of(tanks(OFF), told, y).states.starts[0]
+    start = problem_of(tanks(OFF), told, y).states.starts[0]
     assert start["x1"] == 0.5
 
 
@@ -69,7 +69,7 @@ def test_where_the_model_itself_says_how_it_starts_nothing_changes():
     model = systems.two_tanks()
     t = np.arange(600.0)
     X = np.c_[t, 3.0 + np.sin(t / 20)]
-    start = setting_of(model, X, model.simulate(t, X[:, 1]).y).states.starts[0]
+    start = problem_of(model, X, model.simulate(t, X[:, 1]).y).states.starts[0]
     assert np.isnan(start["x1"])
 
 
@@ -78,7 +78,7 @@ def test_nor_where_no_output_depends_on_the_state():
     model = PhysicsModel({"v": "m/s", "work": "J"}, clock, {"T": 2.0}, {"F": "N"}, {"y": "v"})
     t = np.arange(0, 60, 0.1)
     X = np.c_[t, np.sin(t)]
-    start = setting_of(model, X, model.simulate(t, X[:, 1]).y[:, :1]).states.starts[0]
+    start = problem_of(model, X, model.simulate(t, X[:, 1]).y[:, :1]).states.starts[0]
     assert np.isnan(start["work"])
 
 
@@ -107,19 +107,19 @@ def test_a_sensor_that_is_seen_to_end_is_named_beside_what_explains_more():
 
 @pytest.mark.parametrize(("end", "seen"), [(9.5, ("y",)), (np.inf, ())])
 def test_standing_still_amid_noise_is_the_sensors_end(end, seen):
-    assert clipped_outputs(setting_of(tanks(OFF), *record(end=end))) == seen
+    assert clipped_outputs(problem_of(tanks(OFF), *record(end=end))) == seen
 
 
 def test_a_level_at_its_rim_is_not_the_sensors_end():
     rim = effects.StateLimit("x2", limit=7.0, steepness=0.25)
-    assert clipped_outputs(setting_of(tanks(OFF), *record(rim))) == ()
+    assert clipped_outputs(problem_of(tanks(OFF), *record(rim))) == ()
 
 
 def test_a_further_look_forgets_where_the_unseen_level_started():
-    setting = setting_of(tanks(OFF), *record())
+    problem = problem_of(tanks(OFF), *record())
     slow = 2 * np.sqrt(6.0) / OFF["k1"]
-    further = look_further(Fitter(setting)).setting
-    assert setting.scales.window < 3 * slow
+    further = look_further(HypothesisFitter(problem)).problem
+    assert problem.scales.window < 3 * slow
     assert 3 * slow < further.scales.window <= 4096 / 8
 
 
@@ -127,7 +127,7 @@ def test_there_is_no_further_look_where_every_state_is_seen():
     cart = systems.cart_on_spring()
     t = np.arange(0, 20, 0.01)
     X = np.c_[t, 10 * np.sin(t)]
-    assert look_further(Fitter(setting_of(cart, X, cart.simulate(t, X[:, 1]).y))) is None
+    assert look_further(HypothesisFitter(problem_of(cart, X, cart.simulate(t, X[:, 1]).y))) is None
 
 
 @given(level=st.floats(0.0, 10.0), pump=st.floats(0.0, 8.0), share=st.floats(0.0, 2.0))

@@ -19,6 +19,8 @@ FLOORS = (
     {"simulation"},
     {"preprocessing", "estimators", "model_selection"},
     {"network", "pipeline"},
+    {"estimation"},
+    {"record_quality"},
     {"diagnosis"},
     {"inspection"},
     {"export", "datasets"},

@@ -19,7 +19,7 @@ from sklearn_pgnn import (
     datasets,
     systems,
 )
-from sklearn_pgnn.model_selection import TrajectorySplit
+from sklearn_pgnn.model_selection import TrajectoryKFold
 from sklearn_pgnn.trajectories import read_records
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
 
@@ -67,7 +67,7 @@ def test_a_scaler_before_a_simulation_is_refused(estimator, scaler):
 
 
 @pytest.mark.parametrize("scaler", [StandardScaler(), RobustScaler()], ids=["standard", "robust"])
-@pytest.mark.parametrize("cv", [TrajectorySplit(3), KFold(3)], ids=["trajectories", "rows"])
+@pytest.mark.parametrize("cv", [TrajectoryKFold(3), KFold(3)], ids=["trajectories", "rows"])
 def test_folds_of_a_scaled_array_are_refused(scaler, cv):
     scaled = scaler.fit_transform(X)
     network = PGNNLRegressor(LAG, **NETWORK)

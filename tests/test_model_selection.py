@@ -22,13 +22,13 @@ from skopt.space import Categorical, Integer, Real
 from sklearn_pgnn import PhysicsModelTransformer, datasets, systems
 from sklearn_pgnn.estimators.residual_regressor import ResidualRegressor
 from sklearn_pgnn.model_selection import (
-    TrajectorySplit,
+    TrajectoryKFold,
     pareto_front,
     search_space,
     train_validation_test_split,
 )
 from sklearn_pgnn.model_selection.pareto_front import _not_dominated
-from sklearn_pgnn.model_selection.pieces import deal_in_order
+from sklearn_pgnn.model_selection.trajectory_rows import deal_in_order
 from sklearn_pgnn.preprocessing import physics_model_transformer
 from sklearn_pgnn.trajectories import split_rows
 
@@ -55,7 +55,7 @@ def trajectories_of(rows, lengths):
 LENGTHS = st.lists(st.integers(1, 40), min_size=2, max_size=12)
 
 
-# -- TrajectorySplit -------------------------------------------------------------------------------
+# -- TrajectoryKFold -------------------------------------------------------------------------------
 
 
 @given(lengths=LENGTHS, data=st.data())
@@ -63,7 +63,7 @@ def test_folds_are_whole_complete_and_balanced(lengths, data):
     n_splits = data.draw(st.integers(2, len(lengths)))
     shuffle, named = data.draw(st.booleans()), data.draw(st.booleans())
     X, y = records(lengths, named)
-    splitter = TrajectorySplit(n_splits, shuffle=shuffle, random_state=0)
+    splitter = TrajectoryKFold(n_splits, shuffle=shuffle, random_state=0)
     folds = list(splitter.split(X, y))
     assert len(folds) == splitter.get_n_splits(X, y) == n_splits
     tested = []
@@ -92,14 +92,14 @@ def test_trajectories_are_dealt_nearest_to_the_shares(lengths, shares, expected)
 
 def test_tables_arrays_and_groups_tell_the_same_folds():
     X, y = records([30, 20, 25, 10, 40, 30])
-    splitter = TrajectorySplit(3)
+    splitter = TrajectoryKFold(3)
     expected = [test.tolist() for _, test in splitter.split(X, y)]
     moved = X[["u", "t"]].to_numpy()
     ways = (
         splitter.split(X.drop(columns="trajectory"), y),
         splitter.split(X[["t", "u"]].to_numpy(), y.to_numpy()),
-        TrajectorySplit(3, time=1).split(moved),
-        TrajectorySplit(3, time="clock").split(X[["t", "u"]].rename(columns={"t": "clock"})),
+        TrajectoryKFold(3, time=1).split(moved),
+        TrajectoryKFold(3, time="clock").split(X[["t", "u"]].rename(columns={"t": "clock"})),
         splitter.split(X[["u"]], groups=X["trajectory"]),
         splitter.split(X.assign(trajectory=0), groups=X["trajectory"]),
     )
@@ -110,7 +110,7 @@ def test_tables_arrays_and_groups_tell_the_same_folds():
 def test_rows_of_trajectories_may_be_interleaved():
     X, _ = records([20, 20, 20])
     mixed = X.iloc[np.argsort(X["t"].to_numpy(), kind="stable")]
-    for train, test in TrajectorySplit(3).split(mixed):
+    for train, test in TrajectoryKFold(3).split(mixed):
         apart = set(mixed["trajectory"].iloc[train]) & set(mixed["trajectory"].iloc[test])
         assert not apart
         assert len(test) == 20
@@ -120,7 +120,7 @@ def test_only_shuffling_draws():
     X, _ = records([10] * 12)
 
     def folds(**options):
-        return [test.tolist() for _, test in TrajectorySplit(4, **options).split(X)]
+        return [test.tolist() for _, test in TrajectoryKFold(4, **options).split(X)]
 
     assert folds() == folds(random_state=1)
     assert folds(shuffle=True, random_state=1) == folds(shuffle=True, random_state=1)
@@ -132,18 +132,18 @@ def test_too_few_trajectories_are_refused_with_a_remedy():
     X, _ = records([20, 20])
     text = r"got 3 folds and 2 trajectories. Remedy: n_splits=2, or more records"
     with pytest.raises(ValueError, match=text):
-        next(TrajectorySplit(3).split(X))
+        next(TrajectoryKFold(3).split(X))
     for n_splits in (1, 2.5, "3"):
         with pytest.raises(ValueError, match="n_splits: expected an integer above 1"):
-            next(TrajectorySplit(n_splits).split(X))
+            next(TrajectoryKFold(n_splits).split(X))
 
 
 def test_tables_without_a_clock_are_refused_with_a_remedy():
     X, _ = records([20, 20], names=False)
     with pytest.raises(ValueError, match=r"no time 't' among u. Remedy: name the time"):
-        next(TrajectorySplit(2).split(X[["u"]]))
+        next(TrajectoryKFold(2).split(X[["u"]]))
     with pytest.raises(ValueError, match="time is nan in row 3"):
-        next(TrajectorySplit(2).split(X.assign(t=X["t"].where(X.index != 3))))
+        next(TrajectoryKFold(2).split(X.assign(t=X["t"].where(X.index != 3))))
 
 
 def test_trajectories_that_would_merge_are_refused_with_a_remedy():
@@ -154,23 +154,23 @@ def test_trajectories_that_would_merge_are_refused_with_a_remedy():
     assert len(split_rows(t[kept])) == 1
     text = r"end in row 9 and begin in row 40 .* from 0.9 s to 2 s. Remedy: give X a column"
     with pytest.raises(ValueError, match=text):
-        list(TrajectorySplit(3).split(X))
+        list(TrajectoryKFold(3).split(X))
     named = X.assign(trajectory=np.repeat([0, 1, 2], [10, 30, 10]))
-    assert len(list(TrajectorySplit(3).split(named))) == 3
+    assert len(list(TrajectoryKFold(3).split(named))) == 3
 
 
 def test_scikit_learn_takes_the_splitter():
     X, y = datasets.make_golf_robot(sample_rate=100, duration=3)
     pipeline = make_pipeline(PhysicsModelTransformer(GOLF), Ridge())
-    scores = cross_val_score(pipeline, X, y, cv=TrajectorySplit(3))
+    scores = cross_val_score(pipeline, X, y, cv=TrajectoryKFold(3))
     halves = np.repeat([0, 1], len(X) // 2)
-    grouped = cross_val_score(pipeline, X, y, cv=TrajectorySplit(2), groups=halves)
+    grouped = cross_val_score(pipeline, X, y, cv=TrajectoryKFold(2), groups=halves)
     with sklearn.config_context(enable_metadata_routing=True):
-        assert np.array_equal(cross_val_score(pipeline, X, y, cv=TrajectorySplit(3)), scores)
-        routed = cross_val_score(pipeline, X, y, cv=TrajectorySplit(2), params={"groups": halves})
+        assert np.array_equal(cross_val_score(pipeline, X, y, cv=TrajectoryKFold(3)), scores)
+        routed = cross_val_score(pipeline, X, y, cv=TrajectoryKFold(2), params={"groups": halves})
     assert np.array_equal(routed, grouped)
-    assert repr(TrajectorySplit(3)) == (
-        "TrajectorySplit(n_splits=3, random_state=None, shuffle=False, time=None)"
+    assert repr(TrajectoryKFold(3)) == (
+        "TrajectoryKFold(n_splits=3, random_state=None, shuffle=False, time=None)"
     )
 
 
@@ -412,12 +412,12 @@ def test_bayesian_search_over_whole_trajectories():
     X, y = datasets.make_golf_robot(sample_rate=100, duration=3)
     pipeline = make_pipeline(PhysicsModelTransformer(GOLF), Ridge())
     space = search_space(pipeline, ridge__alpha=(1e-6, 1e6, "log-uniform"))
-    search = BayesSearchCV(pipeline, space, n_iter=4, cv=TrajectorySplit(3), random_state=0)
+    search = BayesSearchCV(pipeline, space, n_iter=4, cv=TrajectoryKFold(3), random_state=0)
     search.fit(X, y)
     tried = [candidate["ridge__alpha"] for candidate in search.cv_results_["params"]]
     assert len(set(tried)) == 4
     best = cross_val_score(
-        pipeline.set_params(**search.best_params_), X, y, cv=TrajectorySplit(3)
+        pipeline.set_params(**search.best_params_), X, y, cv=TrajectoryKFold(3)
     ).mean()
     assert best == pytest.approx(search.best_score_)
     assert search.best_score_ == max(search.cv_results_["mean_test_score"])
@@ -427,7 +427,7 @@ def test_bayesian_search_may_choose_no_physical_loss(capsys):
     X, _ = records([30] * 3)
     keep = dict.fromkeys(["neurons", "layers", "lr", "structure", "horizon"])
     search = BayesSearchCV(
-        Network(GOLF), search_space(Network(GOLF), **keep), n_iter=12, cv=TrajectorySplit(3),
+        Network(GOLF), search_space(Network(GOLF), **keep), n_iter=12, cv=TrajectoryKFold(3),
         random_state=0, verbose=1,
     ).fit(X, 2.0 * X["u"])  # fmt: skip
     tried = {candidate["lambda_phy"] for candidate in search.cv_results_["params"]}
@@ -442,7 +442,7 @@ def test_bayesian_search_takes_every_dimension_of_a_network():
         Network(GOLF),
         search_space(Network(GOLF)),
         n_iter=4,
-        cv=TrajectorySplit(3),
+        cv=TrajectoryKFold(3),
         random_state=0,
     ).fit(X, 2.0 * X["u"])
     assert set(search.best_params_) == set(search_space(Network(GOLF)))
@@ -461,7 +461,7 @@ def test_memory_saves_simulations_and_changes_no_score(tmp_path, monkeypatch):
     for memory in (None, str(tmp_path)):
         pipeline = make_pipeline(PhysicsModelTransformer(GOLF), Ridge(), memory=memory)
         tables.clear()
-        search = GridSearchCV(pipeline, {"ridge__alpha": [0.1, 1, 10, 100]}, cv=TrajectorySplit(3))
+        search = GridSearchCV(pipeline, {"ridge__alpha": [0.1, 1, 10, 100]}, cv=TrajectoryKFold(3))
         search.fit(X, y)
         found.append((search.cv_results_["mean_test_score"], sorted(tables)))
     assert np.array_equal(found[0][0], found[1][0])
@@ -522,7 +522,7 @@ def test_folds_are_pooled_and_never_torn():
     pooled = pareto_front(Network(), X, 2 * u, lambdas=(0.5,), cv=3)
     assert pooled["error"][0] == pytest.approx(0.5 * np.sqrt(np.mean(u**2)) / np.std(u))
     with joblib.parallel_config("threading"):
-        same = pareto_front(Network(), X, 2 * u, lambdas=(0.5,), cv=TrajectorySplit(3), n_jobs=2)
+        same = pareto_front(Network(), X, 2 * u, lambdas=(0.5,), cv=TrajectoryKFold(3), n_jobs=2)
     pd.testing.assert_frame_equal(pooled, same)
     with pytest.raises(ValueError, match="got 5 folds and 3 trajectories"):
         pareto_front(Network(), X, 2 * u)

@@ -27,7 +27,7 @@ from sklearn_pgnn import (
     network,
     systems,
 )
-from sklearn_pgnn.model_selection import TrajectorySplit, search_space
+from sklearn_pgnn.model_selection import TrajectoryKFold, search_space
 
 CART = systems.cart_on_spring()
 QUICK = {"max_epochs": 3, "module__neurons": 3, "refine_iterations": 5, "substeps": 1}
@@ -96,7 +96,7 @@ GUIDED = PLAIN | {
     f"{LOSS}._Energy.surplus",
 }
 FEED_FORWARD = f"{CORES}.FeedForward"
-RESULTS = ("Gain", "NamedCause", "RetunedParameter", "Suspect", "Tried")
+RESULTS = ("Gain", "NamedCause", "RetunedParameter", "Candidate", "Tried")
 #: what `skops.io.loads` must be told to trust, by estimator
 TRUSTED = {
     "PhysicsModelTransformer": {MODEL, TRANSFORMER},
@@ -114,21 +114,21 @@ TRUSTED = {
         MODEL,
         "sklearn_pgnn.diagnosis.free_run.FreeRunError",
         "sklearn_pgnn.diagnosis.model_diagnosis.ModelDiagnosis",
-        "sklearn_pgnn.diagnosis.record_flaws.Finding",
+        "sklearn_pgnn.record_quality.flaws.Finding",
         "sklearn_pgnn.diagnosis.separation.Experiment",
         "sklearn_pgnn.diagnosis.separation.Separation",
-        "sklearn_pgnn.diagnosis.setting.Setting",
+        "sklearn_pgnn.estimation.problem.EstimationProblem",
         "sklearn_pgnn.diagnosis.unexplained.MissingPart",
         "sklearn_pgnn.physics.effect.Scales",
         "sklearn_pgnn.physics.effects.formula.Formula",
         "sklearn_pgnn.simulation.state_estimate.StateEstimator",
         "sklearn_pgnn.simulation.state_estimate._SmoothedOutput",
-        "sklearn_pgnn.simulation.window_fit.Freedom",
+        "sklearn_pgnn.simulation.window_fit.ParameterPrior",
         "sklearn_pgnn.diagnosis.records.DiagnosisRecords",
         "sklearn_pgnn.diagnosis.records.FittedWindows",
         *(f"sklearn_pgnn.diagnosis.result.{name}" for name in RESULTS),
         "sklearn_pgnn.simulation.uncertainty.Estimate",
-        "sklearn_pgnn.simulation.windows.Windows",
+        "sklearn_pgnn.simulation.windows.ShootingWindows",
         *(f"{effect.__module__}.{effect.__name__}" for effect in EFFECTS),
     },
     "PGNNLRegressor": GUIDED | {FEED_FORWARD},
@@ -243,10 +243,10 @@ def test_skops_loads_the_same_in_another_process(fitted, tmp_path):
 def test_skops_keeps_all_that_a_diagnosis_says(fitted):
     io = pytest.importorskip("skops.io")
     diagnosis = fitted["ModelDiagnosis"]
-    assert diagnosis.causes_ or diagnosis.missing_
-    assert {tried.effect for tried in diagnosis.tried_} == {effect.id for effect in EFFECTS}
+    assert diagnosis.causes_ or diagnosis.discrepancy_
+    assert {tried.effect for tried in diagnosis.candidates_} == {effect.id for effect in EFFECTS}
     loaded = io.loads(io.dumps(diagnosis), trusted=sorted(TRUSTED["ModelDiagnosis"]))
-    assert loaded.tried_ == diagnosis.tried_
+    assert loaded.candidates_ == diagnosis.candidates_
     assert loaded.to_dict() == diagnosis.to_dict()
 
 
@@ -256,7 +256,7 @@ def test_search_survives(tmp_path):
     skopt = pytest.importorskip("skopt")
     pipeline = make_pgnn_pipeline(CART, structure="increment", **QUICK)
     space = search_space(pipeline, layers=None, structure=None, horizon=None)
-    search = skopt.BayesSearchCV(pipeline, space, n_iter=2, cv=TrajectorySplit(3), random_state=0)
+    search = skopt.BayesSearchCV(pipeline, space, n_iter=2, cv=TrajectoryKFold(3), random_state=0)
     search.fit(X, Y)
     joblib.dump(({"search": search}, X), tmp_path / "fitted.joblib")
     run_elsewhere(LOAD_ALL, tmp_path)

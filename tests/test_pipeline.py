@@ -24,7 +24,7 @@ from sklearn_pgnn import (
     systems,
 )
 from sklearn_pgnn.exceptions import SimulationWarning
-from sklearn_pgnn.model_selection import TrajectorySplit
+from sklearn_pgnn.model_selection import TrajectoryKFold
 
 GOLF = systems.golf_robot()
 QUICK = {"max_epochs": 4, "module__neurons": 4, "refine_iterations": 6, "substeps": 2}
@@ -200,10 +200,10 @@ def test_memory_keeps_the_simulation(golf, tmp_path):
 def test_scikit_learn_around_it(golf):
     X, y = golf
     pipeline = make_pgnn_pipeline(GOLF, **QUICK)
-    scores = cross_val_score(pipeline, X, y, cv=TrajectorySplit(2))
+    scores = cross_val_score(pipeline, X, y, cv=TrajectoryKFold(2))
     assert np.isfinite(scores).all()
     grid = {"network__structure": ["increment", "correction"]}
-    search = GridSearchCV(pipeline, grid, cv=TrajectorySplit(2)).fit(X, y)
+    search = GridSearchCV(pipeline, grid, cv=TrajectoryKFold(2)).fit(X, y)
     assert search.best_params_ == {"network__structure": "correction"}
 
 
@@ -224,7 +224,7 @@ def test_best_of_a_search_survives_in_a_fresh_process(golf, tmp_path):
             "network__lr": (1e-3, 3e-2, "log-uniform"),
             "network__lambda_phy": (0.0, 0.5),
         },
-        n_iter=3, cv=TrajectorySplit(2), random_state=0,
+        n_iter=3, cv=TrajectoryKFold(2), random_state=0,
     ).fit(X, y)  # fmt: skip
     assert np.isfinite(search.best_score_)
     joblib.dump((search.best_estimator_, X), tmp_path / "best.joblib")

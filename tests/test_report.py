@@ -12,7 +12,6 @@ import pandas as pd
 import pytest
 
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects, systems
-from sklearn_pgnn.diagnosis.record_flaws import Finding
 from sklearn_pgnn.diagnosis.result import Tried
 from sklearn_pgnn.inspection import DiagnosisDisplay, plot_diagnosis, write_report
 from sklearn_pgnn.inspection.balance import Samples, shown_states
@@ -20,6 +19,7 @@ from sklearn_pgnn.inspection.case import make_case
 from sklearn_pgnn.inspection.equations import PAGE, equations_of
 from sklearn_pgnn.inspection.evidence import find_evidence
 from sklearn_pgnn.inspection.report import render_report
+from sklearn_pgnn.record_quality.flaws import Finding
 
 INJECTED = "<script>alert(1)</script>"
 
@@ -148,7 +148,7 @@ def test_an_adequate_model_is_told_so(tmp_path):
 
 def test_a_suspect_that_makes_it_worse_has_no_percentage(friction):
     changed = copy(friction)
-    changed.tried_ = (Tried("sensor_rectification", "position", 207.99),)
+    changed.candidates_ = (Tried("sensor_rectification", "position", 207.99),)
     text = render_report(changed)
     assert "makes it worse" in text
     assert "20799" not in text

@@ -8,8 +8,8 @@ import pytest
 
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects, systems
 from sklearn_pgnn.cli.screen import tell
-from sklearn_pgnn.diagnosis.equivalence import are_equivalent
 from sklearn_pgnn.diagnosis.separation import are_same, waves
+from sklearn_pgnn.estimation.equivalence import are_equivalent
 
 NOISE = 4e-3
 

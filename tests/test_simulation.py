@@ -22,7 +22,7 @@ from sklearn_pgnn.simulation.pointwise import evaluate_samples
 from sklearn_pgnn.simulation.record_windows import window_records
 from sklearn_pgnn.simulation.uncertainty import standard_errors
 from sklearn_pgnn.simulation.window_fit import (
-    Freedom,
+    ParameterPrior,
     _bounded_step,
     expected_decrease,
     fit_windows,
@@ -408,7 +408,7 @@ def fitted(ground, model=PENDULUM):
     """Fit the pendulum's parameters; give the fit and what the initial states were expected."""
     estimate = ground.states.estimate(model)
     expected = estimate.x[ground.windows.starts]
-    free = tuple(Freedom(name, 1e-3, 10.0, 1.0, np.inf, 1.0) for name in ("J", "k", "d"))
+    free = tuple(ParameterPrior(name, 1e-3, 10.0, 1.0, np.inf, 1.0) for name in ("J", "k", "d"))
     fit = fit_windows(
         model, ground.windows, free, expected, estimate.spread, max_steps=50, tolerance=1e-12
     )
@@ -513,7 +513,7 @@ def test_windows_give_the_same_on_several_threads():
 def test_fit_respects_bounds():
     _, ground = grounds(PENDULUM)
     estimate = ground.states.estimate(PENDULUM)
-    free = (Freedom("k", 2.35, 3.0, 2.4, np.inf, 1.0),)
+    free = (ParameterPrior("k", 2.35, 3.0, 2.4, np.inf, 1.0),)
     start = estimate.x[ground.windows.starts]
     fit = fit_windows(PENDULUM, ground.windows, free, start, estimate.spread)
     assert fit.values[0] == 2.35  # the truth, 2.3, is out of bounds
@@ -536,9 +536,9 @@ def test_a_promise_of_more_than_is_left_counts_for_nothing():
     near = best.model.with_parameters(k=1.01 * best.model.parameters["k"].value)
     fit = fit_windows(near, ground.windows, best.freedoms, expected, spread, max_steps=0)
     assert 0.0 < expected_decrease(fit, expected, spread) < fit.objective
-    gram = fit.evaluation.piece_gram.copy()
+    gram = fit.evaluation.block_gram.copy()
     gram[..., :-1, :-1] *= 1e-9  # as if rounding had left next to nothing of the curvature
-    lost = replace(fit, evaluation=replace(fit.evaluation, piece_gram=gram))
+    lost = replace(fit, evaluation=replace(fit.evaluation, block_gram=gram))
     assert expected_decrease(lost, expected, spread) == 0.0
 
 
@@ -569,7 +569,7 @@ def test_parameters_seen_only_together_have_no_finite_error():
     ground = window_records(twice, read_records(twice, np.column_stack([t, u]), y))
     estimate = ground.states.estimate(twice)
     expected = estimate.x[ground.windows.starts]
-    free = tuple(Freedom(name, 0.01, 10, 1.0, np.inf, 1.0) for name in "abc")
+    free = tuple(ParameterPrior(name, 0.01, 10, 1.0, np.inf, 1.0) for name in "abc")
     fit = fit_windows(twice, ground.windows, free, expected, estimate.spread)
     errors = standard_errors(fit, expected, estimate.spread)
     assert np.isinf([errors["a"], errors["b"]]).all()

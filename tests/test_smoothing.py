@@ -6,7 +6,7 @@ from scipy.interpolate import CubicSpline, make_smoothing_spline
 
 from sklearn_pgnn import systems
 from sklearn_pgnn.simulation.state_estimate import StateEstimator, hidden_states
-from sklearn_pgnn.simulation.windows import Windows
+from sklearn_pgnn.simulation.windows import ShootingWindows
 from sklearn_pgnn.trajectories.smoothing import (
     FEWEST,
     PENALTIES,
@@ -93,7 +93,9 @@ def test_states_alone_are_those_of_the_estimate():
     cart = systems.cart_on_spring()
     t, y = record(200)
     bounds = np.array([0, t.size])
-    windows = Windows(t, np.zeros((t.size, 1)), y[:, None], bounds, bounds[:1], bounds[1:], [0.1])
+    windows = ShootingWindows(
+        t, np.zeros((t.size, 1)), y[:, None], bounds, bounds[:1], bounds[1:], [0.1]
+    )
     states = StateEstimator(cart, windows, [np.full(2, np.nan)])
     np.testing.assert_array_equal(states.values(cart), states.estimate(cart).x)
     assert hidden_states(cart) == states.hidden(cart) == ()

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from sklearn_pgnn import ModelDiagnosis, Parameter, PhysicsModel, effects
-from sklearn_pgnn.diagnosis.fitting import Fitter
-from sklearn_pgnn.diagnosis.hypothesis import Hypothesis, freedoms
-from sklearn_pgnn.diagnosis.setting import make_setting
+from sklearn_pgnn.estimation.fitting import HypothesisFitter
+from sklearn_pgnn.estimation.hypothesis import Hypothesis, freedoms
+from sklearn_pgnn.estimation.problem import build_problem
 from sklearn_pgnn.trajectories import read_records
 
 STATES, INPUTS = {"v": "m/s"}, {"F": "N"}
@@ -66,11 +66,11 @@ def test_an_endless_spread_lets_a_parameter_of_value_zero_be_re_tuned(drawn):
 def test_re_tuning_goes_as_far_as_the_spread_and_no_further(drawn):
     X, y = drawn
     prior = sledge(value=0.9 * DRAG, spread=0.05)
-    setting = make_setting(prior, read_records(prior, X, y))
-    (mass, drag) = freedoms(setting, Hypothesis(), prior)
+    problem = build_problem(prior, read_records(prior, X, y))
+    (mass, drag) = freedoms(problem, Hypothesis(), prior)
     assert (drag.low, drag.high) == pytest.approx((0.95 * 0.9 * DRAG, 1.05 * 0.9 * DRAG))
     assert drag.spread == pytest.approx(0.05 * 0.9 * DRAG / math.sqrt(3))  # of what is uniform
     assert (mass.low, mass.high) == pytest.approx((1.8, 2.2))
-    fitter = Fitter(setting)
+    fitter = HypothesisFitter(problem)
     assert fitter.base().fit.model.parameters["d"].value == pytest.approx(drag.high)
     assert fitter.prior is fitter.prior

@@ -13,7 +13,7 @@ from sklearn_pgnn import (
     SINDYcRegressor,
 )
 from sklearn_pgnn.exceptions import RecordError
-from sklearn_pgnn.model_selection import TrajectorySplit
+from sklearn_pgnn.model_selection import TrajectoryKFold
 from sklearn_pgnn.trajectories import read_records
 from sklearn_pgnn.trajectories.tables import take_rows
 
@@ -109,9 +109,9 @@ def test_a_network_without_a_model_sees_trajectories_in_a_table_of_polars():
 @pytest.mark.parametrize("kind", [to_polars, to_arrow])
 def test_splits_keep_tables_what_they_are(kind):
     X = pd.DataFrame({"u": U, "t": T})
-    folds = list(TrajectorySplit(3).split(X))
+    folds = list(TrajectoryKFold(3).split(X))
     for (train, test), (train_of, test_of) in zip(
-        folds, TrajectorySplit(3).split(kind(X)), strict=True
+        folds, TrajectoryKFold(3).split(kind(X)), strict=True
     ):
         np.testing.assert_array_equal(train, train_of)
         np.testing.assert_array_equal(test, test_of)
@@ -179,7 +179,7 @@ def test_a_missing_date_is_refused_with_its_row():
     with pytest.raises(RecordError, match=r"X: time 't' is NaT in row 17; expected a time\. Rem"):
         read_records(LAG, table)
     with pytest.raises(RecordError, match=r"NaT in row 17"):
-        list(TrajectorySplit(2).split(table))
+        list(TrajectoryKFold(2).split(table))
 
 
 def test_a_date_is_no_input():
@@ -195,7 +195,7 @@ def test_estimators_take_dates_for_a_time():
     found = PhysicsModelRegressor(LAG).fit(dated, y)
     np.testing.assert_allclose(found.predict(dated), plain.predict(EXPECTED), atol=1e-9)
     assert found.feature_names_in_.tolist() == ["t", "u", "trajectory"]
-    assert len(list(TrajectorySplit(3).split(dated))) == 3
+    assert len(list(TrajectoryKFold(3).split(dated))) == 3
     passed = PhysicsModelTransformer(LAG).fit_transform(dated.drop(columns="trajectory")[:60])
     np.testing.assert_allclose(passed["t"], T[:60], atol=1e-12)
 

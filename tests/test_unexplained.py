@@ -10,7 +10,7 @@ import pytest
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects, systems
 from sklearn_pgnn.datasets import make_hidden_effect
 from sklearn_pgnn.diagnosis.leading_terms import leading_terms
-from sklearn_pgnn.diagnosis.setting import make_setting
+from sklearn_pgnn.estimation.problem import build_problem
 from sklearn_pgnn.exceptions import ModelError
 from sklearn_pgnn.physics.effects.formula import Formula
 from sklearn_pgnn.simulation.hidden_input import find_hidden_input
@@ -28,15 +28,15 @@ def hide(target, term, coefficient, seed=1):
 
 @dataclass(frozen=True)
 class Ground:
-    setting: object
+    problem: object
     x: np.ndarray
     spread: np.ndarray
 
 
 def ground(model, X, y):
-    setting = make_setting(model, read_records(model, X, y))
-    estimate = setting.states.estimate(model)
-    return Ground(setting, estimate.x, estimate.spread)
+    problem = build_problem(model, read_records(model, X, y))
+    estimate = problem.states.estimate(model)
+    return Ground(problem, estimate.x, estimate.spread)
 
 
 # -- the parts -------------------------------------------------------------------------------------
@@ -51,7 +51,7 @@ def test_a_hidden_force_is_smoothed_to_within_its_own_errors():
     y = x + 0.01 * np.random.default_rng(0).standard_normal(t.size)
     found = ground(lag, np.column_stack([t, u]), y)
     smoothed = find_hidden_input(
-        lag, found.setting.windows, "x", found.x, found.spread, 1.0, found.setting.period
+        lag, found.problem.windows, "x", found.x, found.spread, 1.0, found.problem.period
     )
     inner = slice(50, -50)
     deviation = (smoothed.values - hidden)[inner] / smoothed.errors[inner]
@@ -63,9 +63,9 @@ def test_a_hidden_force_is_smoothed_to_within_its_own_errors():
 def test_linear_responses_are_those_of_small_added_inputs(channel):
     cart = systems.cart_on_spring()
     hidden = make_hidden_effect(cart, None, random_state=0, n_records=2, sample_rate=100.0)
-    setting = ground(hidden.prior, hidden.X, hidden.y).setting
-    model, windows = hidden.prior, setting.windows
-    x0 = setting.states.estimate(model).x[windows.starts]
+    problem = ground(hidden.prior, hidden.X, hidden.y).problem
+    model, windows = hidden.prior, problem.windows
+    x0 = problem.states.estimate(model).x[windows.starts]
     theta = np.ones((windows.t.size, 1))
     responses, by_state = linear_responses(model, windows, x0, channel, theta)
     small = 1e-4
@@ -138,7 +138,7 @@ def test_what_has_no_name_is_placed_and_described(friction_that_grows_with_the_d
     _, diagnosis = friction_that_grows_with_the_deflection
     assert diagnosis.verdict_ == "unexplained"
     assert diagnosis.causes_ == ()
-    part = diagnosis.missing_
+    part = diagnosis.discrepancy_
     assert part.target == "v"
     assert set(part.quantities) == {"x", "v"}
     assert part.effect.terms == ("v*x**2",)
@@ -150,9 +150,9 @@ def test_what_has_no_name_is_placed_and_described(friction_that_grows_with_the_d
 
 def test_its_formula_mends_the_model(friction_that_grows_with_the_deflection):
     hidden, diagnosis = friction_that_grows_with_the_deflection
-    mended = ModelDiagnosis(diagnosis.missing_.model).fit(hidden.X, hidden.y)
+    mended = ModelDiagnosis(diagnosis.discrepancy_.model).fit(hidden.X, hidden.y)
     assert mended.verdict_ == "model_adequate"
-    assert mended.missing_ is None
+    assert mended.discrepancy_ is None
 
 
 @pytest.mark.core
@@ -178,7 +178,7 @@ def test_a_model_with_a_formula_may_miss_another_term():
     first = Formula("v", ("x**2",), (0.1,))
     diagnosis = ModelDiagnosis(hidden.prior + first, catalogue=(effects.ConstantLoad,))
     diagnosis.fit(hidden.X, hidden.y)
-    part = diagnosis.missing_
+    part = diagnosis.discrepancy_
     assert part.effect.terms == ("v*x**2",)
     assert part.effect.names() == {"c2": "c2_v"}
     assert set(part.model.parameters) == {*hidden.prior.parameters, "c1_v", "c2_v"}
@@ -188,7 +188,10 @@ def test_a_bent_sensor_is_told_from_a_force():
     hidden = hide("position", "x**2", 0.25)
     diagnosis = ModelDiagnosis(hidden.prior).fit(hidden.X, hidden.y)
     assert diagnosis.verdict_ == "unexplained"
-    assert (diagnosis.missing_.target, diagnosis.missing_.effect.terms) == ("position", ("x**2",))
+    assert (diagnosis.discrepancy_.target, diagnosis.discrepancy_.effect.terms) == (
+        "position",
+        ("x**2",),
+    )
 
 
 def test_nothing_nameless_is_seen_where_a_known_effect_is_hidden():
@@ -196,7 +199,7 @@ def test_nothing_nameless_is_seen_where_a_known_effect_is_hidden():
         systems.cart_on_spring(), "coulomb_friction", random_state=3, **RECORDS
     )
     diagnosis = ModelDiagnosis(hidden.prior).fit(hidden.X, hidden.y)
-    assert diagnosis.missing_ is None
+    assert diagnosis.discrepancy_ is None
     assert diagnosis.to_dict()["unexplained"] is None
 
 
@@ -214,7 +217,7 @@ def test_two_known_causes_are_not_given_up_for_a_formula_of_as_many_numbers():
     catalogue = (effects.Cogging, effects.QuadraticDrag, effects.SensorBias)
     diagnosis = ModelDiagnosis(hidden.prior, catalogue=catalogue).fit(hidden.X, hidden.y)
     assert {cause.effect for cause in diagnosis.causes_} == set(kinds)
-    assert diagnosis.missing_ is None
+    assert diagnosis.discrepancy_ is None
 
 
 def test_a_sensor_that_sees_the_magnitude_is_named():

@@ -76,7 +76,7 @@ def test_a_catalogue_of_ids_is_the_same():
     noisy = 1.2 * Y + 1e-3 * np.random.default_rng(0).normal(size=Y.shape)
     by_class = ModelDiagnosis(LAG, catalogue=[effects.SensorGain]).fit(X, noisy)
     by_id = ModelDiagnosis(LAG, catalogue=["sensor_gain"]).fit(X, noisy)
-    assert by_id.tried_ == by_class.tried_
+    assert by_id.candidates_ == by_class.candidates_
     assert by_id.catalogue == ["sensor_gain"]
     rows = by_id.detectability(["sensor_bias"])
     assert [row.effect for row in rows.rows] == ["sensor_bias"]

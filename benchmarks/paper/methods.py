@@ -9,7 +9,7 @@ from skopt import BayesSearchCV
 from skopt.space import Categorical, Real
 
 from sklearn_pgnn import PGNNLRegressor, ResidualRegressor, SINDYcRegressor, systems
-from sklearn_pgnn.model_selection import TrajectorySplit, search_space
+from sklearn_pgnn.model_selection import TrajectoryKFold, search_space
 
 #: candidates of a search, those of them that are spread evenly, and its folds
 CANDIDATES, SPREAD, FOLDS = 8, 5, 2
@@ -65,7 +65,7 @@ def tune(estimator, space, X, y):
         estimator,
         space,
         n_iter=CANDIDATES,
-        cv=TrajectorySplit(FOLDS),
+        cv=TrajectoryKFold(FOLDS),
         scoring=minus_log_rmse,
         refit=False,
         random_state=0,

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 from cases import Case, make
 
 from sklearn_pgnn import ModelDiagnosis
-from sklearn_pgnn.diagnosis.hypothesis import same_parameter
+from sklearn_pgnn.estimation.hypothesis import same_parameter
 
 OUTCOMES = ("named", "group", "absorbed", "missed", "wrong", "failed")
 #: share of the error power above the noise that counts as only noise
@@ -127,7 +127,7 @@ def _false(groups) -> str:
 
 def _judge_law(diagnosis, hidden) -> str:
     if diagnosis.verdict_ == "unexplained":
-        part = diagnosis.missing_
+        part = diagnosis.discrepancy_
         return "named" if part and part.target == hidden.effect.target else "missed"
     return "wrong" if diagnosis.causes_ else "absorbed"
 

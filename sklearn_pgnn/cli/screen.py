@@ -36,7 +36,7 @@ def described_files(diagnosis) -> dict[str, str]:
         Names and descriptions.
     """
     held = "re-tuned and extended by what was named" if diagnosis.causes_ else "re-tuned only"
-    formula = ", without the formula, which is in diagnosis.json" if diagnosis.missing_ else ""
+    formula = ", without the formula, which is in diagnosis.json" if diagnosis.discrepancy_ else ""
     return {
         "report.html": "the whole story with pictures; open it first",
         "diagnosis.json": "the same for programs",

@@ -4,12 +4,13 @@ from sklearn_pgnn.diagnosis.detectability import Detectability, Detectable
 from sklearn_pgnn.diagnosis.disturbance import Disturbance
 from sklearn_pgnn.diagnosis.free_run import FreeRunError
 from sklearn_pgnn.diagnosis.model_diagnosis import ModelDiagnosis
-from sklearn_pgnn.diagnosis.record_flaws import Finding
-from sklearn_pgnn.diagnosis.result import Gain, NamedCause, RetunedParameter, Suspect, Tried
+from sklearn_pgnn.diagnosis.result import Candidate, Gain, NamedCause, RetunedParameter, Tried
 from sklearn_pgnn.diagnosis.separation import Experiment, Separation
 from sklearn_pgnn.diagnosis.unexplained import MissingPart
+from sklearn_pgnn.record_quality.flaws import Finding
 
 __all__ = [
+    "Candidate",
     "Detectability",
     "Detectable",
     "Disturbance",
@@ -22,6 +23,5 @@ __all__ = [
     "NamedCause",
     "RetunedParameter",
     "Separation",
-    "Suspect",
     "Tried",
 ]

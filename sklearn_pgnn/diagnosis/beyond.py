@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-from sklearn_pgnn.diagnosis.fitting import Trial
 from sklearn_pgnn.diagnosis.search import Outcome, Search
 from sklearn_pgnn.diagnosis.unexplained import (
     MissingPart,
@@ -12,6 +11,7 @@ from sklearn_pgnn.diagnosis.unexplained import (
     is_known,
     propose,
 )
+from sklearn_pgnn.estimation.fitting import Trial
 from sklearn_pgnn.simulation.window_fit import WindowFit
 
 #: what a formula may leave above the noise, as a share of what the best single cause leaves, to be
@@ -74,20 +74,20 @@ class Beyond:
         part : MissingPart or None
             What has no name.
         """
-        final, setting = outcome.final, search.fitter.setting
+        final, problem = outcome.final, search.fitter.problem
         enough = search.judge.is_at_noise(final)
         if not search.suspects or (enough and len(outcome.steps) < 2):
             return outcome, None
         alone = self._of_the_prior(search)
         if alone is not None and outcome.steps and _says_more(search, alone, outcome):
             self.fit = alone.trial.fit
-            return replace(outcome, steps=[], alternatives={}), describe(setting, alone)
+            return replace(outcome, steps=[], alternatives={}), describe(problem, alone)
         if enough:
             return outcome, None
         beside = _best(search, final) if outcome.steps else alone
         if beside is not None and _matters(search, outcome, beside):
             self.fit = beside.trial.fit
-            return outcome, describe(setting, beside)
+            return outcome, describe(problem, beside)
         return outcome, None
 
     def _of_the_prior(self, search: Search) -> Proposal | None:
@@ -95,19 +95,19 @@ class Beyond:
         base = search.fitter.base()
         if self._ground is not base.fit:
             best = _best(search, base)
-            known = best is not None and is_known(search.fitter.setting.prior, best.effect)
+            known = best is not None and is_known(search.fitter.problem.prior, best.effect)
             self._ground, self._alone = base.fit, None if known else best
         return self._alone
 
 
 def _best(search: Search, ground: Trial) -> Proposal | None:
     """Give the formula with the fewest terms among those as good as the best, of all channels."""
-    setting, progress, found = search.fitter.setting, search.fitter.progress, []
-    places = channels(setting.prior)
+    problem, progress, found = search.fitter.problem, search.fitter.progress, []
+    places = channels(problem.prior)
     progress.begin("formula", len(places))
     for channel in places:
         with search.fitter.ledger.spare((ground.hypothesis, channel), "formula", channel):
-            found += propose(setting, ground, channel, progress.tick)
+            found += propose(problem, ground, channel, progress.tick)
         progress.step()
     if not found:
         return None

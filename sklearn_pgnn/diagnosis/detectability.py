@@ -14,14 +14,14 @@ import numpy as np
 import pandas as pd
 
 from sklearn_pgnn.diagnosis.effect_size import has_size, main_field, nothing, sized
-from sklearn_pgnn.diagnosis.hypothesis import Cause
 from sklearn_pgnn.diagnosis.judge import CLEARLY, FEW, Rules
 from sklearn_pgnn.diagnosis.records import DiagnosisRecords
+from sklearn_pgnn.estimation.hypothesis import Cause
 from sklearn_pgnn.exceptions import ModelError
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.readings import reading
 from sklearn_pgnn.simulation.window_fit import WindowFit, fit_windows
-from sklearn_pgnn.simulation.windows import Evaluation, Windows, evaluate
+from sklearn_pgnn.simulation.windows import Evaluation, ShootingWindows, evaluate
 
 #: smallest size looked at, and halvings of the interval (on a logarithmic scale) from there to 1
 SMALLEST, HALVINGS = 1e-6, 8
@@ -158,14 +158,14 @@ class Bench:
         return self.records.fits["extended"].model
 
     @property
-    def windows(self) -> Windows:
+    def windows(self) -> ShootingWindows:
         """The windows of the diagnosis."""
         return self.records.windows
 
     def start(self, model: PhysicsModel) -> np.ndarray:
         """Give the windows' initial states of an extension of the fitted model."""
         fitted = self.records.fits["extended"]
-        x0 = self.records.setting.states.estimate(model).x[self.windows.starts]
+        x0 = self.records.problem.states.estimate(model).x[self.windows.starts]
         for i, name in enumerate(fitted.model.states):
             x0[:, list(model.states).index(name)] = fitted.x0[:, i]
         return x0
@@ -191,12 +191,12 @@ class Bench:
             return np.full_like(self.windows.y, np.inf)
         return self.windows.y - evaluation.residual
 
-    def retune(self, windows: Windows) -> WindowFit:
+    def retune(self, windows: ShootingWindows) -> WindowFit:
         """Re-tune the fitted model to other outputs of the same windows."""
         fitted = self.records.fits["extended"]
         values = {f.name: fitted.model.parameters[f.name].value for f in fitted.freedoms}
         freedoms = tuple(replace(f, centre=values[f.name]) for f in fitted.freedoms)
-        spread = self.records.setting.states.estimate(fitted.model).spread
+        spread = self.records.problem.states.estimate(fitted.model).spread
         return fit_windows(
             fitted.model,
             windows,
@@ -207,7 +207,7 @@ class Bench:
             tolerance=TOLERANCE,
         )
 
-    def without(self, windows: Windows) -> Evaluation:
+    def without(self, windows: ShootingWindows) -> Evaluation:
         """Give what the fitted model, as it is, leaves of other outputs of the same windows."""
         return evaluate(self.model, windows, self.records.fits["extended"].x0, ())
 
@@ -222,8 +222,8 @@ class Bench:
         along = (
             noise if self.white else _strength_along(residual, left.residual / self.windows.scale)
         )
-        size = np.sqrt(left.piece_squares.ravel())
-        counts = self.windows.sum_pieces(np.isfinite(self.windows.y).astype(float)).sum(-1).ravel()
+        size = np.sqrt(left.block_squares.ravel())
+        counts = self.windows.sum_blocks(np.isfinite(self.windows.y).astype(float)).sum(-1).ravel()
         rng = np.random.default_rng(self.seed)
         shape = (self.n_repeats, size.size)
         across = noise * rng.chisquare(np.maximum(counts - 1, 1), shape)
@@ -281,7 +281,7 @@ def detect(bench: Bench, cause: Cause, power: float) -> Detectable:
     Detectable
         The smallest size and the power over the size.
     """
-    of_size = sized(*cause, bench.model, bench.records.setting.scales)
+    of_size = sized(*cause, bench.model, bench.records.problem.scales)
     bare = _bare(bench, cause, of_size)
 
     def power_of(share):
@@ -308,11 +308,11 @@ def _bare(bench: Bench, cause: Cause, of_size) -> np.ndarray:
     play without width is a lag. Only what comes with the size is to be found.
     """
     kind, target = cause
-    none, least = nothing(kind, target, bench.model, bench.records.setting.scales), of_size(0.0)
+    none, least = nothing(kind, target, bench.model, bench.records.problem.scales), of_size(0.0)
     return bench.show(least if getattr(least, main_field(kind)) == none else None)
 
 
-def _injected(bench: Bench, effect, bare) -> Windows | None:
+def _injected(bench: Bench, effect, bare) -> ShootingWindows | None:
     """Return the windows with what an effect's size shows; None where a simulation diverges."""
     shown = bench.show(effect)
     if np.isinf(shown).any() or np.isinf(bare).any():
@@ -320,7 +320,7 @@ def _injected(bench: Bench, effect, bare) -> Windows | None:
     return replace(bench.windows, y=bench.show(None) + shown - bare)
 
 
-def _power(bench: Bench, windows: Windows | None) -> float:
+def _power(bench: Bench, windows: ShootingWindows | None) -> float:
     """Return the power to find what windows show; NaN where the machine does not stay finite."""
     if windows is None:
         return np.nan
@@ -338,7 +338,7 @@ def _described(bench, cause, of_size, bare, curve, power) -> Detectable:
         return float(getattr(of_size(share), field))
 
     found = [share for share in curve if curve[share] >= power]
-    none = nothing(kind, target, bench.model, bench.records.setting.scales)
+    none = nothing(kind, target, bench.model, bench.records.problem.scales)
     return Detectable(
         effect=kind.id,
         target=target,

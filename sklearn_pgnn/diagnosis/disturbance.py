@@ -2,9 +2,9 @@
 
 from typing import NamedTuple
 
-from sklearn_pgnn.diagnosis.fitting import Trial
 from sklearn_pgnn.diagnosis.judge import Judge
 from sklearn_pgnn.diagnosis.unexplained import channels
+from sklearn_pgnn.estimation.fitting import Trial
 
 #: share of what is left that a disturbance must explain to be spoken of, and by which two places
 #: must differ: with a spring a load is an offset of the sensor
@@ -46,7 +46,7 @@ def find_disturbance(judge: Judge, trial: Trial) -> Disturbance | None:
     left = judge.excess(trial)
     if not left > 0:
         return None
-    places = channels(judge.fitter.setting.prior)
+    places = channels(judge.fitter.problem.prior)
     found = [Disturbance(place, 1.0 - _left(judge, trial, place) / left) for place in places]
     best = max(disturbance.share for disturbance in found)
     first = next(disturbance for disturbance in found if disturbance.share > best - DIFFERENT)
@@ -56,5 +56,5 @@ def find_disturbance(judge: Judge, trial: Trial) -> Disturbance | None:
 def _left(judge: Judge, trial: Trial, target: str) -> float:
     """Give the squares above the floor that are left with an offset in every window."""
     fit, _ = judge.fitter.with_offset(trial, target)
-    by_chance = len(fit.x0) * judge.floor / judge.fitter.setting.n_samples
+    by_chance = len(fit.x0) * judge.floor / judge.fitter.problem.n_samples
     return max(fit.squares + by_chance - judge.floor, 0.0)

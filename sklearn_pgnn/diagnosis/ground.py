@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from sklearn_pgnn.diagnosis.fitting import Fitter, Trial, piece_squares
 from sklearn_pgnn.diagnosis.judge import is_fall
-from sklearn_pgnn.diagnosis.progress import Progress
-from sklearn_pgnn.diagnosis.setting import ROUGH_SAMPLES, Setting, longer, recut, shorter
+from sklearn_pgnn.estimation.fitting import HypothesisFitter, Trial, block_squares
+from sklearn_pgnn.estimation.problem import ROUGH_SAMPLES, EstimationProblem, longer, recut, shorter
+from sklearn_pgnn.estimation.progress import Progress
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.simulation.pointwise import evaluate_samples, sample_table
@@ -29,46 +29,48 @@ NEARER, SURE = 0.95, 3.0
 STEPS = 8
 
 
-def fit_window_length(setting: Setting, progress: Progress | None = None) -> Fitter:
+def fit_window_length(
+    problem: EstimationProblem, progress: Progress | None = None
+) -> HypothesisFitter:
     """Make windows as long as the re-tuned prior can follow, and as it forgets its start.
 
     Parameters
     ----------
-    setting : Setting
+    problem : EstimationProblem
         The ground with windows of the usual length.
     progress : Progress, optional
         Told of every step of a fit.
 
     Returns
     -------
-    Fitter
+    HypothesisFitter
         The fitter, on windows of the length that the records ask for.
     """
-    fitter = Fitter(setting, progress)
-    while fitter.base_error() > TOO_LARGE and (cut := shorter(fitter.setting)) is not None:
-        nearer = Fitter(cut, progress)
+    fitter = HypothesisFitter(problem, progress)
+    while fitter.base_error() > TOO_LARGE and (cut := shorter(fitter.problem)) is not None:
+        nearer = HypothesisFitter(cut, progress)
         if nearer.base_error() > HELPS * fitter.base_error():
             break
         fitter = nearer
-    while (joined := longer(fitter.setting)) is not None:
-        further = Fitter(joined, progress)
+    while (joined := longer(fitter.problem)) is not None:
+        further = HypothesisFitter(joined, progress)
         if not (_follows(fitter, further) or _forgets(fitter, further)):
             break
         fitter = further
     return fitter
 
 
-def _follows(fitter: Fitter, further: Fitter) -> bool:
+def _follows(fitter: HypothesisFitter, further: HypothesisFitter) -> bool:
     """Tell whether the re-tuned prior is near the records, and stays so in longer windows."""
     return fitter.base_error() < SMALL and further.base_error() <= TOO_LARGE
 
 
-def _forgets(fitter: Fitter, further: Fitter) -> bool:
+def _forgets(fitter: HypothesisFitter, further: HypothesisFitter) -> bool:
     """Return whether longer windows are hardly harder."""
     return further.base_error() < HARDLY_HARDER * fitter.base_error()
 
 
-def look_further(fitter: Fitter) -> Fitter | None:
+def look_further(fitter: HypothesisFitter) -> HypothesisFitter | None:
     """Make windows so long that they forget where their hidden states start.
 
     The initial value of a state that nobody sees is fitted in every window. Where the state is
@@ -76,45 +78,45 @@ def look_further(fitter: Fitter) -> Fitter | None:
 
     Parameters
     ----------
-    fitter : Fitter
+    fitter : HypothesisFitter
         The fitter, on windows of the usual length.
 
     Returns
     -------
-    Fitter or None
+    HypothesisFitter or None
         The fitter on longer windows; None where the usual ones, or the records, are as long.
     """
-    setting = fitter.setting
-    length, least = FORGOTTEN * _slowest(fitter), LONGER * setting.scales.window
-    further = recut(setting, length) if length >= least else None
+    problem = fitter.problem
+    length, least = FORGOTTEN * _slowest(fitter), LONGER * problem.scales.window
+    further = recut(problem, length) if length >= least else None
     return (
         None
         if further is None or further.scales.window < least
-        else Fitter(further, fitter.progress)
+        else HypothesisFitter(further, fitter.progress)
     )
 
 
-def _slowest(fitter: Fitter) -> float:
+def _slowest(fitter: HypothesisFitter) -> float:
     """Give the longest time constant of the hidden states of the re-tuned prior [s]."""
-    model, states = fitter.base().fit.model, fitter.setting.states
-    windows, x = fitter.setting.windows, states.estimate(model).x
+    model, states = fitter.base().fit.model, fitter.problem.states
+    windows, x = fitter.problem.windows, states.estimate(model).x
     table = sample_table(model, windows, x)
     slopes = [model.equations[s].diff(symbol(s)) for s in states.hidden(model)]
     decays = [-np.median(evaluate_samples(slope, table, len(x))) for slope in slopes]
     return max((1.0 / decay for decay in decays if decay > 0), default=0.0)
 
 
-def check_prior(fitter: Fitter, names: Sequence[str]) -> None:
+def check_prior(fitter: HypothesisFitter, names: Sequence[str]) -> None:
     """Raise `RecordError` where the prior cannot be simulated, whatever its parameters.
 
     Parameters
     ----------
-    fitter : Fitter
+    fitter : HypothesisFitter
         The fitter.
     names : sequence of str
         What the records are called.
     """
-    fit, windows = fitter.base().fit, fitter.setting.windows
+    fit, windows = fitter.base().fit, fitter.problem.windows
     lost = np.flatnonzero(~np.isfinite(fit.evaluation.squares))
     if not lost.size:
         return
@@ -131,12 +133,12 @@ def check_prior(fitter: Fitter, names: Sequence[str]) -> None:
     )
 
 
-def speaks_for_slopes(fitter: Fitter, trial: Trial) -> bool:
+def speaks_for_slopes(fitter: HypothesisFitter, trial: Trial) -> bool:
     """Tell whether the records say that inputs are not held, but run straight between samples.
 
     Parameters
     ----------
-    fitter : Fitter
+    fitter : HypothesisFitter
         The fitter, on whose windows inputs are held.
     trial : Trial
         A hypothesis, fitted on these windows.
@@ -146,26 +148,28 @@ def speaks_for_slopes(fitter: Fitter, trial: Trial) -> bool:
     bool
         Whether the hypothesis is clearly nearer to the records with inputs that are not held.
     """
-    setting, windows = fitter.setting, fitter.setting.windows
+    problem, windows = fitter.problem, fitter.problem.windows
     some = np.arange(0, len(windows), -(-windows.lengths.sum() // ROUGH_SAMPLES))
     straight = replace(windows, hold="foh")
     held, sloped = (
-        _squares(fitter, replace(setting, windows=w), trial, some) for w in (windows, straight)
+        _squares(fitter, replace(problem, windows=w), trial, some) for w in (windows, straight)
     )
     return sloped.sum() < NEARER * held.sum() and is_fall(held, sloped, SURE)
 
 
-def _squares(fitter: Fitter, setting: Setting, trial: Trial, some: np.ndarray) -> np.ndarray:
+def _squares(
+    fitter: HypothesisFitter, problem: EstimationProblem, trial: Trial, some: np.ndarray
+) -> np.ndarray:
     """Fit a hypothesis to some windows, from where it is, and give the squares of their pieces."""
-    start = setting.states.estimate(trial.fit.model)
+    start = problem.states.estimate(trial.fit.model)
     fit = fit_windows(
         trial.fit.model,
-        setting.windows.select(some),
+        problem.windows.select(some),
         trial.fit.freedoms,
-        start.x[setting.windows.starts[some]],
+        start.x[problem.windows.starts[some]],
         start.spread,
         x0_start=trial.fit.x0[some],
         max_steps=STEPS,
         each_step=fitter.progress.tick,
     )
-    return piece_squares(setting, fit, some).sum(axis=-1)
+    return block_squares(problem, fit, some).sum(axis=-1)

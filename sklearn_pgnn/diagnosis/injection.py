@@ -52,11 +52,11 @@ def inject(bench: Bench, effect: Effect | None, random_state=0):
 
 
 def _table(bench, r, t, u, start) -> pd.DataFrame:
-    model = bench.records.setting.prior
+    model = bench.records.problem.prior
     table = pd.DataFrame(u, columns=list(model.inputs))
     table.insert(0, TIME, t)
     table.insert(0, TRAJECTORY, bench.records.names[r])
-    for i, (name, told) in enumerate(bench.records.setting.states.starts[r].items()):
+    for i, (name, told) in enumerate(bench.records.problem.states.starts[r].items()):
         table[name] = np.nan
         if np.isfinite(told):
             table.loc[0, name] = start[i]
@@ -127,7 +127,7 @@ def of_main_size(bench: Bench, kind: type[Effect], target: str, value: float) ->
         The effect.
     """
     of_size, field = (
-        sized(kind, target, bench.model, bench.records.setting.scales),
+        sized(kind, target, bench.model, bench.records.problem.scales),
         main_field(kind),
     )
     sizes = np.geomspace(SMALLEST, 1.0, 2001)

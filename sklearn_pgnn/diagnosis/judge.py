@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sklearn_pgnn.diagnosis.fitting import Fitter, Sketch, Trial, make_folds
-from sklearn_pgnn.diagnosis.hypothesis import Cause
-from sklearn_pgnn.diagnosis.setting import HARDLY
+from sklearn_pgnn.estimation.fitting import HypothesisFitter, SubsampleFit, Trial, make_folds
+from sklearn_pgnn.estimation.hypothesis import Cause
+from sklearn_pgnn.estimation.problem import HARDLY
 
 #: an effect shows itself in at least so many pieces, and the error falls by so many times more than
 #: it rises, where it does not show itself in most
@@ -47,7 +47,7 @@ class Judge:
 
     Parameters
     ----------
-    fitter : Fitter
+    fitter : HypothesisFitter
         Fits hypotheses.
     rules : Rules
         When a difference counts.
@@ -62,26 +62,28 @@ class Judge:
         Fold of every window, for what is held out.
     """
 
-    def __init__(self, fitter: Fitter, rules: Rules, shown: frozenset[Cause] = frozenset()):
+    def __init__(
+        self, fitter: HypothesisFitter, rules: Rules, shown: frozenset[Cause] = frozenset()
+    ):
         self.fitter, self.rules, self.shown = fitter, rules, shown
-        self.folds = make_folds(fitter.setting)
+        self.folds = make_folds(fitter.problem)
         self.floor = np.inf
 
     # -- noise ---------------------------------------------------------------------------------
 
     def noise(self, trial: Trial) -> np.ndarray:
         """Estimate the white part of what a fit leaves, from neighbouring residuals."""
-        setting = self.fitter.setting
-        residual = trial.fit.evaluation.residual / setting.windows.scale
+        problem = self.fitter.problem
+        residual = trial.fit.evaluation.residual / problem.windows.scale
         step = np.diff(residual, axis=0)
-        step[setting.windows.starts[1:] - 1] = np.nan
+        step[problem.windows.starts[1:] - 1] = np.nan
         return np.sqrt(np.nanmean(step**2, axis=0) / 2.0 / self._freedom(trial))
 
     def _freedom(self, trial: Trial) -> float:
         """Give the share of the samples that the fitted numbers have not used up."""
-        setting = self.fitter.setting
-        fitted = len(setting.windows) * len(trial.fit.model.states) + trial.fit.values.size
-        return max(0.1, 1.0 - fitted / max(setting.n_samples, 1))
+        problem = self.fitter.problem
+        fitted = len(problem.windows) * len(trial.fit.model.states) + trial.fit.values.size
+        return max(0.1, 1.0 - fitted / max(problem.n_samples, 1))
 
     def learn_noise(self, trial: Trial) -> None:
         """Lower the floor: the squares that would be left if only white noise were."""
@@ -91,9 +93,9 @@ class Judge:
 
     def _resolution(self) -> np.ndarray:
         """Give what no simulation is finer than, in units of the noise."""
-        setting = self.fitter.setting
-        typical = [setting.scales.typical[output] for output in setting.prior.outputs]
-        return RESOLUTION * np.array(typical) / setting.windows.scale
+        problem = self.fitter.problem
+        typical = [problem.scales.typical[output] for output in problem.prior.outputs]
+        return RESOLUTION * np.array(typical) / problem.windows.scale
 
     def excess(self, trial: Trial) -> float:
         """Give the squares a fit leaves above the floor."""
@@ -105,17 +107,17 @@ class Judge:
 
     # -- on some of the samples ----------------------------------------------------------------
 
-    def may_gain(self, before: Sketch, after: Sketch) -> bool:
+    def may_gain(self, before: SubsampleFit, after: SubsampleFit) -> bool:
         """Tell whether a sketch explains half of what counts as a gain, at least."""
         above = max(before.squares - self._rough_floor(), 0.0)
         enough = max(self.rules.whole * before.squares, self.rules.share * above)
         return before.squares - after.squares > enough / 2
 
-    def may_simplify(self, before: Sketch, after: Sketch) -> bool:
+    def may_simplify(self, before: SubsampleFit, after: SubsampleFit) -> bool:
         """Tell whether a sketch has fewer parameters, and is not clearly worse."""
         return n_parameters(after) < n_parameters(before) and not self.is_beaten(after, before)
 
-    def is_beaten(self, worse: Sketch, better: Sketch) -> bool:
+    def is_beaten(self, worse: SubsampleFit, better: SubsampleFit) -> bool:
         """Tell whether a sketch is so much worse that no closer look can make it as good."""
         loss = worse.squares - better.squares
         floor = self._rough_floor()
@@ -125,8 +127,8 @@ class Judge:
     def _rough_floor(self) -> float:
         """Give the floor's part that falls to the samples of a sketch."""
         windows = self.fitter.rough.windows
-        seen = windows.sum_pieces(np.isfinite(windows.y).astype(float)).sum()
-        return float(self.floor * seen / self.fitter.setting.n_samples)
+        seen = windows.sum_blocks(np.isfinite(windows.y).astype(float)).sum()
+        return float(self.floor * seen / self.fitter.problem.n_samples)
 
     # -- on all windows ------------------------------------------------------------------------
 
@@ -163,7 +165,7 @@ class Judge:
 
     def is_better(self, worse: Trial, better: Trial) -> bool:
         """Tell whether two fits differ by more than chance and the simulation's own accuracy."""
-        noise = self.floor / self.fitter.setting.n_samples
+        noise = self.floor / self.fitter.problem.n_samples
         many, few = self.fair(worse), self.fair(better)
         if many.sum() - few.sum() < max(NOTICED**2 * noise, HARDLY**2 * self.floor):
             return False
@@ -188,9 +190,9 @@ class Judge:
 
     def _by_chance(self, trial: Trial, more: int = 0) -> float:
         """Give the squares of a piece that initial values of added states, and more, explain."""
-        setting = self.fitter.setting
-        added = len(trial.fit.model.states) - len(setting.prior.states) + more
-        return added * self.floor / setting.n_samples / setting.windows.pieces
+        problem = self.fitter.problem
+        added = len(trial.fit.model.states) - len(problem.prior.states) + more
+        return added * self.floor / problem.n_samples / problem.windows.pieces
 
     # -- held out ------------------------------------------------------------------------------
 
@@ -246,7 +248,7 @@ class Judge:
     def remembers(self, cause: Cause) -> bool:
         """Tell whether a cause has a memory, free at the start of a window."""
         effect, target = cause
-        prior = self.fitter.setting.prior
+        prior = self.fitter.problem.prior
         return len(effect(target).apply(prior).states) > len(prior.states)
 
     def _is_clear(self, worse: np.ndarray, better: np.ndarray, significance=None) -> bool:

@@ -13,10 +13,8 @@ from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
 from sklearn_pgnn.diagnosis.beyond import Beyond
-from sklearn_pgnn.diagnosis.data_quality import check_data_quality, clipped_outputs
 from sklearn_pgnn.diagnosis.detectability import Bench, Detectability, detect_all
 from sklearn_pgnn.diagnosis.disturbance import Disturbance, find_disturbance
-from sklearn_pgnn.diagnosis.fitting import Fitter, Trial
 from sklearn_pgnn.diagnosis.free_run import free_run_errors
 from sklearn_pgnn.diagnosis.ground import (
     check_prior,
@@ -24,15 +22,12 @@ from sklearn_pgnn.diagnosis.ground import (
     look_further,
     speaks_for_slopes,
 )
-from sklearn_pgnn.diagnosis.hypothesis import Cause, Hypothesis, check_targets, possible_causes
 from sklearn_pgnn.diagnosis.injection import verified
 from sklearn_pgnn.diagnosis.judge import Rules
-from sklearn_pgnn.diagnosis.progress import Progress, TimeIsUp
-from sklearn_pgnn.diagnosis.record_flaws import Finding
 from sklearn_pgnn.diagnosis.records import as_judged, keep_records
 from sklearn_pgnn.diagnosis.result import (
+    Candidate,
     NamedCause,
-    Suspect,
     Tried,
     measure_gain,
     name_causes,
@@ -42,12 +37,17 @@ from sklearn_pgnn.diagnosis.result import (
 )
 from sklearn_pgnn.diagnosis.search import Outcome, Search
 from sklearn_pgnn.diagnosis.separation import Separation, are_same, plain_separation, separate
-from sklearn_pgnn.diagnosis.setting import check_records, make_setting
 from sklearn_pgnn.diagnosis.unexplained import MissingPart
+from sklearn_pgnn.estimation.fitting import HypothesisFitter, Trial
+from sklearn_pgnn.estimation.hypothesis import Cause, Hypothesis, check_targets, possible_causes
+from sklearn_pgnn.estimation.problem import build_problem, check_records
+from sklearn_pgnn.estimation.progress import Progress, TimeIsUp
 from sklearn_pgnn.exceptions import OptionError, RecordWarning
 from sklearn_pgnn.physics.effects import SensorSaturation, read_catalogue
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.readings import reading
+from sklearn_pgnn.record_quality.checks import check_data_quality, clipped_outputs
+from sklearn_pgnn.record_quality.flaws import Finding
 from sklearn_pgnn.simulation.finite_run import simulate_quantities
 from sklearn_pgnn.simulation.record_windows import without_gaps
 from sklearn_pgnn.simulation.simulate import HOLDS, hold_of
@@ -136,13 +136,13 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         Integration steps from sample to sample.
     hold_ : {"zoh", "foh"}
         How the inputs were taken to run between samples.
-    missing_ : MissingPart or None
+    discrepancy_ : MissingPart or None
         With the verdict ``"unexplained"``: where something is missing that the catalogue has no
         name for, what it depends on, and a formula for it.
     disturbance_ : Disturbance or None
         Where there is neither name nor formula: .target and .share of what acts like a slow
         disturbance from outside, if most of what is left does.
-    tried_ : tuple of Tried
+    candidates_ : tuple of Tried
         Every suspect, the best first: .effect, .target and .left, the share of the re-tuned
         prior's error power it leaves alone.
     data_quality_ : tuple of Finding
@@ -330,12 +330,12 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         if further is not None:
             best.found = max(found, self._search(further, best), key=_explained)
 
-    def _search(self, fitter: Fitter, best: "_Best") -> "_Found":
+    def _search(self, fitter: HypothesisFitter, best: "_Best") -> "_Found":
         """Search the catalogue, and what it has no name for."""
         suspects = possible_causes(self.model, read_catalogue(self.catalogue), self.targets)
         rules = Rules(significance=self.significance, max_causes=self.max_causes)
         beyond = Beyond()
-        shown = frozenset((SensorSaturation, output) for output in clipped_outputs(fitter.setting))
+        shown = frozenset((SensorSaturation, output) for output in clipped_outputs(fitter.problem))
         best.progress.begin("suspects")
         best.search = search = Search(fitter, suspects, rules, beyond.is_enough, shown)
         outcome, missing = search.run(), None
@@ -344,10 +344,10 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
                 outcome, missing = beyond.judge(search, outcome)
         return _Found(search, outcome, missing, beyond.fit)
 
-    def _ground(self, records, hold: str, best: "_Best") -> Fitter:
+    def _ground(self, records, hold: str, best: "_Best") -> HypothesisFitter:
         """Cut the records into windows, as long as the user or the records say."""
         best.progress.begin("reading the records")
-        setting = make_setting(
+        problem = build_problem(
             self.model,
             records,
             window=self.window,
@@ -358,9 +358,9 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         )
         best.progress.begin("window length")
         if self.window is None:
-            fitter = fit_window_length(setting, best.progress)
+            fitter = fit_window_length(problem, best.progress)
         else:
-            fitter = Fitter(setting, best.progress)
+            fitter = HypothesisFitter(problem, best.progress)
         check_prior(fitter, best.names)
         return fitter
 
@@ -371,20 +371,20 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         found = best.so_far()
         search, outcome = found.search, found.outcome
         fitter, final = search.fitter, outcome.final
-        setting = fitter.setting
-        errors = parameter_errors(setting, final)
-        self.missing_ = found.missing
+        problem = fitter.problem
+        errors = parameter_errors(problem, final)
+        self.discrepancy_ = found.missing
         self.causes_ = name_causes(fitter, outcome, search.judge.folds, errors)
         self.gain_ = measure_gain(
             fitter, outcome, search.judge.folds, np.random.default_rng(_seed(self.random_state))
         )
-        self.parameters_ = retuned_parameters(setting, final.fit, errors)
-        self.refitted_model_ = as_judged(setting, outcome.base.fit)
-        self.extended_model_ = as_judged(setting, final.fit)
-        self.window_ = setting.scales.window
-        self.substeps_, self.hold_ = setting.windows.substeps, setting.windows.hold
+        self.parameters_ = retuned_parameters(problem, final.fit, errors)
+        self.refitted_model_ = as_judged(problem, outcome.base.fit)
+        self.extended_model_ = as_judged(problem, final.fit)
+        self.window_ = problem.scales.window
+        self.substeps_, self.hold_ = problem.windows.substeps, problem.windows.hold
         tried = [Tried(e.id, target, float(left)) for (e, target), left in outcome.tried.items()]
-        self.tried_ = tuple(sorted(tried, key=lambda suspect: suspect.left))
+        self.candidates_ = tuple(sorted(tried, key=lambda suspect: suspect.left))
         self.records_ = keep_records(fitter, outcome, best.names)
         self.initial_states_ = self.records_.starts
         self.free_run_ = free_run_errors(self.records_)
@@ -412,14 +412,14 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         self.unusable_, self.stopped_ = ledger.entries(), progress.ended
 
     def _find_disturbance(self, best: "_Best") -> None:
-        if self.verdict_ == "unexplained" and self.missing_ is None:
+        if self.verdict_ == "unexplained" and self.discrepancy_ is None:
             found = best.so_far()
             self.disturbance_ = find_disturbance(found.search.judge, found.outcome.final)
 
     def _check_data_quality(self, best: "_Best") -> None:
         search, outcome, _, formula = best.so_far()
         self.data_quality_ = check_data_quality(
-            search.fitter.setting,
+            search.fitter.problem,
             best.names,
             best.whole,
             outcome.base.fit,
@@ -443,7 +443,7 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
 
     def _with_equivalent(self, cause: NamedCause) -> NamedCause:
         """Note which causes are the same as one, so that no record tells them apart."""
-        mine = Suspect(cause.effect, cause.target)
+        mine = Candidate(cause.effect, cause.target)
         same = {f.other for f in self.separations_ if f.cause == mine and f.equivalent}
         return replace(cause, equivalent=tuple(o for o in cause.confused_with if o in same))
 
@@ -512,7 +512,7 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
             "gain": {name: plain(gain) for name, gain in self.gain_.items()},
             "free_run": {name: plain(error) for name, error in self.free_run_.items()},
             "initial_states": self._named_starts(),
-            "unexplained": None if self.missing_ is None else self.missing_.to_dict(),
+            "unexplained": None if self.discrepancy_ is None else self.discrepancy_.to_dict(),
             "disturbance": None if self.disturbance_ is None else plain(self.disturbance_),
             "unusable": [plain(suspect) for suspect in self.unusable_],
             "stopped": self.stopped_,
@@ -625,9 +625,9 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
 
         Parameters
         ----------
-        cause : NamedCause, Suspect or (str, str), optional
+        cause : NamedCause, Candidate or (str, str), optional
             A named cause, or its effect and target; by default the first.
-        other : Suspect or (str, str), optional
+        other : Candidate or (str, str), optional
             The cause to tell it from; by default the first that it is confused with.
         reach : float, default=1
             Largest amplitude, as a multiple of the records'.
@@ -754,7 +754,7 @@ def _explained(found: _Found) -> float:
 
 def _error(found: _Found) -> float:
     """Give what the causes leave, a sample."""
-    return found.outcome.final.squares / found.search.fitter.setting.n_samples
+    return found.outcome.final.squares / found.search.fitter.problem.n_samples
 
 
 def _check_hold(hold) -> None:

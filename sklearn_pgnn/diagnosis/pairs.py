@@ -17,10 +17,10 @@ from itertools import combinations
 
 import numpy as np
 
-from sklearn_pgnn.diagnosis.fitting import Sketch
-from sklearn_pgnn.diagnosis.hypothesis import Cause
+from sklearn_pgnn.estimation.fitting import SubsampleFit
+from sklearn_pgnn.estimation.hypothesis import Cause
 from sklearn_pgnn.simulation.window_fit import WindowFit
-from sklearn_pgnn.simulation.windows import Windows, evaluate
+from sklearn_pgnn.simulation.windows import ShootingWindows, evaluate
 
 #: a finite difference changes the outputs by so many times the noise
 STEP = 0.1
@@ -29,20 +29,20 @@ ROUNDING = 1e-9
 
 
 def foretell_pairs(
-    ground: Sketch,
-    alone: list[Sketch],
-    windows: Windows,
+    ground: SubsampleFit,
+    alone: list[SubsampleFit],
+    windows: ShootingWindows,
     tick: Callable[[], None] = lambda: None,
 ) -> list[tuple[float, Cause, Cause]]:
     """Rank pairs of causes by the squares they are expected to leave.
 
     Parameters
     ----------
-    ground : Sketch
+    ground : SubsampleFit
         The hypothesis to extend by two causes.
-    alone : list of Sketch
+    alone : list of SubsampleFit
         Its extensions by one cause.
-    windows : Windows
+    windows : ShootingWindows
         The windows of the sketches.
     tick : callable, optional
         Called before every simulation.
@@ -74,7 +74,7 @@ def _left(table) -> float:
     return float(size[0] ** 2 * (1.0 - gram[:, 0] @ inverse @ gram[:, 0]))
 
 
-def _changes(view, sketch: Sketch) -> np.ndarray:
+def _changes(view, sketch: SubsampleFit) -> np.ndarray:
     """Give the changes of the outputs by a cause: as fitted, and by its own parameters."""
     effect, target = sketch.hypothesis.causes[-1]
     own = set(effect(target).names().values())
@@ -87,7 +87,7 @@ def _changes(view, sketch: Sketch) -> np.ndarray:
 class _View:
     """Outputs on the windows of a fit, in units of the noise and laid end to end."""
 
-    windows: Windows
+    windows: ShootingWindows
     fit: WindowFit
     tick: Callable[[], None]
 

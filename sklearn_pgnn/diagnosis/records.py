@@ -5,14 +5,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sklearn_pgnn.diagnosis.fitting import Fitter
-from sklearn_pgnn.diagnosis.hypothesis import Cause
 from sklearn_pgnn.diagnosis.search import Outcome
-from sklearn_pgnn.diagnosis.setting import Setting, with_prior_spreads
+from sklearn_pgnn.estimation.fitting import HypothesisFitter
+from sklearn_pgnn.estimation.hypothesis import Cause
+from sklearn_pgnn.estimation.problem import EstimationProblem, with_prior_spreads
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.simulate import settled_start
-from sklearn_pgnn.simulation.window_fit import Freedom, WindowFit
-from sklearn_pgnn.simulation.windows import Windows
+from sklearn_pgnn.simulation.window_fit import ParameterPrior, WindowFit
+from sklearn_pgnn.simulation.windows import ShootingWindows
 
 
 @dataclass(frozen=True)
@@ -27,14 +27,14 @@ class FittedWindows:
         Fitted initial states of the windows.
     residual : ndarray of shape (n_samples, n_outputs)
         Measured minus simulated outputs [unit of the output].
-    freedoms : tuple of Freedom
+    freedoms : tuple of ParameterPrior
         What was free in the fit.
     """
 
     model: PhysicsModel
     x0: np.ndarray
     residual: np.ndarray
-    freedoms: tuple[Freedom, ...]
+    freedoms: tuple[ParameterPrior, ...]
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class DiagnosisRecords:
 
     Parameters
     ----------
-    windows : Windows
+    windows : ShootingWindows
         The records, end to end, and the windows on which the models were judged.
     names : tuple of str
         What each record is called.
@@ -53,27 +53,27 @@ class DiagnosisRecords:
         The extended model's states where every record starts.
     fits : dict of str to FittedWindows
         The ``"prior"``, the ``"refitted"`` prior and the ``"extended"`` model.
-    setting : Setting
-        The ground of the diagnosis, for what is asked of it later.
+    problem : EstimationProblem
+        the problem, for what is asked of it later.
     causes : tuple of (effect class, target)
         The causes of the extended model, in the order in which they apply.
     """
 
-    windows: Windows
+    windows: ShootingWindows
     names: tuple[str, ...]
     states: np.ndarray
     starts: np.ndarray
     fits: Mapping[str, FittedWindows]
-    setting: Setting
+    problem: EstimationProblem
     causes: tuple[Cause, ...]
 
 
-def keep_records(fitter: Fitter, outcome: Outcome, names) -> DiagnosisRecords:
+def keep_records(fitter: HypothesisFitter, outcome: Outcome, names) -> DiagnosisRecords:
     """Gather what the pictures need.
 
     Parameters
     ----------
-    fitter : Fitter
+    fitter : HypothesisFitter
         What fitted the hypotheses.
     outcome : Outcome
         What the search found.
@@ -85,31 +85,31 @@ def keep_records(fitter: Fitter, outcome: Outcome, names) -> DiagnosisRecords:
     DiagnosisRecords
         The records and the fits.
     """
-    setting = fitter.setting
+    problem = fitter.problem
     fits = {
         "prior": fitter.prior,
         "refitted": outcome.base.fit,
         "extended": outcome.final.fit,
     }
-    final, windows = outcome.final.fit, replace(setting.windows, threads=1)
+    final, windows = outcome.final.fit, replace(problem.windows, threads=1)
     return DiagnosisRecords(
         windows=windows,
         names=tuple(map(str, names)),
-        states=setting.states.estimate(setting.prior).x,
-        starts=record_starts(setting, final.model, final.x0),
+        states=problem.states.estimate(problem.prior).x,
+        starts=record_starts(problem, final.model, final.x0),
         fits={which: _slim(fit) for which, fit in fits.items()},
-        setting=replace(setting, windows=windows),
+        problem=replace(problem, windows=windows),
         causes=outcome.final.hypothesis.order,
     )
 
 
-def record_starts(setting: Setting, model: PhysicsModel, x0: np.ndarray) -> np.ndarray:
+def record_starts(problem: EstimationProblem, model: PhysicsModel, x0: np.ndarray) -> np.ndarray:
     """Return where every record starts: what it tells, `settled` states, else as it was found.
 
     Parameters
     ----------
-    setting : Setting
-        The ground of the diagnosis.
+    problem : EstimationProblem
+        the problem.
     model : PhysicsModel
         The model.
     x0 : ndarray of shape (n_windows, n_states)
@@ -120,9 +120,9 @@ def record_starts(setting: Setting, model: PhysicsModel, x0: np.ndarray) -> np.n
     ndarray of shape (n_records, n_states)
         Initial states, as whoever simulates the model on the records has them.
     """
-    windows, first = setting.windows, setting.windows.bounds[:-1]
+    windows, first = problem.windows, problem.windows.bounds[:-1]
     starts = x0[np.searchsorted(windows.starts, first)].copy()
-    for start, u, told in zip(starts, windows.u[first], setting.states.told, strict=True):
+    for start, u, told in zip(starts, windows.u[first], problem.states.told, strict=True):
         known = {**settled_start(model, u), **told}
         for i, state in enumerate(model.states):
             if state in told or state in model.settled:
@@ -130,13 +130,13 @@ def record_starts(setting: Setting, model: PhysicsModel, x0: np.ndarray) -> np.n
     return starts
 
 
-def as_judged(setting: Setting, fit: WindowFit) -> PhysicsModel:
+def as_judged(problem: EstimationProblem, fit: WindowFit) -> PhysicsModel:
     """Return a fitted model with all it was judged with, to be handed over.
 
     Parameters
     ----------
-    setting : Setting
-        The ground of the diagnosis.
+    problem : EstimationProblem
+        the problem.
     fit : WindowFit
         The fitted model.
 
@@ -146,9 +146,9 @@ def as_judged(setting: Setting, fit: WindowFit) -> PhysicsModel:
         The model with its hold and substeps, the prior's spreads, and as `initial_state` where the
         first record was found to start in what it does not tell.
     """
-    model, windows = with_prior_spreads(fit.model, setting.prior), setting.windows
-    start = dict(zip(model.states, record_starts(setting, model, fit.x0)[0].tolist(), strict=True))
-    found = {s: v for s, v in start.items() if s not in {*setting.states.told[0], *model.settled}}
+    model, windows = with_prior_spreads(fit.model, problem.prior), problem.windows
+    start = dict(zip(model.states, record_starts(problem, model, fit.x0)[0].tolist(), strict=True))
+    found = {s: v for s, v in start.items() if s not in {*problem.states.told[0], *model.settled}}
     return model.replace(
         initial_state={**model.initial_state, **found},
         simulation={"hold": windows.hold, "substeps": windows.substeps},

@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sklearn_pgnn.diagnosis.fitting import Fitter, Trial, piece_squares
-from sklearn_pgnn.diagnosis.hypothesis import Cause, held_freedoms
 from sklearn_pgnn.diagnosis.search import Outcome
-from sklearn_pgnn.diagnosis.setting import Setting
+from sklearn_pgnn.estimation.fitting import HypothesisFitter, Trial, block_squares
+from sklearn_pgnn.estimation.hypothesis import Cause, held_freedoms
+from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.simulation.uncertainty import (
     Estimate,
     errors_by_held,
@@ -21,7 +21,7 @@ from sklearn_pgnn.simulation.window_fit import WindowFit
 RESAMPLINGS = 1000
 
 
-class Suspect(NamedTuple):
+class Candidate(NamedTuple):
     """An effect and what it acts on.
 
     Parameters
@@ -68,11 +68,11 @@ class NamedCause:
         Its physical parameters.
     gain : float
         By how much it lowers the held-out error of the model without it [%].
-    confused_with : tuple of Suspect
+    confused_with : tuple of Candidate
         Causes that explain the records as well in its place.
     summary, check : str
         What it is, and how to check it on the rig.
-    equivalent : tuple of Suspect
+    equivalent : tuple of Candidate
         Those among `confused_with` that are the same in the equations: no record separates them.
     """
 
@@ -80,10 +80,10 @@ class NamedCause:
     target: str
     parameters: dict[str, Estimate]
     gain: float
-    confused_with: tuple[Suspect, ...]
+    confused_with: tuple[Candidate, ...]
     summary: str = ""
     check: str = ""
-    equivalent: tuple[Suspect, ...] = ()
+    equivalent: tuple[Candidate, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -135,18 +135,20 @@ class Gain:
     unit: str = ""
 
 
-def parameter_errors(setting: Setting, trial: Trial) -> dict[str, float]:
+def parameter_errors(problem: EstimationProblem, trial: Trial) -> dict[str, float]:
     """Give the parameters' standard errors, with what comes from those that causes hold."""
-    fit, estimate = trial.fit, setting.states.estimate(trial.fit.model)
-    expected = estimate.x[setting.windows.starts], estimate.spread
-    errors, held = standard_errors(fit, *expected), held_freedoms(setting, trial.hypothesis)
+    fit, estimate = trial.fit, problem.states.estimate(trial.fit.model)
+    expected = estimate.x[problem.windows.starts], estimate.spread
+    errors, held = standard_errors(fit, *expected), held_freedoms(problem, trial.hypothesis)
     if not held or not fit.usable:
         return errors
-    more = errors_by_held(fit, setting.windows, held, *expected)
+    more = errors_by_held(fit, problem.windows, held, *expected)
     return {name: math.hypot(error, more[name]) for name, error in errors.items()}
 
 
-def name_causes(fitter: Fitter, outcome: Outcome, folds, errors) -> tuple[NamedCause, ...]:
+def name_causes(
+    fitter: HypothesisFitter, outcome: Outcome, folds, errors
+) -> tuple[NamedCause, ...]:
     """Describe the causes of the accepted hypothesis, the most telling first."""
     causes, before = [], outcome.base
     for step in outcome.steps:
@@ -155,9 +157,9 @@ def name_causes(fitter: Fitter, outcome: Outcome, folds, errors) -> tuple[NamedC
             NamedCause(
                 effect=cause[0].id,
                 target=cause[1],
-                parameters=_estimates(fitter.setting, outcome.final, cause, errors),
+                parameters=_estimates(fitter.problem, outcome.final, cause, errors),
                 gain=_gain_percent(fitter, before, step, folds),
-                confused_with=tuple(Suspect(e.id, t) for e, t in outcome.alternatives[cause]),
+                confused_with=tuple(Candidate(e.id, t) for e, t in outcome.alternatives[cause]),
                 summary=cause[0].summary,
                 check=cause[0].check,
             )
@@ -166,7 +168,7 @@ def name_causes(fitter: Fitter, outcome: Outcome, folds, errors) -> tuple[NamedC
     return tuple(causes)
 
 
-def _estimates(setting, trial: Trial, cause: Cause, errors) -> dict[str, Estimate]:
+def _estimates(problem, trial: Trial, cause: Cause, errors) -> dict[str, Estimate]:
     effect, target = cause
     names = effect(target).names()
     taken = trial.hypothesis.taken_over(cause)
@@ -185,11 +187,13 @@ def _gain_percent(fitter, before: Trial, after: Trial, folds) -> float:
     return float(100.0 * (1.0 - np.sqrt(better / worse)))
 
 
-def retuned_parameters(setting: Setting, fit: WindowFit, errors) -> dict[str, RetunedParameter]:
+def retuned_parameters(
+    problem: EstimationProblem, fit: WindowFit, errors
+) -> dict[str, RetunedParameter]:
     """Compare the prior's free parameters with their re-tuned values."""
     table = {}
-    for name in setting.prior.free_parameters:
-        found, prior = estimate_of(fit.model, name, errors), setting.prior.parameters[name].value
+    for name in problem.prior.free_parameters:
+        found, prior = estimate_of(fit.model, name, errors), problem.prior.parameters[name].value
         changed = not found.low <= prior <= found.high
         table[name] = RetunedParameter(
             prior, found.value, found.low, found.high, found.unit, changed
@@ -197,23 +201,25 @@ def retuned_parameters(setting: Setting, fit: WindowFit, errors) -> dict[str, Re
     return table
 
 
-def measure_gain(fitter: Fitter, outcome: Outcome, folds, random_state) -> dict[str, Gain]:
+def measure_gain(
+    fitter: HypothesisFitter, outcome: Outcome, folds, random_state
+) -> dict[str, Gain]:
     """Measure what re-tuning and extending are worth on held-out windows."""
-    setting = fitter.setting
-    windows = setting.windows
-    counts = windows.sum_pieces(np.isfinite(windows.y).astype(float)).sum(axis=1)
+    problem = fitter.problem
+    windows = problem.windows
+    counts = windows.sum_blocks(np.isfinite(windows.y).astype(float)).sum(axis=1)
     squares = {
         which: found.sum(axis=1)
         for which, found in {
-            "prior": piece_squares(setting, fitter.prior),
+            "prior": block_squares(problem, fitter.prior),
             "refitted": fitter.held_out(outcome.base, folds),
             "extended": fitter.held_out(outcome.final, folds),
         }.items()
     }
     draws = random_state.integers(0, len(counts), (RESAMPLINGS, len(counts)))
     gains = {}
-    for i, output in enumerate(setting.prior.outputs):
-        scale = setting.windows.scale[i]
+    for i, output in enumerate(problem.prior.outputs):
+        scale = problem.windows.scale[i]
         noise = float(outcome.noise[i])
 
         def power(which, rows, i=i):
@@ -231,7 +237,7 @@ def measure_gain(fitter: Fitter, outcome: Outcome, folds, random_state) -> dict[
             explained_share=float(share),
             low=float(low),
             high=float(high),
-            unit=setting.prior.unit(output),
+            unit=problem.prior.unit(output),
         )
     return gains
 

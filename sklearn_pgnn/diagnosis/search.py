@@ -6,12 +6,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from sklearn_pgnn.diagnosis.equivalence import are_equivalent
-from sklearn_pgnn.diagnosis.fitting import Fitter, Key, Sketch, Trial, objective_of
-from sklearn_pgnn.diagnosis.hypothesis import Cause, count_parameters, resemble, same_causes
 from sklearn_pgnn.diagnosis.judge import Judge, Rules, n_parameters
 from sklearn_pgnn.diagnosis.pairs import foretell_pairs
-from sklearn_pgnn.diagnosis.progress import TimeIsUp
+from sklearn_pgnn.estimation.equivalence import are_equivalent
+from sklearn_pgnn.estimation.fitting import HypothesisFitter, Key, SubsampleFit, Trial, objective_of
+from sklearn_pgnn.estimation.hypothesis import Cause, count_parameters, resemble, same_causes
+from sklearn_pgnn.estimation.progress import TimeIsUp
 from sklearn_pgnn.physics.effects import WrongParameter
 
 #: pairs of suspects that are looked at on top of a hypothesis, the most promising first
@@ -36,7 +36,7 @@ class Outcome:
     alternatives : dict
         For every cause, the causes that would do as well in its place.
     noise : ndarray of shape (n_outputs,)
-        Noise left by the best fit, in units of the setting's noise.
+        Noise left by the best fit, in units of the problem's noise.
     tried : dict
         Every cause tried alone, and the error power it leaves relative to the base.
     complete : bool, default=True
@@ -61,7 +61,7 @@ class Search:
 
     Parameters
     ----------
-    fitter : Fitter
+    fitter : HypothesisFitter
         Fits hypotheses.
     suspects : tuple of (effect class, target)
         The causes to think of.
@@ -83,7 +83,7 @@ class Search:
 
     def __init__(
         self,
-        fitter: Fitter,
+        fitter: HypothesisFitter,
         suspects: tuple[Cause, ...],
         rules: Rules,
         is_beyond: Callable[["Search", Trial], bool] | None = None,
@@ -91,12 +91,12 @@ class Search:
     ):
         self.is_beyond = is_beyond
         self.fitter = fitter
-        self.same = same_causes(fitter.setting.prior, suspects)
+        self.same = same_causes(fitter.problem.prior, suspects)
         self.suspects = tuple(self.same)
         self.judge = Judge(fitter, rules, shown)
         self.progress = fitter.progress
         self._tried: dict[Cause, float] = {}
-        self._grounds: dict[Key, tuple[Sketch, list[Sketch]]] = {}
+        self._grounds: dict[Key, tuple[SubsampleFit, list[SubsampleFit]]] = {}
 
     def run(self) -> Outcome:
         """Find what is missing, or as much of it as the time allows.
@@ -183,8 +183,8 @@ class Search:
 
     # -- forward -------------------------------------------------------------------------------
 
-    def _scout(self, current: Trial) -> list[Sketch]:
-        """Sketch every suspect on top of the current hypothesis, the best to their end."""
+    def _scout(self, current: Trial) -> list[SubsampleFit]:
+        """SubsampleFit every suspect on top of the current hypothesis, the best to their end."""
         left = [c for c in self.suspects if current.hypothesis.allows(c)]
         self.progress.begin(_next_cause(current), 2 * len(left))
         ground, looks, alone = self.fitter.sketch(current), [], not current.hypothesis.causes
@@ -199,12 +199,12 @@ class Search:
             self._tried = _shares_left(ground, scouted)
         return scouted
 
-    def _settle(self, ground: Sketch, looks: list[Sketch]) -> list[Sketch]:
+    def _settle(self, ground: SubsampleFit, looks: list[SubsampleFit]) -> list[SubsampleFit]:
         """Follow looks, the best first, until they cannot explain half of what the best does."""
         best, found = ground.fit.objective, []
         for place, look in enumerate(sorted(looks, key=objective_of)):
             half = np.inf if place < JUDGED else (ground.fit.objective + best) / 2
-            found.append(self.fitter.settle(look, hopeless=half))
+            found.append(self.fitter.settle(look, prune_above=half))
             best = min(best, found[-1].fit.objective)
             self.progress.step()
         return _usable(found)
@@ -219,7 +219,7 @@ class Search:
                 trial = further if further.fit.usable else trial
         return trial if trial is not current else None
 
-    def _decide(self, current: Trial, scouted: list[Sketch]) -> Trial | None:
+    def _decide(self, current: Trial, scouted: list[SubsampleFit]) -> Trial | None:
         """Give the best suspect that proves itself on unseen windows, or says the same simpler."""
         ground = self.fitter.sketch(current)
         left = [
@@ -255,15 +255,17 @@ class Search:
             best = self._decide(current, self._pairs())
         return best
 
-    def _settle_all(self, looks: list[Sketch], hopeless: float = np.inf) -> list[Sketch]:
-        """Follow looks to their end, or until it is clear that they stay hopeless."""
+    def _settle_all(
+        self, looks: list[SubsampleFit], prune_above: float = np.inf
+    ) -> list[SubsampleFit]:
+        """Follow looks to their end, or until it is clear that they stay prune_above."""
         found = []
         for look in looks:
-            found.append(self.fitter.settle(look, hopeless))
+            found.append(self.fitter.settle(look, prune_above))
             self.progress.step()
         return _usable(found)
 
-    def _look_at(self, pairs: list[tuple[Sketch, Cause]]) -> list[Sketch]:
+    def _look_at(self, pairs: list[tuple[SubsampleFit, Cause]]) -> list[SubsampleFit]:
         """Take a first look at one cause more on top of each sketch."""
         looks = []
         for sketch, cause in pairs:
@@ -271,8 +273,8 @@ class Search:
             self.progress.step()
         return looks
 
-    def _pairs(self) -> list[Sketch]:
-        """Sketch the pairs that promise most on top of what was scouted, the best first."""
+    def _pairs(self) -> list[SubsampleFit]:
+        """SubsampleFit the pairs that promise most on top of what was scouted, the best first."""
         found = []
         for ground, alone in self._grounds.values():
             room = len(ground.hypothesis.causes) <= self.judge.rules.max_causes - 2
@@ -286,15 +288,15 @@ class Search:
         return sorted(found, key=objective_of)
 
     @staticmethod
-    def _ordered(first, a: Cause, b: Cause) -> tuple[Sketch, Cause]:
+    def _ordered(first, a: Cause, b: Cause) -> tuple[SubsampleFit, Cause]:
         """Give the better of two causes as fitted, and the other."""
         return (first[a], b) if first[a].squares <= first[b].squares else (first[b], a)
 
-    def _contenders(self, scouted: list[Sketch]) -> list[Sketch]:
+    def _contenders(self, scouted: list[SubsampleFit]) -> list[SubsampleFit]:
         """Give the suspects that all samples may show to be as good as the first."""
         return [s for s in scouted if s is scouted[0] or not self.judge.is_beaten(s, scouted[0])]
 
-    def _complete(self, sketch: Sketch, beside: Trial) -> Trial:
+    def _complete(self, sketch: SubsampleFit, beside: Trial) -> Trial:
         trial = self.fitter.complete(sketch, beside)
         if trial.fit.usable:
             self.judge.learn_noise(trial)
@@ -327,7 +329,7 @@ class Search:
             trial = fewer
         return trial
 
-    def _without_idle_memory(self, reduced: list[Sketch], trial: Trial) -> Trial | None:
+    def _without_idle_memory(self, reduced: list[SubsampleFit], trial: Trial) -> Trial | None:
         """Drop a cause with a memory that is no gain beside the others, if there is one."""
         for sketch in reduced:
             (dropped,) = set(trial.hypothesis.causes) - set(sketch.hypothesis.causes)
@@ -352,16 +354,16 @@ class Search:
         """Name the causes of a hypothesis that the records do not show by themselves."""
         return [cause for cause in trial.hypothesis.causes if cause not in self.judge.shown]
 
-    def _replacements(self, trial: Trial, cause: Cause) -> list[Sketch]:
-        """Sketch the suspects that may stand in a cause's place, the best first."""
+    def _replacements(self, trial: Trial, cause: Cause) -> list[SubsampleFit]:
+        """SubsampleFit the suspects that may stand in a cause's place, the best first."""
         sketch = self.fitter.sketch(trial)
         without = self.fitter.reduce(sketch, cause)
         needed = 0.8 * sketch.fit.objective + 0.2 * without.fit.objective
         looks = self._look_at([(without, other) for other in self._rivals(without, cause)])
-        found = self._settle_all(looks, hopeless=needed)
+        found = self._settle_all(looks, prune_above=needed)
         return [s for s in found if not self.judge.is_beaten(s, sketch)]
 
-    def _rivals(self, without: Sketch, cause: Cause) -> list[Cause]:
+    def _rivals(self, without: SubsampleFit, cause: Cause) -> list[Cause]:
         """Name the suspects that explain a share of what a cause does alone, or stand with others.
 
         Beside others, what a suspect explains alone says little.
@@ -396,8 +398,8 @@ class Search:
         swapped = [self._complete(sketch, trial) for sketch in sketches]
         return [s for s in swapped if s.fit.usable and self.judge.as_good(trial, s)]
 
-    def _apart(self, sketch: Sketch, cause: Cause) -> list[Sketch]:
-        """Sketch a cause beside a part of it, and its special cases without it."""
+    def _apart(self, sketch: SubsampleFit, cause: Cause) -> list[SubsampleFit]:
+        """SubsampleFit a cause beside a part of it, and its special cases without it."""
         effect, target = cause
         kin = [c for c in self.suspects if c[1] == target and c not in sketch.hypothesis.causes]
         found = [self.fitter.split(sketch, cause, c) for c in kin if c[0].id in effect.shared]
@@ -433,9 +435,9 @@ class Search:
 
     def _too_small(self, trial: Trial, cause: Cause) -> list[Cause]:
         """Name the suspects that a cause may be, were they sought as small as it is."""
-        setting, model = self.fitter.setting, trial.fit.model
+        problem, model = self.fitter.problem, trial.fit.model
         rest = trial.hypothesis.without(cause)
-        return [o for o in self.suspects if rest.allows(o) and resemble(setting, model, cause, o)]
+        return [o for o in self.suspects if rest.allows(o) and resemble(problem, model, cause, o)]
 
     def _exact(self, without: Trial, cause: Cause) -> list[Cause]:
         """Name the causes that are the same as one in the equations, beside the others.
@@ -496,7 +498,7 @@ def _usable(trials: list) -> list:
     return sorted((trial for trial in trials if trial.fit.usable), key=objective_of)
 
 
-def _shares_left(ground: Sketch, sketches: list[Sketch]) -> dict[Cause, float]:
+def _shares_left(ground: SubsampleFit, sketches: list[SubsampleFit]) -> dict[Cause, float]:
     """Return the share of the error power that every suspect leaves."""
     both = [sketch for sketch in sketches if sketch.fit.usable and ground.fit.usable]
     return {sketch.hypothesis.causes[-1]: sketch.squares / ground.squares for sketch in both}

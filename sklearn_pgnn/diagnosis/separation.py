@@ -10,11 +10,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sklearn_pgnn.diagnosis.equivalence import are_equivalent
-from sklearn_pgnn.diagnosis.hypothesis import Cause, Hypothesis, freedoms, held_by, resemble
 from sklearn_pgnn.diagnosis.judge import NOTICED
 from sklearn_pgnn.diagnosis.records import DiagnosisRecords, FittedWindows
-from sklearn_pgnn.diagnosis.result import Suspect, plain
+from sklearn_pgnn.diagnosis.result import Candidate, plain
+from sklearn_pgnn.estimation.equivalence import are_equivalent
+from sklearn_pgnn.estimation.hypothesis import Cause, Hypothesis, freedoms, held_by, resemble
 from sklearn_pgnn.simulation.record_windows import cut
 from sklearn_pgnn.simulation.state_estimate import free_run
 from sklearn_pgnn.simulation.window_fit import fit_windows
@@ -98,7 +98,7 @@ class Separation:
 
     Parameters
     ----------
-    cause, other : Suspect
+    cause, other : Candidate
         The causes.
     equivalent : bool
         Whether they are the same, in the equations or in all that was tried, so that no experiment
@@ -107,8 +107,8 @@ class Separation:
         The experiments, the most telling first.
     """
 
-    cause: Suspect
-    other: Suspect
+    cause: Candidate
+    other: Candidate
     equivalent: bool
     experiments: tuple[Experiment, ...] = ()
 
@@ -160,13 +160,13 @@ def waves(t: np.ndarray, period: float) -> dict[str, np.ndarray]:
 
 def _designs(records: DiagnosisRecords, reach: float):
     """Lay out every input, excitation and amplitude: its description and its inputs."""
-    windows, period = records.windows, records.setting.period
+    windows, period = records.windows, records.problem.period
     longest = np.diff(windows.bounds).max()
-    t = records.setting.scales.sample_time * np.arange(min(int(longest), SAMPLES))
+    t = records.problem.scales.sample_time * np.arange(min(int(longest), SAMPLES))
     lowest, highest = windows.u.min(axis=0), windows.u.max(axis=0)
     half = (highest - lowest) / 2
     offset = np.where(np.abs(lowest + highest) > 0.01 * half, lowest + half, 0.0)
-    for i, name in enumerate(records.setting.prior.inputs):
+    for i, name in enumerate(records.problem.prior.inputs):
         for excitation, wave in waves(t, period).items():
             for amplitude in reach * half[i] * np.array(AMPLITUDES):
                 u = np.tile(offset, (t.size, 1))
@@ -194,13 +194,13 @@ def swap(records: DiagnosisRecords, old: Cause, new: Cause, each_step: Callable[
     FittedWindows
         The best fit over the starts of the new effect.
     """
-    setting, prior = records.setting, records.setting.prior
+    problem, prior = records.problem, records.problem.prior
     hypothesis = Hypothesis(tuple(new if cause == old else cause for cause in records.causes))
     held = held_by(prior, hypothesis)
 
     def fit(model, max_steps=25):
-        estimate = setting.states.estimate(model)
-        free = freedoms(setting, hypothesis, model, held)
+        estimate = problem.states.estimate(model)
+        free = freedoms(problem, hypothesis, model, held)
         x0 = estimate.x[records.windows.starts]
         return fit_windows(
             model,
@@ -212,7 +212,7 @@ def swap(records: DiagnosisRecords, old: Cause, new: Cause, each_step: Callable[
             each_step=each_step,
         )
 
-    starts = new[0].starts(new[1], prior, setting.scales)
+    starts = new[0].starts(new[1], prior, problem.scales)
     looks = [fit(_extend(records, hypothesis.order, start, held), LOOK) for start in starts]
     looks.sort(key=lambda look: look.objective)
     best = min((fit(look.model) for look in looks[:FOLLOWED]), key=lambda each: each.objective)
@@ -221,14 +221,14 @@ def swap(records: DiagnosisRecords, old: Cause, new: Cause, each_step: Callable[
 
 def _extend(records, causes, start=None, held=frozenset()):
     """Extend the prior by causes: a new one at its start, the others at fitted values."""
-    setting = records.setting
-    model = setting.prior
+    problem = records.problem
+    model = problem.prior
     for effect, target in causes:
-        own = effect.starts(target, setting.prior, setting.scales)[0]
+        own = effect.starts(target, problem.prior, problem.scales)[0]
         is_new = start is not None and (effect.id, target) == (start.id, start.target)
         model = (start if is_new else own).apply(model)
     new = set() if start is None else set(start.names().values())
-    fresh = held | (new - set(setting.prior.parameters))
+    fresh = held | (new - set(problem.prior.parameters))
     known = records.fits["extended"].model.parameters
     values = {n: known[n].value for n in model.parameters if n in known and n not in fresh}
     return model.with_parameters(**values)
@@ -244,17 +244,17 @@ def _left(records, truth: FittedWindows, rival: FittedWindows, t, u, each_step):
     run = free_run(truth.model, whole, 0, t.size, truth.x0[0])
     if not run.success or _beyond(records, run.y):
         return None
-    windows = cut(replace(whole, y=run.y), records.setting.scales.window, min_windows=1)
+    windows = cut(replace(whole, y=run.y), records.problem.scales.window, min_windows=1)
     own = free_run(rival.model, whole, 0, t.size, rival.x0[0])
     x0 = np.nan_to_num(own.x[windows.starts])
     for i, name in enumerate(rival.model.states):
         if name in truth.model.states:
             x0[:, i] = run.x[windows.starts, list(truth.model.states).index(name)]
-    spread = records.setting.states.estimate(rival.model).spread
+    spread = records.problem.states.estimate(rival.model).spread
     free = tuple(replace(f, centre=rival.model.parameters[f.name].value) for f in rival.freedoms)
     fit = fit_windows(rival.model, windows, free, x0, spread, max_steps=STEPS, each_step=each_step)
     reached = dict(zip(truth.model.states, np.abs(run.x).max(axis=0).tolist(), strict=True))
-    return fit.evaluation.piece_squares.ravel(), reached
+    return fit.evaluation.block_squares.ravel(), reached
 
 
 def _beyond(records, y) -> bool:
@@ -311,10 +311,10 @@ def separate(
     Separation
         The experiments, the most telling first.
     """
-    pair = Suspect(cause[0].id, cause[1]), Suspect(other[0].id, other[1])
+    pair = Candidate(cause[0].id, cause[1]), Candidate(other[0].id, other[1])
     if are_same(records, cause, other):
         return Separation(*pair, equivalent=True)
-    if resemble(records.setting, records.fits["extended"].model, cause, other):
+    if resemble(records.problem, records.fits["extended"].model, cause, other):
         return Separation(*pair, equivalent=False)
     found, same = _try_all(records, swap(records, cause, other, each_step), reach, each_step)
     nested = cause[0].id in other[0].generalises or other[0].id in cause[0].generalises
@@ -350,9 +350,9 @@ def _told(records, design, t, squares, reached) -> Experiment:
         excitation=excitation,
         amplitude=amplitude,
         offset=offset,
-        unit=records.setting.prior.inputs[name],
+        unit=records.problem.prior.inputs[name],
         duration=float(t[-1]),
-        period=records.setting.period,
+        period=records.problem.period,
         reached=reached,
         difference=float(np.sqrt(squares.sum() / (t.size * records.windows.y.shape[1]))),
         evidence=float(np.sqrt(squares.sum())),

@@ -10,10 +10,10 @@ import sympy
 from sklearn.ensemble import HistGradientBoostingRegressor
 from sklearn.model_selection import GroupKFold, cross_val_predict
 
-from sklearn_pgnn.diagnosis.fitting import Trial
 from sklearn_pgnn.diagnosis.leading_terms import leading_terms
 from sklearn_pgnn.diagnosis.records import as_judged
-from sklearn_pgnn.diagnosis.setting import Setting
+from sklearn_pgnn.estimation.fitting import Trial
+from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.physics.effects.formula import Formula
 from sklearn_pgnn.physics.effects.rates import is_velocity
 from sklearn_pgnn.physics.expressions import TIME, symbol, to_text
@@ -21,7 +21,7 @@ from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.hidden_input import HiddenInput, find_hidden_input
 from sklearn_pgnn.simulation.linear_response import linear_responses
 from sklearn_pgnn.simulation.pointwise import evaluate_samples
-from sklearn_pgnn.simulation.window_fit import Freedom, WindowFit, fit_windows
+from sklearn_pgnn.simulation.window_fit import ParameterPrior, WindowFit, fit_windows
 from sklearn_pgnn.simulation.windows import evaluate
 
 #: samples on which a hidden input is described, and folds of the description
@@ -128,7 +128,10 @@ def channels(model: PhysicsModel) -> tuple[str, ...]:
 
 
 def propose(
-    setting: Setting, base: Trial, channel: str, each_step: Callable[[], None] | None = None
+    problem: EstimationProblem,
+    base: Trial,
+    channel: str,
+    each_step: Callable[[], None] | None = None,
 ) -> list[Proposal]:
     """Find the hidden input of a channel, and formulas for it with one term, with two, and more.
 
@@ -137,8 +140,8 @@ def propose(
 
     Parameters
     ----------
-    setting : Setting
-        The ground of the diagnosis.
+    problem : EstimationProblem
+        the problem.
     base : Trial
         The model without it.
     channel : str
@@ -156,30 +159,30 @@ def propose(
     SimulationError
         If the responses to the terms leave the finite numbers.
     """
-    model, scales = base.fit.model, setting.scales
-    estimate = setting.states.estimate(model)
+    model, scales = base.fit.model, problem.scales
+    estimate = problem.states.estimate(model)
     size = scales.rate[channel] if channel in scales.rate else scales.typical[channel]
     hidden = find_hidden_input(
         model,
-        setting.windows,
+        problem.windows,
         channel,
         estimate.x,
         estimate.spread,
         size,
-        setting.period,
+        problem.period,
         each_step,
     )
     if not np.all(np.isfinite(hidden.values)):
         return []
-    table = _samples(setting, model, hidden)
-    terms = _terms(setting.prior, table)
+    table = _samples(problem, model, hidden)
+    terms = _terms(problem.prior, table)
     columns = np.column_stack([evaluate_samples(term, table, hidden.values.size) for term in terms])
     own = _independent(columns[:: max(1, len(columns) // SAMPLES)])
     columns, terms = columns[:, own], [terms[i] for i in own]
     formulas = [
-        _formula(model, channel, terms, c) for c in _telling_terms(setting, base, channel, columns)
+        _formula(model, channel, terms, c) for c in _telling_terms(problem, base, channel, columns)
     ]
-    fitted = [(formula, _fit(setting, base, formula, each_step)) for formula in formulas]
+    fitted = [(formula, _fit(problem, base, formula, each_step)) for formula in formulas]
     return [
         Proposal(hidden, _at_fit(formula, fit), Trial(base.hypothesis, fit))
         for formula, fit in fitted
@@ -187,13 +190,13 @@ def propose(
     ]
 
 
-def describe(setting: Setting, proposal: Proposal) -> MissingPart:
+def describe(problem: EstimationProblem, proposal: Proposal) -> MissingPart:
     """Describe what is missing.
 
     Parameters
     ----------
-    setting : Setting
-        The ground of the diagnosis.
+    problem : EstimationProblem
+        the problem.
     proposal : Proposal
         The formula that was chosen.
 
@@ -203,16 +206,16 @@ def describe(setting: Setting, proposal: Proposal) -> MissingPart:
         The description.
     """
     effect, hidden, fit = proposal.effect, proposal.hidden, proposal.trial.fit
-    table = _samples(setting, fit.model, hidden)
+    table = _samples(problem, fit.model, hidden)
     text = " ".join(effect.terms)
     quantities = tuple(name for name in table if re.search(rf"\b{re.escape(name)}\b", text))
     rows = slice(None, None, max(1, hidden.values.size // SAMPLES))
     share = 0.0
     if quantities:
         columns = np.column_stack([table[name][rows] for name in quantities])
-        share = _explained(columns, hidden.values[rows], _groups(setting)[rows])
-    error = float(np.sqrt(fit.squares / setting.n_samples))
-    model = as_judged(setting, fit)
+        share = _explained(columns, hidden.values[rows], _groups(problem)[rows])
+    error = float(np.sqrt(fit.squares / problem.n_samples))
+    model = as_judged(problem, fit)
     return MissingPart(effect.target, quantities, share, effect, error, model, hidden.values)
 
 
@@ -243,19 +246,19 @@ def is_known(model: PhysicsModel, effect: Formula) -> bool:
     return set(effect.terms) <= {to_text(law) for law in laws}
 
 
-def _fit(setting, base, effect, each_step) -> WindowFit:
+def _fit(problem, base, effect, each_step) -> WindowFit:
     """Fit a model with a formula on all windows, its other parameters with it."""
     model = effect.apply(base.fit.model)
     free = [
-        Freedom(name, -np.inf, np.inf, value, np.inf, max(abs(value), 1e-12))
+        ParameterPrior(name, -np.inf, np.inf, value, np.inf, max(abs(value), 1e-12))
         for name, value in zip(effect.names().values(), effect.coefficients, strict=True)
     ]
-    estimate = setting.states.estimate(model)
+    estimate = problem.states.estimate(model)
     return fit_windows(
         model,
-        setting.windows,
+        problem.windows,
         (*base.fit.freedoms, *free),
-        estimate.x[setting.windows.starts],
+        estimate.x[problem.windows.starts],
         estimate.spread,
         x0_start=base.fit.x0,
         each_step=each_step,
@@ -268,17 +271,17 @@ def _at_fit(effect, fit) -> Formula:
     return replace(effect, coefficients=tuple(values))
 
 
-def _samples(setting, model, hidden) -> dict[str, np.ndarray]:
+def _samples(problem, model, hidden) -> dict[str, np.ndarray]:
     """Give the states, smoothed with the hidden input, the inputs as they act, and the time."""
     table = {name: hidden.states[:, i] for i, name in enumerate(model.states)}
-    acting = setting.windows.acting_inputs(model)
+    acting = problem.windows.acting_inputs(model)
     table |= {name: acting[:, i] for i, name in enumerate(model.inputs)}
-    return {**table, "t": setting.windows.t}
+    return {**table, "t": problem.windows.t}
 
 
-def _groups(setting) -> np.ndarray:
+def _groups(problem) -> np.ndarray:
     """Deal the samples into groups: records, or stretches of a few records."""
-    windows = setting.windows
+    windows = problem.windows
     record = np.searchsorted(windows.bounds, np.arange(windows.t.size), side="right") - 1
     if record.max() + 1 >= FOLDS:
         return record
@@ -314,11 +317,11 @@ def _functions(model, name) -> list[sympy.Expr]:
     return found
 
 
-def _telling_terms(setting, base, channel, columns) -> list[np.ndarray]:
+def _telling_terms(problem, base, channel, columns) -> list[np.ndarray]:
     """Choose the terms by their effect on the outputs, what re-tuning explains projected out."""
-    windows, fit = setting.windows, base.fit
+    windows, fit = problem.windows, base.fit
     responses, by_state = linear_responses(fit.model, windows, fit.x0, channel, columns)
-    tuned = [_slope_by(setting, base, freedom) for freedom in fit.freedoms]
+    tuned = [_slope_by(problem, base, freedom) for freedom in fit.freedoms]
     block = np.concatenate([responses, np.stack(tuned, axis=-1)] if tuned else [responses], axis=-1)
     table = np.concatenate([fit.evaluation.residual[..., None], block], axis=-1)
     table = _without_states(windows, table, by_state)
@@ -333,13 +336,13 @@ def _telling_terms(setting, base, channel, columns) -> list[np.ndarray]:
     return list(full)
 
 
-def _slope_by(setting, base, freedom) -> np.ndarray:
+def _slope_by(problem, base, freedom) -> np.ndarray:
     """Give the change of the outputs by a parameter, for a small step."""
     fit, value = base.fit, base.fit.model.parameters[freedom.name].value
     step = 1e-3 * freedom.scale
     step = step if value + step <= freedom.high else -step
     moved = fit.model.with_parameters(**{freedom.name: value + step})
-    return (fit.evaluation.residual - evaluate(moved, setting.windows, fit.x0, ()).residual) / step
+    return (fit.evaluation.residual - evaluate(moved, problem.windows, fit.x0, ()).residual) / step
 
 
 def _without_states(windows, table, by_state) -> np.ndarray:

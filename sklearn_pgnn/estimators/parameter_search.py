@@ -14,8 +14,8 @@ from scipy.optimize import differential_evolution
 from sklearn_pgnn.estimators.progress import Tell, silence
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.record_windows import WindowedRecords
-from sklearn_pgnn.simulation.window_fit import Freedom, WindowFit, fit_windows, project
-from sklearn_pgnn.simulation.windows import Windows, evaluate
+from sklearn_pgnn.simulation.window_fit import ParameterPrior, WindowFit, fit_windows, project
+from sklearn_pgnn.simulation.windows import ShootingWindows, evaluate
 
 #: a search is local, global, or global only where the local one leaves so many times the noise
 SEARCHES, POOR = ("local", "global", "auto"), 3.0
@@ -137,10 +137,12 @@ def find_in_free_run(
     return best
 
 
-def free_between_bounds(model: PhysicsModel, name: str) -> Freedom:
+def free_between_bounds(model: PhysicsModel, name: str) -> ParameterPrior:
     """Let a parameter go anywhere between its bounds, without a pull to its prior."""
     parameter = model.parameters[name]
-    return Freedom(name, *parameter.bounds, parameter.value, np.inf, abs(parameter.value) or 1.0)
+    return ParameterPrior(
+        name, *parameter.bounds, parameter.value, np.inf, abs(parameter.value) or 1.0
+    )
 
 
 def fit_locally(model: PhysicsModel, ground: WindowedRecords, free, tolerance=1e-9) -> ParameterFit:
@@ -152,7 +154,7 @@ def fit_locally(model: PhysicsModel, ground: WindowedRecords, free, tolerance=1e
         The model; its values are the start.
     ground : WindowedRecords
         The windows.
-    free : tuple of Freedom
+    free : tuple of ParameterPrior
         The parameters to fit.
     tolerance : float, default=1e-9
         Relative decrease of the objective at which the fit ends.
@@ -195,7 +197,7 @@ def search_globally(
         The model; its values are one member of the first generation.
     ground : WindowedRecords
         The windows.
-    free : tuple of Freedom
+    free : tuple of ParameterPrior
         The parameters to fit.
     random_state : int, RandomState instance or None, default=None
         What draws the members.
@@ -249,7 +251,7 @@ def search_globally(
     return min(fits, key=lambda each: each.objective).model
 
 
-def _least_squares(model: PhysicsModel, windows: Windows, expected, spread) -> float:
+def _least_squares(model: PhysicsModel, windows: ShootingWindows, expected, spread) -> float:
     """Give the squares that the best initial states leave, to first order about the expected."""
     gram = evaluate(model, windows, expected, ()).gram
     if not np.isfinite(gram).all():
@@ -266,7 +268,7 @@ class _Scale:
     high: float
 
     @classmethod
-    def of(cls, freedom: Freedom) -> "_Scale":
+    def of(cls, freedom: ParameterPrior) -> "_Scale":
         reach = REACH * freedom.scale
         low = freedom.low if np.isfinite(freedom.low) else freedom.centre - reach
         high = freedom.high if np.isfinite(freedom.high) else freedom.centre + reach

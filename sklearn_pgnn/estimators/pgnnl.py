@@ -11,7 +11,7 @@ from sklearn.base import MultiOutputMixin
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted, validate_data
 
-from sklearn_pgnn.estimators.network import ground
+from sklearn_pgnn.estimators.network import step_setup
 from sklearn_pgnn.estimators.network.balance import ADAPTIVE, check_lambda
 from sklearn_pgnn.estimators.network.batches import TensorBatches
 from sklearn_pgnn.estimators.network.cores import FeedForward
@@ -26,7 +26,7 @@ from sklearn_pgnn.estimators.network.reading import (
 )
 from sklearn_pgnn.estimators.network.records import (
     TrainingRecord,
-    Windows,
+    TrainingWindows,
     estimate_states,
     prepare,
     split_for_validation,
@@ -530,7 +530,7 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
     def _check_parameters(self) -> None:
         check_model(self.model, optional=True)
         check_lambda(self.lambda_phy)
-        ground.check_structure(self.structure, self.guide, self.model is not None)
+        step_setup.check_structure(self.structure, self.guide, self.model is not None)
         if self.refine not in REFINEMENTS:
             raise ValueError(f"refine: expected one of {REFINEMENTS}, got {self.refine!r}.")
         if not isinstance(self.horizon, Integral) or self.horizon < 1:
@@ -621,7 +621,7 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         ]
         training, self._validation = split_for_validation(whole, self.validation, random)
         self._show(table, outputs, records, whole)
-        windows = Windows(
+        windows = TrainingWindows(
             training,
             self.model_,
             needs_prior=self.structure_ == "correction" or self._guide == "step",
@@ -629,7 +629,7 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
             **options,
         )
         if anew:
-            self.step_ = ground.make_step(
+            self.step_ = step_setup.make_step(
                 self.model_, windows, self.structure_, self._guide, **options
             )
         self._settle_physics(windows)
@@ -643,7 +643,7 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
             self.structure_ = (
                 "increment"
                 if plain
-                else ground.find_structure(self.model_, records, states, **options)
+                else step_setup.find_structure(self.model_, records, states, **options)
             )
         self._guide = self.guide
         if self.guide == "auto":

@@ -20,7 +20,7 @@ from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.record_windows import window_records
 from sklearn_pgnn.simulation.state_estimate import hidden_states
-from sklearn_pgnn.simulation.windows import Windows
+from sklearn_pgnn.simulation.windows import ShootingWindows
 from sklearn_pgnn.trajectories.record import Record
 
 #: span of a rate as a share of the outputs' dominant period
@@ -39,7 +39,7 @@ class MeasuredStates:
 
     Parameters
     ----------
-    windows : Windows
+    windows : ShootingWindows
         The records.
     x : ndarray of shape (n_samples, n_states)
         States.
@@ -49,7 +49,7 @@ class MeasuredStates:
         Dominant period of the outputs [s].
     """
 
-    windows: Windows
+    windows: ShootingWindows
     x: np.ndarray
     u: np.ndarray
     period: float

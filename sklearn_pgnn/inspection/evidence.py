@@ -55,14 +55,14 @@ def missing_evidence(diagnosis) -> Evidence:
     Parameters
     ----------
     diagnosis : ModelDiagnosis
-        A fitted diagnosis whose `missing_` is not None.
+        A fitted diagnosis whose `discrepancy_` is not None.
 
     Returns
     -------
     Evidence
         Points of the records, and the line on which the formula is right.
     """
-    part, records = diagnosis.missing_, diagnosis.records_
+    part, records = diagnosis.discrepancy_, diagnosis.records_
     full = diagnosis.extended_model_ + part.effect
     known = (*full.states, *full.inputs)
     terms = (parse_expression(term, known) for term in part.effect.terms)

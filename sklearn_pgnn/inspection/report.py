@@ -185,7 +185,7 @@ def _tried(diagnosis) -> list[dict]:
             "width": round(100 * min(max(float(left), 0.0), 1.0), 1),
             "named": (effect, target) in named,
         }
-        for effect, target, left in diagnosis.tried_
+        for effect, target, left in diagnosis.candidates_
     ]
 
 
@@ -246,7 +246,7 @@ def _all_evidence(diagnosis) -> list[dict]:
         _evidence(find_evidence(diagnosis, cause), cause_name(cause.effect, cause.target))
         for cause in diagnosis.causes_
     ]
-    if diagnosis.missing_ is not None:
+    if diagnosis.discrepancy_ is not None:
         drawn.append(_evidence(missing_evidence(diagnosis), "what is missing and has no name"))
     return drawn
 

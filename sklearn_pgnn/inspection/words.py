@@ -4,7 +4,7 @@ import itertools
 import math
 import re
 
-from sklearn_pgnn.diagnosis.hypothesis import commute
+from sklearn_pgnn.estimation.hypothesis import commute
 
 #: words of an effect's id that are names of people
 PEOPLE = {"coulomb": "Coulomb", "stribeck": "Stribeck"}
@@ -249,7 +249,7 @@ def missing_place(diagnosis, part) -> str:
 
 def _described(diagnosis) -> str:
     """Say where something nameless is missing, what it depends on, and its formula."""
-    part = diagnosis.missing_
+    part = diagnosis.discrepancy_
     if part is None:
         return _disturbed(diagnosis)
     on = (

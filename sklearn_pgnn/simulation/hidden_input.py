@@ -28,7 +28,7 @@ from sklearn_pgnn.simulation.compiled import compile_model
 from sklearn_pgnn.simulation.kalman import run_filter, run_smoother
 from sklearn_pgnn.simulation.simulate import parameter_values
 from sklearn_pgnn.simulation.stepping import METHODS
-from sklearn_pgnn.simulation.windows import Windows
+from sklearn_pgnn.simulation.windows import ShootingWindows
 
 #: the state that stands for the hidden input
 HIDDEN = "hidden_input"
@@ -86,7 +86,7 @@ def with_hidden_input(model: PhysicsModel, channel: str) -> PhysicsModel:
 
 def find_hidden_input(
     model: PhysicsModel,
-    windows: Windows,
+    windows: ShootingWindows,
     channel: str,
     x: np.ndarray,
     spread: np.ndarray,
@@ -100,7 +100,7 @@ def find_hidden_input(
     ----------
     model : PhysicsModel
         The model, at its values.
-    windows : Windows
+    windows : ShootingWindows
         The records.
     channel : str
         The state whose rate it is added to, or the input or output.

@@ -22,7 +22,7 @@ from sklearn_pgnn.simulation.pointwise import evaluate_samples, sample_table
 from sklearn_pgnn.simulation.simulate import parameter_values
 from sklearn_pgnn.simulation.source import differentiate
 from sklearn_pgnn.simulation.stepping import METHODS
-from sklearn_pgnn.simulation.windows import Windows
+from sklearn_pgnn.simulation.windows import ShootingWindows
 
 _F2, _F3, _I1 = types.float64[:, ::1], types.float64[:, :, ::1], types.int64[::1]
 
@@ -57,7 +57,7 @@ def _respond(F, H, starts, lengths, theta, E, E0):
 
 
 def linear_responses(
-    model: PhysicsModel, windows: Windows, x0: np.ndarray, channel: str, theta: np.ndarray
+    model: PhysicsModel, windows: ShootingWindows, x0: np.ndarray, channel: str, theta: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Give the responses of the outputs to inputs added at a channel, and to the initial states.
 
@@ -65,7 +65,7 @@ def linear_responses(
     ----------
     model : PhysicsModel
         The model, at its values.
-    windows : Windows
+    windows : ShootingWindows
         The windows.
     x0 : ndarray of shape (n_windows, n_states)
         Their initial states.

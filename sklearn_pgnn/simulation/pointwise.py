@@ -8,7 +8,7 @@ import sympy
 
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.windows import Windows
+from sklearn_pgnn.simulation.windows import ShootingWindows
 
 #: NumPy's own do not take numbers beside arrays
 _EXTREMES = {
@@ -65,14 +65,14 @@ def evaluate_samples(expression, table: Mapping[str, np.ndarray | float], size: 
         return np.broadcast_to(np.asarray(value, dtype=float), (size,))
 
 
-def sample_table(model: PhysicsModel, windows: Windows, x: np.ndarray) -> dict:
+def sample_table(model: PhysicsModel, windows: ShootingWindows, x: np.ndarray) -> dict:
     """Give the value of every quantity of a model by name, the inputs as commanded.
 
     Parameters
     ----------
     model : PhysicsModel
         The model, at its values.
-    windows : Windows
+    windows : ShootingWindows
         The records.
     x : ndarray of shape (n_samples, n_states)
         Its states.

@@ -7,7 +7,7 @@ import numpy as np
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.state_estimate import StateEstimator
 from sklearn_pgnn.simulation.window_fit import WindowFit, fit_windows
-from sklearn_pgnn.simulation.windows import Windows
+from sklearn_pgnn.simulation.windows import ShootingWindows
 
 #: another start must lower the squares of a record's first window to this share
 CLEARLY = 1 / 2
@@ -15,7 +15,7 @@ CLEARLY = 1 / 2
 PLACES = (0.25, 0.5, 0.75, 0.95)
 
 
-def find_starts(model: PhysicsModel, windows: Windows, states: StateEstimator) -> None:
+def find_starts(model: PhysicsModel, windows: ShootingWindows, states: StateEstimator) -> None:
     """Begin hidden states where they usually are, if a record's first window clearly says so.
 
     A model's own initial state may be a bad place to start from: an empty tank has a level whose
@@ -25,7 +25,7 @@ def find_starts(model: PhysicsModel, windows: Windows, states: StateEstimator) -
     ----------
     model : PhysicsModel
         The model.
-    windows : Windows
+    windows : ShootingWindows
         The records' windows.
     states : StateEstimator
         Estimates the initial states; told where records begin.

@@ -11,7 +11,7 @@ from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.record_start import find_starts
 from sklearn_pgnn.simulation.simulate import hold_of
 from sklearn_pgnn.simulation.state_estimate import StateEstimator
-from sklearn_pgnn.simulation.windows import Windows, evaluate
+from sklearn_pgnn.simulation.windows import ShootingWindows, evaluate
 from sklearn_pgnn.trajectories.gaps import split_at_gaps
 from sklearn_pgnn.trajectories.noise import noise_level, rough_noise_level
 from sklearn_pgnn.trajectories.record import Record
@@ -37,7 +37,7 @@ class WindowedRecords:
 
     Parameters
     ----------
-    windows : Windows
+    windows : ShootingWindows
         The windows, with the noise of every output.
     states : StateEstimator
         Estimates their initial states.
@@ -47,7 +47,7 @@ class WindowedRecords:
         Initial states that are known and not to be fitted, NaN where not.
     """
 
-    windows: Windows
+    windows: ShootingWindows
     states: StateEstimator
     period: float
     told: np.ndarray | None = None
@@ -102,7 +102,7 @@ def window_records(
     y = np.ascontiguousarray(np.concatenate([record.y for record in records]), dtype=float)
     bounds = np.concatenate([[0], np.cumsum([record.t.size for record in records])])
     scale = output_noise(records) if noise is None else np.asarray(noise, dtype=float).ravel()
-    whole = Windows(t, u, y, bounds, bounds[:-1], np.diff(bounds), scale, hold, 1, threads)
+    whole = ShootingWindows(t, u, y, bounds, bounds[:-1], np.diff(bounds), scale, hold, 1, threads)
     told = [_told_start(model, record) for record in records]
     states = StateEstimator(model, whole, told)
     period = dominant_period(records)
@@ -198,12 +198,12 @@ def _powers_of(record, column: int, noise: float) -> np.ndarray:
     return np.zeros(3)
 
 
-def cut(whole: Windows, length: float, min_windows: int = MIN_WINDOWS) -> Windows:
+def cut(whole: ShootingWindows, length: float, min_windows: int = MIN_WINDOWS) -> ShootingWindows:
     """Cut every record into windows of about equal length.
 
     Parameters
     ----------
-    whole : Windows
+    whole : ShootingWindows
         The records.
     length : float
         Wanted length [s]; at least `MIN_SAMPLES` samples.
@@ -212,7 +212,7 @@ def cut(whole: Windows, length: float, min_windows: int = MIN_WINDOWS) -> Window
 
     Returns
     -------
-    Windows
+    ShootingWindows
         The windows.
     """
     durations, samples = record_durations(whole), np.diff(whole.bounds)
@@ -224,12 +224,12 @@ def cut(whole: Windows, length: float, min_windows: int = MIN_WINDOWS) -> Window
     return _between(whole, [np.linspace(a, b, count + 1).astype(int) for a, b, count in spans])
 
 
-def cut_exactly(whole: Windows, length: float) -> Windows:
+def cut_exactly(whole: ShootingWindows, length: float) -> ShootingWindows:
     """Cut every record into windows of one length; what is left at its end is one more.
 
     Parameters
     ----------
-    whole : Windows
+    whole : ShootingWindows
         The records.
     length : float
         The length [s]. A window of fewer than `MIN_SAMPLES` samples, across a gap or at the end of
@@ -237,7 +237,7 @@ def cut_exactly(whole: Windows, length: float) -> Windows:
 
     Returns
     -------
-    Windows
+    ShootingWindows
         The windows.
     """
     edges = []
@@ -255,18 +255,18 @@ def cut_exactly(whole: Windows, length: float) -> Windows:
     return _between(whole, edges)
 
 
-def _between(whole: Windows, edges) -> Windows:
+def _between(whole: ShootingWindows, edges) -> ShootingWindows:
     """Return the windows between edges, record by record."""
     starts = np.concatenate([some[:-1] for some in edges])
     return replace(whole, starts=starts, lengths=np.concatenate([np.diff(some) for some in edges]))
 
 
-def record_durations(windows: Windows) -> np.ndarray:
+def record_durations(windows: ShootingWindows) -> np.ndarray:
     """Return the duration of every record [s], its last sample's interval included."""
     return _durations(windows.t, windows.bounds[:-1], np.diff(windows.bounds))
 
 
-def window_length(windows: Windows) -> float:
+def window_length(windows: ShootingWindows) -> float:
     """Return the median length of windows [s], each on its own record's clock."""
     return float(np.median(_durations(windows.t, windows.starts, windows.lengths)))
 
@@ -275,12 +275,12 @@ def _durations(t, starts, lengths) -> np.ndarray:
     return (t[starts + lengths - 1] - t[starts]) * lengths / np.maximum(lengths - 1, 1)
 
 
-def check_length(whole: Windows, window) -> float:
+def check_length(whole: ShootingWindows, window) -> float:
     """Return the length that a user wants windows to have, or raise `OptionError`.
 
     Parameters
     ----------
-    whole : Windows
+    whole : ShootingWindows
         The records.
     window : float
         The length [s].

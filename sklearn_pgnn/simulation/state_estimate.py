@@ -11,7 +11,7 @@ import sympy
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.simulate import Simulation, settled_start, simulate
-from sklearn_pgnn.simulation.windows import Windows
+from sklearn_pgnn.simulation.windows import ShootingWindows
 from sklearn_pgnn.trajectories.smoothing import FEWEST, Smoothed, choose_penalty, smooth
 
 #: how many of its standard errors a smoothed state may be off
@@ -49,13 +49,13 @@ class StateEstimator:
     ----------
     model : PhysicsModel
         The model without extensions: its outputs tell what the record shows.
-    windows : Windows
+    windows : ShootingWindows
         The records.
     starts : list of ndarray of shape (n_states,)
         Initial state of every record, NaN where unknown.
     """
 
-    def __init__(self, model: PhysicsModel, windows: Windows, starts: list[np.ndarray]):
+    def __init__(self, model: PhysicsModel, windows: ShootingWindows, starts: list[np.ndarray]):
         self.windows = windows
         self.starts = [dict(zip(model.states, x0, strict=True)) for x0 in starts]
         #: by record, the initial states that it tells
@@ -143,13 +143,13 @@ class _SmoothedOutput:
 
     Parameters
     ----------
-    windows : Windows
+    windows : ShootingWindows
         The records.
     column : int
         The output.
     """
 
-    def __init__(self, windows: Windows, column: int):
+    def __init__(self, windows: ShootingWindows, column: int):
         self._records = [
             (windows.t[a:b], windows.y[a:b, column]) for a, b in itertools.pairwise(windows.bounds)
         ]
@@ -221,7 +221,7 @@ def unsigned_states(model: PhysicsModel) -> tuple[str, ...]:
     return (*hidden, *(v for v, at in model.slope_pairs.items() if at in hidden))
 
 
-def free_run(model: PhysicsModel, windows: Windows, a: int, b: int, x0) -> Simulation:
+def free_run(model: PhysicsModel, windows: ShootingWindows, a: int, b: int, x0) -> Simulation:
     """Simulate samples `a` to `b` of the records; a failure is left to the reader of the result."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")

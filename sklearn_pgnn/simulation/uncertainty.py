@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.window_fit import Freedom, Normal, WindowFit, project
-from sklearn_pgnn.simulation.windows import Windows, evaluate
+from sklearn_pgnn.simulation.window_fit import Normal, ParameterPrior, WindowFit, project
+from sklearn_pgnn.simulation.windows import ShootingWindows, evaluate
 
 #: half-width of a 95 % interval in standard errors
 NORMAL_95 = 1.96
@@ -107,8 +107,8 @@ def standard_errors(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) ->
 
 def errors_by_held(
     fit: WindowFit,
-    windows: Windows,
-    held: tuple[Freedom, ...],
+    windows: ShootingWindows,
+    held: tuple[ParameterPrior, ...],
     expected: np.ndarray,
     spread: np.ndarray,
 ) -> dict[str, float]:
@@ -121,9 +121,9 @@ def errors_by_held(
     ----------
     fit : WindowFit
         The fitted model.
-    windows : Windows
+    windows : ShootingWindows
         The windows.
-    held : tuple of Freedom
+    held : tuple of ParameterPrior
         The held parameters, and the standard deviation of each.
     expected : ndarray of shape (n_windows, n_states)
         Expected initial states of the windows.
@@ -149,7 +149,7 @@ def errors_by_held(
 
 def _piece_scores(fit: WindowFit, normal: Normal) -> np.ndarray:
     """Give every piece's gradient with the initial state of its window projected out."""
-    n_p, gram = len(fit.freedoms), fit.evaluation.piece_gram
+    n_p, gram = len(fit.freedoms), fit.evaluation.block_gram
     by_parameter, by_state = gram[:, :, :n_p, -1], gram[:, :, n_p:-1, -1]
     scores = by_parameter - np.einsum("wxp,wjx->wjp", normal.to_state, by_state)
     scores = scores.reshape(-1, n_p)

@@ -20,7 +20,7 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.windows import Evaluation, Windows, evaluate
+from sklearn_pgnn.simulation.windows import Evaluation, ShootingWindows, evaluate
 
 #: first Levenberg-Marquardt damping, and its smallest and largest
 FIRST_DAMPING, DAMPINGS = 1e-3, (1e-9, 1e9)
@@ -34,7 +34,7 @@ ROUNDING, FLAT = 1e-14, 1e-14
 
 
 @dataclass(frozen=True)
-class Freedom:
+class ParameterPrior:
     """How far a parameter may go in a fit.
 
     Parameters
@@ -65,7 +65,7 @@ class WindowFit:
     ----------
     model : PhysicsModel
         The model at the fitted values.
-    freedoms : tuple of Freedom
+    freedoms : tuple of ParameterPrior
         What was free.
     x0 : ndarray of shape (n_windows, n_states)
         Fitted initial states.
@@ -76,7 +76,7 @@ class WindowFit:
     """
 
     model: PhysicsModel
-    freedoms: tuple[Freedom, ...]
+    freedoms: tuple[ParameterPrior, ...]
     x0: np.ndarray
     evaluation: Evaluation
     objective: float
@@ -109,8 +109,8 @@ class Normal:
 
 def fit_windows(
     model: PhysicsModel,
-    windows: Windows,
-    freedoms: tuple[Freedom, ...],
+    windows: ShootingWindows,
+    freedoms: tuple[ParameterPrior, ...],
     x0: np.ndarray,
     x0_spread: np.ndarray,
     *,
@@ -120,7 +120,7 @@ def fit_windows(
     min_steps: int = 0,
     max_steps: int = 25,
     tolerance: float = 1e-5,
-    hopeless: float = np.inf,
+    prune_above: float = np.inf,
     each_step: Callable[[], None] | None = None,
 ) -> WindowFit:
     """Fit a model's parameters and every window's initial state.
@@ -129,9 +129,9 @@ def fit_windows(
     ----------
     model : PhysicsModel
         The model; its values are the start.
-    windows : Windows
+    windows : ShootingWindows
         The windows.
-    freedoms : tuple of Freedom
+    freedoms : tuple of ParameterPrior
         The parameters to fit.
     x0 : ndarray of shape (n_windows, n_states)
         Expected initial states.
@@ -149,7 +149,7 @@ def fit_windows(
         Least number of steps, however little they promise, and the largest.
     tolerance : float, default=1e-5
         Relative decrease of the objective at which the fit ends.
-    hopeless : float, optional
+    prune_above : float, optional
         Objective that must come into reach: the fit ends where `OPTIMISM` times the decrease that
         a linear model promises would still leave it above.
     each_step : callable, optional
@@ -173,7 +173,7 @@ def fit_windows(
     while steps < max_steps and rejected < MAX_REJECTED and np.isfinite(fit.objective):
         each_step()
         small = tolerance * fit.objective
-        if steps >= min_steps and rejected == 0 and task.is_done(fit, small, hopeless):
+        if steps >= min_steps and rejected == 0 and task.is_done(fit, small, prune_above):
             break
         step = task.step(fit, damping)
         new = task.take(fit, step, small)
@@ -193,7 +193,10 @@ def _nothing() -> None:
 
 
 def lost_fit(
-    model: PhysicsModel, windows: Windows, freedoms: tuple[Freedom, ...], x0: np.ndarray
+    model: PhysicsModel,
+    windows: ShootingWindows,
+    freedoms: tuple[ParameterPrior, ...],
+    x0: np.ndarray,
 ) -> WindowFit:
     """Return what stands for a model that cannot be fitted: every window is lost.
 
@@ -201,9 +204,9 @@ def lost_fit(
     ----------
     model : PhysicsModel
         The model.
-    windows : Windows
+    windows : ShootingWindows
         The windows.
-    freedoms : tuple of Freedom
+    freedoms : tuple of ParameterPrior
         The parameters that were to be fitted.
     x0 : ndarray of shape (n_windows, n_states)
         Initial states.
@@ -304,10 +307,10 @@ class _Task:
         pulled = float(by_p @ (2 * slope - self.pull * by_p))
         return _Step(self._moved(fit.model, by_p), fit.x0 + by_x, np.append(promise, pulled))
 
-    def is_done(self, fit, small, hopeless) -> bool:
+    def is_done(self, fit, small, prune_above) -> bool:
         """Tell whether a linear model promises little, or not enough by far."""
         promise = self.step(fit, UNDAMPED).promise.sum()
-        return promise <= small or fit.objective - OPTIMISM * promise > hopeless
+        return promise <= small or fit.objective - OPTIMISM * promise > prune_above
 
     def take(self, fit, step, small) -> WindowFit:
         """Take a step; windows that it harms keep their initial state where that is better."""

@@ -1,4 +1,4 @@
-r"""Windows: a record cut into short pieces, each restarted from its own initial state.
+r"""ShootingWindows: a record cut into short pieces, each restarted from its own initial state.
 
 A free-run simulation of a lightly damped machine forgets nothing, so its error has many local
 minima. Over short windows it has few (multiple shooting). Every window's initial state is a
@@ -26,7 +26,7 @@ ROUNDING = np.finfo(float).eps
 
 
 @dataclass(frozen=True)
-class Windows:
+class ShootingWindows:
     """Records laid end to end, and the pieces of them that a model is judged on.
 
     Parameters
@@ -73,7 +73,7 @@ class Windows:
         """Index of every window's record."""
         return np.searchsorted(self.bounds, self.starts, side="right") - 1
 
-    def select(self, which) -> "Windows":
+    def select(self, which) -> "ShootingWindows":
         """Give some of the windows.
 
         Parameters
@@ -83,18 +83,18 @@ class Windows:
 
         Returns
         -------
-        Windows
+        ShootingWindows
             The same records with fewer windows.
         """
         return replace(self, starts=self.starts[which], lengths=self.lengths[which])
 
     @property
-    def piece_edges(self) -> np.ndarray:
+    def block_edges(self) -> np.ndarray:
         """First sample of every piece, and the end of the window, of shape (n_windows, n + 1)."""
         shares = np.arange(self.pieces + 1)
         return self.starts[:, None] + -(-self.lengths[:, None] * shares // self.pieces)
 
-    def sum_pieces(self, values: np.ndarray) -> np.ndarray:
+    def sum_blocks(self, values: np.ndarray) -> np.ndarray:
         """Sum a quantity of every sample over every piece of every window.
 
         Parameters
@@ -109,9 +109,9 @@ class Windows:
         """
         start = np.zeros((1, values.shape[1]))
         total = np.concatenate([start, np.cumsum(np.nan_to_num(values), axis=0)])
-        return np.diff(total[self.piece_edges], axis=1)
+        return np.diff(total[self.block_edges], axis=1)
 
-    def thin(self, factor: int) -> "Windows":
+    def thin(self, factor: int) -> "ShootingWindows":
         """Give the same windows with fewer samples, held inputs averaged from one to the next.
 
         Parameters
@@ -121,7 +121,7 @@ class Windows:
 
         Returns
         -------
-        Windows
+        ShootingWindows
             The same windows, if these cover the records without a gap.
         """
         spans = zip(self.starts, self.lengths, strict=True)
@@ -162,7 +162,7 @@ class Evaluation:
 
     Parameters
     ----------
-    piece_gram : ndarray of shape (n_windows, n_pieces, q + 1, q + 1)
+    block_gram : ndarray of shape (n_windows, n_pieces, q + 1, q + 1)
         Per piece, the products of the columns ``[dy/dp, dy/dx0, residual]`` in units of the
         noise; where the window diverged, or is beyond reckoning, the squares are infinite and all
         other products zero.
@@ -170,23 +170,23 @@ class Evaluation:
         Measured minus simulated outputs, NaN outside the windows.
     """
 
-    piece_gram: np.ndarray
+    block_gram: np.ndarray
     residual: np.ndarray
 
     @property
     def gram(self) -> np.ndarray:
         """The products summed over every window, of shape (n_windows, q + 1, q + 1)."""
-        return self.piece_gram.sum(axis=1)
+        return self.block_gram.sum(axis=1)
 
     @property
     def squares(self) -> np.ndarray:
         """Sum of squared residuals of every window, in units of the noise."""
-        return self.piece_squares.sum(axis=1)
+        return self.block_squares.sum(axis=1)
 
     @property
-    def piece_squares(self) -> np.ndarray:
+    def block_squares(self) -> np.ndarray:
         """Sum of squared residuals of every piece, of shape (n_windows, n_pieces)."""
-        return self.piece_gram[:, :, -1, -1]
+        return self.block_gram[:, :, -1, -1]
 
     def select(self, which) -> "Evaluation":
         """Give the evaluation of some of the windows.
@@ -201,14 +201,14 @@ class Evaluation:
         Evaluation
             Theirs; the residuals are those of all.
         """
-        return Evaluation(self.piece_gram[which], self.residual)
+        return Evaluation(self.block_gram[which], self.residual)
 
-    def replaced(self, windows: Windows, which, other: "Evaluation", part) -> "Evaluation":
+    def replaced(self, windows: ShootingWindows, which, other: "Evaluation", part) -> "Evaluation":
         """Give the evaluation with some windows from another one.
 
         Parameters
         ----------
-        windows : Windows
+        windows : ShootingWindows
             The windows of this evaluation.
         which : ndarray of int
             The windows to replace.
@@ -222,14 +222,14 @@ class Evaluation:
         Evaluation
             The evaluation.
         """
-        gram, residual = self.piece_gram.copy(), self.residual.copy()
-        gram[which] = other.piece_gram[part]
+        gram, residual = self.block_gram.copy(), self.residual.copy()
+        gram[which] = other.block_gram[part]
         for a, n in zip(windows.starts[which], windows.lengths[which], strict=True):
             residual[a : a + n] = other.residual[a : a + n]
         return Evaluation(gram, residual)
 
 
-def evaluate(model: PhysicsModel, windows: Windows, x0, wrt: tuple[str, ...]) -> Evaluation:
+def evaluate(model: PhysicsModel, windows: ShootingWindows, x0, wrt: tuple[str, ...]) -> Evaluation:
     r"""Simulate every window from its initial state, with sensitivities.
 
     A window is beyond reckoning where rounding a parameter or an initial state, :math:`\theta_i`,
@@ -243,7 +243,7 @@ def evaluate(model: PhysicsModel, windows: Windows, x0, wrt: tuple[str, ...]) ->
     ----------
     model : PhysicsModel
         The model, at its parameters' values.
-    windows : Windows
+    windows : ShootingWindows
         The windows.
     x0 : ndarray of shape (n_windows, n_states)
         Initial state of every window.

@@ -180,7 +180,7 @@ def spread_of(values: np.ndarray) -> np.ndarray:
     return np.where(spread > 0, spread, 1.0)
 
 
-class Windows:
+class TrainingWindows:
     """Windows of the training data, cut inside trajectories only.
 
     Parameters

@@ -21,7 +21,7 @@ from skorch.utils import multi_indexing
 from threadpoolctl import threadpool_limits
 from torch import nn
 
-from sklearn_pgnn.estimators.network import ground
+from sklearn_pgnn.estimators.network import step_setup
 from sklearn_pgnn.estimators.network.balance import ADAPTIVE, balanced_lambda
 from sklearn_pgnn.estimators.network.callbacks import BestFreeRun, CosineDecay, EnoughTraining
 from sklearn_pgnn.estimators.network.cores import FeedForward
@@ -32,7 +32,7 @@ from sklearn_pgnn.estimators.network.least_squares import (
     levenberg_marquardt,
 )
 from sklearn_pgnn.estimators.network.physics_loss import NotFinite, PhysicsLoss
-from sklearn_pgnn.estimators.network.records import TrainingRecord, Windows
+from sklearn_pgnn.estimators.network.records import TrainingRecord, TrainingWindows
 from sklearn_pgnn.estimators.network.row_network import RowNetwork
 from sklearn_pgnn.estimators.network.step_network import StepNetwork
 from sklearn_pgnn.estimators.network.structure import corrected_states
@@ -67,7 +67,7 @@ class _Phase:
 
     epochs: int
     horizon: int
-    windows: Windows
+    windows: TrainingWindows
     scale: torch.Tensor
     rate: float
     epoch: int = 0
@@ -183,7 +183,7 @@ class TrajectoryNet(NeuralNetRegressor):
         self.fit_loop(batch, target, epochs=epochs, **fit_params)
 
     def _base_error(self, training, length) -> np.ndarray:
-        error = ground.base_error(self.step_, training, self._outputs, length)
+        error = step_setup.base_error(self.step_, training, self._outputs, length)
         return np.minimum(_positive(error), self._spread)
 
     def _train_simulation(self, training) -> None:

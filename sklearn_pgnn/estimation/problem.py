@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from sklearn_pgnn.diagnosis.lines import find_lines
+from sklearn_pgnn.estimation.spectral_lines import find_lines
 from sklearn_pgnn.exceptions import OptionError, RecordError
 from sklearn_pgnn.physics.effect import Scales
 from sklearn_pgnn.physics.model import PhysicsModel
@@ -18,7 +18,7 @@ from sklearn_pgnn.simulation.record_windows import (
     window_records,
 )
 from sklearn_pgnn.simulation.state_estimate import StateEstimator
-from sklearn_pgnn.simulation.windows import Windows, evaluate
+from sklearn_pgnn.simulation.windows import ShootingWindows, evaluate
 from sklearn_pgnn.trajectories.record import Record
 
 #: windows without which nothing can be held out: every one is judged by what the others taught
@@ -32,14 +32,14 @@ HARDLY = 0.1
 
 
 @dataclass(frozen=True)
-class Setting:
+class EstimationProblem:
     """The ground on which hypotheses are compared.
 
     Parameters
     ----------
     prior : PhysicsModel
         The model as the engineer gave it.
-    windows : Windows
+    windows : ShootingWindows
         The records cut into windows, with the noise of every output.
     states : StateEstimator
         Estimates the initial states.
@@ -52,14 +52,14 @@ class Setting:
     """
 
     prior: PhysicsModel
-    windows: Windows
+    windows: ShootingWindows
     states: StateEstimator
     scales: Scales
     n_samples: int
     period: float
 
 
-def make_setting(model: PhysicsModel, records: tuple[Record, ...], **options) -> Setting:
+def build_problem(model: PhysicsModel, records: tuple[Record, ...], **options) -> EstimationProblem:
     """Cut records into windows and estimate what a diagnosis needs to know of them.
 
     Parameters
@@ -73,8 +73,8 @@ def make_setting(model: PhysicsModel, records: tuple[Record, ...], **options) ->
 
     Returns
     -------
-    Setting
-        The ground of the diagnosis.
+    EstimationProblem
+        the problem.
 
     Raises
     ------
@@ -85,7 +85,7 @@ def make_setting(model: PhysicsModel, records: tuple[Record, ...], **options) ->
     windows = ground.windows
     _check_count(windows, options.get("window"))
     scales = _scales(model, windows, ground.states.estimate(model).x)
-    return Setting(
+    return EstimationProblem(
         model,
         windows,
         ground.states,
@@ -95,7 +95,7 @@ def make_setting(model: PhysicsModel, records: tuple[Record, ...], **options) ->
     )
 
 
-def _check_count(windows: Windows, window) -> None:
+def _check_count(windows: ShootingWindows, window) -> None:
     """Raise `OptionError` where the user's windows are so long that too few are left."""
     if len(windows) >= LEAST_WINDOWS:
         return
@@ -113,84 +113,84 @@ def _check_count(windows: Windows, window) -> None:
     )
 
 
-def shorter(setting: Setting) -> Setting | None:
-    """Return the setting with windows of half the length, or None where they would be too short."""
-    length = setting.scales.window / 2
-    if length < max(MIN_SAMPLES * setting.scales.sample_time, SHORTEST * setting.period):
+def shorter(problem: EstimationProblem) -> EstimationProblem | None:
+    """Return the problem with windows of half the length, or None where they would be too short."""
+    length = problem.scales.window / 2
+    if length < max(MIN_SAMPLES * problem.scales.sample_time, SHORTEST * problem.period):
         return None
-    return recut(setting, length)
+    return recut(problem, length)
 
 
-def longer(setting: Setting) -> Setting | None:
-    """Return the setting with windows of twice the length, or None where they cannot be longer.
+def longer(problem: EstimationProblem) -> EstimationProblem | None:
+    """Return the problem with windows of twice the length, or None where they cannot be longer.
 
     There are always `sklearn_pgnn.simulation.record_windows.MIN_WINDOWS`, if the records make so
     many at all. Statistics stay with pieces of the old length.
     """
-    further = recut(setting, 2 * setting.scales.window)
-    grows = further is not None and further.scales.window > setting.scales.window
+    further = recut(problem, 2 * problem.scales.window)
+    grows = further is not None and further.scales.window > problem.scales.window
     return further if grows else None
 
 
-def recut(setting: Setting, length: float) -> Setting | None:
-    """Return the setting with windows of another length, or None where that changes nothing.
+def recut(problem: EstimationProblem, length: float) -> EstimationProblem | None:
+    """Return the problem with windows of another length, or None where that changes nothing.
 
     Parameters
     ----------
-    setting : Setting
-        The setting.
+    problem : EstimationProblem
+        The problem.
     length : float
         Length of the windows [s]; they are shorter where there would be fewer than
         `sklearn_pgnn.simulation.record_windows.MIN_WINDOWS`.
 
     Returns
     -------
-    Setting or None
-        The setting. Longer windows have more pieces, of about the old length.
+    EstimationProblem or None
+        The problem. Longer windows have more pieces, of about the old length.
     """
-    windows = cut(setting.windows, length)
-    if np.array_equal(windows.starts, setting.windows.starts):
+    windows = cut(problem.windows, length)
+    if np.array_equal(windows.starts, problem.windows.starts):
         return None
     length = window_length(windows)
-    pieces = max(1, round(setting.windows.pieces * length / setting.scales.window))
+    pieces = max(1, round(problem.windows.pieces * length / problem.scales.window))
     return replace(
-        setting,
+        problem,
         windows=replace(windows, pieces=pieces),
-        scales=replace(setting.scales, window=length),
+        scales=replace(problem.scales, window=length),
     )
 
 
 @dataclass(frozen=True)
 class Rough:
-    """Some of the samples of a setting, for a first look.
+    """Some of the samples of a problem, for a first look.
 
     Parameters
     ----------
-    windows : Windows
+    windows : ShootingWindows
         Some windows, thinned where the record is sampled faster than the model needs.
     which : ndarray of int
-        Which of the setting's windows they are.
+        Which of the problem's windows they are.
     factor : int
         One sample of so many was kept.
     """
 
-    windows: Windows
+    windows: ShootingWindows
     which: np.ndarray
     factor: int
 
     @property
-    def stepped(self) -> Windows:
-        """The windows in the steps of the setting's: an effect's state may be as quick as these."""
+    def stepped(self) -> ShootingWindows:
+        """The windows in the steps of the problem's: an effect's state may be as quick as these."""
         return replace(self.windows, substeps=self.factor * self.windows.substeps)
 
 
-def rough_windows(setting: Setting, squares: np.ndarray) -> Rough:
+def rough_windows(problem: EstimationProblem, squares: np.ndarray) -> Rough:
     """Take about `ROUGH_SAMPLES` samples: every so many of a window, then every so many windows.
 
     Parameters
     ----------
-    setting : Setting
-        The ground of the diagnosis.
+    problem : EstimationProblem
+        the problem.
     squares : ndarray of shape (n_windows,)
         Error of every window; small and large ones are taken alike.
 
@@ -199,8 +199,8 @@ def rough_windows(setting: Setting, squares: np.ndarray) -> Rough:
     Rough
         Some of its samples.
     """
-    factor = _thinning(setting)
-    thinned = setting.windows.thin(factor) if factor > 1 else setting.windows
+    factor = _thinning(problem)
+    thinned = problem.windows.thin(factor) if factor > 1 else problem.windows
     step = round(thinned.lengths.sum() / ROUGH_SAMPLES)
     which = np.sort(worst_first(squares)[:: max(1, min(step, len(thinned) // ROUGH_WINDOWS))])
     return Rough(thinned.select(which), which, factor)
@@ -211,10 +211,10 @@ def worst_first(squares: np.ndarray) -> np.ndarray:
     return np.argsort(-squares, kind="stable")
 
 
-def _thinning(setting: Setting) -> int:
+def _thinning(problem: EstimationProblem) -> int:
     """Tell of how many samples one is kept: too many, and the prior's simulation hardly changes."""
-    windows, model, factor = setting.windows, setting.prior, 1
-    x0 = setting.states.estimate(model).x[windows.starts]
+    windows, model, factor = problem.windows, problem.prior, 1
+    x0 = problem.states.estimate(model).x[windows.starts]
     residual = evaluate(model, windows, x0, ()).residual
     simulated = replace(windows, y=windows.y - residual)
     while (

@@ -7,7 +7,8 @@ import numpy as np
 from scipy.stats import chi2, norm
 from scipy.stats import t as student
 
-from sklearn_pgnn.diagnosis.record_flaws import (
+from sklearn_pgnn.estimation.problem import EstimationProblem
+from sklearn_pgnn.record_quality.flaws import (
     ALPHA,
     COARSE,
     FINE,
@@ -23,12 +24,11 @@ from sklearn_pgnn.diagnosis.record_flaws import (
     find_quantisation,
     find_uneven_noise,
 )
-from sklearn_pgnn.diagnosis.setting import Setting
 from sklearn_pgnn.simulation.record_windows import MIN_SAMPLES, MIN_WINDOWS, window_length
 from sklearn_pgnn.simulation.state_estimate import free_run
 from sklearn_pgnn.simulation.uncertainty import standard_errors
-from sklearn_pgnn.simulation.window_fit import Freedom, WindowFit, fit_windows, project
-from sklearn_pgnn.simulation.windows import Windows, evaluate
+from sklearn_pgnn.simulation.window_fit import ParameterPrior, WindowFit, fit_windows, project
+from sklearn_pgnn.simulation.windows import ShootingWindows, evaluate
 from sklearn_pgnn.trajectories.record import Record
 
 #: samples into the past that a series is predicted from, and into the future that are compared
@@ -44,7 +44,7 @@ STEPS = 8
 
 
 def check_data_quality(
-    setting: Setting,
+    problem: EstimationProblem,
     names: Sequence[str],
     whole: Sequence[Record],
     base: WindowFit,
@@ -55,8 +55,8 @@ def check_data_quality(
 
     Parameters
     ----------
-    setting : Setting
-        The ground of the diagnosis.
+    problem : EstimationProblem
+        the problem.
     names : sequence of str
         What the records are called.
     whole : sequence of Record
@@ -76,49 +76,49 @@ def check_data_quality(
     Every check of one quantity speaks up by chance in at most one of a thousand faultless sets of
     records.
     """
-    windows, model = setting.windows, setting.prior
+    windows, model = problem.windows, problem.prior
     outputs = _signals(model, model.outputs, windows, windows.y, names)
     inputs = _signals(model, model.inputs, windows, windows.u, names)
     left = _signals(model, model.outputs, windows, final.evaluation.residual, names)
     found: list[Finding | None] = [find_few_windows(windows)]
     found += [find_dull_input(signal) for signal in inputs]
-    found += find_blind_parameters(setting, base)
+    found += find_blind_parameters(problem, base)
     clocks = [record.t for record in whole]
     found += [find_gaps(clocks, [record.name for record in whole]), find_jitter(outputs)]
     for signal, rest in zip(outputs, left, strict=True):
         found += [find_clipping(signal), find_quantisation(signal), find_held_samples(signal)]
         found += [find_outliers(signal, rest), find_uneven_noise(signal)]
-    found += [find_closed_loop(setting, final, outputs, inputs, left)]
+    found += [find_closed_loop(problem, final, outputs, inputs, left)]
     found += [
-        find_early_output(setting, base, final),
-        find_drift(setting, names, base, best or final),
+        find_early_output(problem, base, final),
+        find_drift(problem, names, base, best or final),
     ]
     return tuple(finding for finding in found if finding is not None)
 
 
-def clipped_outputs(setting: Setting) -> tuple[str, ...]:
+def clipped_outputs(problem: EstimationProblem) -> tuple[str, ...]:
     """Name the outputs that stand still at an end of their range though they are noisy elsewhere.
 
     That is the sensor: the machine itself may stand still at its stop, but its noise would not.
 
     Parameters
     ----------
-    setting : Setting
-        The ground of the diagnosis.
+    problem : EstimationProblem
+        the problem.
 
     Returns
     -------
     tuple of str
         Outputs.
     """
-    model, windows = setting.prior, setting.windows
+    model, windows = problem.prior, problem.windows
     names = [""] * (windows.bounds.size - 1)
     outputs = _signals(model, model.outputs, windows, windows.y, names)
     noisy = [signal for signal in outputs if signal.chance_of_equals() < COARSE]
     return tuple(signal.name for signal in noisy if find_clipping(signal))
 
 
-def _signals(model, quantities, windows: Windows, values, names) -> list[Signal]:
+def _signals(model, quantities, windows: ShootingWindows, values, names) -> list[Signal]:
     cuts = windows.bounds[1:-1]
     times = np.split(windows.t, cuts)
     return [
@@ -130,12 +130,12 @@ def _signals(model, quantities, windows: Windows, values, names) -> list[Signal]
 # -- length ----------------------------------------------------------------------------------------
 
 
-def find_few_windows(windows: Windows) -> Finding | None:
+def find_few_windows(windows: ShootingWindows) -> Finding | None:
     """Find that there are fewer windows than what is held out should be judged from.
 
     Parameters
     ----------
-    windows : Windows
+    windows : ShootingWindows
         The windows of the diagnosis.
 
     Returns
@@ -160,7 +160,7 @@ def find_few_windows(windows: Windows) -> Finding | None:
 # -- excitation ------------------------------------------------------------------------------------
 
 
-def find_blind_parameters(setting: Setting, base: WindowFit) -> list[Finding]:
+def find_blind_parameters(problem: EstimationProblem, base: WindowFit) -> list[Finding]:
     r"""Find parameters that these records cannot fix and richer ones of the same size could.
 
     With the Fisher information :math:`H` of the windows, initial states projected out, and the
@@ -171,8 +171,8 @@ def find_blind_parameters(setting: Setting, base: WindowFit) -> list[Finding]:
 
     Parameters
     ----------
-    setting : Setting
-        The ground of the diagnosis.
+    problem : EstimationProblem
+        the problem.
     base : WindowFit
         The re-tuned prior.
 
@@ -186,12 +186,12 @@ def find_blind_parameters(setting: Setting, base: WindowFit) -> list[Finding]:
     .. [1] L. Ljung, "System identification: theory for the user", 2nd ed., Prentice Hall, 1999.
     """
     freedoms = [f for f in base.freedoms if np.isfinite(f.spread) and f.spread > 0]
-    if not freedoms or not np.ptp(setting.windows.u, axis=0).any():
+    if not freedoms or not np.ptp(problem.windows.u, axis=0).any():
         return []
-    rich = _rich_windows(setting.windows)
-    x0 = _states_under(base, setting.windows, rich)
-    spread = setting.states.estimate(base.model).spread
-    here = _shares_left(base.model, setting.windows, base.x0, spread, freedoms)
+    rich = _rich_windows(problem.windows)
+    x0 = _states_under(base, problem.windows, rich)
+    spread = problem.states.estimate(base.model).spread
+    here = _shares_left(base.model, problem.windows, base.x0, spread, freedoms)
     there = _shares_left(base.model, rich, x0, spread, freedoms)
     findings = []
     for freedom, mine, best in zip(freedoms, here, there, strict=True):
@@ -211,7 +211,7 @@ def _blind(name, share) -> Finding:
     )
 
 
-def _rich_windows(windows: Windows) -> Windows:
+def _rich_windows(windows: ShootingWindows) -> ShootingWindows:
     """Put many sines of the inputs' own range in the place of the inputs."""
     rng = np.random.default_rng(0)
     u = np.empty_like(windows.u)
@@ -225,7 +225,7 @@ def _rich_windows(windows: Windows) -> Windows:
     return replace(windows, u=u)
 
 
-def _states_under(fit: WindowFit, windows: Windows, other: Windows) -> np.ndarray:
+def _states_under(fit: WindowFit, windows: ShootingWindows, other: ShootingWindows) -> np.ndarray:
     """Give the windows' initial states in a free run under other inputs."""
     x0, record = np.empty_like(fit.x0), windows.record
     for r, (a, b) in enumerate(zip(windows.bounds[:-1], windows.bounds[1:], strict=True)):
@@ -250,7 +250,9 @@ def _shares_left(model, windows, x0, spread, freedoms) -> np.ndarray:
 # -- feedback --------------------------------------------------------------------------------------
 
 
-def find_closed_loop(setting: Setting, final: WindowFit, outputs, inputs, left) -> Finding | None:
+def find_closed_loop(
+    problem: EstimationProblem, final: WindowFit, outputs, inputs, left
+) -> Finding | None:
     r"""Find an input that follows the noise of an output.
 
     The noise :math:`\varepsilon` that the extended model leaves and the part :math:`\nu` of an
@@ -265,8 +267,8 @@ def find_closed_loop(setting: Setting, final: WindowFit, outputs, inputs, left) 
 
     Parameters
     ----------
-    setting : Setting
-        The ground of the diagnosis.
+    problem : EstimationProblem
+        the problem.
     final : WindowFit
         The extended model.
     outputs, inputs, left : list of Signal
@@ -359,7 +361,9 @@ def _ahead(noise, news) -> np.ndarray:
 # -- synchronism -----------------------------------------------------------------------------------
 
 
-def find_early_output(setting: Setting, base: WindowFit, final: WindowFit) -> Finding | None:
+def find_early_output(
+    problem: EstimationProblem, base: WindowFit, final: WindowFit
+) -> Finding | None:
     """Find outputs that answer before their input: the two were not recorded in step.
 
     The re-tuned prior is fitted with its inputs moved to earlier samples. It must then do better
@@ -367,8 +371,8 @@ def find_early_output(setting: Setting, base: WindowFit, final: WindowFit) -> Fi
 
     Parameters
     ----------
-    setting : Setting
-        The ground of the diagnosis.
+    problem : EstimationProblem
+        the problem.
     base, final : WindowFit
         The re-tuned prior and the extended model.
 
@@ -377,15 +381,15 @@ def find_early_output(setting: Setting, base: WindowFit, final: WindowFit) -> Fi
     Finding or None
         What was found.
     """
-    if not setting.prior.inputs:
+    if not problem.prior.inputs:
         return None
-    lead, best = _best_lead(setting, base)
+    lead, best = _best_lead(problem, base)
     if lead < 2 or not _is_better(final, best, 1):
         return None
-    ahead = lead * setting.scales.sample_time
+    ahead = lead * problem.scales.sample_time
     return Finding(
         "not synchronous",
-        ", ".join(setting.prior.outputs),
+        ", ".join(problem.prior.outputs),
         f"the outputs lead the inputs by {lead} samples ({ahead:.3g} s): no cause acts backward "
         f"in time",
         ahead,
@@ -393,17 +397,17 @@ def find_early_output(setting: Setting, base: WindowFit, final: WindowFit) -> Fi
     )
 
 
-def _best_lead(setting, base) -> tuple[int, WindowFit]:
+def _best_lead(problem, base) -> tuple[int, WindowFit]:
     """Move the inputs earlier by doubling, then step by step, while that lowers the error."""
-    fits, sample_time = {0: base}, setting.scales.sample_time
+    fits, sample_time = {0: base}, problem.scales.sample_time
 
     def error(lead):
         if lead not in fits:
-            fits[lead] = _refit(setting, base, _earlier(setting.windows, lead * sample_time))
+            fits[lead] = _refit(problem, base, _earlier(problem.windows, lead * sample_time))
         return fits[lead].objective
 
     best, step = 0, 1
-    longest = int(setting.windows.lengths.min()) // 2
+    longest = int(problem.windows.lengths.min()) // 2
     while best + step <= longest and error(best + step) < error(best):
         best, step = best + step, 2 * step
     while step > 1:
@@ -412,7 +416,7 @@ def _best_lead(setting, base) -> tuple[int, WindowFit]:
     return best, fits[best]
 
 
-def _earlier(windows: Windows, time: float) -> Windows:
+def _earlier(windows: ShootingWindows, time: float) -> ShootingWindows:
     """Move the inputs to earlier samples, of every record's own clock."""
     u = windows.u.copy()
     for a, b in zip(windows.bounds[:-1], windows.bounds[1:], strict=True):
@@ -421,8 +425,8 @@ def _earlier(windows: Windows, time: float) -> Windows:
     return replace(windows, u=u)
 
 
-def _refit(setting, fit: WindowFit, windows: Windows) -> WindowFit:
-    estimate = setting.states.estimate(fit.model)
+def _refit(problem, fit: WindowFit, windows: ShootingWindows) -> WindowFit:
+    estimate = problem.states.estimate(fit.model)
     return fit_windows(
         fit.model,
         windows,
@@ -443,7 +447,7 @@ def _is_better(worse: WindowFit, better: WindowFit, n_parameters: int) -> bool:
     noise = better.squares / max(count - n_parameters, 1)
     if not worse.squares - better.squares > noise * chi2.isf(ALPHA, n_parameters):
         return False
-    fall = np.sqrt(worse.evaluation.piece_squares) - np.sqrt(better.evaluation.piece_squares)
+    fall = np.sqrt(worse.evaluation.block_squares) - np.sqrt(better.evaluation.block_squares)
     error = np.std(fall, ddof=1) / np.sqrt(fall.size) if fall.size > 1 else 0.0
     limit = student.isf(ALPHA, fall.size - 1) if fall.size > 1 else norm.isf(ALPHA)
     return bool(fall.mean() > limit * error)
@@ -452,7 +456,9 @@ def _is_better(worse: WindowFit, better: WindowFit, n_parameters: int) -> bool:
 # -- drift -----------------------------------------------------------------------------------------
 
 
-def find_drift(setting: Setting, names, base: WindowFit, final: WindowFit) -> Finding | None:
+def find_drift(
+    problem: EstimationProblem, names, base: WindowFit, final: WindowFit
+) -> Finding | None:
     r"""Find parameters that differ from record to record.
 
     The prior is re-tuned on every record alone. These fits together must be better than the
@@ -462,8 +468,8 @@ def find_drift(setting: Setting, names, base: WindowFit, final: WindowFit) -> Fi
 
     Parameters
     ----------
-    setting : Setting
-        The ground of the diagnosis.
+    problem : EstimationProblem
+        the problem.
     names : sequence of str
         What the records are called.
     base, final : WindowFit
@@ -479,15 +485,15 @@ def find_drift(setting: Setting, names, base: WindowFit, final: WindowFit) -> Fi
     .. [1] G. C. Chow, "Tests of equality between sets of coefficients in two linear regressions",
        Econometrica 28, 1960, :doi:`10.2307/1910133`.
     """
-    record = setting.windows.record
+    record = problem.windows.record
     groups = [np.flatnonzero(record == r) for r in range(len(names))]
     if len(groups) < 2 or not base.freedoms or min(map(len, groups)) < 1:
         return None
-    estimate = setting.states.estimate(base.model)
-    expected = estimate.x[setting.windows.starts]
-    alone = [_fit_alone(setting, base, expected, estimate.spread, g) for g in groups]
+    estimate = problem.states.estimate(base.model)
+    expected = estimate.x[problem.windows.starts]
+    alone = [_fit_alone(problem, base, expected, estimate.spread, g) for g in groups]
     together = _put_together(base, alone, groups)
-    if not np.isfinite(together.squares) or not _removes_most(setting, final, together):
+    if not np.isfinite(together.squares) or not _removes_most(problem, final, together):
         return None
     if not _is_better(final, together, len(base.freedoms) * (len(groups) - 1)):
         return None
@@ -495,13 +501,13 @@ def find_drift(setting: Setting, names, base: WindowFit, final: WindowFit) -> Fi
         standard_errors(fit, expected[g], estimate.spread)
         for fit, g in zip(alone, groups, strict=True)
     ]
-    return _drift(setting, names, alone, errors)
+    return _drift(problem, names, alone, errors)
 
 
-def _fit_alone(setting, base, expected, spread, group) -> WindowFit:
+def _fit_alone(problem, base, expected, spread, group) -> WindowFit:
     return fit_windows(
         base.model,
-        setting.windows.select(group),
+        problem.windows.select(group),
         tuple(_wide(base.model, freedom) for freedom in base.freedoms),
         expected[group],
         spread,
@@ -510,7 +516,7 @@ def _fit_alone(setting, base, expected, spread, group) -> WindowFit:
     )
 
 
-def _wide(model, freedom: Freedom) -> Freedom:
+def _wide(model, freedom: ParameterPrior) -> ParameterPrior:
     """Let a parameter go to its bounds: a drift may exceed its spread."""
     low, high = model.parameters[freedom.name].bounds
     return replace(freedom, low=low, high=high)
@@ -518,28 +524,28 @@ def _wide(model, freedom: Freedom) -> Freedom:
 
 def _put_together(base, alone, groups) -> WindowFit:
     """Give the windows' squares and residuals of the fits of single records as those of one."""
-    gram = np.empty_like(base.evaluation.piece_gram)
+    gram = np.empty_like(base.evaluation.block_gram)
     residual = np.full_like(base.evaluation.residual, np.nan)
     for fit, group in zip(alone, groups, strict=True):
-        gram[group] = fit.evaluation.piece_gram
+        gram[group] = fit.evaluation.block_gram
         seen = np.isfinite(fit.evaluation.residual)
         residual[seen] = fit.evaluation.residual[seen]
-    return replace(base, evaluation=replace(base.evaluation, piece_gram=gram, residual=residual))
+    return replace(base, evaluation=replace(base.evaluation, block_gram=gram, residual=residual))
 
 
-def _removes_most(setting, final, together) -> bool:
+def _removes_most(problem, final, together) -> bool:
     """Tell whether the fits of single records leave less than half above the noise."""
-    rest = together.evaluation.residual / setting.windows.scale
+    rest = together.evaluation.residual / problem.windows.scale
     steps = np.diff(rest, axis=0)
-    steps[setting.windows.starts[1:] - 1] = np.nan
+    steps[problem.windows.starts[1:] - 1] = np.nan
     counts = np.isfinite(rest).sum(axis=0)
-    least = FINE * np.nanstd(setting.windows.y, axis=0) / setting.windows.scale
+    least = FINE * np.nanstd(problem.windows.y, axis=0) / problem.windows.scale
     noise = np.maximum(np.nanmean(steps**2, axis=0) / 2, least**2)
     floor = float((noise * counts).sum())
     return together.squares - floor < HALF * max(final.squares - floor, 0.0)
 
 
-def _drift(setting, names, alone, errors) -> Finding:
+def _drift(problem, names, alone, errors) -> Finding:
     """Name the parameter that differs most, in units of its standard errors."""
     spreads = {}
     for freedom in alone[0].freedoms:
@@ -550,7 +556,7 @@ def _drift(setting, names, alone, errors) -> Finding:
         spreads[freedom.name] = (float(np.sum(weight * (values - mean) ** 2)), values)
     name = max(spreads, key=lambda key: spreads[key][0])
     values = spreads[name][1]
-    low, high, unit = int(np.argmin(values)), int(np.argmax(values)), setting.prior.unit(name)
+    low, high, unit = int(np.argmin(values)), int(np.argmax(values)), problem.prior.unit(name)
     return Finding(
         "drift between records",
         name,

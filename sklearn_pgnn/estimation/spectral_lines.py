@@ -17,7 +17,7 @@ from sklearn_pgnn.physics.effects.springs import MOST_CYCLES
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.pointwise import evaluate_samples, sample_table
-from sklearn_pgnn.simulation.windows import Windows
+from sklearn_pgnn.simulation.windows import ShootingWindows
 
 #: lines kept
 KEPT = 6
@@ -27,14 +27,16 @@ BACKGROUND = 41
 POSITION_SAMPLES, STEP = 4000, 0.2
 
 
-def missing_rate(model: PhysicsModel, windows: Windows, x: np.ndarray, state: str) -> np.ndarray:
+def missing_rate(
+    model: PhysicsModel, windows: ShootingWindows, x: np.ndarray, state: str
+) -> np.ndarray:
     """Give what a model lacks of a state's rate, less what its parameters could explain.
 
     Parameters
     ----------
     model : PhysicsModel
         The model.
-    windows : Windows
+    windows : ShootingWindows
         The records.
     x : ndarray of shape (n_samples, n_states)
         Estimated states.
@@ -65,14 +67,14 @@ def _slopes(windows, values):
     return np.concatenate(pieces)
 
 
-def find_lines(model: PhysicsModel, windows: Windows, x: np.ndarray) -> tuple[dict, dict]:
+def find_lines(model: PhysicsModel, windows: ShootingWindows, x: np.ndarray) -> tuple[dict, dict]:
     """Find the tones and the ripples in what a model lacks of its velocities' rates.
 
     Parameters
     ----------
     model : PhysicsModel
         The model.
-    windows : Windows
+    windows : ShootingWindows
         The records.
     x : ndarray of shape (n_samples, n_states)
         Estimated states.
@@ -97,14 +99,14 @@ def find_lines(model: PhysicsModel, windows: Windows, x: np.ndarray) -> tuple[di
     return tones, ripples
 
 
-def tones_left(windows: Windows, residual: np.ndarray) -> tuple[float, ...]:
+def tones_left(windows: ShootingWindows, residual: np.ndarray) -> tuple[float, ...]:
     """Find the tones in what a fitted model leaves of the outputs.
 
     They stand out where those of the rate are lost in the noise of its derivatives.
 
     Parameters
     ----------
-    windows : Windows
+    windows : ShootingWindows
         The records.
     residual : ndarray of shape (n_samples, n_outputs)
         Measured minus simulated outputs; NaN where nothing was measured.

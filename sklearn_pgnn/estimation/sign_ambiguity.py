@@ -10,7 +10,7 @@ import numpy as np
 
 from sklearn_pgnn.simulation.state_estimate import free_run, unsigned_states
 from sklearn_pgnn.simulation.window_fit import WindowFit, fit_windows
-from sklearn_pgnn.simulation.windows import Windows
+from sklearn_pgnn.simulation.windows import ShootingWindows
 
 #: a window is poor whose squares are so many times the median
 POOR = 3.0
@@ -18,7 +18,7 @@ POOR = 3.0
 
 def turn_poor_windows(
     fit: WindowFit,
-    windows: Windows,
+    windows: ShootingWindows,
     expected: np.ndarray,
     spread: np.ndarray,
     tolerance: float,
@@ -30,7 +30,7 @@ def turn_poor_windows(
     ----------
     fit : WindowFit
         A fit.
-    windows : Windows
+    windows : ShootingWindows
         Its windows.
     expected : ndarray of shape (n_windows, n_states)
         Expected initial states.

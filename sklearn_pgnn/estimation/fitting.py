@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sklearn_pgnn.diagnosis.hypothesis import (
+from sklearn_pgnn.estimation.hypothesis import (
     Cause,
     Hypothesis,
     commute,
@@ -16,12 +16,18 @@ from sklearn_pgnn.diagnosis.hypothesis import (
     held_parameters,
     without_spread,
 )
-from sklearn_pgnn.diagnosis.lines import tones_left
-from sklearn_pgnn.diagnosis.progress import Progress
-from sklearn_pgnn.diagnosis.setting import ROUGH_WINDOWS, Rough, Setting, rough_windows, worst_first
-from sklearn_pgnn.diagnosis.signs import turn_poor_windows
-from sklearn_pgnn.diagnosis.unusable import BREAKDOWNS, Ledger, Unusable
-from sklearn_pgnn.diagnosis.window_offset import WindowOffset
+from sklearn_pgnn.estimation.problem import (
+    ROUGH_WINDOWS,
+    EstimationProblem,
+    Rough,
+    rough_windows,
+    worst_first,
+)
+from sklearn_pgnn.estimation.progress import Progress
+from sklearn_pgnn.estimation.sign_ambiguity import turn_poor_windows
+from sklearn_pgnn.estimation.spectral_lines import tones_left
+from sklearn_pgnn.estimation.unusable import BREAKDOWNS, Ledger, Unusable
+from sklearn_pgnn.estimation.window_offset import WindowOffset
 from sklearn_pgnn.physics.effect import Scales
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.state_estimate import unsigned_states
@@ -31,7 +37,7 @@ from sklearn_pgnn.simulation.window_fit import (
     fit_windows,
     lost_fit,
 )
-from sklearn_pgnn.simulation.windows import Windows
+from sklearn_pgnn.simulation.windows import ShootingWindows
 
 #: causes, and the pairs of them whose order matters
 Key = tuple[frozenset, frozenset]
@@ -82,7 +88,7 @@ class Trial:
     @property
     def pieces(self) -> np.ndarray:
         """Sum of squared residuals of every piece of every window."""
-        return self.fit.evaluation.piece_squares
+        return self.fit.evaluation.block_squares
 
 
 def objective_of(trial: Trial) -> float:
@@ -98,7 +104,7 @@ class Start(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Sketch(Trial):
+class SubsampleFit(Trial):
     """A hypothesis fitted on some of the samples, see `rough_windows`.
 
     Parameters
@@ -116,7 +122,7 @@ class Sketch(Trial):
     origin: WindowFit | None = None
 
 
-class Fitter:
+class HypothesisFitter:
     """Fits hypotheses, each once.
 
     Where numbers break down the fit is `lost_fit`: that hypothesis cannot be used, and nothing
@@ -124,18 +130,18 @@ class Fitter:
 
     Parameters
     ----------
-    setting : Setting
-        The ground of the diagnosis.
+    problem : EstimationProblem
+        the problem.
     progress : Progress, optional
         Told of every step of a fit.
     """
 
-    def __init__(self, setting: Setting, progress: Progress | None = None):
-        self.setting = setting
+    def __init__(self, problem: EstimationProblem, progress: Progress | None = None):
+        self.problem = problem
         self.progress = Progress() if progress is None else progress
         self.ledger = Ledger()
         self._trials: dict[Key, Trial] = {}
-        self._sketches: dict[Key, Sketch] = {}
+        self._sketches: dict[Key, SubsampleFit] = {}
         self._begun: dict[Key, float] = {}
         self._held_out: dict[tuple[Key, tuple[str, ...]], dict[str | None, np.ndarray]] = {}
         self._held_names: dict[Cause, tuple[str, ...]] = {}
@@ -144,13 +150,13 @@ class Fitter:
     @cached_property
     def rough(self) -> Rough:
         """What sketches are made on."""
-        return rough_windows(self.setting, self.base().fit.evaluation.squares)
+        return rough_windows(self.problem, self.base().fit.evaluation.squares)
 
     @cached_property
     def scales(self) -> Scales:
-        """The setting's scales, with the tones that the re-tuned prior leaves in the outputs."""
-        scales, residual = self.setting.scales, self.base().fit.evaluation.residual
-        left = tones_left(self.setting.windows, residual)
+        """The problem's scales, with the tones that the re-tuned prior leaves in the outputs."""
+        scales, residual = self.problem.scales, self.base().fit.evaluation.residual
+        left = tones_left(self.problem.windows, residual)
         tones = {
             state: tuple(dict.fromkeys((*known, *left))) for state, known in scales.tones.items()
         }
@@ -167,7 +173,7 @@ class Fitter:
         self,
         spare: AbstractContextManager,
         model,
-        windows: Windows,
+        windows: ShootingWindows,
         free,
         start: Start,
         x0,
@@ -187,7 +193,7 @@ class Fitter:
             )
         return fit
 
-    def _turn(self, hypothesis, fit: WindowFit, windows: Windows, start: Start, tolerance):
+    def _turn(self, hypothesis, fit: WindowFit, windows: ShootingWindows, start: Start, tolerance):
         with self._spare(hypothesis):
             fit = turn_poor_windows(fit, windows, *start, tolerance, self.progress.tick)
         return fit
@@ -210,12 +216,12 @@ class Fitter:
     @cached_property
     def prior(self) -> WindowFit:
         """Fit only the initial states, at the prior's parameters."""
-        model = self.setting.prior
+        model = self.problem.prior
         start = self._start(model)
         return self._fit_windows(
             self._spare(Hypothesis()),
             model,
-            self.setting.windows,
+            self.problem.windows,
             (),
             start,
             start.x0,
@@ -226,19 +232,19 @@ class Fitter:
         """Re-tune the prior within its spread."""
         key = self.key(Hypothesis())
         if key not in self._trials:
-            self._keep(self._fit(Hypothesis(), self.setting.prior, None))
+            self._keep(self._fit(Hypothesis(), self.problem.prior, None))
         return self._trials[key]
 
     def base_error(self) -> float:
         """Give the re-tuned prior's error in units of the noise."""
-        return float(np.sqrt(self.base().squares / self.setting.n_samples))
+        return float(np.sqrt(self.base().squares / self.problem.n_samples))
 
-    def complete(self, sketch: Sketch, beside: Trial) -> Trial:
+    def complete(self, sketch: SubsampleFit, beside: Trial) -> Trial:
         """Fit a hypothesis on all windows, again where its sketch has become better.
 
         Parameters
         ----------
-        sketch : Sketch
+        sketch : SubsampleFit
             The hypothesis, and where its parameters start.
         beside : Trial
             Another hypothesis on all windows; the initial states start where its are.
@@ -266,7 +272,7 @@ class Fitter:
             fit = self._fit_windows(
                 self._spare(trial.hypothesis),
                 model,
-                self.setting.windows,
+                self.problem.windows,
                 trial.fit.freedoms,
                 start,
                 x0,
@@ -297,24 +303,24 @@ class Fitter:
         fit = self._fit_windows(
             self._spare(hypothesis),
             model,
-            self.setting.windows,
+            self.problem.windows,
             free,
             start,
             x0,
             states_first=sketch is not None,
             tolerance=TOLERANCE,
         )
-        fit = self._turn(hypothesis, fit, self.setting.windows, start, TOLERANCE)
+        fit = self._turn(hypothesis, fit, self.problem.windows, start, TOLERANCE)
         return Trial(hypothesis, self._noted(hypothesis, fit))
 
     def _start(self, model) -> Start:
-        estimate = self.setting.states.estimate(model)
-        return Start(estimate.x[self.setting.windows.starts], estimate.spread)
+        estimate = self.problem.states.estimate(model)
+        return Start(estimate.x[self.problem.windows.starts], estimate.spread)
 
     # -- on some of the samples ----------------------------------------------------------------
 
-    def sketch(self, trial: Trial) -> Sketch:
-        """Sketch a hypothesis that was fitted on all windows."""
+    def sketch(self, trial: Trial) -> SubsampleFit:
+        """SubsampleFit a hypothesis that was fitted on all windows."""
         key = self.key(trial.hypothesis)
         known = self._sketches.get(key)
         if known is None or known.origin is not trial.fit:
@@ -326,23 +332,25 @@ class Fitter:
             self._begun.setdefault(key, again.fit.objective)
         return self._sketches[key]
 
-    def look(self, sketch: Sketch, cause: Cause) -> Sketch:
+    def look(self, sketch: SubsampleFit, cause: Cause) -> SubsampleFit:
         """Take a first look at one more cause, from the best of the effect's starts and places."""
         orders = self.orders(sketch.hypothesis, cause)
         return min((self._look(sketch, order, cause) for order in orders), key=objective_of)
 
-    def _look(self, sketch: Sketch, hypothesis: Hypothesis, cause: Cause) -> Sketch:
+    def _look(self, sketch: SubsampleFit, hypothesis: Hypothesis, cause: Cause) -> SubsampleFit:
         key = self.key(hypothesis)
         if key not in self._sketches:
             ground = sketch.fit
             lost = lost_fit(ground.model, self.rough.windows, ground.freedoms, ground.x0)
-            look = Sketch(hypothesis, lost, sketch.start)
+            look = SubsampleFit(hypothesis, lost, sketch.start)
             with self._spare(hypothesis):
                 look = self._first_look(sketch, hypothesis, cause)
             self._sketches[key] = look
         return replace(self._sketches[key], hypothesis=hypothesis)
 
-    def _first_look(self, sketch: Sketch, hypothesis: Hypothesis, cause: Cause) -> Sketch:
+    def _first_look(
+        self, sketch: SubsampleFit, hypothesis: Hypothesis, cause: Cause
+    ) -> SubsampleFit:
         model = self._best_start(sketch, hypothesis, cause)
         look = self._sketch(hypothesis, model, sketch, max_steps=LOOK_STEPS)
         if look.start is not sketch.start:  # states of its own: they go with its parameters
@@ -368,7 +376,7 @@ class Fitter:
 
     def _commute(self, pair: frozenset) -> bool:
         if pair not in self._commuting:
-            self._commuting[pair] = commute(self.setting.prior, *pair)
+            self._commuting[pair] = commute(self.problem.prior, *pair)
         return self._commuting[pair]
 
     def orders(self, hypothesis: Hypothesis, cause: Cause) -> list[Hypothesis]:
@@ -392,8 +400,8 @@ class Fitter:
             found.setdefault(self.key(placed), placed)
         return list(found.values())
 
-    def settle(self, sketch: Sketch, hopeless: float = np.inf) -> Sketch:
-        """Follow a look to its end, or until it is clear that its objective stays hopeless."""
+    def settle(self, sketch: SubsampleFit, prune_above: float = np.inf) -> SubsampleFit:
+        """Follow a look to its end, or until it is clear that its objective stays prune_above."""
         if sketch.settled or not sketch.fit.usable:
             return sketch
         found = self._settle(
@@ -402,29 +410,29 @@ class Fitter:
             sketch.fit.x0,
             sketch.start,
             evaluation=sketch.fit.evaluation,
-            hopeless=hopeless,
+            prune_above=prune_above,
         )
         self._sketches[self.key(sketch.hypothesis)] = found
         return found
 
-    def reduce(self, sketch: Sketch, cause: Cause) -> Sketch:
-        """Sketch a hypothesis with one cause less."""
+    def reduce(self, sketch: SubsampleFit, cause: Cause) -> SubsampleFit:
+        """SubsampleFit a hypothesis with one cause less."""
         return self._derive(sketch, sketch.hypothesis.without(cause))
 
-    def split(self, sketch: Sketch, cause: Cause, part: Cause) -> Sketch:
-        """Sketch a hypothesis in which a part of a cause stands as a cause of its own."""
+    def split(self, sketch: SubsampleFit, cause: Cause, part: Cause) -> SubsampleFit:
+        """SubsampleFit a hypothesis in which a part of a cause stands as a cause of its own."""
         hypothesis = sketch.hypothesis.before(cause, part)
         zero = {cause[0](cause[1]).names()[name]: 0.0 for name in hypothesis.taken_over(cause)}
         return self._derive(sketch, hypothesis, **zero)
 
-    def exchange(self, sketch: Sketch, cause: Cause, others: list[Cause]) -> Sketch:
-        """Sketch a hypothesis with some causes in the place of one."""
+    def exchange(self, sketch: SubsampleFit, cause: Cause, others: list[Cause]) -> SubsampleFit:
+        """SubsampleFit a hypothesis with some causes in the place of one."""
         hypothesis = sketch.hypothesis.without(cause)
         for place, other in enumerate(others, sketch.hypothesis.order.index(cause)):
             hypothesis = hypothesis.plus(other, place)
         return self._derive(sketch, hypothesis)
 
-    def _derive(self, sketch, hypothesis, **values) -> Sketch:
+    def _derive(self, sketch, hypothesis, **values) -> SubsampleFit:
         """Start from the numbers of another sketch; keep what was known if that is better."""
         model = self._rebuild(hypothesis, sketch).with_parameters(**values)
         found, key = self._sketch(hypothesis, model, sketch), self.key(hypothesis)
@@ -433,12 +441,14 @@ class Fitter:
             self._sketches[key] = found
         return self.settle(replace(self._sketches[key], hypothesis=hypothesis))
 
-    def _sketch(self, hypothesis, model, beside: Sketch, **options) -> Sketch:
+    def _sketch(self, hypothesis, model, beside: SubsampleFit, **options) -> SubsampleFit:
         start = self._start_beside(model, beside)
         x0 = _carry_over(beside.fit, model, start.x0)
         return self._settle(hypothesis, model, x0, start, **options)
 
-    def _settle(self, hypothesis, model, x0, start, *, hopeless=np.inf, **options) -> Sketch:
+    def _settle(
+        self, hypothesis, model, x0, start, *, prune_above=np.inf, **options
+    ) -> SubsampleFit:
         model, free = self._free(hypothesis, model)
         windows = self._rough_windows(model)
         fit = self._fit_windows(
@@ -449,14 +459,14 @@ class Fitter:
             start,
             x0,
             tolerance=SKETCH_TOLERANCE,
-            hopeless=hopeless,
+            prune_above=prune_above,
             **options,
         )
         fit = self._turn(hypothesis, fit, windows, start, SKETCH_TOLERANCE)
-        settled = "max_steps" not in options and fit.objective <= hopeless
-        return Sketch(hypothesis, self._noted(hypothesis, fit), start, settled)
+        settled = "max_steps" not in options and fit.objective <= prune_above
+        return SubsampleFit(hypothesis, self._noted(hypothesis, fit), start, settled)
 
-    def _start_beside(self, model, beside: Sketch) -> Start:
+    def _start_beside(self, model, beside: SubsampleFit) -> Start:
         """Take over what is known of the initial states, if they are the same states."""
         other = beside.fit.model
         same = tuple(model.states) == tuple(other.states)
@@ -467,8 +477,8 @@ class Fitter:
         start = self._start(model)
         return Start(start.x0[self.rough.which], start.spread)
 
-    def _rough_windows(self, model) -> Windows:
-        own = len(model.states) > len(self.setting.prior.states)
+    def _rough_windows(self, model) -> ShootingWindows:
+        own = len(model.states) > len(self.problem.prior.states)
         return self.rough.stepped if own else self.rough.windows
 
     def _best_start(self, sketch, hypothesis, cause) -> PhysicsModel:
@@ -509,7 +519,7 @@ class Fitter:
     def _starts(self, sketch, hypothesis, cause) -> list[PhysicsModel]:
         """Extend the fitted model by every start, and the untuned one by a few."""
         effect, target = cause
-        starts = effect.starts(target, self.setting.prior, self.scales)
+        starts = effect.starts(target, self.problem.prior, self.scales)
         grounds = (sketch, None) if len(starts) <= FEW_STARTS else (sketch,)
         extended = [self._rebuild(hypothesis, values_of) for values_of in grounds]
         return [_at_start(model, start) for model in extended for start in starts]
@@ -518,9 +528,9 @@ class Fitter:
 
     def _rebuild(self, hypothesis, values_of: Trial | None) -> PhysicsModel:
         """Extend the prior by the causes, with the parameter values of another fit."""
-        model = self.setting.prior
+        model = self.problem.prior
         for effect, target in hypothesis.order:
-            start = effect.starts(target, model, self.setting.scales)[0]
+            start = effect.starts(target, model, self.problem.scales)[0]
             model = start.apply(model)
         values = {} if values_of is None else values_of.fit.model.parameters
         known = {name: p.value for name, p in values.items() if name in model.parameters}
@@ -528,11 +538,11 @@ class Fitter:
 
     def _free(self, hypothesis, model):
         """Say what a fit may change; what a cause speaks for stays, and what has no spread."""
-        prior = self.setting.prior
+        prior = self.problem.prior
         held = {name for cause in hypothesis.causes for name in self.held(cause)}
         held |= without_spread(prior, hypothesis)
         model = model.with_parameters(**{name: prior.parameters[name].value for name in held})
-        return model, freedoms(self.setting, hypothesis, model, held)
+        return model, freedoms(self.problem, hypothesis, model, held)
 
     def held(self, cause: Cause) -> tuple[str, ...]:
         """Name the prior's parameters that a cause speaks for, looked up once.
@@ -548,7 +558,7 @@ class Fitter:
             Their names.
         """
         if cause not in self._held_names:
-            self._held_names[cause] = held_parameters(self.setting.prior, cause)
+            self._held_names[cause] = held_parameters(self.problem.prior, cause)
         return self._held_names[cause]
 
     # -- held out ------------------------------------------------------------------------------
@@ -596,14 +606,14 @@ class Fitter:
         start : Start
             What was expected of the initial states; the offset is as large as the signal.
         """
-        scales, (x0, spread) = self.setting.scales, self._start(trial.fit.model)
+        scales, (x0, spread) = self.problem.scales, self._start(trial.fit.model)
         size = (scales.rate if target in trial.fit.model.states else scales.typical)[target]
         none = np.zeros((len(x0), 1))
         start = Start(np.hstack([x0, none]), np.append(spread, size))
         fit = self._fit_windows(
             self._spare(trial.hypothesis, OFFSET),
             WindowOffset(target).apply(trial.fit.model),
-            self.setting.windows,
+            self.problem.windows,
             trial.fit.freedoms,
             start,
             np.hstack([trial.fit.x0, none]),
@@ -612,7 +622,7 @@ class Fitter:
         return fit, start
 
     def _cross_validate(self, hypothesis, fit: WindowFit, start: Start, folds) -> np.ndarray:
-        setting, windows = self.setting, self.setting.windows
+        problem, windows = self.problem, self.problem.windows
         squares = np.zeros((len(windows), windows.pieces, windows.y.shape[1]))
         expected, spread = start
         for fold in np.unique(folds):
@@ -637,7 +647,7 @@ class Fitter:
                 fit.x0[inside],
                 tolerance=SKETCH_TOLERANCE,
             )
-            squares[inside] = piece_squares(setting, judged, inside)
+            squares[inside] = block_squares(problem, judged, inside)
         return squares
 
 
@@ -681,7 +691,7 @@ def _differing(models: list[PhysicsModel], cause: Cause) -> tuple[str, ...]:
     return tuple(n for n in names if len({model.parameters[n].value for model in models}) > 1)
 
 
-def _telling(sketch: Sketch) -> np.ndarray:
+def _telling(sketch: SubsampleFit) -> np.ndarray:
     """Give the windows that tell most of what is missing, and as many of all kinds."""
     order = worst_first(sketch.fit.evaluation.squares)
     count = max(order.size // GLANCE, ROUGH_WINDOWS) // 2
@@ -694,15 +704,15 @@ def _at_start(model: PhysicsModel, start) -> PhysicsModel:
     return model.with_parameters(**{n: value for n, value in own.items() if value is not None})
 
 
-def piece_squares(setting: Setting, fit: WindowFit, which=slice(None)) -> np.ndarray:
+def block_squares(problem: EstimationProblem, fit: WindowFit, which=slice(None)) -> np.ndarray:
     """Sum the squared residuals of every piece and output, in units of the noise."""
-    windows = setting.windows.select(which)
-    sums = windows.sum_pieces((fit.evaluation.residual / windows.scale) ** 2)
+    windows = problem.windows.select(which)
+    sums = windows.sum_blocks((fit.evaluation.residual / windows.scale) ** 2)
     sums[~np.isfinite(fit.evaluation.squares)] = np.inf
     return sums
 
 
-def make_folds(setting: Setting) -> np.ndarray:
+def make_folds(problem: EstimationProblem) -> np.ndarray:
     """Deal the windows into folds: by whole records, or by stretches.
 
     Stretches are taken of a single record, or where one holds so many of the windows that the
@@ -710,15 +720,15 @@ def make_folds(setting: Setting) -> np.ndarray:
 
     Parameters
     ----------
-    setting : Setting
-        The ground of the diagnosis.
+    problem : EstimationProblem
+        the problem.
 
     Returns
     -------
     ndarray of shape (n_windows,)
         Fold of every window, counted from 0; none is empty.
     """
-    folds = setting.windows.record % FOLDS
+    folds = problem.windows.record % FOLDS
     if np.bincount(folds).max() > MOST_HELD_OUT * folds.size:
         folds = np.arange(folds.size) * min(STRETCHES, folds.size) // folds.size
     return np.unique(folds, return_inverse=True)[1]

@@ -3,7 +3,7 @@
 import numpy as np
 from sklearn.utils import check_consistent_length, check_random_state
 
-from sklearn_pgnn.model_selection.pieces import (
+from sklearn_pgnn.model_selection.trajectory_rows import (
     deal_in_order,
     read_pieces,
     refuse_merging,

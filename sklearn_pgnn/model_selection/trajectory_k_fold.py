@@ -7,10 +7,10 @@ import numpy as np
 from sklearn.model_selection import BaseCrossValidator
 from sklearn.utils import check_random_state
 
-from sklearn_pgnn.model_selection.pieces import deal_in_order, read_pieces, refuse_merging
+from sklearn_pgnn.model_selection.trajectory_rows import deal_in_order, read_pieces, refuse_merging
 
 
-class TrajectorySplit(BaseCrossValidator):
+class TrajectoryKFold(BaseCrossValidator):
     """Split records into folds of whole trajectories, balanced by samples.
 
     Samples of one trajectory are far from independent; a fold that shares a trajectory with its
@@ -41,7 +41,7 @@ class TrajectorySplit(BaseCrossValidator):
     Examples
     --------
     >>> X = np.column_stack([np.tile([0.0, 0.1], 3), np.arange(6)])  # three trajectories
-    >>> for train, test in TrajectorySplit(3).split(X):
+    >>> for train, test in TrajectoryKFold(3).split(X):
     ...     print(train, test)
     [2 3 4 5] [0 1]
     [0 1 4 5] [2 3]

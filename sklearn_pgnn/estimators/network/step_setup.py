@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from sklearn_pgnn.estimators.network.records import TrainingRecord, Windows, spread_of
+from sklearn_pgnn.estimators.network.records import TrainingRecord, TrainingWindows, spread_of
 from sklearn_pgnn.estimators.network.structure import (
     STRUCTURES,
     TRIAL_SHARE,
@@ -87,7 +87,13 @@ def check_structure(structure: str, guide, has_model: bool) -> None:
 
 
 def make_step(
-    model: PhysicsModel, windows: Windows, structure: str, guide, *, hold: str, substeps: int
+    model: PhysicsModel,
+    windows: TrainingWindows,
+    structure: str,
+    guide,
+    *,
+    hold: str,
+    substeps: int,
 ) -> NetworkStep:
     """Scale what the network sees and gives by the training data.
 
@@ -95,7 +101,7 @@ def make_step(
     ----------
     model : PhysicsModel
         The model.
-    windows : Windows
+    windows : TrainingWindows
         The training data.
     structure : {"output", "increment", "correction"}
         What the network's output means.

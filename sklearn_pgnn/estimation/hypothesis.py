@@ -9,13 +9,13 @@ from functools import lru_cache
 import numpy as np
 import sympy
 
-from sklearn_pgnn.diagnosis.setting import Setting
+from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects import CATALOGUE, WrongParameter
 from sklearn_pgnn.physics.expressions import TIME, symbol
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.window_fit import Freedom
+from sklearn_pgnn.simulation.window_fit import ParameterPrior
 
 Cause = tuple[type[Effect], str]
 #: points at which two effects are compared, and at how many of them both must act
@@ -116,13 +116,13 @@ def count_parameters(cause: Cause) -> int:
     return max(1, len(cause[0].quantities()))
 
 
-def resemble(setting: Setting, model: PhysicsModel, cause: Cause, other: Cause) -> bool:
+def resemble(problem: EstimationProblem, model: PhysicsModel, cause: Cause, other: Cause) -> bool:
     """Tell whether a cause is so small that it may be another, which is not sought so small.
 
     Parameters
     ----------
-    setting : Setting
-        The ground of the diagnosis.
+    problem : EstimationProblem
+        the problem.
     model : PhysicsModel
         The model with the cause, fitted.
     cause, other : (effect class, target)
@@ -137,7 +137,7 @@ def resemble(setting: Setting, model: PhysicsModel, cause: Cause, other: Cause) 
     if target != its_target or rival.id not in effect.resembles:
         return False
     mine, its = effect.resembles[rival.id]
-    low, _ = rival.limits(target, setting.prior, setting.scales)[its]
+    low, _ = rival.limits(target, problem.prior, problem.scales)[its]
     return model.parameters[effect(target).names()[mine]].value < low
 
 
@@ -348,8 +348,11 @@ def _proportional(mine: np.ndarray, theirs: np.ndarray) -> bool:
 
 
 def freedoms(
-    setting: Setting, hypothesis: Hypothesis, start: PhysicsModel, held: Collection[str] = ()
-) -> tuple[Freedom, ...]:
+    problem: EstimationProblem,
+    hypothesis: Hypothesis,
+    start: PhysicsModel,
+    held: Collection[str] = (),
+) -> tuple[ParameterPrior, ...]:
     """Say how far every parameter may go under a hypothesis.
 
     The prior's parameters stay within their spread, so one of value 0 stays there; one that is said
@@ -357,8 +360,8 @@ def freedoms(
 
     Parameters
     ----------
-    setting : Setting
-        The ground of the diagnosis.
+    problem : EstimationProblem
+        the problem.
     hypothesis : Hypothesis
         What is said to be missing.
     start : PhysicsModel
@@ -368,53 +371,55 @@ def freedoms(
 
     Returns
     -------
-    tuple of Freedom
+    tuple of ParameterPrior
         One for every free parameter.
     """
     wrong = said_to_be_wrong(hypothesis)
-    still = {*held, *without_spread(setting.prior, hypothesis)}
+    still = {*held, *without_spread(problem.prior, hypothesis)}
     free = [
-        _prior_freedom(setting.prior, name, name in wrong)
-        for name in setting.prior.free_parameters
+        _prior_freedom(problem.prior, name, name in wrong)
+        for name in problem.prior.free_parameters
         if name not in still or name in wrong
     ]
     for effect, target in hypothesis.causes:
-        limits = effect.limits(target, setting.prior, setting.scales)
+        limits = effect.limits(target, problem.prior, problem.scales)
         taken = hypothesis.taken_over((effect, target))
         for field_name, name in effect(target).names().items():
-            if name not in setting.prior.parameters and field_name not in taken:
+            if name not in problem.prior.parameters and field_name not in taken:
                 low, high = start.parameters[name].bounds
                 inner = limits.get(field_name, (low, high))
                 value = start.parameters[name].value
                 free.append(
-                    Freedom(name, max(low, inner[0]), min(high, inner[1]), value, math.inf, 1.0)
+                    ParameterPrior(
+                        name, max(low, inner[0]), min(high, inner[1]), value, math.inf, 1.0
+                    )
                 )
     return tuple(free)
 
 
-def held_freedoms(setting: Setting, hypothesis: Hypothesis) -> tuple[Freedom, ...]:
+def held_freedoms(problem: EstimationProblem, hypothesis: Hypothesis) -> tuple[ParameterPrior, ...]:
     """Say how far the prior's parameters may be off that stay where they are for the causes.
 
     Parameters
     ----------
-    setting : Setting
-        The ground of the diagnosis.
+    problem : EstimationProblem
+        the problem.
     hypothesis : Hypothesis
         What is said to be missing.
 
     Returns
     -------
-    tuple of Freedom
+    tuple of ParameterPrior
         Those with a spread.
     """
-    prior = setting.prior
+    prior = problem.prior
     held = held_by(prior, hypothesis) - said_to_be_wrong(hypothesis)
     names = [name for name in prior.free_parameters if name in held]
     uncertain = [name for name in names if 0 < prior.parameters[name].reach < math.inf]
     return tuple(_prior_freedom(prior, name, False) for name in uncertain)
 
 
-def _prior_freedom(prior, name, wrong) -> Freedom:
+def _prior_freedom(prior, name, wrong) -> ParameterPrior:
     r"""Let a parameter be anywhere within its spread, or, if it is wrong, within its bounds.
 
     The variance of what is anywhere within :math:`\pm r` is :math:`r^2/3`.
@@ -422,6 +427,6 @@ def _prior_freedom(prior, name, wrong) -> Freedom:
     parameter = prior.parameters[name]
     value, (low, high), reach = parameter.value, parameter.bounds, parameter.reach
     if wrong or not math.isfinite(reach):
-        return Freedom(name, low, high, value, math.inf, abs(value) or 1.0)
+        return ParameterPrior(name, low, high, value, math.inf, abs(value) or 1.0)
     low, high = max(low, value - reach), min(high, value + reach)
-    return Freedom(name, low, high, value, reach / math.sqrt(3.0), reach)
+    return ParameterPrior(name, low, high, value, reach / math.sqrt(3.0), reach)

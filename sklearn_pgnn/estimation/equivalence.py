@@ -5,7 +5,7 @@ from functools import lru_cache
 import numpy as np
 import sympy
 
-from sklearn_pgnn.diagnosis.hypothesis import Cause, is_of_other_order, number_at
+from sklearn_pgnn.estimation.hypothesis import Cause, is_of_other_order, number_at
 from sklearn_pgnn.physics.effects import WrongParameter
 from sklearn_pgnn.physics.expressions import TIME, symbol
 from sklearn_pgnn.physics.model import PhysicsModel

@@ -1,0 +1,1 @@
+"""Estimation: records as a problem, hypotheses, and their fits on windows."""
