@@ -51,7 +51,7 @@ CHANGES = {
     "refine=None": {"refine": None},
     "refine=None, horizon=20": {"refine": None, "horizon": 20},
     'refine="lbfgs"': {"refine": "lbfgs"},
-    "refine_iterations=30": {"refine_iterations": 30},
+    "refine_max_iter=30": {"refine_max_iter": 30},
     "module__neurons=4": {"module__neurons": 4},
     "module__neurons=13": {"module__neurons": 13},
     "module__layers=1": {"module__layers": 1},

@@ -3,7 +3,7 @@
 The same pipeline for all three machines, built on their training records alone:
 
 1. The prior's parameters and the initial states are fitted to whole trajectories in free run by
-   ``PhysicsModelRegressor(window="trajectory")``.
+   ``PhysicsModelRegressor(window_length="trajectory")``.
 2. Of the effects that one would suspect in such a machine, the one is added that lowers the
    cross-validated free-run error most, as long as it lowers it by 1 %. In each of three folds
    another quarter of every training trajectory, but never the first, is hidden from the fit; the
@@ -196,7 +196,7 @@ def fit(model, X, y, starts=None, free=None):
     """Fit a model to whole trajectories, from given states if they are known."""
     free = [name for name in model.free_parameters if name not in HELD] if free is None else free
     regressor = PhysicsModelRegressor(
-        model, free=free, search="local", window="trajectory", substeps=SUBSTEPS
+        model, free=free, search="local", window_length="trajectory", substeps=SUBSTEPS
     )
     return regressor.fit(with_states(X, model, starts), y)
 

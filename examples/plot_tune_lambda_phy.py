@@ -27,7 +27,7 @@ from sklearn_pgnn import datasets, make_pgnn_pipeline, model_selection, systems
 threadpool_limits(1)  # more threads only cost time for a network this small
 golf = systems.golf_robot()
 X, y = datasets.make_golf_robot(duration=5, sample_rate=100)
-short = {"structure": "increment", "max_epochs": 10, "refine_iterations": 10}
+short = {"structure": "increment", "max_epochs": 10, "refine_max_iter": 10}
 
 with tempfile.TemporaryDirectory() as memory:
     pipeline = make_pgnn_pipeline(golf, memory=memory, **short)

@@ -52,10 +52,10 @@ def test_options_reach_the_diagnosis(asked):
         *("--exclude", "input_bias", "--targets", "v", "--max-causes", "2", "--seed", "5"),
         *("--time-limit", "60"),
     )
-    assert params["noise"] == [0.002]
+    assert params["noise_std"] == [0.002]
     assert params["substeps"] == 3
     assert params["hold"] == "foh"
-    assert params["window"] == 0.7
+    assert params["window_length"] == 0.7
     assert params["catalogue"] == (effects.CoulombFriction, effects.ViscousFriction)
     assert params["targets"] == ["v"]
     assert params["max_causes"] == 2

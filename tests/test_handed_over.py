@@ -23,7 +23,7 @@ from sklearn_pgnn.inspection.report import render_report
 from sklearn_pgnn.physics.effects.formula import Formula
 
 STATES = ["x", "v"]
-GROUND = {"window": 3.0, "noise": [1e-3]}
+GROUND = {"window_length": 3.0, "noise_std": [1e-3]}
 
 
 def oscillator(**changes):
@@ -149,7 +149,7 @@ def test_the_user_guides_last_line_goes_on_as_the_diagnosis_judged(one_record):
     """Its error on another record is not that of a fit with inputs held."""
     X, y, diagnosis = one_record
     model = diagnosis.extended_model_.replace(simulation={"hold": "foh", "substeps": 4})
-    tuned = PhysicsModelRegressor(model, window="trajectory", search="local").fit(X, y)
+    tuned = PhysicsModelRegressor(model, window_length="trajectory", search="local").fit(X, y)
     assert (tuned.hold_, tuned.substeps_) == ("foh", 4)
     test, truth = smooth_records(1, starts=[[0.1, 0.0]], n_samples=300, seed=1)
     test.loc[0, STATES] = [0.1, 0.0]

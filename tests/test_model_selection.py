@@ -98,8 +98,8 @@ def test_tables_arrays_and_groups_tell_the_same_folds():
     ways = (
         splitter.split(X.drop(columns="trajectory"), y),
         splitter.split(X[["t", "u"]].to_numpy(), y.to_numpy()),
-        TrajectoryKFold(3, time=1).split(moved),
-        TrajectoryKFold(3, time="clock").split(X[["t", "u"]].rename(columns={"t": "clock"})),
+        TrajectoryKFold(3, time_column=1).split(moved),
+        TrajectoryKFold(3, time_column="clock").split(X[["t", "u"]].rename(columns={"t": "clock"})),
         splitter.split(X[["u"]], groups=X["trajectory"]),
         splitter.split(X.assign(trajectory=0), groups=X["trajectory"]),
     )
@@ -169,8 +169,8 @@ def test_scikit_learn_takes_the_splitter():
         assert np.array_equal(cross_val_score(pipeline, X, y, cv=TrajectoryKFold(3)), scores)
         routed = cross_val_score(pipeline, X, y, cv=TrajectoryKFold(2), params={"groups": halves})
     assert np.array_equal(routed, grouped)
-    assert repr(TrajectoryKFold(3)) == (
-        "TrajectoryKFold(n_splits=3, random_state=None, shuffle=False, time=None)"
+    assert " ".join(repr(TrajectoryKFold(3)).split()) == (
+        "TrajectoryKFold(n_splits=3, random_state=None, shuffle=False, time_column=None)"
     )
 
 

@@ -30,7 +30,7 @@ from sklearn_pgnn import (
 from sklearn_pgnn.model_selection import TrajectoryKFold, search_space
 
 CART = systems.cart_on_spring()
-QUICK = {"max_epochs": 3, "module__neurons": 3, "refine_iterations": 5, "substeps": 1}
+QUICK = {"max_epochs": 3, "module__neurons": 3, "refine_max_iter": 5, "substeps": 1}
 ROOT = Path(sklearn_pgnn.__file__).parents[1]
 
 

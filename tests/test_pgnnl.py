@@ -26,7 +26,7 @@ from sklearn_pgnn.exceptions import RecordError, SimulationWarning
 CART = systems.cart_on_spring()
 LAG = PhysicsModel({"y": "V"}, {"y": "(K*u - y)/T"}, {"K": 1.0, "T": 0.5}, {"u": "V"})
 STATES = ["x", "v"]
-QUICK = {"max_epochs": 4, "module__neurons": 3, "refine_iterations": 12, "substeps": 1}
+QUICK = {"max_epochs": 4, "module__neurons": 3, "refine_max_iter": 12, "substeps": 1}
 
 
 def records(truth, *, n_records=4, n=150, seed=0, size=4.0, noise=0.0):
@@ -79,7 +79,7 @@ def simulated(model, X):
 def test_hidden_spring_is_learnt(seed):
     given, y = records(HARDENING, seed=seed, noise=1e-3)
     other, truth = records(HARDENING, n_records=2, seed=100 + seed)
-    options = {"module__neurons": 4, "max_epochs": 25, "refine_iterations": 30, "substeps": 1}
+    options = {"module__neurons": 4, "max_epochs": 25, "refine_max_iter": 30, "substeps": 1}
     guided = PGNNLRegressor(CART, **options).fit(given, y)
     plain = PGNNLRegressor(states=STATES, **options).fit(given, y)
     error = rms(guided.predict(other) - truth)
@@ -130,7 +130,7 @@ def test_structure_follows_the_model():
 
 
 def test_random_weights_are_not_the_best_of_a_training():
-    options = {"module__neurons": 4, "refine": None, "validation": 0.5, "random_state": 1}
+    options = {"module__neurons": 4, "refine": None, "validation_fraction": 0.5, "random_state": 1}
     few = quick(CART, max_epochs=3, **options).fit(X, Y)
     none = quick(CART, max_epochs=0, **options).fit(X, Y)
     assert few.history[0, "valid_loss_best"]
@@ -216,7 +216,7 @@ def test_uneven_time_and_first_order_hold():
     force = 5 * np.sin(2 * t) + 3 * np.sin(5 * t)
     table = pd.DataFrame({"t": t, "force": force})
     y = HARDENING.simulate(t, force, hold="foh", substeps=4).y[:, 0]
-    net = quick(hold="foh", max_epochs=20, refine_iterations=20).fit(table, y)
+    net = quick(hold="foh", max_epochs=20, refine_max_iter=20).fit(table, y)
     own = CART.simulate(t, force, hold="foh", substeps=4).y[:, 0]
     assert rms(net.predict(table) - y) < 0.5 * rms(own - y)
 
@@ -268,7 +268,7 @@ def test_core_that_cannot_be(options):
 def test_plain_network_of_a_machine():
     given, y = records(CART)
     other, truth = records(CART, n_records=2, seed=9)
-    options = {"max_epochs": 20, "module__neurons": 4, "refine_iterations": 15}
+    options = {"max_epochs": 20, "module__neurons": 4, "refine_max_iter": 15}
     with_states = PGNNLRegressor(states=STATES, **options).fit(given, y)
     assert with_states.structure_ == "increment"
     assert with_states.score(other, truth) > 0.9
@@ -277,7 +277,7 @@ def test_plain_network_of_a_machine():
     assert at_rest.predict(other[columns]).shape == truth.shape
     one = given["trajectory"] == 0
     array = given.loc[one, ["t", "force"]].to_numpy()
-    of_array = PGNNLRegressor(time=0, **options).fit(array, y[one])
+    of_array = PGNNLRegressor(time_column=0, **options).fit(array, y[one])
     of_table = PGNNLRegressor(**options).fit(given.loc[one, ["t", "force"]], y[one])
     assert np.array_equal(of_array.predict(array), of_table.predict(given.loc[one, ["t", "force"]]))
 
@@ -290,7 +290,10 @@ def test_plain_network_of_a_machine():
         ({"states": ["x", "v", "t"]}, r"states: expected 1 outputs, or 2 outputs and rates, got 3"),
         ({"states": ["x", "w"]}, r"states: X has no column 'w'"),
         ({"lambda_phy": 0.5}, r"physics_loss: expected a model, got none"),
-        ({"time": "clock"}, r"time: X has no 'clock'; it has trajectory, t, force, x, v"),
+        (
+            {"time_column": "clock"},
+            r"time_column: X has no 'clock'; it has trajectory, t, force, x, v",
+        ),
     ],
 )
 def test_plain_network_that_cannot_be(options, message):
@@ -340,8 +343,14 @@ def test_independent_rows():
         ({"horizon": 0}, r"horizon: expected an integer >= 1, got 0"),
         ({"horizon": 2.5}, r"horizon: expected an integer >= 1, got 2.5"),
         ({"horizon": "long"}, r"horizon: expected an integer >= 1, got 'long'"),
-        ({"validation": 1.0}, r"validation: expected a share from 0 to below 1, got 1.0"),
-        ({"validation": "some"}, r"validation: expected a share from 0 to below 1, got 'some'"),
+        (
+            {"validation_fraction": 1.0},
+            r"validation_fraction: expected a share from 0 to below 1, got 1.0",
+        ),
+        (
+            {"validation_fraction": "some"},
+            r"validation_fraction: expected a share from 0 to below 1, got 'some'",
+        ),
         ({"hold": "linear"}, r"hold: expected one of zoh, foh"),
         ({"substeps": 0}, r"substeps: expected an integer >= 1, got 0"),
     ],
@@ -495,7 +504,7 @@ def test_best_free_run_is_kept():
 
 def test_patience_ends_a_phase():
     rollouts = {"horizon": 5, "rollout_epochs": 200, "lr": 1.0}
-    net = quick(max_epochs=1, patience=3, refine=None, **rollouts).fit(X, Y)
+    net = quick(max_epochs=1, n_iter_no_change=3, refine=None, **rollouts).fit(X, Y)
     assert len(net.history) < 201
     assert not any(net.history[-3:, "free_run_best"])
 
@@ -538,7 +547,7 @@ def test_callbacks_of_skorch(tmp_path):
 
 def test_checkpoint_sees_the_last_phase(tmp_path):
     saved = Checkpoint(dirname=tmp_path, monitor="free_run_best")
-    net = quick(callbacks=[saved], max_epochs=2, module__neurons=5, refine_iterations=20)
+    net = quick(callbacks=[saved], max_epochs=2, module__neurons=5, refine_max_iter=20)
     net.fit(X, Y)
     assert np.argmin(net.history[:, "free_run"]) >= 2  # the best is of the last phase
     expected = net.predict(NEW)
@@ -557,7 +566,9 @@ def test_verbose_prints_epochs(capsys):
 
 @pytest.mark.parametrize("way", ["partial_fit", "warm_start"])
 def test_training_goes_on(way):
-    net = quick(max_epochs=3, refine=None, validation=0, warm_start=way == "warm_start").fit(X, Y)
+    net = quick(
+        max_epochs=3, refine=None, validation_fraction=0, warm_start=way == "warm_start"
+    ).fit(X, Y)
     first, rate = net.history[2, "train_loss"], net.optimizer_.param_groups[0]["lr"]
     assert rate == net.lr
     step = net.step_
@@ -590,7 +601,7 @@ def test_training_on_never_makes_it_worse():
         {"batch_size": -1, "iterator_train__shuffle": False},
         {"horizon": 5, "rollout_epochs": 2, "batch_size": -1},
         {"module": network.FeedForward, "module__layers": 1, "module__activation": "silu"},
-        {"validation": 0},
+        {"validation_fraction": 0},
         {"refine": "lbfgs"},
         {"n_records": 1},
     ],
@@ -600,7 +611,7 @@ def test_options(options):
     given, y = records(HARDENING, n_records=options.pop("n_records", 3))
     net = quick(**{"max_epochs": 10, **options}).fit(given, y)
     assert rms(net.predict(NEW) - NEW_Y) < rms(simulated(CART, NEW) - NEW_Y)
-    assert np.isnan(net.free_run_error_) == (options.get("validation") == 0)
+    assert np.isnan(net.free_run_error_) == (options.get("validation_fraction") == 0)
 
 
 def test_set_params_reaches_the_core():

@@ -320,7 +320,7 @@ def test_search_from_where_the_simulation_diverges_stays():
 def small(model, **options):
     return PGNNLRegressor(
         model,
-        **{"max_epochs": 5, "module__neurons": 3, "refine_iterations": 5, "substeps": 1, **options},
+        **{"max_epochs": 5, "module__neurons": 3, "refine_max_iter": 5, "substeps": 1, **options},
     )
 
 
@@ -351,7 +351,7 @@ HEAVY_X, HEAVY_Y = cart_records(truth=CART.with_parameters(d=6.0))
 def test_loss_is_the_same_number_with_and_without_a_scaler(structure):
     options = {
         "max_epochs": 3, "module__neurons": 3, "lambda_phy": 0.3, "structure": structure,
-        "horizon": 5, "rollout_epochs": 2, "refine_iterations": 3, "substeps": 1,
+        "horizon": 5, "rollout_epochs": 2, "refine_max_iter": 3, "substeps": 1,
     }  # fmt: skip
     alone = PGNNLRegressor(CART, **options).fit(X, Y)
     piped = make_pgnn_pipeline(CART, **options).fit(X, Y)
@@ -423,8 +423,8 @@ def test_more_weight_makes_it_more_consistent(seed):
 
     def inconsistency(lambda_phy):
         net = small(
-            CART, lambda_phy=lambda_phy, structure="correction", max_epochs=20, validation=0,
-            refine_iterations=20, random_state=seed,
+            CART, lambda_phy=lambda_phy, structure="correction", max_epochs=20,
+            validation_fraction=0, refine_max_iter=20, random_state=seed,
         ).fit(HEAVY_X, HEAVY_Y)  # fmt: skip
         return np.sqrt(np.nanmean(net.physics_residual(HEAVY_X) ** 2))
 
@@ -463,7 +463,7 @@ def test_adaptive_weight_stays_below_one(terms):
 
     net = Watching(
         CART, lambda_phy="adaptive", structure="increment", physics_loss=terms, max_epochs=3,
-        module__neurons=3, substeps=1, refine_iterations=3,
+        module__neurons=3, substeps=1, refine_max_iter=3,
     ).fit(X, Y)  # fmt: skip
     assert len(weights) > 30
     assert 0 <= min(weights) <= max(weights) < 1

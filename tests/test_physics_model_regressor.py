@@ -63,7 +63,9 @@ def simulate_from(model, states, name):
 def test_whole_trajectories_are_fitted_in_free_run():
     r"""No other parameters and initial states leave less: the gradient of the error is zero."""
     unknown = X.assign(x=np.nan, v=np.nan)
-    regressor = PhysicsModelRegressor(CART, window="trajectory", search="local").fit(unknown, Y)
+    regressor = PhysicsModelRegressor(CART, window_length="trajectory", search="local").fit(
+        unknown, Y
+    )
     assert regressor.window_ == pytest.approx(7.98)
     states = regressor.initial_states_
     assert states.shape == (3, 2)
@@ -90,7 +92,9 @@ def test_a_told_start_of_a_whole_trajectory_is_held():
     """An initial state that is wrong by ten times the noise stays, and costs what it costs."""
     first = ~X["trajectory"].duplicated()
     wrong = X.assign(x=X["x"] + 10 * NOISE * first)
-    regressor = PhysicsModelRegressor(CART, window="trajectory", search="local").fit(wrong, Y)
+    regressor = PhysicsModelRegressor(CART, window_length="trajectory", search="local").fit(
+        wrong, Y
+    )
     np.testing.assert_allclose(regressor.initial_states_, wrong.loc[first, ["x", "v"]], atol=1e-9)
     partly = wrong.assign(x=wrong["x"].where(wrong["trajectory"] > 0))
     regressor.fit(partly, Y)
@@ -105,7 +109,7 @@ def test_initial_states_are_those_that_the_records_tell(fitted):
 def test_a_hidden_stretch_is_simulated_through():
     """Outputs that are NaN do not count; the free run goes on over them."""
     hidden = (X["t"] > 3) & (X["t"] < 5)
-    regressor = PhysicsModelRegressor(CART, window="trajectory", search="local")
+    regressor = PhysicsModelRegressor(CART, window_length="trajectory", search="local")
     regressor.fit(X, np.where(hidden, np.nan, Y))
     assert np.sqrt(np.mean((regressor.predict(X) - Y)[hidden] ** 2)) < 1.2 * NOISE
 
@@ -185,13 +189,13 @@ def shaken():
 
 
 def test_global_search_finds_what_a_local_fit_misses(shaken):
-    local = PhysicsModelRegressor(SHAKEN, search="local", window=4.0).fit(*shaken)
-    found = PhysicsModelRegressor(SHAKEN, search="auto", window=4.0).fit(*shaken)
+    local = PhysicsModelRegressor(SHAKEN, search="local", window_length=4.0).fit(*shaken)
+    found = PhysicsModelRegressor(SHAKEN, search="auto", window_length=4.0).fit(*shaken)
     assert abs(local.model_.parameters["q"].value - 6.0) > 1.0
     for name, true in {"w": 9.0, "A": 1.0, "q": 6.0}.items():
         assert found.model_.parameters[name].value == pytest.approx(true, rel=2e-3), name
     assert found.score(*shaken) > local.score(*shaken)
-    again = PhysicsModelRegressor(SHAKEN, search="auto", window=4.0).fit(*shaken)
+    again = PhysicsModelRegressor(SHAKEN, search="auto", window_length=4.0).fit(*shaken)
     assert again.parameters_ == found.parameters_
 
 
@@ -326,16 +330,18 @@ def test_threads_change_no_number(fitted):
     assert PhysicsModelRegressor(CART, n_jobs=2).fit(X, Y).parameters_ == fitted.parameters_
 
 
-@pytest.mark.parametrize("window", [None, "trajectory"])
-def test_verbose_prints_the_stages(window, capsys):
-    PhysicsModelRegressor(CART, window=window).fit(X, Y)
+@pytest.mark.parametrize("window_length", [None, "trajectory"])
+def test_verbose_prints_the_stages(window_length, capsys):
+    PhysicsModelRegressor(CART, window_length=window_length).fit(X, Y)
     assert capsys.readouterr().out == ""
-    PhysicsModelRegressor(CART, window=window, verbose=1).fit(X, Y)
+    PhysicsModelRegressor(CART, window_length=window_length, verbose=1).fit(X, Y)
     lines = capsys.readouterr().out.splitlines()
     assert all(line.startswith("[PhysicsModelRegressor] ") for line in lines)
     assert "3 trajectories, 1200 samples" in lines[0]
     assert "free: m, k, d" in lines[0]
-    stages = ["fit from the model's values"] + ["fit to whole trajectories"] * (window is not None)
+    stages = ["fit from the model's values"] + ["fit to whole trajectories"] * (
+        window_length is not None
+    )
     for line, stage in zip(lines[1:], stages, strict=True):
         assert stage in line
         assert 0.8 < float(line.split("error ")[1].split()[0]) < 1.2  # the noise is left

@@ -27,7 +27,7 @@ from sklearn_pgnn.exceptions import SimulationWarning
 from sklearn_pgnn.model_selection import TrajectoryKFold
 
 GOLF = systems.golf_robot()
-QUICK = {"max_epochs": 4, "module__neurons": 4, "refine_iterations": 6, "substeps": 2}
+QUICK = {"max_epochs": 4, "module__neurons": 4, "refine_max_iter": 6, "substeps": 2}
 ROOT = Path(sklearn_pgnn.__file__).parents[1]
 
 
@@ -148,7 +148,7 @@ def test_time_may_stand_anywhere_in_an_array(thrown):
     X, y = thrown
     options = {**QUICK, "structure": "increment"}
     net = plain_by_hand(**options).fit(X[["t", "torque"]].to_numpy(), y)
-    moved = plain_by_hand(time=1, **options).set_params(physics__time=1)
+    moved = plain_by_hand(time_column=1, **options).set_params(physics__time_column=1)
     moved.fit(X[["torque", "t"]].to_numpy(), y)
     expected = net.predict(X[["t", "torque"]].to_numpy())
     assert np.array_equal(moved.predict(X[["torque", "t"]].to_numpy()), expected)

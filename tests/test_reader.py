@@ -107,8 +107,8 @@ def test_a_frame_and_an_array_say_the_same(lengths):
     assert_same(read_records(MODEL, array, y.to_numpy()), expected)
     assert_same(read_records(MODEL, array.tolist(), y.to_numpy().tolist()), expected)
     assert_same(read_records(MODEL, pd.DataFrame(array), y), expected)
-    assert_same(read_records(MODEL, np.roll(array, -1, axis=1), y, time=4), expected)
-    assert_same(read_records(MODEL, np.roll(array, -1, axis=1), y, time=-1), expected)
+    assert_same(read_records(MODEL, np.roll(array, -1, axis=1), y, time_column=4), expected)
+    assert_same(read_records(MODEL, np.roll(array, -1, axis=1), y, time_column=-1), expected)
 
 
 @given(st.permutations(["t", "tau", "load", "q", "v", "extra"]), st.permutations(["q_m", "v_m"]))
@@ -127,7 +127,7 @@ def test_a_table_may_use_its_own_names():
     assert_same(read_records(model, X.rename(columns=CALLED), y.rename(columns=CALLED)), expected)
     assert_same(read_records(model, X, y), expected)
     other = X.rename(columns={"t": "clock"})
-    assert_same(read_records(model, other, y, time="clock"), expected)
+    assert_same(read_records(model, other, y, time_column="clock"), expected)
 
 
 def test_the_name_of_the_table_wins_over_ones_own():
@@ -138,7 +138,7 @@ def test_the_name_of_the_table_wins_over_ones_own():
     np.testing.assert_array_equal(record.u[:, 0], 7.0)
     np.testing.assert_array_equal(record.t, both["Time"] - both["Time"][0])
     assert record.origin == both["Time"][0]
-    (record,) = read_records(MODEL, both, time="Time")
+    (record,) = read_records(MODEL, both, time_column="Time")
     assert record.origin == both["Time"][0]
     assert record.u.shape == (4, 2)
 
@@ -226,7 +226,9 @@ def test_a_missing_column_lists_the_columns_and_the_remedy():
         "model's 'columns'."
     )
     assert refusal(X.drop(columns="t"), y).startswith("X: time 't' is missing; the columns are")
-    assert refusal(X, y, time="clock").startswith("X: time 'clock' is missing; the columns are t,")
+    assert refusal(X, y, time_column="clock").startswith(
+        "X: time 'clock' is missing; the columns are t,"
+    )
     model = MODEL.replace(columns={"tau": "u_force_N"})
     message = refusal(X.drop(columns="tau"), y, model)
     assert message.startswith("X: input 'tau' is missing; the columns are t, load, q, v.")
@@ -334,8 +336,16 @@ def test_other_outputs(y, message):
             {},
             "X: expected the columns time, tau, load, q, v (the states may be left out), got 4 col",
         ),
-        (np.zeros((5, 3)), {"time": 3}, "time: expected a column number from 0 to 2, got 3."),
-        (np.zeros((5, 3)), {"time": "s"}, "time: expected a column number from 0 to 2, got 's'."),
+        (
+            np.zeros((5, 3)),
+            {"time_column": 3},
+            "time_column: expected a column number from 0 to 2, got 3.",
+        ),
+        (
+            np.zeros((5, 3)),
+            {"time_column": "s"},
+            "time_column: expected a column number from 0 to 2, got 's'.",
+        ),
     ],
 )
 def test_other_tables(X, options, message):

@@ -147,7 +147,7 @@ def test_tanks_run_over_and_their_sensor_ends(real_data):
     assert found & {("overflow", "x1"), ("state_limit", "x1")}
     assert ("sensor_saturation", "y") in found
     model = diagnosis.extended_model_
-    start = PhysicsModelRegressor(model, free=[], window="trajectory")
+    start = PhysicsModelRegressor(model, free=[], window_length="trajectory")
     start.fit(learn[["t", "u_V"]].to_numpy(), learn["y_V"])
     y = model.simulate(held_out["t"], held_out[["u_V"]], start.initial_states_[0]).y[:, 0]
     assert np.sqrt(np.mean((y - held_out["y_V"])[50:] ** 2)) < 0.6

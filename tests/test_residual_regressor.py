@@ -157,7 +157,7 @@ def test_arrays_and_tables_give_the_same():
     arrays = ResidualRegressor(CART).fit(part.to_numpy(), Y[rows])
     assert np.array_equal(arrays.predict(part.to_numpy()), named.predict(part))
     last = part[["force", *STATES, "t"]].to_numpy()
-    moved = ResidualRegressor(CART, time=3).fit(last, Y[rows])
+    moved = ResidualRegressor(CART, time_column=3).fit(last, Y[rows])
     assert np.array_equal(moved.predict(last), named.predict(part))
 
 
@@ -254,7 +254,7 @@ def test_without_a_model_rows_are_regressed_but_not_on_their_time():
     alone = ResidualRegressor().fit(plain, y)
     assert list(alone.regressor_.feature_names_in_) == ["force"]
     assert alone.predict(plain) == pytest.approx(y)
-    arrays = ResidualRegressor(time=0).fit(plain[["t", "force"]].to_numpy(), y)
+    arrays = ResidualRegressor(time_column=0).fit(plain[["t", "force"]].to_numpy(), y)
     assert arrays.regressor_.n_features_in_ == 1
     assert arrays.n_features_in_ == 2
 

@@ -393,7 +393,7 @@ def test_machine_code_computes_what_the_expression_says(text):
 # -- windows --------------------------------------------------------------------------------------
 
 
-def grounds(model, noise=1e-3, seed=0, window=None):
+def grounds(model, noise=1e-3, seed=0, window_length=None):
     """Cut a noisy record of the pendulum into windows."""
     t = np.arange(0, 20, 0.02)
     rng = np.random.default_rng(seed)
@@ -401,7 +401,7 @@ def grounds(model, noise=1e-3, seed=0, window=None):
     y = simulate(truth, t, torque(t), [0.2, 0.0], substeps=4).y
     table = np.column_stack([t, torque(t)])
     records = read_records(model, table, y + noise * rng.standard_normal(y.shape))
-    return truth, window_records(model, records, window=window, substeps=4)
+    return truth, window_records(model, records, window_length=window_length, substeps=4)
 
 
 def fitted(ground, model=PENDULUM):
@@ -441,7 +441,7 @@ def test_a_window_whose_outputs_are_made_of_rounding_is_lost():
     model = PhysicsModel({"y": "V"}, {"y": "sin(c*y) + b*u"}, {"c": 1638.0, "b": 1.0}, {"u": "V"})
     t = np.arange(0, 8, 0.1)
     records = read_records(model, np.column_stack([t, np.sin(t)]), np.sin(t)[:, None])
-    ground = window_records(model, records, window="trajectory")
+    ground = window_records(model, records, window_length="trajectory")
     # the last digit of the initial state decides what is simulated
     runs = [model.simulate(t, np.sin(t), [x0]).y for x0 in (1.0, 1.0 + 1e-15)]
     assert np.abs(runs[0] - runs[1]).max() > 10 * ground.windows.scale

@@ -183,7 +183,7 @@ def test_states_without_a_model_are_the_columns_of_y():
 def test_an_array_with_a_time_has_inputs_beside_it():
     X, _, x = records_of(LAG, n_records=2)
     array, states = X[["u", "t"]].to_numpy(), x.reshape(-1, 1)
-    fitted = SINDYcRegressor(time=1).fit(array, states)
+    fitted = SINDYcRegressor(time_column=1).fit(array, states)
     assert coefficients(fitted, "x0") == pytest.approx({"x0": -2.0, "u0": 6.0}, rel=1e-4)
     # nobody says where a trajectory starts: at the mean of the starts
     assert fitted.predict(array)[0, 0] == pytest.approx(x[:, 0, 0].mean(), abs=1e-3)

@@ -21,7 +21,7 @@ from sklearn_pgnn.network import PhysicsTerm
 
 LAG = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 0.5}, {"u": "V"})
 MACHINE = LAG.replace(equations={"y": "(u - y - 0.3*y**3)/T"})
-QUICK = {"max_epochs": 6, "module__neurons": 3, "refine_iterations": 8, "substeps": 1}
+QUICK = {"max_epochs": 6, "module__neurons": 3, "refine_max_iter": 8, "substeps": 1}
 
 
 def records(n_records=4, n=80):
@@ -136,7 +136,7 @@ def test_history_holds_the_validation_loss():
     errors = np.array(net.history[:, "free_run"])
     assert np.array(net.history[:, "valid_loss"]) == pytest.approx(errors**2)
     assert net.history[:, "valid_loss_best"] == net.history[:, "free_run_best"]
-    none = PGNNLRegressor(LAG, validation=0.0, **QUICK).fit(X, Y)
+    none = PGNNLRegressor(LAG, validation_fraction=0.0, **QUICK).fit(X, Y)
     assert all("valid_loss" not in row for row in none.history)
 
 
@@ -165,7 +165,7 @@ def test_scores_are_of_free_runs_of_the_tables_rows():
         EpochScoring("r2", on_train=True, name="train_r2", lower_is_better=False),
         EpochScoring("neg_mean_absolute_error", name="valid_mae", lower_is_better=False),
     ]
-    net = PGNNLRegressor(LAG, callbacks=scores, validation=0.25, **QUICK).fit(X, Y)
+    net = PGNNLRegressor(LAG, callbacks=scores, validation_fraction=0.25, **QUICK).fit(X, Y)
     given, y = seen[-1]
     assert isinstance(given, pd.DataFrame)
     assert len(given) == len(y) == 240  # one of four trajectories is held out
@@ -185,7 +185,7 @@ def test_scores_of_batches_have_no_rows():
 
 def test_gradients_are_clipped():
     clipped = PGNNLRegressor(LAG, callbacks=[GradientNormClipping(1e-9)], **QUICK)
-    clipped.set_params(optimizer=torch.optim.SGD, refine=None, validation=0.0)
+    clipped.set_params(optimizer=torch.optim.SGD, refine=None, validation_fraction=0.0)
     before = clone(clipped).set_params(max_epochs=0)
     expected = before.fit(X, Y).predict(X)
     assert clipped.fit(X, Y).predict(X) == pytest.approx(expected, abs=1e-6)
@@ -215,7 +215,7 @@ def test_rows_are_split_as_skorch_does():
 
 
 def test_trajectories_are_not_split_by_rows():
-    expected = r"train_split: expected None where X has a time.*Remedy: validation=0\.2"
+    expected = r"train_split: expected None where X has a time.*Remedy: validation_fraction=0\.2"
     with pytest.raises(ValueError, match=expected):
         PGNNLRegressor(LAG, train_split=ValidSplit(5), **QUICK).fit(X, Y)
 

@@ -143,7 +143,7 @@ def test_dates_are_a_time(unit, zone):
     assert_same(read_records(LAG, column), expected)
     assert_same(read_records(LAG, EXPECTED.drop(columns="t").set_index(dates)), expected)
     renamed = column.rename(columns={"t": "Zeit"})
-    assert_same(read_records(LAG, renamed, time="Zeit"), expected)
+    assert_same(read_records(LAG, renamed, time_column="Zeit"), expected)
     assert_same(read_records(LAG.replace(columns={"t": "Zeit"}), renamed), expected)
 
 

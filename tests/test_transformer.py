@@ -76,7 +76,7 @@ def test_arrays_and_tables_give_the_same():
     as_array = PhysicsModelTransformer(CART).fit_transform(values.to_numpy())
     assert np.array_equal(as_table, as_array)
     moved = values.to_numpy()[:, [1, 2, 0, 3]]  # force, x, t, v
-    transformer = PhysicsModelTransformer(CART, time=2).fit(moved)
+    transformer = PhysicsModelTransformer(CART, time_column=2).fit(moved)
     assert np.array_equal(transformer.transform(moved)[:, 4:], as_array[:, 4:])
     assert transformer.get_feature_names_out().tolist() == [
         "force", "x", "t", "v", "x_phy", "v_phy", "position_phy",

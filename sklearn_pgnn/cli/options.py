@@ -52,6 +52,7 @@ _DIAGNOSIS = (
     ),
     click.option(
         "--window",
+        "window_length",
         type=click.FloatRange(min=0, min_open=True),
         metavar="S",
         help="Window length [s]: so long the model runs free before it is set back to the record; "

@@ -99,7 +99,9 @@ def verified(diagnosis, bench: Bench, row: Detectable, catalogue) -> Detectable:
     effect = of_main_size(bench, kind, row.target, row.smallest)
     X, y = inject(bench, effect, bench.seed)
     prior = diagnosis.extended_model_
-    again = clone(diagnosis).set_params(model=prior, catalogue=catalogue, time=None, progress=None)
+    again = clone(diagnosis).set_params(
+        model=prior, catalogue=catalogue, time_column=None, progress=None
+    )
     named = [
         {(cause.effect, cause.target), *((o.effect, o.target) for o in cause.confused_with)}
         for cause in again.fit(X, y).causes_

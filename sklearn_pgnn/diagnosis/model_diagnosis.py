@@ -82,10 +82,10 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         States, inputs, outputs and parameters to suspect; by default all.
     max_causes : int, default=4
         Causes named at most.
-    window : float, optional
+    window_length : float, optional
         Window length [s], kept to; by default the records tell. At least 20 samples, and at most
         so long that four windows are left.
-    noise : array-like of shape (n_outputs,), optional
+    noise_std : array-like of shape (n_outputs,), optional
         Standard deviation of the outputs' noise; by default the records tell.
     significance : float, default=3
         A cause's held-out gain must be so many of its standard errors.
@@ -96,7 +96,7 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
     substeps : int, optional
         Integration steps from sample to sample; by default as the model's `simulation` says, else
         as many as accuracy needs.
-    time : int or str, optional
+    time_column : int or str, optional
         Column of X that holds the time; by default the first, or ``"t"``.
     n_jobs : int, optional
         Threads to simulate on; -1 means all.
@@ -185,12 +185,12 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         catalogue=None,
         targets=None,
         max_causes=4,
-        window=None,
-        noise=None,
+        window_length=None,
+        noise_std=None,
         significance=3.0,
         hold="auto",
         substeps=None,
-        time=None,
+        time_column=None,
         n_jobs=None,
         random_state=0,
         progress=None,
@@ -200,12 +200,12 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         self.catalogue = catalogue
         self.targets = targets
         self.max_causes = max_causes
-        self.window = window
-        self.noise = noise
+        self.window_length = window_length
+        self.noise_std = noise_std
         self.significance = significance
         self.hold = hold
         self.substeps = substeps
-        self.time = time
+        self.time_column = time_column
         self.n_jobs = n_jobs
         self.random_state = random_state
         self.progress = progress
@@ -260,9 +260,9 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
                 f"{type(self).__name__} requires y to be passed, but the target y is None."
             )
         X = validate_table(self, X, reset=True)
-        whole = read_records(self.model, X, y, time=self.time)
+        whole = read_records(self.model, X, y, time_column=self.time_column)
         refuse_standardised(self.model, whole)
-        records = without_gaps(whole, self.window)
+        records = without_gaps(whole, self.window_length)
         check_records(self.model, records)
         self._single_output = np.asarray(y).ndim == 1
         self._forget()
@@ -323,7 +323,7 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         """Search again in longer windows what stays unexplained, if slow states are hidden."""
         found = best.so_far()
         little = _verdict(found) == "unexplained" and _explained(found) < 1.0 - UNEXPLAINED
-        if not little or self.window is not None or best.progress.ended:
+        if not little or self.window_length is not None or best.progress.ended:
             return
         best.progress.begin("longer windows")
         further = look_further(found.search.fitter)
@@ -350,14 +350,14 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         problem = build_problem(
             self.model,
             records,
-            window=self.window,
-            noise=self.noise,
+            window_length=self.window_length,
+            noise_std=self.noise_std,
             hold=hold,
             substeps=self.substeps,
             threads=effective_n_jobs(self.n_jobs),
         )
         best.progress.begin("window length")
-        if self.window is None:
+        if self.window_length is None:
             fitter = fit_window_length(problem, best.progress)
         else:
             fitter = HypothesisFitter(problem, best.progress)
@@ -474,7 +474,9 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
             get the values of the first one, of which a `SimulationWarning` tells.
         """
         check_is_fitted(self)
-        records = read_records(self.model, validate_table(self, X, reset=False), time=self.time)
+        records = read_records(
+            self.model, validate_table(self, X, reset=False), time_column=self.time_column
+        )
         refuse_standardised(self.model, records)
         names = list(self.extended_model_.outputs)
         outputs = simulate_quantities(self.extended_model_, records, names)

@@ -13,8 +13,8 @@ from sklearn_pgnn.simulation.record_windows import (
     MIN_SAMPLES,
     cut,
     cut_exactly,
+    median_window_length,
     record_durations,
-    window_length,
     window_records,
 )
 from sklearn_pgnn.simulation.state_estimate import StateEstimator
@@ -83,19 +83,19 @@ def build_problem(model: PhysicsModel, records: tuple[Record, ...], **options) -
     """
     ground = window_records(model, records, **options)
     windows = ground.windows
-    _check_count(windows, options.get("window"))
+    _check_count(windows, options.get("window_length"))
     scales = _scales(model, windows, ground.states.estimate(model).x)
     return EstimationProblem(
         model,
         windows,
         ground.states,
-        replace(scales, window=window_length(windows)),
+        replace(scales, window=median_window_length(windows)),
         int(np.isfinite(windows.y).sum()),
         ground.period,
     )
 
 
-def _check_count(windows: ShootingWindows, window) -> None:
+def _check_count(windows: ShootingWindows, window_length) -> None:
     """Raise `OptionError` where the user's windows are so long that too few are left."""
     if len(windows) >= LEAST_WINDOWS:
         return
@@ -106,10 +106,10 @@ def _check_count(windows: ShootingWindows, window) -> None:
     enough = [x for x in lengths if x > 0 and len(cut_exactly(windows, x)) >= LEAST_WINDOWS]
     least = float(np.max(MIN_SAMPLES * steps))
     raise OptionError(
-        f"window: expected a length from {least:.4g} s ({MIN_SAMPLES} samples) to "
+        f"window_length: expected a length from {least:.4g} s ({MIN_SAMPLES} samples) to "
         f"{max(enough, default=least):.4g} s ({LEAST_WINDOWS} windows in all records, for each is "
-        f"judged by what the others taught), got {window!r}. Remedy: choose one of these, leave it "
-        f"out, or record longer."
+        f"judged by what the others taught), got {window_length!r}. Remedy: choose one of "
+        f"these, leave it out, or record longer."
     )
 
 
@@ -151,7 +151,7 @@ def recut(problem: EstimationProblem, length: float) -> EstimationProblem | None
     windows = cut(problem.windows, length)
     if np.array_equal(windows.starts, problem.windows.starts):
         return None
-    length = window_length(windows)
+    length = median_window_length(windows)
     pieces = max(1, round(problem.windows.pieces * length / problem.scales.window))
     return replace(
         problem,

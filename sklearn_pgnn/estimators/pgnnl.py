@@ -118,13 +118,13 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         Last phase, on the simulation of whole trajectories: Levenberg-Marquardt, L-BFGS or none.
         ``"auto"`` is Levenberg-Marquardt for a `FeedForward` core of at most 1000 weights. L-BFGS
         costs 1.5 (1.0 to 31), none 5 (1.0 to 31).
-    refine_iterations : int, default=500
+    refine_max_iter : int, default=500
         Most steps of that phase, which ends by itself where five steps lower the loss by less than
         a thousandth; steps that are tried in vain do not count. 30 cost 1.0 (1.0 to 3).
-    validation : float, default=0.2
+    validation_fraction : float, default=0.2
         Share of the trajectories held out to choose the weights; of less than three
         trajectories, the share at the end of each.
-    patience : int, default=20
+    n_iter_no_change : int, default=20
         Epochs of rollouts, or steps of `refine`, without a better free run of the held-out
         trajectories after which that phase ends.
     states : sequence of str, optional
@@ -136,7 +136,7 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
     substeps : int, optional
         Integration steps of the model from sample to sample; by default as the model's
         `simulation` says, else as many as accuracy needs.
-    time : int or str, optional
+    time_column : int or str, optional
         Column of X that holds the time; by default ``"t"``, of an array the first.
     random_state : int, RandomState instance or None, default=0
         What draws the weights, the batches and the held-out trajectories.
@@ -163,7 +163,8 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
     iterator_train__shuffle : bool, default=True
         Whether it draws the order.
     train_split : callable or None, default=None
-        As in skorch, for rows that have no time; of trajectories `validation` holds some out.
+        As in skorch, for rows that have no time; of trajectories `validation_fraction` holds
+        some out.
     use_caching : bool, default=False
         Whether scores of skorch's callbacks are taken from a training step's own predictions,
         which of trajectories are windows; otherwise from `predict`, which is a free run.
@@ -227,13 +228,13 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         horizon=1,
         rollout_epochs=20,
         refine="auto",
-        refine_iterations=500,
-        validation=0.2,
-        patience=20,
+        refine_max_iter=500,
+        validation_fraction=0.2,
+        n_iter_no_change=20,
         states=None,
         hold=None,
         substeps=None,
-        time=None,
+        time_column=None,
         random_state=0,
         module=FeedForward,
         criterion=nn.MSELoss,
@@ -270,13 +271,13 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         self.horizon = horizon
         self.rollout_epochs = rollout_epochs
         self.refine = refine
-        self.refine_iterations = refine_iterations
-        self.validation = validation
-        self.patience = patience
+        self.refine_max_iter = refine_max_iter
+        self.validation_fraction = validation_fraction
+        self.n_iter_no_change = n_iter_no_change
         self.states = states
         self.hold = hold
         self.substeps = substeps
-        self.time = time
+        self.time_column = time_column
         self.random_state = random_state
 
     # -- scikit-learn ------------------------------------------------------------------------------
@@ -450,13 +451,13 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
 
     def _has_time(self, X) -> bool:
         named = TIME in getattr(as_table(X), "columns", ())
-        return self.model is not None or named or self.time is not None
+        return self.model is not None or named or self.time_column is not None
 
     @property
     def _time_name(self) -> str:
         """Name the column of the time where there is no model."""
-        named = self.time is None or isinstance(self.time, str)
-        return (self.time or "t") if named else f"column {self.time}"
+        named = self.time_column is None or isinstance(self.time_column, str)
+        return (self.time_column or "t") if named else f"column {self.time_column}"
 
     def _with_time_name(self, X) -> pd.DataFrame:
         """Name the columns of an array that has a time but no model."""
@@ -468,14 +469,14 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         """Name the columns of X where they have no names, and the one that holds the time."""
         if self.model is None:
             return self._with_time_name(X), self._time_name
-        named = with_names(self.model, X, self.time)
-        return named, self.time if named is X else None
+        named = with_names(self.model, X, self.time_column)
+        return named, self.time_column if named is X else None
 
     def _read_ready(self, X):
         """Read X as trajectories that the loop can run along."""
         X = validate_table(self, X, reset=False)
-        X, time = self._named(X)
-        records = read_records(self.model_, X, time=time)
+        X, time_column = self._named(X)
+        records = read_records(self.model_, X, time_column=time_column)
         if self.model is not None:
             refuse_standardised(self.model, records)
         return _Runs(records, self._prepare(X, records), [])
@@ -535,9 +536,10 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
             raise ValueError(f"refine: expected one of {REFINEMENTS}, got {self.refine!r}.")
         if not isinstance(self.horizon, Integral) or self.horizon < 1:
             raise ValueError(f"horizon: expected an integer >= 1, got {self.horizon!r}.")
-        if not isinstance(self.validation, int | float) or not 0 <= self.validation < 1:
+        share = self.validation_fraction
+        if not isinstance(share, int | float) or not 0 <= share < 1:
             raise ValueError(
-                f"validation: expected a share from 0 to below 1, got {self.validation!r}."
+                f"validation_fraction: expected a share from 0 to below 1, got {share!r}."
             )
 
     def _train_on_rows(self, X, y, random, anew, **fit_params) -> None:
@@ -566,8 +568,8 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         if self.train_split is not None:
             raise ValueError(
                 f"train_split: expected None where X has a time, got {self.train_split!r}: it "
-                f"would hold out windows whose neighbours are trained on. Remedy: validation=0.2 "
-                f"holds out trajectories."
+                f"would hold out windows whose neighbours are trained on. Remedy: "
+                f"validation_fraction=0.2 holds out trajectories."
             )
         training, windows = self._lay_ground(X, y, random, anew)
         if anew:
@@ -598,14 +600,14 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         if self.model is None:
             X, y = self._with_time_name(X), np.asarray(y)  # y names nothing that a model knows
             self.model_ = plain_model(X, y, self._time_name, self.states)
-        X, time = self._named(X)
-        records = read_records(self.model_, X, y, time=time)
+        X, time_column = self._named(X)
+        records = read_records(self.model_, X, y, time_column=time_column)
         if self.model is not None:
             refuse_standardised(self.model, records, energies=self.lambda_phy != 0)
         self.hold_ = hold_of(self.model_, self.hold)
         self.substeps_ = substeps_for(self.model_, records, self.substeps, hold=self.hold_)
         options = {"hold": self.hold_, "substeps": self.substeps_}
-        self._further = further_columns(self.model_, X, time)
+        self._further = further_columns(self.model_, X, time_column)
         self._interval = float(np.median(np.concatenate([np.diff(r.t) for r in records])))
         self._stride = max(1, int(dominant_period(records) / self._interval / PER_PERIOD))
         if any(np.isnan(record.y).any() for record in records):
@@ -619,7 +621,7 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
             TrainingRecord(each, x, record.y)
             for each, x, record in zip(ready, states, records, strict=True)
         ]
-        training, self._validation = split_for_validation(whole, self.validation, random)
+        training, self._validation = split_for_validation(whole, self.validation_fraction, random)
         self._show(table, outputs, records, whole)
         windows = TrainingWindows(
             training,

@@ -45,12 +45,12 @@ class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         Whether to start from the model's values only, to search the parameters' bounds first, or
         to do so where the local fit leaves more than three times the noise. A parameter without a
         bound is searched up to ten times its value away.
-    window : float or "trajectory", optional
+    window_length : float or "trajectory", optional
         Window length [s]; by default a third of the dominant period of the outputs. With
         ``"trajectory"`` every trajectory is one window: the error of the free run is minimised,
         from the model's values and from those of a fit to short windows; a state that the first
         rows of all trajectories tell is taken as it is, others are fitted.
-    noise : array-like of shape (n_outputs,), optional
+    noise_std : array-like of shape (n_outputs,), optional
         Standard deviation of the outputs' noise, which weights them; by default the records tell.
     hold : {"zoh", "foh"}, optional
         Whether an input is held between two samples or runs straight from one to the next; by
@@ -58,7 +58,7 @@ class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
     substeps : int, optional
         Integration steps from sample to sample; by default as the model's `simulation` says, else
         as many as accuracy needs.
-    time : int or str, optional
+    time_column : int or str, optional
         Column of X that holds the time; by default the first, or ``"t"``.
     n_jobs : int, optional
         Threads to simulate on; -1 means all.
@@ -112,11 +112,11 @@ class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         *,
         free=None,
         search="auto",
-        window=None,
-        noise=None,
+        window_length=None,
+        noise_std=None,
         hold=None,
         substeps=None,
-        time=None,
+        time_column=None,
         n_jobs=None,
         random_state=0,
         verbose=0,
@@ -124,11 +124,11 @@ class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         self.model = model
         self.free = free
         self.search = search
-        self.window = window
-        self.noise = noise
+        self.window_length = window_length
+        self.noise_std = noise_std
         self.hold = hold
         self.substeps = substeps
-        self.time = time
+        self.time_column = time_column
         self.n_jobs = n_jobs
         self.random_state = random_state
         self.verbose = verbose
@@ -162,9 +162,9 @@ class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         names = self._free_names()
         if self.search not in SEARCHES:
             raise ValueError(f"search: expected one of {', '.join(SEARCHES)}, got {self.search!r}.")
-        records = read_records(self.model, X, y, time=self.time)
+        records = read_records(self.model, X, y, time_column=self.time_column)
         refuse_standardised(self.model, records)
-        pieces = without_gaps(records, self.window)
+        pieces = without_gaps(records, self.window_length)
         ground, found = self._find(pieces, names)
         windows = ground.windows
         self.hold_, self.substeps_ = windows.hold, windows.substeps
@@ -196,7 +196,9 @@ class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
             get the values of the first one, of which a `SimulationWarning` tells.
         """
         check_is_fitted(self)
-        records = read_records(self.model, validate_table(self, X, reset=False), time=self.time)
+        records = read_records(
+            self.model, validate_table(self, X, reset=False), time_column=self.time_column
+        )
         refuse_standardised(self.model, records)
         outputs = simulate_quantities(self.model_, records, list(self.model_.outputs))
         return outputs.ravel() if self._single_output else outputs
@@ -204,20 +206,20 @@ class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
     def _find(self, records, names) -> tuple[WindowedRecords, ParameterFit]:
         """Cut the records into windows and fit the parameters."""
         options = {
-            "noise": self.noise,
+            "noise_std": self.noise_std,
             "hold": self.hold,
             "substeps": self.substeps,
             "threads": effective_n_jobs(self.n_jobs),
         }
         tell = teller(self)
         search = self.search, self.random_state, tell
-        ground = window_records(self.model, records, window=self.window, **options)
+        ground = window_records(self.model, records, window_length=self.window_length, **options)
         windows = ground.windows
         tell(
             f"{len(records)} trajectories, {windows.t.size} samples, {len(windows)} windows, "
             f"{windows.substeps} substeps; free: {', '.join(names) or 'none'}"
         )
-        if self.window != WHOLE:
+        if self.window_length != WHOLE:
             return ground, find_parameters(self.model, ground, names, *search)
         short = window_records(self.model, records, **options)
         return ground, find_in_free_run(self.model, short, ground, names, *search)

@@ -40,7 +40,7 @@ class ResidualRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         What is fitted to the error; by default least squares on standardised features. It is
         cloned, and draws what it draws by its own `random_state`. Of a model with several outputs
         it must predict several (`sklearn.multioutput.MultiOutputRegressor` makes it do so).
-    time : int or str, optional
+    time_column : int or str, optional
         Column of X that holds the time; by default ``"t"``, of an array the first, or without a
         model none.
     hold : {"zoh", "foh"}, optional
@@ -107,13 +107,13 @@ class ResidualRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         model=None,
         regressor=None,
         *,
-        time=None,
+        time_column=None,
         hold=None,
         substeps=None,
     ):
         self.model = model
         self.regressor = regressor
-        self.time = time
+        self.time_column = time_column
         self.hold = hold
         self.substeps = substeps
 
@@ -176,7 +176,7 @@ class ResidualRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         if self.model is None:
             outputs = np.asarray(self.regressor_.predict(self._plain(X)))
         else:
-            records = read_records(self.model, X, time=self.time)
+            records = read_records(self.model, X, time_column=self.time_column)
             refuse_standardised(self.model, records)
             features, simulated = self._simulate(records)
             outputs = simulated + self.regressor_.predict(features).reshape(simulated.shape)
@@ -184,7 +184,7 @@ class ResidualRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
 
     def _simulate_and_compare(self, X, y) -> tuple[pd.DataFrame, np.ndarray]:
         """Give the features and the model's error."""
-        records = read_records(self.model, X, y, time=self.time)
+        records = read_records(self.model, X, y, time_column=self.time_column)
         refuse_standardised(self.model, records)
         self.hold_ = hold_of(self.model, self.hold)
         self.substeps_ = substeps_for(self.model, records, self.substeps, hold=self.hold_)
@@ -206,8 +206,8 @@ class ResidualRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
     def _plain(self, X):
         """Give all columns of X but time and trajectory."""
         if isinstance(X, pd.DataFrame):
-            return X.drop(columns=[self.time or TIME, TRAJECTORY], errors="ignore")
-        return X if self.time is None else np.delete(X, self.time, axis=1)
+            return X.drop(columns=[self.time_column or TIME, TRAJECTORY], errors="ignore")
+        return X if self.time_column is None else np.delete(X, self.time_column, axis=1)
 
     def _regressor(self):
         if self.regressor is None:

@@ -79,7 +79,7 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
     span : float, optional
         Time over which rates and steps are averaged [s]; by default a thirtieth of the dominant
         period of the outputs. 0 takes neighbouring samples.
-    time : int or str, optional
+    time_column : int or str, optional
         Column of X that holds the time; by default ``"t"`` or, with a model, an array's first.
     hold : {"zoh", "foh"}, optional
         Whether an input is held between two samples or runs straight from one to the next; by
@@ -162,7 +162,7 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         optimizer=None,
         discrete=False,
         span=None,
-        time=None,
+        time_column=None,
         hold=None,
         substeps=None,
         verbose=0,
@@ -175,7 +175,7 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         self.optimizer = optimizer
         self.discrete = discrete
         self.span = span
-        self.time = time
+        self.time_column = time_column
         self.hold = hold
         self.substeps = substeps
         self.verbose = verbose
@@ -209,12 +209,12 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         self._check_parameters()
         y = as_pandas(y)
         self._single_output = np.asarray(y).ndim == 1
-        if is_timed(X, self.model, self.time):
+        if is_timed(X, self.model, self.time_column):
             return self._fit_records(validate_table(self, X, reset=True), y)
         if self.discrete:
             raise ValueError(
                 "discrete=True needs samples in time, got rows without one. Remedy: give X a "
-                "column 't', or say by time=... which column it is."
+                "column 't', or say by time_column=... which column it is."
             )
         return self._fit_rows(X, y)
 
@@ -241,8 +241,8 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
     # -- samples in time ---------------------------------------------------------------------------
 
     def _fit_records(self, X, y):
-        base = blank_model(X, y, self.time) if self.model is None else self.model
-        records = read_records(base, X, y, time=self.time)
+        base = blank_model(X, y, self.time_column) if self.model is None else self.model
+        records = read_records(base, X, y, time_column=self.time_column)
         if self.model is not None:
             refuse_standardised(self.model, records)
         self.hold_ = hold_of(base, self.hold)
@@ -285,7 +285,9 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
             return substeps_for(self.model_, records, self.substeps, hold=self.hold_)
 
     def _predict_records(self, X):
-        records = read_records(self.model_, validate_table(self, X, reset=False), time=self.time)
+        records = read_records(
+            self.model_, validate_table(self, X, reset=False), time_column=self.time_column
+        )
         if self.model is not None:
             refuse_standardised(self.model, records)
         if self._interval is not None:
@@ -371,7 +373,7 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
 
     def __sklearn_tags__(self):
         tags = super().__sklearn_tags__()
-        timed = self.model is not None or self.time is not None
+        timed = self.model is not None or self.time_column is not None
         tags.input_tags.allow_nan = timed  # in states, which are read in a trajectory's first row
         tags.regressor_tags.poor_score = timed  # on numbers that no machine gave
         return tags

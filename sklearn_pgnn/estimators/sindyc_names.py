@@ -13,12 +13,13 @@ from sklearn_pgnn.trajectories.reader import TIME, TRAJECTORY
 from sklearn_pgnn.trajectories.tables import as_table
 
 
-def is_timed(X, model, time) -> bool:
+def is_timed(X, model, time_column) -> bool:
     """Tell whether the rows of X are samples in time, or independent."""
-    return model is not None or time is not None or TIME in getattr(as_table(X), "columns", ())
+    named = TIME in getattr(as_table(X), "columns", ())
+    return named or model is not None or time_column is not None
 
 
-def blank_model(X, y, time) -> PhysicsModel:
+def blank_model(X, y, time_column) -> PhysicsModel:
     """Give the model that says nothing but names: its states are the columns of y.
 
     Parameters
@@ -27,7 +28,7 @@ def blank_model(X, y, time) -> PhysicsModel:
         Time and inputs; in a DataFrame also the states.
     y : DataFrame, Series or array-like of shape (n_samples, n_states) or (n_samples,)
         The states.
-    time : int, str or None
+    time_column : int, str or None
         Column of the time.
 
     Returns
@@ -48,7 +49,7 @@ def blank_model(X, y, time) -> PhysicsModel:
     """
     states = target_names(y)
     if isinstance(X, pd.DataFrame) and all(isinstance(name, str) for name in X.columns):
-        aside = {TIME if time is None else time, TRAJECTORY, *states}
+        aside = {TIME if time_column is None else time_column, TRAJECTORY, *states}
         inputs = [name for name in X.columns if name not in aside]
         _refuse_gaps(X, inputs, states)
     else:

@@ -85,7 +85,7 @@ def measure_states(model: PhysicsModel, records, **options) -> MeasuredStates:
         The states.
     """
     if not hidden_states(model):  # nothing is simulated: neither steps nor noise matter
-        options = {"noise": np.ones(len(model.outputs)), **options, "substeps": 1}
+        options = {"noise_std": np.ones(len(model.outputs)), **options, "substeps": 1}
     ground = window_records(model, records, **options)
     u = ground.windows.acting_inputs(model)[:, : len(model.inputs)]
     return MeasuredStates(ground.windows, ground.states.values(model), u, ground.period)

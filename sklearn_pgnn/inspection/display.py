@@ -190,7 +190,7 @@ def _of_fit(diagnosis, kind, record) -> Comparison:
 
 
 def _of_new(diagnosis, X, y, record) -> Comparison:
-    records = read_records(diagnosis.model, X, y, time=diagnosis.time)
+    records = read_records(diagnosis.model, X, y, time_column=diagnosis.time_column)
     record = _checked(record or 0, len(records))
     chosen = records[record]
     models = {"prior": diagnosis.model, "extended": diagnosis.extended_model_}

@@ -22,7 +22,7 @@ def train_validation_test_split(
     by="trajectory",
     shuffle=False,
     random_state=None,
-    time=None,
+    time_column=None,
 ):
     """Cut records into a training, a validation and a test set.
 
@@ -43,7 +43,7 @@ def train_validation_test_split(
         Whether to draw the order of the trajectories; it cannot be drawn by time.
     random_state : int, RandomState instance or None, default=None
         What draws it.
-    time : int or str, optional
+    time_column : int or str, optional
         Column of X that holds the time; by default the first, or ``"t"``.
 
     Returns
@@ -66,13 +66,13 @@ def train_validation_test_split(
     """
     _check(sizes, by, shuffle)
     check_consistent_length(X, y)
-    pieces = read_pieces(X, time=time)
+    pieces = read_pieces(X, time_column=time_column)
     if by == "time":
         parts = _cut_each(pieces, sizes)
     else:
         parts = _deal(pieces, sizes, check_random_state(random_state) if shuffle else None)
     for part in parts:
-        refuse_merging(X, part, time=time)
+        refuse_merging(X, part, time_column=time_column)
     rows = [np.sort(np.concatenate(part)) for part in parts]
     return [take_rows(table, each) for table in (X, y) for each in rows]
 

@@ -30,7 +30,7 @@ class TrajectoryKFold(BaseCrossValidator):
         Whether to draw the order of the trajectories.
     random_state : int, RandomState instance or None, default=None
         What draws it.
-    time : int or str, optional
+    time_column : int or str, optional
         Column of X that holds the time; by default the first, or ``"t"``. Where X has a column
         ``trajectory`` the time is not read.
 
@@ -51,11 +51,11 @@ class TrajectoryKFold(BaseCrossValidator):
     # under metadata routing too, groups are taken where they are given
     __metadata_request__split: ClassVar = {"groups": True}
 
-    def __init__(self, n_splits=5, *, shuffle=False, random_state=None, time=None):
+    def __init__(self, n_splits=5, *, shuffle=False, random_state=None, time_column=None):
         self.n_splits = n_splits
         self.shuffle = shuffle
         self.random_state = random_state
-        self.time = time
+        self.time_column = time_column
 
     def split(self, X, y=None, groups=None):
         """Generate the rows of every training and test set.
@@ -99,7 +99,7 @@ class TrajectoryKFold(BaseCrossValidator):
         return self.n_splits
 
     def _iter_test_indices(self, X=None, y=None, groups=None):
-        pieces = read_pieces(X, groups, self.time)
+        pieces = read_pieces(X, groups, self.time_column)
         self._check(len(pieces))
         order = np.arange(len(pieces))
         if self.shuffle:
@@ -109,7 +109,7 @@ class TrajectoryKFold(BaseCrossValidator):
             tested = np.isin(np.arange(len(pieces)), order[fold])
             for side in (tested, ~tested):
                 kept = [pieces[i] for i in np.flatnonzero(side)]
-                refuse_merging(X, kept, groups, self.time)
+                refuse_merging(X, kept, groups, self.time_column)
             yield np.concatenate([pieces[i] for i in np.flatnonzero(tested)])
 
     def _check(self, n_trajectories):

@@ -10,7 +10,7 @@ from sklearn_pgnn.trajectories.reader import TIME, TRAJECTORY
 from sklearn_pgnn.trajectories.tables import as_table, read_clock
 
 
-def read_pieces(X, groups=None, time=None) -> list[np.ndarray]:
+def read_pieces(X, groups=None, time_column=None) -> list[np.ndarray]:
     """Find the rows of every trajectory in a table.
 
     Parameters
@@ -20,7 +20,7 @@ def read_pieces(X, groups=None, time=None) -> list[np.ndarray]:
         not increase.
     groups : array-like of shape (n_samples,), optional
         Trajectory of every row; overrules X.
-    time : int or str, optional
+    time_column : int or str, optional
         Column of the time; by default ``"t"``, of an array the first.
 
     Returns
@@ -38,14 +38,14 @@ def read_pieces(X, groups=None, time=None) -> list[np.ndarray]:
     >>> [rows.tolist() for rows in read_pieces([[0.0, 5.0], [0.1, 5.0], [0.0, 7.0]])]
     [[0, 1], [2]]
     """
-    X = as_table(X, time)
+    X = as_table(X, time_column)
     names = _column(X, TRAJECTORY) if groups is None else np.asarray(groups)
     if names is not None:
         return [rows for _, rows in split_rows(np.empty(len(names)), names)]
-    return [rows for _, rows in split_rows(_read_time(X, time))]
+    return [rows for _, rows in split_rows(_read_time(X, time_column))]
 
 
-def refuse_merging(X, pieces, groups=None, time=None) -> None:
+def refuse_merging(X, pieces, groups=None, time_column=None) -> None:
     """Refuse trajectories that would read as one when they stand one behind the other.
 
     Without a column ``trajectory`` a table tells a new trajectory by a time that does not
@@ -59,7 +59,7 @@ def refuse_merging(X, pieces, groups=None, time=None) -> None:
         Row numbers of the trajectories that stay together, in the order of the table.
     groups : array-like of shape (n_samples,), optional
         Trajectory of every row; whoever gives them answers for it.
-    time : int or str, optional
+    time_column : int or str, optional
         Column of the time.
 
     Raises
@@ -77,10 +77,10 @@ def refuse_merging(X, pieces, groups=None, time=None) -> None:
     ValueError: X: the trajectories that end in row 1 and begin in row 4 would read as one, \
 for time goes on increasing from 0.1 s to 0.4 s. Remedy: give X a column 'trajectory'.
     """
-    X = as_table(X, time)
+    X = as_table(X, time_column)
     if groups is not None or _column(X, TRAJECTORY) is not None:
         return
-    t = _read_time(X, time)
+    t = _read_time(X, time_column)
     for before, after in pairwise(pieces):
         end, start = before[-1], after[0]
         if t[start] > t[end]:
@@ -128,18 +128,18 @@ def _column(X, name) -> np.ndarray | None:
     return X[name].to_numpy()
 
 
-def _read_time(X, time) -> np.ndarray:
+def _read_time(X, time_column) -> np.ndarray:
     """Read the time [s] of every row."""
-    if isinstance(X, pd.DataFrame) and not isinstance(time, int | np.integer):
-        t = _column(X, TIME if time is None else time)
+    if isinstance(X, pd.DataFrame) and not isinstance(time_column, int | np.integer):
+        t = _column(X, TIME if time_column is None else time_column)
         if t is None:
             raise ValueError(
-                f"X: no column 'trajectory' and no time {time or TIME!r} among "
-                f"{', '.join(map(str, X.columns))}. Remedy: name the time (time=...), or give "
-                f"the trajectory of every row (groups=...)."
+                f"X: no column 'trajectory' and no time {time_column or TIME!r} among "
+                f"{', '.join(map(str, X.columns))}. Remedy: name the time (time_column=...), or "
+                f"give the trajectory of every row (groups=...)."
             )
     else:
-        t = np.asarray(X)[:, 0 if time is None else time]
+        t = np.asarray(X)[:, 0 if time_column is None else time_column]
     clock = read_clock(pd.Series(t), "X: time")
     if clock is not None:
         return (clock[0] - clock[0][0]) * clock[1]

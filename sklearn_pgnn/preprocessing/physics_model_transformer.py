@@ -50,7 +50,7 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
     hold : {"zoh", "foh"}, optional
         Whether an input is held between two samples or runs straight from one to the next; by
         default as the model's `simulation` says, else held.
-    time : int or str, optional
+    time_column : int or str, optional
         Column of X that holds the time; by default the first, or ``"t"``.
 
     Attributes
@@ -85,7 +85,7 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
         method="rk4",
         substeps=None,
         hold=None,
-        time=None,
+        time_column=None,
     ):
         self.model = model
         self.outputs = outputs
@@ -93,7 +93,7 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
         self.method = method
         self.substeps = substeps
         self.hold = hold
-        self.time = time
+        self.time_column = time_column
 
     def fit(self, X, y=None):
         """Check that X can be read, and find the substeps it needs.
@@ -119,7 +119,7 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
         X = validate_table(self, X, reset=True)
         if self.model is None:
             return self
-        records = read_records(self.model, X, time=self.time)
+        records = read_records(self.model, X, time_column=self.time_column)
         refuse_standardised(self.model, records)
         self._quantities()
         if self.append not in (True, False, "all"):
@@ -147,7 +147,7 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
         X = validate_table(self, X, reset=False)
         if self.model is None:
             return X
-        records = read_records(self.model, X, time=self.time)
+        records = read_records(self.model, X, time_column=self.time_column)
         refuse_standardised(self.model, records)
         simulated = simulate_quantities(
             self.model,
@@ -213,7 +213,9 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
     def _on_own_clocks(self, X: pd.DataFrame, records) -> pd.DataFrame:
         """Return X with the time of the records: seconds that tell trajectories apart."""
         names = self._column_names()
-        called = next(c for c in (self.time, self.model.columns.get(TIME), TIME) if c in names)
+        called = next(
+            c for c in (self.time_column, self.model.columns.get(TIME), TIME) if c in names
+        )
         table = X.copy(deep=False)
         seconds = np.concatenate([record.t for record in records])
         table.isetitem(names.index(called), rows_in_order(records, seconds))
@@ -224,7 +226,7 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
         if hasattr(self, "feature_names_in_"):
             return list(self.feature_names_in_)
         names = [*self.model.inputs, *self.model.states][: self.n_features_in_ - 1]
-        names.insert((self.time or 0) % self.n_features_in_, TIME)
+        names.insert((self.time_column or 0) % self.n_features_in_, TIME)
         return [self.model.columns.get(name, name) for name in names]
 
     def _state_columns(self) -> dict[int, int]:

@@ -24,7 +24,7 @@ from sklearn_pgnn.record_quality.flaws import (
     find_quantisation,
     find_uneven_noise,
 )
-from sklearn_pgnn.simulation.record_windows import MIN_SAMPLES, MIN_WINDOWS, window_length
+from sklearn_pgnn.simulation.record_windows import MIN_SAMPLES, MIN_WINDOWS, median_window_length
 from sklearn_pgnn.simulation.state_estimate import free_run
 from sklearn_pgnn.simulation.uncertainty import standard_errors
 from sklearn_pgnn.simulation.window_fit import ParameterPrior, WindowFit, fit_windows, project
@@ -149,8 +149,8 @@ def find_few_windows(windows: ShootingWindows) -> Finding | None:
     return Finding(
         "short records",
         "t",
-        f"the records make only {count} windows of {window_length(windows):.3g} s, fewer than "
-        f"{MIN_WINDOWS}: held-out errors, and so the verdict, are uncertain",
+        f"the records make only {count} windows of {median_window_length(windows):.3g} s, fewer "
+        f"than {MIN_WINDOWS}: held-out errors, and so the verdict, are uncertain",
         float(count),
         f"record longer, so that at least {MIN_WINDOWS} windows of {MIN_SAMPLES} samples fit, or "
         f"choose shorter windows",

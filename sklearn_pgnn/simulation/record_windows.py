@@ -57,8 +57,8 @@ def window_records(
     model: PhysicsModel,
     records: tuple[Record, ...],
     *,
-    window: float | str | None = None,
-    noise=None,
+    window_length: float | str | None = None,
+    noise_std=None,
     hold: str | None = None,
     substeps: int | None = None,
     threads: int = 1,
@@ -71,11 +71,11 @@ def window_records(
         The model.
     records : tuple of Record
         Measured trajectories.
-    window : float or "trajectory", optional
+    window_length : float or "trajectory", optional
         Window length [s], or every record in one window; by default a third of the dominant
         period of the outputs. A length that is told is kept to: only the last window of a record
         may be shorter, or longer by less than `MIN_SAMPLES` samples.
-    noise : array-like of shape (n_outputs,), optional
+    noise_std : array-like of shape (n_outputs,), optional
         Standard deviation of every output's noise; by default estimated.
     hold : {"zoh", "foh"}, optional
         How inputs run between samples; by default as the model says, else held.
@@ -93,7 +93,7 @@ def window_records(
     Raises
     ------
     OptionError
-        If `window` is no length, or shorter than `MIN_SAMPLES` samples.
+        If `window_length` is no length, or shorter than `MIN_SAMPLES` samples.
     """
     hold = hold_of(model, hold)
     substeps = model.simulation.get("substeps") if substeps is None else substeps
@@ -101,33 +101,35 @@ def window_records(
     u = np.ascontiguousarray(np.concatenate([record.u for record in records]), dtype=float)
     y = np.ascontiguousarray(np.concatenate([record.y for record in records]), dtype=float)
     bounds = np.concatenate([[0], np.cumsum([record.t.size for record in records])])
-    scale = output_noise(records) if noise is None else np.asarray(noise, dtype=float).ravel()
+    noise_std = output_noise(records) if noise_std is None else noise_std
+    scale = np.asarray(noise_std, dtype=float).ravel()
     whole = ShootingWindows(t, u, y, bounds, bounds[:-1], np.diff(bounds), scale, hold, 1, threads)
     told = [_told_start(model, record) for record in records]
     states = StateEstimator(model, whole, told)
     period = dominant_period(records)
-    if window == WHOLE:
+    if window_length == WHOLE:
         windows = replace(whole, pieces=-(-MIN_WINDOWS // len(records)))
-    elif window is None:
+    elif window_length is None:
         windows = cut(whole, period * WINDOW_SHARE)
     else:
-        windows = cut_exactly(whole, check_length(whole, window))
+        windows = cut_exactly(whole, check_length(whole, window_length))
     if substeps is None:
         substeps = _enough_substeps(model, windows, states.estimate(model).x)
     windows = replace(windows, substeps=int(substeps))
     states.windows = windows
     find_starts(model, cut(windows, period * WINDOW_SHARE), states)
-    return WindowedRecords(windows, states, period, np.array(told) if window == WHOLE else None)
+    known = np.array(told) if window_length == WHOLE else None
+    return WindowedRecords(windows, states, period, known)
 
 
-def without_gaps(records: tuple[Record, ...], window=None) -> tuple[Record, ...]:
+def without_gaps(records: tuple[Record, ...], window_length=None) -> tuple[Record, ...]:
     """Cut records where nothing was recorded for longer than a window, which bridges no such gap.
 
     Parameters
     ----------
     records : tuple of Record
         Measured trajectories.
-    window : float or "trajectory", optional
+    window_length : float or "trajectory", optional
         As in `window_records`.
 
     Returns
@@ -135,10 +137,11 @@ def without_gaps(records: tuple[Record, ...], window=None) -> tuple[Record, ...]
     tuple of Record
         See `sklearn_pgnn.trajectories.gaps.split_at_gaps`.
     """
-    if window == WHOLE:
+    if window_length == WHOLE:
         return records
-    length = window if isinstance(window, Real) else WINDOW_SHARE * dominant_period(records)
-    return split_at_gaps(records, float(length), MIN_SAMPLES)
+    if not isinstance(window_length, Real):
+        window_length = WINDOW_SHARE * dominant_period(records)
+    return split_at_gaps(records, float(window_length), MIN_SAMPLES)
 
 
 def _told_start(model, record) -> np.ndarray:
@@ -266,7 +269,7 @@ def record_durations(windows: ShootingWindows) -> np.ndarray:
     return _durations(windows.t, windows.bounds[:-1], np.diff(windows.bounds))
 
 
-def window_length(windows: ShootingWindows) -> float:
+def median_window_length(windows: ShootingWindows) -> float:
     """Return the median length of windows [s], each on its own record's clock."""
     return float(np.median(_durations(windows.t, windows.starts, windows.lengths)))
 
@@ -275,14 +278,14 @@ def _durations(t, starts, lengths) -> np.ndarray:
     return (t[starts + lengths - 1] - t[starts]) * lengths / np.maximum(lengths - 1, 1)
 
 
-def check_length(whole: ShootingWindows, window) -> float:
+def check_length(whole: ShootingWindows, window_length) -> float:
     """Return the length that a user wants windows to have, or raise `OptionError`.
 
     Parameters
     ----------
     whole : ShootingWindows
         The records.
-    window : float
+    window_length : float
         The length [s].
 
     Returns
@@ -293,14 +296,14 @@ def check_length(whole: ShootingWindows, window) -> float:
     durations = record_durations(whole)
     least = float(np.max(MIN_SAMPLES * durations / np.diff(whole.bounds)))
     least, most = min(least, durations.max()), float(durations.max())
-    known = isinstance(window, Real) and not isinstance(window, bool)
-    if not known or not least * (1 - ROUNDING) <= window <= most * (1 + ROUNDING):
+    known = isinstance(window_length, Real) and not isinstance(window_length, bool)
+    if not known or not least * (1 - ROUNDING) <= window_length <= most * (1 + ROUNDING):
         raise OptionError(
-            f"window: expected a length from {least:.4g} s ({MIN_SAMPLES} samples) to "
-            f"{most:.4g} s (the longest record), got {window!r}. Remedy: choose one of these, or "
-            f"leave it out."
+            f"window_length: expected a length from {least:.4g} s ({MIN_SAMPLES} samples) to "
+            f"{most:.4g} s (the longest record), got {window_length!r}. Remedy: choose one of "
+            f"these, or leave it out."
         )
-    return float(window)
+    return float(window_length)
 
 
 def _enough_substeps(model, windows, x) -> int:

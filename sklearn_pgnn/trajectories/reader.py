@@ -24,7 +24,7 @@ MIN_SAMPLES = 4
 TRAJECTORY = "trajectory"
 
 
-def read_records(model: PhysicsModel, X, y=None, *, time=None) -> tuple[Record, ...]:
+def read_records(model: PhysicsModel, X, y=None, *, time_column=None) -> tuple[Record, ...]:
     """Read a table of samples as records of a model.
 
     Parameters
@@ -36,7 +36,7 @@ def read_records(model: PhysicsModel, X, y=None, *, time=None) -> tuple[Record, 
         be dates, or time differences, too, and stand in the index of a pandas DataFrame.
     y : DataFrame or array-like of shape (n_samples, n_outputs) or (n_samples,), optional
         Measured outputs; NaN where there is none.
-    time : int or str, optional
+    time_column : int or str, optional
         Column of the time; by default ``"t"``, of an array the first.
 
     Returns
@@ -57,7 +57,7 @@ def read_records(model: PhysicsModel, X, y=None, *, time=None) -> tuple[Record, 
     >>> [record.t.size for record in read_records(lag, X)]
     [3, 2]
     """
-    table = _as_table(model, X, time)
+    table = _as_table(model, X, time_column)
     outputs = None if y is None else _as_outputs(model, y, len(table))
     if not len(table):
         raise RecordError("X: expected samples, got none.")
@@ -132,23 +132,23 @@ def rows_in_order(records: tuple[Record, ...], values: np.ndarray) -> np.ndarray
 # -- columns ---------------------------------------------------------------------------------------
 
 
-def _as_table(model: PhysicsModel, X, time) -> pd.DataFrame:
+def _as_table(model: PhysicsModel, X, time_column) -> pd.DataFrame:
     """Give the columns that count under the model's own names; nothing of X is changed."""
-    X = as_table(X, time)
+    X = as_table(X, time_column)
     if isinstance(X, pd.DataFrame) and all(isinstance(name, str) for name in X.columns):
-        return _from_names(model, X, time)
+        return _from_names(model, X, time_column)
     array = np.asarray(X)
     if array.ndim != 2:
         raise RecordError(f"X: expected shape (n_samples, n_columns), got {array.shape}.")
-    return _from_array(model, array, 0 if time is None else time)
+    return _from_array(model, array, 0 if time_column is None else time_column)
 
 
-def _from_names(model: PhysicsModel, X: pd.DataFrame, time) -> pd.DataFrame:
+def _from_names(model: PhysicsModel, X: pd.DataFrame, time_column) -> pd.DataFrame:
     """Find every quantity by what the table calls it, else by its own name."""
     found = {}
     for name in (TRAJECTORY, TIME, *model.inputs, *model.states):
-        given = name == TIME and time is not None
-        called = time if given else model.columns.get(name, name)
+        given = name == TIME and time_column is not None
+        called = time_column if given else model.columns.get(name, name)
         if called not in X.columns and not given:
             called = name
         if called in X.columns:
@@ -169,7 +169,7 @@ def _once(table: pd.DataFrame, name: str, what: str) -> pd.Series:
     return column
 
 
-def _from_array(model: PhysicsModel, array: np.ndarray, time) -> pd.DataFrame:
+def _from_array(model: PhysicsModel, array: np.ndarray, time_column) -> pd.DataFrame:
     names = [*model.inputs]
     width = array.shape[1] - 1
     if width == len(names) + len(model.states):
@@ -179,9 +179,11 @@ def _from_array(model: PhysicsModel, array: np.ndarray, time) -> pd.DataFrame:
             f"X: expected the columns time, {', '.join([*model.inputs, *model.states])} (the "
             f"states may be left out), got {array.shape[1]} columns."
         )
-    if not isinstance(time, int | np.integer) or not -array.shape[1] <= time <= width:
-        raise RecordError(f"time: expected a column number from 0 to {width}, got {time!r}.")
-    names.insert(time % array.shape[1], TIME)
+    if not isinstance(time_column, int | np.integer) or not -array.shape[1] <= time_column <= width:
+        raise RecordError(
+            f"time_column: expected a column number from 0 to {width}, got {time_column!r}."
+        )
+    names.insert(time_column % array.shape[1], TIME)
     return pd.DataFrame(array, columns=names)
 
 

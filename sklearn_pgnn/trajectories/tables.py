@@ -9,15 +9,15 @@ from sklearn_pgnn.exceptions import RecordError
 TIME = "t"
 
 
-def as_table(X, time=None):
+def as_table(X, time_column=None):
     """Return a DataFrame of any library as one of pandas, with its clock as a column.
 
     Parameters
     ----------
     X : DataFrame, Series or array-like of shape (n_samples, ...)
         The table. An index of dates or of time differences becomes the column ``t``, if X has none
-        and `time` is not given.
-    time : int or str, optional
+        and `time_column` is not given.
+    time_column : int or str, optional
         Column of the time.
 
     Returns
@@ -32,7 +32,7 @@ def as_table(X, time=None):
     ['t', 'u']
     """
     table = as_pandas(X)
-    if not isinstance(table, pd.DataFrame) or time is not None or TIME in table.columns:
+    if not isinstance(table, pd.DataFrame) or time_column is not None or TIME in table.columns:
         return table
     if not isinstance(table.index, pd.DatetimeIndex | pd.TimedeltaIndex):
         return table

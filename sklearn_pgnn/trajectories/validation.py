@@ -77,7 +77,7 @@ def validate_table(estimator, X, *, reset: bool):
     >>> estimator.n_features_in_
     2
     """
-    X = as_table(X, getattr(estimator, "time", None))
+    X = as_table(X, getattr(estimator, "time_column", None))
     if isinstance(X, pd.DataFrame):
         validate_data(estimator, X, reset=reset, skip_check_array=True)
         return X

@@ -54,13 +54,13 @@ class BestFreeRun(Callback):
 
     Parameters
     ----------
-    patience : int, default=20
+    n_iter_no_change : int, default=20
         Epochs without a better free run after which rollouts or the last phase end. Single steps
         go on: their free run varies until the learning rate has decayed.
     """
 
-    def __init__(self, patience=20):
-        self.patience = patience
+    def __init__(self, n_iter_no_change=20):
+        self.n_iter_no_change = n_iter_no_change
 
     def on_train_begin(self, net, **kwargs):
         """Begin anew; what was trained before shall not become worse."""
@@ -77,7 +77,7 @@ class BestFreeRun(Callback):
             net.history.record(name, value)
             net.history.record(f"{name}_best", bool(error < self.best_))
         self.note(net, error)
-        if self.waited_ >= self.patience and not net.module_.teacher_forcing:
+        if self.waited_ >= self.n_iter_no_change and not net.module_.teacher_forcing:
             raise EnoughTraining
 
     def note(self, net, error: float) -> None:

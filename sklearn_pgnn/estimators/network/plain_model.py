@@ -7,7 +7,7 @@ from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.trajectories.reader import TRAJECTORY
 
 
-def plain_model(X: pd.DataFrame, y, time: str, states) -> PhysicsModel:
+def plain_model(X: pd.DataFrame, y, time_column: str, states) -> PhysicsModel:
     """Name the states, inputs and outputs of records of a machine without a model.
 
     The state is every output and, for a machine that has inertia, its rate.
@@ -18,7 +18,7 @@ def plain_model(X: pd.DataFrame, y, time: str, states) -> PhysicsModel:
         Its columns besides the time, ``trajectory`` and the states are inputs.
     y : array-like of shape (n_samples, n_outputs)
         Measured outputs.
-    time : str
+    time_column : str
         Column of the time.
     states : sequence of str, optional
         Columns that hold the initial state: the outputs, or the outputs and then their rates. By
@@ -49,8 +49,10 @@ def plain_model(X: pd.DataFrame, y, time: str, states) -> PhysicsModel:
             f"states: expected {n_outputs} outputs, or {2 * n_outputs} outputs and rates, "
             f"got {len(named)} names."
         )
-    if time not in X.columns:
-        raise ValueError(f"time: X has no {time!r}; it has {', '.join(map(str, X.columns))}.")
+    if time_column not in X.columns:
+        raise ValueError(
+            f"time_column: X has no {time_column!r}; it has {', '.join(map(str, X.columns))}."
+        )
     missing = [name for name in named if name not in X.columns]
     if missing:
         raise ValueError(f"states: X has no column {missing[0]!r}; it has {', '.join(X.columns)}.")
@@ -58,7 +60,7 @@ def plain_model(X: pd.DataFrame, y, time: str, states) -> PhysicsModel:
     velocities = [] if len(named) == n_outputs else [f"v{i}" for i in range(n_outputs)]
     equations = dict.fromkeys(positions, "0") | dict.fromkeys(velocities, "0")
     equations |= dict(zip(positions, velocities, strict=False))
-    taken = {time, TRAJECTORY, *named}
+    taken = {time_column, TRAJECTORY, *named}
     inputs = {f"u{i}": c for i, c in enumerate(c for c in X.columns if c not in taken)}
     first = np.nan_to_num(np.asarray(y, dtype=float).reshape(len(X), n_outputs)[0])
     return PhysicsModel(

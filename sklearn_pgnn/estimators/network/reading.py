@@ -11,7 +11,7 @@ from sklearn_pgnn.trajectories.reader import TIME, TRAJECTORY
 SIMULATED = "_phy"
 
 
-def with_names(model: PhysicsModel, X, time=None):
+def with_names(model: PhysicsModel, X, time_column=None):
     """Name the columns of an array that `PhysicsModelTransformer` gave.
 
     Parameters
@@ -20,15 +20,15 @@ def with_names(model: PhysicsModel, X, time=None):
         The model.
     X : DataFrame or ndarray of shape (n_samples, n_columns)
         Time, inputs, states or none, and the simulated states and outputs.
-    time : int or str or None
-        The parameter ``time``.
+    time_column : int or str or None
+        The parameter ``time_column``.
 
     Returns
     -------
     DataFrame or ndarray
         The table, as it came where it is something else.
     """
-    if isinstance(X, pd.DataFrame) or isinstance(time, str):
+    if isinstance(X, pd.DataFrame) or isinstance(time_column, str):
         return X
     known = dict.fromkeys([*model.states, *model.outputs])
     simulated = [name + SIMULATED for name in known]
@@ -36,7 +36,7 @@ def with_names(model: PhysicsModel, X, time=None):
         names = [*given, *simulated]
         width = 1 + len(names)
         if X.shape[1] == width != 1 + len(model.inputs) + len(model.states):
-            names.insert((time or 0) % (1 + len(given)), TIME)
+            names.insert((time_column or 0) % (1 + len(given)), TIME)
             return pd.DataFrame(X, columns=names)
     return X
 
@@ -62,7 +62,7 @@ def simulated_states(model: PhysicsModel, X) -> np.ndarray | None:
     return _numbers(X, names)
 
 
-def further_columns(model: PhysicsModel, X, time) -> list[str]:
+def further_columns(model: PhysicsModel, X, time_column) -> list[str]:
     """Name the columns that are neither time, trajectory, quantity of the model nor simulation.
 
     A column with the name of an output is never one: it would tell what is to be predicted.
@@ -73,8 +73,8 @@ def further_columns(model: PhysicsModel, X, time) -> list[str]:
         The model.
     X : DataFrame or ndarray of shape (n_samples, n_columns)
         The table.
-    time : int or str or None
-        The parameter ``time``.
+    time_column : int or str or None
+        The parameter ``time_column``.
 
     Returns
     -------
@@ -84,7 +84,7 @@ def further_columns(model: PhysicsModel, X, time) -> list[str]:
     if not isinstance(X, pd.DataFrame):
         return []
     own = [TIME, TRAJECTORY, *model.inputs, *model.states, *model.outputs]
-    taken = {time, *own, *(model.columns.get(name, name) for name in own)}
+    taken = {time_column, *own, *(model.columns.get(name, name) for name in own)}
     taken |= {name + SIMULATED for name in (*model.states, *model.outputs)}
     return [name for name in X.columns if name not in taken]
 

@@ -194,7 +194,7 @@ class TrajectoryNet(NeuralNetRegressor):
         if method == "auto":
             small = type(core) is FeedForward and theta.size <= FEW_WEIGHTS
             method = "lm" if small else None
-        if method is None or not self.refine_iterations:
+        if method is None or not self.refine_max_iter:
             return
         if type(core) is not FeedForward:
             raise ValueError(
@@ -213,7 +213,7 @@ class TrajectoryNet(NeuralNetRegressor):
         minimise = levenberg_marquardt if method == "lm" else l_bfgs
         self._phase = None
         with self._resting_optimizer():
-            minimise(objective, theta, self.refine_iterations, self._on_step)
+            minimise(objective, theta, self.refine_max_iter, self._on_step)
 
     @contextlib.contextmanager
     def _resting_optimizer(self):
@@ -261,7 +261,7 @@ class TrajectoryNet(NeuralNetRegressor):
             ("train_loss", PassthroughScoring(name="train_loss", on_train=True)),
             ("valid_loss", PassthroughScoring(name="valid_loss")),
             ("decay", CosineDecay()),
-            ("free_run", BestFreeRun(self.patience)),
+            ("free_run", BestFreeRun(self.n_iter_no_change)),
             ("print_log", PrintLog()),
         ]
 
