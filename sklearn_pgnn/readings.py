@@ -18,5 +18,5 @@ READINGS = {
 
 
 def reading(name: str):
-    """Give the function that reads a model in the way called `name`."""
+    """Return the function that reads a model in the way called `name`."""
     return resolve_name(READINGS[name])

@@ -114,7 +114,7 @@ class Job:
         return ModelDiagnosis(model, **chosen, **options, progress=progress)
 
     def _kept(self, names: Sequence[str]) -> str:
-        """Say what was written all the same."""
+        """Return a sentence on the files that were written before the failure."""
         if not names:
             return ""
         return f"What was found before is in {one_line(self.output)}: {', '.join(names)}."

@@ -104,17 +104,17 @@ _DIAGNOSIS = (
 
 
 def job_options(command):
-    """Give a command the options that say how to work, not on what."""
+    """Add the options that control how a command runs: threads, output and debugging."""
     return _with(command, _JOB)
 
 
 def diagnosis_options(command):
-    """Give a command the options that say how to diagnose."""
+    """Add the options of a diagnosis to a command."""
     return _with(command, _DIAGNOSIS)
 
 
 def list_effects(command):
-    """Give a command the option that names the effects and ends."""
+    """Add the option that lists the catalogue of effects and exits."""
     return click.option(
         "--list-effects",
         is_flag=True,

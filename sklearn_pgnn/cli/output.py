@@ -63,9 +63,9 @@ def write_files(folder: Path, texts: Mapping[str, Callable[[], str]]) -> dict[st
 
 @contextmanager
 def result_folder(output: Path):
-    """Give a folder beside `output`; what is in it comes to `output` when all went well.
+    """Yield a temporary folder whose files are moved to `output` on success.
 
-    Nothing of it is left when something went wrong, or when a signal ended the work.
+    It stands beside `output`, and is removed after an error or a signal.
 
     Parameters
     ----------

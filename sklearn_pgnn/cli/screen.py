@@ -23,7 +23,7 @@ from sklearn_pgnn.inspection.words import (
 
 
 def described_files(diagnosis) -> dict[str, str]:
-    """Say by name what each file of a diagnosis holds.
+    """Return a description of each file of a diagnosis, by file name.
 
     Parameters
     ----------

@@ -38,7 +38,7 @@ def multisine(t, rng):
 
 
 def sine(t, rng):
-    r"""Give one sine of random frequency from rest, :math:`\sin(2\pi f t)`.
+    r"""Return one sine of random frequency from rest, :math:`\sin(2\pi f t)`.
 
     Parameters
     ----------
@@ -166,7 +166,7 @@ def excite(kinds, t, n_records: int, n_inputs: int, rng):
 
 
 def _progress(t):
-    """Give the time as a share of the record."""
+    """Return the time as a fraction of the record's duration."""
     return (t - t[0]) / max(t[-1] - t[0], np.finfo(float).tiny)
 
 

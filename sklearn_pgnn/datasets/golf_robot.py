@@ -17,7 +17,7 @@ TRIAL_RATE = 200.0
 
 
 def golf_robot_plant() -> PhysicsModel:
-    r"""Give the golf robot as it is: LuGre friction and slightly other parameters than the prior.
+    r"""Return the true golf robot: LuGre friction, and parameters slightly off the prior's.
 
     .. math::
         J \ddot\varphi &= -m g a \sin\varphi - d\,\dot\varphi

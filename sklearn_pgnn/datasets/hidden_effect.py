@@ -195,14 +195,14 @@ def perturb(model, error: float, rng):
 
 
 def _amplitudes(rig, model, goals, amplitude):
-    """Give the amplitude of every record: as asked for, or as far as its goal."""
+    """Return the amplitude of every record: the given one, or what reaches the record's goal."""
     if amplitude is None:
         return find_amplitudes(rig, model, goals)
     return np.full(goals.size, float(amplitude))
 
 
 def _listed(effect) -> tuple:
-    """Give what is to be hidden as a sequence."""
+    """Return the effects to hide as a tuple."""
     if effect is None:
         return ()
     several = isinstance(effect, Sequence) and not isinstance(effect, str)
@@ -210,7 +210,7 @@ def _listed(effect) -> tuple:
 
 
 def _choose(effect, model, rig, amplitudes, noise, rng):
-    """Give the effect to hide, its target and size drawn where they are left open."""
+    """Return the effect to hide; target and size are drawn where they are left open."""
     if isinstance(effect, Effect):
         return effect
     x, y = rig.run(model, amplitudes)

@@ -155,7 +155,7 @@ def _edges(model, t):
 
 
 def _advance(plant, t, h, x, u, crossings=MAX_CROSSINGS):
-    """Give the columns a step later, each cut where its dry friction changes side."""
+    """Return the states after a step, which is cut where a dry friction changes sign."""
     side = np.sign(x[plant.dry])
     moving = np.ones_like(side)
     if not side.all():
@@ -178,7 +178,7 @@ def _cross(plant, t, h, x, u, side, moving, new, crossings):
 
 
 def _first_zero(plant, t, h, x, u, side, moving, new):
-    """Give which state crosses zero first in every column, and after what share of the step."""
+    """Return which state crosses zero first in every column, and at what fraction of the step."""
     old, new = x[plant.dry], new[plant.dry]
     chord = np.where(side * new < 0, old / (old - new), np.inf)
     first = chord.argmin(axis=0)
@@ -195,13 +195,13 @@ def _first_zero(plant, t, h, x, u, side, moving, new):
 
 
 def _chord_zero(low, v_low, high, v_high):
-    """Give where a chord is zero; its low end where it is zero all along, as from rest."""
+    """Return the zero of a chord; its lower end where the chord vanishes, as from rest."""
     fall = v_low - v_high
     return low + (high - low) * np.divide(v_low, fall, out=np.zeros_like(fall), where=fall != 0)
 
 
 def _leave_rest(plant, t, x, u):
-    """Give the side of every dry friction, and 1 where it lets its velocity move, else 0."""
+    """Return the sign of every dry friction, and 1 where its velocity may move, else 0."""
     side, u = np.sign(x[plant.dry]), u.at(t)
     moving = np.ones_like(side)
     for i, row in enumerate(plant.dry):
@@ -216,7 +216,7 @@ def _leave_rest(plant, t, x, u):
 
 
 def _rate_on_side(plant, t, x, u, side, i, value):
-    """Give the rates as if friction i were on a certain side."""
+    """Return the rates with friction i on a given side."""
     side = side.copy()
     side[i] = value
     return plant.rates(t, x, u, side)
@@ -262,7 +262,7 @@ class Plant:
         self._outputs = _compile([TIME, states, inputs], outputs)
 
     def rates(self, t, x, u, side, moving=None):
-        """Give the derivatives of the columns; a velocity that does not move has none."""
+        """Return the derivatives of the states; zero for a velocity that sticks."""
         out = np.empty_like(x)
         for i, rate in enumerate(self._rates(t, x, u, side)):
             out[i] = rate
@@ -272,7 +272,7 @@ class Plant:
         return out
 
     def outputs(self, t, x, u):
-        """Give what the sensors see."""
+        """Return the outputs."""
         seen = self._outputs(t, x, u)
         return np.stack([np.broadcast_to(y, x.shape[1:]) for y in seen])
 

@@ -213,7 +213,7 @@ def _files(benchmark: str, names, data_home) -> list[Path]:
 
 
 def _downloaded(benchmark: str):
-    """Give the places of the files that the package keeps, downloaded where need be."""
+    """Return the paths of the files in the package's cache, downloading them where needed."""
     with needed_by(f"{benchmark} without a folder of its files (data_home)"):
         import nonlinear_benchmarks
     return getattr(nonlinear_benchmarks, benchmark)(data_file_locations=True)

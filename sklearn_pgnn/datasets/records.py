@@ -73,7 +73,7 @@ def add_noise(model, y, noise, rng):
 
 
 def noise_levels(model, noise):
-    """Give the standard deviation of the noise of every output.
+    """Return the standard deviation of the noise of every output.
 
     Parameters
     ----------

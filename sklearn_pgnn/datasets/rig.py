@@ -39,7 +39,7 @@ class Rig:
     substeps: int = 1
 
     def inputs(self, amplitudes):
-        """Give the commanded inputs.
+        """Return the commanded inputs.
 
         Parameters
         ----------
@@ -79,7 +79,7 @@ class Rig:
 
 
 def resting_input(model):
-    r"""Give the inputs that hold a machine in its initial state.
+    r"""Return the inputs that hold a machine in its initial state.
 
     The least-squares solution of :math:`f(0, x_0, u) = 0`, the rates being affine in the inputs.
 
@@ -147,7 +147,7 @@ def settled(plant, known, x, u):
 
 
 def excursion(model, y):
-    """Say how far the first output moves from its start, in shares of its reach.
+    """Return the largest excursion of the first output, relative to its reach.
 
     Parameters
     ----------

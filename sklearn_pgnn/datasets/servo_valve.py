@@ -14,7 +14,7 @@ LEVELS, STEP_RATE = 4, 40_000.0
 
 
 def servo_valve_plant() -> PhysicsModel:
-    r"""Give the servo valve as it is: limited in velocity, acceleration and travel, uneven gain.
+    r"""Return the true servo valve: limited velocity, acceleration and travel, uneven gain.
 
     .. math::
         \dot y &= \min(\max(v, -v_-), v_+) \\

@@ -252,7 +252,7 @@ def search_globally(
 
 
 def _least_squares(model: PhysicsModel, windows: ShootingWindows, expected, spread) -> float:
-    """Give the squares that the best initial states leave, to first order about the expected."""
+    """Return the squares left by the best initial states, to first order about the expected."""
     gram = evaluate(model, windows, expected, ()).gram
     if not np.isfinite(gram).all():
         return np.inf
@@ -305,6 +305,6 @@ def _left(found: ParameterFit, ground: WindowedRecords) -> str:
 
 
 def _is_poor(found: ParameterFit, ground: WindowedRecords) -> bool:
-    """Tell whether a fit leaves much more than the noise."""
+    """Return whether a fit leaves much more than the noise."""
     measured = np.isfinite(ground.windows.y).sum()
     return not found.fit.squares <= POOR**2 * measured

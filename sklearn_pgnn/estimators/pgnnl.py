@@ -364,7 +364,7 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         raise AttributeError(f"{type(self).__name__} has no predict_proba.")
 
     def physics_residual(self, X, states=None):
-        """Tell how consistent a prediction is with physics; no measurement is needed.
+        """Return the physical residuals of a prediction; no measurement is needed.
 
         Parameters
         ----------
@@ -411,7 +411,7 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         return states
 
     def stepper(self, x0=None, interval=None):
-        """Give the network as one step with its state, for a loop that runs with a clock.
+        """Return the network as a single step with its state, for a real-time loop.
 
         Parameters
         ----------

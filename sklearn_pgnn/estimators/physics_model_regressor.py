@@ -248,7 +248,7 @@ class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
             )
 
     def _is_loose(self, name: str, error: float) -> bool:
-        """Tell whether a parameter's interval is wider than the parameter is large."""
+        """Return whether a parameter's interval is wider than the parameter is large."""
         prior = abs(self.model.parameters[name].value)
         size = max(prior, abs(self.model_.parameters[name].value)) if prior else np.inf
         return not np.isfinite(error) or NORMAL_95 * error > size

@@ -7,7 +7,7 @@ Tell = Callable[[str], None]
 
 
 def silence(text: str) -> None:
-    """Say nothing."""
+    """Do nothing: the progress of a search without ``verbose``."""
 
 
 def teller(estimator) -> Tell:

@@ -183,7 +183,7 @@ class ResidualRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         return outputs.ravel() if self._single_output else outputs.reshape(len(outputs), -1)
 
     def _simulate_and_compare(self, X, y) -> tuple[pd.DataFrame, np.ndarray]:
-        """Give the features and the model's error."""
+        """Return the features and the model's error."""
         records = read_records(self.model, X, y, time_column=self.time_column)
         refuse_standardised(self.model, records)
         self.hold_ = hold_of(self.model, self.hold)
@@ -193,7 +193,7 @@ class ResidualRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         return features, measured - simulated
 
     def _simulate(self, records) -> tuple[pd.DataFrame, np.ndarray]:
-        """Give the features (inputs, simulated states and outputs) and the simulated outputs."""
+        """Return the features (inputs, simulated states and outputs) and the simulated outputs."""
         names = quantities_of(self.model)
         values = simulate_quantities(
             self.model, records, names, hold=self.hold_, substeps=self.substeps_
@@ -204,7 +204,7 @@ class ResidualRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         return features, values[:, [names.index(output) for output in self.model.outputs]]
 
     def _plain(self, X):
-        """Give all columns of X but time and trajectory."""
+        """Return all columns of X but time and trajectory."""
         if isinstance(X, pd.DataFrame):
             return X.drop(columns=[self.time_column or TIME, TRAJECTORY], errors="ignore")
         return X if self.time_column is None else np.delete(X, self.time_column, axis=1)

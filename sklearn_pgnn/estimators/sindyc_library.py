@@ -27,7 +27,7 @@ POINTS = 16
 def read_library(
     library, names: Sequence[str], degree: int = 2, model: PhysicsModel | None = None
 ) -> tuple[sympy.Expr, ...]:
-    """Give the terms of a library.
+    """Return the terms of a library.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ def _read_entry(entry, names, degree, model) -> list[sympy.Expr]:
 
 
 def polynomial(names: Sequence[str], degree: int) -> list[sympy.Expr]:
-    """Give the monomials of the quantities up to a degree, beginning with the constant.
+    """Return the monomials of the quantities up to a degree, beginning with the constant.
 
     Parameters
     ----------
@@ -137,7 +137,7 @@ def _terms_of_pysindy(library, names) -> list[sympy.Expr]:
 
 
 def term_function(terms, names: Sequence[str]):
-    """Give the function that evaluates terms at samples.
+    """Return the function that evaluates terms at samples.
 
     Parameters
     ----------

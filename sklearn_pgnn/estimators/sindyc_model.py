@@ -20,7 +20,7 @@ NAME_LENGTH = 24
 def identified_model(
     base: PhysicsModel, terms, coefficients, T: float | None = None
 ) -> PhysicsModel:
-    """Give a model with identified equations.
+    """Return a model with identified equations.
 
     Parameters
     ----------
@@ -151,7 +151,7 @@ def velocities(base: PhysicsModel) -> dict[str, str]:
 
 
 def _kept_parameters(base: PhysicsModel, with_inertia: bool) -> dict[str, Parameter]:
-    """Give the parameters that outputs, delays and inertia go on using, as known ones."""
+    """Return the parameters that outputs, delays and inertia still use, as fixed ones."""
     used = [*base.outputs.values(), *(base.inertia.values() if with_inertia else ())]
     names = {str(s) for expression in used for s in expression.free_symbols}
     names |= set(base.delays.values())
@@ -193,6 +193,6 @@ def _without_sticking(expression, base: PhysicsModel):
 
 
 def starting_where(model: PhysicsModel, x: np.ndarray) -> PhysicsModel:
-    """Give a model that starts at a state where a trajectory does not tell its own."""
+    """Return the model with an initial state for trajectories that do not give their own."""
     start = {name: float(value) for name, value in zip(model.states, x, strict=True)}
     return model.replace(initial_state=start)

@@ -14,13 +14,13 @@ from sklearn_pgnn.trajectories.tables import as_table
 
 
 def is_timed(X, model, time_column) -> bool:
-    """Tell whether the rows of X are samples in time, or independent."""
+    """Return whether the rows of X are samples in time, not independent rows."""
     named = TIME in getattr(as_table(X), "columns", ())
     return named or model is not None or time_column is not None
 
 
 def blank_model(X, y, time_column) -> PhysicsModel:
-    """Give the model that says nothing but names: its states are the columns of y.
+    """Return a model of names alone, without equations: its states are the columns of y.
 
     Parameters
     ----------

@@ -92,7 +92,7 @@ def measure_states(model: PhysicsModel, records, **options) -> MeasuredStates:
 
 
 def rate_rows(states: MeasuredStates, library, span: float | None):
-    """Give rates and terms of a continuous model, averaged over spans.
+    """Return rates and terms of a continuous model, averaged over spans.
 
     Parameters
     ----------
@@ -124,7 +124,7 @@ def rate_rows(states: MeasuredStates, library, span: float | None):
 
 
 def step_rows(states: MeasuredStates, library, span: float | None):
-    """Give steps and terms of a map from sample to sample, averaged over spans.
+    """Return steps and terms of a map from sample to sample, averaged over spans.
 
     Parameters
     ----------
@@ -164,7 +164,7 @@ def step_rows(states: MeasuredStates, library, span: float | None):
 
 
 def on_even_clock(records, T: float) -> tuple[Record, ...]:
-    """Give records whose times are multiples of a sample interval.
+    """Return records whose times are multiples of a sample interval.
 
     Parameters
     ----------
@@ -197,13 +197,13 @@ def on_even_clock(records, T: float) -> tuple[Record, ...]:
 
 
 def _samples(states: MeasuredStates, span: float | None, t) -> int:
-    """Give the number of samples that a span of one record has."""
+    """Return the number of samples in a span of one record."""
     span = SPAN_SHARE * states.period if span is None else span
     return int(np.clip(round(span / np.median(np.diff(t))), 1, t.size - 1))
 
 
 def _is_other(intervals, T: float) -> np.ndarray:
-    """Tell which intervals are not a map's."""
+    """Return which intervals differ from the map's sample interval."""
     return np.abs(intervals / T - 1) > UNEVEN
 
 

@@ -62,7 +62,7 @@ def sparse_coefficients(terms, targets, optimizer, *, squares_only=False) -> np.
 
 
 def stepwise_least_squares(threshold: float, alpha: float, n_rows: int, n_terms: int):
-    r"""Give the sequentially thresholded ridge regression of the paper on SINDY.
+    r"""Return the sequentially thresholded ridge regression of the SINDy paper.
 
     It minimises :math:`\frac1n |y - \Psi\theta|^2 + \alpha |\theta|^2`, drops every coefficient
     below the threshold, begins anew until none is left there, and ends without the ridge.

@@ -75,11 +75,11 @@ class Samples:
         return max(1, round(SPAN_SHARE * float(np.median(windows.lengths)) / windows.pieces / 2))
 
     def rate(self, state: str) -> np.ndarray:
-        """Give the measured rate of a state; NaN at the ends of the records."""
+        """Return the measured rate of a state; NaN at the ends of the records."""
         return self._by_record(self.table[state], _slope)
 
     def mean(self, expression, **other) -> np.ndarray:
-        """Give the mean of an expression over the span about every sample."""
+        """Return the mean of an expression over the span about every sample."""
         moving = [*self.records.fits["extended"].model.states, "t"]
         if self.records.windows.hold == "foh":
             moving += self.model.inputs
@@ -111,7 +111,7 @@ def shown_states(model: PhysicsModel) -> frozenset[str]:
 
 
 def _next(values):
-    """Give the value at the end of every sample's interval."""
+    """Return the value at the end of every sample's interval."""
     return np.append(values[1:], values[-1])
 
 
@@ -142,7 +142,7 @@ def _told_states(model: PhysicsModel) -> set[str]:
 
 
 def starts(records: DiagnosisRecords, model: PhysicsModel) -> np.ndarray:
-    """Give a model's initial states of all windows, as the extended model found them."""
+    """Return a model's initial states of all windows, as fitted with the extended model."""
     extended = records.fits["extended"]
     order = list(extended.model.states)
     return extended.x0[:, [order.index(state) for state in model.states]]

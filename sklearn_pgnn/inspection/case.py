@@ -62,13 +62,13 @@ class Case:
         return shown_states(self.prior)
 
     def missing_rate(self, state: str) -> np.ndarray:
-        """Give the measured rate of a state minus the one without the cause."""
+        """Return the measured rate of a state minus the rate of the model without the cause."""
         samples = self.samples
         return samples.rate(state) - samples.mean(self.without.equations[state])
 
 
 def known_effects(diagnosis) -> dict:
-    """Give the effects that a diagnosis may name, by id."""
+    """Return the effects that a diagnosis may name, by id."""
     return {effect.id: effect for effect in (*CATALOGUE, *read_catalogue(diagnosis.catalogue))}
 
 
@@ -94,12 +94,12 @@ def make_case(diagnosis, cause) -> Case:
 
 
 def effect_parameters(case: Case):
-    """Give the parameters of the effect."""
+    """Return the parameters of the effect."""
     return [case.full.parameters[name] for name in case.fields.values()]
 
 
 def changes_in_time(case: Case) -> bool:
-    """Tell whether the cause delays or filters a signal."""
+    """Return whether the cause delays or filters a signal."""
     return case.full.delays != case.without.delays or set(case.full.states) != set(
         case.without.states
     )

@@ -42,6 +42,6 @@ class Evidence:
 
 
 def even_grid(x) -> np.ndarray:
-    """Give evenly spaced values from the least to the largest of some points."""
+    """Return evenly spaced values over the range of some points."""
     low, high = np.nanmin(x), np.nanmax(x)
     return np.linspace(low, high, GRID)

@@ -141,7 +141,7 @@ def plot_diagnosis(diagnosis) -> DiagnosisDisplay:
 
 
 def compare(diagnosis, X=None, y=None, *, kind="free_run", record=None) -> Comparison:
-    """Give one record and what the prior and the extended model make of it.
+    """Return one record with its simulations by the prior and by the extended model.
 
     Parameters
     ----------
@@ -217,7 +217,7 @@ def _called(name: str, record: int, count: int) -> str:
 
 
 def _typical(records) -> int:
-    """Give the record whose error under the prior is the median one."""
+    """Return the record whose error under the prior is the median."""
     bounds, squares = records.windows.bounds, (records.fits["prior"].residual) ** 2
     scaled = squares / records.windows.scale**2
     errors = [np.nanmean(scaled[a:b]) for a, b in pairwise(bounds)]
@@ -322,7 +322,7 @@ def draw_points(axes, x, y) -> None:
 
 
 def binned_median(x, y, bins: int = BINS):
-    """Give the median of `y` over equal bins of `x` that hold enough points.
+    """Return the median of `y` over equal bins of `x` that hold enough points.
 
     Examples
     --------

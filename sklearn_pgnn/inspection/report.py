@@ -56,7 +56,7 @@ def write_report(diagnosis, path) -> None:
 
 
 def render_report(diagnosis) -> str:
-    """Give the report as HTML.
+    """Return the report as HTML.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ def render_report(diagnosis) -> str:
 
 
 def report_content(diagnosis) -> dict:
-    """Give what the report says, as plain text by the template's names."""
+    """Return the content of the report: plain text by the template's variable."""
     return {
         "model": diagnosis.model.name,
         "verdict": diagnosis.verdict_,

@@ -58,7 +58,7 @@ def measured(value: float, low: float, high: float, unit: str = "") -> str:
 
 
 def _places(value: float, half_width: float) -> int:
-    """Give the decimal places that show one or two digits of the half-width, six of the value."""
+    """Return the decimals that show one or two digits of the half-width, six of the value."""
     places = -math.floor(math.log10(half_width / 3))
     if value:
         places = min(places, 5 - math.floor(math.log10(abs(value))))
@@ -166,7 +166,7 @@ def listed(items) -> str:
 
 
 def verdict_sentence(diagnosis) -> str:
-    """Say in plain words what a diagnosis found.
+    """Return the verdict of a diagnosis in plain words.
 
     Parameters
     ----------
@@ -185,14 +185,14 @@ def verdict_sentence(diagnosis) -> str:
 
 
 def _left(diagnosis) -> str:
-    """Say what the model as it is leaves, where the search ended before a cause was found."""
+    """Return a sentence on the prior's error, where the search ended before a cause was found."""
     if diagnosis.verdict_ == "model_adequate":
         return f"The re-tuned model of the {diagnosis.model.name} leaves hardly more than noise."
     return f"The model of the {diagnosis.model.name} misses something, and no cause was found yet."
 
 
 def stopped_sentence(diagnosis) -> str:
-    """Say why a diagnosis did not come to its end, if it did not."""
+    """Return why a diagnosis ended early; empty if it did not."""
     if not diagnosis.stopped_:
         return ""
     left = "the search was complete" if diagnosis.complete_ else "this is the best found until then"
@@ -200,7 +200,7 @@ def stopped_sentence(diagnosis) -> str:
 
 
 def unusable_sentence(diagnosis) -> str:
-    """Say how many suspects could not be fitted, and which, if there are any.
+    """Return how many candidates could not be fitted, and which; empty if there are none.
 
     Parameters
     ----------
@@ -221,7 +221,7 @@ def unusable_sentence(diagnosis) -> str:
 
 
 def _found(diagnosis, names: str) -> str:
-    """Say what was found."""
+    """Return a sentence on what was found."""
     name, causes = diagnosis.model.name, diagnosis.causes_
     sentences = {
         "model_adequate": f"The model of the {name} is adequate: what it misses is within the "
@@ -243,12 +243,12 @@ def _known_part(names: str, count: int) -> str:
 
 
 def missing_place(diagnosis, part) -> str:
-    """Say where something is missing that has no name."""
+    """Return where something unnamed is missing."""
     return f"the rate of {part.target}" if part.target in diagnosis.model.states else part.target
 
 
 def _described(diagnosis) -> str:
-    """Say where something nameless is missing, what it depends on, and its formula."""
+    """Return where something unnamed is missing, what it depends on, and its formula."""
     part = diagnosis.discrepancy_
     if part is None:
         return _disturbed(diagnosis)
@@ -265,7 +265,7 @@ def _described(diagnosis) -> str:
 
 
 def _disturbed(diagnosis) -> str:
-    """Say what acts like a disturbance from outside."""
+    """Return a sentence on what acts like an external disturbance."""
     part = diagnosis.disturbance_
     if part is None:
         return ""
@@ -288,7 +288,7 @@ def _others(diagnosis) -> str:
 
 
 def _order(diagnosis) -> str:
-    """Say in which order a signal meets causes that would make another model in the other order.
+    """Return the order in which a signal meets causes, where another would change the model.
 
     An effect added to a model later acts on a command earlier, and on a sensor's signal later.
     """
@@ -303,7 +303,7 @@ def _order(diagnosis) -> str:
 
 
 def _worth(diagnosis) -> str:
-    """Say what the extension removes of the error, output by output."""
+    """Return how much of the error the extension removes, output by output."""
     parts = [
         f"{share(gain).replace('> ', 'more than ')} of the error power of {output} above the noise"
         for output, gain in diagnosis.gain_.items()
@@ -312,7 +312,7 @@ def _worth(diagnosis) -> str:
 
 
 def separation_sentence(separation) -> str:
-    """Say which experiment would separate two causes.
+    """Return a sentence on the experiment that would separate two causes.
 
     Parameters
     ----------

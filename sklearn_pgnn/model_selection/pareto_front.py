@@ -98,7 +98,7 @@ def pareto_front(
 
 
 def _test_sets(X, y, X_test, y_test, cv) -> list[tuple]:
-    """Give training and test sets: X, y, X_test, y_test of every fold."""
+    """Return training and test sets: X, y, X_test, y_test of every fold."""
     if (X_test is None) != (y_test is None):
         raise ValueError("X_test, y_test: expected both or none, got one of them.")
     if X_test is not None and cv is not None:
@@ -155,7 +155,7 @@ def _columns(values) -> np.ndarray:
 
 
 def _spread(measured) -> np.ndarray:
-    """Give the standard deviation of every tested output."""
+    """Return the standard deviation of every tested output."""
     spread = np.nanstd(np.concatenate([_columns(y) for y in measured]), axis=0)
     still = np.flatnonzero(~(spread > 0))
     if still.size:
@@ -167,18 +167,18 @@ def _spread(measured) -> np.ndarray:
 
 
 def _error(errors, spread) -> float:
-    """Give the root mean square error in spreads, over all outputs."""
+    """Return the root mean square error over all outputs, each divided by its spread."""
     square = np.nanmean(np.concatenate(errors) ** 2, axis=0)
     return float(np.sqrt(np.mean(square / spread**2)))
 
 
 def _mean_square(residuals) -> float:
-    """Give the mean square of all residuals that are there."""
+    """Return the mean square of all residuals that are not NaN."""
     return float(np.nanmean(np.concatenate(residuals) ** 2))
 
 
 def _not_dominated(error, physics) -> np.ndarray:
-    """Tell which points no other point beats."""
+    """Return which points no other point dominates."""
     points = np.column_stack([error, physics])
     no_worse = (points[:, None] <= points).all(axis=2)
     better = (points[:, None] < points).any(axis=2)

@@ -1,4 +1,4 @@
-"""What is worth searching in an estimator, as dimensions for `BayesSearchCV`."""
+"""Default search spaces of the estimators, as dimensions for `BayesSearchCV`."""
 
 from inspect import signature
 
@@ -9,7 +9,7 @@ LAMBDAS = (0.0, 0.001, 0.01, 0.1, 0.3, 0.9)
 
 
 def search_space(estimator, **changes) -> dict:
-    r"""Give the dimensions in which scikit-optimize's `BayesSearchCV` shall search.
+    r"""Return the dimensions of a search with scikit-optimize's `BayesSearchCV`.
 
     They follow from the parameters that an estimator has, wherever it stands: alone, in a
     `Pipeline`, or inside another estimator such as `ResidualRegressor`.
@@ -83,7 +83,7 @@ def search_space(estimator, **changes) -> dict:
 
 
 def _dimensions_of(estimator) -> dict:
-    """Give the dimensions of an estimator and of all it holds, by short and by full name."""
+    """Return the dimensions of an estimator and of all it contains, by short and full name."""
     found = {}
     for prefix, part in _parts(estimator).items():
         parameters = part.get_params(deep=False)
@@ -93,7 +93,7 @@ def _dimensions_of(estimator) -> dict:
 
 
 def _parts(estimator) -> dict:
-    """Give the estimator and every one inside it, by the prefix of its parameters."""
+    """Return the estimator and every one inside it, by the prefix of its parameters."""
     inside = {f"{name}__": part for name, part in estimator.get_params().items() if _is_one(part)}
     return {"": estimator, **inside}
 
@@ -103,7 +103,7 @@ def _is_one(part) -> bool:
 
 
 def _network(parameters) -> dict:
-    """Give the dimensions of a network with a physical loss."""
+    """Return the dimensions of a network with a physical loss."""
     if "lambda_phy" not in parameters:
         return {}
     space, model = _import_space(), parameters.get("model")
@@ -124,7 +124,7 @@ def _network(parameters) -> dict:
 
 
 def _sparse(parameters) -> dict:
-    """Give the dimensions of a sparse regression over a library."""
+    """Return the dimensions of a sparse regression over a library."""
     if not {"threshold", "library"} <= set(parameters):
         return {}
     space = _import_space()

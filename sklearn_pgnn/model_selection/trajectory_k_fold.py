@@ -84,7 +84,7 @@ class TrajectoryKFold(BaseCrossValidator):
         return super().split(X, y, groups)
 
     def get_n_splits(self, X=None, y=None, groups=None):
-        """Give the number of folds.
+        """Return the number of folds.
 
         Parameters
         ----------

@@ -122,7 +122,7 @@ def deal_in_order(lengths, shares) -> list[np.ndarray]:
 
 
 def _column(X, name) -> np.ndarray | None:
-    """Give a column by its name; None where there is none."""
+    """Return a column by its name; None where there is none."""
     if not isinstance(X, pd.DataFrame) or name not in X.columns:
         return None
     return X[name].to_numpy()

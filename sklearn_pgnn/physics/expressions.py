@@ -68,7 +68,7 @@ TIME = sympy.Symbol("t", real=True)
 
 
 def symbol(name: str) -> sympy.Symbol:
-    """Give the real SymPy symbol of a quantity."""
+    """Return the real SymPy symbol of a quantity."""
     return sympy.Symbol(name, real=True)
 
 
@@ -118,7 +118,7 @@ def parse_expression(text: str | float, names: Collection[str], where: str = "ex
 
 @lru_cache(maxsize=2048)
 def standard_form(expression: sympy.Expr, names: tuple[str, ...], where: str = "expression"):
-    """Give an expression the form it has when it is read from its own text.
+    """Return an expression in the form in which it is read back from its own text.
 
     Parameters
     ----------
@@ -149,7 +149,7 @@ def standard_form(expression: sympy.Expr, names: tuple[str, ...], where: str = "
 
 
 def same_name(name: str) -> str:
-    """Give the form of a name that Python's parser gives it: the two signs for mu are one."""
+    """Return a name in the normal form of Python's parser: both signs for mu are one."""
     return unicodedata.normalize("NFKC", name)
 
 
@@ -268,7 +268,7 @@ class _Translator:
         return together(*operands)
 
     def operand(self, link, depth):
-        """Give what a link adds to a sum or multiplies into a product."""
+        """Return the operand that a link adds to a sum or multiplies into a product."""
         value = self.translate(link.right, depth)
         if isinstance(link.op, ast.Sub):
             return -value

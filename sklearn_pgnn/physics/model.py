@@ -330,7 +330,7 @@ class PhysicsModel:
         return tuple(name for name, p in self.parameters.items() if not p.fixed)
 
     def unit(self, name: str) -> str:
-        """Give the unit of a state, an input, a parameter or an output.
+        """Return the unit of a state, an input, a parameter or an output.
 
         Parameters
         ----------
@@ -356,7 +356,7 @@ class PhysicsModel:
         return units[name] if name in units else self._unit_of(self.outputs.get(name))
 
     def _unit_of(self, expression) -> str:
-        """Give the unit that all quantities in a sum, a bound or a magnitude have."""
+        """Return the common unit of the quantities in a sum, a bound or a magnitude."""
         if isinstance(expression, sympy.Symbol):
             return self.unit(str(expression))
         if not isinstance(expression, sympy.Add | sympy.Max | sympy.Min | sympy.Abs):
@@ -367,7 +367,7 @@ class PhysicsModel:
     # -- new models from this one ----------------------------------------------------------------
 
     def replace(self, **changes) -> "PhysicsModel":
-        """Give a model that differs in some of its constructor's parameters.
+        """Return a copy of the model with some constructor parameters changed.
 
         Parameters
         ----------
@@ -382,7 +382,7 @@ class PhysicsModel:
         return replace(self, **changes)
 
     def with_parameters(self, **values) -> "PhysicsModel":
-        """Give the model with other parameter values.
+        """Return the model with other parameter values.
 
         Parameters
         ----------
@@ -418,7 +418,7 @@ class PhysicsModel:
         return self._with_numbers(MappingProxyType(parameters))
 
     def _with_numbers(self, parameters) -> "PhysicsModel":
-        """Give the model with the same parameters at other values: nothing else to check."""
+        """Return the model with the same parameters at other values, without further checks."""
         model = object.__new__(type(self))
         kept = {f.name: getattr(self, f.name) for f in fields(self)}
         model.__dict__.update(kept, parameters=parameters)
@@ -578,7 +578,7 @@ class PhysicsModel:
         return hash(self._content())
 
     def _content(self) -> str:
-        """Give everything the model says, in its order: arrays follow it; written out once."""
+        """Return everything the model states, in its order, which arrays follow; cached."""
         if "_written" not in self.__dict__:
             object.__setattr__(self, "_written", repr(self.to_dict()))
         return self.__dict__["_written"]

@@ -175,7 +175,7 @@ class _Reader:
         return node
 
     def items(self, node: Node, what: str = "", place: tuple[str, ...] = ()):
-        """Give keys and value nodes of a mapping, each key once."""
+        """Return keys and value nodes of a mapping; a repeated key is an error."""
         expected = f"{what}: expected names and values" if what else "expected a model"
         if not isinstance(self.plain(node, expected), MappingNode):
             self.refuse(node, f"{expected}, got {_shown(node)}.")

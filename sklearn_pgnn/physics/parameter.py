@@ -98,7 +98,7 @@ class Parameter:
         return math.inf if self.spread == math.inf else abs(self.value) * self.spread
 
     def with_value(self, value: float) -> "Parameter":
-        """Give the same parameter with another value.
+        """Return the same parameter with another value.
 
         Parameters
         ----------
@@ -113,7 +113,7 @@ class Parameter:
         return replace(self, value=float(value))
 
     def with_spread(self, spread: float) -> "Parameter":
-        """Give the same parameter with another spread.
+        """Return the same parameter with another spread.
 
         Parameters
         ----------

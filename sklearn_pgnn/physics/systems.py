@@ -9,7 +9,7 @@ def _by_name(*parameters: Parameter) -> dict[str, Parameter]:
 
 
 def golf_robot() -> PhysicsModel:
-    r"""Give the golf robot: a driven pendulum with dry friction that grows with the load.
+    r"""Return the golf robot: a driven pendulum with dry friction that grows with the load.
 
     .. math::
         J \ddot\varphi = -m g a \sin\varphi - d\,\dot\varphi
@@ -63,7 +63,7 @@ def golf_robot() -> PhysicsModel:
 
 
 def servo_valve(limits: bool = False) -> PhysicsModel:
-    r"""Give the servo valve: a second-order lag from voltage to the slider's position.
+    r"""Return the servo valve: a second-order lag from voltage to the slider's position.
 
     .. math:: T_V^2 \ddot y_V = K_V u_V - y_V - 2 D_V T_V \dot y_V
 
@@ -121,7 +121,7 @@ def servo_valve(limits: bool = False) -> PhysicsModel:
 
 
 def two_tanks() -> PhysicsModel:
-    r"""Give two tanks in a cascade: a pump fills the upper one, only the lower level is measured.
+    r"""Return two tanks in cascade: a pump fills the upper one, the lower level is measured.
 
     .. math::
         \dot x_1 = -k_1 \sqrt{x_1} + k_4 u, \qquad \dot x_2 = k_2 \sqrt{x_1} - k_3 \sqrt{x_2}
@@ -164,7 +164,7 @@ def two_tanks() -> PhysicsModel:
 
 
 def cart_on_spring() -> PhysicsModel:
-    r"""Give a cart between springs, pushed by a force: :math:`m \ddot x = F - k x - d \dot x`.
+    r"""Return a cart between springs, pushed by a force: :math:`m \ddot x = F - k x - d \dot x`.
 
     Returns
     -------

@@ -7,7 +7,7 @@ from sklearn_pgnn.physics.model import PhysicsModel
 
 
 def model_terms(model: PhysicsModel) -> list[sympy.Expr]:
-    """Give a model's states, inputs and what its rates are sums of, without constant factors.
+    """Return a model's states, inputs and the terms of its rates, without constant factors.
 
     Parameters
     ----------

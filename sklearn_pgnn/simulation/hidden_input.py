@@ -176,13 +176,13 @@ class _Filter:
         return likelihood, (*states, *predicted, steps)
 
     def likelihood(self, intensity) -> float:
-        """Give the logarithm of the likelihood of all records; very small where one diverged."""
+        """Return the log-likelihood of all records; very small where one diverged."""
         runs = (self._run(intensity, *one)[0] for one in zip(self.spans, self.starts, strict=True))
         total = float(sum(runs))
         return total if total > -1e300 else -1e300  # where it is not a number, too
 
     def smooth(self, intensity):
-        """Give the smoothed states with the hidden input last, and its standard errors."""
+        """Return the smoothed states with the hidden input last, and its standard errors."""
         states, errors = [], []
         for span, start in zip(self.spans, self.starts, strict=True):
             likelihood, (X, P, *predicted) = self._run(intensity, span, start)

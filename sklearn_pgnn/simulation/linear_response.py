@@ -59,7 +59,7 @@ def _respond(F, H, starts, lengths, theta, E, E0):
 def linear_responses(
     model: PhysicsModel, windows: ShootingWindows, x0: np.ndarray, channel: str, theta: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Give the responses of the outputs to inputs added at a channel, and to the initial states.
+    """Return the responses of the outputs to inputs added at a channel and to initial states.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ def linear_responses(
 
 
 def _transitions(model, windows, x0):
-    """Give the transition over every sample interval, and the states, window by window."""
+    """Return the transition over every sample interval, and the states, window by window."""
     function, source = compile_model(model, ())
     u, p, nx = windows.acting_inputs(model), parameter_values(model), len(model.states)
     F, x = np.zeros((windows.t.size, nx, nx)), np.zeros((windows.t.size, nx))

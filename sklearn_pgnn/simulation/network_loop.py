@@ -45,7 +45,7 @@ def _slope(code, v, value):
 
 @njit(**OPTIONS)
 def _by_input(theta, sizes):
-    """Give the same weights with every layer's matrix transposed; so the sums run side by side."""
+    """Return the weights with every layer's matrix transposed, so that the sums vectorise."""
     turned = theta.copy()
     place = 0
     for layer in range(sizes.size - 1):

@@ -120,7 +120,7 @@ class NetworkRecord:
     x0: np.ndarray
 
     def piece(self, start: int, end: int, x0=None) -> "NetworkRecord":
-        """Give some of the record's samples, from another state if one is given."""
+        """Return part of the record's samples, from another initial state if one is given."""
         parts = ("t", "acting", "u", "simulated", "features")
         cut = {part: getattr(self, part)[start:end] for part in parts}
         return replace(self, **cut, x0=self.x0 if x0 is None else np.array(x0, dtype=float))
@@ -320,7 +320,7 @@ def term_values(model: PhysicsModel, t, x, u, spread):
 
 @lru_cache(maxsize=64)
 def _seen_terms(model: PhysicsModel) -> tuple:
-    """Give the terms of a model's rates that are neither a state nor an input.
+    """Return the terms of a model's rates that are neither a state nor an input.
 
     A jump of dry friction is seen rounded off, over several shares of the velocity's spread.
     """
@@ -339,7 +339,7 @@ def _spread(x) -> sympy.Symbol:
 
 @lru_cache(maxsize=64)
 def _with_terms(model: PhysicsModel, spread: tuple[float, ...]) -> PhysicsModel:
-    """Give a model whose outputs are the terms; it stands still."""
+    """Return a model whose outputs are the terms, with all rates zero."""
     spreads = [
         Parameter(str(_spread(x)), value) for x, value in zip(model.states, spread, strict=True)
     ]
@@ -352,7 +352,7 @@ def _with_terms(model: PhysicsModel, spread: tuple[float, ...]) -> PhysicsModel:
 
 
 def _terms_model(step: NetworkStep) -> PhysicsModel:
-    """Give the model whose outputs are what the guide shows."""
+    """Return the model whose outputs are the terms that guide the network."""
     if step.guide != "terms" or not _seen_terms(step.model):
         return step.model
     spread = step.scale[: len(step.model.states)]
@@ -369,7 +369,7 @@ def _n_hidden(step) -> int:
 
 
 def _common(step, theta, record, wrt=None):
-    """Give what both loops take, in their order."""
+    """Return the arguments common to both loops, in their order."""
     terms_model = _terms_model(step)
     function, source = compile_model(step.model, wrt)
     terms, of_terms = compile_model(terms_model, wrt)

@@ -66,7 +66,7 @@ def evaluate_samples(expression, table: Mapping[str, np.ndarray | float], size: 
 
 
 def sample_table(model: PhysicsModel, windows: ShootingWindows, x: np.ndarray) -> dict:
-    """Give the value of every quantity of a model by name, the inputs as commanded.
+    """Return the value of every quantity of a model by name, the inputs as commanded.
 
     Parameters
     ----------

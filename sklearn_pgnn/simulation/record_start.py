@@ -1,4 +1,4 @@
-"""Where a record begins, in states that it neither shows nor tells."""
+"""The initial state of a record, in states that it neither measures nor gives."""
 
 import itertools
 
@@ -54,7 +54,7 @@ def find_starts(model: PhysicsModel, windows: ShootingWindows, states: StateEsti
 
 
 def _is_stuck(begun: WindowFit, tried: WindowFit, unknown: list[list[int]]) -> np.ndarray:
-    """Tell of every window whether small steps of a state change nothing, but do elsewhere."""
+    """Return for every window whether small changes of a state have no effect there only."""
     here, there = (np.einsum("wii->wi", fit.evaluation.gram) > 0 for fit in (begun, tried))
     lost = ~here & there
     return np.array([bool(lost[r, i].any()) for r, i in enumerate(unknown)])

@@ -1,4 +1,4 @@
-"""From records to windows: the records themselves say how long and how noisy."""
+"""From records to windows: window length and noise are estimated from the records."""
 
 import warnings
 from dataclasses import dataclass, replace
@@ -145,7 +145,7 @@ def without_gaps(records: tuple[Record, ...], window_length=None) -> tuple[Recor
 
 
 def _told_start(model, record) -> np.ndarray:
-    """Give the initial state a record tells, NaN where it does not."""
+    """Return the initial state that a record gives, NaN where it does not."""
     return np.full(len(model.states), np.nan) if record.x0 is None else record.x0
 
 
@@ -158,7 +158,7 @@ def output_noise(records) -> np.ndarray:
 
 
 def dominant_period(records) -> float:
-    r"""Give the shortest dominant period of the outputs [s].
+    r"""Return the shortest dominant period of the outputs [s].
 
     It is :math:`2\pi\,\mathrm{rms}(y)/\mathrm{rms}(\dot y)`. The differences are taken over a
     stretch long enough that noise does not matter.

@@ -45,7 +45,7 @@ class Simulation:
         return not self.message
 
     def check(self) -> "Simulation":
-        """Give the simulation itself if it is whole.
+        """Return the simulation itself if every sample is finite.
 
         Returns
         -------
@@ -238,7 +238,7 @@ def settled_start(model: PhysicsModel, u) -> dict[str, float]:
 
 
 def parameter_values(model: PhysicsModel) -> np.ndarray:
-    """Give the parameters' values in the model's order."""
+    """Return the parameters' values in the model's order."""
     return np.array([parameter.value for parameter in model.parameters.values()], dtype=float)
 
 
@@ -275,7 +275,7 @@ def _check_options(method, substeps):
 
 
 def _remedy(model, t, X, failed, substeps) -> str:
-    """Say where and when a simulation failed and what can be done."""
+    """Return where and when a simulation failed, and the remedy."""
     last = X[failed - 1] if failed else X[0]
     at = ", ".join(f"{name} = {value:.3g}" for name, value in zip(model.states, last, strict=True))
     return (

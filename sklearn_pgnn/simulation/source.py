@@ -98,7 +98,7 @@ def differentiate(expression, variable):
 
 
 def _is_root_of_a_bound(e) -> bool:
-    """Tell whether something is one over a root that a bound keeps from below zero."""
+    """Return whether an expression is one over a root whose argument is bounded below by zero."""
     root = isinstance(e, sympy.Pow) and e.exp.is_number and not e.exp.is_integer
     return bool(root and e.exp < 0 and e.base.has(sympy.Max, sympy.Min))
 
@@ -112,7 +112,7 @@ def _real(expression):
 
 
 def dry_states(model: PhysicsModel) -> tuple[bool, ...]:
-    """Tell for every state whether its own rate jumps where it changes its sign."""
+    """Return for every state whether its own rate jumps where it changes its sign."""
     return tuple(rate.has(sympy.sign(symbol(state))) for state, rate in model.equations.items())
 
 
@@ -179,7 +179,7 @@ def _write(frozen: _Frozen, wrt) -> Source:
 
 
 def _sign(i):
-    """Give what stands for the sign of a state."""
+    """Return the symbol for the sign of a state."""
     return sympy.Symbol(f"s{i}")
 
 
@@ -194,7 +194,7 @@ def _by_parameter(model, local, expression, name):
 
 
 def _places(model, dry):
-    """Give every symbol's place in the arguments."""
+    """Return every symbol's place in the arguments."""
     inputs = [*model.inputs, *(slope_name(late) for late in model.delays)]
     places = {symbol(name): ("x", i) for i, name in enumerate(model.states)}
     places |= {sympy.Symbol(name, real=True): ("u", i) for i, name in enumerate(inputs)}

@@ -201,7 +201,7 @@ def hidden_states(model: PhysicsModel) -> tuple[str, ...]:
 
 
 def _shown_by(model: PhysicsModel, output):
-    """Give the state that an output shows with its velocity, None where it has none."""
+    """Return the state that an output shows with its velocity, None where it has none."""
     positions = {position: velocity for velocity, position in model.slope_pairs.items()}
     return [(name, positions.get(name)) for name in model.states if output == symbol(name)]
 

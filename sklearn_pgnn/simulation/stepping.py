@@ -139,7 +139,7 @@ def _copy_rows(values, into):
 
 @njit(**INNER)
 def _fill(pieces, value):
-    """Give every Gram matrix of a window's pieces one value."""
+    """Fill every Gram matrix of a window's blocks with one value."""
     for i in range(pieces.shape[0]):
         for j in range(pieces.shape[1]):
             for m in range(pieces.shape[2]):

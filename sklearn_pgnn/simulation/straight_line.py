@@ -30,7 +30,7 @@ _MULTIPLIED = 16
 
 
 def straight_line(text: str):
-    """Give a function that numba compiles from assignments on numbers.
+    """Return a function that numba compiles from assignments on numbers.
 
     Parameters
     ----------

@@ -35,7 +35,7 @@ class Estimate:
 
 
 def estimate_of(model: PhysicsModel, name: str, errors: Mapping[str, float]) -> Estimate:
-    """Give a parameter's value and interval, kept within its bounds.
+    """Return a parameter's value and interval, kept within its bounds.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ def estimate_of(model: PhysicsModel, name: str, errors: Mapping[str, float]) -> 
 
 
 def standard_errors(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) -> dict[str, float]:
-    r"""Give the parameters' standard errors, robust to residuals that are not white.
+    r"""Return the parameters' standard errors, robust to residuals that are not white.
 
     .. math:: \mathrm{cov} = H^{-1} \left(\frac{W}{W - n} \sum_w g_w g_w^T + P\right) H^{-1}
 
@@ -112,7 +112,7 @@ def errors_by_held(
     expected: np.ndarray,
     spread: np.ndarray,
 ) -> dict[str, float]:
-    r"""Give the standard errors that come from parameters which were held in a fit.
+    r"""Return the standard errors due to parameters that were held fixed in a fit.
 
     A held parameter :math:`q` would move the others by :math:`-H_{pp}^{-1} H_{pq}` for each of its
     units.
@@ -148,7 +148,7 @@ def errors_by_held(
 
 
 def _piece_scores(fit: WindowFit, normal: Normal) -> np.ndarray:
-    """Give every piece's gradient with the initial state of its window projected out."""
+    """Return every block's gradient with the initial state of its window projected out."""
     n_p, gram = len(fit.freedoms), fit.evaluation.block_gram
     by_parameter, by_state = gram[:, :, :n_p, -1], gram[:, :, n_p:-1, -1]
     scores = by_parameter - np.einsum("wxp,wjx->wjp", normal.to_state, by_state)

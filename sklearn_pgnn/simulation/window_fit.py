@@ -285,7 +285,7 @@ class _Task:
         return fit if np.isnan(objective) else replace(fit, objective=objective)
 
     def parts(self, fit) -> np.ndarray:
-        """Give the objective window by window, and last the parameters' part."""
+        """Return the objective window by window, and last the parameters' part."""
         states = (self.weight * (fit.x0 - self.expected) ** 2).sum(axis=1)
         pull = self.pull * (fit.values - self.centre) ** 2
         return np.append(fit.evaluation.squares + states, pull.sum())
@@ -308,7 +308,7 @@ class _Task:
         return _Step(self._moved(fit.model, by_p), fit.x0 + by_x, np.append(promise, pulled))
 
     def is_done(self, fit, small, prune_above) -> bool:
-        """Tell whether a linear model promises little, or not enough by far."""
+        """Return whether the linear model predicts a small or an insufficient decrease."""
         promise = self.step(fit, UNDAMPED).promise.sum()
         return promise <= small or fit.objective - OPTIMISM * promise > prune_above
 
@@ -328,7 +328,7 @@ class _Task:
 
 
 def _promise(gram, by_p, by_x) -> np.ndarray:
-    """Give the decrease of every window's squares by a linear model of its residuals."""
+    """Return the decrease of every window's squares by a linear model of its residuals."""
     by = np.concatenate([np.broadcast_to(by_p, (len(by_x), by_p.size)), by_x], axis=1)
     slope = 2 * gram[:, :-1, -1] - np.einsum("wij,wj->wi", gram[:, :-1, :-1], by)
     return np.einsum("wi,wi->w", by, slope)
@@ -387,12 +387,12 @@ def project(
 
 
 def _length(squares) -> np.ndarray:
-    """Give the lengths of columns, one for those that are nothing."""
+    """Return the norms of columns, one for those that are zero."""
     return np.sqrt(np.where(squares > 0, squares, 1.0))
 
 
 def expected_decrease(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) -> float:
-    """Tell by how much a linear model of the residuals would lower the objective further.
+    """Return the further decrease of the objective that a linear model predicts.
 
     Parameters
     ----------

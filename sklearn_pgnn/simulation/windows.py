@@ -74,7 +74,7 @@ class ShootingWindows:
         return np.searchsorted(self.bounds, self.starts, side="right") - 1
 
     def select(self, which) -> "ShootingWindows":
-        """Give some of the windows.
+        """Return some of the windows.
 
         Parameters
         ----------
@@ -112,7 +112,7 @@ class ShootingWindows:
         return np.diff(total[self.block_edges], axis=1)
 
     def thin(self, factor: int) -> "ShootingWindows":
-        """Give the same windows with fewer samples, held inputs averaged from one to the next.
+        """Return the windows with fewer samples; held inputs are averaged in between.
 
         Parameters
         ----------
@@ -146,7 +146,7 @@ class ShootingWindows:
         return area / np.add.reduceat(width, kept)[:, None]
 
     def acting_inputs(self, model: PhysicsModel) -> np.ndarray:
-        """Give the inputs with the model's delays applied, record by record."""
+        """Return the inputs with the model's delays applied, record by record."""
         if not model.delays:
             return self.u
         pieces = [
@@ -189,7 +189,7 @@ class Evaluation:
         return self.block_gram[:, :, -1, -1]
 
     def select(self, which) -> "Evaluation":
-        """Give the evaluation of some of the windows.
+        """Return the evaluation of some of the windows.
 
         Parameters
         ----------
@@ -204,7 +204,7 @@ class Evaluation:
         return Evaluation(self.block_gram[which], self.residual)
 
     def replaced(self, windows: ShootingWindows, which, other: "Evaluation", part) -> "Evaluation":
-        """Give the evaluation with some windows from another one.
+        """Return the evaluation with some windows replaced by another's.
 
         Parameters
         ----------
@@ -297,7 +297,7 @@ def evaluate(model: PhysicsModel, windows: ShootingWindows, x0, wrt: tuple[str, 
 
 
 def _lose_arbitrary(gram, sizes):
-    """Give up the windows in which rounding what has such sizes moves outputs beyond the noise."""
+    """Discard the windows in which rounding errors move outputs beyond the noise."""
     with np.errstate(over="ignore", invalid="ignore"):  # what overflows is lost as well
         slopes = np.sqrt(np.einsum("wjii->wi", gram[..., :-1, :-1]))
         known = (ROUNDING * np.abs(sizes) * slopes <= 1.0).all(axis=1)
@@ -309,7 +309,7 @@ def _lose_arbitrary(gram, sizes):
 
 @lru_cache(maxsize=8)
 def _pool(threads: int) -> ThreadPoolExecutor:
-    """Give the threads that simulate, made once a process."""
+    """Return the thread pool for simulations, created once a process."""
     return ThreadPoolExecutor(threads)
 
 

@@ -146,7 +146,7 @@ class _CsvTable(FileTable):
             return raw.decode("latin-1")
 
     def split(self, text: str) -> tuple[list[int], list[str]]:
-        """Give line numbers and texts without comments and empty lines."""
+        """Return line numbers and texts without comments and empty lines."""
         lines = re.split(r"\r\n|\n|\r", text)
         kept = [k for k, line in enumerate(lines) if line.strip() and line.lstrip()[0] != "#"]
         if not kept:

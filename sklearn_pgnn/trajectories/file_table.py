@@ -269,7 +269,7 @@ def read_each(read, paths, model: PhysicsModel, sample_time) -> tuple[pd.DataFra
 
 
 def _unique(names: list[str]) -> list[str]:
-    """Give every name once, those that come again with a number."""
+    """Return the names made unique; repeated ones get a number."""
     found: list[str] = []
     for name in names:
         new, count = name, 1

@@ -133,7 +133,7 @@ def rows_in_order(records: tuple[Record, ...], values: np.ndarray) -> np.ndarray
 
 
 def _as_table(model: PhysicsModel, X, time_column) -> pd.DataFrame:
-    """Give the columns that count under the model's own names; nothing of X is changed."""
+    """Return the relevant columns under the model's own names; X is not modified."""
     X = as_table(X, time_column)
     if isinstance(X, pd.DataFrame) and all(isinstance(name, str) for name in X.columns):
         return _from_names(model, X, time_column)

@@ -26,11 +26,11 @@ class Smoothed:
     spline: PPoly
 
     def value(self, t) -> np.ndarray:
-        """Give the smoothed quantity at times `t` [s]."""
+        """Return the smoothed quantity at times `t` [s]."""
         return self.spline(t)
 
     def slope(self, t) -> np.ndarray:
-        """Give its rate of change at times `t` [s]."""
+        """Return its rate of change at times `t` [s]."""
         return self.spline.derivative()(t)
 
 
@@ -78,7 +78,7 @@ class NaturalSpline:
         )
 
     def smoothed(self, penalty) -> PPoly:
-        """Give the smoothing spline.
+        """Return the smoothing spline.
 
         Parameters
         ----------
@@ -105,7 +105,7 @@ class NaturalSpline:
         return PPoly(np.stack(pieces).reshape(4, h.size, *np.shape(penalty)), self.t)
 
     def _curvatures(self, penalties) -> np.ndarray:
-        """Give the second derivatives at the samples, a column a penalty; one system of blocks."""
+        """Return the second derivatives at the samples, one column a penalty, by a single solve."""
         blocks = self._r[:, None] + penalties[:, None] * self._qq[:, None]
         inner = solveh_banded(
             blocks.reshape(3, -1),
@@ -199,7 +199,7 @@ def _cross_validation(t, y, penalties) -> np.ndarray:
 
 
 def _line(t, y) -> PPoly:
-    """Give the straight line through few samples."""
+    """Return the straight line through few samples."""
     slope, level = np.polyfit(t, y, 1) if t.size > 1 else (0.0, float(y[0]) if t.size else 0.0)
     a, b = (t[0], t[-1]) if t.size > 1 else (0.0, 1.0)
     return PPoly(np.array([[slope], [level + slope * a]]), np.array([a, b]))

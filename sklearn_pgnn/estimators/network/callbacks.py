@@ -37,7 +37,7 @@ class CosineDecay(Callback):
             phase.epoch += 1
 
     def on_train_end(self, net, **kwargs):
-        """Give those who train on the learning rates as they were."""
+        """Restore the learning rates, for a training that goes on."""
         self._set(1.0)
         self.groups_ = []
 

@@ -101,7 +101,7 @@ class Recurrent(nn.Module):
         self.read = nn.Linear(int(neurons), n_outputs)
 
     def at_rest(self, n: int) -> torch.Tensor:
-        """Give the hidden state of trajectories that begin.
+        """Return the initial hidden state of `n` trajectories.
 
         Parameters
         ----------

@@ -14,7 +14,7 @@ from sklearn_pgnn.simulation.network_run import NetworkRecord, NetworkStep, run_
 
 
 def is_compiled(core: nn.Module) -> bool:
-    """Tell whether a core has a compiled loop."""
+    """Return whether a core has a compiled loop."""
     return type(core) in (FeedForward, Recurrent)
 
 
@@ -28,7 +28,7 @@ def step_with(core: nn.Module, step: NetworkStep) -> NetworkStep:
 
 
 def weights_of(core: nn.Module) -> np.ndarray:
-    """Give all weights of a core in one array."""
+    """Return all weights of a core in one array."""
     return nn.utils.parameters_to_vector(core.parameters()).detach().cpu().numpy().astype(float)
 
 
@@ -92,7 +92,7 @@ def _run_torch(core, step, record):
 
 
 def outputs_of(model: PhysicsModel, x: torch.Tensor, u: torch.Tensor, t: torch.Tensor):
-    """Give the outputs of states.
+    """Return the outputs of states.
 
     Parameters
     ----------

@@ -98,7 +98,7 @@ class SimulationObjective:
         self._n_steps = sum(len(range(0, len(record.x) - 1, stride)) for record in records)
 
     def __call__(self, theta: np.ndarray) -> Sums:
-        """Give cost, gradient and curvature; the cost is infinite where a simulation diverges.
+        """Return cost, gradient and curvature; the cost is infinite if a simulation diverges.
 
         Parameters
         ----------
@@ -118,7 +118,7 @@ class SimulationObjective:
         )
 
     def cost(self, theta: np.ndarray) -> float:
-        """Give the cost alone, which is much cheaper.
+        """Return the cost alone, which is much cheaper.
 
         Parameters
         ----------
@@ -158,7 +158,7 @@ class SimulationObjective:
         return sums
 
     def _samples(self, record) -> np.ndarray:
-        """Give the samples that count; of a physical residual the step's end as well."""
+        """Return the samples in the cost; with a physical loss also the ends of their steps."""
         every = np.arange(0, len(record.x), self.stride)
         if not self.lambda_phy:
             return every
@@ -267,12 +267,12 @@ def _next_step(objective, theta, now: Sums, damping: float, size: np.ndarray):
 
 
 def _expected_gain(sums: Sums, step: np.ndarray) -> float:
-    """Give by how much the quadratic model falls."""
+    """Return the decrease that the quadratic model predicts."""
     return -float(sums.gradient @ step + step @ sums.curvature @ step / 2)
 
 
 def _has_settled(costs: list[float]) -> bool:
-    """Tell whether the last steps have gained next to nothing."""
+    """Return whether the last steps have lowered the cost by next to nothing."""
     return len(costs) > SETTLED and costs[-1] > (1.0 - TOLERANCE) * costs[-1 - SETTLED]
 
 

@@ -222,7 +222,7 @@ class PhysicsLoss:
         self._residuals = [term.bind(model, motion) for term in terms]
 
     def residuals(self, x, u, t) -> list[torch.Tensor]:
-        """Give every term's residual, each of shape (n, length, m).
+        """Return every term's residual, each of shape (n, length, m).
 
         Parameters
         ----------
@@ -262,7 +262,7 @@ class PhysicsLoss:
         return found
 
     def __call__(self, x, u, t) -> torch.Tensor:
-        """Give the weighted mean cost of all terms."""
+        """Return the weighted mean cost of all terms."""
         costs = [
             term.weight * (h.mean() if term.kind == "inequality" else (h**2).mean())
             for term, h in zip(self.terms, self.residuals(x, u, t), strict=True)
@@ -337,7 +337,7 @@ class _Energy:
         self.reference = rms[0] or rms[1] or 1.0
 
     def surplus(self, x, u, t, *, dissipates: bool):
-        """Give the power by which the stored energy grows more than it is fed, over the scale."""
+        """Return the growth of the stored energy beyond the supplied power, over the scale."""
         middle = _middle(x, u, t)
         change = torch.diff(self._stored(x, u, t), dim=1) / torch.diff(t, dim=1)
         surplus = change - self._power("supplied", *middle)
@@ -368,18 +368,18 @@ def _rate_excess(columns, low, high, x, u, t):
 
 
 def _excess(values, low, high):
-    """Give how far values lie outside of their bounds, in widths of the range."""
+    """Return how far values lie outside of their bounds, in widths of the range."""
     low, high = values.new_tensor(low), values.new_tensor(high)
     return torch.maximum(low - values, values - high) / (high - low)
 
 
 def _middle(x, u, t):
-    """Give the states and the time in the middle of every step."""
+    """Return the states, the inputs and the time in the middle of every step."""
     return (x[:, 1:] + x[:, :-1]) / 2, u, (t[:, 1:] + t[:, :-1]) / 2
 
 
 def _limits(term, model):
-    """Give the columns of the states a term bounds, and their lower and upper bounds."""
+    """Return the columns of the states that a term bounds, and their lower and upper bounds."""
     bounds = dict(term.bounds or {})
     unknown = [name for name in bounds if name not in model.states]
     if unknown or not bounds:

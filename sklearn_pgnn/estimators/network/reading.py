@@ -42,7 +42,7 @@ def with_names(model: PhysicsModel, X, time_column=None):
 
 
 def simulated_states(model: PhysicsModel, X) -> np.ndarray | None:
-    """Give the columns of the simulated states, if a table has them all.
+    """Return the columns of the simulated states, or None where a table lacks one.
 
     Parameters
     ----------

@@ -51,7 +51,7 @@ class TrainingRecord:
     scored_from: int = 0
 
     def first(self, n_samples: int) -> "TrainingRecord":
-        """Give the trajectory's first samples."""
+        """Return the trajectory's first samples."""
         return TrainingRecord(
             self.record.piece(0, n_samples), self.x[:n_samples], self.y[:n_samples]
         )
@@ -175,7 +175,7 @@ def split_for_validation(records: list[TrainingRecord], share: float, random):
 
 
 def spread_of(values: np.ndarray) -> np.ndarray:
-    """Give the standard deviation of every column, 1 for one that does not vary."""
+    """Return the standard deviation of every column, 1 for a constant one."""
     spread = values.std(axis=0)
     return np.where(spread > 0, spread, 1.0)
 
@@ -231,14 +231,14 @@ class TrainingWindows:
             )[0]  # fmt: skip
 
     def starts(self, length: int, stride: int) -> np.ndarray:
-        """Give where windows of so many steps begin, so many samples apart."""
+        """Return the first samples of windows of `length` steps, `stride` samples apart."""
         begin = np.concatenate([[0], np.cumsum(self.lengths)[:-1]])
         return np.concatenate(
             [np.arange(a, a + n - length, stride) for a, n in zip(begin, self.lengths, strict=True)]
         ).astype(int)
 
     def motion(self) -> Motion:
-        """Give what the machine did from each sample to the next."""
+        """Return the measured motion from each sample to the next."""
         k = self.pairs
         ends = k[:, None] + [0, 1]
         return Motion(self.x[ends], self.u[k][:, None], self.t[ends])

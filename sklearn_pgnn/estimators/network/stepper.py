@@ -86,7 +86,7 @@ class Stepper:
         return self._outputs(acting[1])
 
     def output(self, u) -> np.ndarray:
-        """Give the outputs of the present sample, as ``predict`` does.
+        """Return the outputs of the present sample, as ``predict`` does.
 
         Parameters
         ----------
@@ -119,7 +119,7 @@ class Stepper:
         return outputs_of(self._step.model, *now).numpy()
 
     def _acting(self, u) -> np.ndarray:
-        """Give the inputs as they act now; before the start they had their first value."""
+        """Return the inputs as they act now; before the start they had their first value."""
         history = np.array([*(self._inputs or [u]), u])
         t = self.t - self._interval * np.arange(len(history))[::-1]
         return delayed_inputs(self._late, t, history)[-1, : u.size]

@@ -19,12 +19,12 @@ TRIAL_SHARE = 0.1
 
 
 def base_of(structure: str) -> str:
-    """Give what the network's output is added to."""
+    """Return what the network's output is added to."""
     return _BASES[structure]
 
 
 def corrected_states(model: PhysicsModel, structure: str) -> list[int]:
-    """Give the states that have an output of the network of their own.
+    """Return the states that have a network output of their own.
 
     Parameters
     ----------

@@ -62,7 +62,7 @@ def torch_value(expression, values) -> torch.Tensor:
 
 @lru_cache(maxsize=1024)
 def _function(node):
-    """Give the function of the values that a tree stands for."""
+    """Return the function of the values that an expression tree represents."""
     if node.is_Symbol:
         return operator.itemgetter(node.name)
     if node.is_number:

@@ -300,7 +300,7 @@ class TrajectoryNet(NeuralNetRegressor):
             self.batch_size = whole
 
     def get_loss(self, y_pred, y_true, X=None, training=False):
-        r"""Give the loss, :math:`(1 - \lambda_{phy})\,L_{error} + \lambda_{phy}\,L_{phy}`.
+        r"""Return the loss, :math:`(1 - \lambda_{phy})\,L_{error} + \lambda_{phy}\,L_{phy}`.
 
         Parameters
         ----------
@@ -363,7 +363,7 @@ class TrajectoryNet(NeuralNetRegressor):
         return super().get_loss(compared, y_true, X)
 
     def _inputs_after(self, X):
-        """Give the inputs that act at the end of every step; an output may depend on them."""
+        """Return the inputs that act at the end of every step; an output may depend on them."""
         after = X["index"].cpu().numpy() + 1
         acting = self.module_.samples["acting"][after, : len(self.model_.inputs)]
         return torch.as_tensor(acting.reshape(*after.shape, -1), device=X["t"].device)
