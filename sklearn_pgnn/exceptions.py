@@ -2,7 +2,7 @@
 
 
 class ModelError(ValueError):
-    """A model, an equation or a model file does not say what it must.
+    """A model, an equation or a model file is not valid.
 
     Parameters
     ----------
@@ -22,11 +22,11 @@ class RecordError(ValueError):
 
 
 class OptionError(ValueError):
-    """An option (a keyword of an estimator, a word on the command line) is none of its choices."""
+    """An option (a keyword of an estimator or of the command line) is not valid."""
 
 
 class RecordWarning(UserWarning):
-    """A record is used, but not quite as it stands; the message says how, and the remedy."""
+    """A record is used with a change or a reservation, which the message gives with its remedy."""
 
 
 class SimulationError(RuntimeError):

@@ -1,4 +1,4 @@
-"""Libraries that only some of the package needs, and the extras that install them."""
+"""Optional libraries, and the extras that install them."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -15,7 +15,7 @@ EXTRA_OF = {library: extra for extra, libraries in EXTRAS.items() for library in
 
 
 def is_installed(extra: str) -> bool:
-    """Return whether the libraries of an extra are there, without importing them.
+    """Return whether the libraries of an extra are installed, without importing them.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ def is_installed(extra: str) -> bool:
 def needed_by(what: str) -> Iterator[None]:
     """Name the extra if an import inside the block does not find a library.
 
-    Any other error passes as it is: a library that is there and broken says so itself.
+    Any other error is passed on: an installed but broken library raises its own.
 
     Parameters
     ----------

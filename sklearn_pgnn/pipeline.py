@@ -11,7 +11,7 @@ from sklearn_pgnn.trajectories.validation import check_model
 
 
 def make_pgnn_pipeline(model: PhysicsModel, *, memory=None, verbose=0, **network) -> Pipeline:
-    """Build the paper's pipeline: simulate the model, scale what it gives, train a network.
+    """Build the paper's pipeline: simulate the model, scale the simulation, train a network.
 
     Only the simulated columns are standardised. Time, inputs and initial states pass the scaler
     untouched, so that the energies of the physical loss are in physical units.

@@ -1,8 +1,8 @@
-"""Where a model's readings live.
+"""Where the methods of a model that belong to upper layers are implemented.
 
-A `PhysicsModel` knows what a machine is, not how to simulate it; yet ``model.simulate(...)`` is
-what a person writes. This table is the only place where a lower floor names an upper one, and it
-does so by text, resolved when the reading is asked for.
+A `PhysicsModel` does not depend on the code that simulates it; yet ``model.simulate(...)`` is
+the natural interface. This table is the only place where a lower layer names an upper one, and it
+does so by text, resolved on use.
 """
 
 from pkgutil import resolve_name
@@ -18,5 +18,5 @@ READINGS = {
 
 
 def reading(name: str):
-    """Return the function that reads a model in the way called `name`."""
+    """Return the function that implements a method of a model."""
     return resolve_name(READINGS[name])

@@ -140,8 +140,8 @@ def test_free_run_is_the_true_machine(fitted):
 
 
 def test_gradient_vanishes_at_the_optimum():
-    ground = window_records(CART, read_records(CART, X, Y))
-    found = find_parameters(CART, ground, ("m", "k", "d"), "local")
+    windowed = window_records(CART, read_records(CART, X, Y))
+    found = find_parameters(CART, windowed, ("m", "k", "d"), "local")
     offset = found.fit.x0 - found.expected
     normal = project(found.fit.evaluation.gram, 3, found.spread**-2.0, offset)
     gradient, hessian = normal.gradient.sum(axis=0), normal.hessian.sum(axis=0)
@@ -152,8 +152,8 @@ def test_gradient_vanishes_at_the_optimum():
 def test_no_other_values_fit_better(fitted):
     def left(**values):
         near = CART.with_parameters(**values)
-        ground = window_records(near, read_records(CART, X, Y), substeps=fitted.substeps_)
-        return find_parameters(near, ground, (), "local").fit.objective
+        windowed = window_records(near, read_records(CART, X, Y), substeps=fitted.substeps_)
+        return find_parameters(near, windowed, (), "local").fit.objective
 
     best = {name: each.value for name, each in fitted.parameters_.items()}
     least = left(**best)

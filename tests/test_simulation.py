@@ -393,7 +393,7 @@ def test_machine_code_computes_what_the_expression_says(text):
 # -- windows --------------------------------------------------------------------------------------
 
 
-def grounds(model, noise=1e-3, seed=0, window_length=None):
+def windowed_records(model, noise=1e-3, seed=0, window_length=None):
     """Cut a noisy record of the pendulum into windows."""
     t = np.arange(0, 20, 0.02)
     rng = np.random.default_rng(seed)
@@ -404,13 +404,13 @@ def grounds(model, noise=1e-3, seed=0, window_length=None):
     return truth, window_records(model, records, window_length=window_length, substeps=4)
 
 
-def fitted(ground, model=PENDULUM):
+def fitted(windowed, model=PENDULUM):
     """Fit the pendulum's parameters; give the fit and what the initial states were expected."""
-    estimate = ground.states.estimate(model)
-    expected = estimate.x[ground.windows.starts]
+    estimate = windowed.states.estimate(model)
+    expected = estimate.x[windowed.windows.starts]
     free = tuple(ParameterPrior(name, 1e-3, 10.0, 1.0, np.inf, 1.0) for name in ("J", "k", "d"))
     fit = fit_windows(
-        model, ground.windows, free, expected, estimate.spread, max_steps=50, tolerance=1e-12
+        model, windowed.windows, free, expected, estimate.spread, max_steps=50, tolerance=1e-12
     )
     return fit, expected, estimate.spread
 
@@ -423,13 +423,13 @@ def test_slope_of_a_bounded_rate_is_evaluated_at_samples_beside_numbers():
 
 
 def test_gradient_of_windows_is_the_derivative_of_their_squares():
-    _, ground = grounds(PENDULUM)
-    x0 = ground.states.estimate(PENDULUM).x[ground.windows.starts]
+    _, windowed = windowed_records(PENDULUM)
+    x0 = windowed.states.estimate(PENDULUM).x[windowed.windows.starts]
 
     def squares(**values):
-        return evaluate(PENDULUM.with_parameters(**values), ground.windows, x0, ()).squares.sum()
+        return evaluate(PENDULUM.with_parameters(**values), windowed.windows, x0, ()).squares.sum()
 
-    gram = evaluate(PENDULUM, ground.windows, x0, ("J", "k", "d")).gram
+    gram = evaluate(PENDULUM, windowed.windows, x0, ("J", "k", "d")).gram
     for j, name in enumerate(("J", "k", "d")):
         value, step = PENDULUM.parameters[name].value, 1e-6
         slope = squares(**{name: value + step}) - squares(**{name: value - step})
@@ -441,11 +441,11 @@ def test_a_window_whose_outputs_are_made_of_rounding_is_lost():
     model = PhysicsModel({"y": "V"}, {"y": "sin(c*y) + b*u"}, {"c": 1638.0, "b": 1.0}, {"u": "V"})
     t = np.arange(0, 8, 0.1)
     records = read_records(model, np.column_stack([t, np.sin(t)]), np.sin(t)[:, None])
-    ground = window_records(model, records, window_length="trajectory")
+    windowed = window_records(model, records, window_length="trajectory")
     # the last digit of the initial state decides what is simulated
     runs = [model.simulate(t, np.sin(t), [x0]).y for x0 in (1.0, 1.0 + 1e-15)]
-    assert np.abs(runs[0] - runs[1]).max() > 10 * ground.windows.scale
-    found = evaluate(model, ground.windows, np.ones((1, 1)), ("c", "b"))
+    assert np.abs(runs[0] - runs[1]).max() > 10 * windowed.windows.scale
+    found = evaluate(model, windowed.windows, np.ones((1, 1)), ("c", "b"))
     assert found.squares.tolist() == [np.inf]
     assert not found.gram[:, :-1].any()
 
@@ -486,8 +486,8 @@ def test_a_tank_that_was_empty_does_not_hide_the_slopes():
 
 
 def test_window_fit_ends_where_the_gradient_vanishes():
-    truth, ground = grounds(PENDULUM)
-    fit, expected, spread = fitted(ground)
+    truth, windowed = windowed_records(PENDULUM)
+    fit, expected, spread = fitted(windowed)
     normal = project(fit.evaluation.gram, 3, spread**-2.0, fit.x0 - expected)
     # Newton's decrement: what a further step could still gain, of some 2000 squares
     gradient, hessian = normal.gradient.sum(axis=0), normal.hessian.sum(axis=0)
@@ -495,46 +495,46 @@ def test_window_fit_ends_where_the_gradient_vanishes():
     state_gradient = fit.evaluation.gram[:, 3:5, 5] - (fit.x0 - expected) / spread**2
     scale = np.sqrt(np.einsum("wii->wi", fit.evaluation.gram[:, 3:5, 3:5]))
     assert np.abs(state_gradient / scale).max() < 1e-2
-    assert fit.squares == pytest.approx(np.isfinite(ground.windows.y).sum(), rel=0.2)
+    assert fit.squares == pytest.approx(np.isfinite(windowed.windows.y).sum(), rel=0.2)
     errors = standard_errors(fit, expected, spread)
     for name, error in errors.items():
         assert abs(fit.model.parameters[name].value - truth.parameters[name].value) < 4 * error
 
 
 def test_windows_give_the_same_on_several_threads():
-    _, ground = grounds(PENDULUM)
-    x0 = ground.states.estimate(PENDULUM).x[ground.windows.starts]
-    one = evaluate(PENDULUM, ground.windows, x0, ("J",))
-    three = evaluate(PENDULUM, replace(ground.windows, threads=3), x0, ("J",))
+    _, windowed = windowed_records(PENDULUM)
+    x0 = windowed.states.estimate(PENDULUM).x[windowed.windows.starts]
+    one = evaluate(PENDULUM, windowed.windows, x0, ("J",))
+    three = evaluate(PENDULUM, replace(windowed.windows, threads=3), x0, ("J",))
     assert np.array_equal(one.gram, three.gram)
     assert np.array_equal(one.residual, three.residual)
 
 
 def test_fit_respects_bounds():
-    _, ground = grounds(PENDULUM)
-    estimate = ground.states.estimate(PENDULUM)
+    _, windowed = windowed_records(PENDULUM)
+    estimate = windowed.states.estimate(PENDULUM)
     free = (ParameterPrior("k", 2.35, 3.0, 2.4, np.inf, 1.0),)
-    start = estimate.x[ground.windows.starts]
-    fit = fit_windows(PENDULUM, ground.windows, free, start, estimate.spread)
+    start = estimate.x[windowed.windows.starts]
+    fit = fit_windows(PENDULUM, windowed.windows, free, start, estimate.spread)
     assert fit.values[0] == 2.35  # the truth, 2.3, is out of bounds
 
 
 def test_a_window_that_diverges_from_its_start_begins_where_it_is_expected():
-    _, ground = grounds(PENDULUM)
-    estimate = ground.states.estimate(PENDULUM)
-    expected = estimate.x[ground.windows.starts]
+    _, windowed = windowed_records(PENDULUM)
+    estimate = windowed.states.estimate(PENDULUM)
+    expected = estimate.x[windowed.windows.starts]
     begun = expected.copy()
     begun[3] = np.inf
-    fit = fit_windows(PENDULUM, ground.windows, (), expected, estimate.spread, x0_start=begun)
-    usual = fit_windows(PENDULUM, ground.windows, (), expected, estimate.spread)
+    fit = fit_windows(PENDULUM, windowed.windows, (), expected, estimate.spread, x0_start=begun)
+    usual = fit_windows(PENDULUM, windowed.windows, (), expected, estimate.spread)
     assert fit.squares == pytest.approx(usual.squares, rel=1e-3)
 
 
 def test_a_promise_of_more_than_is_left_counts_for_nothing():
-    _, ground = grounds(PENDULUM)
-    best, expected, spread = fitted(ground)
+    _, windowed = windowed_records(PENDULUM)
+    best, expected, spread = fitted(windowed)
     near = best.model.with_parameters(k=1.01 * best.model.parameters["k"].value)
-    fit = fit_windows(near, ground.windows, best.freedoms, expected, spread, max_steps=0)
+    fit = fit_windows(near, windowed.windows, best.freedoms, expected, spread, max_steps=0)
     assert 0.0 < expected_decrease(fit, expected, spread) < fit.objective
     gram = fit.evaluation.block_gram.copy()
     gram[..., :-1, :-1] *= 1e-9  # as if rounding had left next to nothing of the curvature
@@ -543,13 +543,13 @@ def test_a_promise_of_more_than_is_left_counts_for_nothing():
 
 
 def test_standard_errors_are_those_of_repeated_experiments():
-    truth, ground = grounds(PENDULUM)
-    windows, rng = ground.windows, np.random.default_rng(1)
+    truth, windowed = windowed_records(PENDULUM)
+    windows, rng = windowed.windows, np.random.default_rng(1)
     clean = simulate(truth, windows.t, windows.u, [0.2, 0.0], substeps=4).y
     found, claimed = [], []
     for _ in range(30):
         y = clean + 1e-3 * rng.standard_normal(clean.shape)
-        fit, *start = fitted(replace(ground, windows=replace(windows, y=y)))
+        fit, *start = fitted(replace(windowed, windows=replace(windows, y=y)))
         found.append(fit.values)
         claimed.append(list(standard_errors(fit, *start).values()))
     ratio = np.median(claimed, axis=0) / np.std(found, axis=0)
@@ -566,11 +566,11 @@ def test_parameters_seen_only_together_have_no_finite_error():
     t = np.arange(0, 20, 0.05)
     u = np.sin(t) + np.sin(3.1 * t)
     y = simulate(twice, t, u).y + 1e-3 * np.random.default_rng(0).standard_normal((t.size, 1))
-    ground = window_records(twice, read_records(twice, np.column_stack([t, u]), y))
-    estimate = ground.states.estimate(twice)
-    expected = estimate.x[ground.windows.starts]
+    windowed = window_records(twice, read_records(twice, np.column_stack([t, u]), y))
+    estimate = windowed.states.estimate(twice)
+    expected = estimate.x[windowed.windows.starts]
     free = tuple(ParameterPrior(name, 0.01, 10, 1.0, np.inf, 1.0) for name in "abc")
-    fit = fit_windows(twice, ground.windows, free, expected, estimate.spread)
+    fit = fit_windows(twice, windowed.windows, free, expected, estimate.spread)
     errors = standard_errors(fit, expected, estimate.spread)
     assert np.isinf([errors["a"], errors["b"]]).all()
     assert 0 < errors["c"] < 0.05
@@ -583,7 +583,7 @@ def test_a_state_that_runs_away_unseen_is_taken_to_stay_at_its_start():
         {"y": "V", "z": "V"}, {"y": "-y", "z": "g*z + 1"}, {"g": 1.0}, outputs={"y": "y"}
     )
     t = np.arange(0, 4, 0.1)
-    ground = window_records(runaway, read_records(runaway, t[:, None], np.exp(-t)), substeps=20)
-    estimate = ground.states.estimate(runaway.with_parameters(g=120.0))
+    windowed = window_records(runaway, read_records(runaway, t[:, None], np.exp(-t)), substeps=20)
+    estimate = windowed.states.estimate(runaway.with_parameters(g=120.0))
     assert np.isfinite(estimate.spread).all()
     assert np.abs(estimate.x[:, 1]).max() < 1e100

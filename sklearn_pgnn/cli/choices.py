@@ -1,4 +1,4 @@
-"""What the words on a command line mean for a model: noise, effects, targets."""
+"""Options of the command line, read for a model: noise, effects, targets."""
 
 import math
 import re
@@ -100,7 +100,7 @@ def choose_effects(only: Iterable[str], not_these: Iterable[str]) -> tuple[type[
 
 
 def split(words: Iterable[str]) -> list[str]:
-    """Return what stands between commas and blanks.
+    """Return the words between commas and blanks.
 
     Examples
     --------
@@ -111,7 +111,7 @@ def split(words: Iterable[str]) -> list[str]:
 
 
 def choose_targets(words: Iterable[str], model: PhysicsModel) -> list[str] | None:
-    """Choose what of a model may be suspected.
+    """Return the quantities of a model that may be suspected.
 
     Parameters
     ----------

@@ -86,7 +86,7 @@ def _write_records(hidden, folder: Path) -> list[Path]:
 
 
 def _rounded(model):
-    """Round the parameters to what a data sheet would say."""
+    """Round the parameters as a data sheet would."""
     values = {name: float(f"{p.value:.4g}") for name, p in model.parameters.items()}
     return model.with_parameters(**values)
 

@@ -29,7 +29,7 @@ NAMES = ("diagnosis.json", "extended_model.yaml", "report.html")
 
 
 class Done(NamedTuple):
-    """What came of a job: the diagnosis, its warnings, and if an earlier one's files were there."""
+    """The result of a job: the diagnosis, its warnings, and whether files were replaced."""
 
     diagnosis: ModelDiagnosis
     warned: list[str]
@@ -72,7 +72,7 @@ class Job:
         Returns
         -------
         Done
-            What came of it.
+            The result.
 
         Raises
         ------
@@ -121,7 +121,7 @@ class Job:
 
 
 def _fit(diagnosis: ModelDiagnosis, X, y) -> tuple[Exception | None, list[str]]:
-    """Fit; return what broke down if there is something to say all the same, and the warnings."""
+    """Fit; return an error after which there still is a verdict, or None, and the warnings."""
     broken = None
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("ignore")
@@ -138,7 +138,7 @@ def _fit(diagnosis: ModelDiagnosis, X, y) -> tuple[Exception | None, list[str]]:
 
 
 def _texts(diagnosis: ModelDiagnosis) -> dict[str, Callable[[], str]]:
-    """Return by name what gives the text of each file."""
+    """Return a function that writes the text of each file, by file name."""
     makers = (
         lambda: strict_json(diagnosis),
         lambda: diagnosis.extended_model_.to_yaml(),

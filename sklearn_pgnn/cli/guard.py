@@ -1,4 +1,4 @@
-"""What goes wrong, in one line: input that cannot be used (exit 2), or a bug of ours (exit 1)."""
+"""Errors in one line: input that cannot be used (exit 2), or a bug of the package (exit 1)."""
 
 import errno
 import traceback
@@ -9,7 +9,7 @@ import click
 from sklearn_pgnn.cli.signals import stoppable
 from sklearn_pgnn.exceptions import ModelError, OptionError, RecordError, SimulationError
 
-#: what the package itself calls unusable; every other error is a bug
+#: errors that mean unusable input; every other error is a bug
 OWN = (ModelError, RecordError, OptionError, SimulationError)
 
 
@@ -20,7 +20,7 @@ class Unusable(click.ClickException):
 
 
 class Bug(click.ClickException):
-    """What should not have happened: one line on stderr.
+    """A bug of the package: one line on stderr.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ class Bug(click.ClickException):
 
 
 def one_line(text: object) -> str:
-    r"""Keep a text on one line and free of control characters.
+    r"""Return a text on one line, without control characters.
 
     Examples
     --------
@@ -55,7 +55,7 @@ def one_line(text: object) -> str:
 
 @contextmanager
 def guarded(debug: bool):
-    """Turn errors into one line and an exit code, and signals into an end in order.
+    """Turn errors into one line and an exit code, and signals into an orderly end.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def guarded(debug: bool):
 
 @contextmanager
 def writing(what: object):
-    """Turn what the file system refuses into input that cannot be used.
+    """Turn errors of the file system into `Unusable`.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ def writing(what: object):
 
 
 def _is_not_ours(error: Exception) -> bool:
-    """Whether click sees to it: its own ways out, and a reader that is gone (``| head``)."""
+    """Whether click handles an error: its own exits, and a closed pipe (``| head``)."""
     gone = isinstance(error, OSError) and error.errno == errno.EPIPE
     return gone or isinstance(error, click.exceptions.Exit | click.Abort)
 

@@ -1,4 +1,4 @@
-"""The options of the commands: what they are called and what they are for."""
+"""The options of the commands."""
 
 import click
 
@@ -33,7 +33,7 @@ _DIAGNOSIS = (
         multiple=True,
         metavar="[OUTPUT=]SD",
         help="Standard deviation of an output's noise, in the output's unit: a number, or "
-        "OUTPUT=NUMBER for each of several outputs; by default the records tell.",
+        "OUTPUT=NUMBER for each of several outputs; by default estimated from the records.",
     ),
     click.option(
         "--hold",
@@ -56,7 +56,7 @@ _DIAGNOSIS = (
         type=click.FloatRange(min=0, min_open=True),
         metavar="S",
         help="Window length [s]: so long the model runs free before it is set back to the record; "
-        "by default the records tell.",
+        "by default chosen from the records.",
     ),
     click.option(
         "--catalogue",

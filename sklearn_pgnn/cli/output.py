@@ -16,7 +16,7 @@ from sklearn_pgnn.exceptions import OptionError
 
 
 def strict_json(diagnosis) -> str:
-    """Write a diagnosis as strict JSON, with the package's version; what is not finite is null."""
+    """Return a diagnosis as strict JSON with the package's version; null where not finite."""
     data = {**diagnosis.to_dict(), "version": __version__}
     return json.dumps(_finite(data), indent=2, allow_nan=False, ensure_ascii=False) + "\n"
 
@@ -35,7 +35,7 @@ def _finite(value):
 
 
 def write_files(folder: Path, texts: Mapping[str, Callable[[], str]]) -> dict[str, Exception]:
-    """Write what can be written; a text that breaks down does not keep the others from it.
+    """Write the files; one whose text cannot be made does not stop the others.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ def _check_place(output: Path) -> None:
 
 
 def _beside(output: Path) -> Path:
-    """Return the output itself if it is there, else the nearest folder above that is."""
+    """Return the output itself if it exists, else the nearest folder above it that does."""
     return next(p for p in (output.absolute(), *output.absolute().parents) if p.exists())
 
 

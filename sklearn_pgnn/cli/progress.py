@@ -1,4 +1,4 @@
-"""How far the work is, on stderr: a live line on a terminal, lines now and then in a pipe.
+"""Progress on stderr: a live line on a terminal, occasional lines in a pipe.
 
 Imports nothing heavy, so that the first word comes before the libraries are loaded.
 """
@@ -19,7 +19,7 @@ EVERY = 5.0
 
 @contextmanager
 def show_progress(quiet: bool):
-    """Show on stderr how far the work is.
+    """Show the progress on stderr.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def show_progress(quiet: bool):
 
 
 def _checked(show: Callable) -> Callable:
-    """Ask at every step whether a signal wants the work to end; a single step is not counted."""
+    """Check for signals at every step; a stage of a single step shows no count."""
 
     def progress(stage: str, done: int = 0, total: int | None = None) -> None:
         check()

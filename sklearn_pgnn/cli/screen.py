@@ -1,4 +1,4 @@
-"""What a person sees on the terminal in the end: the result, on stdout."""
+"""The result of a diagnosis as printed to stdout."""
 
 from pathlib import Path
 
@@ -72,7 +72,7 @@ def _heading(console, text: str) -> None:
 
 
 def _tell_quality(console, findings) -> None:
-    """Print what stands in the way of the verdict, before it."""
+    """Print the flaws of the records, before the verdict."""
     if not findings:
         return
     _say(console, "Quality of the records: read this first", "bold")

@@ -15,7 +15,7 @@ SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")
 
 
 class _Stop:
-    """What came, and how many hold it off."""
+    """The signal that came, and how many blocks defer it."""
 
     came = 0
     holders = 0
@@ -29,7 +29,7 @@ def check() -> None:
 
 @contextmanager
 def held():
-    """Hold signals off until what is inside has come to its end."""
+    """Defer signals until the block has ended."""
     _Stop.holders += 1
     try:
         yield
@@ -40,7 +40,7 @@ def held():
 
 @contextmanager
 def stoppable():
-    """End the work inside in order when a signal asks for it.
+    """End the block in an orderly way on a signal.
 
     A signal that the caller ignores, as ``nohup`` does, stays ignored.
     """
@@ -59,7 +59,7 @@ def stoppable():
 
 
 def _install() -> dict:
-    """Take the signals over; only the main thread may."""
+    """Install the handlers; only the main thread may."""
     if threading.current_thread() is not threading.main_thread():
         return {}
     numbers = [getattr(signal, name) for name in SIGNALS if hasattr(signal, name)]

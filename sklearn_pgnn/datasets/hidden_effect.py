@@ -16,7 +16,7 @@ from sklearn_pgnn.physics.effects import CATALOGUE
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.systems import golf_robot
 
-#: noise of an output, as a share of its motion, where sizes need one and none is asked for
+#: default noise of an output for sizing effects, as a share of its standard deviation
 QUIET = 1e-3
 
 
@@ -164,7 +164,7 @@ def _check_finite(t, y) -> None:
 
 
 def perturb(model, error: float, rng):
-    r"""Put every free parameter off by a random factor :math:`1 + \epsilon`, within its bounds.
+    r"""Perturb every free parameter by a random factor :math:`1 + \epsilon`, within its bounds.
 
     Parameters
     ----------
@@ -227,7 +227,7 @@ def _choose(effect, model, rig, amplitudes, noise, rng):
 
 
 def _kind(effect, model, rng):
-    """Look an effect up by its id, or draw one that the model has a target for."""
+    """Return an effect by its id, or draw one that the model has a target for."""
     kinds = {kind.id: kind for kind in CATALOGUE if kind.targets(model)}
     if isinstance(effect, str) and effect == "random":
         return kinds[rng.choice(sorted(kinds))]
@@ -240,7 +240,7 @@ def _kind(effect, model, rng):
 
 
 def _check(n_records, duration, sample_rate, parameter_error):
-    """Refuse numbers that make no records."""
+    """Raise `ValueError` for numbers that make no records."""
     for name, value in (
         ("n_records", n_records), ("duration", duration), ("sample_rate", sample_rate),
     ):  # fmt: skip

@@ -1,4 +1,4 @@
-r"""A plant's own integrator: many records at once in NumPy, kept apart from `simulation`.
+r"""An integrator of its own for plants: many records at once in NumPy, without `simulation`.
 
 A test that hides an effect must not simulate the truth with the code under test. Here the records
 advance together as columns, by the classical Runge-Kutta method in equal substeps,
@@ -81,7 +81,7 @@ def integrate(model, t, u=None, x0=None, *, substeps: int = 4):
 
 
 def _starts(model, u):
-    """Return the model's initial state for every record, what is settled at the first inputs."""
+    """Return the model's initial state for every record; settled states follow the first inputs."""
     x0 = np.tile(list(model.initial_state.values()), (len(u), 1))
     for state, name in model.settled.items():
         x0[:, list(model.states).index(state)] = u[:, 0, list(model.inputs).index(name)]
@@ -223,7 +223,7 @@ def _rate_on_side(plant, t, x, u, side, i, value):
 
 
 def _runge_kutta(plant, t, h, x, u, side, moving):
-    """Advance all columns by one classical step with the sides held; what sticks stays."""
+    """Advance all columns by one classical step with fixed friction signs; stuck ones stay."""
     half = 0.5 * h
     between = u.at(t + half)
     k1 = plant.rates(t, x, u.at(t), side, moving)
@@ -239,7 +239,7 @@ def _runge_kutta(plant, t, h, x, u, side, moving):
 
 
 class Plant:
-    """A model's equations as NumPy functions of columns, the parameters written in.
+    """A model's equations as NumPy functions of columns, with the parameters' values inserted.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Measured records that published methods are compared on, read from their own files."""
+"""Public benchmarks: measured records on which published methods are compared."""
 
 from dataclasses import dataclass
 from functools import partial
@@ -14,13 +14,13 @@ from sklearn_pgnn.physics.parameter import Parameter
 
 #: force on the carriage per volt of the controller's output [N/V]
 DRIVE_GAIN = 35.15065188
-#: samples of the drives' records that are for learning, and their time between samples [s]
+#: training samples of the drives' records, and their sample interval [s]
 DRIVES_TRAIN, DRIVES_STEP = 400, 0.02
 
 
 @dataclass(frozen=True)
 class PublicBenchmark:
-    """Records to learn from, records to judge on, and the model an engineer would begin with.
+    """Training records, test records, and the usual prior model of a benchmark.
 
     Parameters
     ----------

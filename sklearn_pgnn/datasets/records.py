@@ -18,7 +18,7 @@ def make_tables(model, t, u, x0, y):
     x0 : ndarray of shape (n_records, n_states)
         Initial states.
     y : ndarray of shape (n_records, n_samples, n_outputs)
-        What the sensors showed.
+        Measured outputs.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""A test rig: excitations, how strongly they may drive a machine, and the machine's answer."""
+"""A test rig: excitations, their amplitudes, and the response of the machine."""
 
 from dataclasses import dataclass, replace
 
@@ -8,8 +8,8 @@ from sklearn_pgnn.datasets.integrator import Plant, integrate
 
 #: how far the first output may move from its start, by unit; 1 for any other
 REACH = {"rad": 1.2, "deg": 70.0}
-#: a record that moves further than this share of its reach is driven less, one that hardly
-#: moves is driven more
+#: excursion, as a share of the reach, above which a record's amplitude is lowered, and below
+#: which it is raised
 TOO_FAR, HARDLY = 1.2, 0.15
 #: least share of its amplitude a record keeps: an effect may shift the machine at any amplitude
 KEPT = 0.3
@@ -19,7 +19,7 @@ ROUNDS, NEAR = 8, 0.3
 
 @dataclass(frozen=True)
 class Rig:
-    """What is commanded in a set of records of equal length.
+    """The commanded inputs of a set of records of equal length.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ def resting_input(model):
 
 
 def settled(plant, known, x, u):
-    r"""Put the states that nobody knows (an actuator's own) where their rate is zero.
+    r"""Set the unknown states (an actuator's own) to where their rate is zero.
 
     Parameters
     ----------
@@ -167,7 +167,7 @@ def excursion(model, y):
 
 
 def find_amplitudes(rig: Rig, model, goals):
-    """Find how strongly to drive every record so that it moves as far as its goal.
+    """Find the amplitude with which every record reaches its goal.
 
     Parameters
     ----------
@@ -193,7 +193,7 @@ def find_amplitudes(rig: Rig, model, goals):
 
 
 def run_bounded(rig: Rig, plant, model, amplitudes):
-    """Drive a machine; every record that goes too far or hardly moves is driven again.
+    """Drive a machine, adjusting the amplitude of records that move too far or hardly at all.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-r"""Find a model's parameters from windows: a local fit, and a global search for poor starts.
+r"""Fit a model's parameters to windows: a local fit, and a global search for poor starts.
 
 The local fit follows the gradient from the model's own values and finds the nearest minimum. The
 global search looks, on some of the windows, at the error that the best initial states leave,
@@ -25,11 +25,11 @@ REACH = 10.0
 SOME_SAMPLES, SOME_WINDOWS = 2000, 12
 #: members per parameter, generations, and members that are followed to their minimum
 POPULATION, GENERATIONS, FOLLOWED = 15, 40, 4
-#: an error so large that nothing is worse: the logarithm of a diverging simulation's
+#: logarithm of the error of a diverging simulation
 WORST = 700.0
-#: how far an initial state that is known may go, as a share of what it might otherwise
+#: spread of a known initial state, as a share of an unknown one's
 HELD = 1e-10
-#: refits with the states that nothing shows simulated anew
+#: refits with the hidden states simulated anew
 ROUNDS = 3
 
 
@@ -54,7 +54,7 @@ class ParameterFit:
 
 def find_parameters(
     model: PhysicsModel,
-    ground: WindowedRecords,
+    windowed: WindowedRecords,
     names: tuple[str, ...],
     search: str = "auto",
     random_state=None,
@@ -66,7 +66,7 @@ def find_parameters(
     ----------
     model : PhysicsModel
         The model; its values are the start.
-    ground : WindowedRecords
+    windowed : WindowedRecords
         The windows.
     names : tuple of str
         The parameters to fit.
@@ -84,13 +84,13 @@ def find_parameters(
         The better of the fits.
     """
     free = tuple(free_between_bounds(model, name) for name in names)
-    local = fit_locally(model, ground, free)
-    tell(f"fit from the model's values: {_left(local, ground)}")
-    if search == "local" or not names or (search == "auto" and not _is_poor(local, ground)):
+    local = fit_locally(model, windowed, free)
+    tell(f"fit from the model's values: {_left(local, windowed)}")
+    if search == "local" or not names or (search == "auto" and not _is_poor(local, windowed)):
         return local
-    start = search_globally(local.fit.model, ground, free, random_state, tell)
-    found = fit_locally(start, ground, free)
-    tell(f"fit from the best values between the bounds: {_left(found, ground)}")
+    start = search_globally(local.fit.model, windowed, free, random_state, tell)
+    found = fit_locally(start, windowed, free)
+    tell(f"fit from the best values between the bounds: {_left(found, windowed)}")
     return min(local, found, key=lambda each: each.fit.objective)
 
 
@@ -145,14 +145,16 @@ def free_between_bounds(model: PhysicsModel, name: str) -> ParameterPrior:
     )
 
 
-def fit_locally(model: PhysicsModel, ground: WindowedRecords, free, tolerance=1e-9) -> ParameterFit:
+def fit_locally(
+    model: PhysicsModel, windowed: WindowedRecords, free, tolerance=1e-9
+) -> ParameterFit:
     """Follow the gradient to the nearest minimum on all windows.
 
     Parameters
     ----------
     model : PhysicsModel
         The model; its values are the start.
-    ground : WindowedRecords
+    windowed : WindowedRecords
         The windows.
     free : tuple of ParameterPrior
         The parameters to fit.
@@ -164,38 +166,38 @@ def fit_locally(model: PhysicsModel, ground: WindowedRecords, free, tolerance=1e
     ParameterFit
         The fit.
     """
-    x0_start, starts = None, ground.windows.starts
+    x0_start, starts = None, windowed.windows.starts
     for _ in range(ROUNDS):
-        estimate = ground.states.estimate(model)
-        expected, spread = _where_told(ground, estimate.x[starts], estimate.spread)
+        estimate = windowed.states.estimate(model)
+        expected, spread = _where_told(windowed, estimate.x[starts], estimate.spread)
         fit = fit_windows(
-            model, ground.windows, free, expected, spread, x0_start=x0_start,
+            model, windowed.windows, free, expected, spread, x0_start=x0_start,
             max_steps=60, tolerance=tolerance,
         )  # fmt: skip
-        if set(model.states) <= set(ground.states.known) or not np.isfinite(fit.objective):
+        if set(model.states) <= set(windowed.states.known) or not np.isfinite(fit.objective):
             break
         model, x0_start = fit.model, fit.x0
     return ParameterFit(fit, expected, spread)
 
 
-def _where_told(ground: WindowedRecords, expected, spread):
-    """Hold the initial states that the records tell; a state counts if all of them tell it."""
-    if ground.told is None:
+def _where_told(windowed: WindowedRecords, expected, spread):
+    """Hold the initial states that are known in all records."""
+    if windowed.told is None:
         return expected, spread
-    known = np.isfinite(ground.told).all(axis=0)
-    return np.where(known, ground.told, expected), np.where(known, HELD * spread, spread)
+    known = np.isfinite(windowed.told).all(axis=0)
+    return np.where(known, windowed.told, expected), np.where(known, HELD * spread, spread)
 
 
 def search_globally(
-    model: PhysicsModel, ground: WindowedRecords, free, random_state=None, tell: Tell = silence
+    model: PhysicsModel, windowed: WindowedRecords, free, random_state=None, tell: Tell = silence
 ):
-    """Look all over the bounds for values from which a local fit ends lowest.
+    """Search the bounds for values from which a local fit ends lowest.
 
     Parameters
     ----------
     model : PhysicsModel
         The model; its values are one member of the first generation.
-    ground : WindowedRecords
+    windowed : WindowedRecords
         The windows.
     free : tuple of ParameterPrior
         The parameters to fit.
@@ -210,9 +212,9 @@ def search_globally(
         The model at the best values met.
     """
     scales = [_Scale.of(freedom) for freedom in free]
-    which = _some(ground.windows)
-    windows = ground.windows.select(which)
-    estimate = ground.states.estimate(model)
+    which = _some(windowed.windows)
+    windows = windowed.windows.select(which)
+    estimate = windowed.states.estimate(model)
     expected = estimate.x[windows.starts]
 
     def at(point) -> PhysicsModel:
@@ -262,7 +264,7 @@ def _least_squares(model: PhysicsModel, windows: ShootingWindows, expected, spre
 
 @dataclass(frozen=True)
 class _Scale:
-    """Where a value stands between the ends of its search: in proportion where all are positive."""
+    """Map of a parameter's range to the unit interval, logarithmic for positive values."""
 
     low: float
     high: float
@@ -297,14 +299,14 @@ def _some(windows) -> np.ndarray:
     return np.arange(0, len(windows), max(1, step))
 
 
-def _left(found: ParameterFit, ground: WindowedRecords) -> str:
-    """Write what a fit leaves."""
-    measured = np.isfinite(ground.windows.y).sum()
+def _left(found: ParameterFit, windowed: WindowedRecords) -> str:
+    """Return the error of a fit as text."""
+    measured = np.isfinite(windowed.windows.y).sum()
     size = np.sqrt(found.fit.squares / measured)
     return f"error {size:.4g} times the noise"
 
 
-def _is_poor(found: ParameterFit, ground: WindowedRecords) -> bool:
+def _is_poor(found: ParameterFit, windowed: WindowedRecords) -> bool:
     """Return whether a fit leaves much more than the noise."""
-    measured = np.isfinite(ground.windows.y).sum()
+    measured = np.isfinite(windowed.windows.y).sum()
     return not found.fit.squares <= POOR**2 * measured

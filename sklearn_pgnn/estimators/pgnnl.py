@@ -48,7 +48,7 @@ with needed_by("PGNNLRegressor"):
     from torch import nn
 
 REFINEMENTS = ("auto", "lm", "lbfgs", None)
-#: in the last phase the outputs are compared so many times a dominant period
+#: comparisons of the outputs per dominant period in the last phase
 PER_PERIOD = 100
 
 
@@ -329,7 +329,7 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         return self._fit(X, y, anew=not self.initialized_, **fit_params)
 
     def predict(self, X):
-        """Run the network freely along every trajectory, from its initial state.
+        """Simulate every trajectory in free run from its initial state.
 
         Parameters
         ----------
@@ -360,7 +360,7 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
 
     @property
     def predict_proba(self):
-        """A regressor has no probabilities, though skorch gives every network this method."""
+        """Not available: a regressor has no probabilities."""
         raise AttributeError(f"{type(self).__name__} has no predict_proba.")
 
     def physics_residual(self, X, states=None):
@@ -571,7 +571,7 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
                 f"would hold out windows whose neighbours are trained on. Remedy: "
                 f"validation_fraction=0.2 holds out trajectories."
             )
-        training, windows = self._lay_ground(X, y, random, anew)
+        training, windows = self._prepare_training(X, y, random, anew)
         if anew:
             self.initialize()
         self._check_callbacks()
@@ -590,7 +590,7 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         self.free_run_error_ = self._validation_error() if self._validation else np.nan
         self.module_.samples, self._phase, self._validation, self._shown = {}, None, [], {}
 
-    def _lay_ground(self, X, y, random, anew):
+    def _prepare_training(self, X, y, random, anew):
         """Read the records, estimate their states, and settle what a step is made of."""
         table = X = validate_table(self, X, reset=anew)
         y = as_pandas(y)
@@ -695,7 +695,7 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         tags = super().__sklearn_tags__()
         # in states, which are read in a trajectory's first row
         tags.input_tags.allow_nan = self.model is not None
-        tags.regressor_tags.poor_score = self.model is not None  # on numbers of no such machine
+        tags.regressor_tags.poor_score = self.model is not None  # on random numbers
         return tags
 
 
@@ -709,5 +709,5 @@ class _Runs:
 
 
 def _positive(values) -> np.ndarray:
-    """Measure by 1 what does not vary at all."""
+    """Replace zeros by 1."""
     return np.where(values > 0, values, 1.0)

@@ -51,7 +51,7 @@ class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         from the model's values and from those of a fit to short windows; a state that the first
         rows of all trajectories tell is taken as it is, others are fitted.
     noise_std : array-like of shape (n_outputs,), optional
-        Standard deviation of the outputs' noise, which weights them; by default the records tell.
+        Standard deviation of the outputs' noise, which weights them; by default estimated.
     hold : {"zoh", "foh"}, optional
         Whether an input is held between two samples or runs straight from one to the next; by
         default as the model's `simulation` says, else held.
@@ -165,8 +165,8 @@ class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         records = read_records(self.model, X, y, time_column=self.time_column)
         refuse_standardised(self.model, records)
         pieces = without_gaps(records, self.window_length)
-        ground, found = self._find(pieces, names)
-        windows = ground.windows
+        windowed, found = self._find(pieces, names)
+        windows = windowed.windows
         self.hold_, self.substeps_ = windows.hold, windows.substeps
         said = {"hold": self.hold_, "substeps": self.substeps_}
         self.model_ = found.fit.model.replace(simulation=said)
@@ -213,16 +213,16 @@ class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         }
         tell = teller(self)
         search = self.search, self.random_state, tell
-        ground = window_records(self.model, records, window_length=self.window_length, **options)
-        windows = ground.windows
+        windowed = window_records(self.model, records, window_length=self.window_length, **options)
+        windows = windowed.windows
         tell(
             f"{len(records)} trajectories, {windows.t.size} samples, {len(windows)} windows, "
             f"{windows.substeps} substeps; free: {', '.join(names) or 'none'}"
         )
         if self.window_length != WHOLE:
-            return ground, find_parameters(self.model, ground, names, *search)
+            return windowed, find_parameters(self.model, windowed, names, *search)
         short = window_records(self.model, records, **options)
-        return ground, find_in_free_run(self.model, short, ground, names, *search)
+        return windowed, find_in_free_run(self.model, short, windowed, names, *search)
 
     def _free_names(self) -> tuple[str, ...]:
         names = self.model.free_parameters if self.free is None else tuple(self.free)
@@ -256,5 +256,5 @@ class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
     def __sklearn_tags__(self):
         tags = super().__sklearn_tags__()
         tags.input_tags.allow_nan = True  # in states, which are read in a trajectory's first row
-        tags.regressor_tags.poor_score = True  # on numbers that no such machine gave
+        tags.regressor_tags.poor_score = True  # on random numbers
         return tags

@@ -1,4 +1,4 @@
-"""What an estimator that is asked to says of its fit, as scikit-learn's do."""
+"""Verbose output of the estimators."""
 
 from collections.abc import Callable
 
@@ -11,7 +11,7 @@ def silence(text: str) -> None:
 
 
 def teller(estimator) -> Tell:
-    """Return what prints lines to the standard output, or nothing unless the estimator is verbose.
+    """Return a function that prints a line if the estimator is verbose, and else does nothing.
 
     Parameters
     ----------

@@ -224,7 +224,7 @@ class ResidualRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
 
 
 def _plain_outputs(X, y) -> np.ndarray:
-    """Read outputs that no model names."""
+    """Return the outputs as an array, without a model."""
     y = check_array(y, ensure_2d=False, ensure_all_finite="allow-nan", dtype=float, input_name="y")
     check_consistent_length(X, y)
     return y.reshape(len(y), -1)

@@ -34,7 +34,7 @@ from sklearn_pgnn.trajectories.lost_units import refuse_standardised
 from sklearn_pgnn.trajectories.tables import as_pandas
 from sklearn_pgnn.trajectories.validation import check_model, validate_table
 
-#: a simulation that gets so many times as large as any measured output tells nothing
+#: a simulation so many times larger than any measured output has diverged
 RUNAWAY = 1e3
 
 
@@ -281,7 +281,7 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         return self._regress(terms, rates[:, [name in names for name in base.states]], names)
 
     def _enough_substeps(self, records) -> int:
-        with np.errstate(all="ignore"):  # what runs away does so here as well
+        with np.errstate(all="ignore"):  # a diverging map diverges here as well
             return substeps_for(self.model_, records, self.substeps, hold=self.hold_)
 
     def _predict_records(self, X):
@@ -295,7 +295,7 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         return rows_in_order(records, np.concatenate(list(map(self._simulate, records))))
 
     def _simulate(self, record) -> np.ndarray:
-        """Simulate one trajectory; where it runs away repeat its first row."""
+        """Simulate one trajectory; repeat its first row where it diverges."""
         method = "rk4" if self._interval is None else "euler"
         run = simulate_record(self.model_, record, method=method)
         away = ~(np.abs(run.y) <= self._limit).all(axis=1)
@@ -375,7 +375,7 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         tags = super().__sklearn_tags__()
         timed = self.model is not None or self.time_column is not None
         tags.input_tags.allow_nan = timed  # in states, which are read in a trajectory's first row
-        tags.regressor_tags.poor_score = timed  # on numbers that no machine gave
+        tags.regressor_tags.poor_score = timed  # on random numbers
         return tags
 
 

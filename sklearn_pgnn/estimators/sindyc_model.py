@@ -13,7 +13,7 @@ from sklearn_pgnn.physics.expressions import symbol, to_text
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.parameter import Parameter
 
-#: longest part of a coefficient's name that tells its term
+#: longest part of a coefficient's name that is made from its term
 NAME_LENGTH = 24
 
 
@@ -74,7 +74,7 @@ def identified_model(
 
 
 def complete(base: PhysicsModel, library, found, discrete: bool):
-    """Add to what was found what is known: a state's own last value, a position's velocity.
+    """Add the known terms to the identified ones: a state's last value, a position's velocity.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Without a model: which columns are states and which inputs, and names equations can use."""
+"""States, inputs and valid names of a table without a model."""
 
 import keyword
 import re

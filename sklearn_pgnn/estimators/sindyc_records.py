@@ -84,11 +84,11 @@ def measure_states(model: PhysicsModel, records, **options) -> MeasuredStates:
     MeasuredStates
         The states.
     """
-    if not hidden_states(model):  # nothing is simulated: neither steps nor noise matter
+    if not hidden_states(model):  # nothing is simulated: steps and noise are irrelevant
         options = {"noise_std": np.ones(len(model.outputs)), **options, "substeps": 1}
-    ground = window_records(model, records, **options)
-    u = ground.windows.acting_inputs(model)[:, : len(model.inputs)]
-    return MeasuredStates(ground.windows, ground.states.values(model), u, ground.period)
+    windowed = window_records(model, records, **options)
+    u = windowed.windows.acting_inputs(model)[:, : len(model.inputs)]
+    return MeasuredStates(windowed.windows, windowed.states.values(model), u, windowed.period)
 
 
 def rate_rows(states: MeasuredStates, library, span: float | None):

@@ -18,7 +18,7 @@ STILL = 1e-9
 
 
 def sparse_coefficients(terms, targets, optimizer, *, squares_only=False) -> np.ndarray:
-    r"""Find few terms that make up the targets.
+    r"""Find the few terms that explain the targets.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ def sparse_coefficients(terms, targets, optimizer, *, squares_only=False) -> np.
         terms, targets = np.split(triangle, [terms.shape[1]], axis=1)
     optimizer = clone(optimizer)
     with warnings.catch_warnings():
-        # the caller says it by the state's name
+        # the caller raises it with the state's name
         warnings.filterwarnings("ignore", message="Sparsity parameter is too big")
         optimizer.fit(terms / size, targets / spread)
     if np.any(getattr(optimizer, "intercept_", 0.0)):

@@ -1,4 +1,4 @@
-"""Pictures of a diagnosis, and the report; the only room of matplotlib."""
+"""Pictures of a diagnosis, and the report; the only subpackage that uses matplotlib."""
 
 from sklearn_pgnn.inspection.detectability_display import DetectabilityDisplay, plot_detectability
 from sklearn_pgnn.inspection.display import DiagnosisDisplay, plot_diagnosis

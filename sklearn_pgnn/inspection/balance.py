@@ -1,4 +1,4 @@
-r"""What is missing in an equation, as the records show it.
+r"""The missing part of an equation, estimated from the records.
 
 The rate of a state that is measured (or whose position is) is compared with what the model says at
 the same states and inputs, over spans long enough to be seen through the noise:
@@ -40,7 +40,7 @@ class Samples:
 
     @classmethod
     def of(cls, records: DiagnosisRecords, model: PhysicsModel, states_of: PhysicsModel):
-        """Take states and inputs from the records; states they do not tell of from a simulation.
+        """Take states and inputs from the records, and unobserved states from a simulation.
 
         Parameters
         ----------
@@ -97,7 +97,7 @@ class Samples:
 
 
 def shown_states(model: PhysicsModel) -> frozenset[str]:
-    """Name the states that the outputs show: directly, or by the position of a velocity.
+    """Return the states that the outputs show: directly, or by the position of a velocity.
 
     Examples
     --------
@@ -135,7 +135,7 @@ def _states(records: DiagnosisRecords, model: PhysicsModel) -> dict[str, np.ndar
 
 
 def _told_states(model: PhysicsModel) -> set[str]:
-    """Name the states that the outputs tell something of, at the time."""
+    """Return the states on which the outputs depend instantaneously."""
     read = {str(s) for output in model.outputs.values() for s in output.free_symbols}
     velocities = {v for v, position in model.slope_pairs.items() if position in read}
     return (read & set(model.states)) | velocities

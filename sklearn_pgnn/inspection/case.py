@@ -1,4 +1,4 @@
-"""A named cause together with the records: what the evidence for it is read from."""
+"""A named cause together with the records, from which its evidence is drawn."""
 
 from dataclasses import dataclass
 from functools import cached_property

@@ -1,4 +1,4 @@
-"""What a piece of evidence consists of: points of the records, and what the models say."""
+"""The parts of a piece of evidence: points of the records, and curves of the models."""
 
 from dataclasses import dataclass
 
@@ -19,7 +19,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Evidence:
-    """What the records show of a cause.
+    """The evidence for a cause.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The picture of a detectability: how large every effect must be to be seen."""
+"""The picture of a detectability: the size from which on every effect is found."""
 
 import numpy as np
 

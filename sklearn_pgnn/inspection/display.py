@@ -20,7 +20,7 @@ MODELS = ("prior", "extended")
 
 @dataclass(frozen=True)
 class Comparison:
-    """A record and what the models make of it.
+    """A record and its simulations by the models.
 
     Parameters
     ----------
@@ -205,7 +205,7 @@ def _of_new(diagnosis, X, y, record) -> Comparison:
 
 
 def _called(name: str, record: int, count: int) -> str:
-    """Name a record; one that has only a number gets its place.
+    """Return the name of a record; one with only a number gets its position.
 
     Examples
     --------
@@ -261,7 +261,7 @@ def _draw_curves(axes, comparison, i, title):
 
 
 def _in_sight(comparison, i):
-    """Keep a model that runs away from hiding the rest; leave room for the legend."""
+    """Limit the axis so that a diverging model does not hide the rest, with room for a legend."""
     known = comparison.simulated["extended"] if comparison.measured is None else comparison.measured
     low, high = np.nanmin(known[:, i]), np.nanmax(known[:, i])
     reach = (high - low) or 1.0
@@ -301,7 +301,7 @@ def draw_evidence(axes, evidence: Evidence) -> None:
 
 
 def draw_points(axes, x, y) -> None:
-    """Draw a cloud thinly, and its medians over bins."""
+    """Draw a thinned scatter of points, and its medians over bins."""
     good = np.isfinite(x) & np.isfinite(y)
     x, y = x[good], y[good]
     few = slice(None, None, max(1, x.size // CLOUD))
@@ -340,7 +340,7 @@ def binned_median(x, y, bins: int = BINS):
 
 
 def _limits(y, lines):
-    """Leave the farthest points out of sight, never a line."""
+    """Return axis limits that may cut off the farthest points, but never a line."""
     parts = [np.nanpercentile(y, [1.0, 99.0]), *(line.y for line in lines)]
     everything = np.concatenate(parts)
     low, high = np.nanmin(everything), np.nanmax(everything)

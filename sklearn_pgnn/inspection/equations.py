@@ -103,7 +103,7 @@ def _mathml(left, right) -> str:
 
 
 def _math(body: str, expression) -> str:
-    """Wrap MathML; what is wider than a page says by how much, for print."""
+    """Wrap MathML; an equation wider than a page carries its scale, for print."""
     body = body.replace("<mo>-</mo>", _MINUS).replace("<mn>-", "<mn>&#x2212;")
     size = len(to_text(expression)) / PAGE
     style = f' style="--pages: {size:.2f}"' if size > 1 else ""

@@ -1,4 +1,4 @@
-"""The report of a diagnosis: one HTML file that needs nothing else."""
+"""The report of a diagnosis: one self-contained HTML file."""
 
 import base64
 import os
@@ -41,7 +41,7 @@ LIBRARIES = ("numpy", "scipy", "sympy", "numba", "scikit-learn")
 def write_report(diagnosis, path) -> None:
     """Write the report of a diagnosis.
 
-    The file holds its pictures and styles and asks nothing of the network. It is written whole or
+    The file contains its pictures and styles and loads nothing else. It is written whole or
     not at all.
 
     Parameters
@@ -241,7 +241,7 @@ def _comparison(diagnosis, kind) -> dict:
 
 
 def _all_evidence(diagnosis) -> list[dict]:
-    """Draw the evidence for every cause, and for what has no name."""
+    """Draw the evidence for every cause, and for an unnamed discrepancy."""
     drawn = [
         _evidence(find_evidence(diagnosis, cause), cause_name(cause.effect, cause.target))
         for cause in diagnosis.causes_

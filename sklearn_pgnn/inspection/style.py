@@ -1,4 +1,4 @@
-"""How pictures look: colours, names, figures that need no screen."""
+"""Style of the pictures: colours, labels, figures that need no screen."""
 
 from io import BytesIO
 
@@ -13,7 +13,7 @@ COLOURS = {
     "points": "#8a8a8a",
     "medians": "#222222",
 }
-#: what a person reads
+#: legend of the models
 LABELS = {
     "measured": "measured",
     "prior": "model as given",
@@ -38,7 +38,7 @@ def shown_figure(width: float, height: float):
 
 
 def tidy(axes) -> None:
-    """Take away what a curve does not need."""
+    """Remove the upper and right spines, and draw a light grid."""
     axes.spines[["top", "right"]].set_visible(False)
     axes.grid(True, linewidth=0.4, alpha=0.5)
     axes.tick_params(labelsize=8)
@@ -56,7 +56,7 @@ def label(quantity: str, unit: str) -> str:
 
 
 def plain(text: str) -> str:
-    r"""Keep matplotlib from reading mathematics into a name.
+    r"""Return a name with its dollar signs escaped for matplotlib.
 
     Examples
     --------

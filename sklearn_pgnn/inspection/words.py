@@ -85,7 +85,7 @@ def typeset_unit(unit: str) -> str:
 
 
 def left_alone(left: float) -> str:
-    """Write the share of the error power that a suspect leaves alone.
+    """Return the share of the error power that a candidate leaves, as text.
 
     Examples
     --------
@@ -97,7 +97,7 @@ def left_alone(left: float) -> str:
 
 
 def percent(part: float) -> str:
-    """Write a share in percent; nearly all is not all, a little is not nothing.
+    """Return a share in percent; one just below 1 is not rounded to 100 %.
 
     Examples
     --------
@@ -147,14 +147,14 @@ def cause_name(effect: str, target: str) -> str:
 
 
 def suspect_name(effect: str, target: str) -> str:
-    """Name what was fitted: an effect, the model itself, or a part of the diagnosis."""
+    """Return the name of what was fitted: an effect, the model, or a part of the diagnosis."""
     if not effect:
         return "the re-tuned model"
     return cause_name(effect, target) if target else effect
 
 
 def listed(items) -> str:
-    """Write a list as a sentence does.
+    """Return a list as in a sentence, with "and" before its last entry.
 
     Examples
     --------

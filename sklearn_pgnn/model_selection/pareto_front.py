@@ -1,4 +1,4 @@
-"""Data against physics: what a heavier physical loss costs in accuracy."""
+"""Data against physics: the accuracy that a heavier physical loss costs."""
 
 import numpy as np
 import pandas as pd
@@ -25,7 +25,7 @@ def pareto_front(
     param="lambda_phy",
     n_jobs=None,
 ) -> pd.DataFrame:
-    r"""Weigh physics against data, and show which weights no other one beats in both.
+    r"""Fit with several weights of the physical loss, and find those that none dominates.
 
     .. math::
         e = \sqrt{\overline{\,\overline{(\hat y - y)^2}\,/\,s^2\,}}, \qquad
@@ -113,7 +113,7 @@ def _test_sets(X, y, X_test, y_test, cv) -> list[tuple]:
 
 
 def _full_name(estimator, param) -> str:
-    """Find the one parameter with this name, in whatever step it stands."""
+    """Return the full name of the one parameter with this name, in any step."""
     known = estimator.get_params()
     found = [param] if param in known else [name for name in known if name.endswith(f"__{param}")]
     if len(found) != 1:
@@ -125,7 +125,7 @@ def _full_name(estimator, param) -> str:
 
 
 def _fit_and_judge(estimator, X, y, X_test, y_test) -> tuple[np.ndarray, np.ndarray]:
-    """Fit; give the errors of the prediction and its physical residuals."""
+    """Fit, and return the errors of the prediction and its physical residuals."""
     estimator.fit(X, y)
     predicted, measured = _columns(estimator.predict(X_test)), _columns(y_test)
     error = predicted - measured
@@ -134,7 +134,7 @@ def _fit_and_judge(estimator, X, y, X_test, y_test) -> tuple[np.ndarray, np.ndar
 
 
 def _physics_residual(estimator, X) -> np.ndarray:
-    """Let the last step of a fitted estimator judge its own prediction."""
+    """Return the physical residuals of a prediction, by the last step of a fitted estimator."""
     if isinstance(estimator, Pipeline):
         before = estimator[:-1]
         return _physics_residual(estimator[-1], before.transform(X) if len(before) else X)

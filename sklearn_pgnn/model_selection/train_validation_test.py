@@ -1,4 +1,4 @@
-"""Records cut once into what trains, what validates and what tests."""
+"""A single split of records into training, validation and test sets."""
 
 import numpy as np
 from sklearn.utils import check_consistent_length, check_random_state
@@ -24,7 +24,7 @@ def train_validation_test_split(
     random_state=None,
     time_column=None,
 ):
-    """Cut records into a training, a validation and a test set.
+    """Split records into a training, a validation and a test set.
 
     Parameters
     ----------

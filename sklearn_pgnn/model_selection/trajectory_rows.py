@@ -1,4 +1,4 @@
-"""The trajectories of a table, and how they are dealt out whole."""
+"""The rows of every trajectory of a table, and how whole trajectories are distributed."""
 
 from itertools import pairwise
 
@@ -46,7 +46,7 @@ def read_pieces(X, groups=None, time_column=None) -> list[np.ndarray]:
 
 
 def refuse_merging(X, pieces, groups=None, time_column=None) -> None:
-    """Refuse trajectories that would read as one when they stand one behind the other.
+    """Raise `ValueError` for trajectories that would read as one when concatenated.
 
     Without a column ``trajectory`` a table tells a new trajectory by a time that does not
     increase. Where one is left out, its neighbours may lose that sign.
@@ -92,7 +92,7 @@ for time goes on increasing from 0.1 s to 0.4 s. Remedy: give X a column 'trajec
 
 
 def deal_in_order(lengths, shares) -> list[np.ndarray]:
-    """Cut a row of trajectories where the samples come nearest to the shares.
+    """Split trajectories, in their order, so that the samples come nearest to given shares.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What a machine is: parameters, models, effects and ready systems."""
+"""Physical models: parameters, models, effects and ready systems."""
 
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.model import PhysicsModel

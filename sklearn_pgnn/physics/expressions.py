@@ -43,7 +43,7 @@ FUNCTIONS = {
 _SEVERAL_ARGUMENTS = {"atan2": (2, 2), "max": (2, 20), "min": (2, 20)}
 CONSTANTS = {"pi": sympy.pi}
 _UNARY = {ast.UAdd: operator.pos, ast.USub: operator.neg}
-#: what Python has besides
+#: operators of Python that an equation may not use
 _OTHER_SIGNS = {
     ast.BitAnd: "&",
     ast.BitOr: "|",
@@ -159,9 +159,9 @@ def _short(text: str) -> str:
 
 
 def _as_reread(expression: sympy.Expr) -> sympy.Expr:
-    """Settle what SymPy leaves open, so that the text reads back to the same expression.
+    """Normalise an expression so that its text reads back to the same expression.
 
-    It may keep more digits than a float has, and a Max(0, 1) inside of a Min.
+    SymPy may keep more digits than a float has, and a Max(0, 1) inside of a Min.
     """
     exact = {x: sympy.Float(float(x)) for x in expression.atoms(sympy.Float)}
     expression = expression.xreplace(exact)

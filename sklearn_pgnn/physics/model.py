@@ -27,7 +27,7 @@ from sklearn_pgnn.physics.parameter import Parameter, check_name
 from sklearn_pgnn.readings import reading
 
 ENERGY_PARTS = ("stored", "supplied", "dissipated")
-#: how an input may run between samples: held, or straight from one to the next
+#: how an input may run between samples: held, or linearly interpolated
 HOLDS = ("zoh", "foh")
 
 
@@ -588,14 +588,14 @@ class PhysicsModel:
 
 
 def _compared(rate: sympy.Expr) -> list[sympy.Expr]:
-    """Return what is compared in nested maxima and minima, else the rate itself."""
+    """Return the arguments of nested maxima and minima, else the rate itself."""
     if isinstance(rate, sympy.Max | sympy.Min):
         return [leaf for part in rate.args for leaf in _compared(part)]
     return [rate]
 
 
 def _parameter_dict(parameter: Parameter) -> dict:
-    """Write a parameter without what is left at its default."""
+    """Return a parameter as a dict, without the fields at their default."""
     default = Parameter(parameter.name, parameter.value)
     written: dict[str, Any] = {"value": parameter.value}
     for key in ("unit", "bounds", "fixed", "spread"):

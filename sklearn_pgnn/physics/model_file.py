@@ -1,4 +1,4 @@
-"""Model files: a model as YAML text, read by its nodes, so that no text ever becomes an object.
+"""Model files: a model as YAML text, read by its nodes, so that no object is constructed.
 
 A file is composed into YAML nodes, which know their line and column, and every scalar is taken as
 the text it is. Tags, anchors and merge keys are refused. Whatever is wrong is told as
@@ -342,7 +342,7 @@ def _shown(node: Node) -> str:
 
 
 def _written(data: dict) -> CommentedMap:
-    """Lay out a model's plain data as a person would write it."""
+    """Write a model's plain data as readable YAML."""
     written = CommentedMap()
     for part, content in data.items():
         if part == "name":

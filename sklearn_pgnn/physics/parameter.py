@@ -8,7 +8,7 @@ from typing import NoReturn
 from sklearn_pgnn.exceptions import ModelError
 from sklearn_pgnn.physics.expressions import RESERVED
 
-#: how far a parameter may be off and still count as calibrated, when the model does not say
+#: default spread of a parameter that still counts as calibrated
 DEFAULT_SPREAD = 0.1
 
 

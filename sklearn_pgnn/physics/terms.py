@@ -1,4 +1,4 @@
-"""What a model's rates are sums of."""
+"""The additive terms of a model's rates."""
 
 import sympy
 

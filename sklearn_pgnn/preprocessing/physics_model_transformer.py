@@ -1,4 +1,4 @@
-"""What a physical model makes of a table of samples, as further columns."""
+"""The simulation of a physical model, as further columns of a table of samples."""
 
 import warnings
 
@@ -131,7 +131,7 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
         return self
 
     def transform(self, X):
-        """Simulate every trajectory and append what came out.
+        """Simulate every trajectory and append the simulated quantities.
 
         Parameters
         ----------
@@ -163,7 +163,7 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
         return pd.concat([self._kept_table(X, records), new], axis=1)
 
     def get_feature_names_out(self, input_features=None):
-        """Name the columns that `transform` gives.
+        """Return the names of the columns that `transform` returns.
 
         Parameters
         ----------
@@ -185,7 +185,7 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
         return np.asarray([*names[self._kept()], *new], dtype=object)
 
     def _quantities(self) -> list[str]:
-        """Name the states and outputs that are appended."""
+        """Return the names of the states and outputs that are appended."""
         known = quantities_of(self.model)
         names = known if self.outputs is None else list(self.outputs)
         unknown = [name for name in names if name not in known]

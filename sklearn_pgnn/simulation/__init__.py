@@ -1,4 +1,4 @@
-"""What a machine does: compiled simulation, sensitivities and windows (multiple shooting)."""
+"""Simulation of models: compiled time loops, sensitivities and windows (multiple shooting)."""
 
 from sklearn_pgnn.simulation.simulate import Simulation, simulate
 from sklearn_pgnn.simulation.uncertainty import Estimate

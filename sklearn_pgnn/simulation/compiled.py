@@ -1,4 +1,4 @@
-"""A model's source compiled to machine code, once a process, in some hundredths of a second.
+"""A model's source compiled to machine code, once a process, within hundredths of a second.
 
 The loops do not know a model's function, they call it by its address. numba's own function objects
 and arrays would do, too (`PLAIN_CALLS`), but what they check and count at every call takes longer
@@ -52,7 +52,7 @@ def compile_model(model: PhysicsModel, wrt: tuple[str, ...] | None = None):
 
 @cache
 def _compile(text: str):
-    """Compile assignments to a function; it is kept, for its address is given away."""
+    """Compile assignments to a function; it is cached, since its address is passed on."""
     emitted = straight_line(text)
 
     def function(t, x, u, p, s, out):

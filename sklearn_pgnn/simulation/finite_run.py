@@ -1,4 +1,4 @@
-"""Free runs for whoever cannot use NaN: a trajectory that diverges says so, and stays finite."""
+"""Free runs without NaN: a trajectory that diverges is warned of, and stays finite."""
 
 import warnings
 
@@ -63,14 +63,14 @@ def simulate_quantities(model: PhysicsModel, records, names, **options) -> np.nd
 
 
 def what_is_wrong(run: Simulation, values: np.ndarray, names) -> str:
-    """Return why nobody can learn from a free run, empty if one can.
+    """Return why a free run cannot be used for training; empty if it can.
 
     Parameters
     ----------
     run : Simulation
         The run.
     values : ndarray of shape (n_samples, n_names)
-        What is taken from it.
+        The quantities taken from it.
     names : sequence of str
         Its names.
 

@@ -1,4 +1,4 @@
-"""Free run of whole records: from the first sample on, nothing measured is read again."""
+"""Free run of whole records: only the first sample of a record is read."""
 
 import warnings
 
@@ -14,7 +14,7 @@ MAX_SUBSTEPS, SMALL = 32, 1e-3
 
 
 def simulate_record(model: PhysicsModel, record: Record, **options) -> Simulation:
-    """Simulate a record from its initial state; the result says whether it is whole.
+    """Simulate a record from its initial state, without a warning where it diverges.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def simulate_record(model: PhysicsModel, record: Record, **options) -> Simulatio
 
 
 def substeps_for(model: PhysicsModel, records, substeps: int | None = None, **options) -> int:
-    """Return the integration steps: as is told, else as the model says, else as accuracy needs.
+    """Return the integration steps: as given, else as in the model, else as accuracy needs.
 
     Parameters
     ----------

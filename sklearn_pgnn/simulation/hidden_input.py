@@ -1,4 +1,4 @@
-r"""An input that nobody measured: what, added to an equation, would make a model follow a record.
+r"""An unmeasured input: what, added to an equation, would make a model follow a record.
 
 The model is extended by a hidden input :math:`d` that wanders,
 
@@ -32,9 +32,9 @@ from sklearn_pgnn.simulation.windows import ShootingWindows
 
 #: the state that stands for the hidden input
 HIDDEN = "hidden_input"
-#: decades about a change as large as the channel itself within its time in which q is looked for
+#: decades searched for q, about a change as large as the channel itself within its time
 DECADES = (-9.0, 4.0)
-#: how uncertain a state is at the start of a record, in its own spreads
+#: standard deviation of a state at the start of a record, in units of its spread
 START = 1.0
 
 
@@ -179,7 +179,7 @@ class _Filter:
         """Return the log-likelihood of all records; very small where one diverged."""
         runs = (self._run(intensity, *one)[0] for one in zip(self.spans, self.starts, strict=True))
         total = float(sum(runs))
-        return total if total > -1e300 else -1e300  # where it is not a number, too
+        return total if total > -1e300 else -1e300  # also where it is NaN
 
     def smooth(self, intensity):
         """Return the smoothed states with the hidden input last, and its standard errors."""

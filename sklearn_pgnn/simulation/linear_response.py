@@ -1,4 +1,4 @@
-r"""How outputs respond to a small input that is added to a model, along its own trajectories.
+r"""Linear response of the outputs to a small input added along a model's trajectories.
 
 Along the trajectory of a window the response to a hidden input :math:`\theta` is linear,
 

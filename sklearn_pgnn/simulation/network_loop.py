@@ -18,7 +18,7 @@ _I1, _B1 = types.int64[::1], boolean[::1]
 @njit(**INNER)
 def _activate(code, v):
     if code == 0:
-        return 1.0 - 2.0 / (math.exp(2.0 * v) + 1.0)  # tanh, at a third of its time
+        return 1.0 - 2.0 / (math.exp(2.0 * v) + 1.0)  # tanh, three times as fast
     if code == 1:
         return max(v, 0.0)
     if code == 2:
@@ -135,7 +135,7 @@ def _recur(theta, sizes, z, hidden, gates, out):
 
 @njit(**INNER)
 def _features(k, x, prior, dt, u, simulated, features, guide, terms, mean, scale, z):
-    """Standardise what the network sees at sample k."""
+    """Fill the standardised features of sample k."""
     nx, nu, nf = x.size, u.shape[1], features.shape[1]
     for i in range(nx):
         z[i] = x[i]
@@ -199,7 +199,7 @@ def run(
     weights, size, n_terms, base, guide, offset, gain, mean, scale, reach, sizes, core, activation,
     theta, x, hidden, X,
 ):  # fmt: skip
-    """Run a network along one trajectory into X; give the sample out of reach, or -1."""
+    """Run a network along one trajectory into X; return the first sample out of reach, or -1."""
     nx, n_out = x.size, gain.shape[2]
     widest = sizes.max()
     before, after = np.zeros((sizes.size, widest)), np.zeros((sizes.size, widest))

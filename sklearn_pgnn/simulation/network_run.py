@@ -37,7 +37,7 @@ ACTIVATIONS = ("tanh", "relu", "silu", "sigmoid", "identity")
 
 @dataclass(frozen=True)
 class NetworkStep:
-    """What one step of a network is made of, besides its weights.
+    """The definition of a network's step, besides its weights.
 
     Parameters
     ----------
@@ -360,7 +360,7 @@ def _terms_model(step: NetworkStep) -> PhysicsModel:
 
 
 def _own(values) -> np.ndarray:
-    """Copy into what the compiled loops take, however the values lie in memory."""
+    """Return a contiguous copy of floats, as the compiled loops take it."""
     return np.array(values, dtype=float, order="C")
 
 

@@ -10,7 +10,7 @@ from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.windows import ShootingWindows
 
-#: NumPy's own do not take numbers beside arrays
+#: NumPy's own functions do not mix numbers and arrays
 _EXTREMES = {
     "amax": lambda values, axis: reduce(np.maximum, values),
     "amin": lambda values, axis: reduce(np.minimum, values),
@@ -58,7 +58,7 @@ def evaluate_samples(expression, table: Mapping[str, np.ndarray | float], size: 
         The values; not finite where the expression is not.
     """
     names = sorted(map(str, expression.free_symbols))
-    # conditions of sympy cannot take numbers beside arrays
+    # SymPy's conditions do not mix numbers and arrays
     values = (np.broadcast_to(np.asarray(table[name], dtype=float), (size,)) for name in names)
     with np.errstate(all="ignore"):
         value = numpy_function(names, expression)(*values)

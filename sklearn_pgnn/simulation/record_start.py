@@ -16,7 +16,7 @@ PLACES = (0.25, 0.5, 0.75, 0.95)
 
 
 def find_starts(model: PhysicsModel, windows: ShootingWindows, states: StateEstimator) -> None:
-    """Begin hidden states where they usually are, if a record's first window clearly says so.
+    """Start hidden states at typical values, if a record's first window is clearly fitted better.
 
     A model's own initial state may be a bad place to start from: an empty tank has a level whose
     outflow has no slope, and no small step leads from there. Such a start is left in any case.

@@ -16,18 +16,18 @@ from sklearn_pgnn.trajectories.gaps import split_at_gaps
 from sklearn_pgnn.trajectories.noise import noise_level, rough_noise_level
 from sklearn_pgnn.trajectories.record import Record
 
-#: a window holds at least so many samples, and there are at least so many windows
+#: fewest samples of a window, and fewest windows of all records
 MIN_SAMPLES, MIN_WINDOWS = 20, 8
-#: share of the dominant period of the fastest output that makes a window
+#: default length of a window, as a share of the fastest output's dominant period
 WINDOW_SHARE = 1 / 3
-#: samples over which an output's rate is taken, the fewest that noise does not hide first
+#: samples over which an output's rate is taken: the shortest lag above the noise is used
 LAGS = (1, 2, 4, 8, 16, 32, 64)
 MAX_SUBSTEPS = 32
 #: the window that is a whole record
 WHOLE = "trajectory"
-#: share of a power that is too small to matter
+#: share of a power that is negligible
 NEGLIGIBLE = 0.01
-#: relative accuracy of a length that is compared with a clock
+#: relative tolerance of a length compared with a clock
 ROUNDING = 1e-6
 
 
@@ -73,7 +73,7 @@ def window_records(
         Measured trajectories.
     window_length : float or "trajectory", optional
         Window length [s], or every record in one window; by default a third of the dominant
-        period of the outputs. A length that is told is kept to: only the last window of a record
+        period of the outputs. A given length is kept: only the last window of a record
         may be shorter, or longer by less than `MIN_SAMPLES` samples.
     noise_std : array-like of shape (n_outputs,), optional
         Standard deviation of every output's noise; by default estimated.
@@ -123,7 +123,7 @@ def window_records(
 
 
 def without_gaps(records: tuple[Record, ...], window_length=None) -> tuple[Record, ...]:
-    """Cut records where nothing was recorded for longer than a window, which bridges no such gap.
+    """Cut records at gaps that are longer than a window.
 
     Parameters
     ----------
@@ -228,7 +228,7 @@ def cut(whole: ShootingWindows, length: float, min_windows: int = MIN_WINDOWS) -
 
 
 def cut_exactly(whole: ShootingWindows, length: float) -> ShootingWindows:
-    """Cut every record into windows of one length; what is left at its end is one more.
+    """Cut every record into windows of one length; the remainder at its end is one more.
 
     Parameters
     ----------
@@ -248,7 +248,7 @@ def cut_exactly(whole: ShootingWindows, length: float) -> ShootingWindows:
         whole.bounds[:-1], whole.bounds[1:], record_durations(whole), strict=True
     ):
         t = whole.t[a:b]
-        # the computer's rounding of a clock puts no sample into the window before
+        # half a sample of slack: a rounded clock moves no sample into the window before
         ends = t[0] + length * np.arange(1, int(duration / length) + 1) - 0.5 * duration / t.size
         mine = [0]
         for edge in np.searchsorted(t, ends).tolist():
@@ -313,7 +313,7 @@ def _enough_substeps(model, windows, x) -> int:
     residual = evaluate(model, replace(windows, substeps=1), x0, ()).residual
     while substeps < MAX_SUBSTEPS:
         finer = evaluate(model, replace(windows, substeps=2 * substeps), x0, ()).residual
-        with warnings.catch_warnings():  # of what leaves the finite numbers nothing is learned
+        with warnings.catch_warnings():  # overflow: the substeps are too coarse
             warnings.simplefilter("ignore", RuntimeWarning)
             difference = np.sqrt(np.nanmean(((finer - residual) / windows.scale) ** 2))
         if np.isfinite(difference) and difference < 0.1:

@@ -1,4 +1,4 @@
-"""Simulate a model along a trajectory: the answer is a value that carries its remedy."""
+"""Simulate a model along a trajectory; a failure is part of the result, with its remedy."""
 
 import warnings
 from dataclasses import dataclass
@@ -154,7 +154,7 @@ def simulate(
 
 
 def hold_of(model: PhysicsModel, hold: str | None = None) -> str:
-    """Return how inputs run between samples: as is told, else as the model says, else held.
+    """Return how inputs run between samples: as given, else as in the model, else held.
 
     Parameters
     ----------
@@ -209,7 +209,7 @@ def simulate_records(model: PhysicsModel, records, **options) -> np.ndarray:
 
 
 def start_of(model: PhysicsModel, record) -> list[float]:
-    """Return a record's initial state: what it tells, what is settled, the model's for the rest."""
+    """Return a record's initial state: its own values, settled ones, the model's for the rest."""
     start = settled_start(model, record.u[0])
     if record.x0 is not None:
         told = zip(model.states, record.x0, strict=False)

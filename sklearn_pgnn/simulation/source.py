@@ -21,7 +21,7 @@ from sympy.printing.pycode import PythonCodePrinter
 from sklearn_pgnn.physics.expressions import TIME, symbol
 from sklearn_pgnn.physics.model import PhysicsModel
 
-#: what a root is of, at least, where one is divided by it: its slope at a bound is 0, not 0/0
+#: least argument of a root in a denominator: its slope at a bound is then 0, not 0/0
 TINY = sympy.Float(1e-30)
 
 
@@ -71,7 +71,7 @@ class _Printer(PythonCodePrinter):
 
 
 def slope_name(name: str) -> str:
-    """Name the extra input that carries the derivative of a late input by its delay."""
+    """Return the name of the extra input that carries a late input's derivative by its delay."""
     return f"_slope_{name}"
 
 

@@ -1,4 +1,4 @@
-"""States of a record: smoothed where they are measured, differentiated or simulated where not."""
+"""States of a record: smoothed where measured, else differentiated or simulated."""
 
 import itertools
 import warnings
@@ -14,9 +14,9 @@ from sklearn_pgnn.simulation.simulate import Simulation, settled_start, simulate
 from sklearn_pgnn.simulation.windows import ShootingWindows
 from sklearn_pgnn.trajectories.smoothing import FEWEST, Smoothed, choose_penalty, smooth
 
-#: how many of its standard errors a smoothed state may be off
+#: spread of a smoothed state, in its standard errors
 SAFETY = 3.0
-#: how far a state seen by a sensor may be off, as a share of its range: the sensor may lie
+#: least spread of a measured state, as a share of its range: the sensor may be wrong
 MEASURED_SPREAD = 0.3
 #: states so large that their squares and products may not be finite
 ENDLESS = 1e100
@@ -58,7 +58,7 @@ class StateEstimator:
     def __init__(self, model: PhysicsModel, windows: ShootingWindows, starts: list[np.ndarray]):
         self.windows = windows
         self.starts = [dict(zip(model.states, x0, strict=True)) for x0 in starts]
-        #: by record, the initial states that it tells
+        #: by record, the initial states that it gives
         self.told = [_finite(start) for start in self.starts]
         #: what is measured: values by state name
         self.known: dict[str, np.ndarray] = {}
@@ -102,7 +102,7 @@ class StateEstimator:
         return float(smoothed.spreads[derivative])
 
     def values(self, model: PhysicsModel) -> np.ndarray:
-        """Estimate the states alone, which is faster.
+        """Return the estimated states without their spread, which is faster.
 
         Parameters
         ----------
@@ -177,7 +177,7 @@ class _SmoothedOutput:
 
     @cached_property
     def spreads(self) -> np.ndarray:
-        """How far value and slope may be off; this costs more than the smoothing.
+        """The spread of value and slope; this costs more than the smoothing.
 
         They may go as far as a sensor may lie: a window's own samples say where it is.
         """

@@ -17,9 +17,9 @@ from numba import boolean, int64, njit, types
 
 from sklearn_pgnn.simulation.compiled import FUNCTION, call
 
-#: what is longer than so many usual sample intervals is a gap
+#: a gap is longer than so many median sample intervals
 GAP = 20.0
-#: samples that a gap counts for at most: one of years must not hang a simulation
+#: most samples that a gap counts for: one of years must not stall a simulation
 MOST_SAMPLES = 1e6
 #: events handled exactly within one step; further ones are stepped over
 MAX_EVENTS = 6
@@ -34,7 +34,7 @@ _F1, _F2 = types.float64[::1], types.float64[:, ::1]
 _F3, _F4 = types.float64[:, :, ::1], types.float64[:, :, :, ::1]
 _B1 = boolean[::1]
 OPTIONS = {"cache": True, "error_model": "numpy", "nogil": True}
-#: of a part that allocates nothing: counting references takes longer than a step
+#: for functions that allocate nothing: reference counting takes longer than a step
 INNER = {**OPTIONS, "_nrt": False, "forceinline": True}
 
 
@@ -82,7 +82,7 @@ def _runge_kutta(function, t, h, x, S, u_start, u_end, p, s, stuck, nodes, weigh
 
 @njit(**INNER)
 def _side(function, t, x, u, p, s, stuck, i, out):
-    """Set the friction's direction of state i: moving forward, backward or stuck at zero."""
+    """Set the friction's sign for state i: moving forward, backward or stuck at zero."""
     stuck[i] = False
     if x[i] > 0.0:
         s[i] = 1.0
@@ -204,7 +204,7 @@ def _jump(S, before, after, stuck, i):
 
 @njit(**OPTIONS)
 def _usual_interval(t):
-    """Return the median sample interval; infinity, at no cost, where none can be a gap."""
+    """Return the median sample interval, or infinity, at no cost, where there can be no gap."""
     shortest, longest = math.inf, 0.0
     for k in range(t.size - 1):
         shortest, longest = min(shortest, t[k + 1] - t[k]), max(longest, t[k + 1] - t[k])
@@ -274,7 +274,7 @@ def _to_next_sample(
 def run_trajectory(
     function, t, u, linear_hold, p, x, S, dry, substeps, nodes, weights, size, X, Y, SY
 ):
-    """Simulate one trajectory into X, Y and SY; give the sample that is not finite, or -1."""
+    """Simulate one trajectory into X, Y and SY; return the first sample not finite, or -1."""
     nx, nq = S.shape
     work, old = workspace(nx, nq, u.shape[1], size)
     s, stuck = np.zeros(nx), np.zeros(nx, dtype=np.bool_)

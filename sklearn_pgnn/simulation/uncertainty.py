@@ -1,4 +1,4 @@
-"""How well records fix parameters: standard errors and 95 % intervals."""
+"""Uncertainty of fitted parameters: standard errors and 95 % intervals."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -67,9 +67,9 @@ def standard_errors(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) ->
 
     .. math:: \mathrm{cov} = H^{-1} \left(\frac{W}{W - n} \sum_w g_w g_w^T + P\right) H^{-1}
 
-    with the Hessian :math:`H`, the gradients :math:`g_w` of the :math:`W` pieces of the windows,
-    and the inverse variances :math:`P` of the parameters' priors, which speak where the records
-    do not; never less than the :math:`H^{-1}` of white noise, for pieces may be few.
+    with the Hessian :math:`H`, the gradients :math:`g_w` of the :math:`W` blocks of the windows,
+    and the inverse variances :math:`P` of the parameters' priors; never less than the
+    :math:`H^{-1}` of white noise, since there may be few blocks.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ def errors_by_held(
     Returns
     -------
     dict of str to float
-        Standard error by fitted parameter; infinite where slopes by held ones are made of rounding.
+        Standard error by fitted parameter; infinite where slopes by held ones are rounding errors.
     """
     names, n_p = [freedom.name for freedom in fit.freedoms], len(fit.freedoms)
     wrt = (*names, *(freedom.name for freedom in held))

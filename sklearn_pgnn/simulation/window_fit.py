@@ -26,7 +26,7 @@ from sklearn_pgnn.simulation.windows import Evaluation, ShootingWindows, evaluat
 FIRST_DAMPING, DAMPINGS = 1e-3, (1e-9, 1e9)
 #: steps in a row that may fail
 MAX_REJECTED = 8
-#: a fit may do so many times better than a linear model of it promises
+#: most that a step may gain, relative to what the linear model predicts
 OPTIMISM = 10.0
 #: relative rounding of a sum of products, and the curvature, relative to the sharpest, below which
 #: a direction is as good as flat
@@ -35,7 +35,7 @@ ROUNDING, FLAT = 1e-14, 1e-14
 
 @dataclass(frozen=True)
 class ParameterPrior:
-    """How far a parameter may go in a fit.
+    """Bounds, Gaussian prior and scale of a parameter in a fit.
 
     Parameters
     ----------
@@ -141,7 +141,7 @@ def fit_windows(
         Where the initial states start; by default, and in windows that diverge from there, where
         they are expected.
     evaluation : Evaluation, optional
-        What the model makes of the windows at the start, where that is known already.
+        The evaluation of the windows at the start, where it is known already.
     states_first : bool, default=False
         Whether the first step moves the initial states only: they start less well than the
         parameters.
@@ -198,7 +198,7 @@ def lost_fit(
     freedoms: tuple[ParameterPrior, ...],
     x0: np.ndarray,
 ) -> WindowFit:
-    """Return what stands for a model that cannot be fitted: every window is lost.
+    """Return the fit of a model that cannot be fitted: every window is lost.
 
     Parameters
     ----------
@@ -230,7 +230,7 @@ class _Damping(NamedTuple):
     states: np.ndarray | float
 
     def after(self, decrease, promise, small) -> "_Damping":
-        """Damp more what fell short of its promise, less what kept it; by window."""
+        """Raise the damping where the decrease fell short of its prediction, by window."""
         missed = np.nan_to_num(promise - decrease, nan=np.inf, posinf=np.inf)
         states = _damp(
             self.states, missed[:-1], np.abs(promise[:-1]), small / max(missed.size - 1, 1)
@@ -247,12 +247,12 @@ def _damp(damping, missed, promise, small):
     return np.clip(damping * factor, *DAMPINGS)
 
 
-#: what a linear model promises if it is trusted
+#: predicted decrease
 UNDAMPED = _Damping(DAMPINGS[0], DAMPINGS[0])
 
 
 class _Step(NamedTuple):
-    """Where a step leads, and the decrease a linear model promises of every part."""
+    """A step's end, and the decrease of every part that a linear model predicts."""
 
     model: PhysicsModel
     x0: np.ndarray
@@ -260,7 +260,7 @@ class _Step(NamedTuple):
 
 
 class _Task:
-    """What is minimised: the squares of every window with its prior, and the parameters' priors."""
+    """The objective: the squares of every window with its prior, and the parameters' priors."""
 
     def __init__(self, windows, freedoms, expected, weight):
         self.windows, self.freedoms = windows, freedoms
@@ -346,8 +346,8 @@ def project(
     With all columns scaled to length one, the part of a parameter's column that the initial state
     does not explain has the square :math:`1 - c^T W`, where :math:`c` are its products with the
     columns of the state and :math:`W` the state's answer. It carries a rounding of
-    :math:`\rho (1 + \sum_i |W_i|)^2` if the products carry one of :math:`\rho`. What is not larger
-    than that is nothing: such a window does not see the parameter.
+    :math:`\rho (1 + \sum_i |W_i|)^2` if the products carry one of :math:`\rho`. A square not larger
+    than that counts as zero: such a window does not depend on the parameter.
 
     Parameters
     ----------
@@ -421,7 +421,7 @@ def expected_decrease(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) 
 
 
 def _bounded_step(hessian, gradient, damping, low, high):
-    """Solve the damped normal equations within bounds; what the data do not see stays."""
+    """Solve the damped normal equations within bounds; unidentified parameters stay."""
     step, seen = np.zeros_like(gradient), np.diag(hessian) > 0
     if not seen.any() or np.isinf(damping):
         return step

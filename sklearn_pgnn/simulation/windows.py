@@ -1,4 +1,4 @@
-r"""ShootingWindows: a record cut into short pieces, each restarted from its own initial state.
+r"""Shooting windows: records cut into short windows, each with its own initial state.
 
 A free-run simulation of a lightly damped machine forgets nothing, so its error has many local
 minima. Over short windows it has few (multiple shooting). Every window's initial state is a
@@ -19,7 +19,7 @@ from sklearn_pgnn.simulation.inputs import delayed_inputs
 from sklearn_pgnn.simulation.simulate import parameter_values
 from sklearn_pgnn.simulation.stepping import METHODS, run_windows
 
-#: parts that every thread simulates
+#: batches of windows per thread
 PARTS = 4
 #: relative rounding of a double
 ROUNDING = np.finfo(float).eps
@@ -27,7 +27,7 @@ ROUNDING = np.finfo(float).eps
 
 @dataclass(frozen=True)
 class ShootingWindows:
-    """Records laid end to end, and the pieces of them that a model is judged on.
+    """Records laid end to end, and the windows of them that a model is judged on.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ class ShootingWindows:
     threads : int
         Threads to simulate on.
     pieces : int
-        Pieces of a window whose squares are summed apart, for statistics.
+        Blocks of a window whose squares are summed apart, for statistics.
     """
 
     t: np.ndarray
@@ -90,12 +90,12 @@ class ShootingWindows:
 
     @property
     def block_edges(self) -> np.ndarray:
-        """First sample of every piece, and the end of the window, of shape (n_windows, n + 1)."""
+        """First sample of every block, and the end of the window, of shape (n_windows, n + 1)."""
         shares = np.arange(self.pieces + 1)
         return self.starts[:, None] + -(-self.lengths[:, None] * shares // self.pieces)
 
     def sum_blocks(self, values: np.ndarray) -> np.ndarray:
-        """Sum a quantity of every sample over every piece of every window.
+        """Sum a quantity of every sample over every block of every window.
 
         Parameters
         ----------
@@ -158,13 +158,13 @@ class ShootingWindows:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """What a model makes of the windows.
+    """Residuals and squares of a model on the windows.
 
     Parameters
     ----------
     block_gram : ndarray of shape (n_windows, n_pieces, q + 1, q + 1)
-        Per piece, the products of the columns ``[dy/dp, dy/dx0, residual]`` in units of the
-        noise; where the window diverged, or is beyond reckoning, the squares are infinite and all
+        Per block, the products of the columns ``[dy/dp, dy/dx0, residual]`` in units of the
+        noise; where the window diverged, or is lost to rounding, the squares are infinite and all
         other products zero.
     residual : ndarray of shape (n_samples, n_outputs)
         Measured minus simulated outputs, NaN outside the windows.
@@ -185,7 +185,7 @@ class Evaluation:
 
     @property
     def block_squares(self) -> np.ndarray:
-        """Sum of squared residuals of every piece, of shape (n_windows, n_pieces)."""
+        """Sum of squared residuals of every block, of shape (n_windows, n_pieces)."""
         return self.block_gram[:, :, -1, -1]
 
     def select(self, which) -> "Evaluation":
@@ -232,7 +232,7 @@ class Evaluation:
 def evaluate(model: PhysicsModel, windows: ShootingWindows, x0, wrt: tuple[str, ...]) -> Evaluation:
     r"""Simulate every window from its initial state, with sensitivities.
 
-    A window is beyond reckoning where rounding a parameter or an initial state, :math:`\theta_i`,
+    A window is lost to rounding where rounding a parameter or an initial state, :math:`\theta_i`,
     moves its outputs by more than the noise :math:`\sigma`,
 
     .. math:: \varepsilon |\theta_i| \, |\partial y / \partial \theta_i| > \sigma,
@@ -298,7 +298,7 @@ def evaluate(model: PhysicsModel, windows: ShootingWindows, x0, wrt: tuple[str, 
 
 def _lose_arbitrary(gram, sizes):
     """Discard the windows in which rounding errors move outputs beyond the noise."""
-    with np.errstate(over="ignore", invalid="ignore"):  # what overflows is lost as well
+    with np.errstate(over="ignore", invalid="ignore"):  # overflowing windows are lost as well
         slopes = np.sqrt(np.einsum("wjii->wi", gram[..., :-1, :-1]))
         known = (ROUNDING * np.abs(sizes) * slopes <= 1.0).all(axis=1)
     lost = ~(known & np.isfinite(gram).all(axis=(1, 2, 3)))

@@ -1,4 +1,4 @@
-"""What a record is: tables and CSV files read as trajectories, and their smoothing."""
+"""Records: tables and files read as trajectories, and their smoothing."""
 
 from sklearn_pgnn.trajectories.csv_file import read_csv, read_csv_files
 from sklearn_pgnn.trajectories.files import read_file, read_files

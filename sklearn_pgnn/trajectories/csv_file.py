@@ -106,7 +106,7 @@ def read_csv_files(
 
 
 class _CsvTable(FileTable):
-    """One file as columns of text; every row knows its line."""
+    """A file as columns of text, with the line of every row."""
 
     kind = "CSV"
 
@@ -171,7 +171,7 @@ class _CsvTable(FileTable):
             )
 
     def check_widths(self) -> None:
-        """Refuse a row that is longer than the header; an empty field at the end is nothing."""
+        """Refuse a row that is longer than the header; empty fields at its end are ignored."""
         width = len(self.header)
         for line, row in zip(self.lines, self.rows, strict=True):
             if len(row) > width and any(text.strip() for text in row[width:]):

@@ -18,7 +18,7 @@ from sklearn_pgnn.trajectories.reader import MIN_SAMPLES, TIME, TRAJECTORY, spli
 from sklearn_pgnn.trajectories.tables import read_clock
 
 _UNIT = re.compile(r"\s*(\[[^]]*\]|\([^)]*\))$")
-#: what a file without a time is told
+#: remedy for a file without a time
 NO_TIME = (
     "Or, if it has no time, say how much of it lies between samples: sample_time=0.01 [s] "
     "(--sample-time)."
@@ -38,7 +38,7 @@ class FileTable(ABC):
         Time from sample to sample [s] of a file without a time.
     """
 
-    #: what the file is called in an error
+    #: the file's name in an error
     kind = "file"
     header: list[str]
 
@@ -58,15 +58,15 @@ class FileTable(ABC):
 
     @abstractmethod
     def place(self, row: int | None) -> str:
-        """Return what stands behind the path in an error about a row, or about the header."""
+        """Return the place of a row, or of the header, as an error gives it."""
 
     @abstractmethod
     def name_of(self, row: int) -> str:
-        """Return what a row is called in an error about another one."""
+        """Return the name of a row in an error about another one."""
 
     @abstractmethod
     def cells(self, k: int) -> Sequence[Any]:
-        """Return what stands in a column."""
+        """Return the cells of a column."""
 
     @abstractmethod
     def number(self, cell) -> float | None:
@@ -118,7 +118,7 @@ class FileTable(ABC):
         return found
 
     def remedy(self, name: str) -> str:
-        """Return the remedy for a missing column: the likest that nothing else needs may be it."""
+        """Return the remedy for a missing column: the most similar one that is not used."""
         model = self.model
         taken = {self.find(n) for n in (TIME, TRAJECTORY, *model.inputs, *model.states)}
         taken |= {self.find(n) for n in model.outputs or ()}
@@ -169,7 +169,7 @@ class FileTable(ABC):
     # -- records -----------------------------------------------------------------------------------
 
     def trajectories(self) -> list[str]:
-        """Read what trajectory every row belongs to; by default the file's stem."""
+        """Return the trajectory of every row; by default the file's stem."""
         k = self.find(TRAJECTORY)
         if k is None:
             return [Path(self.path).stem] * self.size

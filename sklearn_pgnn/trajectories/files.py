@@ -20,7 +20,7 @@ from sklearn_pgnn.trajectories.reader import TIME, TRAJECTORY
 
 #: where the format of MAT files of version 7.3 may begin, and what it begins with
 _HDF5, _STARTS = b"\x89HDF\r\n\x1a\n", (0, 512, 1024, 2048)
-#: MATLAB's tables are objects of its own, which no library reads
+#: MATLAB tables are opaque objects, which no library reads
 _AS_STRUCT = (
     "Remedy: in MATLAB, s = table2struct(data, 'ToScalar', true) of a table, or vectors of a "
     "timeseries, and save('run.mat', '-struct', 's')."
@@ -137,7 +137,7 @@ class _FrameTable(FileTable):
         return len(self.frame)
 
     def place(self, row: int | None) -> str:
-        """Return the row, counted as the file's own program does."""
+        """Return the row, counted as in the file's own program."""
         return "" if row is None else f", {self.name_of(row)}"
 
     def name_of(self, row: int) -> str:
@@ -169,7 +169,7 @@ class _FrameTable(FileTable):
 
 
 def _loaded(path: str, kind: str, load) -> Any:
-    """Load a file, or raise `RecordError`: what a library says of a broken file is anything."""
+    """Load a file, or raise `RecordError`: a broken file may raise any error in a library."""
     try:
         Path(path).open("rb").close()
         return load()
@@ -248,7 +248,7 @@ def _is_hdf5(path: str) -> bool:
 
 
 def _hdf5_content(group) -> dict:
-    """Return variables and structs; what MATLAB keeps for itself begins with ``#``."""
+    """Return variables and structs; MATLAB's internal groups begin with ``#``."""
     content = {}
     for name, item in group.items():
         if hasattr(item, "items"):

@@ -1,4 +1,4 @@
-"""Records with a gap: what lies before it and behind it are two records."""
+"""Records with a gap: they are split there into two records."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -10,7 +10,7 @@ from sklearn_pgnn.trajectories.record import Record
 
 
 def split_at_gaps(records: tuple[Record, ...], longest: float, samples: int) -> tuple[Record, ...]:
-    """Cut records wherever nothing was recorded for long: nobody knows the inputs there.
+    """Cut records at long gaps, in which the inputs are unknown.
 
     Parameters
     ----------

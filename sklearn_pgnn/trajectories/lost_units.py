@@ -1,4 +1,4 @@
-"""Records that have lost their units to a scaler, and what can be known of it.
+"""Records that have lost their units to a scaler, and how they are recognised.
 
 No number tells its unit. What gives a scaler away is that it moves the time too: to the mean 0 and
 the deviation 1. A part of such a table, as a fold is, has them nearly, and so have its inputs; its
@@ -18,9 +18,9 @@ EXACT = 1e-6
 #: and of a part of one: two thirds of a column cannot have a larger mean than this, for the rest
 #: has the opposite one; a deviation is less than this factor away from 1
 PART_MEAN, PART_FACTOR = 0.5**0.5, 2.0
-#: significant digits of a sample interval or rate that somebody chose
+#: significant digits of a sample interval or rate that was set by hand
 DIGITS = 6
-#: fewer samples tell nothing
+#: fewest samples for a decision
 FEWEST = 10
 REMEDY = (
     "Remedy: let time, inputs, states and outputs pass the scaler untouched "

@@ -1,4 +1,4 @@
-"""How noisy a measured quantity is, told from the record alone."""
+"""Noise of a measured quantity, estimated from the record alone."""
 
 from math import comb
 
@@ -24,7 +24,7 @@ EVEN = 1e-6
 def noise_level(y: np.ndarray, t: np.ndarray | None = None) -> float:
     r"""Estimate the standard deviation of white noise on a signal.
 
-    A filter of unit norm, :math:`\sum_k h_k^2 = 1`, leaves the strength of white noise as it is. So
+    A filter of unit norm, :math:`\sum_k h_k^2 = 1`, keeps the variance of white noise. So
     what it makes of a record is the noise, and what it passes of the signal on top: the filter that
     leaves least comes nearest. Tried are divided differences, which remove every polynomial below
     their order, and on an even clock the filter that leaves least of one half of the record (the
@@ -67,7 +67,7 @@ def noise_level(y: np.ndarray, t: np.ndarray | None = None) -> float:
 
 
 def rough_noise_level(y: np.ndarray, t: np.ndarray | None = None) -> float:
-    """Return a quick and generous estimate of the noise: whatever the third differences leave.
+    """Return a quick upper estimate of the noise: the residue of the third differences.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ def rough_noise_level(y: np.ndarray, t: np.ndarray | None = None) -> float:
 
 
 def finest_differences(y: np.ndarray, t: np.ndarray | None = None) -> tuple[np.ndarray, int]:
-    """Return the divided differences that leave least of a record, and their order.
+    """Return the divided differences with the smallest residue of a record, and their order.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ def finest_differences(y: np.ndarray, t: np.ndarray | None = None) -> tuple[np.n
     Returns
     -------
     differences : ndarray of shape (n_known - order,)
-        White noise keeps its strength in them, and neighbours have opposite signs.
+        White noise keeps its variance in them, and neighbours have opposite signs.
     order : int
         Their order.
 
@@ -121,7 +121,7 @@ def finest_differences(y: np.ndarray, t: np.ndarray | None = None) -> tuple[np.n
 
 
 def relative_error(size: int, order: int = ORDERS[0]) -> float:
-    r"""Return the relative standard error of the noise of so many samples, told by differences.
+    r"""Return the relative standard error of the noise, estimated from differences.
 
     The squares of differences of order :math:`m` are worth :math:`1/\sqrt{\pi m/2}` as many
     independent ones.
@@ -130,7 +130,7 @@ def relative_error(size: int, order: int = ORDERS[0]) -> float:
 
 
 def _finest(y, clock) -> np.ndarray:
-    """Raise the order of the differences while that leaves less, by more than chance."""
+    """Raise the order of the differences while the residue falls significantly."""
     best = _divided_differences(y, clock, ORDERS[0])
     for order in ORDERS[1:]:
         found = _divided_differences(y, clock, order)
@@ -142,7 +142,7 @@ def _finest(y, clock) -> np.ndarray:
 
 
 def _strength(differences) -> float:
-    """Return the standard deviation of normal values among a few larger ones; inf of none.
+    """Return the standard deviation of normal values with a few outliers; inf for none.
 
     Jumps and corners of a signal are few: what lies beyond some times the median size is left out.
     """

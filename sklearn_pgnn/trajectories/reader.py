@@ -19,7 +19,7 @@ from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.trajectories.record import Record
 from sklearn_pgnn.trajectories.tables import TIME, as_pandas, as_table, read_clock
 
-#: a trajectory with outputs has at least so many samples
+#: fewest samples of a trajectory with outputs
 MIN_SAMPLES = 4
 TRAJECTORY = "trajectory"
 
@@ -144,7 +144,7 @@ def _as_table(model: PhysicsModel, X, time_column) -> pd.DataFrame:
 
 
 def _from_names(model: PhysicsModel, X: pd.DataFrame, time_column) -> pd.DataFrame:
-    """Find every quantity by what the table calls it, else by its own name."""
+    """Find every quantity by its column name in the table, else by its own name."""
     found = {}
     for name in (TRAJECTORY, TIME, *model.inputs, *model.states):
         given = name == TIME and time_column is not None
@@ -228,7 +228,7 @@ def _states(model: PhysicsModel, table: pd.DataFrame, firsts) -> np.ndarray:
 
 
 def _trajectories(table: pd.DataFrame) -> np.ndarray | None:
-    """Read what trajectory every row belongs to, if the table says so."""
+    """Return the trajectory of every row, or None where the table has no such column."""
     if TRAJECTORY not in table:
         return None
     empty = np.flatnonzero(table[TRAJECTORY].isna())

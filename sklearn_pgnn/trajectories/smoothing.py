@@ -1,4 +1,4 @@
-"""Smooth a measured quantity and take its derivative; the data choose the smoothing."""
+"""Smoothing of a measured quantity and its derivative, chosen by cross-validation."""
 
 from dataclasses import dataclass
 
@@ -35,7 +35,7 @@ class Smoothed:
 
 
 class NaturalSpline:
-    r"""Smoothing splines through the same samples; what no penalty changes is set up once.
+    r"""Smoothing splines through the same samples, for any penalty.
 
     The natural cubic spline that minimises
 
@@ -166,7 +166,7 @@ def smooth(t: np.ndarray, y: np.ndarray, penalty: float | None = None) -> Smooth
 
 
 def choose_penalty(t: np.ndarray, y: np.ndarray) -> float:
-    """Choose the smoothing penalty by cross-validation on the liveliest stretch of a record.
+    """Choose the smoothing penalty by cross-validation on the most active part of a record.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Tables of any library as pandas ones, and what of them is a clock."""
+"""Tables of any library as pandas ones, and their clocks."""
 
 import narwhals.stable.v1 as nw
 import numpy as np

@@ -10,7 +10,7 @@ from sklearn_pgnn.trajectories.tables import as_table
 
 
 def check_model(model, *, optional: bool = False) -> None:
-    """Refuse a parameter ``model`` that is no model.
+    """Raise `TypeError` unless the parameter ``model`` is a model.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-r"""How much the physical terms weigh: a constant, or as the gradients ask for."""
+r"""The weight of the physical loss: a constant, or balanced by the gradients."""
 
 import numpy as np
 import torch
@@ -9,7 +9,7 @@ FORGETTING = 0.1
 
 
 def check_lambda(lambda_phy) -> None:
-    """Refuse a weight that is none.
+    """Raise `ValueError` unless the weight is valid.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ def check_lambda(lambda_phy) -> None:
 
 
 def balanced_lambda(error, physics, weights, before: float | None) -> float:
-    r"""Weight both losses so that neither gradient drowns the other.
+    r"""Weight both losses so that neither gradient dominates.
 
     With the data's weight :math:`w = \max|\nabla L_{phy}|\,/\,\mathrm{mean}|\nabla L_{error}|` of
     [1]_ in :math:`L_{phy} + w L_{error}`, :math:`\lambda = 1/(1 + w)`; a moving average of it.

@@ -1,4 +1,4 @@
-"""Batches cut from whole tensors: much faster than samples put together one by one."""
+"""Batches cut from whole tensors: much faster than collating samples one by one."""
 
 import torch
 from torch.utils.data import Subset

@@ -1,4 +1,4 @@
-"""What happens between the epochs: the learning rate decays, and the best free run is kept."""
+"""Callbacks of the training: decay of the learning rate, and the best free run."""
 
 import copy
 import math
@@ -47,7 +47,7 @@ class CosineDecay(Callback):
 
 
 class BestFreeRun(Callback):
-    """Keep the weights whose free run of the held-out trajectories is best; end without progress.
+    """Keep the weights with the best free run of the held-out trajectories; stop early.
 
     The history gets the error as ``free_run``, and its square, a mean squared error, as
     ``valid_loss``.
@@ -63,13 +63,13 @@ class BestFreeRun(Callback):
         self.n_iter_no_change = n_iter_no_change
 
     def on_train_begin(self, net, **kwargs):
-        """Begin anew; what was trained before shall not become worse."""
+        """Reset, and note the error of weights that were trained before."""
         self.best_, self.weights_, self.waited_ = np.inf, None, 0
         if net._validation and net.history:
             self.note(net, net._validation_error())
 
     def on_epoch_end(self, net, **kwargs):
-        """Run the held-out trajectories, and compare."""
+        """Simulate the held-out trajectories, and keep the weights if they are the best."""
         if not net._validation:
             return
         error = net._validation_error()
@@ -88,7 +88,7 @@ class BestFreeRun(Callback):
             self.weights_ = copy.deepcopy(net.module_.core.state_dict())
 
     def restore(self, net) -> None:
-        """Go back to the best weights, and wait anew."""
+        """Restore the best weights, and reset the count of epochs without progress."""
         if self.weights_ is not None:
             net.module_.core.load_state_dict(self.weights_)
         self.waited_ = 0

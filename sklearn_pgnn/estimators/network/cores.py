@@ -1,4 +1,4 @@
-"""What a network is inside: layers in sequence, or a recurrent unit."""
+"""The cores of a network: layers in sequence, or a recurrent unit."""
 
 from numbers import Integral
 

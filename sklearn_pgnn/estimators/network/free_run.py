@@ -1,4 +1,4 @@
-"""Free run of a trained network: compiled where the core is ours, else torch's own loop."""
+"""Free run of a trained network: compiled for the package's own cores, else in torch."""
 
 from dataclasses import replace
 
@@ -62,7 +62,7 @@ def run_core(core: nn.Module, step: NetworkStep, record: NetworkRecord):
 
 
 def _run_torch(core, step, record):
-    """Run another author's core, step by step."""
+    """Run a user's own core, step by step."""
     n = len(record.t) - 1
     samples = {
         "t": record.t,

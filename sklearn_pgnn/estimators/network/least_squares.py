@@ -27,7 +27,7 @@ SETTLED, TOLERANCE = 5, 0.001
 LINE_SEARCH = 20
 #: least gain that a step is compared with
 TINY = np.finfo(float).tiny
-#: an inequality is never taken for nearer to its edge than this
+#: least distance of an inequality from its edge, for its curvature
 EDGE = 1e-6
 
 
@@ -133,7 +133,7 @@ class SimulationObjective:
         return float(sum(self._each(self._cost_of, theta)))
 
     def _each(self, task, theta) -> list:
-        """Go through the records, several at a time."""
+        """Apply a task to every record, in parallel."""
         threads = min(self.threads, len(self.records))
         return Parallel(threads, prefer="threads")(
             delayed(task)(record, theta) for record in self.records
@@ -314,7 +314,7 @@ def l_bfgs(objective, theta: np.ndarray, iterations: int, on_step) -> np.ndarray
         "maxiter": iterations,
         "maxls": LINE_SEARCH,
         "maxfun": LINE_SEARCH * iterations,
-        "ftol": 0.0,  # `_has_settled` says when
+        "ftol": 0.0,  # `_has_settled` decides when to stop
         "gtol": 0.0,
     }
     return minimize(both, theta, jac=True, method="L-BFGS-B", callback=told, options=options).x

@@ -1,4 +1,4 @@
-r"""What a prediction must obey: residuals of physical relations, as terms of a loss.
+r"""Residuals of physical relations, as terms of a loss.
 
 A term is a dimensionless residual :math:`h(x, u, t)`, evaluated from each sample to the next, and
 either an equality, which costs :math:`h^2`, or an inequality :math:`h \le 0`, which costs
@@ -20,11 +20,11 @@ KINDS = ("equality", "inequality")
 
 
 class NotFinite(ValueError):
-    """A loss is not finite, and nothing can be learnt from it."""
+    """Raised where a loss is not finite."""
 
 
 class PhysicsTerm(BaseEstimator):
-    """A physical relation as one's own function.
+    """A physical relation given as a function.
 
     Parameters
     ----------

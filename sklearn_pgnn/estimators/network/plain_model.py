@@ -1,4 +1,4 @@
-"""What a network without a physical model takes for one: integrators, which only name things."""
+"""A chain of integrators, in place of a physical model, that only names the quantities."""
 
 import numpy as np
 import pandas as pd

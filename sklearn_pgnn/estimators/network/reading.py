@@ -1,4 +1,4 @@
-"""What a network finds in a table besides the model's own quantities."""
+"""The columns of a table that a network uses besides the model's own quantities."""
 
 import numpy as np
 import pandas as pd

@@ -25,7 +25,7 @@ from sklearn_pgnn.simulation.simulate import start_of
 #: state estimates that are kept
 KEPT = 8
 _ESTIMATES: dict[tuple, np.ndarray] = {}
-#: held while these are looked up or kept: candidates may be fitted on several threads
+#: guards the cache: candidates may be fitted on several threads
 _KEEPING = Lock()
 
 
@@ -130,8 +130,8 @@ def estimate_states(model: PhysicsModel, records, *, hold: str, substeps: int) -
     with _KEEPING:
         x = _ESTIMATES.get(key)
     if x is None:
-        ground = window_records(model, records, hold=hold, substeps=substeps)
-        x = ground.states.estimate(model).x
+        windowed = window_records(model, records, hold=hold, substeps=substeps)
+        x = windowed.states.estimate(model).x
         with _KEEPING:
             _ESTIMATES[key] = x
             while len(_ESTIMATES) > KEPT:

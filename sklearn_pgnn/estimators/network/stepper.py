@@ -1,4 +1,4 @@
-"""One step at a time, for a loop that runs with a clock."""
+"""A trained network advanced one sample at a time, for a real-time loop."""
 
 from collections import deque
 from dataclasses import replace
@@ -41,7 +41,7 @@ class Stepper:
 
     def __init__(self, core: nn.Module, step: NetworkStep, x0, interval: float, guide_line):
         self._late, self._core, self._line = step.model, core, guide_line
-        # delays are applied here, from the inputs that are remembered
+        # delays are applied here, from the past inputs
         self._step = replace(step, model=step.model.replace(delays={}))
         self._interval, self.t = float(interval), 0.0
         self._told = x0 is not None
@@ -101,7 +101,7 @@ class Stepper:
         return self._outputs(self._acting(self._read(u)))
 
     def _read(self, u) -> np.ndarray:
-        """Return an input as an array; at the first one the states that nobody told settle."""
+        """Return an input as an array; the first one settles states without an initial value."""
         u = np.atleast_1d(np.asarray(u, dtype=float))
         if u.shape != (len(self._late.inputs),):
             raise ValueError(

@@ -1,4 +1,4 @@
-r"""What the network's output means: the structures of a step, and which suits a model.
+r"""The structures of a network's step, and the choice between them.
 
 - ``output``: :math:`x_{k+1} = n(u_k, x_k, \ldots)`
 - ``increment``: :math:`x_{k+1} = x_k + \Delta t\, n(u_k, x_k, \ldots)`
@@ -83,7 +83,7 @@ def gain_of(model: PhysicsModel, structure: str, x, x_next, prior, dt) -> np.nda
 
 
 def choose_structure(measured, foretold, begun) -> str:
-    """Correct the model's step where the model foretells most of how the states change.
+    """Choose a correction where the model predicts most of the change of the states.
 
     Parameters
     ----------

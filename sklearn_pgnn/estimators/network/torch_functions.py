@@ -89,7 +89,7 @@ def _apply(function, parts):
 
 
 def _as_tensor(part):
-    """Let a part give a tensor where it gives a number."""
+    """Return a function whose value is always a tensor."""
     return lambda values: torch.as_tensor(part(values), dtype=torch.float64)
 
 

@@ -39,13 +39,13 @@ from sklearn_pgnn.estimators.network.structure import corrected_states
 
 #: "auto" refines by Levenberg and Marquardt's steps up to so many weights
 FEW_WEIGHTS = 1000
-#: what is made anew from the weights when a pickle is loaded
+#: attributes that are rebuilt from the weights when a pickle is loaded
 _TRAINED = ("module_", "criterion_", "optimizer_", "callbacks_")
 
 
 @contextlib.contextmanager
 def single_threaded():
-    """Let torch and BLAS work on one thread: a small network's sums are too small for more.
+    """Restrict torch and BLAS to one thread: a small network does not profit from more.
 
     Yields
     ------
@@ -110,7 +110,7 @@ class TrajectoryNet(NeuralNetRegressor):
         super().notify(method_name, **cb_kwargs)
 
     def _show(self, X, y, records, whole) -> None:
-        """Let callbacks see the rows of the trajectories trained on, and of those held out."""
+        """Keep the rows of the training and the held-out trajectories, for callbacks."""
         held = [any(each is other for other in self._validation) for each in whole]
         parts = {
             "dataset_train": [r.rows for r, out in zip(records, held, strict=True) if not out],
@@ -120,7 +120,7 @@ class TrajectoryNet(NeuralNetRegressor):
 
     @contextlib.contextmanager
     def _one_phase(self, name: str):
-        """Train one phase: to `EarlyStopping` it is a training of its own."""
+        """Train one phase, which `EarlyStopping` sees as a training of its own."""
         if self.verbose:
             print(name, flush=True)
         stopping = [part for _, part in self.callbacks_ if isinstance(part, EarlyStopping)]
@@ -217,7 +217,7 @@ class TrajectoryNet(NeuralNetRegressor):
 
     @contextlib.contextmanager
     def _resting_optimizer(self):
-        """Leave the schedulers out where no step is the optimizer's."""
+        """Remove the schedulers from a phase without the optimizer."""
         everyone = self.callbacks_
         self.callbacks_ = [each for each in everyone if not isinstance(each[1], LRScheduler)]
         try:
@@ -226,7 +226,7 @@ class TrajectoryNet(NeuralNetRegressor):
             self.callbacks_ = everyone
 
     def _on_step(self, theta, cost) -> bool:
-        """Take over weights of the last phase as an epoch, and tell whether it was the last."""
+        """Record a step of the last phase as an epoch, and return whether it was the last."""
         self._set_weights(theta)
         self.notify("on_epoch_begin", dataset_train=None, dataset_valid=None)
         self.history.new_batch()
@@ -243,7 +243,7 @@ class TrajectoryNet(NeuralNetRegressor):
         nn.utils.vector_to_parameters(weights, self.module_.core.parameters())
 
     def _validation_error(self) -> float:
-        """Run the held-out trajectories; give the error in deviations of the outputs."""
+        """Return the free-run error of the held-out trajectories, in deviations of the outputs."""
         errors = []
         for each in self._validation:
             x, failed = run_core(self.module_.core, self.step_, each.record)
@@ -266,7 +266,7 @@ class TrajectoryNet(NeuralNetRegressor):
         ]
 
     def initialize_module(self):
-        """Make the network; `fit` calls it once the data have told its size."""
+        """Create the network, once its size is known from the data."""
         if not hasattr(self, "model_"):
             raise ValueError(
                 f"{type(self).__name__} learns its size from the data. Remedy: call fit first."
@@ -289,7 +289,7 @@ class TrajectoryNet(NeuralNetRegressor):
         return self.initialized_instance(self.module, {**sizes, **self.get_params_for("module")})
 
     def get_iterator(self, dataset, training=False):
-        """Make batches of so many steps, however long the windows are."""
+        """Return batches of `batch_size` steps, whatever the length of the windows."""
         phase, whole = self._phase, self.batch_size
         if phase is None or phase.horizon == 1 or whole == -1:
             return super().get_iterator(dataset, training)
@@ -394,7 +394,7 @@ class TrajectoryNet(NeuralNetRegressor):
 
 
 def _positive(values) -> np.ndarray:
-    """Measure by 1 what does not vary at all."""
+    """Replace zeros by 1."""
     return np.where(values > 0, values, 1.0)
 
 
