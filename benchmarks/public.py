@@ -54,8 +54,8 @@ QUARTERS, LEAST_GAIN, SUBSTEPS = 4, 0.01, 2
 class Spill(Effect):
     """An upper tank that spills above a limit, of which a share falls into the lower tank."""
 
-    limit: float = quantity("Ls", "V", default=1e9, low=1.0)
-    share: float = quantity("ss", "", default=0.0, low=0.0, high=5.0)
+    limit: float = quantity("Ls", "V", default=1e9, low=1.0, role="end")
+    share: float = quantity("ss", "", default=0.0, low=0.0, high=5.0, role="shape")
     id = "spill"
 
     @classmethod

@@ -11,7 +11,7 @@ import numpy as np
 from sklearn_pgnn.datasets.integrator import integrate
 from sklearn_pgnn.datasets.rig import settled
 from sklearn_pgnn.physics.effect import Scales
-from sklearn_pgnn.physics.effects.typical import typical_by_kind, typical_value
+from sklearn_pgnn.physics.typical import typical_by_kind, typical_value
 
 #: a window in the slowest state's time of change, at most this share of a record; how many
 CHANGES, SHARE, WINDOWS = 3.0, 0.25, 40

@@ -1,4 +1,4 @@
-"""A named cause together with the records, from which its evidence is drawn."""
+"""A named cause together with the records: what the evidence for it is read from."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -7,9 +7,10 @@ import numpy as np
 
 from sklearn_pgnn.diagnosis.records import DiagnosisRecords
 from sklearn_pgnn.inspection.balance import Samples, shown_states, starts
-from sklearn_pgnn.inspection.words import cause_name
+from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects import CATALOGUE, read_catalogue
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.parameter import Parameter
 from sklearn_pgnn.simulation.windows import evaluate
 
 
@@ -23,23 +24,24 @@ class Case:
         The records.
     full, without : PhysicsModel
         The extended model with all causes, and with all but this one, at the same values.
-    effect, target : str
+    effect : Effect
         The cause.
-    fields : dict of str to str
-        The model's name of every parameter of the effect.
     """
 
     records: DiagnosisRecords
     full: PhysicsModel
     without: PhysicsModel
-    effect: str
-    target: str
-    fields: dict[str, str]
+    effect: Effect
 
     @property
     def name(self) -> str:
         """The cause in words."""
-        return cause_name(self.effect, self.target)
+        return self.effect.title(self.effect.target)
+
+    @property
+    def parameters(self) -> list[Parameter]:
+        """The parameters of the effect, as identified."""
+        return [self.full.parameters[name] for name in self.effect.names().values()]
 
     @property
     def prior(self) -> PhysicsModel:
@@ -62,7 +64,7 @@ class Case:
         return shown_states(self.prior)
 
     def missing_rate(self, state: str) -> np.ndarray:
-        """Return the measured rate of a state minus the rate of the model without the cause."""
+        """Return the measured rate of a state minus the one without the cause."""
         samples = self.samples
         return samples.rate(state) - samples.mean(self.without.equations[state])
 
@@ -73,7 +75,7 @@ def known_effects(diagnosis) -> dict:
 
 
 def make_case(diagnosis, cause) -> Case:
-    """Build the extended model without a cause, and gather the records."""
+    """Return a cause with the extended model with and without it, and the records."""
     known = known_effects(diagnosis)
     full, without = diagnosis.extended_model_, diagnosis.model
     for other in diagnosis.causes_:
@@ -82,29 +84,10 @@ def make_case(diagnosis, cause) -> Case:
     values = {n: p.value for n, p in full.parameters.items() if n in without.parameters}
     if cause.target in diagnosis.model.parameters:
         values.pop(cause.target)
-    fields = known[cause.effect](cause.target).names()
-    return Case(
-        diagnosis.records_,
-        full,
-        without.with_parameters(**values),
-        cause.effect,
-        cause.target,
-        {name: fields[name] for name in cause.parameters},
-    )
-
-
-def effect_parameters(case: Case):
-    """Return the parameters of the effect."""
-    return [case.full.parameters[name] for name in case.fields.values()]
-
-
-def changes_in_time(case: Case) -> bool:
-    """Return whether the cause delays or filters a signal."""
-    return case.full.delays != case.without.delays or set(case.full.states) != set(
-        case.without.states
-    )
+    effect = known[cause.effect](cause.target)
+    return Case(diagnosis.records_, full, without.with_parameters(**values), effect)
 
 
 def window_residual(case: Case, model: PhysicsModel) -> np.ndarray:
-    """Simulate the windows with or without the cause, from the initial states found with it."""
+    """Return the error on windows that start in the initial states found with all causes."""
     return evaluate(model, case.records.windows, starts(case.records, model), ()).residual

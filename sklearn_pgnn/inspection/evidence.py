@@ -5,32 +5,23 @@ import sympy
 from sklearn_pgnn.inspection.balance import Samples
 from sklearn_pgnn.inspection.case import make_case
 from sklearn_pgnn.inspection.curves import Evidence, Line, even_grid
-from sklearn_pgnn.inspection.motion_evidence import over_correction, over_motion, over_rate
-from sklearn_pgnn.inspection.signal_evidence import (
-    late_output,
-    over_input,
-    over_output,
-    over_time,
-    residual_over_time,
-)
+from sklearn_pgnn.inspection.motion_evidence import cut_rate, implied_parameter, missing_force
+from sklearn_pgnn.inspection.signal_evidence import felt_input, residual_over_time, shown_output
 from sklearn_pgnn.inspection.words import missing_place
 from sklearn_pgnn.physics.expressions import parse_expression
 
-#: tried in this order; the last always answers
-WAYS = (
-    over_rate,
-    over_motion,
-    over_input,
-    over_time,
-    late_output,
-    over_output,
-    over_correction,
-    residual_over_time,
-)
+#: what draws a characteristic, by what it shows; None where the records do not show it
+DRAWN = {
+    "force": missing_force,
+    "rate": cut_rate,
+    "input": felt_input,
+    "output": shown_output,
+    "parameter": implied_parameter,
+}
 
 
 def find_evidence(diagnosis, cause) -> Evidence:
-    """Give the evidence for a named cause.
+    """Return the evidence for a named cause: the characteristic that its effect declares.
 
     Parameters
     ----------
@@ -45,12 +36,13 @@ def find_evidence(diagnosis, cause) -> Evidence:
         Points of the records and the law of the cause.
     """
     case = make_case(diagnosis, cause)
-    found = (way(case) for way in WAYS)
-    return next(evidence for evidence in found if evidence is not None)
+    curve = case.effect.characteristic(case.full)
+    drawn = None if curve is None else DRAWN[curve.shows](case, curve)
+    return residual_over_time(case) if drawn is None else drawn
 
 
 def missing_evidence(diagnosis) -> Evidence:
-    """Give the evidence for what has no name: its smoothed course over what its formula says.
+    """Return the evidence for what has no name: its smoothed course over what its formula says.
 
     Parameters
     ----------

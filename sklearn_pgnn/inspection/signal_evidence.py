@@ -1,110 +1,100 @@
 """Evidence at an input or an output: what the machine feels, and what a sensor shows.
 
-Each way reads a `Case` and gives the evidence, or None where the records do not show it that way.
+Each function draws a `Characteristic` for a `Case`, or returns None where the records do not show
+it.
 """
 
 import numpy as np
 
-from sklearn_pgnn.inspection.case import (
-    Case,
-    changes_in_time,
-    effect_parameters,
-    window_residual,
-)
+from sklearn_pgnn.inspection.case import Case, window_residual
 from sklearn_pgnn.inspection.curves import GRID, Evidence, Line, even_grid
 from sklearn_pgnn.inspection.style import label
+from sklearn_pgnn.physics.characteristic import Characteristic
 from sklearn_pgnn.physics.expressions import symbol
 
 
-def over_input(case: Case) -> Evidence | None:
-    """Show the input that the machine behaves as if it had, over the commanded one."""
-    if case.target not in case.full.inputs or changes_in_time(case):
-        return None
-    acting = _acting_input(case)
+def felt_input(case: Case, curve: Characteristic) -> Evidence | None:
+    """Return the input that the machine behaves as if it had, over the commanded one or time."""
+    acting = _acting_input(case, curve.of)
     if acting is None:
         return None
-    state, felt = acting
-    u = case.samples.mean(symbol(case.target))
-    grid = even_grid(u)
-    law = _seen_input(case, state, grid)
-    unit = case.full.unit(case.target)
+    return (_over_command if curve.over is None else _input_in_time)(case, curve.of, *acting)
+
+
+def _over_command(case: Case, name: str, state: str, felt) -> Evidence:
+    """Return the felt input over the commanded one."""
+    u = case.samples.mean(symbol(name))
+    grid, unit = even_grid(u), case.full.unit(name)
     return Evidence(
-        title=f"What the machine feels of {case.target}",
-        x_label=label(f"{case.target} as commanded", unit),
-        y_label=label(f"{case.target} as felt", unit),
+        title=f"What the machine feels of {name}",
+        x_label=label(f"{name} as commanded", unit),
+        y_label=label(f"{name} as felt", unit),
         points=(u, felt),
         lines=(
             Line(grid, grid, "prior", "as the model has it"),
-            Line(grid, law, "extended", case.name),
+            Line(grid, _seen_input(case, name, state, grid), "extended", case.name),
         ),
-        note=f"Every point is a moment of the records: the {case.target} that would explain the "
+        note=f"Every point is a moment of the records: the {name} that would explain the "
         f"measured motion, over the one that was commanded.",
     )
 
 
-def over_time(case: Case) -> Evidence | None:
-    """Show commanded and felt input about the largest change of the command."""
-    if case.target not in case.full.inputs or not changes_in_time(case):
-        return None
-    acting = _acting_input(case)
-    if acting is None:
-        return None
-    _, felt = acting
-    late = next(p for p in effect_parameters(case) if p.unit == "s")
-    rows = _about_largest_change(case.records.windows, _column(case, case.target), late.value)
-    t, unit = case.records.windows.t[rows], case.full.unit(case.target)
-    commanded = _column(case, case.target)[rows]
+def _input_in_time(case: Case, name: str, state: str, felt) -> Evidence:
+    """Return commanded and felt input about the largest change of the command."""
+    rows = _about_largest_change(case.records.windows, _column(case, name), _lateness(case))
+    t, unit = case.records.windows.t[rows], case.full.unit(name)
     return Evidence(
-        title=f"{case.target} about its largest change",
+        title=f"{name} about its largest change",
         x_label=label("t", "s"),
-        y_label=label(case.target, unit),
+        y_label=label(name, unit),
         points=(t, felt[rows]),
         lines=(
-            Line(t, commanded, "prior", "commanded"),
-            Line(t, _late_input(case)[rows], "extended", f"with {case.name}"),
+            Line(t, _column(case, name)[rows], "prior", "commanded"),
+            Line(t, _late_input(case, name)[rows], "extended", f"with {case.name}"),
         ),
-        note=f"The points are the {case.target} that would explain the measured motion: they "
+        note=f"The points are the {name} that would explain the measured motion: they "
         f"follow the command late.",
     )
 
 
-def late_output(case: Case) -> Evidence | None:
-    """Show what a late sensor shows about its quickest change."""
-    if case.target not in case.full.outputs or not changes_in_time(case):
-        return None
-    windows, column = case.records.windows, list(case.full.outputs).index(case.target)
-    late, y = next(p for p in effect_parameters(case) if p.unit == "s"), windows.y[:, column]
-    rows = _about_largest_change(windows, y, late.value)
-    t, unit = windows.t[rows], case.prior.unit(case.target)
-    at_once, with_delay = (
+def shown_output(case: Case, curve: Characteristic) -> Evidence:
+    """Return the error of a sensor over what it should show, or what it shows over time."""
+    column = list(case.full.outputs).index(curve.of)
+    return (_over_truth if curve.over is None else _output_in_time)(case, curve.of, column)
+
+
+def _output_in_time(case: Case, name: str, column: int) -> Evidence:
+    """Return what a late sensor shows about its quickest change."""
+    windows = case.records.windows
+    y = windows.y[:, column]
+    rows = _about_largest_change(windows, y, _lateness(case))
+    t, unit = windows.t[rows], case.prior.unit(name)
+    at_once, late = (
         (y - window_residual(case, model)[:, column])[rows] for model in (case.without, case.full)
     )
     return Evidence(
-        title=f"{case.target} about its quickest change",
+        title=f"{name} about its quickest change",
         x_label=label("t", "s"),
-        y_label=label(case.target, unit),
+        y_label=label(name, unit),
         points=(t, y[rows]),
         lines=(
             Line(t, at_once, "prior", "without delay"),
-            Line(t, with_delay, "extended", f"with {case.name}"),
+            Line(t, late, "extended", f"with {case.name}"),
         ),
-        note=f"The points are what {case.target} showed: it comes late.",
+        note=f"The points are what {name} showed: it comes late.",
     )
 
 
-def over_output(case: Case) -> Evidence | None:
-    """Show the error of a sensor over what it should show."""
-    if case.target not in case.full.outputs or case.target in case.full.equations:
-        return None
-    column = list(case.full.outputs).index(case.target)
+def _over_truth(case: Case, name: str, column: int) -> Evidence:
+    """Return the error of a sensor over what it should show."""
     residual = window_residual(case, case.without)[:, column]
-    unit = case.prior.unit(case.target)
+    unit = case.prior.unit(name)
     true = case.records.windows.y[:, column] - residual
     added = residual - window_residual(case, case.full)[:, column]
     order = np.argsort(true)
     return Evidence(
-        title=f"Error of {case.target} over its true value",
-        x_label=label(f"{case.target} as simulated without this cause", unit),
+        title=f"Error of {name} over its true value",
+        x_label=label(f"{name} as simulated without this cause", unit),
         y_label=label("measured minus simulated", unit),
         points=(true, residual),
         lines=(Line(true[order], added[order], "extended", case.name),),
@@ -114,7 +104,7 @@ def over_output(case: Case) -> Evidence | None:
 
 
 def residual_over_time(case: Case) -> Evidence:
-    """Show what is left on the windows with and without the cause, where it matters most."""
+    """Return what is left on the windows with and without the cause, where it matters most."""
     windows, column = case.records.windows, _worst_output(case)
     without = window_residual(case, case.without)[:, column]
     left = case.records.fits["extended"].residual[:, column]
@@ -139,9 +129,15 @@ def _column(case: Case, name: str) -> np.ndarray:
     return case.records.windows.u[:, list(case.full.inputs).index(name)]
 
 
-def _acting_input(case: Case):
+def _lateness(case: Case) -> float:
+    """Return the longest time that the effect speaks of [s], a step where it speaks of none."""
+    step = float(np.median(np.diff(case.records.windows.t)))
+    return max((p.value for p in case.parameters if p.unit == "s"), default=step)
+
+
+def _acting_input(case: Case, name: str):
     """Solve a state's equation without the cause for the input; None where it cannot be."""
-    u = symbol(case.target)
+    u = symbol(name)
     for state, rate in case.without.equations.items():
         slope = rate.diff(u)
         if state in case.seen and slope != 0 and u not in slope.free_symbols:
@@ -151,26 +147,26 @@ def _acting_input(case: Case):
     return None
 
 
-def _seen_input(case: Case, state: str, grid) -> np.ndarray:
-    """Give what the extended model makes of the commanded input."""
-    u = symbol(case.target)
+def _seen_input(case: Case, name: str, state: str, grid) -> np.ndarray:
+    """Return what the extended model makes of the commanded input."""
+    u = symbol(name)
     slope = case.without.equations[state].diff(u)
     seen = u + (case.full.equations[state] - case.without.equations[state]) / slope
     table = {n: np.full(GRID, np.nanmedian(v)) for n, v in case.samples.table.items()}
-    return case.samples.value(seen, **{**table, case.target: grid})
+    return case.samples.value(seen, **{**table, name: grid})
 
 
-def _late_input(case: Case) -> np.ndarray:
-    """Give the input as it acts in the extended model: delayed, or lagged."""
-    for state in case.full.settled:
-        if state not in case.without.states:
+def _late_input(case: Case, name: str) -> np.ndarray:
+    """Return the input as it acts in the extended model: delayed, or lagged."""
+    for state, followed in case.full.settled.items():
+        if followed == name and state not in case.without.states:
             return case.samples.table[state]
     acting = case.records.windows.acting_inputs(case.full)
-    return acting[:, list(case.full.inputs).index(case.target)]
+    return acting[:, list(case.full.inputs).index(name)]
 
 
 def _about_largest_change(windows, u, late: float) -> slice:
-    """Give some delays before and after the largest change of an input within a delay."""
+    """Return some delays before and after the largest change of an input within a delay."""
     step = float(np.median(np.diff(windows.t)))
     reach = max(1, round(late / step))
     change = np.abs(u[reach:] - u[:-reach])
@@ -189,7 +185,7 @@ def _worst_output(case: Case) -> int:
 
 
 def _worst_rows(windows, residual, count: int = 6) -> slice:
-    """Give some windows of one record about the one with the largest error."""
+    """Return some windows of one record about the one with the largest error."""
     power = [
         np.nansum(residual[a : a + n] ** 2)
         for a, n in zip(windows.starts, windows.lengths, strict=True)

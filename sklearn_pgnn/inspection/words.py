@@ -5,9 +5,8 @@ import math
 import re
 
 from sklearn_pgnn.estimation.hypothesis import commute
+from sklearn_pgnn.physics.effects import find_effect
 
-#: words of an effect's id that are names of people
-PEOPLE = {"coulomb": "Coulomb", "stribeck": "Stribeck"}
 VERDICTS = {
     "model_adequate": "Model adequate",
     "cause_named": "Cause named",
@@ -132,18 +131,24 @@ def share(gain) -> str:
 
 
 def cause_name(effect: str, target: str) -> str:
-    """Name an effect and what it acts on.
+    """Return what people call an effect and what it acts on.
+
+    Parameters
+    ----------
+    effect, target : str
+        Id of an effect, of the catalogue or of one's own, and what it acts on.
+
+    Returns
+    -------
+    str
+        What the effect itself says, see `Effect.title`.
 
     Examples
     --------
     >>> cause_name("coulomb_friction", "omega"), cause_name("wrong_parameter", "J")
     ('Coulomb friction on omega', 'wrong value of J')
     """
-    if effect == "wrong_parameter":
-        return f"wrong value of {target}"
-    of = effect.startswith(("input", "actuator", "sensor"))
-    words = " ".join(PEOPLE.get(word, word) for word in effect.split("_"))
-    return f"{words} {'of' if of else 'on'} {target}"
+    return find_effect(effect).title(target)
 
 
 def suspect_name(effect: str, target: str) -> str:

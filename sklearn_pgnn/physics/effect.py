@@ -3,7 +3,7 @@
 import math
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from types import MappingProxyType
 from typing import ClassVar
@@ -11,12 +11,22 @@ from typing import ClassVar
 import sympy
 
 from sklearn_pgnn.exceptions import ModelError
+from sklearn_pgnn.physics.characteristic import Characteristic
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.parameter import Parameter
+from sklearn_pgnn.physics.scales import Scales
+from sklearn_pgnn.physics.typical import typical_by_kind, typical_value
+
+__all__ = ["Characteristic", "Effect", "Scales", "quantity"]
+
+#: what a quantity of an effect may be, see `quantity`
+ROLES = ("size", "shape", "end")
+#: of several strengths the first is taken whole and the others in this share
+BESIDE = 0.5
 
 
-def quantity(letter, unit, default=0.0, low=-math.inf, high=math.inf):
+def quantity(letter, unit, default=0.0, low=-math.inf, high=math.inf, role="size"):
     """Declare a physical parameter of an effect as a dataclass field.
 
     Parameters
@@ -24,79 +34,43 @@ def quantity(letter, unit, default=0.0, low=-math.inf, high=math.inf):
     letter : str
         Symbol it gets in the equations, before the target's name.
     unit : str
-        What it measures: a template over the units that `Effect.units` gives, e.g.
+        What it measures: a template over the units that `Effect.units` returns, e.g.
         ``"{force}/({velocity})"``.
     default : float, default=0.0
         Value at which the effect does nothing, or its usual one.
     low, high : float
         Bounds.
+    role : {"size", "shape", "end"}, default="size"
+        Whether it is how strongly the effect acts, over what or how sharply (a period, a time
+        constant, the stiffness of a stop), or where something ends, so that a large value does
+        nothing (a limit).
 
     Returns
     -------
     dataclasses.Field
         The field.
+
+    Raises
+    ------
+    ValueError
+        If the role is none of these.
     """
-    return field(
-        default=default, metadata={"letter": letter, "unit": unit, "low": low, "high": high}
-    )
-
-
-@dataclass(frozen=True)
-class Scales:
-    """How large the signals of a record are; effects take their start values from it.
-
-    Parameters
-    ----------
-    typical, peak : mapping of str to float
-        Root mean square about the mean, and largest magnitude, of every state, input and output.
-    rate : mapping of str to float
-        Root mean square of every state's rate of change [unit of the state per second].
-    sample_time : float
-        Median time between samples [s].
-    window : float
-        Length of the windows the model is judged on [s].
-    duration : float, default=inf
-        Length of the longest record [s].
-    latest : float, default=inf
-        Largest time of a record [s]: more than `duration` behind a gap, or where a model's own
-        equations contain the time and its records begin late.
-    tones, ripples : mapping of str to tuple of float
-        For velocities, frequencies [Hz] and periods in position that stand out in what the model
-        lacks of their rate; frequencies in what it leaves of the outputs, too.
-    extremes : mapping of str to tuple of float
-        Least and largest value of states, inputs and outputs; without it, the magnitude both ways.
-    """
-
-    typical: Mapping[str, float]
-    peak: Mapping[str, float]
-    rate: Mapping[str, float]
-    sample_time: float
-    window: float
-    duration: float = math.inf
-    latest: float = math.inf
-    tones: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
-    ripples: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
-    extremes: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-
-    def ends(self, name: str, below: float = 0.0, above: float = 0.0) -> tuple[float, float]:
-        """Give a signal's range, the ends moved inwards by shares of it.
-
-        Examples
-        --------
-        >>> scales = Scales({}, {"y": 2.0}, {}, 0.01, 1.0)
-        >>> scales.ends("y"), scales.ends("y", below=0.25)
-        ((-2.0, 2.0), (-1.0, 2.0))
-        """
-        low, high = self.extremes.get(name, (-self.peak.get(name, 0.0), self.peak.get(name, 0.0)))
-        return low + below * (high - low), high - above * (high - low)
+    if role not in ROLES:
+        raise ValueError(f"role: expected one of {', '.join(ROLES)}, got {role!r}.")
+    about = {"letter": letter, "unit": unit, "low": low, "high": high, "role": role}
+    return field(default=default, metadata=about)
 
 
 @dataclass(frozen=True)
 class Effect(ABC):
     """A named rewriting of a model; ``model + effect`` is again a model.
 
-    To write your own: a frozen dataclass with an ``id``, a `quantity` for every physical
-    parameter, and the methods `targets`, `rewrite` and `starts`.
+    An effect brings all that is to be known of it: its equations, what people call it, where a fit
+    starts and ends, how strong it is, and the curve that shows it. To write your own: a frozen
+    dataclass with an ``id``, a `quantity` for every physical parameter, and the methods `targets`,
+    `rewrite` and `starts`; where they say too little, also `limits`, `characteristic`, `phrase`,
+    `units` and `typical`. States that it adds start where its `rewrite` says, by ``initial_state``
+    or, behind an input, by ``settled``.
 
     Parameters
     ----------
@@ -107,6 +81,8 @@ class Effect(ABC):
     target: str
     #: the effect's name in a diagnosis
     id: ClassVar[str]
+    #: what people call it: ``{effect}`` stands for the words of its id, ``{target}`` for its target
+    phrase: ClassVar[str] = "{effect} on {target}"
     #: one sentence a person reads: what it is
     summary: ClassVar[str] = ""
     #: one sentence a person reads: how to check it on the rig
@@ -125,7 +101,7 @@ class Effect(ABC):
     @classmethod
     @abstractmethod
     def targets(cls, model: PhysicsModel) -> tuple[str, ...]:
-        """Name the quantities of a model that the effect can act on.
+        """Return the names of the quantities of a model that the effect can act on.
 
         Parameters
         ----------
@@ -140,7 +116,7 @@ class Effect(ABC):
 
     @abstractmethod
     def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
-        """Say what the effect changes.
+        """Return what the effect changes.
 
         Parameters
         ----------
@@ -159,7 +135,7 @@ class Effect(ABC):
     @classmethod
     @abstractmethod
     def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple["Effect", ...]:
-        """Propose where a fit of the effect may start.
+        """Return where a fit of the effect may start.
 
         Parameters
         ----------
@@ -178,7 +154,7 @@ class Effect(ABC):
 
     @classmethod
     def limits(cls, target: str, model: PhysicsModel, scales: Scales) -> dict:
-        """Say within what a fit of the effect's parameters makes sense on a record.
+        """Return the limits within which a fit of the effect's parameters makes sense.
 
         Parameters
         ----------
@@ -196,17 +172,162 @@ class Effect(ABC):
         """
         return {}
 
+    def characteristic(self, model: PhysicsModel) -> Characteristic | None:
+        """Return the curve that a person would draw to see the effect.
+
+        Parameters
+        ----------
+        model : PhysicsModel
+            The extended model.
+
+        Returns
+        -------
+        Characteristic or None
+            What is drawn over what; None where the error with and without the effect says more.
+        """
+        return None
+
+    @classmethod
+    def title(cls, target: str) -> str:
+        """Return what people call the effect on a target.
+
+        Parameters
+        ----------
+        target : str
+            What it acts on.
+
+        Returns
+        -------
+        str
+            The `phrase`, filled in.
+
+        Examples
+        --------
+        >>> from sklearn_pgnn.physics.effects import CoulombFriction, InputBias
+        >>> CoulombFriction.title("omega"), InputBias.title("torque")
+        ('Coulomb friction on omega', 'input bias of torque')
+        """
+        return cls.phrase.format(effect=cls.id.replace("_", " "), target=target)
+
+    @classmethod
+    def size_field(cls) -> str:
+        """Return the field that tells how strong the effect is: the first that is no shape.
+
+        Returns
+        -------
+        str
+            The field; empty where the effect is there or not.
+        """
+        sizes = (f.name for f in cls.quantities() if f.metadata["role"] != "shape")
+        return next(sizes, "")
+
+    @classmethod
+    def nothing(cls, target: str, model: PhysicsModel, scales: Scales) -> float:
+        """Return the value of `size_field` at which the effect does nothing.
+
+        Parameters
+        ----------
+        target : str
+            One of `targets`.
+        model : PhysicsModel
+            The model to extend.
+        scales : Scales
+            How large the signals are.
+
+        Returns
+        -------
+        float
+            The value.
+        """
+        name, end = cls.size_field(), cls._ends()
+        return cls.limits(target, model, scales)[name][1] if name in end else 0.0
+
+    @classmethod
+    def of_size(
+        cls, target: str, model: PhysicsModel, scales: Scales
+    ) -> "Callable[[float], Effect]":
+        """Return the effect as a function of its size.
+
+        Size 0 does nothing. Size 1 is a force as large as the typical inertial force, a bias or a
+        dead zone as large as the signal's ups and downs, a limit that lets nothing through, a delay
+        as long as a window. Shapes take the middle of the values a fit would start from.
+
+        Parameters
+        ----------
+        target : str
+            One of `targets`.
+        model : PhysicsModel
+            The model to extend.
+        scales : Scales
+            How large the signals are.
+
+        Returns
+        -------
+        callable
+            The effect of a size between 0 and 1.
+
+        Examples
+        --------
+        >>> from sklearn_pgnn.physics.effects import InputSaturation
+        >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
+        >>> scales = Scales({"u": 1.0, "y": 1.0}, {"u": 2.0, "y": 2.0}, {"y": 1.0}, 0.01, 1.0)
+        >>> InputSaturation.of_size("u", lag, scales)(0.25)
+        InputSaturation(target='u', limit=1.5)
+        """
+        starts, limits = cls.starts(target, model, scales), cls.limits(target, model, scales)
+        usual, first = starts[len(starts) // 2], cls.size_field()
+        typical = cls.typical(target, model, scales)
+
+        def value(quantity, size):
+            about, name = quantity.metadata, quantity.name
+            if about["role"] == "shape":
+                return getattr(usual, name)
+            if about["role"] == "end":
+                wanted = _end(quantity, getattr(usual, name), limits[name], size)
+            else:
+                share = 1.0 if name == first else BESIDE
+                wanted = share * size * typical_value(about["unit"], typical)
+            low, high = limits.get(name, (about["low"], about["high"]))
+            return float(min(max(wanted, about["low"], low), about["high"], high))
+
+        return lambda size: cls(target, **{f.name: value(f, size) for f in cls.quantities()})
+
+    @classmethod
+    def typical(cls, target: str, model: PhysicsModel, scales: Scales) -> dict[str, float]:
+        """Return a typical value of every kind of unit that the parameters' templates speak of.
+
+        Parameters
+        ----------
+        target : str
+            One of `targets`.
+        model : PhysicsModel
+            The model to extend.
+        scales : Scales
+            How large the signals are.
+
+        Returns
+        -------
+        dict of str to float
+            Value by kind, as `units` names them.
+        """
+        return typical_by_kind(target, model, scales)
+
+    @classmethod
+    def _ends(cls) -> frozenset[str]:
+        """Return the fields that are where something ends."""
+        return frozenset(f.name for f in cls.quantities() if f.metadata["role"] == "end")
+
     @classmethod
     def quantities(cls) -> tuple:
-        """Give the fields that are physical parameters."""
+        """Return the fields that are physical parameters."""
         return tuple(f for f in fields(cls) if "letter" in f.metadata)
 
     def names(self) -> dict[str, str]:
-        """Give the model's name of every physical parameter, by field name."""
+        """Return the model's name of every physical parameter, by field name."""
         return {f.name: f"{f.metadata['letter']}_{self.target}" for f in self.quantities()}
 
     def units(self, model: PhysicsModel) -> dict[str, str]:
-        """Give the units that the parameters' unit templates speak of.
+        """Return the units that the parameters' unit templates speak of.
 
         Parameters
         ----------
@@ -221,7 +342,7 @@ class Effect(ABC):
         return {"target": model.unit(self.target)}
 
     def parameters(self, model: PhysicsModel) -> tuple[Parameter, ...]:
-        """Give the effect's physical parameters as the extended model holds them.
+        """Return the effect's physical parameters as the extended model holds them.
 
         Parameters
         ----------
@@ -278,7 +399,14 @@ class Effect(ABC):
         return model.replace(parameters=parameters, **changes)
 
 
+def _end(quantity, usual: float, limits: tuple[float, float], size: float) -> float:
+    """Return an end: of a range in proportion, of a rate the usual one at half the size."""
+    if "/s" in quantity.metadata["unit"] or "rate" in quantity.metadata["unit"]:
+        return usual * (1.0 - size) / max(size, 1e-9)
+    return (1.0 - size) * (limits[1] if quantity.default > 0 else limits[0])
+
+
 def _tidy_unit(unit: str) -> str:
-    """Drop what an empty or dimensionless unit leaves behind."""
+    """Return a unit without what an empty or dimensionless part of it leaves behind."""
     unit = re.sub(r"/\(?(1)?\)?(?=$|\s)", "", unit)
     return re.sub(r"\((\w+)\)", r"\1", unit).strip()

@@ -1,6 +1,6 @@
 """The catalogue: every physical cause a diagnosis knows. A new effect is one class, listed once."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from difflib import get_close_matches
 
 from sklearn_pgnn.exceptions import OptionError
@@ -110,6 +110,42 @@ def by_id(effect: str) -> type[Effect]:
     near = get_close_matches(effect, kinds, n=1)
     meant = f"did you mean {near[0]!r}?" if near else f"one of {', '.join(kinds)}."
     raise OptionError(f"catalogue: expected the id of an effect, got {effect!r}; {meant}")
+
+
+def find_effect(effect: str) -> type[Effect]:
+    """Return the effect that has an id: of the catalogue, or any that is defined.
+
+    Parameters
+    ----------
+    effect : str
+        Its id.
+
+    Returns
+    -------
+    type[Effect]
+        The effect; of several of one's own with the id, the one defined last.
+
+    Raises
+    ------
+    OptionError
+        If there is none.
+
+    Examples
+    --------
+    >>> find_effect("leak").__name__
+    'Leak'
+    """
+    own = [kind for kind in _kinds_of(Effect) if getattr(kind, "id", None) == effect]
+    catalogued = any(kind.id == effect for kind in CATALOGUE)
+    return by_id(effect) if catalogued or not own else own[-1]
+
+
+def _kinds_of(kind: type) -> Iterator[type]:
+    """Yield every class that is derived from another."""
+    derived: type
+    for derived in kind.__subclasses__():
+        yield derived
+        yield from _kinds_of(derived)
 
 
 def read_catalogue(catalogue) -> tuple[type[Effect], ...]:

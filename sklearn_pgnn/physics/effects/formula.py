@@ -12,7 +12,7 @@ from sklearn_pgnn.physics.parameter import Parameter
 
 
 def add_at(model, target: str, expression) -> dict:
-    """Give the changes that add an expression to a rate, to an input or to an output.
+    """Return the changes that add an expression to a rate, to an input or to an output.
 
     Parameters
     ----------
@@ -69,12 +69,12 @@ class Formula(Effect):
 
     @classmethod
     def targets(cls, model):
-        """Name all states, inputs and outputs."""
+        """Return the names of all states, inputs and outputs."""
         return tuple(dict.fromkeys((*model.states, *model.inputs, *model.outputs)))
 
     @staticmethod
     def next_number(model, target: str) -> int:
-        """Give the number that follows those of a target's coefficients in a model.
+        """Return the number that follows those of a target's coefficients in a model.
 
         Parameters
         ----------
@@ -99,12 +99,12 @@ class Formula(Effect):
         return max((int(name[1]) for name in names if name), default=0) + 1
 
     def names(self):
-        """Give a name to every coefficient."""
+        """Return the names of the coefficients."""
         numbers = range(self.first, self.first + len(self.terms))
         return {f"c{number}": f"c{number}_{self.target}" for number in numbers}
 
     def parameters(self, model):
-        """Give the coefficients."""
+        """Return the coefficients."""
         pairs = zip(self.names().values(), self.coefficients, strict=True)
         return tuple(Parameter(name, value) for name, value in pairs)
 
@@ -117,5 +117,5 @@ class Formula(Effect):
 
     @classmethod
     def starts(cls, target, model, scales):
-        """Give no start: the terms are not known before the records are seen."""
+        """Return no start: the terms are not known before the records are seen."""
         return ()

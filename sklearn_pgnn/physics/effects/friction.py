@@ -40,7 +40,7 @@ class ViscousFriction(RateEffect):
     check = "Coast down from several speeds: the speed decays exponentially."
 
     def force(self, v, position, p):
-        """Give d*v."""
+        """Return d*v."""
         return p["coefficient"] * v
 
     @classmethod
@@ -55,7 +55,7 @@ class SpeedEffect(RateEffect):
 
     @classmethod
     def targets(cls, model):
-        """Name the velocities of the model, and the signals that may be some."""
+        """Return the names of the velocities of the model, and the signals that may be some."""
         known = super().targets(model)
         return tuple(s for s in model.states if s in known or may_be_speed(model, s))
 
@@ -83,11 +83,12 @@ class CoulombFriction(SpeedEffect):
 
     level: float = quantity("Fc", "{force}", low=0.0)
     id = "coulomb_friction"
+    phrase = "Coulomb friction on {target}"
     summary = "Dry friction: a force of constant size against the direction of motion."
     check = "Raise the drive slowly from rest: nothing moves up to the friction level."
 
     def force(self, v, position, p):
-        """Give Fc*sign(v)."""
+        """Return Fc*sign(v)."""
         return p["level"] * sympy.sign(v)
 
     @classmethod
@@ -128,14 +129,15 @@ class StribeckFriction(SpeedEffect):
 
     level: float = quantity("Fk", "{force}", low=0.0)
     peak: float = quantity("Fp", "{force}", low=0.0)
-    velocity: float = quantity("vs", "{velocity}", default=1.0, low=0.0)
+    velocity: float = quantity("vs", "{velocity}", default=1.0, low=0.0, role="shape")
     id = "stribeck_friction"
+    phrase = "Stribeck friction on {target}"
     generalises = ("coulomb_friction",)
     summary = "Dry friction that is higher at rest and low speed than when sliding (stick-slip)."
     check = "Drive at constant low speeds: the force falls as the speed rises, or motion jerks."
 
     def force(self, v, position, p):
-        """Give the Stribeck curve."""
+        """Return the Stribeck curve."""
         fading = sympy.exp(-((v / p["velocity"]) ** 2))
         return (p["level"] + p["peak"] * fading) * sympy.sign(v)
 
@@ -183,7 +185,7 @@ class AsymmetricFriction(SpeedEffect):
     check = "Run at the same speed forward and backward and compare the force."
 
     def force(self, v, position, p):
-        """Give the two half-lines as even and odd parts."""
+        """Return the two half-lines as even and odd parts."""
         fp, fn = p["level_forward"], p["level_backward"]
         dp, dn = p["viscous_forward"], p["viscous_backward"]
         dry = (fp - fn) / 2 + (fp + fn) / 2 * sympy.sign(v)
@@ -219,7 +221,7 @@ class QuadraticDrag(SpeedEffect):
     check = "Hold several high speeds and plot the force over the speed squared."
 
     def force(self, v, position, p):
-        """Give c*v*abs(v)."""
+        """Return c*v*abs(v)."""
         return p["coefficient"] * v * sympy.Abs(v)
 
     @classmethod
@@ -264,19 +266,19 @@ class Hysteresis(PositionEffect):
     """
 
     level: float = quantity("Fh", "{force}", low=0.0)
-    deflection: float = quantity("xy", "{position}", default=1.0, low=1e-12)
-    shape: float = quantity("sh", "", default=0.5, low=-0.5, high=1.0)
+    deflection: float = quantity("xy", "{position}", default=1.0, low=1e-12, role="shape")
+    shape: float = quantity("sh", "", default=0.5, low=-0.5, high=1.0, role="shape")
     id = "hysteresis"
     summary = "A force that lags the position and closes a loop: presliding, rubber, cables, gears."
     check = "Move slowly to and fro over small strokes: force over position encloses an area."
 
     def force(self, v, position, p):
-        """Give the largest force times the state of the hysteresis."""
+        """Return the largest force times the state of the hysteresis."""
         return p["level"] * self.bounded
 
     @property
     def state(self) -> str:
-        """Name the state that remembers."""
+        """Return the name of the state that remembers."""
         return f"zeta_{self.target}"
 
     @property
@@ -291,6 +293,7 @@ class Hysteresis(PositionEffect):
         bend = (1 - p["shape"]) * sympy.Abs(v) * zeta + p["shape"] * v * sympy.Abs(zeta)
         changes["equations"][self.state] = (v - bend) / p["deflection"]
         changes["states"] = {**model.states, self.state: ""}
+        changes["initial_state"] = {**model.initial_state, self.state: 0.0}
         return changes
 
     @classmethod

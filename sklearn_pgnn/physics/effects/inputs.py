@@ -6,21 +6,24 @@ from types import MappingProxyType
 
 import sympy
 
+from sklearn_pgnn.physics.characteristic import Characteristic
 from sklearn_pgnn.physics.effect import Effect, quantity
-from sklearn_pgnn.physics.expressions import same_name, symbol
+from sklearn_pgnn.physics.expressions import TIME, same_name, symbol
 
 
 @dataclass(frozen=True)
 class InputEffect(Effect):
     """An input that is replaced by an expression of it, wherever the model uses it."""
 
+    phrase = "{effect} of {target}"
+
     @classmethod
     def targets(cls, model):
-        """Name the inputs of the model."""
+        """Return the names of the inputs of the model."""
         return tuple(model.inputs)
 
     def seen(self, u, p):
-        """Give what the machine sees of the input."""
+        """Return what the machine sees of the input."""
         raise NotImplementedError
 
     def rewrite(self, model, p):
@@ -28,9 +31,13 @@ class InputEffect(Effect):
         u = symbol(self.target)
         return substitute(model, u, self.seen(u, p))
 
+    def characteristic(self, model):
+        """Return the input as the machine feels it over the commanded one."""
+        return Characteristic("input", self.target)
+
 
 def substitute(model, old, new) -> dict:
-    """Give the changes that put `new` for `old` in every expression of a model."""
+    """Return the changes that put `new` for `old` in every expression of a model."""
 
     def replaced(items):
         return {key: item.subs(old, new) for key, item in items.items()}
@@ -65,7 +72,7 @@ class InputBias(InputEffect):
     check = "Command zero and measure what the actuator gives."
 
     def seen(self, u, p):
-        """Give u + b."""
+        """Return u + b."""
         return u + p["bias"]
 
     @classmethod
@@ -97,7 +104,7 @@ class InputGain(InputEffect):
     check = "Command two known values and measure the difference of what the actuator gives."
 
     def seen(self, u, p):
-        """Give (1 + g)*u."""
+        """Return (1 + g)*u."""
         return (1 + p["error"]) * u
 
     @classmethod
@@ -131,7 +138,7 @@ class InputDeadZone(InputEffect):
     check = "Raise the command slowly from zero in both directions until something moves."
 
     def seen(self, u, p):
-        """Give the dead zone of u."""
+        """Return the dead zone of u."""
         w = p["width"]
         return sympy.Max(u - w, 0) + sympy.Min(u + w, 0)
 
@@ -163,13 +170,13 @@ class InputSaturation(InputEffect):
     {'limit': 'L_u'}
     """
 
-    limit: float = quantity("L", "{target}", default=1e9, low=0.0)
+    limit: float = quantity("L", "{target}", default=1e9, low=0.0, role="end")
     id = "input_saturation"
     summary = "The actuator cannot give more than a limit: current limit, supply pressure."
     check = "Command large steps of growing size: the response stops growing."
 
     def seen(self, u, p):
-        """Give u cut at the limit."""
+        """Return u cut at the limit."""
         return sympy.Min(sympy.Max(u, -p["limit"]), p["limit"])
 
     @classmethod
@@ -186,6 +193,8 @@ class InputSaturation(InputEffect):
 @dataclass(frozen=True)
 class Delay(Effect):
     """What comes late, by a delay of at most half a window."""
+
+    phrase = "{effect} of {target}"
 
     delay: float = quantity("tau", "s", low=0.0)
 
@@ -226,24 +235,29 @@ class InputDelay(Delay):
 
     @classmethod
     def targets(cls, model):
-        """Name the inputs that have no delay yet."""
+        """Return the names of the inputs that have no delay yet."""
         return tuple(name for name in model.inputs if name not in model.delays)
 
     def rewrite(self, model, p):
         """Note the delay beside the input."""
         return {"delays": {**model.delays, self.target: str(p["delay"])}}
 
+    def characteristic(self, model):
+        """Return the input as the machine feels it over the time."""
+        return Characteristic("input", self.target, TIME)
+
 
 @dataclass(frozen=True)
 class ActuatorEffect(Effect):
     """An input that the machine sees through a state of the actuator."""
 
+    phrase = "{effect} of {target}"
     #: what follows the input's name in the state's
     ending = ""
 
     @classmethod
     def targets(cls, model):
-        """Name the inputs whose actuator has no such state yet."""
+        """Return the names of the inputs whose actuator has no such state yet."""
         return tuple(name for name in model.inputs if cls.state_of(name, model) is None)
 
     @classmethod
@@ -254,8 +268,12 @@ class ActuatorEffect(Effect):
         return next((state for state in followers if named.fullmatch(state)), None)
 
     def rate(self, u, acting, p):
-        """Give the rate of what acts, from what is commanded."""
+        """Return the rate of what acts, from what is commanded."""
         raise NotImplementedError
+
+    def characteristic(self, model):
+        """Return the input as the machine feels it over the time."""
+        return Characteristic("input", self.target, TIME)
 
     def rewrite(self, model, p):
         """Add the actuator's state and let the equations see it."""
@@ -300,7 +318,7 @@ class ActuatorLag(ActuatorEffect):
     ending = "_lagged"
 
     def rate(self, u, acting, p):
-        """Give the rate of the lag."""
+        """Return the rate of the lag."""
         return (u - acting) / p["time_constant"]
 
     @classmethod
@@ -337,8 +355,8 @@ class InputRateLimit(ActuatorEffect):
     {'limit': 'Ru_u', 'time_constant': 'Tr_u'}
     """
 
-    limit: float = quantity("Ru", "{target}/s", default=1e9, low=0.0)
-    time_constant: float = quantity("Tr", "s", default=1.0, low=1e-9)
+    limit: float = quantity("Ru", "{target}/s", default=1e9, low=0.0, role="end")
+    time_constant: float = quantity("Tr", "s", default=1.0, low=1e-9, role="shape")
     id = "input_rate_limit"
     summary = "The actuator cannot change faster than a limit: a slewing valve, a ramp in a drive."
     check = "Command a large and a small step: the larger one takes longer in proportion."
@@ -346,7 +364,7 @@ class InputRateLimit(ActuatorEffect):
     ending = "_slewed"
 
     def rate(self, u, acting, p):
-        """Give the rate of the lag, bounded."""
+        """Return the rate of the lag, bounded."""
         follow = (u - acting) / p["time_constant"]
         return sympy.Max(sympy.Min(follow, p["limit"]), -p["limit"])
 
@@ -389,7 +407,7 @@ class InputBacklash(ActuatorEffect):
     """
 
     width: float = quantity("wb", "{target}", low=0.0)
-    time_constant: float = quantity("Tb", "s", default=1.0, low=1e-9)
+    time_constant: float = quantity("Tb", "s", default=1.0, low=1e-9, role="shape")
     id = "input_backlash"
     summary = "Play: after a reversal the command must go some way before the machine follows."
     check = "Reverse the command slowly: nothing moves over twice the half-width."
@@ -397,7 +415,7 @@ class InputBacklash(ActuatorEffect):
     ending = "_engaged"
 
     def rate(self, u, acting, p):
-        """Give the rate in contact, none within the play."""
+        """Return the rate in contact, none within the play."""
         gap, w = u - acting, p["width"]
         return (sympy.Max(gap - w, 0) + sympy.Min(gap + w, 0)) / p["time_constant"]
 

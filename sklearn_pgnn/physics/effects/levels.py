@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import sympy
 
+from sklearn_pgnn.physics.characteristic import Characteristic
 from sklearn_pgnn.physics.effect import Effect, quantity
 from sklearn_pgnn.physics.effects.rates import is_velocity
 from sklearn_pgnn.physics.expressions import symbol
@@ -15,7 +16,7 @@ def _bounded(value, limit):
 
 
 def first_order_states(model):
-    """Name the states that are neither velocities nor their positions."""
+    """Return the names of the states that are neither velocities nor their positions."""
     known = set(model.kinematic_pairs.values())
     return tuple(s for s in model.states if s not in known and not is_velocity(model, s))
 
@@ -26,11 +27,11 @@ class StateEffect(Effect):
 
     @classmethod
     def targets(cls, model):
-        """Name the states of first order: neither velocities nor their positions."""
+        """Return the names of the states of first order: neither velocities nor their positions."""
         return first_order_states(model)
 
     def rate(self, state, rate, p):
-        """Give the new rate from the state and its old rate."""
+        """Return the new rate from the state and its old rate."""
         raise NotImplementedError
 
     def rewrite(self, model, p):
@@ -39,8 +40,12 @@ class StateEffect(Effect):
         new = self.rate(symbol(self.target), old, p)
         return {"equations": {**model.equations, self.target: new}}
 
+    def characteristic(self, model):
+        """Return what is missing in the rate over the state."""
+        return Characteristic("force", self.target, symbol(self.target))
+
     def units(self, model):
-        """Give the units of the state and of its rate."""
+        """Return the units of the state and of its rate."""
         unit = model.unit(self.target)
         rate = f"{unit}/s" if unit else "1/s"
         return {"target": unit, "rate": {"m/s/s": "m/s^2", "rad/s/s": "rad/s^2"}.get(rate, rate)}
@@ -65,19 +70,23 @@ class RateLimit(StateEffect):
     y' = max(-R_y, min(R_y, (u - y)/T))
     """
 
-    limit: float = quantity("R", "{rate}", default=1e9, low=0.0)
+    limit: float = quantity("R", "{rate}", default=1e9, low=0.0, role="end")
     id = "rate_limit"
     summary = "The state cannot change faster than a limit: flow, power or current at its end."
     check = "Command steps of growing size: the slope of the response stops growing."
 
     @classmethod
     def targets(cls, model):
-        """Name all states."""
+        """Return the names of all states."""
         return tuple(model.states)
 
     def rate(self, state, rate, p):
-        """Give the rate, bounded."""
+        """Return the rate, bounded."""
         return _bounded(rate, p["limit"])
+
+    def characteristic(self, model):
+        """Return the rate over the rate without the limit."""
+        return Characteristic("rate", self.target)
 
     @classmethod
     def starts(cls, target, model, scales):
@@ -111,14 +120,14 @@ class StateLimit(StateEffect):
     {'limit': 'L_level', 'steepness': 'cL_level'}
     """
 
-    limit: float = quantity("L", "{target}", default=1e9, low=0.0)
-    steepness: float = quantity("cL", "1/s", default=1.0, low=0.0)
+    limit: float = quantity("L", "{target}", default=1e9, low=0.0, role="end")
+    steepness: float = quantity("cL", "1/s", default=1.0, low=0.0, role="shape")
     id = "state_limit"
     summary = "The state cannot go beyond a limit: a tank that spills, a slider at its stop."
     check = "Drive the machine to its end: the state stays there while the command goes on."
 
     def rate(self, state, rate, p):
-        """Give the rate that comes to rest at the limits."""
+        """Return the rate that comes to rest at the limits."""
         top = (p["limit"] - state) * p["steepness"]
         bottom = -(p["limit"] + state) * p["steepness"]
         return sympy.Max(sympy.Min(rate, top), bottom)
@@ -160,7 +169,7 @@ class Leak(StateEffect):
     check = "Fill, shut everything and watch: the state falls exponentially."
 
     def rate(self, state, rate, p):
-        """Give the rate less the loss."""
+        """Return the rate less the loss."""
         return rate - p["coefficient"] * state
 
     @classmethod

@@ -4,21 +4,25 @@ from dataclasses import dataclass
 
 import sympy
 
+from sklearn_pgnn.physics.characteristic import Characteristic
 from sklearn_pgnn.physics.effect import Effect, quantity
 from sklearn_pgnn.physics.effects.inputs import Delay
+from sklearn_pgnn.physics.expressions import TIME
 
 
 @dataclass(frozen=True)
 class OutputEffect(Effect):
     """An output that is replaced by an expression of it."""
 
+    phrase = "{effect} of {target}"
+
     @classmethod
     def targets(cls, model):
-        """Name the outputs of the model."""
+        """Return the names of the outputs of the model."""
         return tuple(model.outputs)
 
     def shown(self, y, p):
-        """Give what the sensor shows of the true output."""
+        """Return what the sensor shows of the true output."""
         raise NotImplementedError
 
     def rewrite(self, model, p):
@@ -26,6 +30,10 @@ class OutputEffect(Effect):
         outputs = dict(model.outputs)
         outputs[self.target] = self.shown(outputs[self.target], p)
         return {"outputs": outputs}
+
+    def characteristic(self, model):
+        """Return the error of the sensor over what it should show."""
+        return Characteristic("output", self.target)
 
 
 @dataclass(frozen=True)
@@ -51,7 +59,7 @@ class SensorBias(OutputEffect):
     check = "Bring the machine to a known position and read the sensor."
 
     def shown(self, y, p):
-        """Give y + b."""
+        """Return y + b."""
         return y + p["bias"]
 
     @classmethod
@@ -83,7 +91,7 @@ class SensorGain(OutputEffect):
     check = "Move between two known positions and compare the reading's difference."
 
     def shown(self, y, p):
-        """Give (1 + g)*y."""
+        """Return (1 + g)*y."""
         return (1 + p["error"]) * y
 
     @classmethod
@@ -109,14 +117,14 @@ class SensorSaturation(OutputEffect):
     {'upper': 'yu_level', 'lower': 'yl_level'}
     """
 
-    upper: float = quantity("yu", "{target}", default=1e9)
-    lower: float = quantity("yl", "{target}", default=-1e9)
+    upper: float = quantity("yu", "{target}", default=1e9, role="end")
+    lower: float = quantity("yl", "{target}", default=-1e9, role="end")
     id = "sensor_saturation"
     summary = "The sensor's range ends before the motion does: the reading is cut."
     check = "Look for stretches in which the reading stays at one extreme value."
 
     def shown(self, y, p):
-        """Give y within the range."""
+        """Return y within the range."""
         return sympy.Max(sympy.Min(y, p["upper"]), p["lower"])
 
     @classmethod
@@ -155,7 +163,7 @@ class SensorRectification(OutputEffect):
     check = "Run the machine backward: the reading does not change its sign."
 
     def shown(self, y, p):
-        """Give abs(y)."""
+        """Return abs(y)."""
         return sympy.Abs(y)
 
     @classmethod
@@ -191,10 +199,14 @@ class SensorDelay(Delay):
 
     @classmethod
     def targets(cls, model):
-        """Name the output of a model with only one, whose inputs act at once."""
+        """Return the output of a model with only one, whose inputs act at once."""
         late = model.delays or not model.inputs or len(model.outputs) > 1
         return () if late else tuple(model.outputs)
 
     def rewrite(self, model, p):
         """Let every input act late."""
         return {"delays": {name: str(p["delay"]) for name in model.inputs}}
+
+    def characteristic(self, model):
+        """Return the output over the time."""
+        return Characteristic("output", self.target, TIME)

@@ -38,9 +38,9 @@ class Overflow(StateEffect):
     0.6
     """
 
-    limit: float = quantity("Lo", "{target}", default=1e9, low=0.0)
-    steepness: float = quantity("co", "1/s", default=1.0, low=0.0)
-    share: float = quantity("so", "", low=0.0)
+    limit: float = quantity("Lo", "{target}", default=1e9, low=0.0, role="end")
+    steepness: float = quantity("co", "1/s", default=1.0, low=0.0, role="shape")
+    share: float = quantity("so", "", low=0.0, role="shape")
     id = "overflow"
     summary = "A vessel spills over its rim, and part of that falls into the next one."
     check = "Fill the vessel to its rim and watch where the excess goes."
@@ -49,7 +49,7 @@ class Overflow(StateEffect):
 
     @classmethod
     def targets(cls, model):
-        """Name the levels that flow into one other."""
+        """Return the names of the levels that flow into one other."""
         return tuple(state for state in super().targets(model) if len(_next(model, state)) == 1)
 
     def rewrite(self, model, p):
@@ -80,7 +80,7 @@ class Overflow(StateEffect):
 
 
 def _next(model, state: str) -> tuple[str, ...]:
-    """Name the levels that a level flows into."""
+    """Return the names of the levels that a level flows into."""
     unit = model.unit(state)
     return tuple(
         other

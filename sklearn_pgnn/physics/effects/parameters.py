@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass, replace
 
+from sklearn_pgnn.physics.characteristic import Characteristic
 from sklearn_pgnn.physics.effect import Effect, quantity
 from sklearn_pgnn.physics.effects.inputs import substitute
 from sklearn_pgnn.physics.expressions import TIME, symbol
@@ -29,20 +30,21 @@ class WrongParameter(Effect):
 
     value: float | None = None
     id = "wrong_parameter"
+    phrase = "wrong value of {target}"
     summary = "The model has the right form, but this number is wrong."
     check = "Measure the quantity on its own, or look up how its value was found."
 
     @classmethod
     def targets(cls, model):
-        """Name the parameters that are not fixed."""
+        """Return the names of the parameters that are not fixed."""
         return model.free_parameters
 
     def names(self):
-        """Give the parameter's own name."""
+        """Return the parameter's own name."""
         return {"value": self.target}
 
     def parameters(self, model):
-        """Give nothing new: the parameter is the model's own."""
+        """Return nothing new: the parameter is the model's own."""
         return ()
 
     def rewrite(self, model, p):
@@ -57,10 +59,34 @@ class WrongParameter(Effect):
             }
         }
 
+    def characteristic(self, model):
+        """Return what is missing in a rate over what the new value adds to it."""
+        return Characteristic("parameter", self.target)
+
     @classmethod
     def starts(cls, target, model, scales):
         """Start from the prior value."""
         return (cls(target),)
+
+    @classmethod
+    def size_field(cls):
+        """Return the value."""
+        return "value"
+
+    @classmethod
+    def nothing(cls, target, model, scales):
+        """Return the prior value."""
+        return model.parameters[target].value
+
+    @classmethod
+    def of_size(cls, target, model, scales):
+        """Return the value as a function of the size: at size 1 twice the prior's, 1 where it is 0.
+
+        It stays within the parameter's bounds.
+        """
+        parameter = model.parameters[target]
+        (low, high), change = parameter.bounds, parameter.value or 1.0
+        return lambda size: cls(target, value=min(max(parameter.value + size * change, low), high))
 
 
 @dataclass(frozen=True)
@@ -89,13 +115,18 @@ class ParameterDrift(Effect):
 
     @classmethod
     def targets(cls, model):
-        """Name the parameters that are not fixed."""
+        """Return the names of the parameters that are not fixed."""
         return model.free_parameters
 
     def rewrite(self, model, p):
         """Put the changing value for the parameter."""
         parameter = symbol(self.target)
         return substitute(model, parameter, parameter * (1 + p["rate"] * TIME))
+
+    def characteristic(self, model):
+        """Return the parameter over the time."""
+        law = symbol(self.target) * (1 + symbol(self.names()["rate"]) * TIME)
+        return Characteristic("parameter", self.target, TIME, law=law)
 
     @classmethod
     def starts(cls, target, model, scales):

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import sympy
 
+from sklearn_pgnn.physics.characteristic import Characteristic
 from sklearn_pgnn.physics.effect import Effect, quantity
 from sklearn_pgnn.physics.expressions import TIME, symbol
 
@@ -21,7 +22,7 @@ FAINT = 0.001
 
 
 def is_velocity(model, state: str) -> bool:
-    """Tell whether a state is a velocity: by a position, an inertia or its unit."""
+    """Return whether a state is a velocity: by a position, an inertia or its unit."""
     return (
         state in model.kinematic_pairs
         or state in model.inertia
@@ -30,7 +31,7 @@ def is_velocity(model, state: str) -> bool:
 
 
 def may_be_speed(model, state: str) -> bool:
-    """Tell whether a state may be a speed that nobody called so.
+    """Return whether a state may be a speed that nobody called so.
 
     A sensor shows it in a unit that does not say what it measures, and its rate depends on itself,
     though not by a root, as that of a level does.
@@ -61,15 +62,15 @@ class RateEffect(Effect):
 
     @classmethod
     def targets(cls, model):
-        """Name the velocities of the model."""
+        """Return the names of the velocities of the model."""
         return tuple(state for state in model.states if is_velocity(model, state))
 
     def force(self, v, position, p):
-        """Give the resisting force as an expression of velocity and position."""
+        """Return the resisting force as an expression of velocity and position."""
         raise NotImplementedError
 
     def potential(self, position, p):
-        """Give the energy the force stores, zero for a dissipative one."""
+        """Return the energy the force stores, zero for a dissipative one."""
         return sympy.Integer(0)
 
     def rewrite(self, model, p):
@@ -93,8 +94,12 @@ class RateEffect(Effect):
                 energy["dissipated"] = energy.get("dissipated", 0) + power
         return energy
 
+    def characteristic(self, model):
+        """Return the force over the velocity."""
+        return Characteristic("force", self.target, symbol(self.target))
+
     def units(self, model):
-        """Give the units of force, velocity and position at the target."""
+        """Return the units of force, velocity and position at the target."""
         velocity = model.unit(self.target)
         pair = model.kinematic_pairs.get(self.target)
         return {
@@ -105,7 +110,7 @@ class RateEffect(Effect):
 
 
 def force_unit(model, target: str) -> str:
-    """Give the unit of inertia times rate of a velocity."""
+    """Return the unit of inertia times rate of a velocity."""
     rate = f"{model.unit(target)}/s".lstrip("/") if model.unit(target) else "1/s"
     rate = {"m/s/s": "m/s^2", "rad/s/s": "rad/s^2"}.get(rate, rate)
     inertia = model.inertia.get(target)
@@ -131,12 +136,16 @@ class PositionEffect(RateEffect):
 
     @classmethod
     def targets(cls, model):
-        """Name the velocities of kinematic pairs."""
+        """Return the names of the velocities of kinematic pairs."""
         return tuple(state for state in model.states if state in model.kinematic_pairs)
+
+    def characteristic(self, model):
+        """Return the force over the position."""
+        return Characteristic("force", self.target, symbol(model.kinematic_pairs[self.target]))
 
 
 def force_scale(target, model, scales) -> float:
-    """Give the force that makes up the typical rate of the target."""
+    """Return the force that makes up the typical rate of the target."""
     inertia = model.inertia.get(target, sympy.Integer(1))
     values = {symbol(n): p.value for n, p in model.parameters.items()}
     value = inertia.subs(values)
@@ -167,7 +176,7 @@ class ConstantLoad(RateEffect):
     check = "Release the unpowered machine: it drifts to one side, or needs force to stay."
 
     def force(self, v, position, p):
-        """Give F0."""
+        """Return F0."""
         return p["load"]
 
     @classmethod
@@ -197,15 +206,19 @@ class PeriodicDisturbance(RateEffect):
 
     sine: float = quantity("Ds", "{force}")
     cosine: float = quantity("Dc", "{force}")
-    frequency: float = quantity("f", "Hz", default=1.0, low=0.0)
+    frequency: float = quantity("f", "Hz", default=1.0, low=0.0, role="shape")
     id = "periodic_disturbance"
     summary = "A force that repeats in time whatever the machine does: a fan, a pump, the mains."
     check = "Hold the machine still and look for a line in the spectrum of the force or position."
 
     def force(self, v, position, p):
-        """Give the wave."""
+        """Return the wave."""
         angle = 2 * sympy.pi * p["frequency"] * TIME
         return p["sine"] * sympy.sin(angle) + p["cosine"] * sympy.cos(angle)
+
+    def characteristic(self, model):
+        """Return the force over the time within a period."""
+        return Characteristic("force", self.target, TIME, 1 / symbol(self.names()["frequency"]))
 
     @classmethod
     def starts(cls, target, model, scales):

@@ -19,11 +19,11 @@ class PowerOfPosition(PositionEffect):
     power: ClassVar[int]
 
     def force(self, v, position, p):
-        """Give k*x^n."""
+        """Return k*x^n."""
         return p["stiffness"] * position**self.power
 
     def potential(self, position, p):
-        """Give k*x^(n+1)/(n+1)."""
+        """Return k*x^(n+1)/(n+1)."""
         return p["stiffness"] * position ** (self.power + 1) / (self.power + 1)
 
     @classmethod
@@ -125,13 +125,13 @@ class Cogging(PositionEffect):
 
     sine: float = quantity("As", "{force}")
     cosine: float = quantity("Ac", "{force}")
-    period: float = quantity("P", "{position}", default=1.0, low=0.0)
+    period: float = quantity("P", "{position}", default=1.0, low=0.0, role="shape")
     id = "cogging"
     summary = "A ripple that repeats with the position: cogging of a motor, an eccentric gear."
     check = "Move slowly over the whole range: the force repeats at the same positions."
 
     def force(self, v, position, p):
-        """Give the first harmonic."""
+        """Return the first harmonic."""
         angle = 2 * sympy.pi * position / p["period"]
         return p["sine"] * sympy.sin(angle) + p["cosine"] * sympy.cos(angle)
 
@@ -170,20 +170,20 @@ class EndStop(PositionEffect):
     {'upper': 'xu_v', 'lower': 'xl_v', 'stiffness': 'ks_v'}
     """
 
-    upper: float = quantity("xu", "{position}", default=1e9)
-    lower: float = quantity("xl", "{position}", default=-1e9)
-    stiffness: float = quantity("ks", "{force}/({position})", low=0.0)
+    upper: float = quantity("xu", "{position}", default=1e9, role="end")
+    lower: float = quantity("xl", "{position}", default=-1e9, role="end")
+    stiffness: float = quantity("ks", "{force}/({position})", low=0.0, role="shape")
     id = "end_stop"
     summary = "The motion runs into a stop, a bumper or a hard bearing at an end of the travel."
     check = "Move slowly to both ends: the force rises steeply where the motion ends."
 
     def force(self, v, position, p):
-        """Give the stops' force."""
+        """Return the stops' force."""
         beyond = sympy.Max(position - p["upper"], 0) + sympy.Min(position - p["lower"], 0)
         return p["stiffness"] * beyond
 
     def potential(self, position, p):
-        """Give what the stops store."""
+        """Return what the stops store."""
         above = sympy.Max(position - p["upper"], 0)
         below = sympy.Min(position - p["lower"], 0)
         return p["stiffness"] * (above**2 + below**2) / 2

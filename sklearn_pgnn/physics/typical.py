@@ -5,13 +5,13 @@ from collections.abc import Mapping
 import sympy
 
 from sklearn_pgnn.exceptions import ModelError
-from sklearn_pgnn.physics.effect import Scales
 from sklearn_pgnn.physics.expressions import parse_expression, symbol
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.scales import Scales
 
 
 def typical_by_kind(target: str, model: PhysicsModel, scales: Scales) -> dict[str, float]:
-    """Give a typical value of every kind of unit that an effect may speak of.
+    """Return a typical value of every kind of unit that an effect may speak of.
 
     Parameters
     ----------
@@ -44,14 +44,14 @@ class _OneIfUnknown(dict):
 
 
 def typical_value(template: str, scale: Mapping[str, float]) -> float:
-    """Give the typical value of a quantity from the template of its unit, 1 where it has none.
+    """Return the typical value of a quantity from the template of its unit, 1 where it has none.
 
     Parameters
     ----------
     template : str
         The unit, as an effect's field states it: ``"{force}*s"``.
     scale : mapping of str to float
-        What `typical_by_kind` gives.
+        What `typical_by_kind` returns.
 
     Returns
     -------
