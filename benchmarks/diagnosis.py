@@ -32,7 +32,7 @@ OUTCOMES = ("named", "absorbed", "missed", "wrong")
 
 
 def motor() -> PhysicsModel:
-    """Give a DC motor whose speed and current are measured."""
+    """Return a DC motor whose speed and current are measured."""
     return PhysicsModel(
         name="DC motor",
         states={"w": "rad/s", "i": "A"},
@@ -102,19 +102,19 @@ def diagnose(system, effect, noise, seed):
 
 
 def named_groups(diagnosis) -> list[set]:
-    """Give every named cause with those that it is said to be inseparable from."""
+    """Return every named cause with those that it is inseparable from."""
     causes = diagnosis.causes_
     return [{(c.effect, c.target), *map(tuple, c.confused_with)} for c in causes]
 
 
 def as_named(model, effect) -> tuple[str, str]:
-    """Give an effect's name; the one of the parameter if a free one already is the effect."""
+    """Return an effect's name, or the name of a free parameter that already is the effect."""
     parameter = same_parameter(model, effect)
     return (effect.id, effect.target) if parameter is None else ("wrong_parameter", parameter)
 
 
 def _inside(diagnosis, effect) -> list[bool]:
-    """Tell of every parameter of the effect, if it is the one named, if its interval is right."""
+    """Return whether the interval of each parameter is right, if the effect is the one named."""
     for cause in diagnosis.causes_:
         if effect is not None and (cause.effect, cause.target) == (effect.id, effect.target):
             found = cause.parameters.items()

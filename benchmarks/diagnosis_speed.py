@@ -28,7 +28,7 @@ def make_records(system, effect, samples):
 
 
 def diagnose(hidden, threads):
-    """Give the seconds a diagnosis takes, and what it names."""
+    """Return the seconds a diagnosis takes, and what it names."""
     start = time.perf_counter()
     diagnosis = ModelDiagnosis(hidden.prior, n_jobs=threads).fit(hidden.X, hidden.y)
     seconds = time.perf_counter() - start

@@ -117,7 +117,7 @@ def draw_parameters(model, count, rng):
 
 
 def inputs_and_starts(model, hidden):
-    """Give the time, and inputs and initial states of all records."""
+    """Return the time, and inputs and initial states of all records."""
     records = [rows for _, rows in hidden.X.groupby("trajectory")]
     t, u = records[0]["t"].to_numpy(), np.stack([r[list(model.inputs)] for r in records])
     return t - t[0], u, np.stack([rows[list(model.states)].iloc[0] for rows in records])
@@ -137,7 +137,7 @@ def hide_law(model, law, options):
 
 
 def spread_of_rate(t, x):
-    """Give the standard deviation of a state's rate."""
+    """Return the standard deviation of a state's rate."""
     return np.std(np.gradient(x, t, axis=1))
 
 
@@ -156,7 +156,7 @@ def disturb(model, state, options, rng):
 
 
 def judge_causes(diagnosis, hidden):
-    """Say what came of hidden causes of the catalogue."""
+    """Return the outcome for hidden causes of the catalogue."""
     left = {as_named(hidden.prior, effect) for effect in hidden.effects}
     groups = named_groups(diagnosis)
     matched = _matched(groups, left)
@@ -174,13 +174,13 @@ def _matched(groups, truth):
 
 
 def leaves_noise(diagnosis):
-    """Tell whether the extended model leaves hardly more than noise."""
+    """Return whether the extended model leaves hardly more than noise."""
     gains = diagnosis.gain_.values()
     return all(g.extended**2 - g.noise**2 < Rules().whole * g.extended**2 for g in gains)
 
 
 def judge_law(diagnosis, hidden):
-    """Say what came of a hidden law that no cause of the catalogue is."""
+    """Return the outcome for a hidden law outside of the catalogue."""
     if diagnosis.verdict_ == "unexplained":
         part = diagnosis.discrepancy_
         return "named" if part and part.target == hidden.effect.target else "missed"
@@ -190,7 +190,7 @@ def judge_law(diagnosis, hidden):
 
 
 def judge_disturbance(diagnosis, hidden):
-    """Say whether a cause was named where only a disturbance is."""
+    """Return whether a cause was named where there is only a disturbance."""
     return "wrong" if diagnosis.causes_ else "named"
 
 
@@ -210,7 +210,7 @@ def write(results, draws):
 
 
 def _counts(results, systems):
-    """Give a row for every study."""
+    """Return a row for every study."""
     for study in STUDIES:
         of = [result for result in results if result.study == study]
         if not of:

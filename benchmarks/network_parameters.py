@@ -65,7 +65,7 @@ TABLE = Path(__file__).parents[1] / "docs" / "tables" / "network_parameters.rst"
 
 
 def error(predict, references):
-    """Give the free-run RMSE over all references."""
+    """Return the free-run RMSE over all references."""
     squares = [(np.ravel(predict(X)) - np.ravel(y)) ** 2 for X, y in references]
     return np.sqrt(np.mean(np.concatenate(squares)))
 

@@ -27,7 +27,7 @@ np.save(sys.argv[2], estimator.predict(X))
 
 
 def rms(error):
-    """Give the root mean square."""
+    """Return the root mean square."""
     return float(np.sqrt(np.mean(np.square(error))))
 
 

@@ -51,7 +51,7 @@ def simulated_before(physics, X, y):
 
 
 def timed(way, *arguments):
-    """Give the time [s], the number of tables simulated, and what was found."""
+    """Return the time [s], the number of simulated tables, and the best score."""
     with patch.object(physics_model_transformer, "simulate_quantities", wraps=SIMULATE) as count:
         start = time.perf_counter()
         found = way(*arguments)

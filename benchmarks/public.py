@@ -73,7 +73,7 @@ class Spill(Effect):
 
     @classmethod
     def starts(cls, target, model, scales):
-        """Give no start: it is no suspect of a diagnosis."""
+        """Return no start: the formula is not a candidate of a diagnosis."""
         return ()
 
 
@@ -185,7 +185,7 @@ def thinned(data, every):
 
 
 def with_states(X, model, starts=None):
-    """Give X with a column for every state, known in the first row of a trajectory at most."""
+    """Return X with a column for every state, known in the first row of a trajectory at most."""
     X = X.assign(**dict.fromkeys(model.states, np.nan))
     if starts is not None:
         X.loc[~X["trajectory"].duplicated(), list(model.states)] = starts
@@ -226,7 +226,7 @@ def simulated(regressor, X, starts):
 
 
 def rms(values):
-    """Give the root mean square; infinite where a simulation failed."""
+    """Return the root mean square; infinite where a simulation failed."""
     return np.nan_to_num(np.sqrt(np.mean(values**2)), nan=np.inf)
 
 
@@ -237,7 +237,7 @@ def warm(model, parent) -> PhysicsModel:
 
 
 def cross_validated(machine, model, data, parents):
-    """Give the geometric mean of the errors on hidden quarters, and the model of every fold."""
+    """Return the geometric mean of the errors on held-out quarters, and every fold's model."""
     X, y = data.X_train, data.y_train
     place = X.groupby("trajectory", sort=False).cumcount()
     size = X.groupby("trajectory", sort=False)["t"].transform("size")
@@ -292,7 +292,7 @@ def predict_test(machine, data, regressor):
 
 
 def errors_by_trajectory(data, found) -> list[float]:
-    """Give the error of every test trajectory, the initial window left out."""
+    """Return the error of every test trajectory, the initial window left out."""
     rest = found - data.y_test.to_numpy()[:, 0]
     counts = data.X_test.groupby("trajectory", sort=False).cumcount() >= data.initial_window
     names = data.X_test["trajectory"]

@@ -59,7 +59,7 @@ def compiled_with_gradients(t, torque):
 
 
 def best_time(way, *arguments):
-    """Give the shortest of some runs [s] and what came out."""
+    """Return the shortest of some runs [s] and what came out."""
     times = []
     for _ in range(REPEATS):
         start = time.perf_counter()

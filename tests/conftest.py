@@ -20,7 +20,7 @@ def pytest_ignore_collect(collection_path, config):
 
 @pytest.fixture(scope="session")
 def real_data() -> Path:
-    """Give the folder of the measured records, or skip the test where it is not there."""
+    """Return the folder of the measured records, or skip the test where there is none."""
     beside = Path(__file__).resolve().parents[1] / "../shared/data"
     folder = Path(os.environ.get("SKLEARN_PGNN_DATA") or beside).resolve()
     if not folder.is_dir():

@@ -35,7 +35,7 @@ def read(file, text, model=CART, **how):
 
 
 def refusal(file, text, model=CART):
-    """Give what is said behind the file's name."""
+    """Return the error's text after the file's name."""
     with pytest.raises(RecordError) as caught:
         read(file, text, model)
     message = str(caught.value)

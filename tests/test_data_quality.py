@@ -45,7 +45,7 @@ def force(t, record=0):
 
 
 def measure(seed=0, noise=NOISE, machines=None, forces=None, t=None):
-    """Give a table of records: a row a sample, with the position as measured."""
+    """Return a table of records: a row a sample, with the position as measured."""
     rng = np.random.default_rng(seed)
     t = np.arange(0, 8, 0.02) if t is None else t
     tables = []

@@ -37,12 +37,12 @@ HIDEABLE = [
 
 
 def pendulum(**parameters):
-    """Give the golf robot without dry friction."""
+    """Return the golf robot without dry friction."""
     return systems.golf_robot().with_parameters(mu=0.0, **parameters)
 
 
 def sliding_block(level=0.5):
-    """Give a block of 2 kg on a dry surface."""
+    """Return a block of 2 kg on a dry surface."""
     block = PhysicsModel(
         {"x": "m", "v": "m/s"}, {"x": "v", "v": "F/m"}, {"m": 2.0}, {"F": "N"}, inertia={"v": "m"}
     )
@@ -50,7 +50,7 @@ def sliding_block(level=0.5):
 
 
 def lag(delay=None):
-    """Give a first-order lag, its input late."""
+    """Return a first-order lag with a delayed input."""
     model = PhysicsModel({"x": "V"}, {"x": "(u - x)/T"}, {"T": 0.5}, {"u": "V"})
     return model if delay is None else model + effects.InputDelay("u", delay=delay)
 
@@ -81,12 +81,12 @@ def by_scipy(rates, t, u, x0, **options):
 
 
 def values(model):
-    """Give the parameters as plain numbers."""
+    """Return the parameters as plain numbers."""
     return {name: p.value for name, p in model.parameters.items()}
 
 
 def records(X):
-    """Give the row numbers of every trajectory."""
+    """Return the row numbers of every trajectory."""
     return list(X.groupby("trajectory").indices.values())
 
 

@@ -70,13 +70,13 @@ RIGS = {
 
 
 def expected_name(model, effect):
-    """Give what must be named: an effect that a parameter already holds is that parameter."""
+    """Return what must be named: the parameter, if one already describes the effect."""
     parameter = same_parameter(model, effect)
     return (effect.id, effect.target) if parameter is None else ("wrong_parameter", parameter)
 
 
 def names(cause):
-    """Give a cause and all it is said to be confused with."""
+    """Return a cause and all that it is confused with."""
     return {(cause.effect, cause.target), *map(tuple, cause.confused_with)}
 
 

@@ -26,14 +26,14 @@ FOREST = RandomForestRegressor(20, min_samples_leaf=5, random_state=0)
 
 @pytest.fixture(scope="module")
 def golf():
-    """Give records of the golf robot, y one-dimensional as most regressors want it."""
+    """Return records of the golf robot, with a one-dimensional y."""
     X, y = datasets.make_golf_robot(sample_rate=100, duration=3)
     return X, y["phi_measured"].to_numpy()
 
 
 @pytest.fixture(scope="module")
 def measured():
-    """Give records whose states are measured in every row, and the same ones with but the first."""
+    """Return records with the states in every row, and the same with those of the first only."""
     rng = np.random.default_rng(0)
     frames = []
     for name in range(3):

@@ -25,7 +25,7 @@ def block():
 
 
 def gain():
-    """Give a quick lag: its output is its input, nearly."""
+    """Return a fast lag, whose output nearly is its input."""
     return PhysicsModel({"y": ""}, {"y": "(u - y)/T"}, {"T": 0.02}, {"u": ""})
 
 

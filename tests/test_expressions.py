@@ -41,7 +41,7 @@ def parse(text):
 
 
 def refusal(text):
-    """Give the error's text, and require that it comes fast."""
+    """Return the error's text, and require that it is raised quickly."""
     start = time.perf_counter()
     with pytest.raises(ModelError) as refused:
         parse(text)

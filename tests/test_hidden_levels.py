@@ -25,7 +25,7 @@ LEVELS = (
 
 
 def tanks(values) -> PhysicsModel:
-    """Give the tanks as one writes them: an empty tank has a level whose outflow has no slope."""
+    """Return the tanks with empty initial levels, at which the outflow has no slope."""
     rates = {"x1": "k4*u - k1*sqrt(x1)", "x2": "k2*sqrt(x1) - k3*sqrt(x2)"}
     return PhysicsModel({"x1": "V", "x2": "V"}, rates, values, {"u": "V"}, {"y": "x2"})
 

@@ -67,7 +67,7 @@ def named(tree):
 
 
 def objection(path, name):
-    """Say what is wrong with a file's import of a name; None if it is in order."""
+    """Return what is wrong with a file's import of a name, or None."""
     room = path.split("/")[0].removesuffix(".py")
     library, *rest = name.split(".")
     if name.startswith("."):

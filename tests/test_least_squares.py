@@ -19,14 +19,14 @@ class Valley:
         self.floor, self.wall, self.trials = floor, wall, 0
 
     def cost(self, theta):
-        """Give the cost; from the wall on there is none."""
+        """Return the cost, which is infinite from the wall on."""
         self.trials += 1
         a, b = theta
         cost = 100 * (b - a**2) ** 2 + (1 - a) ** 2 + self.floor
         return np.inf if a > self.wall else cost
 
     def __call__(self, theta):
-        """Give the sums, which are not finite a little before the wall."""
+        """Return the sums, which are not finite from a little before the wall on."""
         a, b = theta
         sums = Sums(self.floor, np.zeros(2), np.zeros((2, 2)))
         residual = np.array([10 * (b - a**2), 1 - a])

@@ -37,7 +37,7 @@ EXPECTED = r"X: the time is standardised.*Remedy: let time, inputs.*make_pgnn_pi
 
 
 def records(n_records=6, seed=0):
-    """Give arrays of records of several lengths, each with its own clock."""
+    """Return arrays of records of several lengths, each with its own clock."""
     rng = np.random.default_rng(seed)
     tables, outputs = [], []
     for i in range(n_records):

@@ -41,7 +41,7 @@ def read(file, text):
 
 
 def refusal(file, text):
-    """Give what is said behind the file's name."""
+    """Return the error's text after the file's name."""
     with pytest.raises(ModelError) as caught:
         read(file, text)
     message = str(caught.value)

@@ -36,7 +36,7 @@ GOLF = systems.golf_robot()
 
 
 def records(lengths, names=True):
-    """Give X of trajectories that all begin at zero, and y that tells the row."""
+    """Return X of trajectories that all begin at zero, and y that holds the row number."""
     t = np.concatenate([np.arange(n) * 0.1 for n in lengths])
     X = pd.DataFrame({"t": t, "u": np.sin(t)})
     if names:

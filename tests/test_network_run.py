@@ -34,12 +34,12 @@ N_FEATURES = 2
 
 
 def clock(n, rng=None):
-    """Give a time of even steps, or of uneven ones."""
+    """Return a time of even steps, or of uneven ones."""
     return np.arange(n) * 0.02 if rng is None else np.cumsum(rng.uniform(0.005, 0.03, n))
 
 
 def record_of(model, rng, *, n=60, hold="zoh", uneven=True, size=5.0):
-    """Give a trajectory with a simulation and further columns of any numbers."""
+    """Return a trajectory with a simulation and further columns of random numbers."""
     t = clock(n, rng if uneven else None)
     u = size * np.sin(3 * t + rng.uniform(0, 6))[:, None] * np.ones((1, len(model.inputs)))
     return network_record(
@@ -57,7 +57,7 @@ def width_of(guide, model):
 
 
 def step_of(model, structure, guide, rng, *, hold="zoh", substeps=2):
-    """Give a step with scales of any size."""
+    """Return a step with random scales."""
     nx, nu = len(model.states), len(model.inputs)
     n_in = nx + nu + width_of(guide, model) + N_FEATURES
     some = rng.normal(size=(3, 8, nx))
@@ -70,7 +70,7 @@ def step_of(model, structure, guide, rng, *, hold="zoh", substeps=2):
 
 
 def bare(record, step):
-    """Give the trajectory without the simulation, where the network is not guided by it."""
+    """Return the trajectory without the simulation, where the network is not guided by it."""
     if step.guide == "simulation":
         return record
     return replace(record, simulated=np.zeros((record.t.size, 0)))
@@ -84,7 +84,7 @@ def core_for(step, kind, seed=0, neurons=4):
 
 
 def as_module(core, step, record):
-    """Give the torch network and the trajectory as its one window, the prediction fed back."""
+    """Return the torch network and the trajectory as its one window, the prediction fed back."""
     samples = {
         "t": record.t,
         "dt": np.append(np.diff(record.t), 0.0),
@@ -198,7 +198,7 @@ def test_any_network_is_followed_or_flagged(structure, guide, layers, neurons, s
 
 
 def idle(step):
-    """Give the step of a network that says nothing, and its weights."""
+    """Return the step of a network whose output is zero, and its weights."""
     n_in, n_out = len(step.mean), step.n_network_outputs
     return replace(step, sizes=(n_in, n_out)), np.zeros((n_in + 1) * n_out)
 

@@ -142,14 +142,14 @@ TRUSTED = {
 
 
 def numbers(estimator):
-    """Give what an estimator says of X."""
+    """Return the predictions, or the transformation, of an estimator for X."""
     says = getattr(estimator, "predict", None) or estimator.transform
     return np.asarray(says(X), dtype=float)
 
 
 @pytest.fixture(scope="module")
 def fitted():
-    """Give every estimator after its fit."""
+    """Return every estimator, fitted."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # short records: convergence, poor excitation
         return {name: clone(each).fit(X, Y) for name, each in ESTIMATORS.items()}

@@ -30,7 +30,7 @@ QUICK = {"max_epochs": 4, "module__neurons": 3, "refine_max_iter": 12, "substeps
 
 
 def records(truth, *, n_records=4, n=150, seed=0, size=4.0, noise=0.0):
-    """Give records of a cart, its states known in every row."""
+    """Return records of a cart, its states known in every row."""
     rng = np.random.default_rng(seed)
     frames, outputs = [], []
     for i in range(n_records):

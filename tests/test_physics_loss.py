@@ -52,7 +52,7 @@ def pairs(x, u, t):
 
 
 def smooth(model):
-    """Give a motion without events: the order in dt holds between them only."""
+    """Return a motion without events: the order in dt holds between them only."""
     if "torque" in model.inputs:
         return {"x0": (0.0, 8.0), "duration": 0.2}
     if "voltage" in model.inputs:
@@ -76,7 +76,7 @@ def test_energy_of_an_exact_simulation_is_balanced_to_second_order(model):
 
 
 def loss_scale(loss):
-    """Give the reference power, which itself depends a little on dt."""
+    """Return the reference power, which itself depends a little on dt."""
     return loss._residuals[0].func.__self__.reference
 
 
@@ -207,7 +207,7 @@ def test_model_without_energy(term):
 
 
 def problem(terms, lambda_phy, *, structure="correction", n=40, stride=1):
-    """Give an objective, a start, and the same loss through torch's rollout."""
+    """Return an objective, a start, and the same loss through torch's rollout."""
     rng = np.random.default_rng(0)
     t = np.arange(n) * 0.02
     u = 3 * np.sin(4 * t)[:, None]
@@ -391,7 +391,7 @@ def test_no_weight_is_the_loss_of_the_errors():
 
 
 def losses_seen(lambda_phy, terms=None):
-    """Give the losses of the first batch and their parts."""
+    """Return the losses of the first batch and their parts."""
     seen = []
 
     class Watching(PGNNLRegressor):

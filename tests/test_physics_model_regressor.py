@@ -29,7 +29,7 @@ NOISE = 1e-3
 
 
 def cart_records(truth=TRUTH, n_records=3, duration=8.0, noise=NOISE, seed=0):
-    """Give records of a cart whose parameters are not the prior's."""
+    """Return records of a cart whose parameters are not the prior's."""
     rng = np.random.default_rng(seed)
     t = np.arange(0, duration, 0.02)
     frames, outputs = [], []

@@ -33,7 +33,7 @@ ROOT = Path(sklearn_pgnn.__file__).parents[1]
 
 @pytest.fixture(scope="module")
 def golf():
-    """Give records of the golf robot at 100 Hz."""
+    """Return records of the golf robot at 100 Hz."""
     X, y = datasets.make_golf_robot(sample_rate=100, duration=3)
     return X, y["phi_measured"].to_numpy()
 
@@ -106,7 +106,7 @@ def plain_by_hand(**network):
 
 @pytest.fixture(scope="module")
 def thrown():
-    """Give records that begin with a speed, which no model's initial state tells."""
+    """Return records with an initial speed, unlike the model's initial state."""
     t = np.arange(0, 3, 0.01)
     frames, outputs = [], []
     for i in range(3):

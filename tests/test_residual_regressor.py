@@ -30,12 +30,12 @@ OFFSET, BY_FORCE, BY_SPEED = 0.3, 0.05, -0.2
 
 
 def error_of(X):
-    """Give the error that is hidden: linear in the input and a simulated state."""
+    """Return the hidden error: linear in the input and a simulated state."""
     return OFFSET + BY_FORCE * X["force"].to_numpy() + BY_SPEED * X["v"].to_numpy()
 
 
 def table(n_records=3, n=300, seed=0):
-    """Give X with the simulated states, and the model's outputs."""
+    """Return X with the simulated states, and the model's outputs."""
     rng = np.random.default_rng(seed)
     frames, outputs = [], []
     for name in range(n_records):
@@ -55,7 +55,7 @@ NEW, NEW_PHY = table(2, seed=7)
 
 
 def poisoned(X, value=np.nan):
-    """Give X without any measured state but those of each trajectory's first row."""
+    """Return X without any measured state but those of each trajectory's first row."""
     X = X.copy()
     X.loc[X.groupby("trajectory").cumcount() > 0, STATES] = value
     return X

@@ -26,7 +26,7 @@ def cart():
 
 
 def measure(machine, inputs, t, seed=0):
-    """Give a table of records under some inputs."""
+    """Return a table of records under some inputs."""
     rng, tables = np.random.default_rng(seed), []
     for record, u in enumerate(inputs):
         x = machine.simulate(t, u, substeps=8).check().y[:, 0]
@@ -113,7 +113,7 @@ def test_what_no_experiment_separates_is_said_so(loaded, tmp_path, capsys):
 
 @pytest.fixture(scope="module")
 def slow():
-    """Give a machine with a late input, driven too slowly to tell a delay from a lag."""
+    """Return a machine with a delayed input, driven too slowly to tell a delay from a lag."""
     t = np.arange(0, 10, 0.02)
     inputs = [6 * np.sin((0.8 + 0.15 * r) * t) for r in range(3)]
     machine = cart() + effects.InputDelay("F", delay=0.06)

@@ -59,14 +59,14 @@ SPRING = PhysicsModel(
 
 
 def waves(t, n_records, amplitude, seed=0):
-    """Give one input: three sines of other frequencies in every record."""
+    """Return one input: three sines, with other frequencies in every record."""
     rng = np.random.default_rng(seed)
     f = rng.uniform(0.2, 1.5, (n_records, 3, 1))
     return amplitude * np.sin(2 * np.pi * (f * t + rng.uniform(size=f.shape))).sum(1)[..., None]
 
 
 def records_of(model, n_records=3, duration=8.0, rate=200.0, amplitude=1.0, noise=0.0, seed=0):
-    """Give X, y and the true states of a model, from the integrator that knows no simulation."""
+    """Return X, y and the true states of a model, from the independent integrator."""
     t = np.arange(round(duration * rate)) / rate
     u = waves(t, n_records, amplitude, seed)
     x0 = np.random.default_rng(seed).normal(size=(n_records, len(model.states))) * 0.2
@@ -76,7 +76,7 @@ def records_of(model, n_records=3, duration=8.0, rate=200.0, amplitude=1.0, nois
 
 
 def coefficients(fitted, state):
-    """Give the coefficients of a state that are not zero, by term."""
+    """Return the nonzero coefficients of a state, by term."""
     row = fitted.coefficients_[list(fitted.model_.states).index(state)]
     return {term: value for term, value in zip(fitted.terms_, row, strict=True) if value}
 
@@ -427,7 +427,7 @@ def test_the_golf_robot_needs_the_terms_of_its_friction():
 
 
 def runaway():
-    """Give a fit whose simulation leaves the finite numbers: an unstable lag, driven for long."""
+    """Return a fit whose simulation diverges: an unstable lag, driven for long."""
     t = np.linspace(0, 1, 101)
     grow = PhysicsModel({"y": "V"}, {"y": "3*y + u"}, {}, {"u": "V"})
     X = pd.DataFrame({"t": t, "u": 1.0, "y": np.where(t == 0, 0.1, np.nan)})

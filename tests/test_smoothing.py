@@ -17,7 +17,7 @@ from sklearn_pgnn.trajectories.smoothing import (
 
 
 def record(n, clock="even", seed=0):
-    """Give samples of a noisy sine."""
+    """Return samples of a noisy sine."""
     rng = np.random.default_rng(seed)
     t = np.arange(n, dtype=float) if clock == "even" else np.cumsum(rng.uniform(0.2, 2.0, n))
     return t, np.sin(t / 7) + 0.1 * rng.standard_normal(n)

@@ -25,7 +25,7 @@ STATES = ["x", "v"]
 
 
 def table(n_records=3, n=200, seed=0):
-    """Give X with the first row's states known, measured states and outputs."""
+    """Return X with the first row's states known, measured states and outputs."""
     rng = np.random.default_rng(seed)
     frames, outputs = [], []
     for name in range(n_records):
@@ -41,7 +41,7 @@ def table(n_records=3, n=200, seed=0):
 
 
 def poisoned(X, value=np.nan):
-    """Give X without any measured state but those of each trajectory's first row."""
+    """Return X without any measured state but those of each trajectory's first row."""
     X = X.copy()
     later = X.groupby("trajectory").cumcount() > 0
     X.loc[later, STATES] = value

@@ -13,7 +13,7 @@ SIZES, ENOUGH = (2, 4, 8), 1.05
 
 
 def tasks(seeds):
-    """Give a task for every prior, size and seed."""
+    """Return a task for every prior, size and seed."""
     return [
         {"plant": plant, "depth": depth, "neurons": neurons, "seed": seed}
         for seed in range(seeds)

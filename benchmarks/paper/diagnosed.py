@@ -18,7 +18,7 @@ SHOWN = {
 
 
 def tasks(seeds):
-    """Give a task for every plant."""
+    """Return a task for every plant."""
     return [{"plant": plant, "seeds": seeds} for plant in SHOWN]
 
 

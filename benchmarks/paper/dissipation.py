@@ -49,12 +49,12 @@ class BalanceOf(network.EnergyBalance):
 
 
 def tasks(seeds):
-    """Give a task for every term and seed."""
+    """Return a task for every term and seed."""
     return [{"term": term, "seed": seed} for seed in range(seeds) for term in TERMS]
 
 
 def wrong_model():
-    """Give the prior with too much dry friction."""
+    """Return the prior with too much dry friction."""
     golf = systems.golf_robot()
     return golf.with_parameters(mu=FACTOR * golf.parameters["mu"].value)
 

@@ -50,7 +50,7 @@ def write_table(name, title, head, lines, dates, seeds):
 
 
 def new_picture(rows, columns, width=8.0, height=2.6, **options):
-    """Give a figure and an array of tidy axes."""
+    """Return a figure and an array of tidy axes."""
     figure = Figure(figsize=(width, height * rows), layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False, **options)
     for each in axes.flat:

@@ -27,7 +27,7 @@ LAMBDAS = (0.0, 0.01, 0.1, 0.5)
 
 
 def tasks(seeds):
-    """Give a task for every plant, structure and seed."""
+    """Return a task for every plant, structure and seed."""
     return [
         {"plant": plant, "structure": structure, "seed": seed}
         for seed in range(seeds)

@@ -36,7 +36,7 @@ LINES = {
 
 
 def tasks(seeds):
-    """Give a task for every column, line and seed."""
+    """Return a task for every column, line and seed."""
     return [
         {"plant": plant, "structure": structure, "terms": terms, "seed": seed}
         for seed in range(seeds)
@@ -46,7 +46,7 @@ def tasks(seeds):
 
 
 def make_terms(plant, letters):
-    """Give the terms that some letters stand for; None for none."""
+    """Return the terms that some letters stand for; None for none."""
     vague = VAGUE[plant.removesuffix(", limits")]
     by_letter = {"e": [network.EnergyBalance()], "p": [network.Passivity()], "b": vague}
     return [term for letter in letters for term in by_letter[letter]] or None

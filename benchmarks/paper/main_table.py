@@ -38,7 +38,7 @@ POINTS = 1000
 
 
 def tasks(seeds):
-    """Give a task for every plant and method."""
+    """Return a task for every plant and method."""
     return [
         {"plant": plant, "method": method, "seeds": seeds}
         for plant in TABLES
@@ -168,7 +168,7 @@ def write_plant(plant, found, dates):
 
 
 def noise_free(plant, X):
-    """Give the true outputs of a reference record."""
+    """Return the true outputs of a reference record."""
     pairs = zip(references(plant), references(plant, noise=0.0), strict=True)
     return next(true for (known, _), (_, true) in pairs if known is X)
 

@@ -21,7 +21,7 @@ NETWORKS = ("plain network", "PGNN", "PGNN-L")
 
 
 def make_methods(name):
-    """Give every method of a plant as an estimator and the space to search, None for nothing."""
+    """Return every method of a plant as an estimator with its search space, None for none."""
     plant = PLANTS[name]
     names = systems.servo_valve() if "valve" in name else plant.prior
     residual = ResidualRegressor(plant.prior, HistGradientBoostingRegressor())

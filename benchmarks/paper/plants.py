@@ -108,7 +108,7 @@ def references(name, *, noise=None):
 
 
 def simulated(model):
-    """Give a function that predicts by a model alone, from each record's first row."""
+    """Return a function that predicts by a model alone, from each record's first row."""
 
     def predict(X):
         simulation = PhysicsModelTransformer(model, outputs=list(model.outputs), append=False)
@@ -118,13 +118,13 @@ def simulated(model):
 
 
 def rmse(predict, tables):
-    """Give the free-run RMSE over all records."""
+    """Return the free-run RMSE over all records."""
     squares = [(np.ravel(predict(X)) - np.ravel(y)) ** 2 for X, y in tables]
     return float(np.sqrt(np.mean(np.concatenate(squares))))
 
 
 def judge(name, predict, test=()):
-    """Give the errors of a prediction over those of the prior: of the records, and of the truth.
+    """Return the errors of a prediction, on records and truth, relative to the prior's.
 
     Parameters
     ----------

@@ -10,7 +10,7 @@ _NO_DRY_FRICTION = {
 
 
 def golf_robot(friction):
-    """Give the golf robot's model with less friction than the paper's has."""
+    """Return the golf robot's model with less friction than the paper's has."""
     golf = systems.golf_robot()
     if friction not in _NO_DRY_FRICTION:
         return golf
@@ -25,7 +25,7 @@ def golf_robot(friction):
 
 
 def servo_valve(limits):
-    """Give the valve's model with none, one or both of its limits."""
+    """Return the valve's model with none, one or both of its limits."""
     if limits == "no limit":
         return systems.servo_valve()
     valve = systems.servo_valve(limits=True)
@@ -42,5 +42,5 @@ DEPTHS = {
 
 
 def make_prior(plant, depth):
-    """Give a plant's prior of some depth."""
+    """Return a plant's prior of a given depth."""
     return DEPTHS[plant][0](depth)

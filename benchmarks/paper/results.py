@@ -39,11 +39,11 @@ class Results:
 
     @property
     def found(self):
-        """Give a dict for every finished task: what it was and what it found."""
+        """Return a dict for every finished task, with its parameters and its results."""
         return [{**line["task"], **line["found"]} for line in self.lines]
 
     @property
     def dates(self):
-        """Say when the tasks were finished."""
+        """Return when the tasks were finished."""
         days = sorted({line["date"] for line in self.lines})
         return " to ".join(dict.fromkeys((days[0], days[-1])))
