@@ -119,7 +119,7 @@ TRUSTED = {
         "sklearn_pgnn.diagnosis.separation.Separation",
         "sklearn_pgnn.estimation.problem.EstimationProblem",
         "sklearn_pgnn.diagnosis.unexplained.MissingPart",
-        "sklearn_pgnn.physics.effect.Scales",
+        "sklearn_pgnn.physics.scales.Scales",
         "sklearn_pgnn.physics.effects.formula.Formula",
         "sklearn_pgnn.simulation.state_estimate.StateEstimator",
         "sklearn_pgnn.simulation.state_estimate._SmoothedOutput",
