@@ -22,18 +22,35 @@ from sklearn_pgnn.datasets.excitation import EXCITATIONS
 from sklearn_pgnn.datasets.integrator import integrate
 from sklearn_pgnn.physics import PhysicsModel, effects, systems
 
+
+def oven():
+    """Return an oven in a room whose temperature is recorded."""
+    return PhysicsModel(
+        {"T": "K"},
+        {"T": "(P - k*T)/C"},
+        {"C": 2.0, "k": 0.5},
+        {"P": "W", "T_room": "K"},
+        name="oven",
+    )
+
+
 SYSTEMS = {"golf": systems.golf_robot, "cart": systems.cart_on_spring, "tanks": systems.two_tanks}
 #: short records of every system, for what does not need long ones
 SHORT = {
     "golf": {"n_records": 3, "duration": 4.0, "sample_rate": 200.0},
     "cart": {"n_records": 3, "duration": 4.0, "sample_rate": 200.0},
     "tanks": {"n_records": 3, "duration": 1000.0, "sample_rate": 0.2, "noise": 0.01},
+    "oven": {"n_records": 3, "duration": 20.0, "sample_rate": 20.0},
 }
-#: every effect on the first system that it may act on
+#: systems that effects are hidden in
+HOSTS = {**SYSTEMS, "oven": oven}
+#: every effect on the first system that it may act on; the golf robot's damping is too small to
+#: show that it changes
 HIDEABLE = [
-    next((system, kind.id) for system, model in SYSTEMS.items() if kind.targets(model()))
+    next((system, kind.id) for system, model in HOSTS.items() if kind.targets(model()))
     for kind in effects.CATALOGUE
-]
+    if kind is not effects.ParameterSlope
+] + [("oven", "parameter_slope")]
 
 
 def pendulum(**parameters):
@@ -224,7 +241,7 @@ def test_with_nothing_hidden_the_records_are_those_of_the_model(system):
 
 @pytest.mark.parametrize(("system", "kind"), HIDEABLE)
 def test_every_effect_of_the_catalogue_can_be_hidden(system, kind):
-    model, options = SYSTEMS[system](), SHORT[system]
+    model, options = HOSTS[system](), SHORT[system]
     hidden = make_hidden_effect(model, kind, random_state=1, **options)
     assert hidden.effect.id == kind
     assert hidden.truth == model + hidden.effect

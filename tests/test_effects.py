@@ -160,3 +160,105 @@ def test_hysteresis_does_not_run_away_from_where_a_window_starts(start, shape):
     t = np.arange(0, 10, 0.01)
     run = model.simulate(t, 10 * np.sin(t), [0.0, 0.5, start], substeps=4)
     assert np.abs(run.x[:, 2]).max() <= max(1.0, abs(start)) + 1e-6
+
+
+def test_an_uneven_dead_zone_lets_through_what_is_beyond_either_end():
+    u = 2 * np.sin(T)
+    seen = effects.AsymmetricDeadZone("u", above=0.5, below=0.2)
+    y = (gain() + seen).simulate(T, u, hold="foh", substeps=4).y[:, 0]
+    expected = np.where(u > 0.5, u - 0.5, np.where(u < -0.2, u + 0.2, 0.0))
+    assert np.abs(y - expected).max() < 0.05
+    even = gain() + effects.AsymmetricDeadZone("u", above=0.3, below=0.3)
+    plain = gain() + effects.InputDeadZone("u", width=0.3)
+    np.testing.assert_array_equal(even.simulate(T, u).y, plain.simulate(T, u).y)
+
+
+def test_what_leaks_goes_to_the_level_around_it():
+    room = 20.0
+    rates, inputs = {"h": "q"}, {"q": "K/s", "room": "K"}
+    tank = PhysicsModel({"h": "K"}, rates, {}, inputs, initial_state={"h": 50.0})
+    expected = room + 30.0 * np.exp(-0.4 * T)
+    u = np.column_stack([np.zeros(T.size), np.full(T.size, room)])
+    for effect in (
+        effects.LeakToLevel("h", coefficient=0.4, level=room),
+        effects.LeakToInput("h(room)", coefficient=0.4),
+    ):
+        np.testing.assert_allclose((tank + effect).simulate(T, u).y[:, 0], expected, rtol=1e-8)
+    assert effects.LeakToInput.targets(tank) == ("h(room)",)  # q has another unit
+    assert effects.LeakToInput.title("h(room)") == "leak of h to room"
+
+
+def test_friction_that_grows_with_the_load_takes_its_share_of_the_drive():
+    rubbed = block() + effects.LoadFriction("v", level=0.5, share=0.25)
+    F = 4.0
+    v = rubbed.simulate(T, np.full(T.size, F)).x[:, 1]
+    np.testing.assert_allclose(v, (F - 0.5 - 0.25 * F) / 2.0 * T, atol=1e-9)
+    weak = rubbed.simulate(T, np.full(T.size, 0.6)).x[:, 1]  # below level/(1 - share)
+    assert np.abs(weak).max() == 0.0
+
+
+def test_the_load_of_friction_is_what_drives_it_and_not_the_friction_itself():
+    shaft = PhysicsModel(
+        {"w": "rad/s", "i": "A"},
+        {"w": "(K*i - d*w)/J", "i": "(U - R*i - K*w)/L"},
+        {"K": 0.5, "d": 0.1, "J": 0.02, "R": 2.0, "L": 0.1},
+        {"U": "V"},
+        inertia={"w": "J"},
+    )
+    load = "(Fl_w + mul_w*abs(K*i))*sign(w)"
+    expected = shaft.replace(
+        equations={**shaft.equations, "w": f"(K*i - d*w - {load})/J"},
+        parameters={**shaft.parameters, "Fl_w": 0.1, "mul_w": 0.3},
+    )
+    rubbed = shaft + effects.LoadFriction("w", level=0.1, share=0.3)
+    u = 5 * np.sin(T)
+    np.testing.assert_allclose(rubbed.simulate(T, u).y, expected.simulate(T, u).y, atol=1e-12)
+    assert str(rubbed.equations["w"].free_symbols) == str(expected.equations["w"].free_symbols)
+    late = block() + effects.ActuatorLag("F", time_constant=0.1)
+    limited = block() + effects.RateLimit("v", limit=1.0)
+    for model in (late, limited):  # the drive is still found
+        assert effects.LoadFriction.targets(model) == ("v",)
+
+
+def test_a_parameter_follows_what_it_depends_on():
+    T_room = 1 + 0.5 * np.sin(T)
+    tank = PhysicsModel({"y": ""}, {"y": "-k*y"}, {"k": 0.3}, {"heat": "K"}, initial_state={"y": 1})
+    hot = tank + effects.ParameterSlope("k(heat)", slope=0.4)
+    y = hot.simulate(T, T_room, hold="foh").y[:, 0]
+    area = T + 0.5 * (1 - np.cos(T))
+    np.testing.assert_allclose(y, np.exp(-0.3 * (T + 0.4 * area)), rtol=1e-5)
+    assert effects.ParameterSlope.targets(tank) == ("k(heat)",)
+    assert hot.parameters["slope_k_heat"].unit == "1/K"
+
+
+def test_a_gain_that_saturates_gives_less_than_in_proportion():
+    amplifier = PhysicsModel({"y": ""}, {"y": "K*u - K*y"}, {"K": 50.0}, {"u": "V"})
+    model = PhysicsModel({"y": ""}, {"y": "50*(K*u - y)"}, {"K": 2.0}, {"u": "V"})
+    bent = model + effects.ParameterSaturation("K(u)", bend=0.5)
+    u = 3 * np.sin(0.2 * T)
+    y = bent.simulate(T, u, hold="foh", substeps=4).y[:, 0]
+    assert np.abs(y - 2 * u / (1 + 0.5 * np.abs(u))).max() < 0.03
+    assert effects.ParameterSaturation.targets(model) == ("K(u)",)
+    assert effects.ParameterSaturation.targets(amplifier) == ()  # K stands at two signals
+    assert effects.ParameterSaturation.targets(block()) == ()
+    assert effects.ParameterSaturation.title("K(u)") == "K that falls with the size of u"
+
+
+PAIRED = [
+    (effects.ParameterSlope, "d(x)"),
+    (effects.ParameterSaturation, "d(x)"),
+    (effects.LoadFriction, "v"),
+    (effects.AsymmetricDeadZone, "force"),
+]
+
+
+@pytest.mark.parametrize(("kind", "target"), PAIRED)
+def test_the_new_effects_stand_beside_every_other_in_either_order(kind, target):
+    cart = systems.cart_on_spring()
+    mine = kind(target)
+    for other in effects.CATALOGUE:
+        at = other.targets(cart)
+        if at and not {other.id, mine.id} & {*mine.excludes, *other.excludes} and other is not kind:
+            assert set((cart + mine + other(at[0])).parameters) == set(
+                (cart + other(at[0]) + mine).parameters
+            )

@@ -24,6 +24,42 @@ from sklearn_pgnn.simulation.pointwise import numpy_function
 FROZEN, DEVELOPMENT = 27_678_720, 7
 #: seeds of every single effect on every machine; cases of the other kinds
 SINGLE, PAIRS, TRIPLES, NOTHING, OUTSIDE = 3, 60, 40, 300, 60
+#: ids of the effects that pairs and triples are drawn from, in the order in which they were drawn
+#: first: with an effect of the catalogue that came later, the cases would become others
+DRAWN_FROM = (
+    "coulomb_friction",
+    "stribeck_friction",
+    "asymmetric_friction",
+    "viscous_friction",
+    "quadratic_drag",
+    "linear_stiffness",
+    "quadratic_stiffness",
+    "cubic_stiffness",
+    "constant_load",
+    "cogging",
+    "end_stop",
+    "hysteresis",
+    "periodic_disturbance",
+    "rate_limit",
+    "state_limit",
+    "overflow",
+    "leak",
+    "input_bias",
+    "input_gain",
+    "input_dead_zone",
+    "input_saturation",
+    "input_delay",
+    "actuator_lag",
+    "input_rate_limit",
+    "input_backlash",
+    "sensor_bias",
+    "sensor_gain",
+    "sensor_saturation",
+    "sensor_rectification",
+    "sensor_delay",
+    "wrong_parameter",
+    "parameter_drift",
+)
 #: size of a law beyond the catalogue, and of a disturbance, over the rate's spread; how fast the
 #: disturbance changes, as a share of a record
 LAW, DISTURBANCE, FADES = 0.3, 0.1, 1 / 50
@@ -111,7 +147,7 @@ def _measured(clean, sensor, noise, rng):
 
 def _draw_effects(model, count, rng) -> list[str]:
     """Draw kinds of effects, none of them a special case of another."""
-    kinds = [kind for kind in effects.CATALOGUE if kind.targets(model)]
+    kinds = [kind for kind in map(effects.by_id, DRAWN_FROM) if kind.targets(model)]
     while True:
         drawn = [kinds[place] for place in rng.choice(len(kinds), count, replace=False)]
         if not any(a.id in b.generalises for a, b in itertools.permutations(drawn, 2)):

@@ -18,7 +18,8 @@ class Machine:
     options : dict
         Of `datasets.make_hidden_effect`.
     laws : tuple of (str, str)
-        Terms that no effect of the catalogue has, and the states whose rates they are taken from.
+        Terms that no effect of the catalogue had when they were chosen, and the states whose rates
+        they are taken from. (Since then, ``parameter_slope`` has ``phi*omega`` and ``i*w``.)
     """
 
     model: PhysicsModel

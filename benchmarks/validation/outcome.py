@@ -8,7 +8,9 @@ from dataclasses import asdict, dataclass
 from cases import Case, make
 
 from sklearn_pgnn import ModelDiagnosis
+from sklearn_pgnn.effects import by_id
 from sklearn_pgnn.estimation.hypothesis import same_parameter
+from sklearn_pgnn.physics.laws import laws_of
 
 OUTCOMES = ("named", "group", "absorbed", "missed", "wrong", "failed")
 #: share of the error power above the noise that counts as only noise
@@ -103,7 +105,8 @@ def judge(kind, diagnosis, hidden, groups) -> str:
 
     Where nothing is hidden, and for a disturbance, *named* means that no cause is named and, of a
     right model, that it is called adequate. For a law beyond the catalogue it means ``unexplained``
-    in the right equation.
+    in the right equation, or a cause that is just this law: the catalogue has grown since the laws
+    were chosen.
     """
     if kind == "nothing":
         return "named" if diagnosis.verdict_ == "model_adequate" else _false(groups)
@@ -126,6 +129,10 @@ def _false(groups) -> str:
 
 
 def _judge_law(diagnosis, hidden) -> str:
+    law = laws_of(hidden.effect, hidden.prior)
+    causes = [by_id(cause.effect)(cause.target) for cause in diagnosis.causes_]
+    if len(causes) == 1 and law <= laws_of(causes[0], hidden.prior):
+        return "named"
     if diagnosis.verdict_ == "unexplained":
         part = diagnosis.discrepancy_
         return "named" if part and part.target == hidden.effect.target else "missed"

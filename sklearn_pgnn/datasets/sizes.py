@@ -11,7 +11,7 @@ import numpy as np
 from sklearn_pgnn.datasets.integrator import integrate
 from sklearn_pgnn.datasets.rig import settled
 from sklearn_pgnn.physics.effect import Scales
-from sklearn_pgnn.physics.typical import typical_by_kind, typical_value
+from sklearn_pgnn.physics.typical import typical_value
 
 #: a window in the slowest state's time of change, at most this share of a record; how many
 CHANGES, SHARE, WINDOWS = 3.0, 0.25, 40
@@ -58,6 +58,13 @@ SHAPES = {
     ("sensor_saturation", "upper"): _below_peak,
     ("sensor_saturation", "lower"): lambda size, scale: -scale["peak"],
     ("sensor_delay", "delay"): lambda size, scale: 0.3 * size * scale["s"],
+    ("load_friction", "level"): lambda size, scale: 0.3 * size * scale["force"],
+    ("load_friction", "share"): lambda size, scale: 0.6 * size,
+    ("asymmetric_dead_zone", "above"): lambda size, scale: 0.6 * size * scale["peak"],
+    ("asymmetric_dead_zone", "below"): lambda size, scale: 0.2 * size * scale["peak"],
+    ("leak_to_level", "level"): lambda size, scale: 0.5 * scale["peak"],
+    ("parameter_slope", "slope"): lambda size, scale: 0.9 * size * scale["per_signal"],
+    ("parameter_saturation", "bend"): lambda size, scale: 3.0 * size * scale["per_signal"],
     ("parameter_drift", "rate"): lambda size, scale: 2.0 * size / scale["duration"],
 }
 
@@ -121,7 +128,7 @@ def family(kind, target: str, model, scales: Scales, rng):
     sign = rng.choice([-1.0, 1.0])
     if kind.id == "wrong_parameter":
         return _wrong_parameter(kind, model.parameters[target], sign)
-    scale = typical_by_kind(target, model, scales) | {
+    scale = kind.typical(target, model, scales) | {
         "rate": scales.rate.get(target, 1.0),
         "duration": scales.duration,
         "step": scales.sample_time,

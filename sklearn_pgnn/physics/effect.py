@@ -75,7 +75,8 @@ class Effect(ABC):
     Parameters
     ----------
     target : str
-        The state, input, output or parameter the effect acts on.
+        The state, input, output or parameter the effect acts on; two of them, as in ``"k(x)"``,
+        where one depends on the other.
     """
 
     target: str
@@ -318,13 +319,32 @@ class Effect(ABC):
         return frozenset(f.name for f in cls.quantities() if f.metadata["role"] == "end")
 
     @classmethod
+    def can_act(cls, target: str, model: PhysicsModel) -> bool:
+        """Return whether a model can be extended by the effect on a target.
+
+        Parameters
+        ----------
+        target : str
+            What it acts on.
+        model : PhysicsModel
+            The model, which may hold other effects.
+
+        Returns
+        -------
+        bool
+            Whether the target is one of `targets`; an effect may act on more than is looked for.
+        """
+        return target in cls.targets(model)
+
+    @classmethod
     def quantities(cls) -> tuple:
         """Return the fields that are physical parameters."""
         return tuple(f for f in fields(cls) if "letter" in f.metadata)
 
     def names(self) -> dict[str, str]:
         """Return the model's name of every physical parameter, by field name."""
-        return {f.name: f"{f.metadata['letter']}_{self.target}" for f in self.quantities()}
+        of = re.sub(r"\W+", "_", self.target).strip("_")
+        return {f.name: f"{f.metadata['letter']}_{of}" for f in self.quantities()}
 
     def units(self, model: PhysicsModel) -> dict[str, str]:
         """Return the units that the parameters' unit templates speak of.
@@ -383,8 +403,8 @@ class Effect(ABC):
         ModelError
             If the model has no such target or has the effect already.
         """
-        possible = self.targets(model)
-        if self.target not in possible:
+        if not self.can_act(self.target, model):
+            possible = self.targets(model)
             raise ModelError(
                 f"{self.id}: expected a target among {', '.join(possible) or 'none in this model'},"
                 f" got {self.target!r}."

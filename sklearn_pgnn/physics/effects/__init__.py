@@ -5,17 +5,20 @@ from difflib import get_close_matches
 
 from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.physics.effect import Effect
+from sklearn_pgnn.physics.effects.dependences import ParameterSaturation, ParameterSlope
 from sklearn_pgnn.physics.effects.formula import Formula
 from sklearn_pgnn.physics.effects.friction import (
     AsymmetricFriction,
     CoulombFriction,
     Hysteresis,
+    LoadFriction,
     QuadraticDrag,
     StribeckFriction,
     ViscousFriction,
 )
 from sklearn_pgnn.physics.effects.inputs import (
     ActuatorLag,
+    AsymmetricDeadZone,
     InputBacklash,
     InputBias,
     InputDeadZone,
@@ -24,7 +27,13 @@ from sklearn_pgnn.physics.effects.inputs import (
     InputRateLimit,
     InputSaturation,
 )
-from sklearn_pgnn.physics.effects.levels import Leak, RateLimit, StateLimit
+from sklearn_pgnn.physics.effects.levels import (
+    Leak,
+    LeakToInput,
+    LeakToLevel,
+    RateLimit,
+    StateLimit,
+)
 from sklearn_pgnn.physics.effects.outputs import (
     SensorBias,
     SensorDelay,
@@ -47,6 +56,7 @@ CATALOGUE: tuple[type[Effect], ...] = (
     CoulombFriction,
     StribeckFriction,
     AsymmetricFriction,
+    LoadFriction,
     ViscousFriction,
     QuadraticDrag,
     LinearStiffness,
@@ -61,9 +71,12 @@ CATALOGUE: tuple[type[Effect], ...] = (
     StateLimit,
     Overflow,
     Leak,
+    LeakToLevel,
+    LeakToInput,
     InputBias,
     InputGain,
     InputDeadZone,
+    AsymmetricDeadZone,
     InputSaturation,
     InputDelay,
     ActuatorLag,
@@ -76,6 +89,8 @@ CATALOGUE: tuple[type[Effect], ...] = (
     SensorDelay,
     WrongParameter,
     ParameterDrift,
+    ParameterSlope,
+    ParameterSaturation,
 )
 
 __all__ = ["CATALOGUE", "Formula", "by_id", *(effect.__name__ for effect in CATALOGUE)]

@@ -5,14 +5,20 @@ from types import MappingProxyType
 
 import sympy
 
+from sklearn_pgnn.physics.characteristic import Characteristic
 from sklearn_pgnn.physics.effect import quantity
+from sklearn_pgnn.physics.effects.levels import first_order_states
 from sklearn_pgnn.physics.effects.rates import (
     PositionEffect,
     RateEffect,
     force_scale,
+    force_unit,
     may_be_speed,
 )
 from sklearn_pgnn.physics.expressions import symbol
+
+#: stands for the load until the model says what it is
+LOAD = sympy.Symbol("_load", real=True)
 
 
 @dataclass(frozen=True)
@@ -96,6 +102,105 @@ class CoulombFriction(SpeedEffect):
         """Start at two small levels."""
         force = force_scale(target, model, scales)
         return (cls(target, 0.02 * force), cls(target, 0.2 * force))
+
+
+@dataclass(frozen=True)
+class LoadFriction(SpeedEffect):
+    r"""Dry friction that grows with the load that is transmitted, as in a gear.
+
+    .. math:: F = (F_c + \mu\,|F_d|)\,\mathrm{sign}(v)
+
+    The load :math:`F_d` is what drives the velocity: the inputs' part of its force, or, where no
+    input acts on it, that of states of first order, such as a motor's current.
+
+    Parameters
+    ----------
+    target : str
+        The velocity.
+    level : float, default=0
+        Friction level :math:`F_c` without load [force].
+    share : float, default=0
+        Share :math:`\mu` of the load that is lost; from 1 on, nothing would move.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.physics import PhysicsModel
+    >>> cart = PhysicsModel({"v": "m/s"}, {"v": "F/m"}, {"m": 2.0}, {"F": "N"}, inertia={"v": "m"})
+    >>> print((cart + LoadFriction("v", level=0.5, share=0.1)).to_text())
+    v' = (F - (Fl_v + mul_v*abs(F))*sign(v))/m
+    """
+
+    level: float = quantity("Fl", "{force}", low=0.0)
+    share: float = quantity("mul", "", low=0.0, high=1.0)
+    id = "load_friction"
+    generalises = (CoulombFriction.id,)
+    excludes = (CoulombFriction.id,)
+    summary = "Dry friction that grows with the load: a worm gear, a spindle, a toothed gear."
+    check = "Lift and lower different weights: the friction grows with the weight."
+
+    @classmethod
+    def targets(cls, model):
+        """Return the velocities that something drives."""
+        return tuple(state for state in super().targets(model) if _drive(model, state) != 0)
+
+    @classmethod
+    def can_act(cls, target, model):
+        """Return whether the target may have dry friction."""
+        return target in super().targets(model)
+
+    def rewrite(self, model, p):
+        """Put what drives the target for its symbol, and subtract the force."""
+        changes = super().rewrite(model, p)
+        load = {LOAD: _drive(model, self.target)}
+        return {
+            part: {name: expression.xreplace(load) for name, expression in items.items()}
+            for part, items in changes.items()
+        }
+
+    def force(self, v, position, p):
+        """Return (Fc + mu*abs(Fd))*sign(v)."""
+        return (p["level"] + p["share"] * sympy.Abs(LOAD)) * sympy.sign(v)
+
+    def characteristic(self, model):
+        """Return the force over the load, by the direction of motion."""
+        load = sympy.Abs(_drive(model, self.target)) * sympy.sign(symbol(self.target))
+        return Characteristic("force", self.target, load, unit=force_unit(model, self.target))
+
+    @classmethod
+    def starts(cls, target, model, scales):
+        """Start with little of the load lost, and with more."""
+        force = force_scale(target, model, scales)
+        return (cls(target, 0.02 * force, 0.02), cls(target, 0.02 * force, 0.2))
+
+    @classmethod
+    def limits(cls, target, model, scales):
+        """Let some of the load through."""
+        return {"share": (0.0, 0.95)}
+
+
+def _drive(model, state: str) -> sympy.Expr:
+    """Return the addends of a velocity's force that hold inputs, or else states of first order."""
+    inertia = model.inertia.get(state, sympy.Integer(1))
+    known = {state, model.kinematic_pairs.get(state)}
+    addends = sympy.Add.make_args(sympy.expand(_unbounded(model.equations[state]) * inertia))
+    others = [set(map(str, part.free_symbols)) - known for part in addends]
+    free = [not part.has(symbol(state)) for part in addends]
+    for driving in ({*model.inputs, *model.settled}, set(first_order_states(model))):
+        drive = [
+            part
+            for part, names, is_free in zip(addends, others, free, strict=True)
+            if is_free and names & driving
+        ]
+        if drive:
+            return sympy.Add(*drive)
+    return sympy.Integer(0)
+
+
+def _unbounded(rate: sympy.Expr) -> sympy.Expr:
+    """Return what a rate is between its bounds: of what it compares, that with most symbols."""
+    while isinstance(rate, sympy.Max | sympy.Min):
+        rate = max(rate.args, key=lambda part: len(part.free_symbols))
+    return rate
 
 
 @dataclass(frozen=True)

@@ -154,6 +154,50 @@ class InputDeadZone(InputEffect):
 
 
 @dataclass(frozen=True)
+class AsymmetricDeadZone(InputEffect):
+    r"""An input that does nothing while it is small, and not as long on both sides.
+
+    .. math:: \max(u - w_+, 0) + \min(u + w_-, 0)
+
+    Parameters
+    ----------
+    target : str
+        The input.
+    above, below : float, default=0
+        Widths :math:`w_+, w_-` of the dead zone on the positive and the negative side [input].
+
+    Examples
+    --------
+    >>> AsymmetricDeadZone("u", above=0.3, below=0.1).names()
+    {'above': 'wp_u', 'below': 'wn_u'}
+    """
+
+    above: float = quantity("wp", "{target}", low=0.0)
+    below: float = quantity("wn", "{target}", low=0.0)
+    id = "asymmetric_dead_zone"
+    generalises = (InputDeadZone.id,)
+    excludes = (InputDeadZone.id,)
+    summary = "Small commands do nothing, further on one side than the other: a valve off centre."
+    check = "Raise the command slowly from zero, once up and once down, until something moves."
+
+    def seen(self, u, p):
+        """Return the dead zone of u."""
+        return sympy.Max(u - p["above"], 0) + sympy.Min(u + p["below"], 0)
+
+    @classmethod
+    def starts(cls, target, model, scales):
+        """Start wider on one side, on the other, or on none."""
+        peak = scales.peak[target]
+        return tuple(cls(target, a * peak, b * peak) for a, b in ((0.3, 0.03), (0.03, 0.3)))
+
+    @classmethod
+    def limits(cls, target, model, scales):
+        """Let some of the input through."""
+        widest = (0.0, 0.95 * scales.peak[target])
+        return {"above": widest, "below": widest}
+
+
+@dataclass(frozen=True)
 class InputSaturation(InputEffect):
     r"""An input that is cut at a limit, :math:`\min(\max(u, -L), L)`.
 

@@ -7,6 +7,7 @@ import sympy
 from sklearn_pgnn.physics.characteristic import Characteristic
 from sklearn_pgnn.physics.effect import Effect, quantity
 from sklearn_pgnn.physics.effects.rates import is_velocity
+from sklearn_pgnn.physics.effects.targets import pair, parts
 from sklearn_pgnn.physics.expressions import symbol
 
 
@@ -176,3 +177,108 @@ class Leak(StateEffect):
     def starts(cls, target, model, scales):
         """Start tight."""
         return (cls(target),)
+
+
+@dataclass(frozen=True)
+class LeakToLevel(StateEffect):
+    r"""An exchange with surroundings that stay as they are, :math:`\dot x = f - \lambda (x - c)`.
+
+    Parameters
+    ----------
+    target : str
+        The state.
+    coefficient : float, default=0
+        Exchange :math:`\lambda` [1/s].
+    level : float, default=0
+        Value :math:`c` [state] that the state goes to if left alone.
+
+    Examples
+    --------
+    >>> LeakToLevel("T", coefficient=0.01, level=293.0).names()
+    {'coefficient': 'lc_T', 'level': 'c_T'}
+    """
+
+    coefficient: float = quantity("lc", "1/s", low=0.0)
+    level: float = quantity("c", "{target}", role="shape")
+    id = "leak_to_level"
+    generalises = (Leak.id,)
+    excludes = (Leak.id,)
+    summary = "The state goes to a level of its surroundings: a heat loss to a room, a leak."
+    check = "Shut everything and wait: the state goes to a level that is not zero."
+
+    def rate(self, state, rate, p):
+        """Return the rate less the loss."""
+        return rate - p["coefficient"] * (state - p["level"])
+
+    @classmethod
+    def starts(cls, target, model, scales):
+        """Start at a loss within a window or so, to the lower or to the upper end of the state."""
+        low, high = scales.ends(target)
+        return tuple(cls(target, 0.1 / scales.window, level) for level in (low, high))
+
+    @classmethod
+    def limits(cls, target, model, scales):
+        """Keep the level within three ranges of the state."""
+        low, high = scales.ends(target)
+        return {"level": (2 * low - high, 2 * high - low)}
+
+
+@dataclass(frozen=True)
+class LeakToInput(Effect):
+    r"""An exchange with surroundings that an input records, :math:`\dot x = f - \lambda (x - u)`.
+
+    Parameters
+    ----------
+    target : str
+        State and input, as ``"T(T_room)"``.
+    coefficient : float, default=0
+        Exchange :math:`\lambda` [1/s].
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.physics import PhysicsModel
+    >>> oven = PhysicsModel({"T": "K"}, {"T": "P/C"}, {"C": 80.0}, {"P": "W", "T_room": "K"})
+    >>> print((oven + LeakToInput("T(T_room)", coefficient=0.01)).to_text())
+    T' = -lu_T_T_room*(T - T_room) + P/C
+    """
+
+    coefficient: float = quantity("lu", "1/s", low=0.0)
+    id = "leak_to_input"
+    summary = "The state goes to what an input records: a heat loss to a room that is measured."
+    check = "Shut everything and wait: the state goes to that input's value."
+
+    @classmethod
+    def targets(cls, model):
+        """Return the states of first order, each with every input of its unit, if it has one."""
+        return tuple(
+            pair(state, name)
+            for state in first_order_states(model)
+            for name, unit in model.inputs.items()
+            if unit and unit == model.unit(state)
+        )
+
+    @classmethod
+    def title(cls, target):
+        """Return state and input in words."""
+        return "leak of {} to {}".format(*parts(target))
+
+    def rewrite(self, model, p):
+        """Subtract the loss from the state's rate."""
+        state, name = parts(self.target)
+        loss = p["coefficient"] * (symbol(state) - symbol(name))
+        return {"equations": {**model.equations, state: model.equations[state] - loss}}
+
+    def units(self, model):
+        """Return none: the exchange is a rate."""
+        return {}
+
+    @classmethod
+    def starts(cls, target, model, scales):
+        """Start tight."""
+        return (cls(target),)
+
+    def characteristic(self, model):
+        """Return what is missing in the rate over the difference of state and input."""
+        state, name = parts(self.target)
+        difference = symbol(state) - symbol(name)
+        return Characteristic("force", state, difference, unit=model.unit(state))

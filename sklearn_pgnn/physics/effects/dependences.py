@@ -1,0 +1,211 @@
+"""Parameters that are none: they depend on a state or on an input."""
+
+from dataclasses import dataclass
+
+import sympy
+
+from sklearn_pgnn.physics.characteristic import Characteristic
+from sklearn_pgnn.physics.effect import Effect, quantity
+from sklearn_pgnn.physics.effects.inputs import substitute
+from sklearn_pgnn.physics.effects.rates import is_velocity
+from sklearn_pgnn.physics.effects.targets import pair, parts
+from sklearn_pgnn.physics.expressions import symbol
+
+#: a parameter keeps at least this share of its value
+KEPT = 0.05
+#: a parameter grows at most so many times over the range of what it depends on
+GROWN = 20.0
+
+
+@dataclass(frozen=True)
+class ParameterDependence(Effect):
+    """A parameter in whose place a function of it and of a signal stands."""
+
+    @classmethod
+    def can_act(cls, target, model):
+        """Return whether the model has the parameter and the signal."""
+        parameter, signal = parts(target)
+        return parameter in model.parameters and signal in {*model.states, *model.inputs}
+
+    def value(self, parameter, signal, p):
+        """Return the parameter's value at a value of the signal."""
+        raise NotImplementedError
+
+    def rewrite(self, model, p):
+        """Put the value for the parameter."""
+        parameter, signal = map(symbol, parts(self.target))
+        return substitute(model, parameter, self.value(parameter, signal, p))
+
+    def units(self, model):
+        """Return one over the signal's unit."""
+        unit = model.unit(parts(self.target)[1])
+        return {"per_signal": f"1/({unit})" if unit else ""}
+
+    @classmethod
+    def typical(cls, target, model, scales):
+        """Return one over the signal's largest magnitude."""
+        return {"per_signal": 1.0 / max(scales.peak[parts(target)[1]], 1e-300)}
+
+    @classmethod
+    def starts(cls, target, model, scales):
+        """Start from a constant."""
+        return (cls(target),)
+
+    def characteristic(self, model):
+        """Return the parameter over the signal."""
+        parameter, signal = map(symbol, parts(self.target))
+        p = {key: symbol(name) for key, name in self.names().items()}
+        law = self.value(parameter, signal, p)
+        return Characteristic("parameter", str(parameter), signal, law=law)
+
+
+@dataclass(frozen=True)
+class ParameterSlope(ParameterDependence):
+    r"""A parameter that changes in proportion to a signal, :math:`p\,(1 + a s)`.
+
+    Looked for are coefficients (the rates are linear in them) that depend on a state that a sensor
+    shows, or on an input that drives nothing, such as a room's temperature. Velocities and what the
+    coefficient itself multiplies are no such signals: frictions, springs and `ParameterSaturation`
+    stand for those. The signal counts from its zero.
+
+    Parameters
+    ----------
+    target : str
+        Parameter and signal, as ``"R(T)"``.
+    slope : float, default=0
+        Relative change :math:`a` [1/signal].
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.physics.systems import cart_on_spring
+    >>> ParameterSlope.targets(cart_on_spring())
+    ('d(x)',)
+    >>> print((cart_on_spring() + ParameterSlope("d(x)", slope=0.1)).to_text().splitlines()[1])
+    v' = (-d*v*(slope_d_x*x + 1) + force - k*x)/m
+    """
+
+    slope: float = quantity("slope", "{per_signal}")
+    id = "parameter_slope"
+    summary = "This number grows or falls with that signal: a resistance that grows with heat."
+    check = "Hold the signal at two values, and identify the number at each."
+
+    @classmethod
+    def targets(cls, model):
+        """Return coefficients with shown signals that they do not multiply themselves."""
+        return tuple(
+            pair(name, signal)
+            for name, slopes in _coefficients(model).items()
+            for signal in _shown(model)
+            if not _drives_or_moves(model, signal)
+            and not any(slope.has(symbol(signal)) for slope in slopes)
+        )
+
+    @classmethod
+    def title(cls, target):
+        """Return parameter and signal in words."""
+        return "{} that changes with {}".format(*parts(target))
+
+    def value(self, parameter, signal, p):
+        """Return p*(1 + a*s)."""
+        return parameter * (1 + p["slope"] * signal)
+
+    @classmethod
+    def limits(cls, target, model, scales):
+        """Keep the parameter's sign over the range of the signal."""
+        low, high = scales.ends(parts(target)[1])
+        most = GROWN / (max(abs(low), abs(high)) or 1.0)
+        least = -(1 - KEPT) / high if high > 0 else -most
+        return {"slope": (least, -(1 - KEPT) / low if low < 0 else most)}
+
+
+@dataclass(frozen=True)
+class ParameterSaturation(ParameterDependence):
+    r"""A coefficient that falls with the magnitude of its signal, :math:`p/(1 + b |s|)`.
+
+    Its term :math:`p\,s` grows ever less and ends at :math:`p/b`, as a motor's torque or an
+    amplifier's output does; with a negative :math:`b` it grows ever more. Suspected are the
+    coefficients that stand at a function of one shown signal alone. Forces of a velocity or of a
+    position are not among them: they are friction, drag and springs.
+
+    Parameters
+    ----------
+    target : str
+        Parameter and signal, as ``"K(u)"``.
+    bend : float, default=0
+        Inverse :math:`b` of the magnitude at which half is left [1/signal].
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.physics import PhysicsModel
+    >>> lag = PhysicsModel({"y": "V"}, {"y": "K*u - a*y"}, {"K": 2.0, "a": 1.0}, {"u": "V"})
+    >>> ParameterSaturation.targets(lag)
+    ('K(u)', 'a(y)')
+    >>> print((lag + ParameterSaturation("K(u)", bend=0.1)).to_text())
+    y' = K*u/(bend_K_u*abs(u) + 1) - a*y
+    """
+
+    bend: float = quantity("bend", "{per_signal}")
+    id = "parameter_saturation"
+    summary = "This number falls as its own signal grows: iron that saturates, a valve at its end."
+    check = "Apply signals of growing size: the answer grows less than in proportion."
+
+    @classmethod
+    def targets(cls, model):
+        """Return coefficients of a function of one shown signal, with that signal."""
+        pairs = (
+            (name, signal)
+            for name, slopes in _coefficients(model).items()
+            for signal in _shown(model)
+            if any(_moving(model, slope) == {signal} for slope in slopes)
+        )
+        positions = set(model.kinematic_pairs.values())
+        return tuple(
+            pair(name, signal)
+            for name, signal in pairs
+            if signal in model.inputs or not (is_velocity(model, signal) or signal in positions)
+        )
+
+    @classmethod
+    def title(cls, target):
+        """Return parameter and signal in words."""
+        return "{} that falls with the size of {}".format(*parts(target))
+
+    def value(self, parameter, signal, p):
+        """Return p/(1 + b*abs(s))."""
+        return parameter / (1 + p["bend"] * sympy.Abs(signal))
+
+    @classmethod
+    def limits(cls, target, model, scales):
+        """Let the parameter at most double."""
+        peak = scales.peak[parts(target)[1]] or 1.0
+        return {"bend": (-0.5 / peak, GROWN / peak)}
+
+
+def _coefficients(model) -> dict[str, tuple[sympy.Expr, ...]]:
+    """Return the parameters that the rates are linear in, with the derivatives by them."""
+    found = {}
+    for name in model.free_parameters:
+        p = symbol(name)
+        slopes = tuple(rate.diff(p) for rate in model.equations.values() if rate.has(p))
+        if slopes and model.parameters[name].value and not any(s.has(p) for s in slopes):
+            found[name] = slopes
+    return found
+
+
+def _shown(model) -> tuple[str, ...]:
+    """Return the inputs, and the states that an output shows or whose position it shows."""
+    read = {str(s) for output in model.outputs.values() for s in output.free_symbols}
+    read |= {velocity for velocity, position in model.slope_pairs.items() if position in read}
+    return (*(state for state in model.states if state in read), *model.inputs)
+
+
+def _drives_or_moves(model, signal: str) -> bool:
+    """Return whether a signal is an input of some rate, or a velocity."""
+    if signal in model.states:
+        return is_velocity(model, signal)
+    return any(rate.has(symbol(signal)) for rate in model.equations.values())
+
+
+def _moving(model, expression) -> set[str]:
+    """Return the states and inputs in an expression."""
+    return set(map(str, expression.free_symbols)) & {*model.states, *model.inputs}
