@@ -180,9 +180,9 @@ def test_a_hardening_spring_at_nine_samples_a_period_is_named_and_its_error_is_t
     assert [cause.effect for cause in diagnosis.causes_] == ["cubic_stiffness"]
     found = diagnosis.causes_[0].parameters["stiffness"]
     assert found.value == pytest.approx(stiffness, rel=0.05)
-    assert diagnosis.records_.windows.scale[0] == pytest.approx(noise, rel=0.2)
+    assert estimation.fitted_records_.windows.scale[0] == pytest.approx(noise, rel=0.2)
     assert diagnosis.gain_["y"].extended == pytest.approx(noise, rel=0.2)
-    assert len(diagnosis.records_.windows) >= MIN_WINDOWS
+    assert len(estimation.fitted_records_.windows) >= MIN_WINDOWS
 
 
 # -- what the gain's interval says -----------------------------------------------------------------
@@ -191,7 +191,7 @@ def test_a_hardening_spring_at_nine_samples_a_period_is_named_and_its_error_is_t
 def test_the_interval_of_the_gain_resamples_windows_and_not_their_pieces(monkeypatch):
     """Windows that are all alike leave no doubt, however much their pieces differ."""
     problem = problem_of((1600,), window_length=4.0)
-    problem = replace(problem, windows=replace(problem.windows, pieces=2))
+    problem = replace(problem, windows=replace(problem.windows, blocks=2))
     count = len(problem.windows)
 
     def squares(early, late):

@@ -15,7 +15,7 @@ import pandas as pd
 
 from sklearn_pgnn.diagnosis.effect_size import has_size, main_field, nothing, sized
 from sklearn_pgnn.diagnosis.judge import CLEARLY, FEW, Rules
-from sklearn_pgnn.diagnosis.records import DiagnosisRecords
+from sklearn_pgnn.estimation.fitted_records import DiagnosisRecords
 from sklearn_pgnn.estimation.hypothesis import Cause
 from sklearn_pgnn.exceptions import ModelError
 from sklearn_pgnn.physics.model import PhysicsModel
@@ -214,7 +214,7 @@ class Bench:
     def power(self, left: Evaluation) -> float:
         """Give the chance that the rules name a cause that would explain what is left.
 
-        Every piece of a window has white noise power and, along the signal that is left, a normal
+        Every block of a window has white noise power and, along the signal that is left, a normal
         error of the noise's strength in that direction.
         """
         residual = self.records.fits["extended"].residual / self.windows.scale

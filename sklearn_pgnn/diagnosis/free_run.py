@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from sklearn_pgnn.diagnosis.records import DiagnosisRecords
+from sklearn_pgnn.estimation.fitted_records import DiagnosisRecords
 from sklearn_pgnn.simulation.simulate import Simulation
 from sklearn_pgnn.simulation.state_estimate import free_run
 

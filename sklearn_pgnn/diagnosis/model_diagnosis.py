@@ -24,7 +24,7 @@ from sklearn_pgnn.diagnosis.ground import (
 )
 from sklearn_pgnn.diagnosis.injection import verified
 from sklearn_pgnn.diagnosis.judge import Rules
-from sklearn_pgnn.diagnosis.records import as_judged, keep_records
+from sklearn_pgnn.estimation.fitted_records import as_judged, keep_records
 from sklearn_pgnn.diagnosis.result import (
     Candidate,
     NamedCause,

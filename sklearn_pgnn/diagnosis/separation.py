@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sklearn_pgnn.diagnosis.judge import NOTICED
-from sklearn_pgnn.diagnosis.records import DiagnosisRecords, FittedWindows
+from sklearn_pgnn.estimation.fitted_records import DiagnosisRecords, FittedWindows
 from sklearn_pgnn.diagnosis.result import Candidate, plain
 from sklearn_pgnn.estimation.equivalence import are_equivalent
 from sklearn_pgnn.estimation.hypothesis import Cause, Hypothesis, freedoms, held_by, resemble
@@ -235,7 +235,7 @@ def _extend(records, causes, start=None, held=frozenset()):
 
 
 def _left(records, truth: FittedWindows, rival: FittedWindows, t, u, each_step):
-    """Re-tune a rival to what a model shows: squares left by piece, states reached; else None."""
+    """Re-tune a rival to what a model shows: squares left by block, states reached; else None."""
     bounds = np.array([0, t.size])
     blank = np.zeros((t.size, records.windows.y.shape[1]))
     whole = replace(
@@ -363,10 +363,10 @@ def _told(records, design, t, squares, reached) -> Experiment:
 def _repeats(windows, squares: np.ndarray, samples: float) -> float:
     """Count how often an experiment must be recorded until the diagnosis tells two causes apart.
 
-    The pieces of the old records, which the two explain alike, count beside those of the new.
+    The blocks of the old records, which the two explain alike, count beside those of the new.
     """
     rng = np.random.default_rng(0)
-    alike = len(windows) * windows.pieces
+    alike = len(windows) * windows.blocks
     for count in range(1, REPEATS + 1):
         size = np.tile(np.sqrt(squares), count)
         shape = (DRAWS, size.size)

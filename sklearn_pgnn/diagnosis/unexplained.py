@@ -12,8 +12,8 @@ from sklearn.ensemble import HistGradientBoostingRegressor
 from sklearn.model_selection import GroupKFold, cross_val_predict
 
 from sklearn_pgnn.diagnosis.leading_terms import leading_terms
-from sklearn_pgnn.diagnosis.records import as_judged
-from sklearn_pgnn.estimation.fitting import Trial
+from sklearn_pgnn.estimation.fitted_records import as_judged
+from sklearn_pgnn.estimation.fitting import FittedHypothesis
 from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects import CATALOGUE
@@ -101,18 +101,13 @@ class Proposal:
         The hidden input that it describes.
     effect : Formula
         The terms.
-    trial : Trial
+    trial : FittedHypothesis
         The hypothesis that it stands beside, with its terms fitted.
     """
 
     hidden: HiddenInput
     effect: Formula
-    trial: Trial
-
-    @property
-    def n_parameters(self) -> int:
-        """Number of parameters that the causes and the terms add."""
-        return self.trial.hypothesis.n_parameters + len(self.effect.terms)
+    trial: FittedHypothesis
 
 
 def channels(model: PhysicsModel) -> tuple[str, ...]:
@@ -133,7 +128,7 @@ def channels(model: PhysicsModel) -> tuple[str, ...]:
 
 def propose(
     problem: EstimationProblem,
-    base: Trial,
+    base: FittedHypothesis,
     channel: str,
     each_step: Callable[[], None] | None = None,
 ) -> list[Proposal]:
@@ -146,7 +141,7 @@ def propose(
     ----------
     problem : EstimationProblem
         the problem.
-    base : Trial
+    base : FittedHypothesis
         The model without it.
     channel : str
         The place.
@@ -188,7 +183,7 @@ def propose(
     ]
     fitted = [(formula, _fit(problem, base, formula, each_step)) for formula in formulas]
     return [
-        Proposal(hidden, _at_fit(formula, fit), Trial(base.hypothesis, fit))
+        Proposal(hidden, _at_fit(formula, fit), FittedHypothesis(base.hypothesis.plus(formula), fit))
         for formula, fit in fitted
         if fit.usable
     ]
@@ -301,6 +296,11 @@ def _explained(columns, values, groups) -> float:
     forest = HistGradientBoostingRegressor(max_iter=60, max_leaf_nodes=15, random_state=0)
     found = cross_val_predict(forest, columns, values, groups=groups, cv=GroupKFold(FOLDS))
     return float(max(0.0, 1.0 - np.mean((values - found) ** 2) / np.var(values)))
+
+
+def library_size(model: PhysicsModel) -> int:
+    """Return the number of terms that a formula may be made of at a place."""
+    return len(_terms(model, (*model.states, *model.inputs, "t")))
 
 
 def _terms(model: PhysicsModel, quantities) -> list[sympy.Expr]:

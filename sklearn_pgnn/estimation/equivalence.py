@@ -1,11 +1,12 @@
-"""Causes that are one and the same in the equations, whatever is recorded."""
+"""Effects that are one and the same in the equations, whatever is recorded."""
 
 from functools import lru_cache
 
 import numpy as np
 import sympy
 
-from sklearn_pgnn.estimation.hypothesis import Cause, is_of_other_order, number_at
+from sklearn_pgnn.estimation.hypothesis import is_of_other_order, number_at
+from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects import WrongParameter
 from sklearn_pgnn.physics.expressions import TIME, symbol
 from sklearn_pgnn.physics.model import PhysicsModel
@@ -18,7 +19,7 @@ INDEPENDENT = 1e-7
 KINKED = (sympy.sign, sympy.Abs, sympy.Max, sympy.Min, sympy.Heaviside, sympy.Piecewise)
 
 
-def are_equivalent(model: PhysicsModel, one: Cause, other: Cause, retuned: bool = True) -> bool:
+def are_equivalent(model: PhysicsModel, one: Effect, other: Effect, retuned: bool = True) -> bool:
     r"""Tell whether no inputs and outputs of a model can separate two causes.
 
     With the parameters :math:`p` that re-tuning changes and those of the two causes, :math:`a` and
@@ -39,7 +40,7 @@ def are_equivalent(model: PhysicsModel, one: Cause, other: Cause, retuned: bool 
     ----------
     model : PhysicsModel
         The prior.
-    one, other : (effect class, target)
+    one, other : Effect
         The causes.
     retuned : bool, default=True
         Whether the parameters are re-tuned.
@@ -53,9 +54,9 @@ def are_equivalent(model: PhysicsModel, one: Cause, other: Cause, retuned: bool 
     --------
     >>> from sklearn_pgnn.physics.effects import ConstantLoad, CoulombFriction, InputBias
     >>> cart = PhysicsModel({"v": "m/s"}, {"v": "(F - d*v)/m"}, {"m": 2.0, "d": 0.5}, {"F": "N"})
-    >>> are_equivalent(cart, (InputBias, "F"), (ConstantLoad, "v"))
+    >>> are_equivalent(cart, InputBias("F"), ConstantLoad("v"))
     True
-    >>> are_equivalent(cart, (InputBias, "F"), (CoulombFriction, "v"))
+    >>> are_equivalent(cart, InputBias("F"), CoulombFriction("v"))
     False
 
     A gain of the input is the same as a mass and a damping that are both off:
@@ -63,13 +64,13 @@ def are_equivalent(model: PhysicsModel, one: Cause, other: Cause, retuned: bool 
     >>> from sklearn_pgnn.physics.effects import WrongParameter
     >>> driven = cart.replace(equations={"v": "(b*F - d*v)/m"},
     ...                       parameters={"m": 2.0, "d": 0.5, "b": 1.0})
-    >>> are_equivalent(driven, (WrongParameter, "b"), (WrongParameter, "m"))
+    >>> are_equivalent(driven, WrongParameter("b"), WrongParameter("m"))
     True
     """
     mine, theirs = _slopes(model, one), _slopes(model, other)
     if mine is None or theirs is None or not _rank(mine) or not _rank(theirs):
         return False
-    suspected = {target for effect, target in (one, other) if effect is WrongParameter}
+    suspected = {each.target for each in (one, other) if isinstance(each, WrongParameter)}
     free = tuple(name for name in model.free_parameters if name not in suspected)
     common = np.hstack([_by_names(model, free if retuned else ()), _by_coordinates(model)])
     rank = _rank(common, mine, theirs)
@@ -77,13 +78,12 @@ def are_equivalent(model: PhysicsModel, one: Cause, other: Cause, retuned: bool 
 
 
 @lru_cache(maxsize=512)
-def _slopes(model: PhysicsModel, cause: Cause) -> np.ndarray | None:
+def _slopes(model: PhysicsModel, cause: Effect) -> np.ndarray | None:
     """Differentiate by a cause's parameters where it does nothing; None where the order changes."""
-    effect, target = cause
-    extended = effect(target).apply(model)
+    extended = cause.apply(model)
     if is_of_other_order(model, extended):
         return None
-    return _by_names(extended, tuple(effect(target).names().values()))
+    return _by_names(extended, tuple(cause.names().values()))
 
 
 def _by_names(model, names) -> np.ndarray:

@@ -8,8 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sklearn_pgnn.estimation.criterion import HeldOut
+from sklearn_pgnn.estimation.held_out import CrossValidation, make_folds
 from sklearn_pgnn.estimation.hypothesis import (
-    Cause,
     Hypothesis,
     commute,
     freedoms,
@@ -27,8 +28,7 @@ from sklearn_pgnn.estimation.progress import Progress
 from sklearn_pgnn.estimation.sign_ambiguity import turn_poor_windows
 from sklearn_pgnn.estimation.spectral_lines import tones_left
 from sklearn_pgnn.estimation.unusable import BREAKDOWNS, Ledger, Unusable
-from sklearn_pgnn.estimation.window_offset import WindowOffset
-from sklearn_pgnn.physics.effect import Scales
+from sklearn_pgnn.physics.effect import Effect, Scales
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.state_estimate import unsigned_states
 from sklearn_pgnn.simulation.window_fit import (
@@ -47,26 +47,22 @@ FOLLOWED, FOLLOW_STEPS = 4, 5
 HELD_STEPS = 2
 #: the untuned prior is a ground to start from too, for effects of at most so many starts
 FEW_STARTS = 4
-#: a glance takes one in so many windows of a sketch, and ends at such a relative decrease
+#: a glance takes one in so many windows of a subsample, and ends at such a relative decrease
 GLANCE, GLANCE_TOLERANCE = 4, 1e-2
 #: steps of a first look
 LOOK_STEPS = 3
-#: relative decrease at which a sketch, and a fit from a known minimum, end; and a fit on all
-SKETCH_TOLERANCE, TOLERANCE = 1e-3, 1e-4
+#: relative decrease at which a subsample, and a fit from a known minimum, end; and a fit on all
+SUBSAMPLE_TOLERANCE, TOLERANCE = 1e-3, 1e-4
 #: least steps with which the accepted hypothesis is fitted on, and where that ends
 POLISH_STEPS, POLISH_TOLERANCE = 3, 1e-9
-#: folds of records; a single one is cut into more stretches, for it shows much but a few times
-FOLDS, STRETCHES = 4, 8
-#: largest share of the windows that a fold may hold
-MOST_HELD_OUT = 2 / 3
 #: steps for the initial states alone, which are nearly linear
 PRIOR_STEPS = 8
-#: fits of a hypothesis that are no trials of it
-OFFSET, HELD_OUT = "with an offset", "held out"
+#: what fits for cross-validation are called where they break down
+HELD_OUT = "held out"
 
 
 @dataclass(frozen=True)
-class Trial:
+class FittedHypothesis:
     """A hypothesis fitted on windows.
 
     Parameters
@@ -86,12 +82,12 @@ class Trial:
         return self.fit.squares if self.fit.usable else np.inf
 
     @property
-    def pieces(self) -> np.ndarray:
-        """Sum of squared residuals of every piece of every window."""
+    def blocks(self) -> np.ndarray:
+        """Sum of squared residuals of every block of every window."""
         return self.fit.evaluation.block_squares
 
 
-def objective_of(trial: Trial) -> float:
+def objective_of(trial: FittedHypothesis) -> float:
     """Give what a fit has minimised, to sort by."""
     return trial.fit.objective
 
@@ -104,21 +100,21 @@ class Start(NamedTuple):
 
 
 @dataclass(frozen=True)
-class SubsampleFit(Trial):
+class SubsampleFit(FittedHypothesis):
     """A hypothesis fitted on some of the samples, see `rough_windows`.
 
     Parameters
     ----------
     start : Start
         What is known of the initial states.
-    settled : bool, default=False
+    converged : bool, default=False
         Whether the fit has come to its end.
     origin : WindowFit, optional
-        The fit on all windows that the sketch goes with.
+        The fit on all windows that the subsample goes with.
     """
 
     start: Start
-    settled: bool = False
+    converged: bool = False
     origin: WindowFit | None = None
 
 
@@ -140,11 +136,11 @@ class HypothesisFitter:
         self.problem = problem
         self.progress = Progress() if progress is None else progress
         self.ledger = Ledger()
-        self._trials: dict[Key, Trial] = {}
-        self._sketches: dict[Key, SubsampleFit] = {}
+        self._trials: dict[Key, FittedHypothesis] = {}
+        self._subsamples: dict[Key, SubsampleFit] = {}
         self._begun: dict[Key, float] = {}
-        self._held_out: dict[tuple[Key, tuple[str, ...]], dict[str | None, np.ndarray]] = {}
-        self._held_names: dict[Cause, tuple[str, ...]] = {}
+        self._held_out: dict[Key, tuple[WindowFit, HeldOut]] = {}
+        self._held_names: dict[Effect, tuple[str, ...]] = {}
         self._commuting: dict[frozenset, bool] = {}
 
     @cached_property
@@ -228,7 +224,7 @@ class HypothesisFitter:
             max_steps=PRIOR_STEPS,
         )
 
-    def base(self) -> Trial:
+    def base(self) -> FittedHypothesis:
         """Re-tune the prior within its spread."""
         key = self.key(Hypothesis())
         if key not in self._trials:
@@ -239,33 +235,33 @@ class HypothesisFitter:
         """Give the re-tuned prior's error in units of the noise."""
         return float(np.sqrt(self.base().squares / self.problem.n_samples))
 
-    def complete(self, sketch: SubsampleFit, beside: Trial) -> Trial:
-        """Fit a hypothesis on all windows, again where its sketch has become better.
+    def fit_all(self, subsample: SubsampleFit, beside: FittedHypothesis) -> FittedHypothesis:
+        """Fit a hypothesis on all windows, again where its subsample has become better.
 
         Parameters
         ----------
-        sketch : SubsampleFit
+        subsample : SubsampleFit
             The hypothesis, and where its parameters start.
-        beside : Trial
+        beside : FittedHypothesis
             Another hypothesis on all windows; the initial states start where its are.
 
         Returns
         -------
-        Trial
+        FittedHypothesis
             The hypothesis.
         """
-        key, objective = self.key(sketch.hypothesis), sketch.fit.objective
-        if key not in self._trials or objective < (1.0 - SKETCH_TOLERANCE) * self._begun[key]:
+        key, objective = self.key(subsample.hypothesis), subsample.fit.objective
+        if key not in self._trials or objective < (1.0 - SUBSAMPLE_TOLERANCE) * self._begun[key]:
             self._begun[key] = objective
-            self._keep(self._fit(sketch.hypothesis, sketch.fit.model, beside, sketch))
-        return Trial(sketch.hypothesis, self._trials[key].fit)
+            self._keep(self._fit(subsample.hypothesis, subsample.fit.model, beside, subsample))
+        return FittedHypothesis(subsample.hypothesis, self._trials[key].fit)
 
-    def retry(self, trial: Trial, better: Trial) -> Trial:
+    def retry(self, trial: FittedHypothesis, better: FittedHypothesis) -> FittedHypothesis:
         """Fit a hypothesis again from the numbers of a finer one: its own may have got stuck."""
-        self.sketch(trial)
-        return self.complete(self._derive(self.sketch(better), trial.hypothesis), better)
+        self.subsample(trial)
+        return self.fit_all(self._derive(self.subsample(better), trial.hypothesis), better)
 
-    def polish(self, trial: Trial) -> Trial:
+    def polish(self, trial: FittedHypothesis) -> FittedHypothesis:
         """Fit a hypothesis on to its minimum, also along directions that records hardly see."""
         model, start = trial.fit.model, self._start(trial.fit.model)
         for x0 in (trial.fit.x0, start.x0):
@@ -280,26 +276,21 @@ class HypothesisFitter:
                 max_steps=100,
                 tolerance=POLISH_TOLERANCE,
             )
-            self._keep(Trial(trial.hypothesis, fit))
-        return Trial(trial.hypothesis, self._trials[self.key(trial.hypothesis)].fit)
+            self._keep(FittedHypothesis(trial.hypothesis, fit))
+        return FittedHypothesis(trial.hypothesis, self._trials[self.key(trial.hypothesis)].fit)
 
-    def _keep(self, trial: Trial) -> None:
+    def _keep(self, trial: FittedHypothesis) -> None:
         """Remember a trial unless a better one of the same hypothesis is known."""
         key = self.key(trial.hypothesis)
         if key not in self._trials or trial.fit.objective < self._trials[key].fit.objective:
             self._trials[key] = trial
-            self._held_out.pop(self._fitted(trial), None)
 
-    def _fitted(self, trial: Trial) -> tuple[Key, tuple[str, ...]]:
-        """Give what tells fits apart: the causes, and the numbers of a formula beside them."""
-        return self.key(trial.hypothesis), tuple(trial.fit.model.parameters)
-
-    def _fit(self, hypothesis, model, beside, sketch=None) -> Trial:
+    def _fit(self, hypothesis, model, beside, subsample=None) -> FittedHypothesis:
         model, free = self._free(hypothesis, model)
         start = self._start(model)
         x0 = start.x0 if beside is None else _carry_over(beside.fit, model, start.x0)
-        if sketch is not None:
-            x0[self.rough.which] = sketch.fit.x0
+        if subsample is not None:
+            x0[self.rough.which] = subsample.fit.x0
         fit = self._fit_windows(
             self._spare(hypothesis),
             model,
@@ -307,11 +298,11 @@ class HypothesisFitter:
             free,
             start,
             x0,
-            states_first=sketch is not None,
+            states_first=subsample is not None,
             tolerance=TOLERANCE,
         )
         fit = self._turn(hypothesis, fit, self.problem.windows, start, TOLERANCE)
-        return Trial(hypothesis, self._noted(hypothesis, fit))
+        return FittedHypothesis(hypothesis, self._noted(hypothesis, fit))
 
     def _start(self, model) -> Start:
         estimate = self.problem.states.estimate(model)
@@ -319,41 +310,41 @@ class HypothesisFitter:
 
     # -- on some of the samples ----------------------------------------------------------------
 
-    def sketch(self, trial: Trial) -> SubsampleFit:
+    def subsample(self, trial: FittedHypothesis) -> SubsampleFit:
         """SubsampleFit a hypothesis that was fitted on all windows."""
         key = self.key(trial.hypothesis)
-        known = self._sketches.get(key)
+        known = self._subsamples.get(key)
         if known is None or known.origin is not trial.fit:
             x0, start = trial.fit.x0[self.rough.which], self._rough_start(trial.fit.model)
-            again = self._settle(trial.hypothesis, trial.fit.model, x0, start)
+            again = self._converge(trial.hypothesis, trial.fit.model, x0, start)
             if known is not None and known.fit.objective < again.fit.objective:
                 again = known
-            self._sketches[key] = replace(again, origin=trial.fit)
+            self._subsamples[key] = replace(again, origin=trial.fit)
             self._begun.setdefault(key, again.fit.objective)
-        return self._sketches[key]
+        return self._subsamples[key]
 
-    def look(self, sketch: SubsampleFit, cause: Cause) -> SubsampleFit:
+    def first_fit(self, subsample: SubsampleFit, cause: Effect) -> SubsampleFit:
         """Take a first look at one more cause, from the best of the effect's starts and places."""
-        orders = self.orders(sketch.hypothesis, cause)
-        return min((self._look(sketch, order, cause) for order in orders), key=objective_of)
+        orders = self.orders(subsample.hypothesis, cause)
+        return min((self._first_fit_of(subsample, order, cause) for order in orders), key=objective_of)
 
-    def _look(self, sketch: SubsampleFit, hypothesis: Hypothesis, cause: Cause) -> SubsampleFit:
+    def _first_fit_of(self, subsample: SubsampleFit, hypothesis: Hypothesis, cause: Effect) -> SubsampleFit:
         key = self.key(hypothesis)
-        if key not in self._sketches:
-            ground = sketch.fit
+        if key not in self._subsamples:
+            ground = subsample.fit
             lost = lost_fit(ground.model, self.rough.windows, ground.freedoms, ground.x0)
-            look = SubsampleFit(hypothesis, lost, sketch.start)
+            look = SubsampleFit(hypothesis, lost, subsample.start)
             with self._spare(hypothesis):
-                look = self._first_look(sketch, hypothesis, cause)
-            self._sketches[key] = look
-        return replace(self._sketches[key], hypothesis=hypothesis)
+                look = self._first_fit_from_best_start(subsample, hypothesis, cause)
+            self._subsamples[key] = look
+        return replace(self._subsamples[key], hypothesis=hypothesis)
 
-    def _first_look(
-        self, sketch: SubsampleFit, hypothesis: Hypothesis, cause: Cause
+    def _first_fit_from_best_start(
+        self, subsample: SubsampleFit, hypothesis: Hypothesis, cause: Effect
     ) -> SubsampleFit:
-        model = self._best_start(sketch, hypothesis, cause)
-        look = self._sketch(hypothesis, model, sketch, max_steps=LOOK_STEPS)
-        if look.start is not sketch.start:  # states of its own: they go with its parameters
+        model = self._best_start(subsample, hypothesis, cause)
+        look = self._subsample(hypothesis, model, subsample, max_steps=LOOK_STEPS)
+        if look.start is not subsample.start:  # states of its own: they go with its parameters
             look = replace(look, start=self._rough_start(look.fit.model))
         return look
 
@@ -379,14 +370,14 @@ class HypothesisFitter:
             self._commuting[pair] = commute(self.problem.prior, *pair)
         return self._commuting[pair]
 
-    def orders(self, hypothesis: Hypothesis, cause: Cause) -> list[Hypothesis]:
+    def orders(self, hypothesis: Hypothesis, cause: Effect) -> list[Hypothesis]:
         """Add a cause at every place in the order at which it makes another model.
 
         Parameters
         ----------
         hypothesis : Hypothesis
             Causes.
-        cause : (effect class, target)
+        cause : Effect
             One more.
 
         Returns
@@ -400,53 +391,53 @@ class HypothesisFitter:
             found.setdefault(self.key(placed), placed)
         return list(found.values())
 
-    def settle(self, sketch: SubsampleFit, prune_above: float = np.inf) -> SubsampleFit:
+    def converge(self, subsample: SubsampleFit, prune_above: float = np.inf) -> SubsampleFit:
         """Follow a look to its end, or until it is clear that its objective stays prune_above."""
-        if sketch.settled or not sketch.fit.usable:
-            return sketch
-        found = self._settle(
-            sketch.hypothesis,
-            sketch.fit.model,
-            sketch.fit.x0,
-            sketch.start,
-            evaluation=sketch.fit.evaluation,
+        if subsample.converged or not subsample.fit.usable:
+            return subsample
+        found = self._converge(
+            subsample.hypothesis,
+            subsample.fit.model,
+            subsample.fit.x0,
+            subsample.start,
+            evaluation=subsample.fit.evaluation,
             prune_above=prune_above,
         )
-        self._sketches[self.key(sketch.hypothesis)] = found
+        self._subsamples[self.key(subsample.hypothesis)] = found
         return found
 
-    def reduce(self, sketch: SubsampleFit, cause: Cause) -> SubsampleFit:
+    def reduce(self, subsample: SubsampleFit, cause: Effect) -> SubsampleFit:
         """SubsampleFit a hypothesis with one cause less."""
-        return self._derive(sketch, sketch.hypothesis.without(cause))
+        return self._derive(subsample, subsample.hypothesis.without(cause))
 
-    def split(self, sketch: SubsampleFit, cause: Cause, part: Cause) -> SubsampleFit:
+    def split(self, subsample: SubsampleFit, cause: Effect, part: Effect) -> SubsampleFit:
         """SubsampleFit a hypothesis in which a part of a cause stands as a cause of its own."""
-        hypothesis = sketch.hypothesis.before(cause, part)
-        zero = {cause[0](cause[1]).names()[name]: 0.0 for name in hypothesis.taken_over(cause)}
-        return self._derive(sketch, hypothesis, **zero)
+        hypothesis = subsample.hypothesis.before(cause, part)
+        zero = {cause.names()[name]: 0.0 for name in hypothesis.taken_over(cause)}
+        return self._derive(subsample, hypothesis, **zero)
 
-    def exchange(self, sketch: SubsampleFit, cause: Cause, others: list[Cause]) -> SubsampleFit:
+    def exchange(self, subsample: SubsampleFit, cause: Effect, others: list[Effect]) -> SubsampleFit:
         """SubsampleFit a hypothesis with some causes in the place of one."""
-        hypothesis = sketch.hypothesis.without(cause)
-        for place, other in enumerate(others, sketch.hypothesis.order.index(cause)):
+        hypothesis = subsample.hypothesis.without(cause)
+        for place, other in enumerate(others, subsample.hypothesis.order.index(cause)):
             hypothesis = hypothesis.plus(other, place)
-        return self._derive(sketch, hypothesis)
+        return self._derive(subsample, hypothesis)
 
-    def _derive(self, sketch, hypothesis, **values) -> SubsampleFit:
-        """Start from the numbers of another sketch; keep what was known if that is better."""
-        model = self._rebuild(hypothesis, sketch).with_parameters(**values)
-        found, key = self._sketch(hypothesis, model, sketch), self.key(hypothesis)
-        known = self._sketches.get(key)
+    def _derive(self, subsample, hypothesis, **values) -> SubsampleFit:
+        """Start from the numbers of another subsample; keep what was known if that is better."""
+        model = self._rebuild(hypothesis, subsample).with_parameters(**values)
+        found, key = self._subsample(hypothesis, model, subsample), self.key(hypothesis)
+        known = self._subsamples.get(key)
         if known is None or found.fit.objective < known.fit.objective:
-            self._sketches[key] = found
-        return self.settle(replace(self._sketches[key], hypothesis=hypothesis))
+            self._subsamples[key] = found
+        return self.converge(replace(self._subsamples[key], hypothesis=hypothesis))
 
-    def _sketch(self, hypothesis, model, beside: SubsampleFit, **options) -> SubsampleFit:
+    def _subsample(self, hypothesis, model, beside: SubsampleFit, **options) -> SubsampleFit:
         start = self._start_beside(model, beside)
         x0 = _carry_over(beside.fit, model, start.x0)
-        return self._settle(hypothesis, model, x0, start, **options)
+        return self._converge(hypothesis, model, x0, start, **options)
 
-    def _settle(
+    def _converge(
         self, hypothesis, model, x0, start, *, prune_above=np.inf, **options
     ) -> SubsampleFit:
         model, free = self._free(hypothesis, model)
@@ -458,13 +449,13 @@ class HypothesisFitter:
             free,
             start,
             x0,
-            tolerance=SKETCH_TOLERANCE,
+            tolerance=SUBSAMPLE_TOLERANCE,
             prune_above=prune_above,
             **options,
         )
-        fit = self._turn(hypothesis, fit, windows, start, SKETCH_TOLERANCE)
-        settled = "max_steps" not in options and fit.objective <= prune_above
-        return SubsampleFit(hypothesis, self._noted(hypothesis, fit), start, settled)
+        fit = self._turn(hypothesis, fit, windows, start, SUBSAMPLE_TOLERANCE)
+        converged = "max_steps" not in options and fit.objective <= prune_above
+        return SubsampleFit(hypothesis, self._noted(hypothesis, fit), start, converged)
 
     def _start_beside(self, model, beside: SubsampleFit) -> Start:
         """Take over what is known of the initial states, if they are the same states."""
@@ -481,26 +472,26 @@ class HypothesisFitter:
         own = len(model.states) > len(self.problem.prior.states)
         return self.rough.stepped if own else self.rough.windows
 
-    def _best_start(self, sketch, hypothesis, cause) -> PhysicsModel:
+    def _best_start(self, subsample, hypothesis, cause) -> PhysicsModel:
         """Glance at every start, follow the most promising on a few windows, give the best."""
-        models = self._starts(sketch, hypothesis, cause)
+        models = self._starts(subsample, hypothesis, cause)
         if len(models) == 1:
             return models[0]
         held = _differing(models, cause)
         if len(models) > FOLLOWED:
-            glances = [self._glance(hypothesis, model, sketch, held) for model in models]
+            glances = [self._glance(hypothesis, model, subsample, held) for model in models]
             models = [glances[place].model for place in _valleys(glances)[:FOLLOWED]]
-        looks = [self._follow(hypothesis, model, sketch, held) for model in models]
+        looks = [self._follow(hypothesis, model, subsample, held) for model in models]
         return min(looks, key=_promise).model
 
-    def _follow(self, hypothesis, model, sketch, held) -> "_Glance":
+    def _follow(self, hypothesis, model, subsample, held) -> "_Glance":
         """Take some steps on a few windows, the first without what the starts differ in."""
-        nearer = self._glance(hypothesis, model, sketch, held, HELD_STEPS)
-        return self._glance(hypothesis, nearer.model, sketch, (), FOLLOW_STEPS)
+        nearer = self._glance(hypothesis, model, subsample, held, HELD_STEPS)
+        return self._glance(hypothesis, nearer.model, subsample, (), FOLLOW_STEPS)
 
-    def _glance(self, hypothesis, model, sketch, held, steps=0) -> "_Glance":
+    def _glance(self, hypothesis, model, subsample, held, steps=0) -> "_Glance":
         """Give the objective that some steps on a few windows promise, and the model there."""
-        few, start = _telling(sketch), self._start_beside(model, sketch)
+        few, start = _telling(subsample), self._start_beside(model, subsample)
         model, free = self._free(hypothesis, model)
         fit = self._fit_windows(
             suppress(*BREAKDOWNS),  # another start may do
@@ -508,7 +499,7 @@ class HypothesisFitter:
             self._rough_windows(model).select(few),
             tuple(freedom for freedom in free if freedom.name not in held),
             Start(start.x0[few], start.spread),
-            _carry_over(sketch.fit, model, start.x0)[few],
+            _carry_over(subsample.fit, model, start.x0)[few],
             max_steps=steps,
             tolerance=GLANCE_TOLERANCE,
         )
@@ -516,22 +507,20 @@ class HypothesisFitter:
             fit.objective - expected_decrease(fit, start.x0[few], start.spread), fit.model
         )
 
-    def _starts(self, sketch, hypothesis, cause) -> list[PhysicsModel]:
+    def _starts(self, subsample, hypothesis, cause) -> list[PhysicsModel]:
         """Extend the fitted model by every start, and the untuned one by a few."""
-        effect, target = cause
-        starts = effect.starts(target, self.problem.prior, self.scales)
-        grounds = (sketch, None) if len(starts) <= FEW_STARTS else (sketch,)
+        starts = cause.proposals(self.problem.prior, self.scales)
+        grounds = (subsample, None) if len(starts) <= FEW_STARTS else (subsample,)
         extended = [self._rebuild(hypothesis, values_of) for values_of in grounds]
         return [_at_start(model, start) for model in extended for start in starts]
 
     # -- models --------------------------------------------------------------------------------
 
-    def _rebuild(self, hypothesis, values_of: Trial | None) -> PhysicsModel:
+    def _rebuild(self, hypothesis, values_of: FittedHypothesis | None) -> PhysicsModel:
         """Extend the prior by the causes, with the parameter values of another fit."""
         model = self.problem.prior
-        for effect, target in hypothesis.order:
-            start = effect.starts(target, model, self.problem.scales)[0]
-            model = start.apply(model)
+        for cause in hypothesis.order:
+            model = cause.proposals(model, self.problem.scales)[0].apply(model)
         values = {} if values_of is None else values_of.fit.model.parameters
         known = {name: p.value for name, p in values.items() if name in model.parameters}
         return model.with_parameters(**known)
@@ -544,12 +533,12 @@ class HypothesisFitter:
         model = model.with_parameters(**{name: prior.parameters[name].value for name in held})
         return model, freedoms(self.problem, hypothesis, model, held)
 
-    def held(self, cause: Cause) -> tuple[str, ...]:
+    def held(self, cause: Effect) -> tuple[str, ...]:
         """Name the prior's parameters that a cause speaks for, looked up once.
 
         Parameters
         ----------
-        cause : (effect class, target)
+        cause : Effect
             The cause.
 
         Returns
@@ -563,101 +552,96 @@ class HypothesisFitter:
 
     # -- held out ------------------------------------------------------------------------------
 
-    def held_out(self, trial: Trial, folds: np.ndarray, offset: str | None = None) -> np.ndarray:
-        """Give every window's squares under parameters fitted without its fold.
+    @cached_property
+    def folds(self) -> np.ndarray:
+        """Fold of every window, of shape (n_windows,)."""
+        return make_folds(self.problem)
+
+    def held_out(self, trial: FittedHypothesis) -> HeldOut:
+        """Return what a hypothesis leaves of records that its parameters have not seen.
 
         Parameters
         ----------
-        trial : Trial
+        trial : FittedHypothesis
             The hypothesis, fitted on all windows.
-        folds : ndarray of shape (n_windows,)
-            Fold of every window.
-        offset : str, optional
-            What an offset acts on that every window has of its own, see `WindowOffset`.
 
         Returns
         -------
-        ndarray of shape (n_windows, n_pieces, n_outputs)
-            Sum of squared residuals of every piece, in units of the noise.
+        HeldOut
+            What is left, over windows and in free run.
         """
-        known = self._held_out.setdefault(self._fitted(trial), {})
-        if offset not in known:
-            if offset is None:
-                fit, start = trial.fit, self._start(trial.fit.model)
-            else:
-                fit, start = self.with_offset(trial, offset)
-            known[offset] = self._cross_validate(trial.hypothesis, fit, start, folds)
-        return known[offset]
+        key = self.key(trial.hypothesis)
+        fit, known = self._held_out.get(key, (None, None))
+        if known is None or fit is not trial.fit:
+            known = self._cross_validate(trial.hypothesis, trial.fit)
+            self._held_out[key] = trial.fit, known
+        return known
 
-    def with_offset(self, trial: Trial, target: str) -> tuple[WindowFit, Start]:
-        """Fit a hypothesis again with an offset in every window, see `WindowOffset`.
+    def squares_by_output(self, trial: FittedHypothesis) -> np.ndarray:
+        """Return the squares that a hypothesis leaves of every output, in units of the noise."""
+        residual = trial.fit.evaluation.residual / self.problem.windows.scale
+        counts = np.isfinite(residual).sum(axis=0)
+        return np.nansum(residual**2, axis=0) + counts * self.problem.resolution**2
+
+    def white_squares(self, trial: FittedHypothesis) -> np.ndarray:
+        """Return the white part of the squares that a hypothesis leaves, by output.
 
         Parameters
         ----------
-        trial : Trial
+        trial : FittedHypothesis
             The hypothesis, fitted on all windows.
-        target : str
-            What the offset acts on.
 
         Returns
         -------
-        fit : WindowFit
-            The fit.
-        start : Start
-            What was expected of the initial states; the offset is as large as the signal.
+        ndarray of shape (n_outputs,)
+            What neighbouring residuals differ by, as squares in units of the noise.
         """
-        scales, (x0, spread) = self.problem.scales, self._start(trial.fit.model)
-        size = (scales.rate if target in trial.fit.model.states else scales.typical)[target]
-        none = np.zeros((len(x0), 1))
-        start = Start(np.hstack([x0, none]), np.append(spread, size))
-        fit = self._fit_windows(
-            self._spare(trial.hypothesis, OFFSET),
-            WindowOffset(target).apply(trial.fit.model),
-            self.problem.windows,
-            trial.fit.freedoms,
-            start,
-            np.hstack([trial.fit.x0, none]),
-            tolerance=SKETCH_TOLERANCE,
-        )
-        return fit, start
+        windows = self.problem.windows
+        residual = trial.fit.evaluation.residual / windows.scale
+        step = np.diff(residual, axis=0)
+        step[windows.starts[1:] - 1] = np.nan
+        counts = np.isfinite(residual).sum(axis=0)
+        white = np.nanmean(step**2, axis=0) / 2.0
+        return counts * np.maximum(white, self.problem.resolution**2)
 
-    def _cross_validate(self, hypothesis, fit: WindowFit, start: Start, folds) -> np.ndarray:
-        problem, windows = self.problem, self.problem.windows
-        squares = np.zeros((len(windows), windows.pieces, windows.y.shape[1]))
-        expected, spread = start
-        for fold in np.unique(folds):
-            inside, outside = folds == fold, folds != fold
-            learned = self._fit_windows(
+    def _cross_validate(self, hypothesis: Hypothesis, fit: WindowFit) -> HeldOut:
+        windows, start = self.problem.windows, self._start(fit.model)
+
+        def learn(which: np.ndarray) -> WindowFit:
+            return self._fit_windows(
                 self._spare(hypothesis, HELD_OUT),
                 fit.model,
-                windows.select(outside),
+                windows.select(which),
                 fit.freedoms,
-                Start(expected[outside], spread),
-                fit.x0[outside],
-                evaluation=fit.evaluation.select(outside),
+                Start(start.x0[which], start.spread),
+                fit.x0[which],
+                evaluation=fit.evaluation.select(which),
                 min_steps=1,
-                tolerance=SKETCH_TOLERANCE,
+                tolerance=SUBSAMPLE_TOLERANCE,
             )
-            judged = self._fit_windows(
+
+        def judge(learned: WindowFit, which: np.ndarray) -> WindowFit:
+            return self._fit_windows(
                 self._spare(hypothesis, HELD_OUT),
                 learned.model,
-                windows.select(inside),
+                windows.select(which),
                 (),
-                Start(expected[inside], spread),
-                fit.x0[inside],
-                tolerance=SKETCH_TOLERANCE,
+                Start(start.x0[which], start.spread),
+                fit.x0[which],
+                tolerance=SUBSAMPLE_TOLERANCE,
             )
-            squares[inside] = block_squares(problem, judged, inside)
-        return squares
+
+        validation = CrossValidation(self.problem, start.x0, start.spread)
+        return validation.run(fit, self.folds, learn, judge)
 
 
 def _suspect(hypothesis: Hypothesis) -> tuple[str, str, str]:
     """Name the cause that a hypothesis adds to others, by effect and target, and the others."""
     if not hypothesis.causes:
         return "", "", ""
-    *others, (effect, target) = hypothesis.causes
-    names = " and ".join(f"{kind.id} of {what}" for kind, what in others)
-    return effect.id, target, f" beside {names}" if names else ""
+    *others, last = hypothesis.causes
+    names = " and ".join(f"{each.id} of {each.target}" for each in others)
+    return last.id, last.target, f" beside {names}" if names else ""
 
 
 def _why(fit: WindowFit) -> str:
@@ -685,15 +669,15 @@ def _valleys(glances: list[_Glance]) -> list[int]:
     return list(np.lexsort((promise, slope)))
 
 
-def _differing(models: list[PhysicsModel], cause: Cause) -> tuple[str, ...]:
+def _differing(models: list[PhysicsModel], cause: Effect) -> tuple[str, ...]:
     """Name the parameters of a cause in which its starts differ."""
-    names = cause[0](cause[1]).names().values()
+    names = cause.names().values()
     return tuple(n for n in names if len({model.parameters[n].value for model in models}) > 1)
 
 
-def _telling(sketch: SubsampleFit) -> np.ndarray:
+def _telling(subsample: SubsampleFit) -> np.ndarray:
     """Give the windows that tell most of what is missing, and as many of all kinds."""
-    order = worst_first(sketch.fit.evaluation.squares)
+    order = worst_first(subsample.fit.evaluation.squares)
     count = max(order.size // GLANCE, ROUGH_WINDOWS) // 2
     return np.unique(np.concatenate([order[:count], order[:: max(1, order.size // count)]]))
 
@@ -705,33 +689,11 @@ def _at_start(model: PhysicsModel, start) -> PhysicsModel:
 
 
 def block_squares(problem: EstimationProblem, fit: WindowFit, which=slice(None)) -> np.ndarray:
-    """Sum the squared residuals of every piece and output, in units of the noise."""
+    """Sum the squared residuals of every block and output, in units of the noise."""
     windows = problem.windows.select(which)
     sums = windows.sum_blocks((fit.evaluation.residual / windows.scale) ** 2)
     sums[~np.isfinite(fit.evaluation.squares)] = np.inf
     return sums
-
-
-def make_folds(problem: EstimationProblem) -> np.ndarray:
-    """Deal the windows into folds: by whole records, or by stretches.
-
-    Stretches are taken of a single record, or where one holds so many of the windows that the
-    others would teach too little about them.
-
-    Parameters
-    ----------
-    problem : EstimationProblem
-        the problem.
-
-    Returns
-    -------
-    ndarray of shape (n_windows,)
-        Fold of every window, counted from 0; none is empty.
-    """
-    folds = problem.windows.record % FOLDS
-    if np.bincount(folds).max() > MOST_HELD_OUT * folds.size:
-        folds = np.arange(folds.size) * min(STRETCHES, folds.size) // folds.size
-    return np.unique(folds, return_inverse=True)[1]
 
 
 def _carry_over(fit: WindowFit, model: PhysicsModel, expected) -> np.ndarray:

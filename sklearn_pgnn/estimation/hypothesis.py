@@ -17,7 +17,6 @@ from sklearn_pgnn.physics.expressions import TIME, symbol
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.window_fit import ParameterPrior
 
-Cause = tuple[type[Effect], str]
 #: points at which two effects are compared, and at how many of them both must act
 POINTS, ACTIVE = 12, 4
 
@@ -28,15 +27,15 @@ class Hypothesis:
 
     Parameters
     ----------
-    causes : tuple of (effect class, target)
-        The causes.
-    order : tuple of (effect class, target), optional
+    causes : tuple of Effect
+        The causes; what counts of each is its kind and target, not its size.
+    order : tuple of Effect, optional
         The causes in the order in which they apply, which matters where, say, an input both
         saturates and lags; by default as they were found.
     """
 
-    causes: tuple[Cause, ...] = ()
-    order: tuple[Cause, ...] = ()
+    causes: tuple[Effect, ...] = ()
+    order: tuple[Effect, ...] = ()
 
     def __post_init__(self):
         if not self.order:
@@ -47,48 +46,46 @@ class Hypothesis:
         """Number of parameters the causes add or free."""
         return sum(count_parameters(c) - len(self.taken_over(c)) for c in self.causes)
 
-    def taken_over(self, cause: Cause) -> tuple[str, ...]:
+    def taken_over(self, cause: Effect) -> tuple[str, ...]:
         """Give the fields of a cause that another cause of the hypothesis speaks for."""
-        effect, target = cause
-        beside = {other.id for other, its_target in self.causes if its_target == target}
-        return tuple(name for id, names in effect.shared.items() if id in beside for name in names)
+        beside = {other.id for other in self.causes if other.target == cause.target}
+        return tuple(name for id, names in cause.shared.items() if id in beside for name in names)
 
-    def allows(self, cause: Cause) -> bool:
+    def allows(self, cause: Effect) -> bool:
         """Tell whether a cause may stand beside the others."""
-        mine = cause[0]
         return cause not in self.causes and not any(
-            other.id in mine.excludes or mine.id in other.excludes for other, _ in self.causes
+            other.id in cause.excludes or cause.id in other.excludes for other in self.causes
         )
 
-    def plus(self, cause: Cause, at: int | None = None) -> "Hypothesis":
+    def plus(self, cause: Effect, at: int | None = None) -> "Hypothesis":
         """Give the hypothesis with one more cause, the last to apply or at a place in the order."""
         at = len(self.order) if at is None else at
         return Hypothesis((*self.causes, cause), (*self.order[:at], cause, *self.order[at:]))
 
-    def without(self, cause: Cause) -> "Hypothesis":
+    def without(self, cause: Effect) -> "Hypothesis":
         """Give the hypothesis with one cause less."""
         causes, order = (tuple(c for c in of if c != cause) for of in (self.causes, self.order))
         return Hypothesis(causes, order)
 
-    def before(self, cause: Cause, new: Cause) -> "Hypothesis":
+    def before(self, cause: Effect, new: Effect) -> "Hypothesis":
         """Give the hypothesis with one more cause in front of another."""
         causes, order = (_before(of, cause, new) for of in (self.causes, self.order))
         return Hypothesis(causes, order)
 
 
-def _before(causes: tuple[Cause, ...], cause: Cause, new: Cause) -> tuple[Cause, ...]:
+def _before(causes: tuple[Effect, ...], cause: Effect, new: Effect) -> tuple[Effect, ...]:
     at = causes.index(cause)
     return (*causes[:at], new, *causes[at:])
 
 
-def commute(model: PhysicsModel, one: Cause, other: Cause) -> bool:
+def commute(model: PhysicsModel, one: Effect, other: Effect) -> bool:
     """Tell whether two causes make the same model in either order, as those of two targets do.
 
     Parameters
     ----------
     model : PhysicsModel
         The prior.
-    one, other : (effect class, target)
+    one, other : Effect
         The causes.
 
     Returns
@@ -100,23 +97,22 @@ def commute(model: PhysicsModel, one: Cause, other: Cause) -> bool:
     --------
     >>> from sklearn_pgnn.physics.effects import ActuatorLag, InputDelay, InputSaturation
     >>> from sklearn_pgnn.physics.systems import cart_on_spring
-    >>> cart, lag = cart_on_spring(), (ActuatorLag, "force")
-    >>> commute(cart, lag, (InputSaturation, "force")), commute(cart, lag, (InputDelay, "force"))
+    >>> cart, lag = cart_on_spring(), ActuatorLag("force")
+    >>> commute(cart, lag, InputSaturation("force")), commute(cart, lag, InputDelay("force"))
     (False, True)
     """
-    if one[1] != other[1]:
+    if one.target != other.target:
         return True
-    first, second = one[0](one[1]), other[0](other[1])
-    a, b = second.apply(first.apply(model)), first.apply(second.apply(model))
+    a, b = other.apply(one.apply(model)), one.apply(other.apply(model))
     return dict(a.equations) == dict(b.equations) and dict(a.outputs) == dict(b.outputs)
 
 
-def count_parameters(cause: Cause) -> int:
+def count_parameters(cause: Effect) -> int:
     """Count the parameters a cause adds or frees."""
-    return max(1, len(cause[0].quantities()))
+    return max(1, len(cause.names()))
 
 
-def resemble(problem: EstimationProblem, model: PhysicsModel, cause: Cause, other: Cause) -> bool:
+def resemble(problem: EstimationProblem, model: PhysicsModel, cause: Effect, other: Effect) -> bool:
     """Tell whether a cause is so small that it may be another, which is not sought so small.
 
     Parameters
@@ -125,7 +121,7 @@ def resemble(problem: EstimationProblem, model: PhysicsModel, cause: Cause, othe
         the problem.
     model : PhysicsModel
         The model with the cause, fitted.
-    cause, other : (effect class, target)
+    cause, other : Effect
         The causes, such as a delay and a lag that is shorter than half a sample.
 
     Returns
@@ -133,15 +129,14 @@ def resemble(problem: EstimationProblem, model: PhysicsModel, cause: Cause, othe
     bool
         Whether records with these samples cannot tell.
     """
-    (effect, target), (rival, its_target) = cause, other
-    if target != its_target or rival.id not in effect.resembles:
+    if cause.target != other.target or other.id not in cause.resembles:
         return False
-    mine, its = effect.resembles[rival.id]
-    low, _ = rival.limits(target, problem.prior, problem.scales)[its]
-    return model.parameters[effect(target).names()[mine]].value < low
+    mine, its = cause.resembles[other.id]
+    low, _ = other.limits(other.target, problem.prior, problem.scales)[its]
+    return model.parameters[cause.names()[mine]].value < low
 
 
-def possible_causes(model: PhysicsModel, catalogue, targets=None) -> tuple[Cause, ...]:
+def possible_causes(model: PhysicsModel, catalogue, targets=None) -> tuple[Effect, ...]:
     """List the causes of a catalogue that a model does not already hold.
 
     An effect that the model was extended by is none: it may have wrong parameters only.
@@ -157,16 +152,15 @@ def possible_causes(model: PhysicsModel, catalogue, targets=None) -> tuple[Cause
 
     Returns
     -------
-    tuple of (effect class, target)
+    tuple of Effect
         The suspects.
     """
     return tuple(
-        (effect, target)
-        for effect in catalogue
-        for target in effect.targets(model)
-        if (targets is None or target in targets)
-        and not _is_there(model, effect(target))
-        and same_parameter(model, effect(target)) is None
+        effect
+        for effect in (kind(target) for kind in catalogue for target in kind.targets(model))
+        if (targets is None or effect.target in targets)
+        and not _is_there(model, effect)
+        and same_parameter(model, effect) is None
     )
 
 
@@ -224,7 +218,7 @@ def same_parameter(model: PhysicsModel, effect: Effect) -> str | None:
     return next((name for name, values in theirs.items() if _proportional(mine, values)), None)
 
 
-def same_causes(model: PhysicsModel, causes: tuple[Cause, ...]) -> dict[Cause, tuple[Cause, ...]]:
+def same_causes(model: PhysicsModel, causes: tuple[Effect, ...]) -> dict[Effect, tuple[Effect, ...]]:
     r"""Sort causes into classes that no record can tell apart.
 
     Two effects with a single parameter each, :math:`q` and :math:`q'`, are the same if
@@ -235,7 +229,7 @@ def same_causes(model: PhysicsModel, causes: tuple[Cause, ...]) -> dict[Cause, t
     ----------
     model : PhysicsModel
         The prior.
-    causes : tuple of (effect class, target)
+    causes : tuple of Effect
         The causes.
 
     Returns
@@ -243,8 +237,8 @@ def same_causes(model: PhysicsModel, causes: tuple[Cause, ...]) -> dict[Cause, t
     dict of cause to tuple of cause
         The first cause of every class, and the others of it.
     """
-    classes: dict[Cause, list[Cause]] = {}
-    slopes: dict[Cause, np.ndarray] = {}
+    classes: dict[Effect, list[Effect]] = {}
+    slopes: dict[Effect, np.ndarray] = {}
     for cause in causes:
         slope = _only_slope(model, cause)
         same = [c for c, known in slopes.items() if slope is not None and _alike(slope, known)]
@@ -254,13 +248,12 @@ def same_causes(model: PhysicsModel, causes: tuple[Cause, ...]) -> dict[Cause, t
     return {first: tuple(c for c in members if c != first) for first, members in classes.items()}
 
 
-def _only_slope(model: PhysicsModel, cause: Cause) -> np.ndarray | None:
+def _only_slope(model: PhysicsModel, cause: Effect) -> np.ndarray | None:
     """Differentiate by an effect's only parameter, at two values of it; None where it has more."""
-    effect = cause[0](cause[1])
-    names = tuple(effect.names().values())
-    if isinstance(effect, WrongParameter) or len(names) != 1:
+    names = tuple(cause.names().values())
+    if isinstance(cause, WrongParameter) or len(names) != 1:
         return None
-    extended = effect.apply(model)
+    extended = cause.apply(model)
     if is_of_other_order(model, extended):
         return None
     value = extended.parameters[names[0]].value
@@ -272,15 +265,15 @@ def _alike(mine: np.ndarray, theirs: np.ndarray) -> bool:
     return _proportional(mine[0], theirs[0]) and _proportional(mine[1], theirs[1])
 
 
-def held_parameters(model: PhysicsModel, cause: Cause) -> tuple[str, ...]:
+def held_parameters(model: PhysicsModel, cause: Effect) -> tuple[str, ...]:
     """Name the model's parameters that a cause speaks for: re-tuning both would be one too many.
 
     Friction that differs by direction holds the viscous friction that a model may have: the
     model's own stays at its prior value, and the cause tells what comes on top.
     """
-    effect, target = cause
-    special = [e for e in CATALOGUE if e.id in effect.generalises and target in e.targets(model)]
-    found = [same_parameter(model, e(target)) for e in special]
+    kinds = [kind for kind in CATALOGUE if kind.id in cause.generalises]
+    special = [kind(cause.target) for kind in kinds if cause.target in kind.targets(model)]
+    found = [same_parameter(model, each) for each in special]
     return tuple(name for name in found if name is not None)
 
 
@@ -301,7 +294,7 @@ def without_spread(model: PhysicsModel, hypothesis: "Hypothesis") -> set[str]:
 
 def said_to_be_wrong(hypothesis: "Hypothesis") -> set[str]:
     """Name the parameters that a hypothesis says to be wrong."""
-    return {target for effect, target in hypothesis.causes if effect is WrongParameter}
+    return {each.target for each in hypothesis.causes if isinstance(each, WrongParameter)}
 
 
 @lru_cache(maxsize=16)
@@ -381,10 +374,10 @@ def freedoms(
         for name in problem.prior.free_parameters
         if name not in still or name in wrong
     ]
-    for effect, target in hypothesis.causes:
-        limits = effect.limits(target, problem.prior, problem.scales)
-        taken = hypothesis.taken_over((effect, target))
-        for field_name, name in effect(target).names().items():
+    for effect in hypothesis.causes:
+        limits = effect.limits(effect.target, problem.prior, problem.scales)
+        taken = hypothesis.taken_over(effect)
+        for field_name, name in effect.names().items():
             if name not in problem.prior.parameters and field_name not in taken:
                 low, high = start.parameters[name].bounds
                 inner = limits.get(field_name, (low, high))

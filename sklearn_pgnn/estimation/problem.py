@@ -27,6 +27,8 @@ LEAST_WINDOWS = 4
 SHORTEST = 1 / 24
 #: a first look takes about so many samples, from at least so many windows
 ROUGH_SAMPLES, ROUGH_WINDOWS = 6000, 6
+#: finest error that counts, as a share of an output's ups and downs: records may be free of noise
+RESOLUTION = 1e-5
 #: change of a simulation that is hardly one, in units of the noise
 HARDLY = 0.1
 
@@ -57,6 +59,12 @@ class EstimationProblem:
     scales: Scales
     n_samples: int
     period: float
+
+    @property
+    def resolution(self) -> np.ndarray:
+        """What no simulation is finer than, in units of the noise, of shape (n_outputs,)."""
+        typical = np.array([self.scales.typical[output] for output in self.prior.outputs])
+        return RESOLUTION * typical / self.windows.scale
 
 
 def build_problem(model: PhysicsModel, records: tuple[Record, ...], **options) -> EstimationProblem:
@@ -125,7 +133,7 @@ def longer(problem: EstimationProblem) -> EstimationProblem | None:
     """Return the problem with windows of twice the length, or None where they cannot be longer.
 
     There are always `sklearn_pgnn.simulation.record_windows.MIN_WINDOWS`, if the records make so
-    many at all. Statistics stay with pieces of the old length.
+    many at all. Statistics stay with blocks of the old length.
     """
     further = recut(problem, 2 * problem.scales.window)
     grows = further is not None and further.scales.window > problem.scales.window
@@ -146,16 +154,16 @@ def recut(problem: EstimationProblem, length: float) -> EstimationProblem | None
     Returns
     -------
     EstimationProblem or None
-        The problem. Longer windows have more pieces, of about the old length.
+        The problem. Longer windows have more blocks, of about the old length.
     """
     windows = cut(problem.windows, length)
     if np.array_equal(windows.starts, problem.windows.starts):
         return None
     length = median_window_length(windows)
-    pieces = max(1, round(problem.windows.pieces * length / problem.scales.window))
+    blocks = max(1, round(problem.windows.blocks * length / problem.scales.window))
     return replace(
         problem,
-        windows=replace(windows, pieces=pieces),
+        windows=replace(windows, blocks=blocks),
         scales=replace(problem.scales, window=length),
     )
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sklearn_pgnn.diagnosis.free_run import free_runs
-from sklearn_pgnn.diagnosis.records import DiagnosisRecords
+from sklearn_pgnn.estimation.fitted_records import DiagnosisRecords
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.pointwise import evaluate_samples
 
@@ -72,7 +72,7 @@ class Samples:
     def span(self) -> int:
         """Half of the span, in samples, over which rates are compared."""
         windows = self.records.windows
-        return max(1, round(SPAN_SHARE * float(np.median(windows.lengths)) / windows.pieces / 2))
+        return max(1, round(SPAN_SHARE * float(np.median(windows.lengths)) / windows.blocks / 2))
 
     def rate(self, state: str) -> np.ndarray:
         """Return the measured rate of a state; NaN at the ends of the records."""

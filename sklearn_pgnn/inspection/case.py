@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from sklearn_pgnn.diagnosis.records import DiagnosisRecords
+from sklearn_pgnn.estimation.fitted_records import DiagnosisRecords
 from sklearn_pgnn.inspection.balance import Samples, shown_states, starts
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects import CATALOGUE, read_catalogue

@@ -153,6 +153,10 @@ class Effect(ABC):
             Starts, the most likely first.
         """
 
+    def proposals(self, model: PhysicsModel, scales: Scales) -> tuple["Effect", ...]:
+        """Propose where a fit of this effect on its target may start; see `starts`."""
+        return self.starts(self.target, model, scales)
+
     @classmethod
     def limits(cls, target: str, model: PhysicsModel, scales: Scales) -> dict:
         """Return the limits within which a fit of the effect's parameters makes sense.

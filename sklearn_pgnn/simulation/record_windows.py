@@ -108,7 +108,7 @@ def window_records(
     states = StateEstimator(model, whole, told)
     period = dominant_period(records)
     if window_length == WHOLE:
-        windows = replace(whole, pieces=-(-MIN_WINDOWS // len(records)))
+        windows = replace(whole, blocks=-(-MIN_WINDOWS // len(records)))
     elif window_length is None:
         windows = cut(whole, period * WINDOW_SHARE)
     else:

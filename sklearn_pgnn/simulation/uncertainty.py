@@ -98,7 +98,7 @@ def standard_errors(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) ->
     normal = project(fit.evaluation.gram, len(names), 1.0 / spread**2, fit.x0 - expected)
     pull = np.array([1.0 / freedom.spread**2 for freedom in fit.freedoms])
     inverse, flat = _invert(normal.hessian.sum(axis=0) + np.diag(pull))
-    scores = _piece_scores(fit, normal)
+    scores = _block_scores(fit, normal)
     factor = len(scores) / max(len(scores) - len(names), 1)
     meat = scores.T @ scores * factor + np.diag(pull)
     variances = np.maximum(np.diag(inverse @ meat @ inverse), np.diag(inverse))
@@ -147,7 +147,7 @@ def errors_by_held(
     return dict(zip(names, np.sqrt((moved**2).sum(axis=1)).tolist(), strict=True))
 
 
-def _piece_scores(fit: WindowFit, normal: Normal) -> np.ndarray:
+def _block_scores(fit: WindowFit, normal: Normal) -> np.ndarray:
     """Return every block's gradient with the initial state of its window projected out."""
     n_p, gram = len(fit.freedoms), fit.evaluation.block_gram
     by_parameter, by_state = gram[:, :, :n_p, -1], gram[:, :, n_p:-1, -1]

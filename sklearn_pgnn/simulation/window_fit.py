@@ -217,7 +217,7 @@ def lost_fit(
         A fit with infinite squares.
     """
     size = len(freedoms) + len(model.states) + 1
-    gram = np.zeros((len(windows), windows.pieces, size, size))
+    gram = np.zeros((len(windows), windows.blocks, size, size))
     gram[..., -1, -1] = np.inf
     evaluation = Evaluation(gram, np.full(windows.y.shape, np.nan))
     return WindowFit(model, freedoms, x0, evaluation, np.inf)

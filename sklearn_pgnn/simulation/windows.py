@@ -49,7 +49,7 @@ class ShootingWindows:
         Integration steps from sample to sample.
     threads : int
         Threads to simulate on.
-    pieces : int
+    blocks : int
         Blocks of a window whose squares are summed apart, for statistics.
     """
 
@@ -63,7 +63,7 @@ class ShootingWindows:
     hold: str = "zoh"
     substeps: int = 1
     threads: int = 1
-    pieces: int = 1
+    blocks: int = 1
 
     def __len__(self):
         return self.starts.size
@@ -91,8 +91,8 @@ class ShootingWindows:
     @property
     def block_edges(self) -> np.ndarray:
         """First sample of every block, and the end of the window, of shape (n_windows, n + 1)."""
-        shares = np.arange(self.pieces + 1)
-        return self.starts[:, None] + -(-self.lengths[:, None] * shares // self.pieces)
+        shares = np.arange(self.blocks + 1)
+        return self.starts[:, None] + -(-self.lengths[:, None] * shares // self.blocks)
 
     def sum_blocks(self, values: np.ndarray) -> np.ndarray:
         """Sum a quantity of every sample over every block of every window.
@@ -149,11 +149,11 @@ class ShootingWindows:
         """Return the inputs with the model's delays applied, record by record."""
         if not model.delays:
             return self.u
-        pieces = [
+        blocks = [
             delayed_inputs(model, self.t[a:b], self.u[a:b], self.hold == "foh")
             for a, b in zip(self.bounds[:-1], self.bounds[1:], strict=True)
         ]
-        return np.ascontiguousarray(np.concatenate(pieces))
+        return np.ascontiguousarray(np.concatenate(blocks))
 
 
 @dataclass(frozen=True)
@@ -258,7 +258,7 @@ def evaluate(model: PhysicsModel, windows: ShootingWindows, x0, wrt: tuple[str, 
     function, source = compile_model(model, tuple(wrt))
     u, p = windows.acting_inputs(model), parameter_values(model)
     q = len(wrt) + len(model.states)
-    gram = np.zeros((len(windows), windows.pieces, q + 1, q + 1))
+    gram = np.zeros((len(windows), windows.blocks, q + 1, q + 1))
     residual = np.full(windows.y.shape, np.nan)
     dry = np.array(source.dry)
     x0 = np.ascontiguousarray(x0, dtype=float)

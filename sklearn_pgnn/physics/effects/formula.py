@@ -119,3 +119,7 @@ class Formula(Effect):
     def starts(cls, target, model, scales):
         """Return no start: the terms are not known before the records are seen."""
         return ()
+
+    def proposals(self, model, scales):
+        """Return the formula itself: its coefficients are where a fit starts."""
+        return (self,)

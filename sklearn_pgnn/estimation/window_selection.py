@@ -1,43 +1,32 @@
-"""The ground that records ask for: how long windows are, and how inputs run between samples."""
+"""How long the windows are: as long as the re-tuned prior can follow the records."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
-from sklearn_pgnn.diagnosis.judge import is_fall
-from sklearn_pgnn.estimation.fitting import HypothesisFitter, Trial, block_squares
-from sklearn_pgnn.estimation.problem import ROUGH_SAMPLES, EstimationProblem, longer, recut, shorter
+from sklearn_pgnn.estimation.fitting import HypothesisFitter
+from sklearn_pgnn.estimation.problem import EstimationProblem, longer, recut, shorter
 from sklearn_pgnn.estimation.progress import Progress
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.simulation.pointwise import evaluate_samples, sample_table
-from sklearn_pgnn.simulation.window_fit import fit_windows
 
 #: windows are as long as the re-tuned prior can follow: its error, in units of the noise, at which
 #: they are halved, and below which they are doubled
 TOO_LARGE, SMALL = 30.0, 3.0
 #: shorter windows must lower the error to this share of it; longer ones may raise it so many times
 HELPS, HARDLY_HARDER = 0.75, 1.15
-#: time constants in which a state forgets where it started; windows that are so many times as long
-#: are worth another look
-FORGOTTEN, LONGER = 5.0, 1.5
-#: inputs that run straight between samples must lower a fit's squares to this share, and its errors
-#: by so many of their standard errors
-NEARER, SURE = 0.95, 3.0
-#: steps in which a fit gets used to it
-STEPS = 8
+#: time constants in which a state forgets where it started
+FORGOTTEN = 5.0
 
 
-def fit_window_length(
-    problem: EstimationProblem, progress: Progress | None = None
-) -> HypothesisFitter:
-    """Make windows as long as the re-tuned prior can follow, and as it forgets its start.
+def select_windows(problem: EstimationProblem, progress: Progress | None = None) -> HypothesisFitter:
+    """Make windows as long as the re-tuned prior can follow, and as hidden states forget in.
 
     Parameters
     ----------
     problem : EstimationProblem
-        The ground with windows of the usual length.
+        The problem with windows of the usual length.
     progress : Progress, optional
         Told of every step of a fit.
 
@@ -57,11 +46,11 @@ def fit_window_length(
         if not (_follows(fitter, further) or _forgets(fitter, further)):
             break
         fitter = further
-    return fitter
+    return _past_hidden_starts(fitter)
 
 
 def _follows(fitter: HypothesisFitter, further: HypothesisFitter) -> bool:
-    """Tell whether the re-tuned prior is near the records, and stays so in longer windows."""
+    """Return whether the re-tuned prior is near the records, and stays so in longer windows."""
     return fitter.base_error() < SMALL and further.base_error() <= TOO_LARGE
 
 
@@ -70,34 +59,24 @@ def _forgets(fitter: HypothesisFitter, further: HypothesisFitter) -> bool:
     return further.base_error() < HARDLY_HARDER * fitter.base_error()
 
 
-def look_further(fitter: HypothesisFitter) -> HypothesisFitter | None:
-    """Make windows so long that they forget where their hidden states start.
+def _past_hidden_starts(fitter: HypothesisFitter) -> HypothesisFitter:
+    """Return windows in which hidden states forget where they started, if the records are so long.
 
     The initial value of a state that nobody sees is fitted in every window. Where the state is
     slow, that takes up what is wrong with it.
-
-    Parameters
-    ----------
-    fitter : HypothesisFitter
-        The fitter, on windows of the usual length.
-
-    Returns
-    -------
-    HypothesisFitter or None
-        The fitter on longer windows; None where the usual ones, or the records, are as long.
     """
-    problem = fitter.problem
-    length, least = FORGOTTEN * _slowest(fitter), LONGER * problem.scales.window
-    further = recut(problem, length) if length >= least else None
-    return (
-        None
-        if further is None or further.scales.window < least
-        else HypothesisFitter(further, fitter.progress)
-    )
+    length = FORGOTTEN * _slowest(fitter)
+    if length <= fitter.problem.scales.window:
+        return fitter
+    further = recut(fitter.problem, length)
+    if further is None or further.scales.window <= fitter.problem.scales.window:
+        return fitter
+    joined = HypothesisFitter(further, fitter.progress)
+    return joined if joined.base().fit.usable else fitter
 
 
 def _slowest(fitter: HypothesisFitter) -> float:
-    """Give the longest time constant of the hidden states of the re-tuned prior [s]."""
+    """Return the longest time constant of the hidden states of the re-tuned prior [s]."""
     model, states = fitter.base().fit.model, fitter.problem.states
     windows, x = fitter.problem.windows, states.estimate(model).x
     table = sample_table(model, windows, x)
@@ -133,43 +112,3 @@ def check_prior(fitter: HypothesisFitter, names: Sequence[str]) -> None:
     )
 
 
-def speaks_for_slopes(fitter: HypothesisFitter, trial: Trial) -> bool:
-    """Tell whether the records say that inputs are not held, but run straight between samples.
-
-    Parameters
-    ----------
-    fitter : HypothesisFitter
-        The fitter, on whose windows inputs are held.
-    trial : Trial
-        A hypothesis, fitted on these windows.
-
-    Returns
-    -------
-    bool
-        Whether the hypothesis is clearly nearer to the records with inputs that are not held.
-    """
-    problem, windows = fitter.problem, fitter.problem.windows
-    some = np.arange(0, len(windows), -(-windows.lengths.sum() // ROUGH_SAMPLES))
-    straight = replace(windows, hold="foh")
-    held, sloped = (
-        _squares(fitter, replace(problem, windows=w), trial, some) for w in (windows, straight)
-    )
-    return sloped.sum() < NEARER * held.sum() and is_fall(held, sloped, SURE)
-
-
-def _squares(
-    fitter: HypothesisFitter, problem: EstimationProblem, trial: Trial, some: np.ndarray
-) -> np.ndarray:
-    """Fit a hypothesis to some windows, from where it is, and give the squares of their pieces."""
-    start = problem.states.estimate(trial.fit.model)
-    fit = fit_windows(
-        trial.fit.model,
-        problem.windows.select(some),
-        trial.fit.freedoms,
-        start.x[problem.windows.starts[some]],
-        start.spread,
-        x0_start=trial.fit.x0[some],
-        max_steps=STEPS,
-        each_step=fitter.progress.tick,
-    )
-    return block_squares(problem, fit, some).sum(axis=-1)

@@ -1,4 +1,4 @@
-r"""Foretell which two causes explain most together, from what each of them does alone.
+r"""Rank pairs of causes by the squares that they are expected to leave together.
 
 Two causes may help together where neither helps alone, and the best single cause need not be one
 of the best two. A fit of every pair would take long; to first order a pair leaves
@@ -18,7 +18,7 @@ from itertools import combinations
 import numpy as np
 
 from sklearn_pgnn.estimation.fitting import SubsampleFit
-from sklearn_pgnn.estimation.hypothesis import Cause
+from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.simulation.window_fit import WindowFit
 from sklearn_pgnn.simulation.windows import ShootingWindows, evaluate
 
@@ -28,12 +28,12 @@ STEP = 0.1
 ROUNDING = 1e-9
 
 
-def foretell_pairs(
+def rank_pairs(
     ground: SubsampleFit,
     alone: list[SubsampleFit],
     windows: ShootingWindows,
     tick: Callable[[], None] = lambda: None,
-) -> list[tuple[float, Cause, Cause]]:
+) -> list[tuple[float, Effect, Effect]]:
     """Rank pairs of causes by the squares they are expected to leave.
 
     Parameters
@@ -43,7 +43,7 @@ def foretell_pairs(
     alone : list of SubsampleFit
         Its extensions by one cause.
     windows : ShootingWindows
-        The windows of the sketches.
+        The windows of the subsamplees.
     tick : callable, optional
         Called before every simulation.
 
@@ -56,8 +56,8 @@ def foretell_pairs(
     tuned = [view.slope(ground.fit, freedom.name) for freedom in ground.fit.freedoms]
     known = view.without_states(np.column_stack([view.residual, *tuned]))
     blocks = {
-        sketch.hypothesis.causes[-1]: view.without_states(_changes(view, sketch))
-        for sketch in alone
+        subsample.hypothesis.causes[-1]: view.without_states(_changes(view, subsample))
+        for subsample in alone
     }
     ranked = [
         (_left(np.hstack([known, blocks[a], blocks[b]])), a, b) for a, b in combinations(blocks, 2)
@@ -74,13 +74,12 @@ def _left(table) -> float:
     return float(size[0] ** 2 * (1.0 - gram[:, 0] @ inverse @ gram[:, 0]))
 
 
-def _changes(view, sketch: SubsampleFit) -> np.ndarray:
+def _changes(view, subsample: SubsampleFit) -> np.ndarray:
     """Give the changes of the outputs by a cause: as fitted, and by its own parameters."""
-    effect, target = sketch.hypothesis.causes[-1]
-    own = set(effect(target).names().values())
-    names = [freedom.name for freedom in sketch.fit.freedoms if freedom.name in own]
-    fitted = view.residual - view.flat(sketch.fit.evaluation.residual)
-    return np.column_stack([fitted, *(view.slope(sketch.fit, name) for name in names)])
+    own = set(subsample.hypothesis.causes[-1].names().values())
+    names = [freedom.name for freedom in subsample.fit.freedoms if freedom.name in own]
+    fitted = view.residual - view.flat(subsample.fit.evaluation.residual)
+    return np.column_stack([fitted, *(view.slope(subsample.fit, name) for name in names)])
 
 
 @dataclass(frozen=True)

@@ -5,10 +5,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sklearn_pgnn.diagnosis.search import Outcome
-from sklearn_pgnn.estimation.fitting import HypothesisFitter
-from sklearn_pgnn.estimation.hypothesis import Cause
+from sklearn_pgnn.estimation.fitting import FittedHypothesis, HypothesisFitter
 from sklearn_pgnn.estimation.problem import EstimationProblem, with_prior_spreads
+from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.simulate import settled_start
 from sklearn_pgnn.simulation.window_fit import ParameterPrior, WindowFit
@@ -55,7 +54,7 @@ class DiagnosisRecords:
         The ``"prior"``, the ``"refitted"`` prior and the ``"extended"`` model.
     problem : EstimationProblem
         the problem, for what is asked of it later.
-    causes : tuple of (effect class, target)
+    causes : tuple of Effect
         The causes of the extended model, in the order in which they apply.
     """
 
@@ -65,18 +64,20 @@ class DiagnosisRecords:
     starts: np.ndarray
     fits: Mapping[str, FittedWindows]
     problem: EstimationProblem
-    causes: tuple[Cause, ...]
+    causes: tuple[Effect, ...]
 
 
-def keep_records(fitter: HypothesisFitter, outcome: Outcome, names) -> DiagnosisRecords:
+def keep_records(
+    fitter: HypothesisFitter, base: FittedHypothesis, final: FittedHypothesis, names
+) -> DiagnosisRecords:
     """Gather what the pictures need.
 
     Parameters
     ----------
     fitter : HypothesisFitter
         What fitted the hypotheses.
-    outcome : Outcome
-        What the search found.
+    base, final : FittedHypothesis
+        The re-tuned prior, and the hypothesis that was accepted.
     names : iterable of str
         What each record is called.
 
@@ -88,18 +89,18 @@ def keep_records(fitter: HypothesisFitter, outcome: Outcome, names) -> Diagnosis
     problem = fitter.problem
     fits = {
         "prior": fitter.prior,
-        "refitted": outcome.base.fit,
-        "extended": outcome.final.fit,
+        "refitted": base.fit,
+        "extended": final.fit,
     }
-    final, windows = outcome.final.fit, replace(problem.windows, threads=1)
+    windows = replace(problem.windows, threads=1)
     return DiagnosisRecords(
         windows=windows,
         names=tuple(map(str, names)),
         states=problem.states.estimate(problem.prior).x,
-        starts=record_starts(problem, final.model, final.x0),
+        starts=record_starts(problem, final.fit.model, final.fit.x0),
         fits={which: _slim(fit) for which, fit in fits.items()},
         problem=replace(problem, windows=windows),
-        causes=outcome.final.hypothesis.order,
+        causes=final.hypothesis.order,
     )
 
 

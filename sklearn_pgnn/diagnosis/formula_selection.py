@@ -1,0 +1,84 @@
+"""Decide whether the catalogue's causes will do, or a formula says it better."""
+
+from dataclasses import replace
+
+from sklearn_pgnn.diagnosis.search import Search, SearchResult, n_parameters
+from sklearn_pgnn.diagnosis.unexplained import (
+    Proposal,
+    channels,
+    is_known,
+    library_size,
+    propose,
+)
+from sklearn_pgnn.estimation.criterion import SelectionCriterion
+from sklearn_pgnn.estimation.fitting import FittedHypothesis
+
+
+def choose_formula(
+    search: Search, result: SearchResult, has_structure: bool
+) -> tuple[SearchResult, Proposal | None]:
+    """Return what is still believed of a search's result, and the formula that is accepted.
+
+    A formula for what the re-tuned prior lacks takes the place of the causes if it refutes them,
+    or says the same with fewer parameters; a formula for what they leave stands beside them.
+
+    Parameters
+    ----------
+    search : Search
+        The search.
+    result : SearchResult
+        What it found.
+    has_structure : bool
+        Whether what the causes leave depends on what was recorded.
+
+    Returns
+    -------
+    result : SearchResult
+        The result; without causes if a formula takes their place.
+    proposal : Proposal or None
+        The formula.
+    """
+    final, causes = result.final, result.final.hypothesis.causes
+    if not search.candidates and not has_structure:
+        return result, None
+    if len(causes) > 1 or has_structure:
+        alone = _best(search, search.fitter.base())
+        known = alone is None or is_known(search.fitter.problem.prior, alone.effect)
+        if not known and (not causes or _takes_the_place(search, alone.trial, final)):
+            return replace(result, steps=[], rivals={}), alone
+    if causes and has_structure:
+        return result, _best(search, final)
+    return result, None
+
+
+def _best(search: Search, ground: FittedHypothesis) -> Proposal | None:
+    """Return the simplest formula that no other refutes, of all channels, if it is named."""
+    problem, progress, found = search.fitter.problem, search.fitter.progress, []
+    places = channels(problem.prior)
+    progress.begin("formula", len(places))
+    for channel in places:
+        with search.fitter.ledger.spare((ground.hypothesis, channel), "formula", channel):
+            found += propose(problem, ground, channel, progress.tick)
+        progress.step()
+    if not found:
+        return None
+    chosen = search.simplest_of_the_best([proposal.trial for proposal in found])
+    proposal = next(each for each in found if each.trial is chosen)
+    criterion = _with_library(search, len(places))
+    held_out = search.fitter.held_out
+    terms = len(proposal.effect.terms)
+    named = criterion.names(held_out(ground), held_out(chosen), terms)
+    return proposal if named else None
+
+
+def _with_library(search: Search, n_places: int) -> SelectionCriterion:
+    """Return the criterion that pays for the library's terms at every place."""
+    terms = library_size(search.fitter.problem.prior)
+    return replace(search.criterion, n_candidates=n_places * terms)
+
+
+def _takes_the_place(search: Search, formula: FittedHypothesis, final: FittedHypothesis) -> bool:
+    """Return whether a formula refutes causes, or says the same with fewer parameters."""
+    if search.refutes(final, formula):
+        return False
+    return n_parameters(formula) < n_parameters(final) or search.refutes(formula, final)

@@ -1,0 +1,175 @@
+r"""Whether what a model leaves depends on anything that was recorded.
+
+What is left over windows is regressed on the states of a free-run simulation and on the inputs,
+now and some time ago, by boosted trees, and predicted on records that the trees have not seen. A
+sensor's noise, however coloured, and a disturbance from outside cannot be predicted so; a part of
+the physics can. Measured states are not among the features: their noise would explain itself.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from scipy.stats import t as student
+from sklearn.ensemble import HistGradientBoostingRegressor
+
+from sklearn_pgnn.estimation.fitting import FittedHypothesis
+from sklearn_pgnn.estimation.fitted_records import record_starts
+from sklearn_pgnn.estimation.problem import EstimationProblem
+from sklearn_pgnn.simulation.state_estimate import free_run
+
+#: how long ago features are looked at, in windows
+LAGS = (0.0, 1 / 8, 1 / 3, 1.0)
+#: samples that are predicted, trees that are grown, and groups of records or stretches that are
+#: held out, a fold each: more cost time
+SAMPLES, TREES, GROUPS = 6000, 100, 8
+#: what the time since a window began, and since a record began, are called
+IN_WINDOW, IN_RECORD = "time in window", "time"
+
+
+@dataclass(frozen=True)
+class Structure:
+    """How far what is left can be predicted from what was recorded.
+
+    Parameters
+    ----------
+    skill : dict of str to float
+        Share of every output's residual power that is predicted on groups not seen.
+    is_significant : bool
+        Whether any output is predicted more than by chance.
+    depends_on : tuple of str
+        States, inputs and the time without which less is predicted, the most telling first.
+    """
+
+    skill: dict[str, float]
+    is_significant: bool
+    depends_on: tuple[str, ...] = ()
+
+
+def find_structure(
+    problem: EstimationProblem,
+    trial: FittedHypothesis,
+    alpha: float,
+    smallest_share: float,
+    explain: bool = False,
+) -> Structure:
+    r"""Ask whether what a hypothesis leaves can be predicted from what was recorded.
+
+    An output's residual has structure if the share that is predicted, averaged over groups of
+    records, is at least the smallest share that counts and exceeds zero by Student's t-test.
+
+    Parameters
+    ----------
+    problem : EstimationProblem
+        The problem.
+    trial : FittedHypothesis
+        The hypothesis, fitted on all windows.
+    alpha : float
+        Rate at which noise is taken for structure.
+    smallest_share : float
+        Smallest predicted share that counts.
+    explain : bool, default=False
+        Whether to find what it depends on, which takes longer.
+
+    Returns
+    -------
+    Structure
+        The answer.
+    """
+    table = _Table.of(problem, trial)
+    skill, significant, depends = {}, False, {}
+    level = alpha / len(problem.prior.outputs)
+    for column, output in enumerate(problem.prior.outputs):
+        predictions = list(table.predictions(column))
+        shares = np.array([share for share, _, _ in predictions])
+        skill[output] = float(shares.mean()) if shares.size else 0.0
+        if _is_positive(shares, level) and skill[output] >= smallest_share:
+            significant = True
+            if explain:
+                for name, lost in table.importance(column, predictions).items():
+                    depends[name] = max(depends.get(name, 0.0), lost / skill[output])
+    telling = [name for name, lost in depends.items() if lost >= smallest_share]
+    return Structure(skill, significant, tuple(sorted(telling, key=lambda n: -depends[n])))
+
+
+def _is_positive(shares: np.ndarray, alpha: float) -> bool:
+    """Return whether the mean of shares exceeds zero by Student's t-test."""
+    if shares.size < 2 or not shares.mean() > 0:
+        return False
+    error = shares.std(ddof=1) / np.sqrt(shares.size)
+    return bool(shares.mean() > student.ppf(1 - alpha, shares.size - 1) * error)
+
+
+@dataclass(frozen=True)
+class _Table:
+    """Features and residuals of some samples, and the group of each."""
+
+    names: tuple[str, ...]
+    features: np.ndarray
+    residual: np.ndarray
+    group: np.ndarray
+
+    @classmethod
+    def of(cls, problem: EstimationProblem, trial: FittedHypothesis) -> "_Table":
+        windows, model = problem.windows, trial.fit.model
+        ids = np.full(windows.t.size, -1)
+        for w, (a, n) in enumerate(zip(windows.starts, windows.lengths, strict=True)):
+            ids[a : a + n] = w
+        rows = np.flatnonzero(ids >= 0)
+        rows = rows[:: max(1, rows.size // SAMPLES)]
+        starts = record_starts(problem, model, trial.fit.x0)
+        spans = list(pairwise(windows.bounds))
+        runs = [
+            free_run(model, windows, a, b, x0).x for (a, b), x0 in zip(spans, starts, strict=True)
+        ]
+        acting = windows.acting_inputs(model)
+        signals = np.hstack([np.concatenate(runs), acting])
+        signals = np.where(np.isfinite(signals), signals, np.nan)
+        record = np.searchsorted(windows.bounds, rows, side="right") - 1
+        since = windows.t[rows] - windows.t[windows.starts[ids[rows]]]
+        length = max(float(np.median(windows.lengths)), 1.0)
+        earlier = [np.maximum(rows - round(lag * length), windows.bounds[record]) for lag in LAGS]
+        columns = [signals[at] for at in earlier]
+        names = (*model.states, *model.inputs) * len(LAGS)
+        return cls(
+            (*names, IN_WINDOW, IN_RECORD),
+            np.column_stack([*columns, since, windows.t[rows] - windows.t[windows.bounds[record]]]),
+            trial.fit.evaluation.residual[rows] / windows.scale,
+            _groups(record, rows),
+        )
+
+    def predictions(self, column: int) -> Iterator[tuple[float, "HistGradientBoostingRegressor", np.ndarray]]:
+        """Yield, group by group, the share that is predicted, the trees and the group's rows."""
+        y = self.residual[:, column]
+        known = np.isfinite(y)
+        for group in np.unique(self.group[known]):
+            inside, outside = known & (self.group == group), known & (self.group != group)
+            if not outside.any() or not np.var(y[inside]) > 0:
+                continue
+            trees = HistGradientBoostingRegressor(max_iter=TREES, random_state=0)
+            trees.fit(self.features[outside], y[outside])
+            yield self._share(trees, self.features[inside], y[inside]), trees, inside
+
+    def importance(self, column: int, predictions) -> dict[str, float]:
+        """Return by how much less is predicted if a quantity is shuffled."""
+        y, rng, lost = self.residual[:, column], np.random.default_rng(0), {}
+        for name in dict.fromkeys(self.names):
+            own, falls = np.array([n == name for n in self.names]), []
+            for share, trees, inside in predictions:
+                shuffled = self.features[inside].copy()
+                shuffled[:, own] = rng.permutation(shuffled[:, own])
+                falls.append(share - self._share(trees, shuffled, y[inside]))
+            lost[name] = float(np.mean(falls))
+        return lost
+
+    @staticmethod
+    def _share(trees, features, y) -> float:
+        return 1.0 - float(np.sum((y - trees.predict(features)) ** 2) / np.sum(y**2))
+
+
+def _groups(record: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Deal samples into groups: by records, or by stretches where these are few."""
+    if record.max() + 1 >= GROUPS // 2:
+        return record % GROUPS
+    return np.arange(rows.size) * GROUPS // rows.size

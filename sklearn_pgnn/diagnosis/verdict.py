@@ -1,0 +1,85 @@
+"""The verdict in two parts: what is missing, and what is left."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sklearn_pgnn.diagnosis.search import SearchResult
+from sklearn_pgnn.diagnosis.structure import Structure
+from sklearn_pgnn.estimation.fitting import FittedHypothesis, HypothesisFitter
+
+
+@dataclass(frozen=True)
+class Remaining:
+    """What the extended model leaves of the records.
+
+    Parameters
+    ----------
+    kind : {"noise", "disturbance", "structure"}
+        White noise; coloured noise or a disturbance from outside, which depend on nothing that was
+        recorded; or something that does.
+    times_noise : dict of str to float
+        What is left of every output over windows, as a multiple of its white part.
+    depends_on : tuple of str
+        States, inputs and the time that structure depends on, the most telling first.
+    """
+
+    kind: str
+    times_noise: dict[str, float]
+    depends_on: tuple[str, ...] = ()
+
+
+def describe_remaining(
+    fitter: HypothesisFitter,
+    final: FittedHypothesis,
+    structure: Structure | None,
+    smallest_share: float,
+) -> Remaining:
+    """Describe what a hypothesis leaves.
+
+    Parameters
+    ----------
+    fitter : HypothesisFitter
+        What fitted it.
+    final : FittedHypothesis
+        The hypothesis that was accepted.
+    structure : Structure or None
+        Whether what is left depends on anything recorded; None if that was not asked.
+    smallest_share : float
+        Smallest share of an output's squares that counts.
+
+    Returns
+    -------
+    Remaining
+        What is left.
+    """
+    left, white = fitter.squares_by_output(final), fitter.white_squares(final)
+    times = np.sqrt(left / white)
+    named = dict(zip(fitter.problem.prior.outputs, times.tolist(), strict=True))
+    if structure is not None and structure.is_significant:
+        return Remaining("structure", named, structure.depends_on)
+    white_only = bool((left - white <= smallest_share * left).all())
+    return Remaining("noise" if white_only else "disturbance", named)
+
+
+def verdict_of(result: SearchResult, remaining: Remaining, has_formula: bool) -> str:
+    """Return the verdict in a word.
+
+    Parameters
+    ----------
+    result : SearchResult
+        The causes, and what may stand in their places.
+    remaining : Remaining
+        What they leave.
+    has_formula : bool
+        Whether a formula describes what they leave.
+
+    Returns
+    -------
+    {"model_adequate", "cause_named", "ambiguous", "unexplained"}
+        The verdict: *unexplained* only where something depends on what was recorded and nothing
+        could be named.
+    """
+    if result.steps:
+        return "ambiguous" if any(result.rivals.values()) else "cause_named"
+    return "unexplained" if has_formula or remaining.kind == "structure" else "model_adequate"

@@ -1,0 +1,257 @@
+r"""The one comparison of two hypotheses: a held-out likelihood ratio, and the rule that reads it.
+
+Let :math:`S_o` be the squares that a hypothesis leaves of output :math:`o` on :math:`n_o` samples
+its parameters have not seen. With Gaussian errors whose variance is profiled out, the evidence for
+hypothesis 1 over hypothesis 0 is
+
+.. math:: \Lambda = \sum_o \frac{n_o}{2 \tau_o} \log \frac{S_{o,0}}{S_{o,1}} - (V_1 - V_0)
+
+in natural units. :math:`\tau_o` is the integrated autocorrelation time of what the nearer of the
+two leaves: coloured residuals count by their effective number. :math:`V` is the price of the
+states that a hypothesis adds, whose values at the start of every window are integrated out by
+Laplace's method.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import log
+
+import numpy as np
+
+#: lags, in autocorrelation times, over which an autocorrelation is summed (Sokal's window): more
+#: makes the sum noisier, fewer cut off what is slow
+LAGS = 5.0
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """What a hypothesis leaves of the outputs, in numbers that a comparison needs.
+
+    Parameters
+    ----------
+    squares : ndarray of shape (n_outputs,)
+        Sums of squared residuals; infinite where a simulation leaves the finite numbers.
+    counts : ndarray of shape (n_outputs,)
+        Number of residuals.
+    times : ndarray of shape (n_outputs,)
+        Their integrated autocorrelation time, in samples.
+    """
+
+    squares: np.ndarray
+    counts: np.ndarray
+    times: np.ndarray
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """A hypothesis on records that its parameters have not seen.
+
+    Parameters
+    ----------
+    windows : Residuals
+        Over windows, each from its own initial state.
+    free_run : Residuals
+        Over whole records, or the stretches that were held out, from where they start.
+    memory_price : float
+        What the initial values of added states cost, in natural units of likelihood.
+    block_squares : ndarray of shape (n_windows, n_blocks, n_outputs)
+        Squared residuals of every block of every window.
+    """
+
+    windows: Residuals
+    free_run: Residuals
+    memory_price: float
+    block_squares: np.ndarray
+
+
+def log_likelihood_ratio(worse: Residuals, better: Residuals) -> float:
+    r"""Return the logarithm of the ratio of two likelihoods, their variances profiled out.
+
+    .. math:: \sum_o \frac{n_o}{2 \tau_o} \log \frac{S_{o,0}}{S_{o,1}}
+
+    Parameters
+    ----------
+    worse, better : Residuals
+        Hypotheses 0 and 1 on the same samples.
+
+    Returns
+    -------
+    float
+        Positive if hypothesis 1 is nearer; infinite if only one of them can be simulated.
+
+    Examples
+    --------
+    >>> one = np.ones(1)
+    >>> wide, narrow = Residuals(200 * one, 100 * one, one), Residuals(100 * one, 100 * one, one)
+    >>> round(log_likelihood_ratio(wide, narrow) / 50, 3) == round(np.log(2), 3)
+    True
+    """
+    known = np.isfinite(worse.squares).all(), np.isfinite(better.squares).all()
+    if not all(known):
+        return 0.0 if known[0] == known[1] else float(np.inf if known[1] else -np.inf)
+    nearer = np.where(worse.squares < better.squares, worse.times, better.times)
+    measured = (worse.counts > 0) & (worse.squares > 0) & (better.squares > 0)
+    ratio = np.log(worse.squares[measured] / better.squares[measured])
+    return float((worse.counts[measured] / (2.0 * nearer[measured]) * ratio).sum())
+
+
+def explained_share(worse: Residuals, better: Residuals) -> float:
+    """Return the largest share of an output's squares that hypothesis 1 explains of hypothesis 0.
+
+    Parameters
+    ----------
+    worse, better : Residuals
+        Hypotheses 0 and 1 on the same samples.
+
+    Returns
+    -------
+    float
+        At most 1; negative where no output comes nearer.
+    """
+    if not np.isfinite(better.squares).all():
+        return -np.inf
+    if not np.isfinite(worse.squares).all():
+        return 1.0
+    measured = worse.squares > 0
+    return float(np.max(1.0 - better.squares[measured] / worse.squares[measured], initial=-np.inf))
+
+
+@dataclass(frozen=True)
+class SelectionCriterion:
+    r"""The rule by which a cause is named.
+
+    A cause is named beside others if the evidence for it exceeds :math:`\log(N/\alpha)`, if it
+    explains the smallest share of an output over windows or in free run, and if the free run does
+    not speak against it by more than :math:`\log(1/\alpha)`. Of hypotheses that nothing tells
+    apart by :math:`\log(1/\alpha)` the one with the fewest parameters is taken.
+
+    Parameters
+    ----------
+    alpha : float
+        Rate of false names.
+    smallest_share : float
+        Smallest share of an output's squares worth a name.
+    n_candidates : int
+        Candidates that are looked at, :math:`N`.
+    """
+
+    alpha: float
+    smallest_share: float
+    n_candidates: int
+
+    @property
+    def to_name(self) -> float:
+        """Evidence that a cause needs to be named."""
+        return log(max(self.n_candidates, 1) / self.alpha)
+
+    @property
+    def to_refute(self) -> float:
+        """Evidence by which one of two given hypotheses is refuted."""
+        return log(1.0 / self.alpha)
+
+    @staticmethod
+    def evidence(without: HeldOut, with_: HeldOut) -> float:
+        """Return the evidence for a hypothesis over another one over windows."""
+        ratio = log_likelihood_ratio(without.windows, with_.windows)
+        return ratio if np.isinf(ratio) else ratio - (with_.memory_price - without.memory_price)
+
+    def refutes(self, better: HeldOut, worse: HeldOut) -> bool:
+        """Return whether the second of two hypotheses is refuted by the first."""
+        return self.evidence(worse, better) > self.to_refute
+
+    def names(self, without: HeldOut, with_: HeldOut, n_causes: int = 1) -> bool:
+        """Return whether causes are named beside what a hypothesis says without them.
+
+        Parameters
+        ----------
+        without, with_ : HeldOut
+            The hypothesis without the causes, and with them.
+        n_causes : int, default=1
+            How many they are.
+
+        Returns
+        -------
+        bool
+            Whether the rule is met.
+        """
+        if not self.evidence(without, with_) > n_causes * self.to_name:
+            return False
+        return self._is_worth_saying(without, with_) and not self._harms(without, with_)
+
+    def _is_worth_saying(self, without: HeldOut, with_: HeldOut) -> bool:
+        yardsticks = ((without.windows, with_.windows), (without.free_run, with_.free_run))
+        return max(explained_share(*pair) for pair in yardsticks) >= self.smallest_share
+
+    def _harms(self, without: HeldOut, with_: HeldOut) -> bool:
+        return log_likelihood_ratio(with_.free_run, without.free_run) > self.to_refute
+
+    def probabilities(self, evidence: Sequence[float]) -> np.ndarray:
+        """Return the probability of a cause, of each of its rivals, and of no cause.
+
+        A cause's prior odds against none are alpha to the number of candidates, the same for all.
+
+        Parameters
+        ----------
+        evidence : sequence of float
+            Evidence for the cause over each rival, and last over none.
+
+        Returns
+        -------
+        ndarray of shape (1 + len(evidence),)
+            Probabilities that sum to 1: the cause, its rivals, none.
+        """
+        weights = np.array([0.0, *(-value for value in evidence)])
+        weights[-1] += self.to_name
+        weights = np.exp(np.clip(weights - weights.max(), -700.0, 0.0))
+        return weights / weights.sum()
+
+
+def autocorrelation_times(residual: np.ndarray, segment: np.ndarray) -> np.ndarray:
+    r"""Return the integrated autocorrelation time of residuals, in samples.
+
+    .. math:: \tau = 1 + 2 \sum_{k=1}^{K} \rho_k, \qquad K \ge 5 \tau,
+
+    over pairs of samples of the same segment; never below 1.
+
+    Parameters
+    ----------
+    residual : ndarray of shape (n_samples, n_outputs)
+        Residuals; NaN where there is none.
+    segment : ndarray of shape (n_samples,)
+        Number of every sample's window or record; segments lie end to end.
+
+    Returns
+    -------
+    ndarray of shape (n_outputs,)
+        The times.
+
+    References
+    ----------
+    .. [1] A. D. Sokal, "Monte Carlo methods in statistical mechanics", in Functional Integration,
+       1997, :doi:`10.1007/978-1-4899-0319-8_6`.
+
+    Examples
+    --------
+    >>> noise = np.random.default_rng(0).normal(size=(5000, 1))
+    >>> bool(autocorrelation_times(noise, np.zeros(5000))[0] < 1.3)
+    True
+    """
+    return np.array([_autocorrelation_time(column, segment) for column in residual.T])
+
+
+def _autocorrelation_time(values: np.ndarray, segment: np.ndarray) -> float:
+    known = np.isfinite(values).astype(float)
+    values = np.where(known > 0, values, 0.0)
+    power = float(values @ values) / max(known.sum(), 1.0)
+    if not 0.0 < power < np.inf:
+        return 1.0
+    time = 1.0
+    for lag in range(1, values.size):
+        same = segment[lag:] == segment[:-lag]
+        pairs = float((known[lag:] * known[:-lag]) @ same)
+        if pairs == 0.0:
+            break
+        time += 2.0 * float((values[lag:] * values[:-lag]) @ same) / pairs / power
+        if lag >= LAGS * time:
+            break
+    return max(time, 1.0)

@@ -1,0 +1,184 @@
+"""Hypotheses on records that their parameters have not seen: over windows, and in free run."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from sklearn_pgnn.estimation.criterion import HeldOut, Residuals, autocorrelation_times
+from sklearn_pgnn.estimation.problem import EstimationProblem
+from sklearn_pgnn.simulation.state_estimate import free_run
+from sklearn_pgnn.simulation.window_fit import WindowFit
+from sklearn_pgnn.simulation.windows import ShootingWindows
+
+#: folds of records; a single one is cut into more stretches, for it shows much but a few times.
+#: More folds cost more fits
+FOLDS, STRETCHES = 4, 8
+#: largest share of the windows that a fold may hold: more would leave too little to learn from
+MOST_HELD_OUT = 2 / 3
+
+
+def make_folds(problem: EstimationProblem) -> np.ndarray:
+    """Deal the windows into folds: by whole records, or by stretches.
+
+    Stretches are taken of a single record, or where one holds so many of the windows that the
+    others would teach too little about them.
+
+    Parameters
+    ----------
+    problem : EstimationProblem
+        The problem.
+
+    Returns
+    -------
+    ndarray of shape (n_windows,)
+        Fold of every window, counted from 0; none is empty.
+    """
+    folds = problem.windows.record % FOLDS
+    if np.bincount(folds).max() > MOST_HELD_OUT * folds.size:
+        folds = np.arange(folds.size) * min(STRETCHES, folds.size) // folds.size
+    return np.unique(folds, return_inverse=True)[1]
+
+
+@dataclass
+class CrossValidation:
+    """What the held-out fits of a hypothesis leave, fold by fold.
+
+    Parameters
+    ----------
+    problem : EstimationProblem
+        The problem.
+    expected : ndarray of shape (n_windows, n_states)
+        Expected initial states of the windows.
+    spread : ndarray of shape (n_states,)
+        How uncertain they are.
+    """
+
+    problem: EstimationProblem
+    expected: np.ndarray
+    spread: np.ndarray
+
+    def run(
+        self,
+        fit: WindowFit,
+        folds: np.ndarray,
+        learn: Callable[[np.ndarray], WindowFit],
+        judge: Callable[[WindowFit, np.ndarray], WindowFit],
+    ) -> HeldOut:
+        """Fit every fold's windows with the parameters that the others have taught.
+
+        Parameters
+        ----------
+        fit : WindowFit
+            The fit on all windows.
+        folds : ndarray of shape (n_windows,)
+            Fold of every window.
+        learn : callable
+            Called with the windows to learn from; returns the fit.
+        judge : callable
+            Called with what was learned and the windows to judge; fits their initial states only.
+
+        Returns
+        -------
+        HeldOut
+            What is left, over windows and in free run.
+        """
+        windows = self.problem.windows
+        over_windows, over_runs = (np.full(windows.y.shape, np.nan) for _ in range(2))
+        grams, x0 = [], fit.x0.copy()
+        for fold in np.unique(folds):
+            inside = folds == fold
+            learned = learn(~inside)
+            judged = judge(learned, inside)
+            if not (learned.usable and judged.usable):
+                return self._lost()
+            rows = _rows(windows.select(inside))
+            over_windows[rows] = judged.evaluation.residual[rows]
+            x0[inside] = judged.x0
+            grams.append(judged.evaluation.gram)
+            for a, b, first in _stretches(windows, inside):
+                run = free_run(learned.model, windows, a, b, x0[first])
+                over_runs[a:b] = windows.y[a:b] - run.y
+        seen = self._residuals(over_windows, _segments(windows))
+        order = np.argsort(folds, kind="stable")
+        return HeldOut(
+            windows=seen,
+            free_run=self._residuals(over_runs, _record_of(windows)),
+            memory_price=self._memory_price(fit, np.concatenate(grams), x0[order], order, seen),
+            block_squares=windows.sum_blocks((over_windows / windows.scale) ** 2),
+        )
+
+    def _residuals(self, residual: np.ndarray, segment: np.ndarray) -> Residuals:
+        """Count what is left; what no simulation is finer than is left in any case."""
+        windows = self.problem.windows
+        scaled = residual / windows.scale
+        measured = np.isfinite(windows.y) & (segment >= 0)[:, None]
+        counts = measured.sum(axis=0).astype(float)
+        lost = (measured & ~np.isfinite(residual)).any(axis=0)
+        with np.errstate(over="ignore"):
+            squares = np.nansum(np.where(measured, scaled, 0.0) ** 2, axis=0)
+        squares = np.where(lost | ~np.isfinite(squares), np.inf, squares)
+        return Residuals(
+            squares + counts * self.problem.resolution**2,
+            counts,
+            autocorrelation_times(np.where(measured, scaled, np.nan), segment),
+        )
+
+    def _memory_price(self, fit: WindowFit, gram, x0, order, seen: Residuals) -> float:
+        r"""Return what the initial values of the states cost that the prior does not have.
+
+        .. math:: V = \frac{1}{2} \sum_w \left(\log\frac{\det A_w}{\det A_{w,cc}}
+                  + \sum_e \log \sigma_e^2 + \frac{(x_{w,e} - \hat x_{w,e})^2}{\sigma_e^2}\right)
+
+        with :math:`A_w` the Hessian by a window's initial states, :math:`A_{w,cc}` its part of the
+        states that the prior has as well, and :math:`\sigma_e` the spread of an added state.
+        """
+        states = list(fit.model.states)
+        common = [i for i, state in enumerate(states) if state in self.problem.prior.states]
+        added = [i for i in range(len(states)) if i not in common]
+        if not added:
+            return 0.0
+        dispersion = (seen.squares * seen.times).sum() / seen.counts.sum()
+        weight = 1.0 / self.spread**2
+        hessian = gram[:, : len(states), : len(states)] / dispersion + np.diag(weight)
+        whole = np.linalg.slogdet(hessian)[1]
+        shared = np.linalg.slogdet(hessian[:, common][:, :, common])[1]
+        volume = np.maximum(whole - shared - np.log(weight[added]).sum(), 0.0)
+        shift = (x0 - self.expected[order])[:, added]
+        return float(0.5 * (volume.sum() + (weight[added] * shift**2).sum()))
+
+    def _lost(self) -> HeldOut:
+        windows = self.problem.windows
+        counts = np.isfinite(windows.y).sum(axis=0).astype(float)
+        none = Residuals(np.full(counts.shape, np.inf), counts, np.ones(counts.shape))
+        shape = (len(windows), windows.blocks, windows.y.shape[1])
+        return HeldOut(none, none, 0.0, np.full(shape, np.inf))
+
+
+def _rows(windows: ShootingWindows) -> np.ndarray:
+    """Return the samples of windows."""
+    spans = zip(windows.starts, windows.lengths, strict=True)
+    return np.concatenate([np.arange(a, a + n) for a, n in spans])
+
+
+def _segments(windows: ShootingWindows) -> np.ndarray:
+    """Return the window of every sample, -1 where there is none."""
+    segment = np.full(windows.t.size, -1)
+    segment[_rows(windows)] = np.repeat(np.arange(len(windows)), windows.lengths)
+    return segment
+
+
+def _record_of(windows: ShootingWindows) -> np.ndarray:
+    """Return the record of every sample that lies in a window, else -1."""
+    record = np.searchsorted(windows.bounds, np.arange(windows.t.size), side="right") - 1
+    return np.where(_segments(windows) >= 0, record, -1)
+
+
+def _stretches(windows: ShootingWindows, inside: np.ndarray) -> Iterator[tuple[int, int, int]]:
+    """Yield first sample, end and first window of what lies end to end in one record."""
+    record, ends = windows.record, windows.starts + windows.lengths
+    which = np.flatnonzero(inside)
+    follows = (np.diff(which) == 1) & (ends[which[:-1]] == windows.starts[which[1:]])
+    follows &= record[which[1:]] == record[which[:-1]]
+    for group in np.split(which, np.flatnonzero(~follows) + 1):
+        yield int(windows.starts[group[0]]), int(ends[group[-1]]), int(group[0])
