@@ -61,7 +61,7 @@ def detectability(diagnosis):
 
 
 def bench(diagnosis, seed=0):
-    return Bench(estimation.fitted_records_, False, Rules(), 100, seed)
+    return Bench(diagnosis.records_, False, Rules(), 100, seed)
 
 
 def named(diagnosis, kind, target, value, seed):
@@ -108,7 +108,7 @@ def test_more_noise_makes_every_smallest_size_larger(detectability):
 def test_what_can_never_be_seen_comes_with_its_reason(diagnosis):
     seen = diagnosis.detectability((effects.InputSaturation, effects.ViscousFriction), ["F"])
     (saturation,) = seen.rows
-    assert saturation.smallest < estimation.fitted_records_.problem.scales.peak["F"]
+    assert saturation.smallest < diagnosis.records_.problem.scales.peak["F"]
     wide = cart().with_parameters(d=cart().parameters["d"].with_spread(5.0))
     table = records()
     free = ModelDiagnosis(wide, catalogue=()).fit(
@@ -149,7 +149,7 @@ def test_an_effect_the_inputs_never_bring_to_act_is_said_so():
 def test_a_memory_is_found_by_its_size_and_not_by_being_there(diagnosis):
     """Play without width is a lag of a sample, which these records show."""
     (row,) = diagnosis.detectability((effects.InputBacklash,), ["F"]).rows
-    assert row.smallest > 1e-3 * estimation.fitted_records_.problem.scales.typical["F"]
+    assert row.smallest > 1e-3 * diagnosis.records_.problem.scales.typical["F"]
     assert row.curve[1][1] < 0.1
 
 
@@ -215,7 +215,7 @@ def test_noise_along_a_signal_is_that_of_a_long_simulation():
     "kind", [kind for kind in effects.CATALOGUE if kind.targets(cart()) and has_size(kind)]
 )
 def test_every_effect_of_the_catalogue_grows_with_its_size(kind, diagnosis):
-    model, scales = cart(), estimation.fitted_records_.problem.scales
+    model, scales = cart(), diagnosis.records_.problem.scales
     target = kind.targets(model)[0]
     of_size, none = sized(kind, target, model, scales), nothing(kind, target, model, scales)
     values = [abs(getattr(of_size(s), main_field(kind)) - none) for s in (0.1, 0.3, 1.0)]

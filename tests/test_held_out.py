@@ -180,9 +180,9 @@ def test_a_hardening_spring_at_nine_samples_a_period_is_named_and_its_error_is_t
     assert [cause.effect for cause in diagnosis.causes_] == ["cubic_stiffness"]
     found = diagnosis.causes_[0].parameters["stiffness"]
     assert found.value == pytest.approx(stiffness, rel=0.05)
-    assert estimation.fitted_records_.windows.scale[0] == pytest.approx(noise, rel=0.2)
+    assert diagnosis.records_.windows.scale[0] == pytest.approx(noise, rel=0.2)
     assert diagnosis.gain_["y"].extended == pytest.approx(noise, rel=0.2)
-    assert len(estimation.fitted_records_.windows) >= MIN_WINDOWS
+    assert len(diagnosis.records_.windows) >= MIN_WINDOWS
 
 
 # -- what the gain's interval says -----------------------------------------------------------------

@@ -86,7 +86,7 @@ def test_what_the_prior_cannot_tell_apart_another_cause_may():
     assert {cause.effect for cause in diagnosis.causes_} == {"cubic_stiffness", "sensor_bias"}
     bias, load = (effects.SensorBias, "position"), (effects.ConstantLoad, "v")
     assert are_equivalent(diagnosis.model, bias, load)
-    assert not are_same(estimation.fitted_records_, bias, load)
+    assert not are_same(diagnosis.records_, bias, load)
 
 
 @pytest.fixture(scope="module")

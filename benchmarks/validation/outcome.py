@@ -76,7 +76,10 @@ def run(case: Case) -> Outcome:
         said = f"{type(error).__name__}: {error}"
         return Outcome(*_key(case), truth, said, "failed", "", 0, 0, 0, _since(start))
     seconds = _since(start)
-    groups = [{(c.effect, c.target), *map(tuple, c.confused_with)} for c in diagnosis.causes_]
+    groups = [
+        {(c.effect, c.target), *((o.effect, o.target) for o in c.confused_with)}
+        for c in diagnosis.causes_
+    ]
     names = [f"{cause.effect} ({cause.target})" for cause in diagnosis.causes_]
     inside = _inside(diagnosis, hidden)
     return Outcome(

@@ -1,19 +1,25 @@
 """Judgement: which physical cause a model misses, and what naming it is worth."""
 
 from sklearn_pgnn.diagnosis.detectability import Detectability, Detectable
-from sklearn_pgnn.diagnosis.disturbance import Disturbance
 from sklearn_pgnn.diagnosis.free_run import FreeRunError
 from sklearn_pgnn.diagnosis.model_diagnosis import ModelDiagnosis
-from sklearn_pgnn.diagnosis.result import Candidate, Gain, NamedCause, RetunedParameter, Tried
+from sklearn_pgnn.diagnosis.result import (
+    Candidate,
+    Gain,
+    NamedCause,
+    RetunedParameter,
+    Rival,
+    Tried,
+)
 from sklearn_pgnn.diagnosis.separation import Experiment, Separation
 from sklearn_pgnn.diagnosis.unexplained import MissingPart
+from sklearn_pgnn.diagnosis.verdict import Remaining
 from sklearn_pgnn.record_quality.flaws import Finding
 
 __all__ = [
     "Candidate",
     "Detectability",
     "Detectable",
-    "Disturbance",
     "Experiment",
     "Finding",
     "FreeRunError",
@@ -21,7 +27,9 @@ __all__ = [
     "MissingPart",
     "ModelDiagnosis",
     "NamedCause",
+    "Remaining",
     "RetunedParameter",
+    "Rival",
     "Separation",
     "Tried",
 ]

@@ -9,15 +9,16 @@ diagnosis' own rules say how often it would have named a cause.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import pandas as pd
 
 from sklearn_pgnn.diagnosis.effect_size import has_size, main_field, nothing, sized
-from sklearn_pgnn.diagnosis.judge import CLEARLY, FEW, Rules
+from sklearn_pgnn.estimation.criterion import SelectionCriterion, autocorrelation_times
 from sklearn_pgnn.estimation.fitted_records import DiagnosisRecords
-from sklearn_pgnn.estimation.hypothesis import Cause
 from sklearn_pgnn.exceptions import ModelError
+from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.readings import reading
 from sklearn_pgnn.simulation.window_fit import WindowFit, fit_windows
@@ -129,7 +130,7 @@ class Detectability:
 
 
 @dataclass(frozen=True)
-class Bench:
+class PowerAnalysis:
     """The fitted model on the records, and the noise, ready to have effects put in.
 
     Parameters
@@ -138,7 +139,7 @@ class Bench:
         The records and the fits.
     white : bool
         Whether noise is taken as white.
-    rules : Rules
+    criterion : SelectionCriterion
         When a cause is named.
     n_repeats : int
         Draws of the noise for a power.
@@ -148,7 +149,7 @@ class Bench:
 
     records: DiagnosisRecords
     white: bool
-    rules: Rules
+    criterion: SelectionCriterion
     n_repeats: int
     seed: int
 
@@ -229,21 +230,21 @@ class Bench:
         across = noise * rng.chisquare(np.maximum(counts - 1, 1), shape)
         error = np.sqrt(along) * rng.standard_normal(shape)
         before, after = across + (size + error) ** 2, across + error**2
-        return float(np.mean(self._named(before, after, noise * counts.sum())))
+        return float(np.mean(self._is_named(before.sum(axis=1), after.sum(axis=1))))
 
-    def _named(self, before, after, floor) -> np.ndarray:
-        """Tell for every draw whether the rules of the diagnosis name a cause."""
-        gain = (before - after).sum(axis=1)
-        excess = np.maximum(before.sum(axis=1) - floor, 0.0)
-        fall = np.sqrt(before) - np.sqrt(after)
-        error = fall.std(axis=1, ddof=1) / np.sqrt(fall.shape[1]) if fall.shape[1] > 1 else 0.0
-        mean, rises = fall.mean(axis=1), -np.minimum(fall, 0).sum(axis=1)
-        few = (np.count_nonzero(fall > 1.0, axis=1) >= FEW) & (
-            np.maximum(fall, 0).sum(axis=1) > CLEARLY * rises
-        )
-        clear = (mean > 0) & ((mean > self.rules.significance * error) | few)
-        enough = gain > self.rules.whole * before.sum(axis=1)
-        return enough & (gain > self.rules.share * excess) & clear
+    def _is_named(self, before: np.ndarray, after: np.ndarray) -> np.ndarray:
+        """Return for every draw whether the criterion names a cause."""
+        count = np.isfinite(self.windows.y).sum()
+        evidence = count / (2.0 * self._time) * np.log(before / after)
+        worth = before - after >= self.criterion.smallest_share * before
+        return worth & (evidence > self.criterion.to_name)
+
+    @cached_property
+    def _time(self) -> float:
+        """The longest autocorrelation time of the outputs' noise, in samples."""
+        windows, residual = self.windows, self.records.fits["extended"].residual
+        starts = np.searchsorted(windows.starts, np.arange(windows.t.size), side="right")
+        return 1.0 if self.white else float(autocorrelation_times(residual, starts).max())
 
 
 def _strength_along(noise: np.ndarray, signal: np.ndarray) -> float:
@@ -264,14 +265,14 @@ def _strength_along(noise: np.ndarray, signal: np.ndarray) -> float:
 # -- one effect ------------------------------------------------------------------------------------
 
 
-def detect(bench: Bench, cause: Cause, power: float) -> Detectable:
+def detect(analysis: PowerAnalysis, cause: Effect, power: float) -> Detectable:
     """Find the smallest size of an effect that the diagnosis would name.
 
     Parameters
     ----------
-    bench : Bench
+    analysis : PowerAnalysis
         The fitted model on the records.
-    cause : (effect class, target)
+    cause : Effect
         The effect.
     power : float
         Wanted chance of naming it.
@@ -281,11 +282,11 @@ def detect(bench: Bench, cause: Cause, power: float) -> Detectable:
     Detectable
         The smallest size and the power over the size.
     """
-    of_size = sized(*cause, bench.model, bench.records.problem.scales)
-    bare = _bare(bench, cause, of_size)
+    of_size = sized(type(cause), cause.target, analysis.model, analysis.records.problem.scales)
+    bare = _bare(analysis, cause, of_size)
 
     def power_of(share):
-        return _power(bench, _injected(bench, of_size(share), bare))
+        return _power(analysis, _injected(analysis, of_size(share), bare))
 
     low, high = SMALLEST, 1.0
     curve = {share: power_of(share) for share in (low, high)}
@@ -298,47 +299,50 @@ def detect(bench: Bench, cause: Cause, power: float) -> Detectable:
             curve[middle] = power_of(middle)
             low, high = (low, middle) if curve[middle] >= power else (middle, high)
     known = {share: chance for share, chance in curve.items() if np.isfinite(chance)}
-    return _described(bench, cause, of_size, bare, known, power)
+    return _described(analysis, cause, of_size, bare, known, power)
 
 
-def _bare(bench: Bench, cause: Cause, of_size) -> np.ndarray:
+def _bare(analysis: PowerAnalysis, cause: Effect, of_size) -> np.ndarray:
     """Return what the machine shows with an effect of no size.
 
     That is not always what it shows without: an effect with a memory is something even then, as
     play without width is a lag. Only what comes with the size is to be found.
     """
-    kind, target = cause
-    none, least = nothing(kind, target, bench.model, bench.records.problem.scales), of_size(0.0)
-    return bench.show(least if getattr(least, main_field(kind)) == none else None)
+    kind, target = type(cause), cause.target
+    none, least = (
+        nothing(kind, target, analysis.model, analysis.records.problem.scales),
+        of_size(0.0),
+    )
+    return analysis.show(least if getattr(least, main_field(kind)) == none else None)
 
 
-def _injected(bench: Bench, effect, bare) -> ShootingWindows | None:
+def _injected(analysis: PowerAnalysis, effect, bare) -> ShootingWindows | None:
     """Return the windows with what an effect's size shows; None where a simulation diverges."""
-    shown = bench.show(effect)
+    shown = analysis.show(effect)
     if np.isinf(shown).any() or np.isinf(bare).any():
         return None
-    return replace(bench.windows, y=bench.show(None) + shown - bare)
+    return replace(analysis.windows, y=analysis.show(None) + shown - bare)
 
 
-def _power(bench: Bench, windows: ShootingWindows | None) -> float:
+def _power(analysis: PowerAnalysis, windows: ShootingWindows | None) -> float:
     """Return the power to find what windows show; NaN where the machine does not stay finite."""
     if windows is None:
         return np.nan
-    left = bench.retune(windows).evaluation
-    return bench.power(left) if np.isfinite(left.squares).all() else np.nan
+    left = analysis.retune(windows).evaluation
+    return analysis.power(left) if np.isfinite(left.squares).all() else np.nan
 
 
-def _described(bench, cause, of_size, bare, curve, power) -> Detectable:
-    kind, target = cause
+def _described(analysis, cause, of_size, bare, curve, power) -> Detectable:
+    kind, target = type(cause), cause.target
     field = main_field(kind)
     name = of_size(1.0).names()[field]
-    unit = of_size(1.0).apply(bench.model).unit(name)
+    unit = of_size(1.0).apply(analysis.model).unit(name)
 
     def size(share):
         return float(getattr(of_size(share), field))
 
     found = [share for share in curve if curve[share] >= power]
-    none = nothing(kind, target, bench.model, bench.records.problem.scales)
+    none = nothing(kind, target, analysis.model, analysis.records.problem.scales)
     return Detectable(
         effect=kind.id,
         target=target,
@@ -346,33 +350,33 @@ def _described(bench, cause, of_size, bare, curve, power) -> Detectable:
         unit=unit,
         smallest=size(min(found)) if found else np.nan,
         curve=((none, 0.0), *((size(s), curve[s]) for s in sorted(curve))),
-        reason="" if found else _why_not(bench, of_size, bare, max(curve, default=0.0), field),
+        reason="" if found else _why_not(analysis, of_size, bare, max(curve, default=0.0), field),
     )
 
 
-def _why_not(bench: Bench, of_size, bare, share, field) -> str:
+def _why_not(analysis: PowerAnalysis, of_size, bare, share, field) -> str:
     """Say why even the largest size that the machine bears is not seen."""
     effect = of_size(share)
-    windows = _injected(bench, effect, bare)
+    windows = _injected(analysis, effect, bare)
     if windows is None:
         return "however small, the simulation with it leaves the finite numbers"
-    before = float(bench.without(windows).squares.sum())
-    fit = bench.retune(windows)
-    unit = effect.apply(bench.model).unit(effect.names()[field])
+    before = float(analysis.without(windows).squares.sum())
+    fit = analysis.retune(windows)
+    unit = effect.apply(analysis.model).unit(effect.names()[field])
     largest = f"even {getattr(effect, field):.3g} {unit}".rstrip()
-    noise = float(np.nansum((bench.records.fits["extended"].residual / windows.scale) ** 2))
-    if before < bench.rules.whole * noise:
+    noise = float(np.nansum((analysis.records.fits["extended"].residual / windows.scale) ** 2))
+    if before < analysis.criterion.smallest_share * noise:
         return f"{largest} hardly moves the outputs: these inputs never bring it to act"
-    if fit.squares < IMITATED * before and effect.target in bench.model.parameters:
+    if fit.squares < IMITATED * before and effect.target in analysis.model.parameters:
         return f"{largest} is within the spread that re-tuning may use"
     if fit.squares < IMITATED * before:
-        return f"{largest} is imitated by re-tuning {_moved(bench, fit)}"
+        return f"{largest} is imitated by re-tuning {_moved(analysis, fit)}"
     return f"{largest} stays within the noise"
 
 
-def _moved(bench, fit) -> str:
+def _moved(analysis, fit) -> str:
     """Name the parameters that re-tuning moved most, or else the initial states."""
-    old = bench.model.parameters
+    old = analysis.model.parameters
     shifts = {
         f.name: abs(fit.model.parameters[f.name].value - old[f.name].value) / max(f.scale, 1e-12)
         for f in fit.freedoms
@@ -384,14 +388,16 @@ def _moved(bench, fit) -> str:
 # -- all of them -----------------------------------------------------------------------------------
 
 
-def detect_all(bench: Bench, suspects: Sequence[Cause], power: float) -> tuple[Detectable, ...]:
+def detect_all(
+    analysis: PowerAnalysis, suspects: Sequence[Effect], power: float
+) -> tuple[Detectable, ...]:
     """Find the smallest size of every effect that has one and that the model does not hold yet.
 
     Parameters
     ----------
-    bench : Bench
+    analysis : PowerAnalysis
         The fitted model on the records.
-    suspects : sequence of (effect class, target)
+    suspects : sequence of Effect
         The effects.
     power : float
         Wanted chance of naming each.
@@ -401,15 +407,16 @@ def detect_all(bench: Bench, suspects: Sequence[Cause], power: float) -> tuple[D
     tuple of Detectable
         One an effect.
     """
-    return tuple(detect(bench, cause, power) for cause in suspects if _fits(bench.model, cause))
+    return tuple(
+        detect(analysis, cause, power) for cause in suspects if _fits(analysis.model, cause)
+    )
 
 
-def _fits(model: PhysicsModel, cause: Cause) -> bool:
-    effect, target = cause
-    if not has_size(effect):
+def _fits(model: PhysicsModel, cause: Effect) -> bool:
+    if not has_size(type(cause)):
         return False
     try:
-        effect(target).apply(model)
+        cause.apply(model)
     except ModelError:
         return False
     return True

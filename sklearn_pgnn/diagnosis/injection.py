@@ -6,19 +6,19 @@ import numpy as np
 import pandas as pd
 from sklearn.base import clone
 
-from sklearn_pgnn.diagnosis.detectability import SMALLEST, Bench, Detectable
+from sklearn_pgnn.diagnosis.detectability import SMALLEST, Detectable, PowerAnalysis
 from sklearn_pgnn.diagnosis.effect_size import main_field, sized
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.simulation.state_estimate import free_run
 from sklearn_pgnn.trajectories.reader import TIME, TRAJECTORY
 
 
-def inject(bench: Bench, effect: Effect | None, random_state=0):
+def inject(analysis: PowerAnalysis, effect: Effect | None, random_state=0):
     """Simulate the records of a diagnosis with an effect in the machine.
 
     Parameters
     ----------
-    bench : Bench
+    analysis : PowerAnalysis
         The fitted model on the records.
     effect : Effect or None
         What is put in.
@@ -37,26 +37,26 @@ def inject(bench: Bench, effect: Effect | None, random_state=0):
     .. [1] J. Theiler et al., "Testing for nonlinearity in time series: the method of surrogate
        data", Physica D 58, 1992, :doi:`10.1016/0167-2789(92)90102-S`.
     """
-    rng, windows = np.random.default_rng(random_state), bench.windows
-    model = bench.model if effect is None else effect.apply(bench.model)
-    x0, record = bench.start(model), windows.record
+    rng, windows = np.random.default_rng(random_state), analysis.windows
+    model = analysis.model if effect is None else effect.apply(analysis.model)
+    x0, record = analysis.start(model), windows.record
     tables, outputs = [], []
     for r, (a, b) in enumerate(zip(windows.bounds[:-1], windows.bounds[1:], strict=True)):
         start = x0[np.flatnonzero(record == r)[0]]
         y = free_run(model, windows, a, b, start).check().y
-        rest = bench.records.fits["extended"].residual[a:b]
-        outputs.append(y + _alike(rest, bench.white, rng))
-        tables.append(_table(bench, r, windows.t[a:b], windows.u[a:b], start))
+        rest = analysis.records.fits["extended"].residual[a:b]
+        outputs.append(y + _alike(rest, analysis.white, rng))
+        tables.append(_table(analysis, r, windows.t[a:b], windows.u[a:b], start))
     y = pd.DataFrame(np.concatenate(outputs), columns=list(model.outputs))
     return pd.concat(tables, ignore_index=True), y.where(np.isfinite(windows.y))
 
 
-def _table(bench, r, t, u, start) -> pd.DataFrame:
-    model = bench.records.problem.prior
+def _table(analysis, r, t, u, start) -> pd.DataFrame:
+    model = analysis.records.problem.prior
     table = pd.DataFrame(u, columns=list(model.inputs))
     table.insert(0, TIME, t)
-    table.insert(0, TRAJECTORY, bench.records.names[r])
-    for i, (name, told) in enumerate(bench.records.problem.states.starts[r].items()):
+    table.insert(0, TRAJECTORY, analysis.records.names[r])
+    for i, (name, told) in enumerate(analysis.records.problem.states.starts[r].items()):
         table[name] = np.nan
         if np.isfinite(told):
             table.loc[0, name] = start[i]
@@ -73,14 +73,14 @@ def _alike(rest, white, rng) -> np.ndarray:
     return np.fft.irfft(np.abs(np.fft.rfft(rest, axis=0)) * phases, n=len(rest), axis=0)
 
 
-def verified(diagnosis, bench: Bench, row: Detectable, catalogue) -> Detectable:
+def verified(diagnosis, analysis: PowerAnalysis, row: Detectable, catalogue) -> Detectable:
     """Run the diagnosis itself on records with an effect of its smallest size.
 
     Parameters
     ----------
     diagnosis : ModelDiagnosis
         The fitted diagnosis.
-    bench : Bench
+    analysis : PowerAnalysis
         The fitted model on the records.
     row : Detectable
         The effect and its smallest size.
@@ -96,8 +96,8 @@ def verified(diagnosis, bench: Bench, row: Detectable, catalogue) -> Detectable:
     if not np.isfinite(row.smallest):
         return row
     kind = next(effect for effect in catalogue if effect.id == row.effect)
-    effect = of_main_size(bench, kind, row.target, row.smallest)
-    X, y = inject(bench, effect, bench.seed)
+    effect = of_main_size(analysis, kind, row.target, row.smallest)
+    X, y = inject(analysis, effect, analysis.seed)
     prior = diagnosis.extended_model_
     again = clone(diagnosis).set_params(
         model=prior, catalogue=catalogue, time_column=None, progress=None
@@ -109,12 +109,12 @@ def verified(diagnosis, bench: Bench, row: Detectable, catalogue) -> Detectable:
     return replace(row, found=any((row.effect, row.target) in names for names in named))
 
 
-def of_main_size(bench: Bench, kind: type[Effect], target: str, value: float) -> Effect:
+def of_main_size(analysis: PowerAnalysis, kind: type[Effect], target: str, value: float) -> Effect:
     """Give an effect whose main quantity has a value, its other quantities in step.
 
     Parameters
     ----------
-    bench : Bench
+    analysis : PowerAnalysis
         The fitted model on the records.
     kind : type of Effect
         The effect.
@@ -129,7 +129,7 @@ def of_main_size(bench: Bench, kind: type[Effect], target: str, value: float) ->
         The effect.
     """
     of_size, field = (
-        sized(kind, target, bench.model, bench.records.problem.scales),
+        sized(kind, target, analysis.model, analysis.records.problem.scales),
         main_field(kind),
     )
     sizes = np.geomspace(SMALLEST, 1.0, 2001)

@@ -2,9 +2,8 @@
 
 import warnings
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from numbers import Real
-from typing import NamedTuple
 
 import numpy as np
 from joblib import effective_n_jobs
@@ -12,19 +11,10 @@ from sklearn.base import BaseEstimator, MultiOutputMixin, RegressorMixin
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
-from sklearn_pgnn.diagnosis.beyond import Beyond
-from sklearn_pgnn.diagnosis.detectability import Bench, Detectability, detect_all
-from sklearn_pgnn.diagnosis.disturbance import Disturbance, find_disturbance
+from sklearn_pgnn.diagnosis.detectability import Detectability, PowerAnalysis, detect_all
 from sklearn_pgnn.diagnosis.free_run import free_run_errors
-from sklearn_pgnn.diagnosis.ground import (
-    check_prior,
-    fit_window_length,
-    look_further,
-    speaks_for_slopes,
-)
 from sklearn_pgnn.diagnosis.injection import verified
-from sklearn_pgnn.diagnosis.judge import Rules
-from sklearn_pgnn.estimation.fitted_records import as_judged, keep_records
+from sklearn_pgnn.diagnosis.investigation import Findings, Investigation
 from sklearn_pgnn.diagnosis.result import (
     Candidate,
     NamedCause,
@@ -35,31 +25,28 @@ from sklearn_pgnn.diagnosis.result import (
     plain,
     retuned_parameters,
 )
-from sklearn_pgnn.diagnosis.search import Outcome, Search
 from sklearn_pgnn.diagnosis.separation import Separation, are_same, plain_separation, separate
-from sklearn_pgnn.diagnosis.unexplained import MissingPart
-from sklearn_pgnn.estimation.fitting import HypothesisFitter, Trial
-from sklearn_pgnn.estimation.hypothesis import Cause, Hypothesis, check_targets, possible_causes
-from sklearn_pgnn.estimation.problem import build_problem, check_records
+from sklearn_pgnn.diagnosis.unexplained import describe
+from sklearn_pgnn.estimation.criterion import SelectionCriterion
+from sklearn_pgnn.estimation.fitted_records import as_judged, keep_records
+from sklearn_pgnn.estimation.hypothesis import check_targets, possible_causes
+from sklearn_pgnn.estimation.problem import check_records
 from sklearn_pgnn.estimation.progress import Progress, TimeIsUp
 from sklearn_pgnn.exceptions import OptionError, RecordWarning
-from sklearn_pgnn.physics.effects import SensorSaturation, read_catalogue
+from sklearn_pgnn.physics.effect import Effect
+from sklearn_pgnn.physics.effects import read_catalogue
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.readings import reading
-from sklearn_pgnn.record_quality.checks import check_data_quality, clipped_outputs
+from sklearn_pgnn.record_quality.checks import check_data_quality
 from sklearn_pgnn.record_quality.flaws import Finding
 from sklearn_pgnn.simulation.finite_run import simulate_quantities
 from sklearn_pgnn.simulation.record_windows import without_gaps
 from sklearn_pgnn.simulation.simulate import HOLDS, hold_of
-from sklearn_pgnn.simulation.window_fit import WindowFit
 from sklearn_pgnn.trajectories import read_records
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
 from sklearn_pgnn.trajectories.record import Record
 from sklearn_pgnn.trajectories.validation import check_model, validate_table
 
-#: what is left above the noise, as a share of the re-tuned prior's error power, when a cause
-#: outside the catalogue must be at work
-UNEXPLAINED = 0.1
 #: experiments that are kept for two causes
 SHOWN = 3
 
@@ -68,9 +55,14 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
     r"""Name the physical causes of a model's error and extend the model by them.
 
     Every cause of the catalogue is fitted together with the model's free parameters and the
-    initial states on short windows of the records. Causes are added while they lower the error of
-    windows that their parameters have not seen, and dropped when others make them needless; the
-    search ends where only noise is left.
+    initial states on short windows of the records. Hypotheses are compared by one statistic, a
+    held-out likelihood ratio,
+
+    .. math:: \Lambda = \sum_o \frac{n_o}{2 \tau_o} \log \frac{S_{o,0}}{S_{o,1}} - (V_1 - V_0),
+
+    see `sklearn_pgnn.estimation.criterion`. A cause is named if
+    :math:`\Lambda > \log(N/\alpha)` speaks for it, :math:`N` candidates being looked at, if it
+    explains `smallest_share` of an output's error, and if the free run does not speak against it.
 
     Parameters
     ----------
@@ -87,8 +79,10 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         so long that four windows are left.
     noise_std : array-like of shape (n_outputs,), optional
         Standard deviation of the outputs' noise; by default the records tell.
-    significance : float, default=3
-        A cause's held-out gain must be so many of its standard errors.
+    alpha : float, default=0.01
+        Rate of false names: the chance that a cause is named where nothing is missing.
+    smallest_share : float, default=0.05
+        Smallest share of an output's error power, over windows or in free run, worth a name.
     hold : {"auto", "zoh", "foh"}, default="auto"
         Whether an input is held between two samples (``"zoh"``) or runs straight from one to the
         next (``"foh"``); by default as the model's `simulation` says, else held, unless the
@@ -136,12 +130,13 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         Integration steps from sample to sample.
     hold_ : {"zoh", "foh"}
         How the inputs were taken to run between samples.
+    remaining_ : Remaining
+        What the causes leave: .kind, one of ``"noise"``, ``"disturbance"`` (coloured noise of a
+        sensor, or something from outside: it depends on nothing that was recorded) and
+        ``"structure"``, with .times_noise of every output and what it .depends_on.
     discrepancy_ : MissingPart or None
-        With the verdict ``"unexplained"``: where something is missing that the catalogue has no
-        name for, what it depends on, and a formula for it.
-    disturbance_ : Disturbance or None
-        Where there is neither name nor formula: .target and .share of what acts like a slow
-        disturbance from outside, if most of what is left does.
+        Where something is missing that the catalogue has no name for, what it depends on, and a
+        formula for it.
     candidates_ : tuple of Tried
         Every suspect, the best first: .effect, .target and .left, the share of the re-tuned
         prior's error power it leaves alone.
@@ -187,7 +182,8 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         max_causes=4,
         window_length=None,
         noise_std=None,
-        significance=3.0,
+        alpha=0.01,
+        smallest_share=0.05,
         hold="auto",
         substeps=None,
         time_column=None,
@@ -202,7 +198,8 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         self.max_causes = max_causes
         self.window_length = window_length
         self.noise_std = noise_std
-        self.significance = significance
+        self.alpha = alpha
+        self.smallest_share = smallest_share
         self.hold = hold
         self.substeps = substeps
         self.time_column = time_column
@@ -252,7 +249,7 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         """
         check_model(self.model)
         read_catalogue(self.catalogue)
-        _check_hold(self.hold)
+        _check_options(self.hold, self.alpha, self.smallest_share)
         check_targets(self.model, self.targets)
         _check_time_limit(self.time_limit)
         if y is None:
@@ -266,14 +263,14 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         check_records(self.model, records)
         self._single_output = np.asarray(y).ndim == 1
         self._forget()
-        names = [record.name for record in records]
-        best = _Best(Progress(self.progress, self.time_limit), names, whole)
+        said = self.model.simulation.get("hold") if self.hold == "auto" else self.hold
+        investigation = self._investigation(records)
         try:
-            self._investigate(records, best)
-            self._keep(best)
-            self._conclude(best)
+            investigation.run(hold_of(self.model, said), is_told=said is not None)
+            self._keep(investigation)
+            self._conclude(investigation, whole)
         except (Exception, KeyboardInterrupt) as error:
-            self._rescue(best, error)
+            self._rescue(investigation, error)
             raise
         self._warn_of_clocks(whole)
         return self
@@ -298,162 +295,123 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
             if name.endswith("_") and name not in ("n_features_in_", "feature_names_in_"):
                 delattr(self, name)
 
-    def _rescue(self, best: "_Best", error: BaseException) -> None:
-        """Keep the best so far where an error ends the fit."""
-        best.progress.end(_said(error))
-        with suppress(Exception):  # what has failed once may fail again: the first error is raised
-            if not hasattr(self, "verdict_"):
-                self._keep(best)
-            self.stopped_: str | None = best.progress.ended
-
-    def _investigate(self, records, best: "_Best") -> None:
-        """Search with inputs that run as the user says, or the model, or else the records."""
-        said = self.model.simulation.get("hold") if self.hold == "auto" else self.hold
-        ground = self._ground(records, hold_of(self.model, said), best)
-        best.found = found = self._search(ground, best)
-        with suppress(TimeIsUp):
-            if said is None and best.progress.ended is None:
-                best.progress.begin("inputs between samples")
-                if speaks_for_slopes(found.search.fitter, found.outcome.final):
-                    again = self._search(self._ground(records, "foh", best), best)
-                    best.found = min(found, again, key=_error)
-            self._further(best)
-
-    def _further(self, best: "_Best") -> None:
-        """Search again in longer windows what stays unexplained, if slow states are hidden."""
-        found = best.so_far()
-        little = _verdict(found) == "unexplained" and _explained(found) < 1.0 - UNEXPLAINED
-        if not little or self.window_length is not None or best.progress.ended:
-            return
-        best.progress.begin("longer windows")
-        further = look_further(found.search.fitter)
-        if further is not None:
-            best.found = max(found, self._search(further, best), key=_explained)
-
-    def _search(self, fitter: HypothesisFitter, best: "_Best") -> "_Found":
-        """Search the catalogue, and what it has no name for."""
-        suspects = possible_causes(self.model, read_catalogue(self.catalogue), self.targets)
-        rules = Rules(significance=self.significance, max_causes=self.max_causes)
-        beyond = Beyond()
-        shown = frozenset((SensorSaturation, output) for output in clipped_outputs(fitter.problem))
-        best.progress.begin("suspects")
-        best.search = search = Search(fitter, suspects, rules, beyond.is_enough, shown)
-        outcome, missing = search.run(), None
-        with suppress(TimeIsUp):
-            if best.progress.ended is None:
-                outcome, missing = beyond.judge(search, outcome)
-        return _Found(search, outcome, missing, beyond.fit)
-
-    def _ground(self, records, hold: str, best: "_Best") -> HypothesisFitter:
-        """Cut the records into windows, as long as the user or the records say."""
-        best.progress.begin("reading the records")
-        problem = build_problem(
+    def _investigation(self, records: tuple[Record, ...]) -> Investigation:
+        """Return the search, ready to run on records."""
+        catalogue = read_catalogue(self.catalogue)
+        return Investigation(
             self.model,
             records,
-            window_length=self.window_length,
-            noise_std=self.noise_std,
-            hold=hold,
-            substeps=self.substeps,
-            threads=effective_n_jobs(self.n_jobs),
+            possible_causes(self.model, catalogue, self.targets),
+            self.alpha,
+            self.smallest_share,
+            self.max_causes,
+            Progress(self.progress, self.time_limit),
+            {
+                "window_length": self.window_length,
+                "noise_std": self.noise_std,
+                "substeps": self.substeps,
+                "threads": effective_n_jobs(self.n_jobs),
+            },
         )
-        best.progress.begin("window length")
-        if self.window_length is None:
-            fitter = fit_window_length(problem, best.progress)
-        else:
-            fitter = HypothesisFitter(problem, best.progress)
-        check_prior(fitter, best.names)
-        return fitter
 
-    def _keep(self, best: "_Best") -> None:
+    def _rescue(self, investigation: Investigation, error: BaseException) -> None:
+        """Keep the best so far where an error ends the fit."""
+        investigation.progress.end(_said(error))
+        with suppress(Exception):  # what has failed once may fail again: the first error is raised
+            if not hasattr(self, "verdict_"):
+                self._keep(investigation)
+            self.stopped_: str | None = investigation.progress.ended
+
+    def _keep(self, investigation: Investigation) -> None:
         """Turn the best so far into learned attributes; the verdict, the last, says it is whole."""
-        best.progress.counts = False
-        best.progress.begin("held-out error")
-        found = best.so_far()
-        search, outcome = found.search, found.outcome
-        fitter, final = search.fitter, outcome.final
-        problem = fitter.problem
+        progress = investigation.progress
+        progress.counts = False
+        progress.begin("held-out error")
+        found = investigation.so_far()
+        fitter, result = found.search.fitter, found.result
+        problem, final = fitter.problem, result.final
         errors = parameter_errors(problem, final)
-        self.discrepancy_ = found.missing
-        self.causes_ = name_causes(fitter, outcome, search.judge.folds, errors)
-        self.gain_ = measure_gain(
-            fitter, outcome, search.judge.folds, np.random.default_rng(_seed(self.random_state))
-        )
+        self.discrepancy_ = found.proposal and describe(problem, found.proposal)
+        self.causes_ = name_causes(fitter, result, found.search.criterion, errors)
+        self.gain_ = measure_gain(fitter, result, _seed(self.random_state))
         self.parameters_ = retuned_parameters(problem, final.fit, errors)
-        self.refitted_model_ = as_judged(problem, outcome.base.fit)
+        self.refitted_model_ = as_judged(problem, result.base.fit)
         self.extended_model_ = as_judged(problem, final.fit)
         self.window_ = problem.scales.window
         self.substeps_, self.hold_ = problem.windows.substeps, problem.windows.hold
-        tried = [Tried(e.id, target, float(left)) for (e, target), left in outcome.tried.items()]
-        self.candidates_ = tuple(sorted(tried, key=lambda suspect: suspect.left))
-        self.records_ = keep_records(fitter, outcome, best.names)
+        tried = [Tried(c.id, c.target, float(left)) for c, left in result.alone.items()]
+        self.candidates_ = tuple(sorted(tried, key=lambda candidate: candidate.left))
+        names = [record.name for record in investigation.records]
+        self.records_ = keep_records(fitter, result.base, final, names)
         self.initial_states_ = self.records_.starts
         self.free_run_ = free_run_errors(self.records_)
-        self.disturbance_: Disturbance | None = None
         self.data_quality_: tuple[Finding, ...] = ()
         self.separations_: tuple[Separation, ...] = ()
-        self.unusable_, self.complete_ = fitter.unusable, outcome.complete
-        self.stopped_ = best.progress.ended
-        self.verdict_ = _verdict(found)  # the last: it says that all is there
+        self.unusable_, self.complete_ = fitter.unusable, result.complete
+        self.stopped_ = progress.ended
+        self.remaining_ = found.remaining
+        self.verdict_ = found.verdict  # the last: it says that all is there
 
-    def _conclude(self, best: "_Best") -> None:
+    def _conclude(self, investigation: Investigation, whole: tuple[Record, ...]) -> None:
         """Find what else there is to say, as far as the time allows."""
-        progress, ledger = best.progress, best.so_far().search.fitter.ledger
+        progress, found = investigation.progress, investigation.so_far()
+        ledger = found.search.fitter.ledger
         progress.counts = True
         with suppress(TimeIsUp):
             for stage, what in (
-                ("disturbance from outside", self._find_disturbance),
-                ("quality of the records", self._check_data_quality),
-                ("experiments that separate", self._separate),
+                ("quality of the records", lambda: self._check_data_quality(found, whole)),
+                ("experiments that separate", lambda: self._separate(progress)),
             ):
                 if progress.ended is None:
                     progress.begin(stage)
                     with ledger.spare(stage, stage, ""):
-                        what(best)
+                        what()
         self.unusable_, self.stopped_ = ledger.entries(), progress.ended
 
-    def _find_disturbance(self, best: "_Best") -> None:
-        if self.verdict_ == "unexplained" and self.discrepancy_ is None:
-            found = best.so_far()
-            self.disturbance_ = find_disturbance(found.search.judge, found.outcome.final)
-
-    def _check_data_quality(self, best: "_Best") -> None:
-        search, outcome, _, formula = best.so_far()
+    def _check_data_quality(self, found: Findings, whole: tuple[Record, ...]) -> None:
+        result, formula = found.result, found.proposal and found.proposal.trial.fit
         self.data_quality_ = check_data_quality(
-            search.fitter.problem,
-            best.names,
-            best.whole,
-            outcome.base.fit,
-            outcome.final.fit,
+            found.search.fitter.problem,
+            list(self.records_.names),
+            whole,
+            result.base.fit,
+            result.final.fit,
             formula,
         )
 
-    def _separate(self, best: "_Best") -> None:
+    def _separate(self, progress: Progress) -> None:
         """Tell every cause from those that are the same, and from the first that is not."""
         for cause in self.causes_:
             mine, others = self._cause(cause), cause.confused_with
             same = [o for o in others if are_same(self.records_, mine, self._cause(o))]
             rest = [other for other in others if other not in same]
             for other in [*same, *rest[:1]]:
-                theirs, tick = self._cause(other), best.progress.tick
-                whole = separate(self.records_, mine, theirs, each_step=tick)
+                theirs, tick = self._cause(other), progress.tick
+                whole = separate(self.records_, mine, theirs, self._criterion(), each_step=tick)
                 shown = replace(whole, experiments=whole.experiments[:SHOWN])
                 self.separations_ = (*self.separations_, shown)
-                best.progress.step()
+                progress.step()
         self.causes_ = tuple(self._with_equivalent(cause) for cause in self.causes_)
+
+    def _criterion(self) -> SelectionCriterion:
+        """Return the rule by which this diagnosis names causes."""
+        candidates = possible_causes(self.model, read_catalogue(self.catalogue), self.targets)
+        return SelectionCriterion(self.alpha, self.smallest_share, len(candidates))
 
     def _with_equivalent(self, cause: NamedCause) -> NamedCause:
         """Note which causes are the same as one, so that no record tells them apart."""
         mine = Candidate(cause.effect, cause.target)
         same = {f.other for f in self.separations_ if f.cause == mine and f.equivalent}
-        return replace(cause, equivalent=tuple(o for o in cause.confused_with if o in same))
+        equivalent = (Candidate(o.effect, o.target) for o in cause.confused_with)
+        return replace(cause, equivalent=tuple(o for o in equivalent if o in same))
 
-    def _cause(self, named) -> Cause:
-        """Give an effect's class and its target for what names them."""
+    def _cause(self, named) -> Effect:
+        """Return the effect of the catalogue that is named by its id and target."""
         effect, target = (named.effect, named.target) if hasattr(named, "effect") else named
         catalogue = read_catalogue(self.catalogue)
         for kind in catalogue:
             if effect in (kind, kind.id):
-                return kind, target
+                return kind(target)
         raise ValueError(
             f"cause: expected an effect of the catalogue "
             f"({', '.join(kind.id for kind in catalogue)}), got {effect!r}."
@@ -499,8 +457,9 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
                     "target": cause.target,
                     "parameters": {k: plain(v) for k, v in cause.parameters.items()},
                     "gain_percent": cause.gain,
+                    "probability": cause.probability,
                     "confused_with": [
-                        {**plain(other), "equivalent": other in cause.equivalent}
+                        {**plain(other), "equivalent": other[:2] in cause.equivalent}
                         for other in cause.confused_with
                     ],
                 }
@@ -515,7 +474,7 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
             "free_run": {name: plain(error) for name, error in self.free_run_.items()},
             "initial_states": self._named_starts(),
             "unexplained": None if self.discrepancy_ is None else self.discrepancy_.to_dict(),
-            "disturbance": None if self.disturbance_ is None else plain(self.disturbance_),
+            "remaining": plain(self.remaining_),
             "unusable": [plain(suspect) for suspect in self.unusable_],
             "stopped": self.stopped_,
             "complete": self.complete_,
@@ -608,13 +567,12 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         check_is_fitted(self)
         check_targets(self.model, targets)
         _check_detectability(power, noise)
-        rules = Rules(significance=self.significance, max_causes=self.max_causes)
-        seed = _seed(random_state)
-        bench = Bench(self.records_, noise == "white", rules, int(n_repeats), seed)
+        seed, white = _seed(random_state), noise == "white"
+        analysis = PowerAnalysis(self.records_, white, self._criterion(), int(n_repeats), seed)
         catalogue = read_catalogue(self.catalogue if effects is None else effects)
-        rows = detect_all(bench, possible_causes(self.model, catalogue, targets), power)
+        rows = detect_all(analysis, possible_causes(self.model, catalogue, targets), power)
         if verify:
-            rows = tuple(verified(self, bench, row, catalogue) for row in rows)
+            rows = tuple(verified(self, analysis, row, catalogue) for row in rows)
         return Detectability(rows, float(power), tuple(map(float, sizes)))
 
     def separating_experiment(self, cause=None, other=None, *, reach=1.0):
@@ -666,18 +624,18 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
             raise ValueError("cause: expected a cause, but the diagnosis names none.")
         mine = self._cause(self.causes_[0] if cause is None else cause)
         if mine not in causes:
-            named = ", ".join(f"{kind.id} of {target}" for kind, target in causes) or "nothing"
+            named = ", ".join(f"{each.id} of {each.target}" for each in causes) or "nothing"
             raise ValueError(
-                f"cause: expected one that was named ({named}), got {mine[0].id} of {mine[1]}."
+                f"cause: expected one that was named ({named}), got {mine.id} of {mine.target}."
             )
         confused = causes[mine].confused_with
         if other is None and not confused:
             raise ValueError(
-                f"other: expected a cause, got none, and {mine[0].id} of {mine[1]} is confused "
+                f"other: expected a cause, got none, and {mine.id} of {mine.target} is confused "
                 f"with nothing. Remedy: name the cause to tell it from."
             )
         theirs = self._cause(confused[0] if other is None else other)
-        return separate(self.records_, mine, theirs, reach)
+        return separate(self.records_, mine, theirs, self._criterion(), reach)
 
     def plot(self):
         """Draw measured against prior and extended simulation.
@@ -690,76 +648,10 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         return reading("plot_diagnosis")(self)
 
 
-class _Found(NamedTuple):
-    """A search, what it found, what has no name, and the fit of a formula for that."""
-
-    search: Search
-    outcome: Outcome
-    missing: MissingPart | None
-    formula: WindowFit | None
-
-
-@dataclass
-class _Best:
-    """The best result so far, for an end that comes early.
-
-    Parameters
-    ----------
-    progress : Progress
-        Where the diagnosis stands.
-    names : list of str
-        What the records are called.
-    whole : tuple of Record
-        The records as they were given, gaps included.
-    found : _Found, optional
-        What a search has found that came to its end.
-    search : Search, optional
-        The search that runs, or the last.
-    """
-
-    progress: Progress
-    names: list[str]
-    whole: tuple[Record, ...]
-    found: _Found | None = None
-    search: Search | None = None
-
-    def so_far(self) -> _Found:
-        """Return what was found, by a search that did not come to its end if there is no other."""
-        if self.found is None:
-            if self.search is None:
-                raise LookupError("no search has begun")
-            self.found = _Found(self.search, self.search.so_far(), None, None)
-        return self.found
-
-
-def _verdict(found: _Found) -> str:
-    """Say in a word what a search came to."""
-    judge, outcome = found.search.judge, found.outcome
-    if found.missing is not None:
-        return "unexplained"
-    left, before = judge.excess(outcome.final), judge.excess(outcome.base)
-    if not outcome.steps:
-        enough = left < judge.rules.share * outcome.base.squares
-        return "model_adequate" if enough else "unexplained"
-    if left > UNEXPLAINED * before:
-        return "unexplained"
-    return "ambiguous" if any(outcome.alternatives.values()) else "cause_named"
-
-
-def _explained(found: _Found) -> float:
-    """Give the share of the error above the noise that causes, and a formula, explain."""
-    judge, outcome = found.search.judge, found.outcome
-    before = judge.excess(outcome.base)
-    last = outcome.final if found.formula is None else Trial(Hypothesis(), found.formula)
-    return 1.0 - judge.excess(last) / before if before > 0 else 0.0
-
-
-def _error(found: _Found) -> float:
-    """Give what the causes leave, a sample."""
-    return found.outcome.final.squares / found.search.fitter.problem.n_samples
-
-
-def _check_hold(hold) -> None:
+def _check_options(hold, alpha, smallest_share) -> None:
+    for name, value in (("alpha", alpha), ("smallest_share", smallest_share)):
+        if not (isinstance(value, Real) and 0 < float(value) < 1):
+            raise OptionError(f"{name}: expected a number between 0 and 1, got {value!r}.")
     if hold not in ("auto", *HOLDS):
         raise OptionError(f"hold: expected one of auto, {', '.join(HOLDS)}, got {hold!r}.")
 

@@ -6,9 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sklearn_pgnn.diagnosis.search import Outcome
-from sklearn_pgnn.estimation.fitting import HypothesisFitter, Trial, block_squares
-from sklearn_pgnn.estimation.hypothesis import Cause, held_freedoms
+from sklearn_pgnn.diagnosis.search import SearchResult
+from sklearn_pgnn.estimation.criterion import HeldOut, Residuals, SelectionCriterion
+from sklearn_pgnn.estimation.fitting import FittedHypothesis, HypothesisFitter, block_squares
+from sklearn_pgnn.estimation.hypothesis import held_freedoms
 from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.simulation.uncertainty import (
     Estimate,
@@ -34,6 +35,24 @@ class Candidate(NamedTuple):
 
     effect: str
     target: str
+
+
+class Rival(NamedTuple):
+    """A candidate that may stand in a cause's place.
+
+    Parameters
+    ----------
+    effect : str
+        Id of the effect in the catalogue.
+    target : str
+        What it acts on.
+    probability : float
+        Probability that it is the cause.
+    """
+
+    effect: str
+    target: str
+    probability: float
 
 
 class Tried(NamedTuple):
@@ -68,22 +87,25 @@ class NamedCause:
         Its physical parameters.
     gain : float
         By how much it lowers the held-out error of the model without it [%].
-    confused_with : tuple of Candidate
-        Causes that explain the records as well in its place.
+    confused_with : tuple of Rival
+        Candidates that the records do not refute in its place, with their probabilities.
     summary, check : str
         What it is, and how to check it on the rig.
     equivalent : tuple of Candidate
         Those among `confused_with` that are the same in the equations: no record separates them.
+    probability : float
+        Probability that it is the cause, rather than another one of the catalogue or none.
     """
 
     effect: str
     target: str
     parameters: dict[str, Estimate]
     gain: float
-    confused_with: tuple[Candidate, ...]
+    confused_with: tuple[Rival, ...]
     summary: str = ""
     check: str = ""
     equivalent: tuple[Candidate, ...] = ()
+    probability: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -123,6 +145,9 @@ class Gain:
         95 % interval from resampled windows.
     unit : str
         Unit of the errors.
+    free_run_refitted, free_run_extended : float
+        Root mean square error in free run, over records that the parameters have not seen, or
+        over the stretches that were held out.
     """
 
     prior: float
@@ -133,9 +158,11 @@ class Gain:
     low: float
     high: float
     unit: str = ""
+    free_run_refitted: float = math.nan
+    free_run_extended: float = math.nan
 
 
-def parameter_errors(problem: EstimationProblem, trial: Trial) -> dict[str, float]:
+def parameter_errors(problem: EstimationProblem, trial: FittedHypothesis) -> dict[str, float]:
     """Give the parameters' standard errors, with what comes from those that causes hold."""
     fit, estimate = trial.fit, problem.states.estimate(trial.fit.model)
     expected = estimate.x[problem.windows.starts], estimate.spread
@@ -147,30 +174,37 @@ def parameter_errors(problem: EstimationProblem, trial: Trial) -> dict[str, floa
 
 
 def name_causes(
-    fitter: HypothesisFitter, outcome: Outcome, folds, errors
+    fitter: HypothesisFitter, result: SearchResult, criterion: SelectionCriterion, errors
 ) -> tuple[NamedCause, ...]:
     """Describe the causes of the accepted hypothesis, the most telling first."""
-    causes, before = [], outcome.base
-    for step in outcome.steps:
+    causes, before = [], result.base
+    for step in result.steps:
         cause = step.hypothesis.causes[-1]
+        without, with_ = fitter.held_out(before), fitter.held_out(step)
+        rivals = result.rivals[cause]
+        evidence = [value for _, value in rivals] + [criterion.evidence(without, with_)]
+        mine, *theirs, _ = criterion.probabilities(evidence)
         causes.append(
             NamedCause(
-                effect=cause[0].id,
-                target=cause[1],
-                parameters=_estimates(fitter.problem, outcome.final, cause, errors),
-                gain=_gain_percent(fitter, before, step, folds),
-                confused_with=tuple(Candidate(e.id, t) for e, t in outcome.alternatives[cause]),
-                summary=cause[0].summary,
-                check=cause[0].check,
+                effect=cause.id,
+                target=cause.target,
+                parameters=_estimates(fitter.problem, result.final, cause, errors),
+                gain=_gain_percent(without, with_),
+                confused_with=tuple(
+                    Rival(other.id, other.target, float(chance))
+                    for (other, _), chance in zip(rivals, theirs, strict=True)
+                ),
+                summary=cause.summary,
+                check=cause.check,
+                probability=float(mine),
             )
         )
         before = step
     return tuple(causes)
 
 
-def _estimates(problem, trial: Trial, cause: Cause, errors) -> dict[str, Estimate]:
-    effect, target = cause
-    names = effect(target).names()
+def _estimates(problem, trial: FittedHypothesis, cause, errors) -> dict[str, Estimate]:
+    names = cause.names()
     taken = trial.hypothesis.taken_over(cause)
     return {
         field: estimate_of(trial.fit.model, name, errors)
@@ -179,9 +213,8 @@ def _estimates(problem, trial: Trial, cause: Cause, errors) -> dict[str, Estimat
     }
 
 
-def _gain_percent(fitter, before: Trial, after: Trial, folds) -> float:
-    worse = fitter.held_out(before, folds).sum()
-    better = fitter.held_out(after, folds).sum()
+def _gain_percent(without: HeldOut, with_: HeldOut) -> float:
+    worse, better = without.windows.squares.sum(), with_.windows.squares.sum()
     if not np.isfinite(worse):  # without it the records cannot be followed at all
         return 100.0 if np.isfinite(better) else np.nan
     return float(100.0 * (1.0 - np.sqrt(better / worse)))
@@ -201,26 +234,19 @@ def retuned_parameters(
     return table
 
 
-def measure_gain(
-    fitter: HypothesisFitter, outcome: Outcome, folds, random_state
-) -> dict[str, Gain]:
-    """Measure what re-tuning and extending are worth on held-out windows."""
-    problem = fitter.problem
+def measure_gain(fitter: HypothesisFitter, result: SearchResult, seed: int) -> dict[str, Gain]:
+    """Measure what re-tuning and extending are worth on held-out windows and in free run."""
+    problem, rng = fitter.problem, np.random.default_rng(seed)
     windows = problem.windows
     counts = windows.sum_blocks(np.isfinite(windows.y).astype(float)).sum(axis=1)
-    squares = {
-        which: found.sum(axis=1)
-        for which, found in {
-            "prior": block_squares(problem, fitter.prior),
-            "refitted": fitter.held_out(outcome.base, folds),
-            "extended": fitter.held_out(outcome.final, folds),
-        }.items()
-    }
-    draws = random_state.integers(0, len(counts), (RESAMPLINGS, len(counts)))
+    held_out = {"refitted": fitter.held_out(result.base), "extended": fitter.held_out(result.final)}
+    squares = {"prior": block_squares(problem, fitter.prior).sum(axis=1)}
+    squares |= {which: found.block_squares.sum(axis=1) for which, found in held_out.items()}
+    white = np.sqrt(fitter.white_squares(result.final) / np.maximum(counts.sum(axis=0), 1))
+    draws = rng.integers(0, len(counts), (RESAMPLINGS, len(counts)))
     gains = {}
     for i, output in enumerate(problem.prior.outputs):
-        scale = problem.windows.scale[i]
-        noise = float(outcome.noise[i])
+        scale, noise = windows.scale[i], float(white[i])
 
         def power(which, rows, i=i):
             measured = counts[rows, i].sum(axis=-1)
@@ -231,6 +257,7 @@ def measure_gain(
         shares = explained_share(power("prior", draws), power("extended", draws), noise)
         low, high = np.nanpercentile(shares, [2.5, 97.5])  # some draws may have measured nothing
         errors = {which: float(scale * np.sqrt(power(which, whole))) for which in squares}
+        runs = {f"free_run_{which}": _rms(h.free_run, i, scale) for which, h in held_out.items()}
         gains[output] = Gain(
             **errors,
             noise=float(scale * noise),
@@ -238,8 +265,14 @@ def measure_gain(
             low=float(low),
             high=float(high),
             unit=problem.prior.unit(output),
+            **runs,
         )
     return gains
+
+
+def _rms(residuals: Residuals, output: int, scale: float) -> float:
+    count = max(residuals.counts[output], 1.0)
+    return float(scale * np.sqrt(residuals.squares[output] / count))
 
 
 def explained_share(before, after, noise):

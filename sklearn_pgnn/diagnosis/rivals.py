@@ -28,9 +28,9 @@ def find_rivals(search, final: FittedHypothesis, cause: Effect) -> list[tuple[Ef
     for trial in search.in_place(final, cause):
         (other,) = set(trial.hypothesis.causes) - set(final.hypothesis.causes)
         evidence = search.evidence(trial, final)
-        if count_parameters(other) <= count_parameters(cause):
-            if evidence <= search.criterion.to_refute:
-                found[other] = evidence
+        simple = count_parameters(other) <= count_parameters(cause)
+        if simple and evidence <= search.criterion.to_refute:
+            found[other] = evidence
     problem, rest = search.fitter.problem, final.hypothesis.without(cause)
     for other in search.candidates:
         if rest.allows(other) and resemble(problem, final.fit.model, cause, other):

@@ -43,8 +43,6 @@ class SearchResult:
         over each.
     alone : dict
         The share of the re-tuned prior's squares that every candidate leaves alone.
-    has_structure : bool
-        Whether what the causes leave depends on what was recorded, as far as that was asked.
     complete : bool, default=True
         Whether the search came to its end.
     """
@@ -136,7 +134,7 @@ class Search:
     def _moves(self, current: FittedHypothesis) -> Iterator[Move]:
         """Yield the moves, the cheap ones first."""
         count = len(current.hypothesis.causes)
-        room = self.max_causes - count if self._is_nameable(current) else 0
+        room = self.max_causes - count if self.is_nameable(current) else 0
         if count > 1:
             yield self._drop
         if room >= 1:
@@ -149,7 +147,7 @@ class Search:
             if room >= 2:
                 yield self._add_pair
 
-    def _is_nameable(self, trial: FittedHypothesis) -> bool:
+    def is_nameable(self, trial: FittedHypothesis) -> bool:
         """Return whether more than white noise is left, by the smallest share worth a name."""
         left = self.fitter.held_out(trial).windows
         white = self.fitter.white_squares(trial)
@@ -294,10 +292,12 @@ class Search:
     # -- the criterion -------------------------------------------------------------------------
 
     def evidence(self, without: FittedHypothesis, with_: FittedHypothesis) -> float:
+        """Return the evidence for the second of two hypotheses over the first."""
         held_out = self.fitter.held_out
         return self.criterion.evidence(held_out(without), held_out(with_))
 
     def refutes(self, better: FittedHypothesis, worse: FittedHypothesis) -> bool:
+        """Return whether the second of two hypotheses is refuted by the first."""
         return self.evidence(worse, better) > self.criterion.to_refute
 
     def _names(self, without, with_, n_causes=1) -> bool:

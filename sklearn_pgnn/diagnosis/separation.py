@@ -10,11 +10,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sklearn_pgnn.diagnosis.judge import NOTICED
-from sklearn_pgnn.estimation.fitted_records import DiagnosisRecords, FittedWindows
 from sklearn_pgnn.diagnosis.result import Candidate, plain
+from sklearn_pgnn.estimation.criterion import SelectionCriterion
 from sklearn_pgnn.estimation.equivalence import are_equivalent
-from sklearn_pgnn.estimation.hypothesis import Cause, Hypothesis, freedoms, held_by, resemble
+from sklearn_pgnn.estimation.fitted_records import DiagnosisRecords, FittedWindows
+from sklearn_pgnn.estimation.hypothesis import Hypothesis, freedoms, held_by, resemble
+from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.simulation.record_windows import cut
 from sklearn_pgnn.simulation.state_estimate import free_run
 from sklearn_pgnn.simulation.window_fit import fit_windows
@@ -177,14 +178,14 @@ def _designs(records: DiagnosisRecords, reach: float):
 # -- models ----------------------------------------------------------------------------------------
 
 
-def swap(records: DiagnosisRecords, old: Cause, new: Cause, each_step: Callable[[], None] | None):
+def swap(records: DiagnosisRecords, old: Effect, new: Effect, each_step: Callable[[], None] | None):
     """Fit the model with one cause in the place of another.
 
     Parameters
     ----------
     records : DiagnosisRecords
         The records and the fits.
-    old, new : (effect class, target)
+    old, new : Effect
         The cause to take out and the one to put in.
     each_step : callable or None
         See `fit_windows`.
@@ -212,7 +213,7 @@ def swap(records: DiagnosisRecords, old: Cause, new: Cause, each_step: Callable[
             each_step=each_step,
         )
 
-    starts = new[0].starts(new[1], prior, problem.scales)
+    starts = new.proposals(prior, problem.scales)
     looks = [fit(_extend(records, hypothesis.order, start, held), LOOK) for start in starts]
     looks.sort(key=lambda look: look.objective)
     best = min((fit(look.model) for look in looks[:FOLLOWED]), key=lambda each: each.objective)
@@ -223,9 +224,9 @@ def _extend(records, causes, start=None, held=frozenset()):
     """Extend the prior by causes: a new one at its start, the others at fitted values."""
     problem = records.problem
     model = problem.prior
-    for effect, target in causes:
-        own = effect.starts(target, problem.prior, problem.scales)[0]
-        is_new = start is not None and (effect.id, target) == (start.id, start.target)
+    for cause in causes:
+        own = cause.proposals(problem.prior, problem.scales)[0]
+        is_new = start is not None and (cause.id, cause.target) == (start.id, start.target)
         model = (start if is_new else own).apply(model)
     new = set() if start is None else set(start.names().values())
     fresh = held | (new - set(problem.prior.parameters))
@@ -267,14 +268,14 @@ def _beyond(records, y) -> bool:
 # -- together --------------------------------------------------------------------------------------
 
 
-def are_same(records: DiagnosisRecords, cause: Cause, other: Cause) -> bool:
+def are_same(records: DiagnosisRecords, cause: Effect, other: Effect) -> bool:
     """Tell whether two causes are equivalent in the equations, beside the other causes.
 
     Parameters
     ----------
     records : DiagnosisRecords
         The records and the fits.
-    cause, other : (effect class, target)
+    cause, other : Effect
         The causes.
 
     Returns
@@ -288,8 +289,9 @@ def are_same(records: DiagnosisRecords, cause: Cause, other: Cause) -> bool:
 
 def separate(
     records: DiagnosisRecords,
-    cause: Cause,
-    other: Cause,
+    cause: Effect,
+    other: Effect,
+    criterion: SelectionCriterion,
     reach: float = 1.0,
     each_step: Callable[[], None] | None = None,
 ) -> Separation:
@@ -299,8 +301,10 @@ def separate(
     ----------
     records : DiagnosisRecords
         The records and the fits.
-    cause, other : (effect class, target)
+    cause, other : Effect
         The cause that was named and the one that does as well.
+    criterion : SelectionCriterion
+        The rule by which one of two causes is refuted.
     reach : float, default=1
         Largest amplitude, as a multiple of the records'.
     each_step : callable, optional
@@ -311,20 +315,21 @@ def separate(
     Separation
         The experiments, the most telling first.
     """
-    pair = Candidate(cause[0].id, cause[1]), Candidate(other[0].id, other[1])
+    pair = Candidate(cause.id, cause.target), Candidate(other.id, other.target)
     if are_same(records, cause, other):
         return Separation(*pair, equivalent=True)
     if resemble(records.problem, records.fits["extended"].model, cause, other):
         return Separation(*pair, equivalent=False)
-    found, same = _try_all(records, swap(records, cause, other, each_step), reach, each_step)
-    nested = cause[0].id in other[0].generalises or other[0].id in cause[0].generalises
+    second = swap(records, cause, other, each_step)
+    found, same = _try_all(records, second, criterion, reach, each_step)
+    nested = cause.id in other.generalises or other.id in cause.generalises
     if found and same and not nested:
         return Separation(*pair, equivalent=True)
     return Separation(*pair, equivalent=False, experiments=found)
 
 
 def _try_all(
-    records, second: FittedWindows, reach, each_step
+    records, second: FittedWindows, criterion: SelectionCriterion, reach, each_step
 ) -> tuple[tuple[Experiment, ...], bool]:
     """Rank the experiments, and tell whether each model imitates the other in all of them."""
     first = records.fits["extended"]
@@ -337,13 +342,13 @@ def _try_all(
         whole = [run for run in runs if run is not None and np.isfinite(run[0]).all()]
         if len(whole) == 2:
             squares = min((run[0] / noise for run in whole), key=np.sum)
-            found.append(_told(records, design, t, squares, whole[0][1]))
+            found.append(_told(records, criterion, design, t, squares, whole[0][1]))
             largest = max(largest, *(run[0].sum() / (noise * t.size) for run in whole))
     found.sort(key=lambda each: (each.repeats, -each.evidence))
     return tuple(found), bool(largest < SAME**2)
 
 
-def _told(records, design, t, squares, reached) -> Experiment:
+def _told(records, criterion, design, t, squares, reached) -> Experiment:
     name, excitation, amplitude, offset = design
     return Experiment(
         input=name,
@@ -356,27 +361,23 @@ def _told(records, design, t, squares, reached) -> Experiment:
         reached=reached,
         difference=float(np.sqrt(squares.sum() / (t.size * records.windows.y.shape[1]))),
         evidence=float(np.sqrt(squares.sum())),
-        repeats=_repeats(records.windows, squares, t.size / squares.size),
+        repeats=_repeats(records.problem.n_samples, squares, t.size, criterion.to_refute),
     )
 
 
-def _repeats(windows, squares: np.ndarray, samples: float) -> float:
-    """Count how often an experiment must be recorded until the diagnosis tells two causes apart.
+def _repeats(n_old: int, squares: np.ndarray, n_new: int, evidence: float) -> float:
+    r"""Count how often an experiment must be recorded until one of two causes is refuted.
 
-    The blocks of the old records, which the two explain alike, count beside those of the new.
+    The old records, which the two explain alike, count beside the new ones,
+    :math:`\Lambda = \tfrac{n}{2} \log(S_0/S_1)` over both.
     """
-    rng = np.random.default_rng(0)
-    alike = len(windows) * windows.blocks
+    rng, size = np.random.default_rng(0), np.sqrt(squares.sum())
     for count in range(1, REPEATS + 1):
-        size = np.tile(np.sqrt(squares), count)
-        shape = (DRAWS, size.size)
-        across = rng.chisquare(max(samples * windows.y.shape[1] - 1, 1), shape)
-        error = rng.standard_normal(shape)
-        worse, better = across + (size + error) ** 2, across + error**2
-        fall = np.column_stack([np.sqrt(worse) - np.sqrt(better), np.zeros((DRAWS, alike))])
-        sigma = fall.std(axis=1, ddof=1) / np.sqrt(fall.shape[1])
-        told = (fall.mean(axis=1) > NOTICED * sigma) & ((worse - better).sum(axis=1) > NOTICED**2)
-        if told.mean() >= POWER:
+        n = n_old + count * n_new
+        nearer = rng.chisquare(max(n - 1, 1), DRAWS)
+        error = rng.standard_normal(DRAWS)
+        ratio = (nearer + (np.sqrt(count) * size + error) ** 2) / (nearer + error**2)
+        if np.mean(n / 2 * np.log(ratio) > evidence) >= POWER:
             return float(count)
     return float("inf")
 

@@ -13,9 +13,10 @@ from itertools import pairwise
 import numpy as np
 from scipy.stats import t as student
 from sklearn.ensemble import HistGradientBoostingRegressor
+from threadpoolctl import threadpool_limits
 
-from sklearn_pgnn.estimation.fitting import FittedHypothesis
 from sklearn_pgnn.estimation.fitted_records import record_starts
+from sklearn_pgnn.estimation.fitting import FittedHypothesis
 from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.simulation.state_estimate import free_run
 
@@ -23,7 +24,9 @@ from sklearn_pgnn.simulation.state_estimate import free_run
 LAGS = (0.0, 1 / 8, 1 / 3, 1.0)
 #: samples that are predicted, trees that are grown, and groups of records or stretches that are
 #: held out, a fold each: more cost time
-SAMPLES, TREES, GROUPS = 6000, 100, 8
+SAMPLES, TREES, GROUPS = 6000, 50, 8
+#: leaves of a tree: more see finer structure and take longer
+LEAVES = 15
 #: what the time since a window began, and since a record began, are called
 IN_WINDOW, IN_RECORD = "time in window", "time"
 
@@ -52,7 +55,6 @@ def find_structure(
     trial: FittedHypothesis,
     alpha: float,
     smallest_share: float,
-    explain: bool = False,
 ) -> Structure:
     r"""Ask whether what a hypothesis leaves can be predicted from what was recorded.
 
@@ -69,8 +71,6 @@ def find_structure(
         Rate at which noise is taken for structure.
     smallest_share : float
         Smallest predicted share that counts.
-    explain : bool, default=False
-        Whether to find what it depends on, which takes longer.
 
     Returns
     -------
@@ -81,14 +81,14 @@ def find_structure(
     skill, significant, depends = {}, False, {}
     level = alpha / len(problem.prior.outputs)
     for column, output in enumerate(problem.prior.outputs):
-        predictions = list(table.predictions(column))
+        with threadpool_limits(1):  # many small trees: threads would wait for each other
+            predictions = list(table.predictions(column))
         shares = np.array([share for share, _, _ in predictions])
         skill[output] = float(shares.mean()) if shares.size else 0.0
         if _is_positive(shares, level) and skill[output] >= smallest_share:
             significant = True
-            if explain:
-                for name, lost in table.importance(column, predictions).items():
-                    depends[name] = max(depends.get(name, 0.0), lost / skill[output])
+            for name, lost in table.importance(column, predictions).items():
+                depends[name] = max(depends.get(name, 0.0), lost / skill[output])
     telling = [name for name, lost in depends.items() if lost >= smallest_share]
     return Structure(skill, significant, tuple(sorted(telling, key=lambda n: -depends[n])))
 
@@ -139,7 +139,7 @@ class _Table:
             _groups(record, rows),
         )
 
-    def predictions(self, column: int) -> Iterator[tuple[float, "HistGradientBoostingRegressor", np.ndarray]]:
+    def predictions(self, column: int) -> Iterator[tuple]:
         """Yield, group by group, the share that is predicted, the trees and the group's rows."""
         y = self.residual[:, column]
         known = np.isfinite(y)
@@ -147,7 +147,9 @@ class _Table:
             inside, outside = known & (self.group == group), known & (self.group != group)
             if not outside.any() or not np.var(y[inside]) > 0:
                 continue
-            trees = HistGradientBoostingRegressor(max_iter=TREES, random_state=0)
+            trees = HistGradientBoostingRegressor(
+                max_iter=TREES, max_leaf_nodes=LEAVES, random_state=0
+            )
             trees.fit(self.features[outside], y[outside])
             yield self._share(trees, self.features[inside], y[inside]), trees, inside
 

@@ -183,7 +183,9 @@ def propose(
     ]
     fitted = [(formula, _fit(problem, base, formula, each_step)) for formula in formulas]
     return [
-        Proposal(hidden, _at_fit(formula, fit), FittedHypothesis(base.hypothesis.plus(formula), fit))
+        Proposal(
+            hidden, _at_fit(formula, fit), FittedHypothesis(base.hypothesis.plus(formula), fit)
+        )
         for formula, fit in fitted
         if fit.usable
     ]

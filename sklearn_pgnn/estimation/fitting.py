@@ -261,6 +261,11 @@ class HypothesisFitter:
         self.subsample(trial)
         return self.fit_all(self._derive(self.subsample(better), trial.hypothesis), better)
 
+    def refit(self, trial: FittedHypothesis) -> FittedHypothesis:
+        """Fit a hypothesis that was fitted on another problem, from its numbers."""
+        self._keep(self._fit(trial.hypothesis, trial.fit.model, trial))
+        return FittedHypothesis(trial.hypothesis, self._trials[self.key(trial.hypothesis)].fit)
+
     def polish(self, trial: FittedHypothesis) -> FittedHypothesis:
         """Fit a hypothesis on to its minimum, also along directions that records hardly see."""
         model, start = trial.fit.model, self._start(trial.fit.model)
@@ -326,9 +331,13 @@ class HypothesisFitter:
     def first_fit(self, subsample: SubsampleFit, cause: Effect) -> SubsampleFit:
         """Take a first look at one more cause, from the best of the effect's starts and places."""
         orders = self.orders(subsample.hypothesis, cause)
-        return min((self._first_fit_of(subsample, order, cause) for order in orders), key=objective_of)
+        return min(
+            (self._first_fit_of(subsample, order, cause) for order in orders), key=objective_of
+        )
 
-    def _first_fit_of(self, subsample: SubsampleFit, hypothesis: Hypothesis, cause: Effect) -> SubsampleFit:
+    def _first_fit_of(
+        self, subsample: SubsampleFit, hypothesis: Hypothesis, cause: Effect
+    ) -> SubsampleFit:
         key = self.key(hypothesis)
         if key not in self._subsamples:
             ground = subsample.fit
@@ -416,7 +425,9 @@ class HypothesisFitter:
         zero = {cause.names()[name]: 0.0 for name in hypothesis.taken_over(cause)}
         return self._derive(subsample, hypothesis, **zero)
 
-    def exchange(self, subsample: SubsampleFit, cause: Effect, others: list[Effect]) -> SubsampleFit:
+    def exchange(
+        self, subsample: SubsampleFit, cause: Effect, others: list[Effect]
+    ) -> SubsampleFit:
         """SubsampleFit a hypothesis with some causes in the place of one."""
         hypothesis = subsample.hypothesis.without(cause)
         for place, other in enumerate(others, subsample.hypothesis.order.index(cause)):

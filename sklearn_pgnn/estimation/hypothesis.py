@@ -218,7 +218,9 @@ def same_parameter(model: PhysicsModel, effect: Effect) -> str | None:
     return next((name for name, values in theirs.items() if _proportional(mine, values)), None)
 
 
-def same_causes(model: PhysicsModel, causes: tuple[Effect, ...]) -> dict[Effect, tuple[Effect, ...]]:
+def same_causes(
+    model: PhysicsModel, causes: tuple[Effect, ...]
+) -> dict[Effect, tuple[Effect, ...]]:
     r"""Sort causes into classes that no record can tell apart.
 
     Two effects with a single parameter each, :math:`q` and :math:`q'`, are the same if

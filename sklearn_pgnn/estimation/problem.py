@@ -1,5 +1,6 @@
 """What a diagnosis works on: windows, estimated states and the scales of the signals."""
 
+from copy import copy
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -166,6 +167,26 @@ def recut(problem: EstimationProblem, length: float) -> EstimationProblem | None
         windows=replace(windows, blocks=blocks),
         scales=replace(problem.scales, window=length),
     )
+
+
+def with_hold(problem: EstimationProblem, hold: str) -> EstimationProblem:
+    """Return the problem with inputs that run otherwise between samples.
+
+    Parameters
+    ----------
+    problem : EstimationProblem
+        The problem.
+    hold : {"zoh", "foh"}
+        How inputs run between samples.
+
+    Returns
+    -------
+    EstimationProblem
+        The same windows.
+    """
+    states = copy(problem.states)
+    states.windows = windows = replace(problem.windows, hold=hold)
+    return replace(problem, windows=windows, states=states)
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,9 @@ HELPS, HARDLY_HARDER = 0.75, 1.15
 FORGOTTEN = 5.0
 
 
-def select_windows(problem: EstimationProblem, progress: Progress | None = None) -> HypothesisFitter:
+def select_windows(
+    problem: EstimationProblem, progress: Progress | None = None
+) -> HypothesisFitter:
     """Make windows as long as the re-tuned prior can follow, and as hidden states forget in.
 
     Parameters
@@ -110,5 +112,3 @@ def check_prior(fitter: HypothesisFitter, names: Sequence[str]) -> None:
         f"{windows.substeps}), or check the parameters and that no root, logarithm or quotient "
         f"meets a value that it is not made for."
     )
-
-

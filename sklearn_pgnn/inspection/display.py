@@ -172,7 +172,7 @@ def compare(diagnosis, X=None, y=None, *, kind="free_run", record=None) -> Compa
 
 
 def _of_fit(diagnosis, kind, record) -> Comparison:
-    records = estimation.fitted_records_
+    records = diagnosis.records_
     windows = records.windows
     record = _typical(records) if record is None else _checked(record, len(records.names))
     rows = slice(windows.bounds[record], windows.bounds[record + 1])

@@ -54,7 +54,7 @@ def missing_evidence(diagnosis) -> Evidence:
     Evidence
         Points of the records, and the line on which the formula is right.
     """
-    part, records = diagnosis.discrepancy_, estimation.fitted_records_
+    part, records = diagnosis.discrepancy_, diagnosis.records_
     full = diagnosis.extended_model_ + part.effect
     known = (*full.states, *full.inputs)
     terms = (parse_expression(term, known) for term in part.effect.terms)

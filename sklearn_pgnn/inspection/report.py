@@ -190,7 +190,7 @@ def _tried(diagnosis) -> list[dict]:
 
 
 def _method(diagnosis) -> str:
-    records, window = estimation.fitted_records_, diagnosis.window_
+    records, window = diagnosis.records_, diagnosis.window_
     count, samples = len(records.names), records.windows.t.size
     return (
         f"{samples} samples in {count} {'record' if count == 1 else 'records'} were cut into "

@@ -299,7 +299,7 @@ def _order(diagnosis) -> str:
     """
     model, said = diagnosis.model, ""
     for signal in (*model.inputs, *model.outputs):
-        met = [cause for cause in estimation.fitted_records_.causes if cause[1] == signal]
+        met = [cause for cause in diagnosis.records_.causes if cause.target == signal]
         if not all(commute(model, *pair) for pair in itertools.combinations(met, 2)):
             met = met[::-1] if signal in model.inputs else met
             names = [cause_name(effect.id, target) for effect, target in met]

@@ -1,0 +1,184 @@
+"""The course of a diagnosis: from records to what is missing and what is left."""
+
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any
+
+from sklearn_pgnn.diagnosis.formula_selection import choose_formula
+from sklearn_pgnn.diagnosis.search import Search, SearchResult
+from sklearn_pgnn.diagnosis.structure import Structure, find_structure
+from sklearn_pgnn.diagnosis.unexplained import Proposal
+from sklearn_pgnn.diagnosis.verdict import Remaining, describe_remaining, verdict_of
+from sklearn_pgnn.estimation.criterion import SelectionCriterion
+from sklearn_pgnn.estimation.fitting import FittedHypothesis, HypothesisFitter, Key
+from sklearn_pgnn.estimation.problem import build_problem, with_hold
+from sklearn_pgnn.estimation.progress import Progress, TimeIsUp
+from sklearn_pgnn.estimation.window_selection import check_prior, select_windows
+from sklearn_pgnn.physics.effect import Effect
+from sklearn_pgnn.physics.effects import SensorSaturation
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.record_quality.checks import clipped_outputs
+from sklearn_pgnn.trajectories.record import Record
+
+
+@dataclass(frozen=True)
+class Findings:
+    """What a diagnosis has come to.
+
+    Parameters
+    ----------
+    search : Search
+        The search, with its fitter and its criterion.
+    result : SearchResult
+        The causes.
+    proposal : Proposal or None
+        The formula for what has no name.
+    structure : Structure or None
+        Whether what is left depends on anything recorded; None if that was not asked.
+    """
+
+    search: Search
+    result: SearchResult
+    proposal: Proposal | None
+    structure: Structure | None
+
+    @property
+    def remaining(self) -> Remaining:
+        """What the causes leave."""
+        share = self.search.criterion.smallest_share
+        return describe_remaining(self.search.fitter, self.result.final, self.structure, share)
+
+    @property
+    def verdict(self) -> str:
+        """The verdict in a word."""
+        return verdict_of(self.result, self.remaining, self.proposal is not None)
+
+
+@dataclass
+class Investigation:
+    """Search the causes of a model's error on records; the best so far can be had at any time.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The prior.
+    records : tuple of Record
+        Measured trajectories, without gaps.
+    candidates : tuple of Effect
+        The causes to think of.
+    alpha, smallest_share : float
+        See `SelectionCriterion`.
+    max_causes : int
+        Causes named at most.
+    progress : Progress
+        Where the diagnosis stands.
+    options : mapping
+        Of `build_problem`; the windows are of the length that is told, else selected.
+    """
+
+    model: PhysicsModel
+    records: tuple[Record, ...]
+    candidates: tuple[Effect, ...]
+    alpha: float
+    smallest_share: float
+    max_causes: int
+    progress: Progress
+    options: Mapping[str, Any]
+    found: Findings | None = None
+    search: Search | None = None
+
+    def run(self, hold: str, is_told: bool) -> Findings:
+        """Search with inputs that are held, or not, and the other way if the records speak for it.
+
+        Parameters
+        ----------
+        hold : {"zoh", "foh"}
+            How inputs run between samples.
+        is_told : bool
+            Whether the user, or the model, says so.
+
+        Returns
+        -------
+        Findings
+            What was found.
+        """
+        fitter = self._fitter(hold)
+        self.found = self._search(fitter)
+        with suppress(TimeIsUp):
+            if not is_told and self.progress.ended is None:
+                self._try_slopes(self.found)
+        return self.found
+
+    def so_far(self) -> Findings:
+        """Return what was found, by a search that did not come to its end if there is no other."""
+        if self.found is None:
+            if self.search is None:
+                raise LookupError("no search has begun")
+            self.found = Findings(self.search, self.search.so_far(), None, None)
+        return self.found
+
+    def _fitter(self, hold: str) -> HypothesisFitter:
+        """Return the fitter on windows as long as the user or the records say."""
+        self.progress.begin("reading the records")
+        problem = build_problem(self.model, self.records, hold=hold, **self.options)
+        self.progress.begin("window length")
+        if self.options.get("window_length") is None:
+            fitter = select_windows(problem, self.progress)
+        else:
+            fitter = HypothesisFitter(problem, self.progress)
+        check_prior(fitter, [record.name for record in self.records])
+        return fitter
+
+    def _search(self, fitter: HypothesisFitter) -> Findings:
+        """Search the catalogue, and a formula for what it has no name for."""
+        given = frozenset(map(SensorSaturation, clipped_outputs(fitter.problem)))
+        criterion = SelectionCriterion(self.alpha, self.smallest_share, len(self.candidates))
+        asked = _Structures(fitter, criterion)
+        self.progress.begin("candidates")
+        self.search = search = Search(
+            fitter, self.candidates, criterion, self.max_causes, asked.has_structure, given
+        )
+        result, proposal, structure = search.run(), None, None
+        with suppress(TimeIsUp):
+            if self.progress.ended is None:
+                result, proposal = choose_formula(search, result, asked.has_structure(result.final))
+                structure = asked.explained(result.final)
+        return Findings(search, result, proposal, structure)
+
+    def _try_slopes(self, held: Findings) -> None:
+        """Search again with inputs that run straight between samples if that is refuted less."""
+        fitter, final = held.search.fitter, held.result.final
+        if not (held.result.steps or held.search.is_nameable(final)):
+            return
+        self.progress.begin("inputs between samples")
+        sloped = HypothesisFitter(with_hold(fitter.problem, "foh"), self.progress)
+        criterion, before = held.search.criterion, fitter.held_out(final)
+        if not criterion.names(before, sloped.held_out(sloped.refit(final))):
+            return
+        again = self._search(sloped)
+        if criterion.evidence(before, sloped.held_out(again.result.final)) > 0.0:
+            self.found = again
+
+
+class _Structures:
+    """Whether hypotheses leave structure, each asked once."""
+
+    def __init__(self, fitter: HypothesisFitter, criterion: SelectionCriterion):
+        self.fitter, self.criterion = fitter, criterion
+        self._known: dict[Key, Structure] = {}
+
+    def has_structure(self, trial: FittedHypothesis) -> bool:
+        """Return whether what a hypothesis leaves depends on anything recorded."""
+        return self.of(trial).is_significant
+
+    def of(self, trial: FittedHypothesis) -> Structure:
+        """Return the structure that a hypothesis leaves."""
+        key = self.fitter.key(trial.hypothesis)
+        if key not in self._known:
+            self.fitter.progress.begin("structure of what is left")
+            rule = self.criterion
+            self._known[key] = find_structure(
+                self.fitter.problem, trial, rule.alpha, rule.smallest_share
+            )
+        return self._known[key]
