@@ -63,6 +63,8 @@ DRAWN_FROM = (
 #: size of a law beyond the catalogue, and of a disturbance, over the rate's spread; how fast the
 #: disturbance changes, as a share of a record
 LAW, DISTURBANCE, FADES = 0.3, 0.1, 1 / 50
+#: times that effects are drawn which a machine may bear
+ATTEMPTS = 20
 
 
 @dataclass(frozen=True)
@@ -121,9 +123,17 @@ def _seed(root, *what) -> int:
 
 
 def make(case: Case) -> datasets.HiddenEffect:
-    """Make the records of a case, the prior and the truth."""
+    """Make the records of a case, the prior and the truth, with effects that the machine bears."""
+    for attempt in range(ATTEMPTS):
+        try:
+            return _attempt(case, np.random.default_rng([case.seed, attempt][: 1 + attempt]))
+        except ValueError as error:
+            if "leaves the finite numbers" not in str(error) or attempt == ATTEMPTS - 1:
+                raise
+
+
+def _attempt(case: Case, rng) -> datasets.HiddenEffect:
     machine = MACHINES[case.machine]
-    rng = np.random.default_rng(case.seed)
     options = {**machine.options, "noise": machine.noise, "random_state": case.seed % 2**32}
     if case.kind == "nothing":
         clean = datasets.make_hidden_effect(machine.model, None, **{**options, "noise": 0.0})

@@ -142,8 +142,10 @@ class Investigation:
         result, proposal, structure = search.run(), None, None
         with suppress(TimeIsUp):
             if self.progress.ended is None:
-                result, proposal = choose_formula(search, result, asked.has_structure(result.final))
-                structure = asked.explained(result.final)
+                left = search.is_nameable(result.final)
+                has_structure = left and asked.has_structure(result.final)
+                result, proposal = choose_formula(search, result, has_structure)
+                structure = asked.of(result.final) if left or proposal else None
         return Findings(search, result, proposal, structure)
 
     def _try_slopes(self, held: Findings) -> None:

@@ -195,10 +195,11 @@ def _method(diagnosis) -> str:
     return (
         f"{samples} samples in {count} {'record' if count == 1 else 'records'} were cut into "
         f"{len(records.windows)} windows of about {window:.3g} s, each with an initial state of "
-        f"its own. Every suspect was fitted together with the model's free parameters and these "
-        f"initial states. A cause is named only if it lowers the error on windows its parameters "
-        f"were not fitted to by more than {diagnosis.significance:g} standard errors; it is "
-        f"dropped again where others make it needless. Inputs: {_hold(diagnosis.hold_)}; "
+        f"its own. Every candidate was fitted together with the model's free parameters and these "
+        f"initial states. A cause is named only if a likelihood ratio on windows its parameters "
+        f"were not fitted to speaks for it, at a rate of false names of {diagnosis.alpha:g}; if it "
+        f"explains {percent(diagnosis.smallest_share)} of an output's error or more; and if the "
+        f"free run does not speak against it. Inputs: {_hold(diagnosis.hold_)}; "
         f"integration steps from sample to sample: {diagnosis.substeps_}. "
         f"Intervals are 95 % intervals, robust to residuals that are not white."
     )

@@ -229,22 +229,40 @@ def _found(diagnosis, names: str) -> str:
     """Return a sentence on what was found."""
     name, causes = diagnosis.model.name, diagnosis.causes_
     sentences = {
-        "model_adequate": f"The model of the {name} is adequate: what it misses is within the "
-        f"noise, and no other effect makes it better.",
+        "model_adequate": f"The model of the {name} is adequate: no effect of the catalogue makes "
+        f"it better. {_left(diagnosis)}",
         "cause_named": f"The model of the {name} misses {names}. {_order(diagnosis)}"
-        f"{_worth(diagnosis)}",
+        f"{_worth(diagnosis)} {_left(diagnosis)}",
         "ambiguous": f"The model of the {name} misses {names}, or {_others(diagnosis)}: "
-        f"these records cannot tell. {_order(diagnosis)}{_worth(diagnosis)}",
+        f"these records cannot tell. {_order(diagnosis)}{_worth(diagnosis)} {_left(diagnosis)}",
         "unexplained": f"The model of the {name} misses something that no known effect "
-        f"explains{_known_part(names, len(causes))}. {_described(diagnosis)}",
+        f"explains. {_left(diagnosis)}",
     }
     return sentences[diagnosis.verdict_].rstrip()
 
 
-def _known_part(names: str, count: int) -> str:
-    if not count:
-        return ""
-    return f"; {names} is a part of it" if count == 1 else f"; {names} are parts of it"
+def _left(diagnosis) -> str:
+    """Say what the extended model leaves."""
+    remaining = diagnosis.remaining_
+    if diagnosis.discrepancy_ is not None:
+        return _described(diagnosis)
+    if remaining.kind == "noise":
+        return "What is left is noise."
+    times = listed(f"{number(x, 2)} times that of {name}" for name, x in _noisy(remaining))
+    if remaining.kind == "disturbance":
+        return (
+            f"What is left is larger than white noise ({times}) but depends on nothing that was "
+            f"recorded: coloured noise of a sensor, or a disturbance from outside."
+        )
+    on = f" on {listed(remaining.depends_on)}" if remaining.depends_on else ""
+    return (
+        f"What is left, in units of white noise {times}, depends{on}: a part of the physics is "
+        f"still missing."
+    )
+
+
+def _noisy(remaining) -> list[tuple[str, float]]:
+    return sorted(remaining.times_noise.items(), key=lambda item: -item[1])
 
 
 def missing_place(diagnosis, part) -> str:
@@ -255,8 +273,6 @@ def missing_place(diagnosis, part) -> str:
 def _described(diagnosis) -> str:
     """Return where something unnamed is missing, what it depends on, and its formula."""
     part = diagnosis.discrepancy_
-    if part is None:
-        return _disturbed(diagnosis)
     on = (
         f"It depends on {listed(part.quantities)}, which explain {percent(part.share)} of its "
         f"smoothed course. "
@@ -264,7 +280,7 @@ def _described(diagnosis) -> str:
         else ""
     )
     return (
-        f"It is missing in {missing_place(diagnosis, part)}. {on}With {part.formula} added there "
+        f"Something is missing in {missing_place(diagnosis, part)}. {on}With {part.formula} added there "
         f"the model leaves {number(part.error, 3)} times the noise."
     )
 
@@ -302,7 +318,7 @@ def _order(diagnosis) -> str:
         met = [cause for cause in diagnosis.records_.causes if cause.target == signal]
         if not all(commute(model, *pair) for pair in itertools.combinations(met, 2)):
             met = met[::-1] if signal in model.inputs else met
-            names = [cause_name(effect.id, target) for effect, target in met]
+            names = [cause_name(effect.id, effect.target) for effect in met]
             said += f"{signal} meets {', then '.join(names)}: the order matters. "
     return said
 
