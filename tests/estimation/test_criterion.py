@@ -1,0 +1,159 @@
+"""Laws of the one comparison: invariance, false alarms under the null, power, probabilities."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.signal import lfilter
+
+from sklearn_pgnn.estimation.criterion import (
+    HeldOut,
+    Residuals,
+    SelectionCriterion,
+    autocorrelation_times,
+    explained_share,
+    log_likelihood_ratio,
+)
+
+pytestmark = pytest.mark.core
+
+ALPHA = 0.01
+CRITERION = SelectionCriterion(alpha=ALPHA, smallest_share=0.05, n_candidates=1)
+positive = st.floats(1e-6, 1e6)
+pairs = st.lists(st.tuples(positive, positive, st.floats(1, 50), st.floats(1, 50)), min_size=1)
+
+
+def residuals(squares, counts=100.0, times=1.0):
+    squares = np.atleast_1d(np.asarray(squares, dtype=float))
+    return Residuals(squares, np.full(squares.shape, counts), np.broadcast_to(times, squares.shape))
+
+
+def held_out(squares, free=None, price=0.0, counts=100.0):
+    windows = residuals(squares, counts)
+    return HeldOut(windows, windows if free is None else residuals(free), price, np.ones((1, 1, 1)))
+
+
+@given(pairs, positive)
+def test_the_ratio_knows_no_units_no_order_and_no_favourite(values, unit):
+    worse, better, slow, fast = map(np.array, zip(*values, strict=True))
+    one, other = residuals(worse, times=slow), residuals(better, times=fast)
+    ratio = log_likelihood_ratio(one, other)
+    assert log_likelihood_ratio(other, one) == pytest.approx(-ratio)
+    scaled = residuals(unit * worse, times=slow), residuals(unit * better, times=fast)
+    assert log_likelihood_ratio(*scaled) == pytest.approx(ratio, abs=1e-6)
+    turned = residuals(worse[::-1], times=slow[::-1]), residuals(better[::-1], times=fast[::-1])
+    assert log_likelihood_ratio(*turned) == pytest.approx(ratio, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("worse", "better", "ratio"), [(np.inf, 1, np.inf), (1, np.inf, -np.inf), (np.inf, np.inf, 0)]
+)
+def test_what_cannot_be_simulated_is_worse_than_what_can(worse, better, ratio):
+    assert log_likelihood_ratio(residuals(worse), residuals(better)) == ratio
+
+
+def test_evidence_grows_with_the_data():
+    ratios = [log_likelihood_ratio(residuals(2, n), residuals(1, n)) for n in (10, 100, 1000)]
+    np.testing.assert_allclose(ratios, np.log(2) / 2 * np.array([10, 100, 1000]))
+
+
+@pytest.mark.parametrize("kept", [0.0, 0.5, 0.9, 0.97])
+def test_the_autocorrelation_time_of_a_first_order_process_is_the_known_one(kept):
+    draws = np.random.default_rng(0).standard_normal((200_000, 1))
+    noise = lfilter([1], [1, -kept], draws, axis=0)
+    time = autocorrelation_times(noise, np.zeros(len(noise)))
+    assert time[0] == pytest.approx((1 + kept) / (1 - kept), rel=0.12)
+
+
+def test_a_segment_knows_nothing_of_the_next_one():
+    noise = np.repeat(np.random.default_rng(0).standard_normal((2000, 1)), 2, axis=0)
+    alone = np.arange(len(noise))
+    assert autocorrelation_times(noise, alone) == 1.0
+    assert autocorrelation_times(noise, np.zeros(len(noise)))[0] == pytest.approx(2.0, rel=0.15)
+
+
+def noise_of(kept, shape, rng):
+    """Return stationary first-order noise, a column an experiment."""
+    noise = lfilter([np.sqrt(1 - kept**2)], [1, -kept], rng.standard_normal((shape[0] + 300, *shape[1:])), axis=0)
+    return noise[300:]
+
+
+def evidence_for_a_regressor(signal, noise, folds=4):
+    """Return the held-out evidence for a regressor in records of one output."""
+    fold = np.arange(noise.size) * folds // noise.size
+    rest = np.empty_like(noise)
+    for each in range(folds):
+        outside = fold != each
+        slope = signal[outside] @ noise[outside] / (signal[outside] @ signal[outside])
+        rest[~outside] = noise[~outside] - slope * signal[~outside]
+    none, one = (
+        Residuals(
+            np.array([part @ part]),
+            np.array([float(part.size)]),
+            autocorrelation_times(part[:, None], fold),
+        )
+        for part in (noise, rest)
+    )
+    return log_likelihood_ratio(none, one)
+
+
+@pytest.mark.parametrize("kept", [0.0, 0.9, 0.97])
+def test_false_alarms_are_no_more_frequent_than_alpha(kept):
+    rng, draws = np.random.default_rng(1), 1000
+    noise = noise_of(kept, (2000, draws), rng)
+    signals = noise_of(0.95, (2000, draws), rng)
+    found = [evidence_for_a_regressor(s, e) for s, e in zip(signals.T, noise.T, strict=True)]
+    alarms = np.mean(np.array(found) > CRITERION.to_name)
+    assert alarms <= ALPHA + 2 * np.sqrt(ALPHA / draws)
+
+
+def test_power_grows_with_the_data_and_coloured_noise_counts_for_less():
+    def power(kept, samples):
+        rng = np.random.default_rng(2)
+        noise, signals = noise_of(kept, (samples, 200), rng), noise_of(0.95, (samples, 200), rng)
+        found = [
+            evidence_for_a_regressor(s, 0.3 * s + e) > CRITERION.to_name
+            for s, e in zip(signals.T, noise.T, strict=True)
+        ]
+        return np.mean(found)
+
+    few, many = power(0.0, 100), power(0.0, 1000)
+    assert few < 0.7 < many
+    assert power(0.9, 1000) < many
+    assert power(0.9, 1000) < power(0.9, 10_000)
+
+
+def test_a_cause_needs_evidence_a_share_and_a_free_run_that_agrees():
+    many = {"counts": 1e4}
+    assert CRITERION.names(held_out(100, **many), held_out(90, **many))
+    assert not CRITERION.names(held_out(100), held_out(99.9))  # no evidence
+    assert not CRITERION.names(held_out(100, **many), held_out(96, **many))  # not worth saying
+    assert CRITERION.names(held_out(100, 100, **many), held_out(96, 90, **many))  # but in free run
+    assert not CRITERION.names(held_out(100, 100, **many), held_out(50, 500, **many))  # harms it
+    assert not CRITERION.names(held_out(100), held_out(50, price=1e4))  # a memory pays
+    assert not CRITERION.names(held_out(100), held_out(np.inf))
+
+
+def test_more_candidates_ask_for_more_evidence():
+    asked = [SelectionCriterion(ALPHA, 0.05, n).to_name for n in (1, 10, 100)]
+    np.testing.assert_allclose(np.diff(asked), np.log(10))
+    assert SelectionCriterion(0.001, 0.05, 1).to_name > asked[0]
+
+
+def test_the_explained_share_is_that_of_the_output_that_gains_most():
+    assert explained_share(residuals([1, 4]), residuals([1, 1])) == 0.75
+    assert explained_share(residuals([1, 1]), residuals([2, 1])) == 0.0
+
+
+@given(st.lists(st.floats(-50, 1e4), min_size=1, max_size=8))
+def test_probabilities_sum_to_one_and_follow_the_evidence(evidence):
+    found = CRITERION.probabilities(evidence)
+    assert found.sum() == pytest.approx(1.0)
+    rivals = np.array(evidence[:-1])
+    order = np.argsort(rivals)
+    assert (np.diff(found[1:-1][order]) <= 1e-12).all()
+
+
+def test_equal_evidence_is_equal_probability_and_the_threshold_is_even_odds():
+    np.testing.assert_allclose(CRITERION.probabilities([0.0, 1e3]), [0.5, 0.5, 0.0], atol=1e-12)
+    np.testing.assert_allclose(CRITERION.probabilities([CRITERION.to_name]), [0.5, 0.5])
