@@ -44,17 +44,17 @@ def diagnose(table, catalogue):
 @pytest.mark.parametrize(
     ("one", "other", "same"),
     [
-        ((effects.InputBias, "F"), (effects.ConstantLoad, "v"), True),
-        ((effects.LinearStiffness, "v"), (effects.WrongParameter, "k"), True),
-        ((effects.WrongParameter, "b"), (effects.WrongParameter, "m"), True),
-        ((effects.ViscousFriction, "v"), (effects.WrongParameter, "d"), True),
-        ((effects.SensorBias, "position"), (effects.ConstantLoad, "v"), True),
-        ((effects.SensorGain, "position"), (effects.InputGain, "F"), True),
-        ((effects.InputBias, "F"), (effects.CoulombFriction, "v"), False),
-        ((effects.CoulombFriction, "v"), (effects.InputDeadZone, "F"), False),
-        ((effects.CoulombFriction, "v"), (effects.StribeckFriction, "v"), False),
-        ((effects.CubicStiffness, "v"), (effects.LinearStiffness, "v"), False),
-        ((effects.InputDelay, "F"), (effects.ActuatorLag, "F"), False),
+        (effects.InputBias("F"), effects.ConstantLoad("v"), True),
+        (effects.LinearStiffness("v"), effects.WrongParameter("k"), True),
+        (effects.WrongParameter("b"), effects.WrongParameter("m"), True),
+        (effects.ViscousFriction("v"), effects.WrongParameter("d"), True),
+        (effects.SensorBias("position"), effects.ConstantLoad("v"), True),
+        (effects.SensorGain("position"), effects.InputGain("F"), True),
+        (effects.InputBias("F"), effects.CoulombFriction("v"), False),
+        (effects.CoulombFriction("v"), effects.InputDeadZone("F"), False),
+        (effects.CoulombFriction("v"), effects.StribeckFriction("v"), False),
+        (effects.CubicStiffness("v"), effects.LinearStiffness("v"), False),
+        (effects.InputDelay("F"), effects.ActuatorLag("F"), False),
     ],
 )
 def test_causes_that_are_the_same_in_the_equations_are_recognised(one, other, same):
@@ -66,15 +66,15 @@ def test_causes_that_are_the_same_in_the_equations_are_recognised(one, other, sa
 def test_a_biased_sensor_is_a_load_unless_it_moves_a_kink(friction):
     wheel = PhysicsModel({"w": "rad/s"}, {"w": "(M - d*w)/J"}, {"J": 1.0, "d": 0.5}, {"M": "N m"})
     wheel = wheel + effects.CoulombFriction("w", level=0.2) if friction else wheel
-    bias, load = (effects.SensorBias, "w"), (effects.ConstantLoad, "w")
+    bias, load = effects.SensorBias("w"), effects.ConstantLoad("w")
     assert are_equivalent(wheel, bias, load, retuned=False) is not friction
 
 
 def test_two_parameters_that_the_equations_tell_apart_are_not_the_same():
     golf = systems.golf_robot()
     wrong = effects.WrongParameter
-    assert not are_equivalent(golf, (wrong, "J"), (effects.CoulombFriction, "omega"))
-    assert are_equivalent(golf, (effects.InputBias, "torque"), (effects.ConstantLoad, "omega"))
+    assert not are_equivalent(golf, (wrong, "J"), effects.CoulombFriction("omega"))
+    assert are_equivalent(golf, effects.InputBias("torque"), effects.ConstantLoad("omega"))
 
 
 def test_what_the_prior_cannot_tell_apart_another_cause_may():
@@ -84,7 +84,7 @@ def test_what_the_prior_cannot_tell_apart_another_cause_may():
     rig = rig + effects.SensorBias("position", bias=0.2)
     diagnosis = diagnose(measure(rig, inputs, t), (effects.CubicStiffness, effects.SensorBias))
     assert {cause.effect for cause in diagnosis.causes_} == {"cubic_stiffness", "sensor_bias"}
-    bias, load = (effects.SensorBias, "position"), (effects.ConstantLoad, "v")
+    bias, load = effects.SensorBias("position"), effects.ConstantLoad("v")
     assert are_equivalent(diagnosis.model, bias, load)
     assert not are_same(diagnosis.records_, bias, load)
 

@@ -56,12 +56,19 @@ class HeldOut:
         What the initial values of added states cost, in natural units of likelihood.
     block_squares : ndarray of shape (n_windows, n_blocks, n_outputs)
         Squared residuals of every block of every window.
+    n_added : int, default=0
+        States that the hypothesis adds to the prior's.
+    tells_in_free_run : bool, default=True
+        Whether the free run is nearer to the records than their mean is; that of a chaotic or
+        unstable machine is not, and says nothing.
     """
 
     windows: Residuals
     free_run: Residuals
     memory_price: float
     block_squares: np.ndarray
+    n_added: int = 0
+    tells_in_free_run: bool = True
 
 
 def log_likelihood_ratio(worse: Residuals, better: Residuals) -> float:
@@ -122,8 +129,9 @@ class SelectionCriterion:
 
     A cause is named beside others if the evidence for it exceeds :math:`\log(N/\alpha)`, if it
     explains the smallest share of an output over windows or in free run, and if the free run does
-    not speak against it by more than :math:`\log(1/\alpha)`. Of hypotheses that nothing tells
-    apart by :math:`\log(1/\alpha)` the one with the fewest parameters is taken.
+    not speak against it by more than :math:`\log(1/\alpha)`; one with a memory, whose content is
+    free at the start of every window, must explain its share in free run. Of hypotheses that
+    nothing tells apart by :math:`\log(1/\alpha)` the one with the fewest parameters is taken.
 
     Parameters
     ----------
@@ -176,14 +184,14 @@ class SelectionCriterion:
         """
         if not self.evidence(without, with_) > n_causes * self.to_name:
             return False
-        return self._is_worth_saying(without, with_) and not self._harms(without, with_)
-
-    def _is_worth_saying(self, without: HeldOut, with_: HeldOut) -> bool:
-        yardsticks = ((without.windows, with_.windows), (without.free_run, with_.free_run))
-        return max(explained_share(*pair) for pair in yardsticks) >= self.smallest_share
-
-    def _harms(self, without: HeldOut, with_: HeldOut) -> bool:
-        return log_likelihood_ratio(with_.free_run, without.free_run) > self.to_refute
+        over_windows = explained_share(without.windows, with_.windows)
+        if not (without.tells_in_free_run or with_.tells_in_free_run):
+            return over_windows >= self.smallest_share
+        if log_likelihood_ratio(with_.free_run, without.free_run) > self.to_refute:
+            return False
+        in_free_run = explained_share(without.free_run, with_.free_run)
+        remembers = with_.n_added > without.n_added
+        return (in_free_run if remembers else max(over_windows, in_free_run)) >= self.smallest_share
 
     def probabilities(self, evidence: Sequence[float]) -> np.ndarray:
         """Return the probability of a cause, of each of its rivals, and of no cause.

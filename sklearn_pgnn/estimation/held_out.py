@@ -101,12 +101,21 @@ class CrossValidation:
                 over_runs[a:b] = windows.y[a:b] - run.y
         seen = self._residuals(over_windows, _segments(windows))
         order = np.argsort(folds, kind="stable")
+        free = self._residuals(over_runs, _record_of(windows))
         return HeldOut(
             windows=seen,
-            free_run=self._residuals(over_runs, _record_of(windows)),
+            free_run=free,
             memory_price=self._memory_price(fit, np.concatenate(grams), x0[order], order, seen),
             block_squares=windows.sum_blocks((over_windows / windows.scale) ** 2),
+            n_added=len(fit.model.states) - len(self.problem.prior.states),
+            tells_in_free_run=bool((free.squares < free.counts * self._power()).any()),
         )
+
+    def _power(self) -> np.ndarray:
+        """Return the power of the outputs about their means, in units of the noise."""
+        typical = self.problem.scales.typical
+        names = self.problem.prior.outputs
+        return (np.array([typical[name] for name in names]) / self.problem.windows.scale) ** 2
 
     def _residuals(self, residual: np.ndarray, segment: np.ndarray) -> Residuals:
         """Count what is left; what no simulation is finer than is left in any case."""
