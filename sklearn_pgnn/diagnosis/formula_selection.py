@@ -14,44 +14,69 @@ from sklearn_pgnn.estimation.criterion import SelectionCriterion
 from sklearn_pgnn.estimation.fitting import FittedHypothesis
 
 
-def choose_formula(
-    search: Search, result: SearchResult, has_structure: bool
-) -> tuple[SearchResult, Proposal | None]:
-    """Return what is still believed of a search's result, and the formula that is accepted.
+class FormulaSelection:
+    """Look for a formula where the catalogue's causes leave something."""
 
-    A formula for what the re-tuned prior lacks takes the place of the causes if it refutes them,
-    or says the same with fewer parameters; a formula for what they leave stands beside them.
+    def __init__(self):
+        self._known: dict[tuple, Proposal | None] = {}
 
-    Parameters
-    ----------
-    search : Search
-        The search.
-    result : SearchResult
-        What it found.
-    has_structure : bool
-        Whether what the causes leave depends on what was recorded.
+    def is_law(self, search: Search) -> bool:
+        """Return whether a formula alone leaves noise where the causes of a search leave more."""
+        if not search.is_nameable(search.current):
+            return False
+        alone = self._alone(search)
+        return alone is not None and not search.is_nameable(alone.trial)
 
-    Returns
-    -------
-    result : SearchResult
-        The result; without causes if a formula takes their place.
-    proposal : Proposal or None
-        The formula.
-    """
-    final, causes = result.final, result.final.hypothesis.causes
-    if not search.candidates and not has_structure:
+    def choose(
+        self, search: Search, result: SearchResult, has_structure: bool
+    ) -> tuple[SearchResult, Proposal | None]:
+        """Return what is still believed of a search's result, and the formula that is accepted.
+
+        A formula for what the re-tuned prior lacks takes the place of the causes if it refutes
+        them, or says the same with fewer parameters; a formula for what they leave stands beside
+        them.
+
+        Parameters
+        ----------
+        search : Search
+            The search.
+        result : SearchResult
+            What it found.
+        has_structure : bool
+            Whether what the causes leave depends on what was recorded.
+
+        Returns
+        -------
+        result : SearchResult
+            The result; without causes if a formula takes their place.
+        proposal : Proposal or None
+            The formula.
+        """
+        final, causes = result.final, result.final.hypothesis.causes
+        if not (causes or has_structure):
+            return result, None
+        if len(causes) > 1 or has_structure or self.is_law(search):
+            alone = self._alone(search)
+            if alone and (not causes or _takes_the_place(search, alone.trial, final)):
+                return replace(result, steps=[], rivals={}), alone
+        if causes and has_structure:
+            return result, self._best(search, final)
         return result, None
-    if len(causes) > 1 or has_structure:
-        alone = _best(search, search.fitter.base())
-        known = alone is None or is_known(search.fitter.problem.prior, alone.effect)
-        if not known and (not causes or _takes_the_place(search, alone.trial, final)):
-            return replace(result, steps=[], rivals={}), alone
-    if causes and has_structure:
-        return result, _best(search, final)
-    return result, None
+
+    def _alone(self, search: Search) -> Proposal | None:
+        """Return the best formula for what the re-tuned prior lacks, unless it is a known law."""
+        best = self._best(search, search.fitter.base())
+        known = best is None or is_known(search.fitter.problem.prior, best.effect)
+        return None if known else best
+
+    def _best(self, search: Search, ground: FittedHypothesis) -> Proposal | None:
+        key = search.fitter.key(ground.hypothesis)
+        if key not in self._known:
+            self._known[key] = _best_formula(search, ground)
+        return self._known[key]
 
 
-def _best(search: Search, ground: FittedHypothesis) -> Proposal | None:
+def _best_formula(search: Search, ground: FittedHypothesis) -> Proposal | None:
     """Return the simplest formula that no other refutes, of all channels, if it is named."""
     problem, progress, found = search.fitter.problem, search.fitter.progress, []
     places = channels(problem.prior)
@@ -64,8 +89,7 @@ def _best(search: Search, ground: FittedHypothesis) -> Proposal | None:
         return None
     chosen = search.simplest_of_the_best([proposal.trial for proposal in found])
     proposal = next(each for each in found if each.trial is chosen)
-    criterion = _with_library(search, len(places))
-    held_out = search.fitter.held_out
+    criterion, held_out = _with_library(search, len(places)), search.fitter.held_out
     terms = len(proposal.effect.terms)
     named = criterion.names(held_out(ground), held_out(chosen), terms)
     return proposal if named else None

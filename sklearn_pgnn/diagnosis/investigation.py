@@ -5,7 +5,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
-from sklearn_pgnn.diagnosis.formula_selection import choose_formula
+from sklearn_pgnn.diagnosis.formula_selection import FormulaSelection
 from sklearn_pgnn.diagnosis.search import Search, SearchResult
 from sklearn_pgnn.diagnosis.structure import Structure, find_structure
 from sklearn_pgnn.diagnosis.unexplained import Proposal
@@ -136,15 +136,22 @@ class Investigation:
         criterion = SelectionCriterion(self.alpha, self.smallest_share, len(self.candidates))
         asked = _Structures(fitter, criterion)
         self.progress.begin("candidates")
+        formulas = FormulaSelection()
         self.search = search = Search(
-            fitter, self.candidates, criterion, self.max_causes, asked.has_structure, given
+            fitter,
+            self.candidates,
+            criterion,
+            self.max_causes,
+            asked.has_structure,
+            formulas.is_law,
+            given,
         )
         result, proposal, structure = search.run(), None, None
         with suppress(TimeIsUp):
             if self.progress.ended is None:
                 left = search.is_nameable(result.final)
                 has_structure = left and asked.has_structure(result.final)
-                result, proposal = choose_formula(search, result, has_structure)
+                result, proposal = formulas.choose(search, result, has_structure)
                 structure = asked.of(result.final) if left or proposal else None
         return Findings(search, result, proposal, structure)
 

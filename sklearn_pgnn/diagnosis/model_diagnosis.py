@@ -21,11 +21,11 @@ from sklearn_pgnn.diagnosis.result import (
     Tried,
     measure_gain,
     name_causes,
-    parameter_errors,
     plain,
     retuned_parameters,
 )
 from sklearn_pgnn.diagnosis.separation import Separation, are_same, plain_separation, separate
+from sklearn_pgnn.diagnosis.size import parameter_errors
 from sklearn_pgnn.diagnosis.unexplained import describe
 from sklearn_pgnn.estimation.criterion import SelectionCriterion
 from sklearn_pgnn.estimation.fitted_records import as_judged, keep_records

@@ -9,13 +9,10 @@ import numpy as np
 from sklearn_pgnn.diagnosis.search import SearchResult
 from sklearn_pgnn.estimation.criterion import HeldOut, Residuals, SelectionCriterion
 from sklearn_pgnn.estimation.fitting import FittedHypothesis, HypothesisFitter, block_squares
-from sklearn_pgnn.estimation.hypothesis import held_freedoms
 from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.simulation.uncertainty import (
     Estimate,
-    errors_by_held,
     estimate_of,
-    standard_errors,
 )
 from sklearn_pgnn.simulation.window_fit import WindowFit
 
@@ -160,17 +157,6 @@ class Gain:
     unit: str = ""
     free_run_refitted: float = math.nan
     free_run_extended: float = math.nan
-
-
-def parameter_errors(problem: EstimationProblem, trial: FittedHypothesis) -> dict[str, float]:
-    """Give the parameters' standard errors, with what comes from those that causes hold."""
-    fit, estimate = trial.fit, problem.states.estimate(trial.fit.model)
-    expected = estimate.x[problem.windows.starts], estimate.spread
-    errors, held = standard_errors(fit, *expected), held_freedoms(problem, trial.hypothesis)
-    if not held or not fit.usable:
-        return errors
-    more = errors_by_held(fit, problem.windows, held, *expected)
-    return {name: math.hypot(error, more[name]) for name, error in errors.items()}
 
 
 def name_causes(

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from sklearn_pgnn.diagnosis.rivals import find_rivals
+from sklearn_pgnn.diagnosis.size import all_have_size
 from sklearn_pgnn.estimation.criterion import SelectionCriterion
 from sklearn_pgnn.estimation.fitting import (
     FittedHypothesis,
@@ -17,7 +18,7 @@ from sklearn_pgnn.estimation.fitting import (
 )
 from sklearn_pgnn.estimation.hypothesis import same_causes
 from sklearn_pgnn.estimation.progress import TimeIsUp
-from sklearn_pgnn.estimation.screening import rank_pairs
+from sklearn_pgnn.estimation.screening import Screening
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects import WrongParameter
 
@@ -78,6 +79,9 @@ class Search:
     has_structure : callable
         Whether what a hypothesis leaves depends on anything that was recorded; dear moves are
         tried only then.
+    find_law : callable
+        Called with the search where a cause leaves something; whether a formula alone leaves
+        nothing, so that the search is over.
     given : frozenset of Effect, default=frozenset()
         Causes that the records show by themselves: they need no proof, only to do no harm.
     """
@@ -89,17 +93,19 @@ class Search:
         criterion: SelectionCriterion,
         max_causes: int,
         has_structure: Callable[[FittedHypothesis], bool],
+        find_law: Callable[["Search"], bool],
         given: frozenset[Effect] = frozenset(),
     ):
         self.fitter, self.criterion, self.max_causes = fitter, criterion, max_causes
         self.same = same_causes(fitter.problem.prior, candidates)
         self.candidates = tuple(self.same)
         self.given = given & set(self.candidates)
-        self.has_structure = has_structure
+        self.has_structure, self.find_law = has_structure, find_law
         self.progress = fitter.progress
         self.current = fitter.base()
         self._alone: dict[Effect, float] = {}
         self._visited: set[Key] = set()
+        self._screening: Screening | None = None
 
     def run(self) -> SearchResult:
         """Find what is missing, or as much of it as the time allows.
@@ -114,6 +120,8 @@ class Search:
             self._take_given()
             while (better := self._next(self.current)) is not None:
                 self.current = better
+                if self.find_law(self):
+                    break
             self.current = self.fitter.polish(self.current)
             return self._result(complete=True)
         return self.so_far()
@@ -168,24 +176,24 @@ class Search:
         return None
 
     def _add(self, current: FittedHypothesis) -> FittedHypothesis | None:
-        """Add the best candidate, the better half of the first fits being followed to their end."""
-        fits = self._first_fits(current)
+        """Add the best candidate: the more promising half is fitted, the better half of it on."""
+        fits = self._first_fits(current, self._promising(self.fitter.subsample(current)))
         return self._choose(current, self._converge(current, fits[: -(-len(fits) // 2)]))
 
     def _add_patiently(self, current: FittedHypothesis) -> FittedHypothesis | None:
         """Add the best candidate, every first fit being followed to its end."""
-        return self._choose(current, self._converge(current, self._first_fits(current)))
+        fits = self._first_fits(current, self.candidates)
+        return self._choose(current, self._converge(current, fits))
 
     def _add_pair(self, current: FittedHypothesis) -> FittedHypothesis | None:
         """Add the best of the pairs that are expected to explain most together."""
-        ground = self.fitter.subsample(current)
-        alone = {fit.hypothesis.causes[-1]: fit for fit in self._first_fits(current)}
-        tick = self.progress.tick
-        ranked = rank_pairs(ground, list(alone.values()), self.fitter.rough.windows, tick)
-        pairs = [sorted(pair, key=lambda c: alone[c].squares) for _, *pair in ranked]
-        allowed = [(a, b) for a, b in pairs if alone[a].hypothesis.allows(b)][:PAIRS]
-        self.progress.begin("pairs", 2 * len(allowed))
-        fits = [self._step(self.fitter.first_fit(alone[a], b)) for a, b in allowed]
+        self.progress.begin("pairs", 2 * PAIRS)
+        ground, fits = self.fitter.subsample(current), []
+        ranked = self._screen().rank(ground, 2)
+        allowed = [pair for _, pair in ranked if ground.hypothesis.plus(pair[0]).allows(pair[1])]
+        for pair in allowed[:PAIRS]:
+            one, other = _usable([self.fitter.first_fit(ground, cause) for cause in pair])
+            fits.append(self._step(self.fitter.first_fit(one, other.hypothesis.causes[-1])))
         return self._choose(current, self._converge(current, _usable(fits)), n_causes=2)
 
     def _replace(self, current: FittedHypothesis) -> FittedHypothesis | None:
@@ -217,9 +225,25 @@ class Search:
 
     # -- the ladder ----------------------------------------------------------------------------
 
-    def _first_fits(self, current: FittedHypothesis) -> list[SubsampleFit]:
-        """Fit every candidate beside the causes on some samples for some steps, nearest first."""
-        allowed = [c for c in self.candidates if current.hypothesis.allows(c)]
+    def _promising(self, ground: SubsampleFit) -> tuple[Effect, ...]:
+        """Return the half of the candidates that are expected to leave least; all of them alone."""
+        if not ground.hypothesis.causes:
+            return self.candidates
+        ranked = self._screen().rank(ground)
+        return tuple(cause for _, (cause,) in ranked[: -(-len(ranked) // 2)])
+
+    def _screen(self) -> Screening:
+        """Return what the candidates change, as their first fits alone tell."""
+        if self._screening is None:
+            self._screening = Screening(self.fitter.rough.windows, self.progress.tick)
+            base = self.fitter.subsample(self.fitter.base())
+            for fit in _usable([self.fitter.first_fit(base, cause) for cause in self.candidates]):
+                self._screening.learn(base, fit)
+        return self._screening
+
+    def _first_fits(self, current: FittedHypothesis, candidates) -> list[SubsampleFit]:
+        """Fit candidates beside the causes on some samples for some steps, nearest first."""
+        allowed = [c for c in candidates if current.hypothesis.allows(c)]
         self.progress.begin(f"cause {len(current.hypothesis.causes) + 1}", 2 * len(allowed))
         ground = self.fitter.subsample(current)
         fits = [self._step(self.fitter.first_fit(ground, cause)) for cause in allowed]
@@ -268,7 +292,11 @@ class Search:
         if cause in self.given:
             return []
         without = self.fitter.reduce(self.fitter.subsample(current), cause)
-        others = [c for c in self.candidates if c != cause and without.hypothesis.allows(c)]
+        ranked = self._screen().rank(without) if without.hypothesis.causes else None
+        likely = (
+            self.candidates if ranked is None else [c for _, (c,) in ranked[: len(ranked) // 2]]
+        )
+        others = [c for c in likely if c != cause and without.hypothesis.allows(c)]
         self.progress.begin("other causes", 2 * len(others))
         fits = _usable([self._step(self.fitter.first_fit(without, other)) for other in others])
         limit = self._limit(current, self.fitter.subsample(current).squares)
@@ -301,8 +329,10 @@ class Search:
         return self.evidence(worse, better) > self.criterion.to_refute
 
     def _names(self, without, with_, n_causes=1) -> bool:
-        held_out = self.fitter.held_out
-        return self.criterion.names(held_out(without), held_out(with_), n_causes)
+        held_out, causes = self.fitter.held_out, set(_causes(with_)) - set(_causes(without))
+        if not self.criterion.names(held_out(without), held_out(with_), n_causes):
+            return False
+        return all_have_size(self.fitter.problem, with_, causes, self.criterion.alpha)
 
     def _is_preferred(self, other: FittedHypothesis, current: FittedHypothesis) -> bool:
         """Return whether a hypothesis refutes another one, or is simpler and not refuted."""

@@ -171,7 +171,9 @@ class _Table:
 
 
 def _groups(record: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """Deal samples into groups: by records, or by stretches where these are few."""
-    if record.max() + 1 >= GROUPS // 2:
-        return record % GROUPS
-    return np.arange(rows.size) * GROUPS // rows.size
+    """Deal samples into groups: records, or stretches of them where these are few."""
+    stretches = -(-GROUPS // (record.max() + 1))
+    first = np.searchsorted(record, record)
+    size = np.bincount(record)[record]
+    stretch = (np.arange(rows.size) - first) * stretches // size
+    return (record * stretches + stretch) % max(GROUPS, stretches)

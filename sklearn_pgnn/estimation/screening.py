@@ -1,17 +1,17 @@
-r"""Rank pairs of causes by the squares that they are expected to leave together.
+r"""Rank candidates, and pairs of them, by the squares that they are expected to leave.
 
-Two causes may help together where neither helps alone, and the best single cause need not be one
-of the best two. A fit of every pair would take long; to first order a pair leaves
+A fit of every candidate beside every hypothesis would take long, and two causes may help together
+where neither helps alone. To first order candidates leave
 
 .. math:: \min_{p, x_0, a, b} |r - S_p p - S_x x_0 - E_a a - E_b b|^2
 
-of the residuals :math:`r`, with the sensitivities :math:`S` to the parameters and to every
-window's initial state, and the changes of the outputs :math:`E` that a cause brings: as it was
-fitted alone, and by each of its own parameters.
+of the residuals :math:`r` of a hypothesis, with the sensitivities :math:`S` to its parameters and
+to every window's initial state, and the changes of the outputs :math:`E` that a candidate brings:
+as it was fitted alone, and by each of its own parameters.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import combinations
 
@@ -28,41 +28,68 @@ STEP = 0.1
 ROUNDING = 1e-9
 
 
-def rank_pairs(
-    ground: SubsampleFit,
-    alone: list[SubsampleFit],
-    windows: ShootingWindows,
-    tick: Callable[[], None] = lambda: None,
-) -> list[tuple[float, Effect, Effect]]:
-    """Rank pairs of causes by the squares they are expected to leave.
+@dataclass
+class Screening:
+    """The changes of the outputs that candidates bring, and what they promise.
 
     Parameters
     ----------
-    ground : SubsampleFit
-        The hypothesis to extend by two causes.
-    alone : list of SubsampleFit
-        Its extensions by one cause.
     windows : ShootingWindows
-        The windows of the subsamplees.
+        The windows of the fits.
     tick : callable, optional
         Called before every simulation.
-
-    Returns
-    -------
-    list of (float, cause, cause)
-        Expected sum of squares and the two causes, the better pairs first.
     """
-    view = _View(windows, ground.fit, tick)
-    tuned = [view.slope(ground.fit, freedom.name) for freedom in ground.fit.freedoms]
-    known = view.without_states(np.column_stack([view.residual, *tuned]))
-    blocks = {
-        subsample.hypothesis.causes[-1]: view.without_states(_changes(view, subsample))
-        for subsample in alone
-    }
-    ranked = [
-        (_left(np.hstack([known, blocks[a], blocks[b]])), a, b) for a, b in combinations(blocks, 2)
-    ]
-    return sorted(ranked, key=lambda item: item[0])
+
+    windows: ShootingWindows
+    tick: Callable[[], None] = lambda: None
+    _changes: dict[Effect, np.ndarray] = field(default_factory=dict)
+
+    def learn(self, base: SubsampleFit, alone: SubsampleFit) -> None:
+        """Learn what a candidate changes from its fit alone.
+
+        Parameters
+        ----------
+        base : SubsampleFit
+            The re-tuned prior.
+        alone : SubsampleFit
+            The prior with the candidate.
+        """
+        view, cause = _View(self.windows, base.fit, self.tick), alone.hypothesis.causes[-1]
+        own = set(cause.names().values())
+        names = [freedom.name for freedom in alone.fit.freedoms if freedom.name in own]
+        fitted = view.residual - view.flat(alone.fit.evaluation.residual)
+        self._changes[cause] = np.column_stack(
+            [fitted, *(view.slope(alone.fit, name) for name in names)]
+        )
+
+    def rank(self, ground: SubsampleFit, count: int = 1) -> list[tuple[float, tuple[Effect, ...]]]:
+        """Rank candidates that may stand beside a hypothesis, or so many of them together.
+
+        Parameters
+        ----------
+        ground : SubsampleFit
+            The hypothesis.
+        count : int, default=1
+            How many candidates are added.
+
+        Returns
+        -------
+        list of (float, tuple of Effect)
+            Expected sum of squares and the candidates, the most promising first.
+        """
+        view = _View(self.windows, ground.fit, self.tick)
+        tuned = [view.slope(ground.fit, freedom.name) for freedom in ground.fit.freedoms]
+        known = view.without_states(np.column_stack([view.residual, *tuned]))
+        blocks = {
+            cause: view.without_states(change)
+            for cause, change in self._changes.items()
+            if ground.hypothesis.allows(cause)
+        }
+        ranked = [
+            (_left(np.hstack([known, *(blocks[cause] for cause in causes)])), causes)
+            for causes in combinations(blocks, count)
+        ]
+        return sorted(ranked, key=lambda item: item[0])
 
 
 def _left(table) -> float:
@@ -72,14 +99,6 @@ def _left(table) -> float:
     gram = table[:, 1:].T @ table
     inverse = np.linalg.pinv(gram[:, 1:], rcond=ROUNDING, hermitian=True)
     return float(size[0] ** 2 * (1.0 - gram[:, 0] @ inverse @ gram[:, 0]))
-
-
-def _changes(view, subsample: SubsampleFit) -> np.ndarray:
-    """Give the changes of the outputs by a cause: as fitted, and by its own parameters."""
-    own = set(subsample.hypothesis.causes[-1].names().values())
-    names = [freedom.name for freedom in subsample.fit.freedoms if freedom.name in own]
-    fitted = view.residual - view.flat(subsample.fit.evaluation.residual)
-    return np.column_stack([fitted, *(view.slope(subsample.fit, name) for name in names)])
 
 
 @dataclass(frozen=True)

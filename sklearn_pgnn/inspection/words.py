@@ -227,7 +227,7 @@ def unusable_sentence(diagnosis) -> str:
 
 def _found(diagnosis, names: str) -> str:
     """Return a sentence on what was found."""
-    name, causes = diagnosis.model.name, diagnosis.causes_
+    name = diagnosis.model.name
     sentences = {
         "model_adequate": f"The model of the {name} is adequate: no effect of the catalogue makes "
         f"it better. {_left(diagnosis)}",
@@ -280,21 +280,8 @@ def _described(diagnosis) -> str:
         else ""
     )
     return (
-        f"Something is missing in {missing_place(diagnosis, part)}. {on}With {part.formula} added there "
-        f"the model leaves {number(part.error, 3)} times the noise."
-    )
-
-
-def _disturbed(diagnosis) -> str:
-    """Return a sentence on what acts like an external disturbance."""
-    part = diagnosis.disturbance_
-    if part is None:
-        return ""
-    return (
-        f"A constant in {missing_place(diagnosis, part)}, another one every "
-        f"{number(diagnosis.window_, 2)} s, would explain {percent(part.share)} of what is left: "
-        f"look for something that acts from outside and changes slowly, such as a load, a draught "
-        f"or a supply, and record it as an input."
+        f"Something is missing in {missing_place(diagnosis, part)}. {on}With {part.formula} added "
+        f"there the model leaves {number(part.error, 3)} times the noise."
     )
 
 

@@ -104,7 +104,7 @@ class ShootingWindows:
 
         Returns
         -------
-        ndarray of shape (n_windows, n_pieces, n)
+        ndarray of shape (n_windows, n_blocks, n)
             The sums.
         """
         start = np.zeros((1, values.shape[1]))
@@ -162,7 +162,7 @@ class Evaluation:
 
     Parameters
     ----------
-    block_gram : ndarray of shape (n_windows, n_pieces, q + 1, q + 1)
+    block_gram : ndarray of shape (n_windows, n_blocks, q + 1, q + 1)
         Per block, the products of the columns ``[dy/dp, dy/dx0, residual]`` in units of the
         noise; where the window diverged, or is lost to rounding, the squares are infinite and all
         other products zero.
@@ -185,7 +185,7 @@ class Evaluation:
 
     @property
     def block_squares(self) -> np.ndarray:
-        """Sum of squared residuals of every block, of shape (n_windows, n_pieces)."""
+        """Sum of squared residuals of every block, of shape (n_windows, n_blocks)."""
         return self.block_gram[:, :, -1, -1]
 
     def select(self, which) -> "Evaluation":
