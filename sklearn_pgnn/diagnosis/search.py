@@ -200,9 +200,16 @@ class Search:
         """Put another candidate in a cause's place where that refutes it, or says it simpler."""
         for cause in current.hypothesis.causes:
             for other in self.in_place(current, cause):
-                if self._is_preferred(other, current):
+                if self._is_preferred(other, current) and self._is_needed(other, current):
                     return other
         return None
+
+    def _is_needed(self, other: FittedHypothesis, current: FittedHypothesis) -> bool:
+        """Return whether the cause that a hypothesis has and another one has not is named."""
+        (new,) = set(_causes(other)) - set(_causes(current))
+        reduced = self.fitter.reduce(self.fitter.subsample(other), new)
+        without = self.fitter.fit_all(reduced, other)
+        return not without.fit.usable or self._names(without, other)
 
     def _split(self, current: FittedHypothesis) -> FittedHypothesis | None:
         """Put a cause's special cases in its place where that says the same simpler."""
@@ -332,7 +339,8 @@ class Search:
         held_out, causes = self.fitter.held_out, set(_causes(with_)) - set(_causes(without))
         if not self.criterion.names(held_out(without), held_out(with_), n_causes):
             return False
-        return all_have_size(self.fitter.problem, with_, causes, self.criterion.alpha)
+        alpha = self.criterion.alpha / max(self.criterion.n_candidates, 1)
+        return all_have_size(self.fitter.problem, with_, causes, alpha)
 
     def _is_preferred(self, other: FittedHypothesis, current: FittedHypothesis) -> bool:
         """Return whether a hypothesis refutes another one, or is simpler and not refuted."""

@@ -129,9 +129,10 @@ class SelectionCriterion:
 
     A cause is named beside others if the evidence for it exceeds :math:`\log(N/\alpha)`, if it
     explains the smallest share of an output over windows or in free run, and if the free run does
-    not speak against it by more than :math:`\log(1/\alpha)`; one with a memory, whose content is
-    free at the start of every window, must explain its share in free run. Of hypotheses that
-    nothing tells apart by :math:`\log(1/\alpha)` the one with the fewest parameters is taken.
+    not speak against it by more than :math:`\log(1/\alpha)`. A cause with a memory, whose content
+    is free at the start of every window, is judged in free run alone, where that says anything.
+    Of hypotheses that nothing tells apart by :math:`\log(1/\alpha)` the one with the fewest
+    parameters is taken.
 
     Parameters
     ----------
@@ -182,16 +183,17 @@ class SelectionCriterion:
         bool
             Whether the rule is met.
         """
-        if not self.evidence(without, with_) > n_causes * self.to_name:
-            return False
-        over_windows = explained_share(without.windows, with_.windows)
-        if not (without.tells_in_free_run or with_.tells_in_free_run):
-            return over_windows >= self.smallest_share
-        if log_likelihood_ratio(with_.free_run, without.free_run) > self.to_refute:
-            return False
-        in_free_run = explained_share(without.free_run, with_.free_run)
-        remembers = with_.n_added > without.n_added
-        return (in_free_run if remembers else max(over_windows, in_free_run)) >= self.smallest_share
+        needed, remembers = n_causes * self.to_name, with_.n_added > without.n_added
+        evidence = self.evidence(without, with_)
+        share = explained_share(without.windows, with_.windows)
+        if without.tells_in_free_run or with_.tells_in_free_run:
+            in_free_run = log_likelihood_ratio(without.free_run, with_.free_run)
+            if in_free_run < -self.to_refute:
+                return False
+            share_of_run = explained_share(without.free_run, with_.free_run)
+            share = share_of_run if remembers else max(share, share_of_run)
+            evidence = in_free_run if remembers else evidence
+        return evidence > needed and share >= self.smallest_share
 
     def probabilities(self, evidence: Sequence[float]) -> np.ndarray:
         """Return the probability of a cause, of each of its rivals, and of no cause.

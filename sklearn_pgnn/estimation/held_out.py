@@ -7,6 +7,8 @@ import numpy as np
 
 from sklearn_pgnn.estimation.criterion import HeldOut, Residuals, autocorrelation_times
 from sklearn_pgnn.estimation.problem import EstimationProblem
+from sklearn_pgnn.physics.expressions import TIME, symbol
+from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.state_estimate import free_run
 from sklearn_pgnn.simulation.window_fit import WindowFit
 from sklearn_pgnn.simulation.windows import ShootingWindows
@@ -137,24 +139,29 @@ class CrossValidation:
         r"""Return what the initial values of the states cost that the prior does not have.
 
         .. math:: V = \frac{1}{2} \sum_w \left(\log\frac{\det A_w}{\det A_{w,cc}}
-                  + \sum_e \log \sigma_e^2 + \frac{(x_{w,e} - \hat x_{w,e})^2}{\sigma_e^2}\right)
+                  + \sum_e \log \sigma_e^2 + \frac{(x_{w,e} - \hat x_{w,e})^2}
+                  {\phi \sigma_e^2}\right)
 
         with :math:`A_w` the Hessian by a window's initial states, :math:`A_{w,cc}` its part of the
-        states that the prior has as well, and :math:`\sigma_e` the spread of an added state.
+        states that the prior has as well, :math:`\sigma_e` the spread of an added state in units
+        of the noise, and :math:`\phi` the power of the residuals in these units. States that only
+        inputs drive cost nothing: the inputs tell them.
         """
         states = list(fit.model.states)
-        common = [i for i, state in enumerate(states) if state in self.problem.prior.states]
-        added = [i for i in range(len(states)) if i not in common]
+        prior = set(self.problem.prior.states)
+        told = prior | _driven_by_inputs(fit.model, set(states) - prior)
+        known = [i for i, state in enumerate(states) if state in told]
+        added = [i for i in range(len(states)) if i not in known]
         if not added:
             return 0.0
-        dispersion = (seen.squares * seen.times).sum() / seen.counts.sum()
+        dispersion = max(float((seen.squares * seen.times).sum() / seen.counts.sum()), 1.0)
         weight = 1.0 / self.spread**2
-        hessian = gram[:, : len(states), : len(states)] / dispersion + np.diag(weight)
+        hessian = gram[:, : len(states), : len(states)] + np.diag(weight)
         whole = np.linalg.slogdet(hessian)[1]
-        shared = np.linalg.slogdet(hessian[:, common][:, :, common])[1]
+        shared = np.linalg.slogdet(hessian[:, known][:, :, known])[1]
         volume = np.maximum(whole - shared - np.log(weight[added]).sum(), 0.0)
         shift = (x0 - self.expected[order])[:, added]
-        return float(0.5 * (volume.sum() + (weight[added] * shift**2).sum()))
+        return float(0.5 * (volume.sum() + (weight[added] * shift**2).sum() / dispersion))
 
     def _lost(self) -> HeldOut:
         windows = self.problem.windows
@@ -162,6 +169,18 @@ class CrossValidation:
         none = Residuals(np.full(counts.shape, np.inf), counts, np.ones(counts.shape))
         shape = (len(windows), windows.blocks, windows.y.shape[1])
         return HeldOut(none, none, 0.0, np.full(shape, np.inf))
+
+
+def _driven_by_inputs(model: PhysicsModel, states: set[str]) -> set[str]:
+    """Return those of some states whose rates hold inputs and one another only."""
+    given = {symbol(name) for name in (*model.inputs, *model.parameters)} | {TIME}
+    driven = states
+    while True:
+        allowed = given | {symbol(state) for state in driven}
+        kept = {s for s in driven if model.equations[s].free_symbols <= allowed}
+        if kept == driven:
+            return driven
+        driven = kept
 
 
 def _rows(windows: ShootingWindows) -> np.ndarray:
