@@ -34,11 +34,11 @@ import numpy as np
 from diagnosis import OUTCOMES, SYSTEMS, as_named, named_groups, table, write_lines
 from joblib import Parallel, delayed
 from scipy.signal import lfilter
+from sklearn_pgnn.diagnosis.judge import Rules
 
 import sklearn_pgnn
 from sklearn_pgnn import ModelDiagnosis, datasets, effects
 from sklearn_pgnn.datasets.integrator import integrate
-from sklearn_pgnn.diagnosis.judge import Rules
 from sklearn_pgnn.physics.effects.formula import Formula
 from sklearn_pgnn.physics.expressions import parse_expression, symbol
 from sklearn_pgnn.simulation.pointwise import numpy_function

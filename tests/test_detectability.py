@@ -9,10 +9,10 @@ import pytest
 
 import sklearn_pgnn.diagnosis.detectability as detectability_module
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects
-from sklearn_pgnn.diagnosis.detectability import Bench, _strength_along
+from sklearn_pgnn.diagnosis.detectability import PowerAnalysis, _strength_along
 from sklearn_pgnn.diagnosis.effect_size import has_size, main_field, nothing, sized
 from sklearn_pgnn.diagnosis.injection import inject, of_main_size
-from sklearn_pgnn.diagnosis.judge import Rules
+from sklearn_pgnn.estimation.criterion import SelectionCriterion
 from sklearn_pgnn.inspection import DetectabilityDisplay
 
 TRIED = (effects.CoulombFriction, effects.InputDeadZone, effects.InputDelay)
@@ -61,7 +61,7 @@ def detectability(diagnosis):
 
 
 def bench(diagnosis, seed=0):
-    return Bench(diagnosis.records_, False, Rules(), 100, seed)
+    return PowerAnalysis(diagnosis.records_, False, SelectionCriterion(0.01, 0.05, 20), 100, seed)
 
 
 def named(diagnosis, kind, target, value, seed):

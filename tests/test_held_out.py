@@ -8,10 +8,11 @@ import pandas as pd
 import pytest
 
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, PhysicsModelRegressor, effects
-from sklearn_pgnn.diagnosis.ground import fit_window_length, look_further
 from sklearn_pgnn.diagnosis.result import measure_gain
-from sklearn_pgnn.estimation.fitting import MOST_HELD_OUT, make_folds
+from sklearn_pgnn.estimation.criterion import HeldOut, Residuals
+from sklearn_pgnn.estimation.held_out import MOST_HELD_OUT, make_folds
 from sklearn_pgnn.estimation.problem import LEAST_WINDOWS, build_problem, longer
+from sklearn_pgnn.estimation.window_selection import select_windows
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.simulation.record_windows import MIN_SAMPLES, MIN_WINDOWS, median_window_length
 from sklearn_pgnn.trajectories import read_records
@@ -46,11 +47,9 @@ def problem_of(sizes, steps=None, **options):
     "sizes", [(160,), (600,), (3000,), (80, 80), (500, 500), (1000, 90), (200,) * 3, (300,) * 7]
 )
 def test_windows_are_never_fewer_than_eight(sizes, hold):
-    fitter = fit_window_length(problem_of(sizes, hold=hold))
+    fitter = select_windows(problem_of(sizes, hold=hold))
     assert len(fitter.problem.windows) >= MIN_WINDOWS
     assert fitter.problem.windows.lengths.sum() == sum(sizes)
-    further = look_further(fitter)
-    assert further is None or len(further.problem.windows) >= MIN_WINDOWS
 
 
 def test_windows_grow_until_eight_are_left():
@@ -188,8 +187,8 @@ def test_a_hardening_spring_at_nine_samples_a_period_is_named_and_its_error_is_t
 # -- what the gain's interval says -----------------------------------------------------------------
 
 
-def test_the_interval_of_the_gain_resamples_windows_and_not_their_pieces(monkeypatch):
-    """Windows that are all alike leave no doubt, however much their pieces differ."""
+def test_the_interval_of_the_gain_resamples_windows_and_not_their_blocks(monkeypatch):
+    """Windows that are all alike leave no doubt, however much their blocks differ."""
     problem = problem_of((1600,), window_length=4.0)
     problem = replace(problem, windows=replace(problem.windows, blocks=2))
     count = len(problem.windows)
@@ -198,8 +197,14 @@ def test_the_interval_of_the_gain_resamples_windows_and_not_their_pieces(monkeyp
         return np.tile([[[100.0 * early], [100.0 * late]]], (count, 1, 1))
 
     before, after = squares(9.0, 1.5), squares(1.0, 1.2)
-    fitter = SimpleNamespace(problem=problem, prior=None, held_out=lambda trial, folds: after)
+    one = Residuals(np.ones(1), np.ones(1), np.ones(1))
+    fitter = SimpleNamespace(
+        problem=problem,
+        prior=None,
+        held_out=lambda trial: HeldOut(one, one, 0.0, after),
+        white_squares=lambda trial: np.zeros(1),
+    )
     monkeypatch.setattr("sklearn_pgnn.diagnosis.result.block_squares", lambda *_: before)
-    outcome = SimpleNamespace(base=None, final=None, noise=np.zeros(1))
-    gain = measure_gain(fitter, outcome, np.zeros(count), np.random.default_rng(0))["v"]
+    result = SimpleNamespace(base=None, final=None)
+    gain = measure_gain(fitter, result, 0)["v"]
     assert gain.low == pytest.approx(gain.explained_share) == gain.high

@@ -6,9 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, PhysicsModelRegressor, effects, systems
-from sklearn_pgnn.diagnosis.ground import look_further
-from sklearn_pgnn.estimation.fitting import HypothesisFitter
 from sklearn_pgnn.estimation.problem import build_problem
+from sklearn_pgnn.estimation.window_selection import select_windows
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.record_quality.checks import clipped_outputs
 from sklearn_pgnn.trajectories import read_records
@@ -115,19 +114,11 @@ def test_a_level_at_its_rim_is_not_the_sensors_end():
     assert clipped_outputs(problem_of(tanks(OFF), *record(rim))) == ()
 
 
-def test_a_further_look_forgets_where_the_unseen_level_started():
+def test_windows_are_so_long_that_the_unseen_level_forgets_where_it_started():
     problem = problem_of(tanks(OFF), *record())
     slow = 2 * np.sqrt(6.0) / OFF["k1"]
-    further = look_further(HypothesisFitter(problem)).problem
     assert problem.scales.window < 3 * slow
-    assert 3 * slow < further.scales.window <= 4096 / 8
-
-
-def test_there_is_no_further_look_where_every_state_is_seen():
-    cart = systems.cart_on_spring()
-    t = np.arange(0, 20, 0.01)
-    X = np.c_[t, 10 * np.sin(t)]
-    assert look_further(HypothesisFitter(problem_of(cart, X, cart.simulate(t, X[:, 1]).y))) is None
+    assert 3 * slow < select_windows(problem).problem.scales.window <= 4096 / 8
 
 
 @given(level=st.floats(0.0, 10.0), pump=st.floats(0.0, 8.0), share=st.floats(0.0, 2.0))

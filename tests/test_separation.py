@@ -73,7 +73,7 @@ def test_a_biased_sensor_is_a_load_unless_it_moves_a_kink(friction):
 def test_two_parameters_that_the_equations_tell_apart_are_not_the_same():
     golf = systems.golf_robot()
     wrong = effects.WrongParameter
-    assert not are_equivalent(golf, (wrong, "J"), effects.CoulombFriction("omega"))
+    assert not are_equivalent(golf, wrong("J"), effects.CoulombFriction("omega"))
     assert are_equivalent(golf, effects.InputBias("torque"), effects.ConstantLoad("omega"))
 
 
@@ -99,7 +99,7 @@ def loaded():
 
 def test_what_no_experiment_separates_is_said_so(loaded, tmp_path, capsys):
     (cause,) = loaded.causes_
-    assert cause.equivalent == cause.confused_with
+    assert cause.equivalent == tuple((o.effect, o.target) for o in cause.confused_with)
     assert len(cause.equivalent) == 2
     data = json.loads(json.dumps(loaded.to_dict(), allow_nan=False))
     assert [o["equivalent"] for o in data["causes"][0]["confused_with"]] == [True, True]

@@ -74,7 +74,12 @@ def test_a_segment_knows_nothing_of_the_next_one():
 
 def noise_of(kept, shape, rng):
     """Return stationary first-order noise, a column an experiment."""
-    noise = lfilter([np.sqrt(1 - kept**2)], [1, -kept], rng.standard_normal((shape[0] + 300, *shape[1:])), axis=0)
+    noise = lfilter(
+        [np.sqrt(1 - kept**2)],
+        [1, -kept],
+        rng.standard_normal((shape[0] + 300, *shape[1:])),
+        axis=0,
+    )
     return noise[300:]
 
 
