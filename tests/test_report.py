@@ -19,6 +19,7 @@ from sklearn_pgnn.inspection.case import make_case
 from sklearn_pgnn.inspection.equations import PAGE, equations_of
 from sklearn_pgnn.inspection.evidence import find_evidence
 from sklearn_pgnn.inspection.report import render_report
+from sklearn_pgnn.inspection.words import verdict_sentence
 from sklearn_pgnn.record_quality.flaws import Finding
 
 INJECTED = "<script>alert(1)</script>"
@@ -332,6 +333,34 @@ def test_a_drifting_parameter_is_shown_over_time():
     assert np.median(np.abs(k / (10.0 * (1 + 0.1 * t)) - 1)[good]) < 0.1
     (law,) = evidence.lines
     assert np.allclose(law.y, 10.0 * (1 + 0.1 * law.x), rtol=0.05)
+
+
+def test_a_parameter_that_depends_on_a_state_is_shown_over_it():
+    effect = effects.ParameterSlope("d(x)", slope=0.8)
+    diagnosis = diagnose(effect, (effects.ParameterSlope,))
+    assert "d that changes with x" in verdict_sentence(diagnosis)
+    evidence = find_evidence(diagnosis, diagnosis.causes_[0])
+    assert evidence.x_label.startswith("x ")
+    x, d = evidence.points
+    good = np.isfinite(d)
+    assert np.polyfit(x[good], d[good], 1)[0] > 0
+    (law,) = evidence.lines
+    value = diagnosis.extended_model_.parameters
+    expected = value["d"].value * (1 + value["slope_d_x"].value * law.x)
+    np.testing.assert_allclose(law.y, expected, rtol=1e-9)
+
+
+def test_friction_under_load_is_shown_over_the_load():
+    diagnosis = diagnose(effects.LoadFriction("v", level=0.5, share=0.2), (effects.LoadFriction,))
+    evidence = find_evidence(diagnosis, diagnosis.causes_[0])
+    assert "abs(F)" in evidence.x_label
+    (law,) = evidence.lines
+    away = np.abs(law.x) > 0.1
+    expected = 0.5 * np.sign(law.x) + 0.2 * law.x
+    np.testing.assert_allclose(law.y[away], expected[away], atol=0.05)
+    load, force = evidence.points
+    error = force - (0.5 * np.sign(load) + 0.2 * load)
+    assert np.nanmedian(np.abs(error)) < 0.15
 
 
 def test_a_late_sensor_is_shown_in_time():
