@@ -15,7 +15,7 @@ from sklearn_pgnn import PhysicsModel, __version__, effects
 from sklearn_pgnn.cli import main
 from sklearn_pgnn.cli.output import result_folder, strict_json
 from sklearn_pgnn.cli.screen import described_files
-from sklearn_pgnn.record_quality.flaws import Finding
+from sklearn_pgnn.record_quality.finding import Finding
 
 pytestmark = pytest.mark.core
 

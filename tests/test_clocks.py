@@ -10,7 +10,7 @@ from sklearn_pgnn import ModelDiagnosis, PhysicsModel, PhysicsModelRegressor, ef
 from sklearn_pgnn.datasets import make_hidden_effect
 from sklearn_pgnn.estimation.problem import build_problem
 from sklearn_pgnn.exceptions import RecordWarning
-from sklearn_pgnn.record_quality.flaws import find_gaps
+from sklearn_pgnn.record_quality.clock import find_gaps
 from sklearn_pgnn.simulation.record_windows import without_gaps
 from sklearn_pgnn.systems import cart_on_spring
 from sklearn_pgnn.trajectories import read_records

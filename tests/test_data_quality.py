@@ -12,17 +12,13 @@ from hypothesis import strategies as st
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects, systems
 from sklearn_pgnn.cli.screen import tell
 from sklearn_pgnn.datasets import make_hidden_effect, make_two_tanks
-from sklearn_pgnn.record_quality.flaws import (
-    Signal,
-    find_clipping,
-    find_gaps,
-    find_held_samples,
-    find_jitter,
-    find_outliers,
-    find_quantisation,
-    find_uneven_noise,
-    grid_step,
-)
+from sklearn_pgnn.record_quality.clipping import find_clipping
+from sklearn_pgnn.record_quality.clock import find_gaps, find_jitter
+from sklearn_pgnn.record_quality.drift import find_uneven_noise
+from sklearn_pgnn.record_quality.grid import grid_step
+from sklearn_pgnn.record_quality.quantisation import find_quantisation
+from sklearn_pgnn.record_quality.signals import Signal
+from sklearn_pgnn.record_quality.single_samples import find_held_samples, find_outliers
 
 NOISE = 2e-3
 N_RECORDS = 3

@@ -114,7 +114,7 @@ TRUSTED = {
         MODEL,
         "sklearn_pgnn.diagnosis.free_run.FreeRunError",
         "sklearn_pgnn.diagnosis.model_diagnosis.ModelDiagnosis",
-        "sklearn_pgnn.record_quality.flaws.Finding",
+        "sklearn_pgnn.record_quality.finding.Finding",
         "sklearn_pgnn.diagnosis.separation.Experiment",
         "sklearn_pgnn.diagnosis.separation.Separation",
         "sklearn_pgnn.estimation.problem.EstimationProblem",

@@ -20,7 +20,7 @@ from sklearn_pgnn.inspection.equations import PAGE, equations_of
 from sklearn_pgnn.inspection.evidence import find_evidence
 from sklearn_pgnn.inspection.report import render_report
 from sklearn_pgnn.inspection.words import verdict_sentence
-from sklearn_pgnn.record_quality.flaws import Finding
+from sklearn_pgnn.record_quality.finding import Finding
 
 INJECTED = "<script>alert(1)</script>"
 

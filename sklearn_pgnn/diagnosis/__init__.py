@@ -14,7 +14,7 @@ from sklearn_pgnn.diagnosis.result import (
 from sklearn_pgnn.diagnosis.separation import Experiment, Separation
 from sklearn_pgnn.diagnosis.unexplained import MissingPart
 from sklearn_pgnn.diagnosis.verdict import Remaining
-from sklearn_pgnn.record_quality.flaws import Finding
+from sklearn_pgnn.record_quality.finding import Finding
 
 __all__ = [
     "Candidate",

@@ -38,7 +38,7 @@ from sklearn_pgnn.physics.effects import read_catalogue
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.readings import reading
 from sklearn_pgnn.record_quality.checks import check_data_quality
-from sklearn_pgnn.record_quality.flaws import Finding
+from sklearn_pgnn.record_quality.finding import Finding
 from sklearn_pgnn.simulation.finite_run import simulate_quantities
 from sklearn_pgnn.simulation.record_windows import without_gaps
 from sklearn_pgnn.simulation.simulate import HOLDS, hold_of

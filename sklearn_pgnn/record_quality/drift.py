@@ -1,0 +1,168 @@
+"""Drift: parameters, or the noise, that differ from record to record."""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.stats import norm
+
+from sklearn_pgnn.estimation.problem import EstimationProblem
+from sklearn_pgnn.record_quality.finding import Finding
+from sklearn_pgnn.record_quality.improvement import is_better
+from sklearn_pgnn.record_quality.limits import ALPHA, FINE, STEPS, TWICE
+from sklearn_pgnn.record_quality.signals import Signal, looks_like_noise
+from sklearn_pgnn.simulation.uncertainty import standard_errors
+from sklearn_pgnn.simulation.window_fit import ParameterPrior, WindowFit, fit_windows
+from sklearn_pgnn.trajectories.noise import finest_differences, noise_level, relative_error
+
+
+def find_drift(
+    problem: EstimationProblem, names, base: WindowFit, final: WindowFit
+) -> Finding | None:
+    r"""Find parameters that differ from record to record.
+
+    The prior is re-tuned on every record alone. These fits together must be better than the
+    extended model on all, as an F test and the errors of the windows say, and remove most of what
+    it leaves above the noise. The parameter with the largest
+    :math:`\sum_r ((p_r - \bar p)/\sigma_r)^2` is named.
+
+    Parameters
+    ----------
+    problem : EstimationProblem
+        The problem.
+    names : sequence of str
+        What the records are called.
+    base, final : WindowFit
+        The re-tuned prior and the extended model.
+
+    Returns
+    -------
+    Finding or None
+        What was found.
+
+    References
+    ----------
+    .. [1] G. C. Chow, "Tests of equality between sets of coefficients in two linear regressions",
+       Econometrica 28, 1960, :doi:`10.2307/1910133`.
+    """
+    record = problem.windows.record
+    groups = [np.flatnonzero(record == r) for r in range(len(names))]
+    if len(groups) < 2 or not base.freedoms or min(map(len, groups)) < 1:
+        return None
+    estimate = problem.states.estimate(base.model)
+    expected = estimate.x[problem.windows.starts]
+    alone = [_fit_alone(problem, base, expected, estimate.spread, g) for g in groups]
+    together = _put_together(base, alone, groups)
+    if not np.isfinite(together.squares) or not _removes_most(problem, final, together):
+        return None
+    if not is_better(final, together, len(base.freedoms) * (len(groups) - 1)):
+        return None
+    errors = [
+        standard_errors(fit, expected[g], estimate.spread)
+        for fit, g in zip(alone, groups, strict=True)
+    ]
+    return _drift(problem, names, alone, errors)
+
+
+def _fit_alone(problem, base, expected, spread, group) -> WindowFit:
+    return fit_windows(
+        base.model,
+        problem.windows.select(group),
+        tuple(_wide(base.model, freedom) for freedom in base.freedoms),
+        expected[group],
+        spread,
+        x0_start=base.x0[group],
+        max_steps=STEPS,
+    )
+
+
+def _wide(model, freedom: ParameterPrior) -> ParameterPrior:
+    """Return the prior of a parameter that may go to its bounds: a drift may exceed its spread."""
+    low, high = model.parameters[freedom.name].bounds
+    return replace(freedom, low=low, high=high)
+
+
+def _put_together(base, alone, groups) -> WindowFit:
+    """Return the fits of single records as one of all."""
+    gram = np.empty_like(base.evaluation.block_gram)
+    residual = np.full_like(base.evaluation.residual, np.nan)
+    for fit, group in zip(alone, groups, strict=True):
+        gram[group] = fit.evaluation.block_gram
+        seen = np.isfinite(fit.evaluation.residual)
+        residual[seen] = fit.evaluation.residual[seen]
+    return replace(base, evaluation=replace(base.evaluation, block_gram=gram, residual=residual))
+
+
+def _removes_most(problem, final, together) -> bool:
+    """Return whether fits of single records leave less than half of what is above the noise."""
+    rest = together.evaluation.residual / problem.windows.scale
+    steps = np.diff(rest, axis=0)
+    steps[problem.windows.starts[1:] - 1] = np.nan
+    counts = np.isfinite(rest).sum(axis=0)
+    least = FINE * np.nanstd(problem.windows.y, axis=0) / problem.windows.scale
+    noise = np.maximum(np.nanmean(steps**2, axis=0) / 2, least**2)
+    floor = float((noise * counts).sum())
+    return TWICE * (together.squares - floor) < max(final.squares - floor, 0.0)
+
+
+def _drift(problem, names, alone, errors) -> Finding:
+    """Return the finding of the parameter that differs most, in units of its standard errors."""
+    spreads = {}
+    for freedom in alone[0].freedoms:
+        values = np.array([fit.model.parameters[freedom.name].value for fit in alone])
+        sigma = np.array([e[freedom.name] for e in errors])
+        weight = np.where(np.isfinite(sigma), 1.0 / np.maximum(sigma, 1e-12) ** 2, 0.0)
+        mean = np.sum(weight * values) / max(weight.sum(), 1e-300)
+        spreads[freedom.name] = (float(np.sum(weight * (values - mean) ** 2)), values)
+    name = max(spreads, key=lambda key: spreads[key][0])
+    values = spreads[name][1]
+    low, high, unit = int(np.argmin(values)), int(np.argmax(values)), problem.prior.unit(name)
+    return Finding(
+        "drift between records",
+        name,
+        f"every record has parameters of its own; {name} goes from {values[low]:.4g} in record "
+        f"{names[low]} to {values[high]:.4g} {unit} in record {names[high]}".rstrip(),
+        float(values[high] - values[low]),
+        "look for what changed between the records (temperature, load, supply), or diagnose them "
+        "apart",
+    )
+
+
+def find_uneven_noise(signal: Signal) -> Finding | None:
+    """Find records that are noisier than others by more than twice.
+
+    Parameters
+    ----------
+    signal : Signal
+        The output.
+
+    Returns
+    -------
+    Finding or None
+        What was found.
+    """
+    timed = list(zip(signal.pieces, signal.times, strict=True))
+    if len(timed) < 2 or not all(looks_like_noise([y], [t]) for y, t in timed):
+        return None
+    levels = np.array([noise_level(*piece) for piece in timed])
+    errors = np.array([_noise_error(*piece) for piece in timed])
+    low, high = int(np.argmin(levels)), int(np.argmax(levels))
+    error = np.hypot(errors[low], errors[high])
+    pairs = len(levels) * (len(levels) - 1)
+    least = np.log(TWICE) + norm.isf(ALPHA / pairs) * error
+    if not levels[low] > 0 or np.log(levels[high] / levels[low]) < least:
+        return None
+    return Finding(
+        "drift between records",
+        signal.name,
+        f"the noise of {signal.name} is {signal.measured(levels[high])} in record "
+        f"{signal.records[high]} and {signal.measured(levels[low])} in record "
+        f"{signal.records[low]}",
+        float(levels[high] / levels[low]),
+        "find what changed between the records, or diagnose them apart",
+    )
+
+
+def _noise_error(piece, times) -> float:
+    """Return the relative standard error of the noise of a record."""
+    differences, order = finest_differences(piece, times)
+    return relative_error(differences.size, order)

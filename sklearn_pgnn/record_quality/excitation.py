@@ -1,0 +1,136 @@
+"""Excitation: inputs that hardly change, and parameters that livelier ones would settle."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from sklearn_pgnn.estimation.problem import EstimationProblem
+from sklearn_pgnn.record_quality.finding import Finding
+from sklearn_pgnn.record_quality.limits import SHARE, SINES, TWICE
+from sklearn_pgnn.record_quality.signals import Signal
+from sklearn_pgnn.simulation.state_estimate import free_run
+from sklearn_pgnn.simulation.window_fit import WindowFit, project
+from sklearn_pgnn.simulation.windows import ShootingWindows, evaluate
+
+
+def find_dull_input(signal: Signal) -> Finding | None:
+    """Find an input that never changes or knows two values only.
+
+    Parameters
+    ----------
+    signal : Signal
+        The input.
+
+    Returns
+    -------
+    Finding or None
+        What was found.
+
+    Examples
+    --------
+    >>> still = Signal("u", "V", [np.ones(9)], [np.arange(9.0)], ["a"])
+    >>> find_dull_input(still).text
+    'u has the value 1 V throughout'
+    """
+    levels = np.unique(signal.values)
+    if levels.size > 2:
+        return None
+    values = " and ".join(signal.measured(level) for level in levels)
+    text, remedy = {
+        1: (
+            f"{signal.name} has the value {values} throughout",
+            "vary it: what it does to the machine cannot be seen",
+        ),
+        2: (
+            f"{signal.name} has only the values {values}",
+            "drive it at several levels: its gain, offset, dead zone and limit look alike at two",
+        ),
+    }[levels.size]
+    return Finding("poor excitation", signal.name, text, float(levels.size), remedy)
+
+
+def find_blind_parameters(problem: EstimationProblem, base: WindowFit) -> list[Finding]:
+    r"""Find parameters that these records cannot fix and richer ones of the same size could.
+
+    With the Fisher information :math:`H` of the windows, initial states projected out, and the
+    parameters' spread :math:`\sigma_i` in the prior, a record leaves the variance
+    :math:`v_i = [(H + \mathrm{diag}(\sigma^{-2}))^{-1}]_{ii}`. A parameter is reported if a record
+    with the same clock and range of inputs, but many sines, would settle more than twice as much
+    of :math:`\sigma_i^2`. What no record settles is not reported.
+
+    Parameters
+    ----------
+    problem : EstimationProblem
+        The problem.
+    base : WindowFit
+        The re-tuned prior.
+
+    Returns
+    -------
+    list of Finding
+        A finding a parameter.
+
+    References
+    ----------
+    .. [1] L. Ljung, "System identification: theory for the user", 2nd ed., Prentice Hall, 1999.
+    """
+    freedoms = [f for f in base.freedoms if np.isfinite(f.spread) and f.spread > 0]
+    if not freedoms or not np.ptp(problem.windows.u, axis=0).any():
+        return []
+    rich = _rich_windows(problem.windows)
+    x0 = _states_under(base, problem.windows, rich)
+    spread = problem.states.estimate(base.model).spread
+    here = _shares_left(base.model, problem.windows, base.x0, spread, freedoms)
+    there = _shares_left(base.model, rich, x0, spread, freedoms)
+    findings = []
+    for freedom, mine, best in zip(freedoms, here, there, strict=True):
+        if 1 - best > max(SHARE, TWICE * (1 - mine)):
+            findings.append(_blind(freedom.name, float(np.sqrt(mine))))
+    return findings
+
+
+def _blind(name, share) -> Finding:
+    return Finding(
+        "poor excitation",
+        name,
+        f"these records leave {share:.0%} of what was uncertain about {name}; livelier inputs of "
+        f"the same size would settle it",
+        share,
+        f"excite at several frequencies and levels, or measure {name} on its own",
+    )
+
+
+def _rich_windows(windows: ShootingWindows) -> ShootingWindows:
+    """Return the windows with many sines of the inputs' own range as inputs."""
+    rng = np.random.default_rng(0)
+    u = np.empty_like(windows.u)
+    for a, b in zip(windows.bounds[:-1], windows.bounds[1:], strict=True):
+        clock = (windows.t[a:b] - windows.t[a]) / max(windows.t[b - 1] - windows.t[a], 1e-12)
+        for i in range(u.shape[1]):
+            cycles = np.geomspace(0.5, max((b - a) / 10, 1.0), SINES)
+            wave = np.sin(2 * np.pi * (np.outer(clock, cycles) + rng.uniform(size=SINES))).sum(1)
+            low, high = windows.u[:, i].min(), windows.u[:, i].max()
+            u[a:b, i] = (low + high) / 2 + (high - low) / 2 * wave / np.abs(wave).max()
+    return replace(windows, u=u)
+
+
+def _states_under(fit: WindowFit, windows: ShootingWindows, other: ShootingWindows) -> np.ndarray:
+    """Return the windows' initial states in a free run under other inputs."""
+    x0, record = np.empty_like(fit.x0), windows.record
+    for r, (a, b) in enumerate(zip(windows.bounds[:-1], windows.bounds[1:], strict=True)):
+        mine = np.flatnonzero(record == r)
+        if mine.size:
+            run = free_run(fit.model, other, a, b, fit.x0[mine[0]])
+            x0[mine] = np.where(np.isfinite(run.x), run.x, fit.x0[mine[0]])[
+                windows.starts[mine] - a
+            ]
+    return x0
+
+
+def _shares_left(model, windows, x0, spread, freedoms) -> np.ndarray:
+    """Return the share of every parameter's prior variance that the windows leave."""
+    gram = evaluate(model, windows, x0, tuple(f.name for f in freedoms)).gram
+    normal = project(gram, len(freedoms), 1.0 / spread**2, np.zeros_like(x0))
+    scale = np.array([f.spread for f in freedoms])
+    information = normal.hessian.sum(axis=0) * np.outer(scale, scale)
+    return np.diag(np.linalg.inv(information + np.eye(len(freedoms))))

@@ -1,0 +1,47 @@
+"""The step of which all values of a quantity are multiples."""
+
+import numpy as np
+
+from sklearn_pgnn.record_quality.limits import OFF_GRID
+
+
+def grid_step(values: np.ndarray) -> float:
+    """Return the step of which all differences of values are multiples.
+
+    Only the larger half of the values counts: numbers written with so many digits are coarsest
+    there.
+
+    Parameters
+    ----------
+    values : ndarray of shape (n_samples,)
+        The values; NaN is skipped.
+
+    Returns
+    -------
+    float
+        The step, or 0 if there is none.
+
+    Examples
+    --------
+    >>> float(round(grid_step(np.round(np.random.default_rng(0).normal(size=100), 2)), 6))
+    0.01
+    >>> float(grid_step(np.random.default_rng(0).normal(size=100)))
+    0.0
+    """
+    known = values[np.isfinite(values)]
+    large = known[np.abs(known) >= np.median(np.abs(known))] if known.size else known
+    distinct = np.unique(large)
+    # what differs by rounding of the computer only is the same
+    distinct = distinct[np.diff(distinct, prepend=-np.inf) > 1e-9 * np.abs(distinct).max(initial=0)]
+    return _common_measure(np.diff(distinct)) if distinct.size > 2 else 0.0
+
+
+def _common_measure(gaps: np.ndarray) -> float:
+    """Return the largest step that goes into all gaps, by Euclid's algorithm; else 0."""
+    least, step = 1e-8 * gaps.sum(), gaps.min()
+    while step > least:
+        rest = np.abs(gaps - step * np.rint(gaps / step))
+        if rest.max() < OFF_GRID * step:
+            return float(gaps.sum() / np.rint(gaps / step).sum())
+        step = rest[rest >= OFF_GRID * step].min()
+    return 0.0

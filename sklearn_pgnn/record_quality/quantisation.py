@@ -1,0 +1,41 @@
+"""Quantisation: steps of the resolution that are larger than the noise."""
+
+import numpy as np
+
+from sklearn_pgnn.record_quality.finding import Finding
+from sklearn_pgnn.record_quality.signals import Signal
+
+
+def find_quantisation(signal: Signal) -> Finding | None:
+    r"""Find steps of the resolution that are larger than the noise.
+
+    From a noise of half a step on, rounding is like more white noise of variance
+    :math:`q^2/12`; below, its error depends on the signal.
+
+    Parameters
+    ----------
+    signal : Signal
+        The output.
+
+    Returns
+    -------
+    Finding or None
+        What was found.
+
+    References
+    ----------
+    .. [1] R. M. Gray, D. L. Neuhoff, "Quantization", IEEE Transactions on Information Theory
+       44(6), 1998, :doi:`10.1109/18.720541`.
+    """
+    step = signal.resolution
+    if not step > np.sqrt(1 / (1 / 4 + 1 / 12)) * max(signal.noise, signal.finest):
+        return None
+    levels = np.unique(np.rint(signal.values[np.isfinite(signal.values)] / step)).size
+    return Finding(
+        "quantisation",
+        signal.name,
+        f"{signal.name} comes in steps of {signal.measured(step)}, larger than its noise "
+        f"({levels} different values)",
+        step,
+        "use a finer sensor or range; effects smaller than a step cannot be seen",
+    )

@@ -1,0 +1,111 @@
+"""One measured quantity of all records: its noise and its resolution."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from sklearn_pgnn.record_quality.grid import grid_step
+from sklearn_pgnn.record_quality.limits import BLOCK, COARSE, FINE, MOST, NOISE_LIKE
+from sklearn_pgnn.trajectories.noise import finest_differences, noise_level
+
+
+@dataclass(frozen=True)
+class Signal:
+    """One measured quantity of all records.
+
+    Parameters
+    ----------
+    name, unit : str
+        What it is called and its unit.
+    pieces : sequence of ndarray of shape (n_samples,)
+        Its values, record by record; NaN where there is none.
+    times : sequence of ndarray of shape (n_samples,)
+        Time [s].
+    records : sequence of str
+        What the records are called.
+    """
+
+    name: str
+    unit: str
+    pieces: Sequence[np.ndarray]
+    times: Sequence[np.ndarray]
+    records: Sequence[str]
+
+    @property
+    def values(self) -> np.ndarray:
+        """All values, record after record."""
+        return np.concatenate(self.pieces)
+
+    @cached_property
+    def noise(self) -> float:
+        """Standard deviation of its white noise."""
+        return float(np.median([noise_level(*piece) for piece in self._timed]))
+
+    @cached_property
+    def noisy(self) -> bool:
+        """Whether the finest part of it is noise, and not motion."""
+        return looks_like_noise(self.pieces, self.times)
+
+    @property
+    def _timed(self):
+        return zip(self.pieces, self.times, strict=True)
+
+    @cached_property
+    def resolution(self) -> float:
+        """The step of which all values are multiples; 0 where there is none."""
+        return grid_step(self.values)
+
+    def chance_of_equals(self) -> float:
+        r"""Return the chance that noise alone makes two neighbours equal.
+
+        Two normal values of spread :math:`\sigma` rounded to steps :math:`q` are equal with the
+        chance :math:`q/(2\sqrt{\pi}\sigma)`.
+        """
+        if not self.noisy or self.noise == 0:
+            return 1.0
+        return min(1.0, self.resolution / (2 * np.sqrt(np.pi) * self.noise))
+
+    @property
+    def tells_equals(self) -> bool:
+        """Whether noise makes equal neighbours so rare that these are a sign of a fault."""
+        return self.chance_of_equals() < COARSE
+
+    @property
+    def finest(self) -> float:
+        """The least change that counts as one: no simulation is finer."""
+        return FINE * float(np.nanstd(self.values))
+
+    def measured(self, value: float) -> str:
+        """Return a value with its unit, as text."""
+        return f"{value:.4g} {self.unit}".rstrip()
+
+
+def looks_like_noise(pieces, times) -> bool:
+    """Return whether the finest differences alternate nearly everywhere, as those of noise do.
+
+    Samples at the ends of the range are left out: a sensor may be cut there. What is finer than any
+    simulation is the computer's rounding.
+    """
+    ends = np.nanmin(np.concatenate(pieces)), np.nanmax(np.concatenate(pieces))
+    inner = [np.where(np.isin(piece, ends), np.nan, piece) for piece in pieces]
+    levels = [noise_level(*piece) for piece in zip(inner, times, strict=True)]
+    if not np.median(levels) > FINE * np.nanstd(np.concatenate(pieces)):
+        return False
+    blocks = np.concatenate([_alternates(*piece) for piece in zip(inner, times, strict=True)])
+    return bool(blocks.size and np.mean(blocks) > MOST)
+
+
+def _alternates(piece: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """Return block by block whether neighbouring differences have opposite signs."""
+    steps = finest_differences(piece, times)[0]
+    pairs = np.column_stack([steps[:-1], steps[1:]])
+    blocks = np.array_split(pairs, max(1, len(pairs) // BLOCK))
+    return np.array([_correlation(block) < NOISE_LIKE for block in blocks if len(block) >= 8])
+
+
+def _correlation(pairs: np.ndarray) -> float:
+    a, b = pairs.T
+    power = np.sqrt(np.sum(a**2) * np.sum(b**2))
+    return float(np.sum(a * b) / power) if power > 0 else 0.0

@@ -1,0 +1,89 @@
+"""Synchrony: outputs that answer before their inputs."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from sklearn_pgnn.estimation.problem import EstimationProblem
+from sklearn_pgnn.record_quality.finding import Finding
+from sklearn_pgnn.record_quality.improvement import is_better
+from sklearn_pgnn.record_quality.limits import STEPS
+from sklearn_pgnn.simulation.window_fit import WindowFit, fit_windows
+from sklearn_pgnn.simulation.windows import ShootingWindows
+
+
+def find_early_output(
+    problem: EstimationProblem, base: WindowFit, final: WindowFit
+) -> Finding | None:
+    """Find outputs that answer before their input: the two were not recorded in step.
+
+    The re-tuned prior is fitted with its inputs moved to earlier samples. It must then do better
+    than the extended model, by more than chance, with the inputs more than one sample early.
+
+    Parameters
+    ----------
+    problem : EstimationProblem
+        The problem.
+    base, final : WindowFit
+        The re-tuned prior and the extended model.
+
+    Returns
+    -------
+    Finding or None
+        What was found.
+    """
+    if not problem.prior.inputs:
+        return None
+    lead, best = _best_lead(problem, base)
+    if lead < 2 or not is_better(final, best, 1):
+        return None
+    ahead = lead * problem.scales.sample_time
+    return Finding(
+        "not synchronous",
+        ", ".join(problem.prior.outputs),
+        f"the outputs lead the inputs by {lead} samples ({ahead:.3g} s): no cause acts backward "
+        f"in time",
+        ahead,
+        "record inputs and outputs on one clock, or move the inputs by this time",
+    )
+
+
+def _best_lead(problem, base) -> tuple[int, WindowFit]:
+    """Return by how many samples earlier inputs have the least error, and the fit with them."""
+    fits, sample_time = {0: base}, problem.scales.sample_time
+
+    def error(lead):
+        if lead not in fits:
+            fits[lead] = _refit(problem, base, _earlier(problem.windows, lead * sample_time))
+        return fits[lead].objective
+
+    best, step = 0, 1
+    longest = int(problem.windows.lengths.min()) // 2
+    while best + step <= longest and error(best + step) < error(best):
+        best, step = best + step, 2 * step
+    while step > 1:
+        step //= 2
+        best = min((best, best - step, min(best + step, longest)), key=error)
+    return best, fits[best]
+
+
+def _earlier(windows: ShootingWindows, time: float) -> ShootingWindows:
+    """Return the windows with inputs moved to earlier samples, of every record's own clock."""
+    u = windows.u.copy()
+    for a, b in zip(windows.bounds[:-1], windows.bounds[1:], strict=True):
+        lead = round(time / float(np.median(np.diff(windows.t[a:b]))))
+        u[a:b] = windows.u[np.minimum(np.arange(a, b) + lead, b - 1)]
+    return replace(windows, u=u)
+
+
+def _refit(problem, fit: WindowFit, windows: ShootingWindows) -> WindowFit:
+    estimate = problem.states.estimate(fit.model)
+    return fit_windows(
+        fit.model,
+        windows,
+        fit.freedoms,
+        estimate.x[windows.starts],
+        estimate.spread,
+        x0_start=fit.x0,
+        max_steps=STEPS,
+    )
