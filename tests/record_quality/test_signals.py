@@ -1,0 +1,104 @@
+"""Checks of single signals and clocks: silent on clean ones, blind to units."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sklearn_pgnn.record_quality.clipping import find_clipping
+from sklearn_pgnn.record_quality.clock import find_gaps, find_jitter
+from sklearn_pgnn.record_quality.drift import find_uneven_noise
+from sklearn_pgnn.record_quality.grid import grid_step
+from sklearn_pgnn.record_quality.quantisation import find_quantisation
+from sklearn_pgnn.record_quality.signals import Signal
+from sklearn_pgnn.record_quality.single_samples import find_held_samples, find_outliers
+
+
+def signal(*pieces, dt=0.01):
+    times = [dt * np.arange(len(piece)) for piece in pieces]
+    return Signal("y", "V", [*map(np.asarray, pieces)], times, [*map(str, range(len(pieces)))])
+
+
+def test_rest_is_no_clipping():
+    settled = np.concatenate([np.zeros(50), 1 - np.exp(-np.arange(2000) / 15.0)])
+    assert find_clipping(signal(settled)) is None
+
+
+def test_record_checks_are_silent_on_many_clean_signals():
+    """Every check speaks up by chance in at most one of a thousand; 2 % in all is asked for."""
+    rng, spoke = np.random.default_rng(0), 0
+    for _ in range(300):
+        t = 0.01 * np.arange(rng.integers(200, 1500))
+        waves = np.sin(np.outer(t, rng.uniform(0.5, 12, 3)) + rng.uniform(0, 6, 3)).sum(axis=1)
+        noise = 10.0 ** rng.uniform(-4, -1)
+        clean = signal(*(waves + noise * rng.standard_normal(t.size) for _ in range(2)))
+        checks = (find_clipping, find_quantisation, find_held_samples, find_uneven_noise)
+        found = [check(clean) for check in checks]
+        found += [find_outliers(clean, clean), find_gaps(clean.times, clean.records)]
+        spoke += any(finding is not None for finding in found)
+    assert spoke <= 6
+
+
+@given(
+    step=st.sampled_from([1e-3, 0.02, 0.25, 3.0]),
+    offset=st.floats(-5, 5),
+    seed=st.integers(0, 2**16),
+)
+def test_the_step_of_a_grid_is_found_wherever_the_grid_lies(step, offset, seed):
+    counts = np.random.default_rng(seed).integers(-40, 40, 300)
+    assert grid_step(offset + step * counts) == pytest.approx(step, rel=1e-6)
+
+
+@given(scale=st.floats(1e-6, 1e6), shift=st.floats(-10, 10))
+def test_findings_do_not_depend_on_the_unit(scale, shift):
+    rng = np.random.default_rng(5)
+    y = np.sin(0.03 * np.arange(600)) + 0.01 * rng.standard_normal(600)
+    y[[100, 300]] += [1.0, -1.0]
+    y = np.minimum(y, 0.8)
+    moved = signal(scale * (y + shift))
+    assert find_clipping(moved).value == find_clipping(signal(y)).value
+    assert find_outliers(moved, moved).value == find_outliers(signal(y), signal(y)).value == 2
+
+
+@given(share=st.floats(0.02, 0.2), seed=st.integers(0, 2**16))
+def test_every_missing_sample_of_a_regular_clock_is_counted(share, seed):
+    rng = np.random.default_rng(seed)
+    keep = rng.uniform(size=500) > share / 2
+    keep[[0, -1]] = True
+    t = 0.01 * np.arange(500)
+    found = find_gaps([t[keep]], ["a"])
+    missing = np.count_nonzero(~keep)
+    assert (0 if found is None else found.value) == missing
+
+
+def test_time_stamps_rounded_to_milliseconds_are_no_jitter():
+    y = np.sin(np.arange(3000) / 30) + 1e-3 * np.random.default_rng(0).standard_normal(3000)
+    times = [np.round(np.arange(3000) / 300, 3)]
+    assert find_jitter([Signal("y", "V", [y], times, ["a"])]) is None
+
+
+def two_clocks(*steps, jitter=0.0):
+    rng = np.random.default_rng(0)
+    times = [step * np.arange(1500) for step in steps]
+    times[-1] = times[-1] + jitter * steps[-1] * rng.uniform(-1, 1, 1500)
+    pieces = [np.sin(3 * t) + 1e-3 * rng.standard_normal(t.size) for t in times]
+    return Signal("y", "V", pieces, times, [str(i) for i in range(len(steps))])
+
+
+@pytest.mark.parametrize("steps", [(0.002, 0.003), (0.002, 0.004), (0.002, 0.002, 0.02)])
+def test_files_of_different_sample_times_are_neither_jitter_nor_gaps(steps):
+    assert find_jitter([two_clocks(*steps)]) is None
+    assert find_gaps(two_clocks(*steps).times, "abc"[: len(steps)]) is None
+
+
+def test_the_record_whose_clock_jitters_is_named():
+    finding = find_jitter([two_clocks(0.02, 0.03, jitter=0.2)])
+    assert "sample time of 0.0299" in finding.text
+    assert "in record 1" in finding.text
+
+
+def test_gaps_are_counted_on_the_clock_of_their_own_record():
+    times = [0.002 * np.arange(900), np.delete(0.004 * np.arange(900), [100, 101])]
+    finding = find_gaps(times, ["a", "b"])
+    assert finding.value == 2
+    assert "from a clock of 0.004 s, the first after record b" in finding.text
