@@ -126,15 +126,15 @@ def make(case: Case) -> datasets.HiddenEffect:
     """Make the records of a case, the prior and the truth, with effects that the machine bears."""
     for attempt in range(ATTEMPTS):
         try:
-            return _attempt(case, np.random.default_rng([case.seed, attempt][: 1 + attempt]))
+            return _attempt(case, case.seed + attempt)
         except ValueError as error:
             if "leaves the finite numbers" not in str(error) or attempt == ATTEMPTS - 1:
                 raise
 
 
-def _attempt(case: Case, rng) -> datasets.HiddenEffect:
-    machine = MACHINES[case.machine]
-    options = {**machine.options, "noise": machine.noise, "random_state": case.seed % 2**32}
+def _attempt(case: Case, seed: int) -> datasets.HiddenEffect:
+    machine, rng = MACHINES[case.machine], np.random.default_rng(seed)
+    options = {**machine.options, "noise": machine.noise, "random_state": seed % 2**32}
     if case.kind == "nothing":
         clean = datasets.make_hidden_effect(machine.model, None, **{**options, "noise": 0.0})
         return _measured(clean, case.detail, machine.noise, rng)

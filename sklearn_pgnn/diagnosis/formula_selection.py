@@ -21,11 +21,13 @@ class FormulaSelection:
         self._known: dict[tuple, Proposal | None] = {}
 
     def is_law(self, search: Search) -> bool:
-        """Return whether a formula alone leaves noise where the causes of a search leave more."""
+        """Return whether a formula of as few parameters leaves noise where causes leave more."""
         if not search.is_nameable(search.current):
             return False
         alone = self._alone(search)
-        return alone is not None and not search.is_nameable(alone.trial)
+        if alone is None or n_parameters(alone.trial) > n_parameters(search.current):
+            return False
+        return not search.is_nameable(alone.trial)
 
     def choose(
         self, search: Search, result: SearchResult, has_structure: bool

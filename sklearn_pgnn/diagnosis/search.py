@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from sklearn_pgnn.diagnosis.rivals import find_rivals
-from sklearn_pgnn.diagnosis.size import all_have_size
+from sklearn_pgnn.diagnosis.size import overdispersion_along
 from sklearn_pgnn.estimation.criterion import SelectionCriterion
 from sklearn_pgnn.estimation.fitting import (
     FittedHypothesis,
@@ -336,11 +336,12 @@ class Search:
         return self.evidence(worse, better) > self.criterion.to_refute
 
     def _names(self, without, with_, n_causes=1) -> bool:
-        held_out, causes = self.fitter.held_out, set(_causes(with_)) - set(_causes(without))
-        if not self.criterion.names(held_out(without), held_out(with_), n_causes):
+        before, after = self.fitter.held_out(without), self.fitter.held_out(with_)
+        if not self.criterion.names(before, after, n_causes):
             return False
-        alpha = self.criterion.alpha / max(self.criterion.n_candidates, 1)
-        return all_have_size(self.fitter.problem, with_, causes, alpha)
+        causes = set(_causes(with_)) - set(_causes(without))
+        less = overdispersion_along(self.fitter.problem, with_, causes, after.windows)
+        return self.criterion.names(before, after, n_causes, less)
 
     def _is_preferred(self, other: FittedHypothesis, current: FittedHypothesis) -> bool:
         """Return whether a hypothesis refutes another one, or is simpler and not refuted."""

@@ -168,7 +168,9 @@ class SelectionCriterion:
         """Return whether the second of two hypotheses is refuted by the first."""
         return self.evidence(worse, better) > self.to_refute
 
-    def names(self, without: HeldOut, with_: HeldOut, n_causes: int = 1) -> bool:
+    def names(
+        self, without: HeldOut, with_: HeldOut, n_causes: int = 1, overdispersion: float = 1.0
+    ) -> bool:
         """Return whether causes are named beside what a hypothesis says without them.
 
         Parameters
@@ -177,6 +179,8 @@ class SelectionCriterion:
             The hypothesis without the causes, and with them.
         n_causes : int, default=1
             How many they are.
+        overdispersion : float, default=1
+            How much less the residuals count along the causes, over windows.
 
         Returns
         -------
@@ -184,7 +188,7 @@ class SelectionCriterion:
             Whether the rule is met.
         """
         needed, remembers = n_causes * self.to_name, with_.n_added > without.n_added
-        evidence = self.evidence(without, with_)
+        evidence = self.evidence(without, with_) / overdispersion
         share = explained_share(without.windows, with_.windows)
         if without.tells_in_free_run or with_.tells_in_free_run:
             in_free_run = log_likelihood_ratio(without.free_run, with_.free_run)

@@ -105,6 +105,48 @@ def standard_errors(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) ->
     return dict(zip(names, np.where(flat, np.inf, np.sqrt(variances)).tolist(), strict=True))
 
 
+def overdispersion(
+    fit: WindowFit, expected: np.ndarray, spread: np.ndarray, dispersion: float
+) -> dict[str, float]:
+    r"""Return by how much the parameters' variances exceed those that residuals alone explain.
+
+    .. math:: \phi_i = \frac{[H^{-1} (\frac{W}{W - n} \sum_w g_w g_w^T + P) H^{-1}]_{ii}}
+              {[H^{-1} (d\,(H - P) + P) H^{-1}]_{ii}}
+
+    with the symbols of `standard_errors` and the dispersion :math:`d`, the residuals' power times
+    their autocorrelation time. What disturbs a machine from outside is larger along what it
+    excites: there the residuals count for less than their autocorrelation tells.
+
+    Parameters
+    ----------
+    fit : WindowFit
+        The fitted model.
+    expected : ndarray of shape (n_windows, n_states)
+        Expected initial states of the windows.
+    spread : ndarray of shape (n_states,)
+        How uncertain they are.
+    dispersion : float
+        Power of the residuals, in units of the noise, times their autocorrelation time in samples.
+
+    Returns
+    -------
+    dict of str to float
+        The ratio by parameter, never below 1.
+    """
+    names = [freedom.name for freedom in fit.freedoms]
+    if not (names and fit.usable):
+        return dict.fromkeys(names, 1.0)
+    normal = project(fit.evaluation.gram, len(names), 1.0 / spread**2, fit.x0 - expected)
+    pull = np.diag([1.0 / freedom.spread**2 for freedom in fit.freedoms])
+    hessian, scores = normal.hessian.sum(axis=0), _block_scores(fit, normal)
+    inverse, _ = _invert(hessian + pull)
+    factor = len(scores) / max(len(scores) - len(names), 1)
+    found = np.diag(inverse @ (scores.T @ scores * factor + pull) @ inverse)
+    explained = np.diag(inverse @ (dispersion * hessian + pull) @ inverse)
+    ratio = found / np.where(explained > 0, explained, np.inf)
+    return dict(zip(names, np.maximum(ratio, 1.0).tolist(), strict=True))
+
+
 def errors_by_held(
     fit: WindowFit,
     windows: ShootingWindows,
