@@ -6,7 +6,6 @@ from sklearn_pgnn.diagnosis.search import Search, SearchResult, n_parameters
 from sklearn_pgnn.diagnosis.unexplained import (
     Proposal,
     channels,
-    is_known,
     library_size,
     propose,
 )
@@ -66,10 +65,8 @@ class FormulaSelection:
         return result, None
 
     def _alone(self, search: Search) -> Proposal | None:
-        """Return the best formula for what the re-tuned prior lacks, unless it is a known law."""
-        best = self._best(search, search.fitter.base())
-        known = best is None or is_known(search.fitter.problem.prior, best.effect)
-        return None if known else best
+        """Return the best formula for what the re-tuned prior lacks."""
+        return self._best(search, search.fitter.base())
 
     def _best(self, search: Search, ground: FittedHypothesis) -> Proposal | None:
         key = search.fitter.key(ground.hypothesis)

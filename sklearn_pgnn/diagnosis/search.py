@@ -83,7 +83,7 @@ class Search:
         Called with the search where a cause leaves something; whether a formula alone leaves
         nothing, so that the search is over.
     given : frozenset of Effect, default=frozenset()
-        Causes that the records show by themselves: they need no proof, only to do no harm.
+        Causes that the records show by themselves: any evidence for them will do.
     """
 
     def __init__(
@@ -143,7 +143,7 @@ class Search:
         """Yield the moves, the cheap ones first."""
         count = len(current.hypothesis.causes)
         room = self.max_causes - count if self.is_nameable(current) else 0
-        if count > 1:
+        if count > 1 or self.given & set(_causes(current)):
             yield self._drop
         if room >= 1:
             yield self._add
@@ -167,8 +167,7 @@ class Search:
         """Drop the cause that is needed least, unless the others leave it a name."""
         self.progress.begin("needless causes", len(current.hypothesis.causes))
         ground = self.fitter.subsample(current)
-        causes = [c for c in current.hypothesis.causes if c not in self.given]
-        reduced = [self.fitter.reduce(ground, cause) for cause in causes]
+        reduced = [self.fitter.reduce(ground, cause) for cause in _causes(current)]
         for subsample in sorted(_usable(reduced), key=objective_of)[:FINALISTS]:
             without = self.fitter.fit_all(subsample, current)
             if without.fit.usable and not self._names(without, current):
@@ -296,8 +295,6 @@ class Search:
 
     def in_place(self, current, cause: Effect) -> list[FittedHypothesis]:
         """Return what may stand in a cause's place, fitted on all windows."""
-        if cause in self.given:
-            return []
         without = self.fitter.reduce(self.fitter.subsample(current), cause)
         ranked = self._screen().rank(without) if without.hypothesis.causes else None
         likely = (
@@ -337,9 +334,11 @@ class Search:
 
     def _names(self, without, with_, n_causes=1) -> bool:
         before, after = self.fitter.held_out(without), self.fitter.held_out(with_)
+        causes = set(_causes(with_)) - set(_causes(without))
+        if causes and causes <= self.given:
+            return self.criterion.evidence(before, after) > 0.0
         if not self.criterion.names(before, after, n_causes):
             return False
-        causes = set(_causes(with_)) - set(_causes(without))
         less = overdispersion_along(self.fitter.problem, with_, causes, after.windows)
         return self.criterion.names(before, after, n_causes, less)
 

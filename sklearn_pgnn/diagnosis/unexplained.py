@@ -3,7 +3,6 @@
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 from itertools import combinations
 
 import numpy as np
@@ -15,12 +14,9 @@ from sklearn_pgnn.diagnosis.leading_terms import leading_terms
 from sklearn_pgnn.estimation.fitted_records import as_judged
 from sklearn_pgnn.estimation.fitting import FittedHypothesis
 from sklearn_pgnn.estimation.problem import EstimationProblem
-from sklearn_pgnn.physics.effect import Effect
-from sklearn_pgnn.physics.effects import CATALOGUE
 from sklearn_pgnn.physics.effects.formula import Formula
 from sklearn_pgnn.physics.effects.rates import is_velocity
 from sklearn_pgnn.physics.expressions import TIME, symbol, to_text
-from sklearn_pgnn.physics.laws import Law, laws_of
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.hidden_input import HiddenInput, find_hidden_input
 from sklearn_pgnn.simulation.linear_response import linear_responses
@@ -218,37 +214,6 @@ def describe(problem: EstimationProblem, proposal: Proposal) -> MissingPart:
     error = float(np.sqrt(fit.squares / problem.n_samples))
     model = as_judged(problem, fit)
     return MissingPart(effect.target, quantities, share, effect, error, model, hidden.values)
-
-
-def is_known(model: PhysicsModel, effect: Formula) -> bool:
-    """Return whether every term of a formula is a law of the catalogue, such as a spring.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The prior.
-    effect : Formula
-        The formula.
-
-    Returns
-    -------
-    bool
-        Whether the catalogue would have found it.
-    """
-    return laws_of(effect, model) <= _catalogued(model)
-
-
-@lru_cache(maxsize=16)
-def _catalogued(model: PhysicsModel) -> frozenset[Law]:
-    """Return the laws of all effects that a model may lack."""
-    kinds = [(kind, target) for kind in CATALOGUE for target in kind.targets(model)]
-    lacking = [kind(target) for kind, target in kinds if not _is_there(model, kind(target))]
-    return frozenset().union(*(laws_of(effect, model) for effect in lacking))
-
-
-def _is_there(model: PhysicsModel, effect: Effect) -> bool:
-    """Return whether a model has the parameters that an effect would add."""
-    return any(parameter.name in model.parameters for parameter in effect.parameters(model))
 
 
 def _fit(problem, base, effect, each_step) -> WindowFit:
