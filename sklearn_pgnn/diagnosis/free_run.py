@@ -19,11 +19,15 @@ class FreeRunError:
     prior, refitted, extended : float
         Root mean square error of the prior, the re-tuned prior and the extended model; infinite
         where a simulation leaves the finite numbers.
+    tells : bool, default=True
+        Whether the re-tuned prior or the extended model is nearer to the records than their mean
+        is. The free run of a chaotic or unstable machine is not, and says nothing.
     """
 
     prior: float
     refitted: float
     extended: float
+    tells: bool = True
 
 
 def free_runs(records: DiagnosisRecords, which: str) -> list[Simulation]:
@@ -50,13 +54,15 @@ def free_runs(records: DiagnosisRecords, which: str) -> list[Simulation]:
     ]
 
 
-def free_run_errors(records: DiagnosisRecords) -> dict[str, FreeRunError]:
+def free_run_errors(records: DiagnosisRecords, tells: bool = True) -> dict[str, FreeRunError]:
     """Measure the free runs of all models over all records.
 
     Parameters
     ----------
     records : DiagnosisRecords
         The records.
+    tells : bool, default=True
+        Whether the free run says anything.
 
     Returns
     -------
@@ -66,7 +72,7 @@ def free_run_errors(records: DiagnosisRecords) -> dict[str, FreeRunError]:
     errors = {which: _errors(records, which) for which in records.fits}
     outputs = records.fits["prior"].model.outputs
     return {
-        output: FreeRunError(**{which: float(error[i]) for which, error in errors.items()})
+        output: FreeRunError(**{which: float(e[i]) for which, e in errors.items()}, tells=tells)
         for i, output in enumerate(outputs)
     }
 

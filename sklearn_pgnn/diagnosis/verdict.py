@@ -78,8 +78,10 @@ def verdict_of(result: SearchResult, remaining: Remaining, has_formula: bool) ->
     -------
     {"model_adequate", "cause_named", "ambiguous", "unexplained"}
         The verdict: *unexplained* only where something depends on what was recorded and nothing
-        could be named.
+        could be named, or where more than noise is left and the search did not come to its end.
     """
     if result.steps:
         return "ambiguous" if any(result.rivals.values()) else "cause_named"
+    if not result.complete and remaining.kind != "noise":
+        return "unexplained"
     return "unexplained" if has_formula or remaining.kind == "structure" else "model_adequate"

@@ -316,7 +316,13 @@ def _worth(diagnosis) -> str:
         f"{share(gain).replace('> ', 'more than ')} of the error power of {output} above the noise"
         for output, gain in diagnosis.gain_.items()
     ]
-    return f"The extended model removes {listed(parts)}, on data held out of the fit."
+    said = f"The extended model removes {listed(parts)}, on data held out of the fit."
+    if all(error.tells for error in diagnosis.free_run_.values()):
+        return said
+    return (
+        f"{said} The free run says nothing: without restarts, no model is nearer to the records "
+        f"than their mean is, as with an unstable or chaotic machine."
+    )
 
 
 def separation_sentence(separation) -> str:
