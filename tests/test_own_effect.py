@@ -182,7 +182,7 @@ NAMED = {
     "estimation/hypothesis.py": {"WrongParameter"},
     "diagnosis/search.py": {"WrongParameter"},
     "diagnosis/unexplained.py": {"Formula"},  # what has no name
-    "diagnosis/model_diagnosis.py": {"SensorSaturation"},  # a record shows clipping by itself
+    "diagnosis/investigation.py": {"SensorSaturation"},  # a record shows clipping by itself
     "datasets/two_tanks.py": {"InputDeadZone"},  # what a rig hides
     "cli/demo.py": {"StribeckFriction"},
 }
