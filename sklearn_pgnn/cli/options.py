@@ -9,6 +9,7 @@ def _threads(_context, _option, value: int) -> int:
     return value
 
 
+_SHARE = click.FloatRange(min=0, max=1, min_open=True, max_open=True)
 _JOB = (
     click.option(
         "--jobs",
@@ -84,6 +85,22 @@ _DIAGNOSIS = (
         default=4,
         show_default=True,
         help="Causes named at most.",
+    ),
+    click.option(
+        "--alpha",
+        type=_SHARE,
+        default=0.01,
+        show_default=True,
+        metavar="RATE",
+        help="Rate of false names: the chance that a cause is named where nothing is missing.",
+    ),
+    click.option(
+        "--smallest-share",
+        type=_SHARE,
+        default=0.05,
+        show_default=True,
+        metavar="SHARE",
+        help="Smallest share of an output's error power that is worth a name.",
     ),
     click.option(
         "--time-limit",

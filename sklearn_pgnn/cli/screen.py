@@ -11,15 +11,20 @@ from sklearn_pgnn.cli.guard import one_line
 from sklearn_pgnn.inspection.words import (
     VERDICTS,
     cause_name,
+    chance,
     free_run_error,
-    listed,
     measured,
     number,
+    remaining_sentence,
+    rivals,
     separation_sentence,
     share,
     unusable_sentence,
     verdict_sentence,
 )
+
+#: probability of a cause from which on none is printed
+SURE = 0.99
 
 
 def described_files(diagnosis) -> dict[str, str]:
@@ -50,6 +55,7 @@ def tell(diagnosis, output: Path, *, quiet: bool) -> None:
     if not quiet:
         _tell_quality(console, diagnosis.data_quality_)
     _say(console, f"{VERDICTS[diagnosis.verdict_]}. {verdict_sentence(diagnosis)}", "bold")
+    _say(console, remaining_sentence(diagnosis))
     if diagnosis.unusable_ and not quiet:
         _say(console, unusable_sentence(diagnosis))
     if quiet:
@@ -90,9 +96,10 @@ def _tell_cause(console, place: int, cause, separations) -> None:
     table = _table("", "")
     for name, e in cause.parameters.items():
         table.add_row(name.replace("_", " "), _cell(measured(e.value, e.low, e.high, e.unit)))
-    others = listed(cause_name(o.effect, o.target) for o in cause.confused_with)
     table.add_row("gain", f"error on held-out windows {worth}")
-    table.add_row("confused with", _cell(others or "nothing"))
+    if cause.probability < SURE:
+        table.add_row("probability", chance(cause.probability))
+    table.add_row("confused with", _cell(rivals(cause) or "nothing"))
     for found in separations:
         if found.cause == (cause.effect, cause.target):
             table.add_row("which it is", _cell(separation_sentence(found)))

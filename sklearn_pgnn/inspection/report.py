@@ -20,12 +20,14 @@ from sklearn_pgnn.inspection.style import new_figure, to_png
 from sklearn_pgnn.inspection.words import (
     VERDICTS,
     cause_name,
+    chance,
     free_run_error,
     left_alone,
-    listed,
     measured,
     number,
     percent,
+    remaining_sentence,
+    rivals,
     separation_sentence,
     share,
     suspect_name,
@@ -85,6 +87,7 @@ def report_content(diagnosis) -> dict:
         "verdict": diagnosis.verdict_,
         "verdict_title": VERDICTS[diagnosis.verdict_],
         "sentence": verdict_sentence(diagnosis),
+        "remaining": remaining_sentence(diagnosis),
         "data_quality": diagnosis.data_quality_,
         "causes": [_cause(diagnosis, cause) for cause in diagnosis.causes_],
         "comparisons": [_comparison(diagnosis, kind) for kind in ("free_run", "windows")],
@@ -124,7 +127,8 @@ def _cause(diagnosis, cause) -> dict:
         ],
         "gain": percent(abs(cause.gain) / 100),
         "direction": "smaller" if cause.gain >= 0 else "larger",
-        "confused": listed(cause_name(o.effect, o.target) for o in cause.confused_with),
+        "probability": chance(cause.probability),
+        "confused": rivals(cause),
         "separations": [
             separation_sentence(found)
             for found in diagnosis.separations_

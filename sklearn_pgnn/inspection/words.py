@@ -112,6 +112,40 @@ def percent(part: float) -> str:
     return f"{100 * part:.{1 if part > 0.985 else 0}f} %"
 
 
+def chance(probability: float) -> str:
+    """Return a probability in percent; one that is nearly 0 or 1 is not rounded to it.
+
+    Examples
+    --------
+    >>> chance(0.213), chance(0.9999), chance(1.0), chance(2e-4)
+    ('21 %', '> 99.9 %', '> 99.9 %', '< 0.1 %')
+    """
+    if probability > 0.999:
+        return "> 99.9 %"
+    if probability < 0.001:
+        return "< 0.1 %"
+    return f"{100 * probability:.{1 if not 0.01 <= probability <= 0.985 else 0}f} %"
+
+
+def rivals(cause) -> str:
+    """Return what a cause is confused with, each with its probability; empty if it is nothing.
+
+    Parameters
+    ----------
+    cause : NamedCause
+        A cause of a diagnosis.
+
+    Returns
+    -------
+    str
+        The list, as in a sentence.
+    """
+    return listed(
+        f"{cause_name(other.effect, other.target)} ({chance(other.probability)})"
+        for other in cause.confused_with
+    )
+
+
 def share(gain) -> str:
     """Write the explained share of a gain with its interval.
 
@@ -185,11 +219,11 @@ def verdict_sentence(diagnosis) -> str:
     """
     causes = diagnosis.causes_
     names = listed(cause_name(c.effect, c.target) for c in causes)
-    found = _found(diagnosis, names) if causes or diagnosis.complete_ else _left(diagnosis)
+    found = _found(diagnosis, names) if causes or diagnosis.complete_ else _so_far(diagnosis)
     return f"{stopped_sentence(diagnosis)}{found}".rstrip()
 
 
-def _left(diagnosis) -> str:
+def _so_far(diagnosis) -> str:
     """Return a sentence on the prior's error, where the search ended before a cause was found."""
     if diagnosis.verdict_ == "model_adequate":
         return f"The re-tuned model of the {diagnosis.model.name} leaves hardly more than noise."
@@ -230,39 +264,49 @@ def _found(diagnosis, names: str) -> str:
     name = diagnosis.model.name
     sentences = {
         "model_adequate": f"The model of the {name} is adequate: no effect of the catalogue makes "
-        f"it better. {_left(diagnosis)}",
+        f"it better.",
         "cause_named": f"The model of the {name} misses {names}. {_order(diagnosis)}"
-        f"{_worth(diagnosis)} {_left(diagnosis)}",
+        f"{_worth(diagnosis)} {_described(diagnosis)}",
         "ambiguous": f"The model of the {name} misses {names}, or {_others(diagnosis)}: "
-        f"these records cannot tell. {_order(diagnosis)}{_worth(diagnosis)} {_left(diagnosis)}",
+        f"these records cannot tell. {_order(diagnosis)}{_worth(diagnosis)} "
+        f"{_described(diagnosis)}",
         "unexplained": f"The model of the {name} misses something that no known effect "
-        f"explains. {_left(diagnosis)}",
+        f"explains. {_described(diagnosis)}",
     }
     return sentences[diagnosis.verdict_].rstrip()
 
 
-def _left(diagnosis) -> str:
-    """Say what the extended model leaves."""
+def remaining_sentence(diagnosis) -> str:
+    """Return what the named causes leave of the records: noise, a disturbance or structure.
+
+    Parameters
+    ----------
+    diagnosis : ModelDiagnosis
+        A fitted diagnosis.
+
+    Returns
+    -------
+    str
+        One sentence.
+    """
     remaining = diagnosis.remaining_
-    if diagnosis.discrepancy_ is not None:
-        return _described(diagnosis)
     if remaining.kind == "noise":
-        return "What is left is noise."
-    times = listed(f"{number(x, 2)} times that of {name}" for name, x in _noisy(remaining))
-    if remaining.kind == "disturbance":
-        return (
-            f"What is left is larger than white noise ({times}) but depends on nothing that was "
-            f"recorded: coloured noise of a sensor, or a disturbance from outside."
-        )
-    on = f" on {listed(remaining.depends_on)}" if remaining.depends_on else ""
-    return (
-        f"What is left, in units of white noise {times}, depends{on}: a part of the physics is "
-        f"still missing."
+        return "What is left is white noise."
+    times = listed(
+        f"{number(x, 2)} times the white noise of {output}"
+        for output, x in sorted(remaining.times_noise.items(), key=lambda item: -item[1])
     )
-
-
-def _noisy(remaining) -> list[tuple[str, float]]:
-    return sorted(remaining.times_noise.items(), key=lambda item: -item[1])
+    if remaining.kind == "structure":
+        on = listed(remaining.depends_on) or "what was recorded"
+        return (
+            f"What is left is structure ({times}): it depends on {on}, so physics is still missing."
+        )
+    if not diagnosis.complete_:
+        return f"What is left is more than noise ({times}); what it depends on was not asked."
+    return (
+        f"What is left is coloured noise or a disturbance ({times}): it depends on nothing that "
+        f"was recorded."
+    )
 
 
 def missing_place(diagnosis, part) -> str:
@@ -271,8 +315,10 @@ def missing_place(diagnosis, part) -> str:
 
 
 def _described(diagnosis) -> str:
-    """Return where something unnamed is missing, what it depends on, and its formula."""
+    """Return where something unnamed is missing, and its formula; empty if there is none."""
     part = diagnosis.discrepancy_
+    if part is None:
+        return ""
     on = (
         f"It depends on {listed(part.quantities)}, which explain {percent(part.share)} of its "
         f"smoothed course. "

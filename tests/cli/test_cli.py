@@ -84,6 +84,7 @@ def test_it_says_what_was_found_and_where_it_is(done):
     text = " ".join(result.stdout.split())
     for what in ("Coulomb friction on v", "level", "N", "check on the rig", "held-out"):
         assert what in text
+    assert "What is left is white noise." in text
     assert all(str(out / name) in result.stdout for name in FILES)
     assert not any(line != line.rstrip() for line in result.stdout.splitlines() if line.strip())
     assert "cause 1: 0 of" in result.stderr
@@ -100,14 +101,18 @@ def test_the_json_is_strict_and_complete(done):
     cause = data["causes"][0]
     assert (cause["effect"], cause["target"]) == ("coulomb_friction", "v")
     assert cause["gain_percent"] > 50
+    assert 0.9 < cause["probability"] <= 1.0
+    assert all({"probability", "equivalent"} <= set(other) for other in cause["confused_with"])
+    assert set(data["remaining"]) == {"kind", "times_noise", "depends_on"}
+    assert data["remaining"]["kind"] == "noise"
+    assert {"prior", "refitted", "extended"} <= set(data["free_run"]["speed"])
     level = cause["parameters"]["level"]
     assert level["low"] <= level["value"] <= level["high"]
     assert level["value"] == pytest.approx(0.4, rel=0.05)
     assert level["unit"] == "N"
     assert set(data["parameters"]["m"]) == {"prior", "value", "low", "high", "unit", "changed"}
-    assert {"prior", "refitted", "extended", "noise", "explained_share", "low", "high"} <= set(
-        data["gain"]["speed"]
-    )
+    errors = {"prior", "refitted", "extended", "free_run_refitted", "free_run_extended", "noise"}
+    assert errors | {"explained_share", "low", "high"} <= set(data["gain"]["speed"])
 
 
 def test_what_is_not_finite_is_null():

@@ -50,7 +50,7 @@ def test_options_reach_the_diagnosis(asked):
         *("--noise", "0.002", "--substeps", "3", "--hold", "foh", "--window", "0.7"),
         *("--catalogue", "coulomb_friction, input_bias", "--catalogue", "viscous_friction"),
         *("--exclude", "input_bias", "--targets", "v", "--max-causes", "2", "--seed", "5"),
-        *("--time-limit", "60"),
+        *("--time-limit", "60", "--alpha", "0.001", "--smallest-share", "0.1"),
     )
     assert params["noise_std"] == [0.002]
     assert params["substeps"] == 3
@@ -61,6 +61,8 @@ def test_options_reach_the_diagnosis(asked):
     assert params["max_causes"] == 2
     assert params["random_state"] == 5
     assert params["time_limit"] == 60.0
+    assert params["alpha"] == 0.001
+    assert params["smallest_share"] == 0.1
     assert params["n_jobs"] == 1
 
 
@@ -99,6 +101,9 @@ REFUSED = {
     "no thread": (["--jobs", "0"], "expected 1 thread or more"),
     "no step": (["--substeps", "0"], "--substeps"),
     "no time": (["--time-limit", "0"], "--time-limit"),
+    "a rate of false names of 0": (["--alpha", "0"], "--alpha"),
+    "a rate of false names of 1": (["--alpha", "1"], "--alpha"),
+    "a share above 1": (["--smallest-share", "1.5"], "--smallest-share"),
     "no window": (["--window", "-1"], "--window"),
 }
 

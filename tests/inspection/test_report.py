@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects, systems
-from sklearn_pgnn.diagnosis.result import Tried
+from sklearn_pgnn.diagnosis import Remaining, Rival, Tried
 from sklearn_pgnn.inspection import DiagnosisDisplay, plot_diagnosis, write_report
 from sklearn_pgnn.inspection.balance import Samples, shown_states
 from sklearn_pgnn.inspection.case import make_case
@@ -160,6 +160,18 @@ def test_faults_of_the_records_stand_above_the_verdict(friction):
     changed.data_quality_ = (Finding("outliers", "'F'", "three samples lie far off", 3.0, "look"),)
     text = re.sub(r"<[^>]+>", "", render_report(changed))
     assert text.index("Three samples lie far off") < text.index("misses Coulomb friction on v")
+
+
+def test_how_sure_a_cause_is_and_what_is_left_are_said(friction):
+    changed = copy(friction)
+    rival = Rival("input_bias", "F", 0.125)
+    changed.causes_ = (replace(friction.causes_[0], probability=0.875, confused_with=(rival,)),)
+    changed.remaining_ = Remaining("structure", {"position": 3.0}, ("v",))
+    text = " ".join(re.sub(r"<[^>]+>", "", render_report(changed)).split())
+    assert "Probability: 88 %" in text
+    assert "Confused with: input bias of F (12 %)" in text
+    left = "What is left is structure (3 times the white noise of position): it depends on v"
+    assert text.index(left) < text.index("What is missing")
 
 
 def test_units_have_superscripts(friction):

@@ -1,0 +1,82 @@
+"""What the screen says of a diagnosis: how sure a cause is, and what is left."""
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from sklearn_pgnn import PhysicsModel
+from sklearn_pgnn.cli.screen import tell
+from sklearn_pgnn.diagnosis import FreeRunError, Gain, NamedCause, Remaining, Rival
+
+pytestmark = pytest.mark.core
+
+CART = PhysicsModel(
+    {"v": "m/s"}, {"v": "(F - d*v)/m"}, {"m": 2.0, "d": 0.5}, {"F": "N"}, name="cart"
+)
+
+
+def diagnosis(probability=1.0, rivals=(), remaining=None):
+    """Return what a diagnosis with one cause holds."""
+    cause = NamedCause("input_bias", "F", {}, 90.0, tuple(rivals), probability=probability)
+    return SimpleNamespace(
+        model=CART,
+        verdict_="ambiguous" if rivals else "cause_named",
+        complete_=True,
+        stopped_=None,
+        causes_=(cause,),
+        discrepancy_=None,
+        remaining_=remaining or Remaining("noise", {"v": 1.0}),
+        records_=SimpleNamespace(causes=()),
+        data_quality_=(),
+        separations_=(),
+        unusable_=(),
+        parameters_={},
+        window_=1.0,
+        gain_={"v": Gain(3.0, 2.0, 1.0, 1.0, 0.99, 0.98, 1.0, "m/s")},
+        free_run_={"v": FreeRunError(3.0, 2.0, 1.0)},
+    )
+
+
+def shown(capsys, what, *, quiet=False):
+    tell(what, Path("out"), quiet=quiet)
+    return " ".join(capsys.readouterr().out.split())
+
+
+def test_a_cause_that_is_sure_has_no_probability(capsys):
+    text = shown(capsys, diagnosis(0.999))
+    assert "probability" not in text
+    assert "confused with nothing" in text
+
+
+def test_a_cause_that_is_not_sure_has_one_and_so_have_its_rivals(capsys):
+    text = shown(capsys, diagnosis(0.79, [Rival("constant_load", "v", 0.2099)]))
+    assert "probability 79 %" in text
+    assert "confused with constant load on v (21 %)" in text
+
+
+@pytest.mark.parametrize("quiet", [False, True])
+@pytest.mark.parametrize(
+    ("remaining", "said"),
+    [
+        (Remaining("noise", {"v": 1.0}), "What is left is white noise."),
+        (
+            Remaining("disturbance", {"v": 2.34}),
+            "disturbance (2.3 times the white noise of v): it depends on nothing that was recorded",
+        ),
+        (
+            Remaining("structure", {"v": 4.0}, ("F", "v")),
+            "structure (4 times the white noise of v): it depends on F and v",
+        ),
+    ],
+)
+def test_what_is_left_is_said(capsys, remaining, said, quiet):
+    assert said in shown(capsys, diagnosis(remaining=remaining), quiet=quiet)
+
+
+def test_nothing_is_said_of_what_was_not_asked(capsys):
+    cut_short = diagnosis(remaining=Remaining("disturbance", {"v": 2.0}))
+    cut_short.complete_, cut_short.stopped_ = False, "time limit of 1 s"
+    text = shown(capsys, cut_short)
+    assert "what it depends on was not asked" in text
+    assert "depends on nothing" not in text
