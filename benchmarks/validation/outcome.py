@@ -118,12 +118,18 @@ def judge(kind, diagnosis, hidden, groups) -> str:
     if kind == "law":
         return _judge_law(diagnosis, hidden)
     truth = {_as_named(hidden.prior, effect) for effect in hidden.effects}
+    groups = [group for group in groups if not group & _special_cases(hidden)]
     matched = _matched(groups, truth)
     if matched < len(groups):
         return "wrong"
     if matched < len(truth):
         return "absorbed" if _leaves_noise(diagnosis) else "missed"
-    return "named" if max(map(len, groups)) == 1 else "group"
+    return "named" if max(map(len, groups), default=1) == 1 else "group"
+
+
+def _special_cases(hidden) -> set[tuple[str, str]]:
+    """Return the special cases of hidden effects: to name one is no mistake if it leaves noise."""
+    return {(special, effect.target) for effect in hidden.effects for special in effect.generalises}
 
 
 def _false(groups) -> str:

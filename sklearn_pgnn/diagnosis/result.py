@@ -1,7 +1,7 @@
 """What a diagnosis says: causes with their sizes, parameters, and what the extension is worth."""
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -193,10 +193,24 @@ def _estimates(problem, trial: FittedHypothesis, cause, errors) -> dict[str, Est
     names = cause.names()
     taken = trial.hypothesis.taken_over(cause)
     return {
-        field: estimate_of(trial.fit.model, name, errors)
+        field: _open_at_limits(estimate_of(trial.fit.model, name, errors), trial, name)
         for field, name in names.items()
         if field not in taken
     }
+
+
+def _open_at_limits(estimate: Estimate, trial: FittedHypothesis, name: str) -> Estimate:
+    """Return an estimate whose interval is open where a limit of the fit stopped it.
+
+    A sensor's end that lies at the end of what was measured may be anywhere beyond.
+    """
+    low, high = trial.fit.model.parameters[name].bounds
+    for free in trial.fit.freedoms:
+        if free.name == name and estimate.value <= free.low:
+            estimate = replace(estimate, low=low)
+        if free.name == name and estimate.value >= free.high:
+            estimate = replace(estimate, high=high)
+    return estimate
 
 
 def _gain_percent(without: HeldOut, with_: HeldOut) -> float:

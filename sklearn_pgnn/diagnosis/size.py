@@ -4,20 +4,33 @@ import math
 from collections.abc import Collection
 
 import numpy as np
+from scipy.stats import t as student
 
 from sklearn_pgnn.estimation.criterion import Residuals
 from sklearn_pgnn.estimation.fitting import FittedHypothesis
 from sklearn_pgnn.estimation.hypothesis import held_freedoms
 from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.physics.effect import Effect
-from sklearn_pgnn.simulation.uncertainty import errors_by_held, overdispersion, standard_errors
+from sklearn_pgnn.simulation.uncertainty import (
+    NORMAL_95,
+    errors_by_held,
+    overdispersion,
+    standard_errors,
+)
 
 
 def parameter_errors(problem: EstimationProblem, trial: FittedHypothesis) -> dict[str, float]:
-    """Return the parameters' standard errors, with what comes from those that causes hold."""
+    """Return the parameters' standard errors, with what comes from those that causes hold.
+
+    They are scaled so that 1.96 of them make a 95 % interval by Student's t-distribution, the
+    blocks less the parameters being its degrees of freedom.
+    """
     fit, estimate = trial.fit, problem.states.estimate(trial.fit.model)
     expected = estimate.x[problem.windows.starts], estimate.spread
-    errors, held = standard_errors(fit, *expected), held_freedoms(problem, trial.hypothesis)
+    blocks = len(problem.windows) * problem.windows.blocks
+    wider = student.ppf(0.975, max(blocks - len(fit.freedoms), 1)) / NORMAL_95
+    errors = {name: wider * e for name, e in standard_errors(fit, *expected).items()}
+    held = held_freedoms(problem, trial.hypothesis)
     if not held or not fit.usable:
         return errors
     more = errors_by_held(fit, problem.windows, held, *expected)

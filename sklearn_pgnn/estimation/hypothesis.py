@@ -180,6 +180,7 @@ def check_targets(model: PhysicsModel, targets) -> None:
         If one is no state, input, output or parameter of the model.
     """
     known = [*model.states, *model.inputs, *model.outputs, *model.parameters]
+    known += [target for kind in CATALOGUE for target in kind.targets(model)]
     for name in targets or ():
         if name not in known:
             near = get_close_matches(str(name), known, n=1)
