@@ -9,7 +9,7 @@ from sklearn_pgnn.diagnosis.unexplained import (
     library_size,
     propose,
 )
-from sklearn_pgnn.estimation.criterion import SelectionCriterion
+from sklearn_pgnn.estimation.criterion import SelectionCriterion, explained_share
 from sklearn_pgnn.estimation.fitting import FittedHypothesis
 
 
@@ -101,7 +101,11 @@ def _with_library(search: Search, n_places: int) -> SelectionCriterion:
 
 
 def _takes_the_place(search: Search, formula: FittedHypothesis, final: FittedHypothesis) -> bool:
-    """Return whether a formula refutes causes, or says the same with fewer parameters."""
+    """Return whether a formula says the same with fewer parameters, or clearly more."""
     if search.refutes(final, formula):
         return False
-    return n_parameters(formula) < n_parameters(final) or search.refutes(formula, final)
+    if n_parameters(formula) < n_parameters(final):
+        return True
+    left, less = (search.fitter.held_out(trial).windows for trial in (final, formula))
+    more = explained_share(left, less) >= search.criterion.smallest_share
+    return more and search.refutes(formula, final)
