@@ -15,7 +15,8 @@ import numpy as np
 import pandas as pd
 
 from sklearn_pgnn.diagnosis.effect_size import has_size, main_field, nothing, sized
-from sklearn_pgnn.estimation.criterion import SelectionCriterion, autocorrelation_times
+from sklearn_pgnn.estimation.autocorrelation import autocorrelation_times
+from sklearn_pgnn.estimation.criterion import SelectionCriterion
 from sklearn_pgnn.estimation.fitted_records import DiagnosisRecords
 from sklearn_pgnn.exceptions import ModelError
 from sklearn_pgnn.physics.effect import Effect

@@ -2,7 +2,8 @@
 
 from dataclasses import replace
 
-from sklearn_pgnn.diagnosis.search import Search, SearchResult, n_parameters
+from sklearn_pgnn.diagnosis.search import Search, n_parameters
+from sklearn_pgnn.diagnosis.search_result import SearchResult
 from sklearn_pgnn.diagnosis.unexplained import (
     Proposal,
     channels,

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from sklearn_pgnn.diagnosis.formula_selection import FormulaSelection
-from sklearn_pgnn.diagnosis.search import Search, SearchResult
+from sklearn_pgnn.diagnosis.search import Search
+from sklearn_pgnn.diagnosis.search_result import SearchResult
 from sklearn_pgnn.diagnosis.structure import Structure, find_structure
 from sklearn_pgnn.diagnosis.unexplained import Proposal
 from sklearn_pgnn.diagnosis.verdict import Remaining, describe_remaining, verdict_of

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sklearn_pgnn.diagnosis.search import SearchResult
+from sklearn_pgnn.diagnosis.search_result import SearchResult
 from sklearn_pgnn.estimation.criterion import HeldOut, Residuals, SelectionCriterion
 from sklearn_pgnn.estimation.fitting import FittedHypothesis, HypothesisFitter, block_squares
 from sklearn_pgnn.estimation.problem import EstimationProblem

@@ -2,11 +2,11 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from sklearn_pgnn.diagnosis.rivals import find_rivals
+from sklearn_pgnn.diagnosis.search_result import SearchResult, in_order
 from sklearn_pgnn.diagnosis.size import overdispersion_along
 from sklearn_pgnn.estimation.criterion import SelectionCriterion
 from sklearn_pgnn.estimation.fitting import (
@@ -27,37 +27,6 @@ from sklearn_pgnn.physics.effects import WrongParameter
 FINALISTS, PAIRS = 4, 8
 
 Move = Callable[[FittedHypothesis], FittedHypothesis | None]
-
-
-@dataclass(frozen=True)
-class SearchResult:
-    """What a search found.
-
-    Parameters
-    ----------
-    base : FittedHypothesis
-        The re-tuned prior.
-    steps : list of FittedHypothesis
-        The final hypothesis, cause by cause, the most telling first.
-    rivals : dict
-        For every cause, the candidates that may stand in its place, and the evidence for the cause
-        over each.
-    alone : dict
-        The share of the re-tuned prior's squares that every candidate leaves alone.
-    complete : bool, default=True
-        Whether the search came to its end.
-    """
-
-    base: FittedHypothesis
-    steps: list[FittedHypothesis]
-    rivals: dict[Effect, list[tuple[Effect, float]]]
-    alone: dict[Effect, float] = field(default_factory=dict)
-    complete: bool = True
-
-    @property
-    def final(self) -> FittedHypothesis:
-        """The hypothesis that was accepted."""
-        return self.steps[-1] if self.steps else self.base
 
 
 class Search:
@@ -363,27 +332,12 @@ class Search:
 
     def _result(self, complete: bool) -> SearchResult:
         base, final = self.fitter.base(), self.current
-        steps = self._in_order(base, final)
+        steps = in_order(self.fitter, base, final)
         rivals = {cause: [(same, 0.0) for same in self.same[cause]] for cause in _causes(final)}
         if complete:
             for cause in _causes(final):
                 rivals[cause] += find_rivals(self, final, cause)
         return SearchResult(base, steps, rivals, dict(self._alone), complete)
-
-    def _in_order(self, base: FittedHypothesis, final: FittedHypothesis) -> list[FittedHypothesis]:
-        """Add the causes of the final hypothesis one by one, the most telling first."""
-        left, steps, trial = list(_causes(final)), [], base
-        while len(left) > 1:
-            ready = [c for c in left if not any(part.id in c.shared for part in left)]
-            ground = self.fitter.subsample(trial)
-            options = [self.fitter.converge(self.fitter.first_fit(ground, c)) for c in ready]
-            trial = self.fitter.fit_all(min(options, key=objective_of), trial)
-            left.remove(trial.hypothesis.causes[-1])
-            steps.append(trial)
-        if left:
-            causes = (*trial.hypothesis.causes, left[0])
-            steps.append(FittedHypothesis(replace(final.hypothesis, causes=causes), final.fit))
-        return steps
 
 
 def n_parameters(trial: FittedHypothesis) -> int:

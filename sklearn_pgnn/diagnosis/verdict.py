@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sklearn_pgnn.diagnosis.search import SearchResult
+from sklearn_pgnn.diagnosis.search_result import SearchResult
 from sklearn_pgnn.diagnosis.structure import Structure
 from sklearn_pgnn.estimation.fitting import FittedHypothesis, HypothesisFitter
 

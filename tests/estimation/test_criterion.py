@@ -6,11 +6,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
+from sklearn_pgnn.estimation.autocorrelation import autocorrelation_times
 from sklearn_pgnn.estimation.criterion import (
     HeldOut,
     Residuals,
     SelectionCriterion,
-    autocorrelation_times,
     explained_share,
     log_likelihood_ratio,
 )

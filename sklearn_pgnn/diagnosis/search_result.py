@@ -1,0 +1,68 @@
+"""What a search found."""
+
+from dataclasses import dataclass, field, replace
+
+from sklearn_pgnn.estimation.fitting import FittedHypothesis, HypothesisFitter, objective_of
+from sklearn_pgnn.physics.effect import Effect
+
+
+@dataclass(frozen=True)
+class SearchResult:
+    """What a search found.
+
+    Parameters
+    ----------
+    base : FittedHypothesis
+        The re-tuned prior.
+    steps : list of FittedHypothesis
+        The final hypothesis, cause by cause, the most telling first.
+    rivals : dict
+        For every cause, the candidates that may stand in its place, and the evidence for the cause
+        over each.
+    alone : dict
+        The share of the re-tuned prior's squares that every candidate leaves alone.
+    complete : bool, default=True
+        Whether the search came to its end.
+    """
+
+    base: FittedHypothesis
+    steps: list[FittedHypothesis]
+    rivals: dict[Effect, list[tuple[Effect, float]]]
+    alone: dict[Effect, float] = field(default_factory=dict)
+    complete: bool = True
+
+    @property
+    def final(self) -> FittedHypothesis:
+        """The hypothesis that was accepted."""
+        return self.steps[-1] if self.steps else self.base
+
+
+def in_order(
+    fitter: HypothesisFitter, base: FittedHypothesis, final: FittedHypothesis
+) -> list[FittedHypothesis]:
+    """Add the causes of a hypothesis one by one, the most telling first.
+
+    Parameters
+    ----------
+    fitter : HypothesisFitter
+        Fits hypotheses.
+    base, final : FittedHypothesis
+        The re-tuned prior, and the hypothesis.
+
+    Returns
+    -------
+    list of FittedHypothesis
+        As many as there are causes, the last being the hypothesis itself.
+    """
+    left, steps, trial = list(final.hypothesis.causes), [], base
+    while len(left) > 1:
+        ready = [c for c in left if not any(part.id in c.shared for part in left)]
+        ground = fitter.subsample(trial)
+        options = [fitter.converge(fitter.first_fit(ground, cause)) for cause in ready]
+        trial = fitter.fit_all(min(options, key=objective_of), trial)
+        left.remove(trial.hypothesis.causes[-1])
+        steps.append(trial)
+    if left:
+        causes = (*trial.hypothesis.causes, left[0])
+        steps.append(FittedHypothesis(replace(final.hypothesis, causes=causes), final.fit))
+    return steps
