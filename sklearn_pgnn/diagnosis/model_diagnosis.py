@@ -331,7 +331,8 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         fitter, result = found.search.fitter, found.result
         problem, final = fitter.problem, result.final
         errors = parameter_errors(problem, final)
-        self.discrepancy_ = found.proposal and describe(problem, found.proposal)
+        proposal = found.proposal
+        self.discrepancy_ = None if proposal is None else describe(problem, proposal)
         self.causes_ = name_causes(fitter, result, found.search.criterion, errors)
         self.gain_ = measure_gain(fitter, result, _seed(self.random_state))
         self.parameters_ = retuned_parameters(problem, final.fit, errors)
@@ -370,14 +371,14 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         self.unusable_, self.stopped_ = ledger.entries(), progress.ended
 
     def _check_data_quality(self, found: Findings, whole: tuple[Record, ...]) -> None:
-        result, formula = found.result, found.proposal and found.proposal.trial.fit
+        result, proposal = found.result, found.proposal
         self.data_quality_ = check_data_quality(
             found.search.fitter.problem,
             list(self.records_.names),
             whole,
             result.base.fit,
             result.final.fit,
-            formula,
+            None if proposal is None else proposal.trial.fit,
         )
 
     def _separate(self, progress: Progress) -> None:

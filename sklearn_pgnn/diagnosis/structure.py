@@ -78,7 +78,9 @@ def find_structure(
         The answer.
     """
     table = _Table.of(problem, trial)
-    skill, significant, depends = {}, False, {}
+    skill: dict[str, float] = {}
+    depends: dict[str, float] = {}
+    significant = False
     level = alpha / len(problem.prior.outputs)
     for column, output in enumerate(problem.prior.outputs):
         with threadpool_limits(1):  # many small trees: threads would wait for each other
