@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from sklearn_pgnn.diagnosis.search import Search, n_parameters
+from sklearn_pgnn.diagnosis.search import Search
 from sklearn_pgnn.diagnosis.search_result import SearchResult
 from sklearn_pgnn.diagnosis.unexplained import (
     Proposal,
@@ -25,7 +25,10 @@ class FormulaSelection:
         if not search.is_nameable(search.current):
             return False
         alone = self._alone(search)
-        if alone is None or n_parameters(alone.trial) > n_parameters(search.current):
+        if (
+            alone is None
+            or alone.trial.hypothesis.n_parameters > search.current.hypothesis.n_parameters
+        ):
             return False
         return not search.is_nameable(alone.trial)
 
@@ -105,7 +108,7 @@ def _takes_the_place(search: Search, formula: FittedHypothesis, final: FittedHyp
     """Return whether a formula says the same with fewer parameters, or clearly more."""
     if search.refutes(final, formula):
         return False
-    if n_parameters(formula) < n_parameters(final):
+    if formula.hypothesis.n_parameters < final.hypothesis.n_parameters:
         return True
     left, less = (search.fitter.held_out(trial).windows for trial in (final, formula))
     more = explained_share(left, less) >= search.criterion.smallest_share

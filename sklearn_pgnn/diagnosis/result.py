@@ -7,9 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from sklearn_pgnn.diagnosis.search_result import SearchResult
-from sklearn_pgnn.estimation.criterion import HeldOut, Residuals, SelectionCriterion
+from sklearn_pgnn.estimation.criterion import SelectionCriterion
 from sklearn_pgnn.estimation.fitting import FittedHypothesis, HypothesisFitter, block_squares
 from sklearn_pgnn.estimation.problem import EstimationProblem
+from sklearn_pgnn.estimation.residuals import HeldOut, Residuals
 from sklearn_pgnn.simulation.uncertainty import (
     Estimate,
     estimate_of,

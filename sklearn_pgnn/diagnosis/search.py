@@ -30,10 +30,7 @@ Move = Callable[[FittedHypothesis], FittedHypothesis | None]
 
 
 class Search:
-    """Search the causes of a model's error.
-
-    A move leads to another hypothesis. The moves are tried in the order of their cost, and the
-    first that the criterion accepts is taken; where none is, the search is at its end.
+    """Search the causes of a model's error, by the first move that the criterion accepts.
 
     Parameters
     ----------
@@ -183,8 +180,10 @@ class Search:
         """Put a cause's special cases in its place where that says the same simpler."""
         ground = self.fitter.subsample(current)
         apart = [a for c in current.hypothesis.causes for a in self._apart(ground, c)]
-        fewer = [a for a in _usable(apart) if n_parameters(a) < n_parameters(current)]
-        for subsample in sorted(fewer, key=n_parameters):
+        fewer = [
+            a for a in _usable(apart) if a.hypothesis.n_parameters < current.hypothesis.n_parameters
+        ]
+        for subsample in sorted(fewer, key=lambda a: a.hypothesis.n_parameters):
             split = self.fitter.fit_all(subsample, current)
             if split.fit.usable and self._is_preferred(split, current):
                 return split
@@ -210,10 +209,7 @@ class Search:
     def _screen(self) -> Screening:
         """Return what the candidates change, as their first fits alone tell."""
         if self._screening is None:
-            self._screening = Screening(self.fitter.rough.windows, self.progress.tick)
-            base = self.fitter.subsample(self.fitter.base())
-            for fit in _usable([self.fitter.first_fit(base, cause) for cause in self.candidates]):
-                self._screening.learn(base, fit)
+            self._screening = Screening.of(self.fitter, self.candidates)
         return self._screening
 
     def _first_fits(self, current: FittedHypothesis, candidates) -> list[SubsampleFit]:
@@ -260,7 +256,9 @@ class Search:
             if self.evidence(best, trial) > 0.0:
                 best = trial
         left = [trial for trial in trials if not self.refutes(best, trial)]
-        return min(left, key=lambda trial: (*_complexity(trial), -self.evidence(best, trial)))
+        return min(
+            left, key=lambda trial: (*trial.hypothesis.complexity, -self.evidence(best, trial))
+        )
 
     def in_place(self, current, cause: Effect) -> list[FittedHypothesis]:
         """Return what may stand in a cause's place, fitted on all windows."""
@@ -313,7 +311,7 @@ class Search:
 
     def _is_preferred(self, other: FittedHypothesis, current: FittedHypothesis) -> bool:
         """Return whether a hypothesis refutes another one, or is simpler and not refuted."""
-        simpler = _complexity(other) < _complexity(current)
+        simpler = other.hypothesis.complexity < current.hypothesis.complexity
         return self.refutes(other, current) or (simpler and not self.refutes(current, other))
 
     # -- result --------------------------------------------------------------------------------
@@ -338,17 +336,6 @@ class Search:
             for cause in _causes(final):
                 rivals[cause] += find_rivals(self, final, cause)
         return SearchResult(base, steps, rivals, dict(self._alone), complete)
-
-
-def n_parameters(trial: FittedHypothesis) -> int:
-    """Return the number of parameters that the causes of a hypothesis add."""
-    return trial.hypothesis.n_parameters
-
-
-def _complexity(trial: FittedHypothesis) -> tuple[int, int]:
-    """Return what orders hypotheses: fewest parameters, then a wrong number before a new part."""
-    missing = [c for c in _causes(trial) if not isinstance(c, WrongParameter)]
-    return n_parameters(trial), len(missing)
 
 
 def _causes(trial: FittedHypothesis) -> tuple[Effect, ...]:

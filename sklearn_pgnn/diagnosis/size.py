@@ -6,10 +6,10 @@ from collections.abc import Collection
 import numpy as np
 from scipy.stats import t as student
 
-from sklearn_pgnn.estimation.criterion import Residuals
 from sklearn_pgnn.estimation.fitting import FittedHypothesis
 from sklearn_pgnn.estimation.hypothesis import held_freedoms
 from sklearn_pgnn.estimation.problem import EstimationProblem
+from sklearn_pgnn.estimation.residuals import Residuals
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.simulation.uncertainty import (
     NORMAL_95,

@@ -18,53 +18,7 @@ from math import log
 
 import numpy as np
 
-
-@dataclass(frozen=True)
-class Residuals:
-    """What a hypothesis leaves of the outputs, in numbers that a comparison needs.
-
-    Parameters
-    ----------
-    squares : ndarray of shape (n_outputs,)
-        Sums of squared residuals; infinite where a simulation leaves the finite numbers.
-    counts : ndarray of shape (n_outputs,)
-        Number of residuals.
-    times : ndarray of shape (n_outputs,)
-        Their integrated autocorrelation time, in samples.
-    """
-
-    squares: np.ndarray
-    counts: np.ndarray
-    times: np.ndarray
-
-
-@dataclass(frozen=True)
-class HeldOut:
-    """A hypothesis on records that its parameters have not seen.
-
-    Parameters
-    ----------
-    windows : Residuals
-        Over windows, each from its own initial state.
-    free_run : Residuals
-        Over whole records, or the stretches that were held out, from where they start.
-    memory_price : float
-        What the initial values of added states cost, in natural units of likelihood.
-    block_squares : ndarray of shape (n_windows, n_blocks, n_outputs)
-        Squared residuals of every block of every window.
-    n_added : int, default=0
-        States that the hypothesis adds to the prior's.
-    tells_in_free_run : bool, default=True
-        Whether the free run is nearer to the records than their mean is; that of a chaotic or
-        unstable machine is not, and says nothing.
-    """
-
-    windows: Residuals
-    free_run: Residuals
-    memory_price: float
-    block_squares: np.ndarray
-    n_added: int = 0
-    tells_in_free_run: bool = True
+from sklearn_pgnn.estimation.residuals import HeldOut, Residuals
 
 
 def log_likelihood_ratio(worse: Residuals, better: Residuals) -> float:

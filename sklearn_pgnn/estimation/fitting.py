@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sklearn_pgnn.estimation.criterion import HeldOut
 from sklearn_pgnn.estimation.held_out import CrossValidation, make_folds
 from sklearn_pgnn.estimation.hypothesis import (
     Hypothesis,
@@ -25,6 +24,7 @@ from sklearn_pgnn.estimation.problem import (
     worst_first,
 )
 from sklearn_pgnn.estimation.progress import Progress
+from sklearn_pgnn.estimation.residuals import HeldOut
 from sklearn_pgnn.estimation.sign_ambiguity import turn_poor_windows
 from sklearn_pgnn.estimation.spectral_lines import tones_left
 from sklearn_pgnn.estimation.unusable import BREAKDOWNS, Ledger, Unusable

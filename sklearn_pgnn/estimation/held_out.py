@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from sklearn_pgnn.estimation.autocorrelation import autocorrelation_times
-from sklearn_pgnn.estimation.criterion import HeldOut, Residuals
 from sklearn_pgnn.estimation.problem import EstimationProblem
+from sklearn_pgnn.estimation.residuals import HeldOut, Residuals
 from sklearn_pgnn.physics.expressions import TIME, symbol
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.state_estimate import free_run

@@ -46,6 +46,12 @@ class Hypothesis:
         """Number of parameters the causes add or free."""
         return sum(count_parameters(c) - len(self.taken_over(c)) for c in self.causes)
 
+    @property
+    def complexity(self) -> tuple[int, int]:
+        """What orders hypotheses: fewest parameters, then a wrong number before a new part."""
+        parts = [cause for cause in self.causes if not isinstance(cause, WrongParameter)]
+        return self.n_parameters, len(parts)
+
     def taken_over(self, cause: Effect) -> tuple[str, ...]:
         """Give the fields of a cause that another cause of the hypothesis speaks for."""
         beside = {other.id for other in self.causes if other.target == cause.target}

@@ -10,14 +10,14 @@ to every window's initial state, and the changes of the outputs :math:`E` that a
 as it was fitted alone, and by each of its own parameters.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import combinations
 
 import numpy as np
 
-from sklearn_pgnn.estimation.fitting import SubsampleFit
+from sklearn_pgnn.estimation.fitting import HypothesisFitter, SubsampleFit
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.simulation.window_fit import WindowFit
 from sklearn_pgnn.simulation.windows import ShootingWindows, evaluate
@@ -43,6 +43,30 @@ class Screening:
     windows: ShootingWindows
     tick: Callable[[], None] = lambda: None
     _changes: dict[Effect, np.ndarray] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, fitter: HypothesisFitter, candidates: Sequence[Effect]) -> "Screening":
+        """Return what candidates change, as their first fits beside the re-tuned prior tell.
+
+        Parameters
+        ----------
+        fitter : HypothesisFitter
+            Fits hypotheses.
+        candidates : sequence of Effect
+            The candidates; those that cannot be fitted are left out.
+
+        Returns
+        -------
+        Screening
+            The changes.
+        """
+        found = cls(fitter.rough.windows, fitter.progress.tick)
+        base = fitter.subsample(fitter.base())
+        for cause in candidates:
+            alone = fitter.first_fit(base, cause)
+            if alone.fit.usable:
+                found.learn(base, alone)
+        return found
 
     def learn(self, base: SubsampleFit, alone: SubsampleFit) -> None:
         """Learn what a candidate changes from its fit alone.

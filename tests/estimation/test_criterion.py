@@ -8,12 +8,11 @@ from scipy.signal import lfilter
 
 from sklearn_pgnn.estimation.autocorrelation import autocorrelation_times
 from sklearn_pgnn.estimation.criterion import (
-    HeldOut,
-    Residuals,
     SelectionCriterion,
     explained_share,
     log_likelihood_ratio,
 )
+from sklearn_pgnn.estimation.residuals import HeldOut, Residuals
 
 pytestmark = pytest.mark.core
 

@@ -9,9 +9,9 @@ import pytest
 
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, PhysicsModelRegressor, effects
 from sklearn_pgnn.diagnosis.result import measure_gain
-from sklearn_pgnn.estimation.criterion import HeldOut, Residuals
 from sklearn_pgnn.estimation.held_out import MOST_HELD_OUT, make_folds
 from sklearn_pgnn.estimation.problem import LEAST_WINDOWS, build_problem, longer
+from sklearn_pgnn.estimation.residuals import HeldOut, Residuals
 from sklearn_pgnn.estimation.window_selection import select_windows
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.simulation.record_windows import MIN_SAMPLES, MIN_WINDOWS, median_window_length
