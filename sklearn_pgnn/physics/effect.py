@@ -154,7 +154,20 @@ class Effect(ABC):
         """
 
     def proposals(self, model: PhysicsModel, scales: Scales) -> tuple["Effect", ...]:
-        """Propose where a fit of this effect on its target may start; see `starts`."""
+        """Propose where a fit of this effect on its target may start; see `starts`.
+
+        Parameters
+        ----------
+        model : PhysicsModel
+            The model to extend.
+        scales : Scales
+            How large the signals are.
+
+        Returns
+        -------
+        tuple of Effect
+            Starts, the most likely first.
+        """
         return self.starts(self.target, model, scales)
 
     @classmethod

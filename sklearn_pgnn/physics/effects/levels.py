@@ -22,6 +22,12 @@ def first_order_states(model):
     return tuple(s for s in model.states if s not in known and not is_velocity(model, s))
 
 
+def _has_loss(model, state) -> bool:
+    """Return whether a state's rate falls with it in proportion, by parameters alone."""
+    slope = model.equations[state].diff(symbol(state))
+    return slope != 0 and slope.free_symbols <= {symbol(name) for name in model.parameters}
+
+
 @dataclass(frozen=True)
 class StateEffect(Effect):
     """A state whose rate is replaced by an expression of it."""
@@ -205,6 +211,11 @@ class LeakToLevel(StateEffect):
     excludes = (Leak.id,)
     summary = "The state goes to a level of its surroundings: a heat loss to a room, a leak."
     check = "Shut everything and wait: the state goes to a level that is not zero."
+
+    @classmethod
+    def targets(cls, model):
+        """Return the states without a linear loss: beside one, a constant load is the level."""
+        return tuple(s for s in super().targets(model) if not _has_loss(model, s))
 
     def rate(self, state, rate, p):
         """Return the rate less the loss."""
