@@ -251,7 +251,8 @@ class HypothesisFitter:
             The hypothesis.
         """
         key, objective = self.key(subsample.hypothesis), subsample.fit.objective
-        if key not in self._trials or objective < (1.0 - SUBSAMPLE_TOLERANCE) * self._begun[key]:
+        better = objective < (1.0 - SUBSAMPLE_TOLERANCE) * self._begun.get(key, np.inf)
+        if key not in self._trials or better:
             self._begun[key] = objective
             self._keep(self._fit(subsample.hypothesis, subsample.fit.model, beside, subsample))
         return FittedHypothesis(subsample.hypothesis, self._trials[key].fit)

@@ -109,7 +109,10 @@ def commute(model: PhysicsModel, one: Effect, other: Effect) -> bool:
     """
     if one.target != other.target:
         return True
-    a, b = other.apply(one.apply(model)), one.apply(other.apply(model))
+    first, second = one.apply(model), other.apply(model)
+    if not (other.can_act(other.target, first) and one.can_act(one.target, second)):
+        return True
+    a, b = other.apply(first), one.apply(second)
     return dict(a.equations) == dict(b.equations) and dict(a.outputs) == dict(b.outputs)
 
 
