@@ -80,7 +80,7 @@ class FormulaSelection:
 
 
 def _best_formula(search: Search, ground: FittedHypothesis) -> Proposal | None:
-    """Return the simplest formula that no other refutes, of all channels, if it is named."""
+    """Return the formula with the most evidence for the price of its terms, if it is named."""
     problem, progress, found = search.fitter.problem, search.fitter.progress, []
     places = channels(problem.prior)
     progress.begin("formula", len(places))
@@ -90,12 +90,16 @@ def _best_formula(search: Search, ground: FittedHypothesis) -> Proposal | None:
         progress.step()
     if not found:
         return None
-    chosen = search.simplest_of_the_best([proposal.trial for proposal in found])
-    proposal = next(each for each in found if each.trial is chosen)
     criterion, held_out = _with_library(search, len(places)), search.fitter.held_out
-    terms = len(proposal.effect.terms)
-    named = criterion.names(held_out(ground), held_out(chosen), terms)
-    return proposal if named else None
+
+    def score(proposal: Proposal) -> float:
+        """Return the evidence for a formula less the price of its terms."""
+        evidence = criterion.evidence(held_out(ground), held_out(proposal.trial))
+        return evidence - len(proposal.effect.terms) * criterion.to_name
+
+    best = max(found, key=score)
+    terms = len(best.effect.terms)
+    return best if criterion.names(held_out(ground), held_out(best.trial), terms) else None
 
 
 def _with_library(search: Search, n_places: int) -> SelectionCriterion:

@@ -233,23 +233,24 @@ class Search:
         return _usable(found)
 
     def _limit(self, trial: FittedHypothesis, squares: float) -> float:
-        """Return the squares on some samples by which they speak against a hypothesis."""
+        """Return the squares on some samples above which no evidence can come into reach."""
         rough, windows = self.fitter.rough, self.fitter.problem.windows
         times = np.maximum(self.fitter.held_out(trial).windows.times / rough.factor, 1.0)
         count = float(rough.windows.lengths.sum() * windows.y.shape[1] / times.max())
-        return squares * float(np.exp(min(2.0 * self.criterion.to_refute / count, 10.0)))
+        reach = self.criterion.to_refute + self.criterion.to_name
+        return squares * float(np.exp(min(2.0 * reach / count, 10.0)))
 
     def _choose(self, current, fits: list[SubsampleFit], n_causes=1) -> FittedHypothesis | None:
         """Return the simplest of the finalists that none refutes, if it is named."""
         trials = [self.fitter.fit_all(fit, current) for fit in fits[:FINALISTS]]
         while trials := [trial for trial in trials if trial.fit.usable]:
-            best = self.simplest_of_the_best(trials)
+            best = self._simplest_of_the_best(trials)
             if self._names(self.fitter.retry(current, best), best, n_causes):
                 return best
             trials.remove(best)
         return None
 
-    def simplest_of_the_best(self, trials: list[FittedHypothesis]) -> FittedHypothesis:
+    def _simplest_of_the_best(self, trials: list[FittedHypothesis]) -> FittedHypothesis:
         """Return the hypothesis with the fewest parameters among those that the best leaves."""
         best = trials[0]
         for trial in trials[1:]:
