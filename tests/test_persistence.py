@@ -96,7 +96,7 @@ GUIDED = PLAIN | {
     f"{LOSS}._Energy.surplus",
 }
 FEED_FORWARD = f"{CORES}.FeedForward"
-RESULTS = ("Gain", "NamedCause", "RetunedParameter", "Candidate", "Tried")
+RESULTS = ("Gain", "NamedCause", "RetunedParameter", "Candidate", "Rival", "Tried")
 #: what `skops.io.loads` must be told to trust, by estimator
 TRUSTED = {
     "PhysicsModelTransformer": {MODEL, TRANSFORMER},
@@ -119,6 +119,7 @@ TRUSTED = {
         "sklearn_pgnn.diagnosis.separation.Separation",
         "sklearn_pgnn.estimation.problem.EstimationProblem",
         "sklearn_pgnn.diagnosis.unexplained.MissingPart",
+        "sklearn_pgnn.diagnosis.verdict.Remaining",
         "sklearn_pgnn.physics.scales.Scales",
         "sklearn_pgnn.physics.effects.formula.Formula",
         "sklearn_pgnn.simulation.state_estimate.StateEstimator",

@@ -60,9 +60,11 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
 
     .. math:: \Lambda = \sum_o \frac{n_o}{2 \tau_o} \log \frac{S_{o,0}}{S_{o,1}} - (V_1 - V_0),
 
-    see `sklearn_pgnn.estimation.criterion`. A cause is named if
-    :math:`\Lambda > \log(N/\alpha)` speaks for it, :math:`N` candidates being looked at, if it
-    explains `smallest_share` of an output's error, and if the free run does not speak against it.
+    see `sklearn_pgnn.estimation.criterion`. With :math:`N` candidates and the overdispersion
+    :math:`\phi` of the residuals along it, a cause is named if
+    :math:`\Lambda > \phi \log(N/\alpha)`, if it explains `smallest_share` of an output's error,
+    and if the free run does not speak against it; one with a memory by its free run alone. A free
+    run that says nothing, as that of a chaotic machine, is not asked.
 
     Parameters
     ----------
@@ -108,7 +110,7 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
     verdict_ : {"model_adequate", "cause_named", "ambiguous", "unexplained"}
         What the records say.
     causes_ : tuple of NamedCause
-        What is missing, the most telling first.
+        What is missing, the most telling first, each with its probability and its rivals'.
     extended_model_ : PhysicsModel
         The prior, re-tuned and extended by the causes. Its `simulation` says with which hold and
         substeps it was judged, and its `initial_state` where the first record was found to start.
@@ -117,10 +119,12 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
     parameters_ : dict of str to RetunedParameter
         The prior's free parameters in the extended model.
     gain_ : dict of str to Gain
-        Held-out error of every output before, after re-tuning and after extending.
+        Held-out error of every output before, after re-tuning and after extending, over windows
+        and in free run.
     free_run_ : dict of str to FreeRunError
         Error of every output over whole records: .prior, .refitted and .extended, simulated from
         `initial_states_` without restarts; infinite where a simulation leaves the finite numbers.
+        Its .tells is false where the machine is chaotic or unstable, and a free run says nothing.
     initial_states_ : ndarray of shape (n_trajectories, n_states)
         State of the extended model at the start of every trajectory: what X tells, `settled`
         states at the first input, and else as the first window was fitted.
@@ -448,7 +452,8 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         Returns
         -------
         dict
-            Verdict, data quality, causes, how to separate them, parameters and gain.
+            Verdict, data quality, causes with their probabilities and how to separate them, what
+            is left, parameters, gain and free runs.
         """
         check_is_fitted(self)
         causes = []
