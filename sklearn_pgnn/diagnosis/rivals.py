@@ -1,8 +1,18 @@
 """What may stand in a cause's place: candidates that the records do not refute."""
 
-from sklearn_pgnn.estimation.fitting import FittedHypothesis
-from sklearn_pgnn.estimation.hypothesis import count_parameters, resemble
+from sklearn_pgnn.estimation.equivalence import are_equivalent
+from sklearn_pgnn.estimation.fitting import FittedHypothesis, HypothesisFitter
+from sklearn_pgnn.estimation.hypothesis import Hypothesis, count_parameters, resemble
 from sklearn_pgnn.physics.effect import Effect
+
+
+def _is_same(fitter: HypothesisFitter, rest: Hypothesis, cause: Effect, other: Effect) -> bool:
+    """Return whether two causes of one parameter are the same in the equations beside others."""
+    if not count_parameters(other) == count_parameters(cause) == 1:
+        return False
+    if any(len(fitter.orders(rest, each)) > 1 for each in (cause, other)):
+        return False
+    return are_equivalent(fitter.model_of(rest), cause, other, retuned=False)
 
 
 def find_rivals(search, final: FittedHypothesis, cause: Effect) -> list[tuple[Effect, float]]:
@@ -33,7 +43,9 @@ def find_rivals(search, final: FittedHypothesis, cause: Effect) -> list[tuple[Ef
             found[other] = evidence
     problem, rest = search.fitter.problem, final.hypothesis.without(cause)
     for other in search.candidates:
-        if rest.allows(other) and resemble(problem, final.fit.model, cause, other):
-            found.setdefault(other, 0.0)
+        if other != cause and other not in found and rest.allows(other):
+            same = _is_same(search.fitter, rest, cause, other)
+            if same or resemble(problem, final.fit.model, cause, other):
+                found[other] = 0.0
     nearest = sorted(found.items(), key=lambda item: item[1])
     return [(same, value) for other, value in nearest for same in (other, *search.same[other])]

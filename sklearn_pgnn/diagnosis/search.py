@@ -43,8 +43,8 @@ class Search:
     max_causes : int
         Causes named at most.
     has_structure : callable
-        Whether what a hypothesis leaves depends on anything that was recorded; dear moves are
-        tried only then.
+        Whether what a hypothesis leaves depends on anything that was recorded; where no cause was
+        found, dear moves are tried only then.
     find_law : callable
         Called with the search where a cause leaves something; whether a formula alone leaves
         nothing, so that the search is over.
@@ -116,10 +116,12 @@ class Search:
         if count:
             yield self._replace
             yield self._split
-        if room >= 1 and self.has_structure(current):
+        if room >= 1 and (count or self.has_structure(current)):
             yield self._add_patiently
             if room >= 2:
                 yield self._add_pair
+            if room >= 1 and count:
+                yield self._replace_by_pair
 
     def is_nameable(self, trial: FittedHypothesis) -> bool:
         """Return whether more than white noise is left, by the smallest share worth a name."""
@@ -161,12 +163,28 @@ class Search:
             fits.append(self._step(self.fitter.first_fit(one, other.hypothesis.causes[-1])))
         return self._choose(current, self._converge(current, _usable(fits)), n_causes=2)
 
+    def _replace_by_pair(self, current: FittedHypothesis) -> FittedHypothesis | None:
+        """Put the best of the promising pairs in a cause's place where that refutes the cause."""
+        ground = self.fitter.subsample(current)
+        for cause in _causes(current):
+            without = self.fitter.fit_all(self.fitter.reduce(ground, cause), current)
+            pair = self._add_pair(without) if without.fit.usable else None
+            if pair is not None and self.refutes(pair, current):
+                return pair
+        return None
+
     def _replace(self, current: FittedHypothesis) -> FittedHypothesis | None:
-        """Put another candidate in a cause's place where that refutes it, or says it simpler."""
+        """Put another candidate in a cause's place where that refutes it, or says it simpler.
+
+        Beside a candidate that says the same another cause may be needless.
+        """
         for cause in current.hypothesis.causes:
             for other in self.in_place(current, cause):
                 if self._is_preferred(other, current) and self._is_needed(other, current):
                     return other
+                simpler = None if self.refutes(current, other) else self._drop(other)
+                if simpler is not None and not self.refutes(current, simpler):
+                    return simpler
         return None
 
     def _is_needed(self, other: FittedHypothesis, current: FittedHypothesis) -> bool:

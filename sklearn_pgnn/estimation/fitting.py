@@ -528,6 +528,10 @@ class HypothesisFitter:
 
     # -- models --------------------------------------------------------------------------------
 
+    def model_of(self, hypothesis: Hypothesis) -> PhysicsModel:
+        """Return the prior extended by the causes of a hypothesis, as they start."""
+        return self._rebuild(hypothesis, None)
+
     def _rebuild(self, hypothesis, values_of: FittedHypothesis | None) -> PhysicsModel:
         """Extend the prior by the causes, with the parameter values of another fit."""
         model = self.problem.prior
