@@ -21,6 +21,7 @@ FLOORS = (
     {"network", "pipeline"},
     {"estimation"},
     {"record_quality"},
+    {"experiment_design"},
     {"diagnosis"},
     {"inspection"},
     {"export", "datasets"},

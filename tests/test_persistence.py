@@ -96,7 +96,7 @@ GUIDED = PLAIN | {
     f"{LOSS}._Energy.surplus",
 }
 FEED_FORWARD = f"{CORES}.FeedForward"
-RESULTS = ("Gain", "NamedCause", "RetunedParameter", "Candidate", "Rival", "Tried")
+RESULTS = ("Gain", "NamedCause", "RetunedParameter", "Rival", "Tried")
 #: what `skops.io.loads` must be told to trust, by estimator
 TRUSTED = {
     "PhysicsModelTransformer": {MODEL, TRANSFORMER},
@@ -115,8 +115,9 @@ TRUSTED = {
         "sklearn_pgnn.diagnosis.free_run.FreeRunError",
         "sklearn_pgnn.diagnosis.model_diagnosis.ModelDiagnosis",
         "sklearn_pgnn.record_quality.finding.Finding",
-        "sklearn_pgnn.diagnosis.separation.Experiment",
-        "sklearn_pgnn.diagnosis.separation.Separation",
+        "sklearn_pgnn.experiment_design.separation.Experiment",
+        "sklearn_pgnn.experiment_design.separation.Separation",
+        "sklearn_pgnn.estimation.candidate.Candidate",
         "sklearn_pgnn.estimation.problem.EstimationProblem",
         "sklearn_pgnn.diagnosis.unexplained.MissingPart",
         "sklearn_pgnn.diagnosis.verdict.Remaining",

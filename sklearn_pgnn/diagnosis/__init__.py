@@ -1,19 +1,19 @@
 """Judgement: which physical cause a model misses, and what naming it is worth."""
 
-from sklearn_pgnn.diagnosis.detectability import Detectability, Detectable
 from sklearn_pgnn.diagnosis.free_run import FreeRunError
 from sklearn_pgnn.diagnosis.model_diagnosis import ModelDiagnosis
 from sklearn_pgnn.diagnosis.result import (
-    Candidate,
     Gain,
     NamedCause,
     RetunedParameter,
     Rival,
     Tried,
 )
-from sklearn_pgnn.diagnosis.separation import Experiment, Separation
 from sklearn_pgnn.diagnosis.unexplained import MissingPart
 from sklearn_pgnn.diagnosis.verdict import Remaining
+from sklearn_pgnn.estimation.candidate import Candidate
+from sklearn_pgnn.experiment_design.detectability import Detectability, Detectable
+from sklearn_pgnn.experiment_design.separation import Experiment, Separation
 from sklearn_pgnn.record_quality.finding import Finding
 
 __all__ = [

@@ -11,7 +11,7 @@ from sklearn_pgnn.diagnosis.unexplained import (
     propose,
 )
 from sklearn_pgnn.estimation.criterion import SelectionCriterion, explained_share
-from sklearn_pgnn.estimation.fitting import FittedHypothesis
+from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
 
 
 class FormulaSelection:

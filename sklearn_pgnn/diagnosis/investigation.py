@@ -12,7 +12,9 @@ from sklearn_pgnn.diagnosis.structure import Structure, find_structure
 from sklearn_pgnn.diagnosis.unexplained import Proposal
 from sklearn_pgnn.diagnosis.verdict import Remaining, describe_remaining, verdict_of
 from sklearn_pgnn.estimation.criterion import SelectionCriterion
-from sklearn_pgnn.estimation.fitting import FittedHypothesis, HypothesisFitter, Key
+from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
+from sklearn_pgnn.estimation.fitting import HypothesisFitter
+from sklearn_pgnn.estimation.hypothesis_models import Key
 from sklearn_pgnn.estimation.problem import build_problem, with_hold
 from sklearn_pgnn.estimation.progress import Progress, TimeIsUp
 from sklearn_pgnn.estimation.window_selection import check_prior, select_windows

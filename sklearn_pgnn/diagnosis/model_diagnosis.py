@@ -7,32 +7,39 @@ from numbers import Real
 
 import numpy as np
 from joblib import effective_n_jobs
-from sklearn.base import BaseEstimator, MultiOutputMixin, RegressorMixin
+from sklearn.base import BaseEstimator, MultiOutputMixin, RegressorMixin, clone
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
-from sklearn_pgnn.diagnosis.detectability import Detectability, PowerAnalysis, detect_all
 from sklearn_pgnn.diagnosis.free_run import free_run_errors
-from sklearn_pgnn.diagnosis.injection import verified
 from sklearn_pgnn.diagnosis.investigation import Findings, Investigation
 from sklearn_pgnn.diagnosis.result import (
-    Candidate,
     NamedCause,
     Tried,
     measure_gain,
     name_causes,
-    plain,
     retuned_parameters,
 )
-from sklearn_pgnn.diagnosis.separation import Separation, are_same, plain_separation, separate
 from sklearn_pgnn.diagnosis.size import parameter_errors
 from sklearn_pgnn.diagnosis.unexplained import describe
+from sklearn_pgnn.estimation.budgets import KEPT
+from sklearn_pgnn.estimation.candidate import Candidate
 from sklearn_pgnn.estimation.criterion import SelectionCriterion
 from sklearn_pgnn.estimation.fitted_records import as_judged, keep_records
 from sklearn_pgnn.estimation.hypothesis import check_targets, possible_causes
+from sklearn_pgnn.estimation.plain_data import plain
 from sklearn_pgnn.estimation.problem import check_records
 from sklearn_pgnn.estimation.progress import Progress, TimeIsUp
 from sklearn_pgnn.exceptions import OptionError, RecordWarning
+from sklearn_pgnn.experiment_design.detectability import Detectability, detect_all
+from sklearn_pgnn.experiment_design.power import PowerAnalysis
+from sklearn_pgnn.experiment_design.separation import (
+    Separation,
+    are_same,
+    plain_separation,
+    separate,
+)
+from sklearn_pgnn.experiment_design.simulate_records import with_verdict
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects import read_catalogue
 from sklearn_pgnn.physics.model import PhysicsModel
@@ -46,9 +53,6 @@ from sklearn_pgnn.trajectories import read_records
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
 from sklearn_pgnn.trajectories.record import Record
 from sklearn_pgnn.trajectories.validation import check_model, validate_table
-
-#: experiments that are kept for two causes
-SHOWN = 3
 
 
 class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
@@ -217,7 +221,7 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         return hasattr(self, "verdict_")
 
     def __sklearn_tags__(self):
-        """Say that states may be NaN and that random numbers follow no physical model."""
+        """Return tags: states may be NaN and that random numbers follow no physical model."""
         tags = super().__sklearn_tags__()
         tags.input_tags.allow_nan = True
         tags.regressor_tags.poor_score = True
@@ -386,7 +390,7 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         )
 
     def _separate(self, progress: Progress) -> None:
-        """Tell every cause from those that are the same, and from the first that is not."""
+        """Find what tells every cause from its equivalents, and from the first other rival."""
         for cause in self.causes_:
             mine, others = self._cause(cause), cause.confused_with
             same = [o for o in others if are_same(self.records_, mine, self._cause(o))]
@@ -394,7 +398,7 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
             for other in [*same, *rest[:1]]:
                 theirs, tick = self._cause(other), progress.tick
                 whole = separate(self.records_, mine, theirs, self._criterion(), each_step=tick)
-                shown = replace(whole, experiments=whole.experiments[:SHOWN])
+                shown = replace(whole, experiments=whole.experiments[:KEPT])
                 self.separations_ = (*self.separations_, shown)
                 progress.step()
         self.causes_ = tuple(self._with_equivalent(cause) for cause in self.causes_)
@@ -406,14 +410,14 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
 
     def _with_equivalent(self, cause: NamedCause) -> NamedCause:
         """Note which causes are the same as one, so that no record tells them apart."""
-        mine = Candidate(cause.effect, cause.target)
+        mine = _pair(cause)
         same = {f.other for f in self.separations_ if f.cause == mine and f.equivalent}
         equivalent = (Candidate(o.effect, o.target) for o in cause.confused_with)
         return replace(cause, equivalent=tuple(o for o in equivalent if o in same))
 
     def _cause(self, named) -> Effect:
         """Return the effect of the catalogue that is named by its id and target."""
-        effect, target = (named.effect, named.target) if hasattr(named, "effect") else named
+        effect, target = (named.effect, named.target) if hasattr(named, "effect") else named[:2]
         catalogue = read_catalogue(self.catalogue)
         for kind in catalogue:
             if effect in (kind, kind.id):
@@ -447,7 +451,7 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         return outputs.ravel() if self._single_output else outputs
 
     def to_dict(self) -> dict:
-        """Give the diagnosis as plain data, as ``diagnosis.json`` holds it.
+        """Return the diagnosis as plain data, as ``diagnosis.json`` holds it.
 
         Returns
         -------
@@ -520,7 +524,7 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         verify=False,
         random_state=0,
     ):
-        r"""Tell how large an effect must be before records like these would show it.
+        r"""Return how large an effect must be before records like these would show it.
 
         Every effect is put into the extended model, with the records' own inputs, initial states
         and noise; the model is re-tuned, and the diagnosis' own rules judge what is left.
@@ -577,9 +581,17 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         seed, white = _seed(random_state), noise == "white"
         analysis = PowerAnalysis(self.records_, white, self._criterion(), int(n_repeats), seed)
         catalogue = read_catalogue(self.catalogue if effects is None else effects)
-        rows = detect_all(analysis, possible_causes(self.model, catalogue, targets), power)
+        rows = detect_all(analysis, possible_causes(self.model, catalogue, targets), power, sizes)
         if verify:
-            rows = tuple(verified(self, analysis, row, catalogue) for row in rows)
+
+            def diagnose(X, y):
+                again = clone(self).set_params(
+                    model=self.extended_model_, catalogue=catalogue, time_column=None, progress=None
+                )
+                named = again.fit(X, y).causes_
+                return [{c[:2] for c in (_pair(cause), *cause.confused_with)} for cause in named]
+
+            rows = tuple(with_verdict(analysis, row, diagnose) for row in rows)
         return Detectability(rows, float(power), tuple(map(float, sizes)))
 
     def separating_experiment(self, cause=None, other=None, *, reach=1.0):
@@ -655,6 +667,11 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         return reading("plot_diagnosis")(self)
 
 
+def _pair(cause) -> Candidate:
+    """Return the effect and target of a cause."""
+    return Candidate(cause.effect, cause.target)
+
+
 def _check_options(hold, alpha, smallest_share) -> None:
     for name, value in (("alpha", alpha), ("smallest_share", smallest_share)):
         if not (isinstance(value, Real) and 0 < float(value) < 1):
@@ -669,7 +686,7 @@ def _check_time_limit(limit) -> None:
 
 
 def _said(error: BaseException) -> str:
-    """Say in short what ended a fit."""
+    """Return in short what ended a fit."""
     if isinstance(error, KeyboardInterrupt):
         return "interrupted"
     return f"unexpected {type(error).__name__}: {error}"

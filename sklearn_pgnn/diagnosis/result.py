@@ -1,38 +1,25 @@
 """What a diagnosis says: causes with their sizes, parameters, and what the extension is worth."""
 
 import math
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from sklearn_pgnn.diagnosis.search_result import SearchResult
+from sklearn_pgnn.estimation.budgets import DRAWS
+from sklearn_pgnn.estimation.candidate import Candidate
 from sklearn_pgnn.estimation.criterion import SelectionCriterion
-from sklearn_pgnn.estimation.fitting import FittedHypothesis, HypothesisFitter, block_squares
+from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
+from sklearn_pgnn.estimation.fitting import HypothesisFitter
 from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.estimation.residuals import HeldOut, Residuals
+from sklearn_pgnn.estimation.window_fitter import block_squares
 from sklearn_pgnn.simulation.uncertainty import (
     Estimate,
     estimate_of,
 )
 from sklearn_pgnn.simulation.window_fit import WindowFit
-
-RESAMPLINGS = 1000
-
-
-class Candidate(NamedTuple):
-    """An effect and what it acts on.
-
-    Parameters
-    ----------
-    effect : str
-        Id of the effect in the catalogue.
-    target : str
-        The state in whose rate it acts, or the input, output or parameter.
-    """
-
-    effect: str
-    target: str
 
 
 class Rival(NamedTuple):
@@ -54,7 +41,7 @@ class Rival(NamedTuple):
 
 
 class Tried(NamedTuple):
-    """A suspect, and what it leaves where it is the only cause.
+    """A candidate, and what it leaves where it is the only cause.
 
     Parameters
     ----------
@@ -244,7 +231,7 @@ def measure_gain(fitter: HypothesisFitter, result: SearchResult, seed: int) -> d
     squares = {"prior": block_squares(problem, fitter.prior).sum(axis=1)}
     squares |= {which: found.block_squares.sum(axis=1) for which, found in held_out.items()}
     white = np.sqrt(fitter.white_squares(result.final) / np.maximum(counts.sum(axis=0), 1))
-    draws = rng.integers(0, len(counts), (RESAMPLINGS, len(counts)))
+    draws = rng.integers(0, len(counts), (DRAWS, len(counts)))
     gains = {}
     for i, output in enumerate(problem.prior.outputs):
         scale, noise = windows.scale[i], float(white[i])
@@ -277,19 +264,10 @@ def _rms(residuals: Residuals, output: int, scale: float) -> float:
 
 
 def explained_share(before, after, noise):
-    """Give the share of the error power above the noise that is gone, between 0 and 1."""
+    """Return the share of the error power above the noise that is gone, between 0 and 1."""
     before, after = np.asarray(before), np.asarray(after)
     known = np.isfinite(before) & np.isfinite(after)
     finite = np.where(known, before, 1.0)
     above = np.maximum(finite - noise**2, 1e-12 * np.maximum(finite, 1e-300))
     share = np.clip((finite - np.where(known, after, 1.0)) / above, 0.0, 1.0)
     return np.where(known, share, np.isfinite(after))
-
-
-def plain(value) -> dict:
-    """Turn a result into what JSON holds; a number that is not finite becomes None."""
-    items = value._asdict() if hasattr(value, "_asdict") else asdict(value)
-    return {
-        key: None if isinstance(item, float) and not math.isfinite(item) else item
-        for key, item in items.items()
-    }

@@ -1,7 +1,8 @@
 """What may stand in a cause's place: candidates that the records do not refute."""
 
 from sklearn_pgnn.estimation.equivalence import are_equivalent
-from sklearn_pgnn.estimation.fitting import FittedHypothesis, HypothesisFitter
+from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
+from sklearn_pgnn.estimation.fitting import HypothesisFitter
 from sklearn_pgnn.estimation.hypothesis import Hypothesis, count_parameters, resemble
 from sklearn_pgnn.physics.effect import Effect
 
@@ -10,9 +11,9 @@ def _is_same(fitter: HypothesisFitter, rest: Hypothesis, cause: Effect, other: E
     """Return whether two causes of one parameter are the same in the equations beside others."""
     if not count_parameters(other) == count_parameters(cause) == 1:
         return False
-    if any(len(fitter.orders(rest, each)) > 1 for each in (cause, other)):
+    if any(len(fitter.models.orders(rest, each)) > 1 for each in (cause, other)):
         return False
-    return are_equivalent(fitter.model_of(rest), cause, other, retuned=False)
+    return are_equivalent(fitter.models.extend(rest), cause, other, retuned=False)
 
 
 def find_rivals(search, final: FittedHypothesis, cause: Effect) -> list[tuple[Effect, float]]:

@@ -8,23 +8,16 @@ import numpy as np
 from sklearn_pgnn.diagnosis.rivals import find_rivals
 from sklearn_pgnn.diagnosis.search_result import SearchResult, in_order
 from sklearn_pgnn.diagnosis.size import overdispersion_along
+from sklearn_pgnn.estimation.budgets import KEPT, PAIRS
 from sklearn_pgnn.estimation.criterion import SelectionCriterion
-from sklearn_pgnn.estimation.fitting import (
-    FittedHypothesis,
-    HypothesisFitter,
-    Key,
-    SubsampleFit,
-    objective_of,
-)
+from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis, SubsampleFit, objective_of
+from sklearn_pgnn.estimation.fitting import HypothesisFitter
 from sklearn_pgnn.estimation.hypothesis import same_causes
+from sklearn_pgnn.estimation.hypothesis_models import Key
 from sklearn_pgnn.estimation.progress import TimeIsUp
 from sklearn_pgnn.estimation.screening import Screening
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects import WrongParameter
-
-#: hypotheses that are fitted on all windows and held out in a move, the nearest first; pairs of
-#: candidates that are fitted. More cost time, fewer may miss what is nearest in the end
-FINALISTS, PAIRS = 4, 8
 
 Move = Callable[[FittedHypothesis], FittedHypothesis | None]
 
@@ -136,7 +129,7 @@ class Search:
         self.progress.begin("needless causes", len(current.hypothesis.causes))
         ground = self.fitter.subsample(current)
         reduced = [self.fitter.reduce(ground, cause) for cause in _causes(current)]
-        for subsample in sorted(_usable(reduced), key=objective_of)[:FINALISTS]:
+        for subsample in sorted(_usable(reduced), key=objective_of)[:KEPT]:
             without = self.fitter.fit_all(subsample, current)
             if without.fit.usable and not self._names(without, current):
                 return without
@@ -260,7 +253,7 @@ class Search:
 
     def _choose(self, current, fits: list[SubsampleFit], n_causes=1) -> FittedHypothesis | None:
         """Return the simplest of the finalists that none refutes, if it is named."""
-        trials = [self.fitter.fit_all(fit, current) for fit in fits[:FINALISTS]]
+        trials = [self.fitter.fit_all(fit, current) for fit in fits[:KEPT]]
         while trials := [trial for trial in trials if trial.fit.usable]:
             best = self._simplest_of_the_best(trials)
             if self._names(self.fitter.retry(current, best), best, n_causes):
@@ -292,7 +285,7 @@ class Search:
         limit = self._limit(current, self.fitter.subsample(current).squares)
         near = [self._step(self.fitter.converge(fit, limit)) for fit in fits]
         near = [fit for fit in _usable(near) if fit.squares <= limit]
-        trials = [self.fitter.fit_all(fit, current) for fit in near[: 2 * FINALISTS]]
+        trials = [self.fitter.fit_all(fit, current) for fit in near[: 2 * KEPT]]
         return [trial for trial in trials if trial.fit.usable]
 
     def _apart(self, ground: SubsampleFit, cause: Effect) -> list[SubsampleFit]:

@@ -2,7 +2,8 @@
 
 from dataclasses import dataclass, field, replace
 
-from sklearn_pgnn.estimation.fitting import FittedHypothesis, HypothesisFitter, objective_of
+from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis, objective_of
+from sklearn_pgnn.estimation.fitting import HypothesisFitter
 from sklearn_pgnn.physics.effect import Effect
 
 

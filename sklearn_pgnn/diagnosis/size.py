@@ -6,7 +6,7 @@ from collections.abc import Collection
 import numpy as np
 from scipy.stats import t as student
 
-from sklearn_pgnn.estimation.fitting import FittedHypothesis
+from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
 from sklearn_pgnn.estimation.hypothesis import held_freedoms
 from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.estimation.residuals import Residuals

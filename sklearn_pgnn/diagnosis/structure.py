@@ -15,18 +15,12 @@ from scipy.stats import t as student
 from sklearn.ensemble import HistGradientBoostingRegressor
 from threadpoolctl import threadpool_limits
 
+from sklearn_pgnn.estimation.budgets import LAGS, LEAVES, SAMPLES, STRETCHES, TREES
+from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
 from sklearn_pgnn.estimation.fitted_records import record_starts
-from sklearn_pgnn.estimation.fitting import FittedHypothesis
 from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.simulation.state_estimate import free_run
 
-#: how long ago features are looked at, in windows
-LAGS = (0.0, 1 / 8, 1 / 3, 1.0)
-#: samples that are predicted, trees that are grown, and groups of records or stretches that are
-#: held out, a fold each: more cost time
-SAMPLES, TREES, GROUPS = 6000, 50, 8
-#: leaves of a tree: more see finer structure and take longer
-LEAVES = 15
 #: what the time since a window began, and since a record began, are called
 IN_WINDOW, IN_RECORD = "time in window", "time"
 
@@ -174,8 +168,8 @@ class _Table:
 
 def _groups(record: np.ndarray, rows: np.ndarray) -> np.ndarray:
     """Deal samples into groups: records, or stretches of them where these are few."""
-    stretches = -(-GROUPS // (record.max() + 1))
+    stretches = -(-STRETCHES // (record.max() + 1))
     first = np.searchsorted(record, record)
     size = np.bincount(record)[record]
     stretch = (np.arange(rows.size) - first) * stretches // size
-    return (record * stretches + stretch) % max(GROUPS, stretches)
+    return (record * stretches + stretch) % max(STRETCHES, stretches)

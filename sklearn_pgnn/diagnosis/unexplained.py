@@ -11,8 +11,17 @@ from sklearn.ensemble import HistGradientBoostingRegressor
 from sklearn.model_selection import GroupKFold, cross_val_predict
 
 from sklearn_pgnn.diagnosis.leading_terms import leading_terms
+from sklearn_pgnn.estimation.budgets import (
+    FOLDS,
+    LEAVES,
+    MOST_TERMS,
+    OWN,
+    RESOLUTION,
+    SAMPLES,
+    TREES,
+)
+from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
 from sklearn_pgnn.estimation.fitted_records import as_judged
-from sklearn_pgnn.estimation.fitting import FittedHypothesis
 from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.physics.effects.formula import Formula
 from sklearn_pgnn.physics.effects.rates import is_velocity
@@ -23,15 +32,6 @@ from sklearn_pgnn.simulation.linear_response import linear_responses
 from sklearn_pgnn.simulation.pointwise import evaluate_samples
 from sklearn_pgnn.simulation.window_fit import ParameterPrior, WindowFit, fit_windows
 from sklearn_pgnn.simulation.windows import evaluate
-
-#: samples on which a hidden input is described, and folds of the description
-SAMPLES, FOLDS = 4000, 5
-#: part of a term's effect on the outputs that re-tuning must leave, for it to be told from that
-OWN = 0.02
-#: part of a term, relative to it, that those before it must leave
-DEPENDENT = 1e-5
-#: most terms of a formula
-MOST_TERMS = 3
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class MissingPart:
         return " + ".join(f"{value:.4g}*{term}" for value, term in pairs).replace("+ -", "- ")
 
     def to_dict(self) -> dict:
-        """Give it as plain data, as ``diagnosis.json`` holds it.
+        """Return it as plain data, as ``diagnosis.json`` holds it.
 
         Returns
         -------
@@ -136,7 +136,7 @@ def propose(
     Parameters
     ----------
     problem : EstimationProblem
-        the problem.
+        The problem.
     base : FittedHypothesis
         The model without it.
     channel : str
@@ -193,7 +193,7 @@ def describe(problem: EstimationProblem, proposal: Proposal) -> MissingPart:
     Parameters
     ----------
     problem : EstimationProblem
-        the problem.
+        The problem.
     proposal : Proposal
         The formula that was chosen.
 
@@ -236,13 +236,13 @@ def _fit(problem, base, effect, each_step) -> WindowFit:
 
 
 def _at_fit(effect, fit) -> Formula:
-    """Give a formula its fitted coefficients."""
+    """Return a formula with its fitted coefficients."""
     values = (fit.model.parameters[name].value for name in effect.names().values())
     return replace(effect, coefficients=tuple(values))
 
 
 def _samples(problem, model, hidden) -> dict[str, np.ndarray]:
-    """Give the states, smoothed with the hidden input, the inputs as they act, and the time."""
+    """Return the states, smoothed with the hidden input, the inputs as they act, and the time."""
     table = {name: hidden.states[:, i] for i, name in enumerate(model.states)}
     acting = problem.windows.acting_inputs(model)
     table |= {name: acting[:, i] for i, name in enumerate(model.inputs)}
@@ -259,8 +259,8 @@ def _groups(problem) -> np.ndarray:
 
 
 def _explained(columns, values, groups) -> float:
-    """Give the share of a variance that some quantities explain on groups not seen."""
-    forest = HistGradientBoostingRegressor(max_iter=60, max_leaf_nodes=15, random_state=0)
+    """Return the share of a variance that some quantities explain on groups not seen."""
+    forest = HistGradientBoostingRegressor(max_iter=TREES, max_leaf_nodes=LEAVES, random_state=0)
     found = cross_val_predict(forest, columns, values, groups=groups, cv=GroupKFold(FOLDS))
     return float(max(0.0, 1.0 - np.mean((values - found) ** 2) / np.var(values)))
 
@@ -271,7 +271,7 @@ def library_size(model: PhysicsModel) -> int:
 
 
 def _terms(model: PhysicsModel, quantities) -> list[sympy.Expr]:
-    """Give the library: functions of one quantity, and products of functions of two."""
+    """Return the library: functions of one quantity, and products of functions of two."""
     single = [_functions(model, name) for name in quantities]
     found = [sympy.Integer(1), *(term for functions in single for term in functions)]
     for one, other in combinations(single, 2):
@@ -280,7 +280,7 @@ def _terms(model: PhysicsModel, quantities) -> list[sympy.Expr]:
 
 
 def _functions(model, name) -> list[sympy.Expr]:
-    """Give functions of one quantity."""
+    """Return functions of one quantity."""
     if name == "t":
         return [TIME]
     q = symbol(name)
@@ -312,7 +312,7 @@ def _telling_terms(problem, base, channel, columns) -> list[np.ndarray]:
 
 
 def _slope_by(problem, base, freedom) -> np.ndarray:
-    """Give the change of the outputs by a parameter, for a small step."""
+    """Return the change of the outputs by a parameter, for a small step."""
     fit, value = base.fit, base.fit.model.parameters[freedom.name].value
     step = 1e-3 * freedom.scale
     step = step if value + step <= freedom.high else -step
@@ -342,14 +342,14 @@ def _formula(model, channel, terms, values) -> Formula:
 
 
 def _independent(columns) -> list[int]:
-    """Give the columns that are not sums of those before them."""
+    """Return the columns that are not sums of those before them."""
     own: list[int] = []
     basis = np.empty((len(columns), 0))
     for i, column in enumerate(columns.T):
         size = np.linalg.norm(column)
         rest = column - basis @ (basis.T @ column)
         rest = rest - basis @ (basis.T @ rest)
-        if np.isfinite(size) and np.linalg.norm(rest) > DEPENDENT * size:
+        if np.isfinite(size) and np.linalg.norm(rest) > RESOLUTION * size:
             own.append(i)
             basis = np.column_stack([basis, rest / np.linalg.norm(rest)])
     return own

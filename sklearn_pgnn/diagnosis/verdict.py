@@ -6,7 +6,8 @@ import numpy as np
 
 from sklearn_pgnn.diagnosis.search_result import SearchResult
 from sklearn_pgnn.diagnosis.structure import Structure
-from sklearn_pgnn.estimation.fitting import FittedHypothesis, HypothesisFitter
+from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
+from sklearn_pgnn.estimation.fitting import HypothesisFitter
 
 
 @dataclass(frozen=True)

@@ -2,9 +2,7 @@
 
 import numpy as np
 
-#: lags, in autocorrelation times, over which an autocorrelation is summed (Sokal's window): more
-#: makes the sum noisier, fewer cut off what is slow
-LAGS = 5.0
+from sklearn_pgnn.estimation.budgets import FORGOTTEN
 
 
 def autocorrelation_times(residual: np.ndarray, segment: np.ndarray) -> np.ndarray:
@@ -53,6 +51,6 @@ def _autocorrelation_time(values: np.ndarray, segment: np.ndarray) -> float:
         if pairs == 0.0:
             break
         time += 2.0 * float((values[lag:] * values[:-lag]) @ same) / pairs / power
-        if lag >= LAGS * time:
+        if lag >= FORGOTTEN * time:  # Sokal's window
             break
     return max(time, 1.0)

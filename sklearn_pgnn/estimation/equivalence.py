@@ -5,22 +5,19 @@ from functools import lru_cache
 import numpy as np
 import sympy
 
+from sklearn_pgnn.estimation.budgets import POINTS, ROUNDING
 from sklearn_pgnn.estimation.hypothesis import is_of_other_order, number_at
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects import WrongParameter
 from sklearn_pgnn.physics.expressions import TIME, symbol
 from sklearn_pgnn.physics.model import PhysicsModel
 
-#: random points at which derivatives are compared
-POINTS = 40
-#: singular values of columns of length one, from which on columns are independent
-INDEPENDENT = 1e-7
 #: functions with a kink or a jump
 KINKED = (sympy.sign, sympy.Abs, sympy.Max, sympy.Min, sympy.Heaviside, sympy.Piecewise)
 
 
 def are_equivalent(model: PhysicsModel, one: Effect, other: Effect, retuned: bool = True) -> bool:
-    r"""Tell whether no inputs and outputs of a model can separate two causes.
+    r"""Return whether no inputs and outputs of a model can separate two causes.
 
     With the parameters :math:`p` that re-tuning changes and those of the two causes, :math:`a` and
     :math:`b`, they are equivalent, for small sizes, if the spans of
@@ -94,7 +91,7 @@ def _by_names(model, names) -> np.ndarray:
 
 @lru_cache(maxsize=16)
 def _by_coordinates(model) -> np.ndarray:
-    """Say how rates and outputs change if a state is counted from elsewhere, or in other units.
+    """Return the changes of rates and outputs if a state has another zero or unit.
 
     States at which a function has a kink are left out: it would move.
     """
@@ -137,4 +134,4 @@ def _rank(*parts) -> int:
     columns = columns[np.isfinite(columns).all(axis=1)]
     size = np.linalg.norm(columns, axis=0)
     columns = columns / np.where(size > 0, size, 1.0)
-    return int(np.sum(np.linalg.svd(columns, compute_uv=False) > INDEPENDENT))
+    return int(np.sum(np.linalg.svd(columns, compute_uv=False) > ROUNDING))

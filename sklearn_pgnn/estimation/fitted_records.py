@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sklearn_pgnn.estimation.fitting import FittedHypothesis, HypothesisFitter
+from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
+from sklearn_pgnn.estimation.fitting import HypothesisFitter
 from sklearn_pgnn.estimation.problem import EstimationProblem, with_prior_spreads
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.model import PhysicsModel
@@ -53,7 +54,7 @@ class DiagnosisRecords:
     fits : dict of str to FittedWindows
         The ``"prior"``, the ``"refitted"`` prior and the ``"extended"`` model.
     problem : EstimationProblem
-        the problem, for what is asked of it later.
+        The problem, for what is asked of it later.
     causes : tuple of Effect
         The causes of the extended model, in the order in which they apply.
     """
@@ -110,7 +111,7 @@ def record_starts(problem: EstimationProblem, model: PhysicsModel, x0: np.ndarra
     Parameters
     ----------
     problem : EstimationProblem
-        the problem.
+        The problem.
     model : PhysicsModel
         The model.
     x0 : ndarray of shape (n_windows, n_states)
@@ -137,7 +138,7 @@ def as_judged(problem: EstimationProblem, fit: WindowFit) -> PhysicsModel:
     Parameters
     ----------
     problem : EstimationProblem
-        the problem.
+        The problem.
     fit : WindowFit
         The fitted model.
 

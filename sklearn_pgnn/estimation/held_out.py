@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sklearn_pgnn.estimation.autocorrelation import autocorrelation_times
+from sklearn_pgnn.estimation.budgets import FOLDS, MOST_HELD_OUT, STRETCHES
 from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.estimation.residuals import HeldOut, Residuals
 from sklearn_pgnn.physics.expressions import TIME, symbol
@@ -13,12 +14,6 @@ from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.state_estimate import free_run
 from sklearn_pgnn.simulation.window_fit import WindowFit
 from sklearn_pgnn.simulation.windows import ShootingWindows
-
-#: folds of records; a single one is cut into more stretches, for it shows much but a few times.
-#: More folds cost more fits
-FOLDS, STRETCHES = 4, 8
-#: largest share of the windows that a fold may hold: more would leave too little to learn from
-MOST_HELD_OUT = 2 / 3
 
 
 def make_folds(problem: EstimationProblem) -> np.ndarray:
@@ -99,12 +94,12 @@ class CrossValidation:
             over_windows[rows] = judged.evaluation.residual[rows]
             x0[inside] = judged.x0
             grams.append(judged.evaluation.gram)
-            for a, b, first in _stretches(windows, inside):
+            for a, b, first in stretches(windows, inside):
                 run = free_run(learned.model, windows, a, b, x0[first])
                 over_runs[a:b] = windows.y[a:b] - run.y
-        seen = self._residuals(over_windows, _segments(windows))
+        seen = self._residuals(over_windows, segments(windows))
         order = np.argsort(folds, kind="stable")
-        free = self._residuals(over_runs, _record_of(windows))
+        free = self._residuals(over_runs, record_of(windows))
         return HeldOut(
             windows=seen,
             free_run=free,
@@ -190,20 +185,20 @@ def _rows(windows: ShootingWindows) -> np.ndarray:
     return np.concatenate([np.arange(a, a + n) for a, n in spans])
 
 
-def _segments(windows: ShootingWindows) -> np.ndarray:
+def segments(windows: ShootingWindows) -> np.ndarray:
     """Return the window of every sample, -1 where there is none."""
     segment = np.full(windows.t.size, -1)
     segment[_rows(windows)] = np.repeat(np.arange(len(windows)), windows.lengths)
     return segment
 
 
-def _record_of(windows: ShootingWindows) -> np.ndarray:
+def record_of(windows: ShootingWindows) -> np.ndarray:
     """Return the record of every sample that lies in a window, else -1."""
     record = np.searchsorted(windows.bounds, np.arange(windows.t.size), side="right") - 1
-    return np.where(_segments(windows) >= 0, record, -1)
+    return np.where(segments(windows) >= 0, record, -1)
 
 
-def _stretches(windows: ShootingWindows, inside: np.ndarray) -> Iterator[tuple[int, int, int]]:
+def stretches(windows: ShootingWindows, inside: np.ndarray) -> Iterator[tuple[int, int, int]]:
     """Yield first sample, end and first window of what lies end to end in one record."""
     record, ends = windows.record, windows.starts + windows.lengths
     which = np.flatnonzero(inside)

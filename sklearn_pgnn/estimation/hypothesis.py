@@ -9,6 +9,7 @@ from functools import lru_cache
 import numpy as np
 import sympy
 
+from sklearn_pgnn.estimation.budgets import POINTS, ROUNDING
 from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.physics.effect import Effect
@@ -16,9 +17,6 @@ from sklearn_pgnn.physics.effects import CATALOGUE, WrongParameter
 from sklearn_pgnn.physics.expressions import TIME, symbol
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.window_fit import ParameterPrior
-
-#: points at which two effects are compared, and at how many of them both must act
-POINTS, ACTIVE = 12, 4
 
 
 @dataclass(frozen=True)
@@ -53,28 +51,28 @@ class Hypothesis:
         return self.n_parameters, len(parts)
 
     def taken_over(self, cause: Effect) -> tuple[str, ...]:
-        """Give the fields of a cause that another cause of the hypothesis speaks for."""
+        """Return the fields of a cause that another cause of the hypothesis speaks for."""
         beside = {other.id for other in self.causes if other.target == cause.target}
         return tuple(name for id, names in cause.shared.items() if id in beside for name in names)
 
     def allows(self, cause: Effect) -> bool:
-        """Tell whether a cause may stand beside the others."""
+        """Return whether a cause may stand beside the others."""
         return cause not in self.causes and not any(
             other.id in cause.excludes or cause.id in other.excludes for other in self.causes
         )
 
     def plus(self, cause: Effect, at: int | None = None) -> "Hypothesis":
-        """Give the hypothesis with one more cause, the last to apply or at a place in the order."""
+        """Return the hypothesis with one more cause, the last to apply or at a place."""
         at = len(self.order) if at is None else at
         return Hypothesis((*self.causes, cause), (*self.order[:at], cause, *self.order[at:]))
 
     def without(self, cause: Effect) -> "Hypothesis":
-        """Give the hypothesis with one cause less."""
+        """Return the hypothesis with one cause less."""
         causes, order = (tuple(c for c in of if c != cause) for of in (self.causes, self.order))
         return Hypothesis(causes, order)
 
     def before(self, cause: Effect, new: Effect) -> "Hypothesis":
-        """Give the hypothesis with one more cause in front of another."""
+        """Return the hypothesis with one more cause in front of another."""
         causes, order = (_before(of, cause, new) for of in (self.causes, self.order))
         return Hypothesis(causes, order)
 
@@ -85,7 +83,7 @@ def _before(causes: tuple[Effect, ...], cause: Effect, new: Effect) -> tuple[Eff
 
 
 def commute(model: PhysicsModel, one: Effect, other: Effect) -> bool:
-    """Tell whether two causes make the same model in either order, as those of two targets do.
+    """Return whether two causes make the same model in either order, as those of two targets do.
 
     Parameters
     ----------
@@ -122,12 +120,12 @@ def count_parameters(cause: Effect) -> int:
 
 
 def resemble(problem: EstimationProblem, model: PhysicsModel, cause: Effect, other: Effect) -> bool:
-    """Tell whether a cause is so small that it may be another, which is not sought so small.
+    """Return whether a cause is so small that it may be another, which is not sought so small.
 
     Parameters
     ----------
     problem : EstimationProblem
-        the problem.
+        The problem.
     model : PhysicsModel
         The model with the cause, fitted.
     cause, other : Effect
@@ -201,7 +199,7 @@ def check_targets(model: PhysicsModel, targets) -> None:
 
 
 def _is_there(model: PhysicsModel, effect: Effect) -> bool:
-    """Tell whether a model has the parameters that an effect would add."""
+    """Return whether a model has the parameters that an effect would add."""
     return any(parameter.name in model.parameters for parameter in effect.parameters(model))
 
 
@@ -330,7 +328,7 @@ def _derivatives(model: PhysicsModel, names) -> dict[str, np.ndarray]:
 
 
 def is_of_other_order(model: PhysicsModel, extended: PhysicsModel) -> bool:
-    """Tell whether an extension has other states or delays than the model."""
+    """Return whether an extension has other states or delays than the model."""
     return extended.delays != model.delays or extended.states != model.states
 
 
@@ -343,13 +341,13 @@ def number_at(expression: sympy.Expr, point) -> float:
 
 
 def _proportional(mine: np.ndarray, theirs: np.ndarray) -> bool:
-    """Tell whether all that is not zero has one and the same ratio."""
+    """Return whether all that is not zero has one and the same ratio."""
     both = np.isfinite(mine) & np.isfinite(theirs)
     mine, theirs = mine[both], theirs[both]
-    if np.count_nonzero(mine) < ACTIVE or not np.array_equal(mine != 0, theirs != 0):
+    if np.count_nonzero(mine) < 2 or not np.array_equal(mine != 0, theirs != 0):
         return False
     ratio = mine[mine != 0] / theirs[mine != 0]
-    return bool(np.ptp(ratio) < 1e-9 * np.abs(ratio).max())
+    return bool(np.ptp(ratio) < ROUNDING * np.abs(ratio).max())
 
 
 def freedoms(
@@ -358,7 +356,7 @@ def freedoms(
     start: PhysicsModel,
     held: Collection[str] = (),
 ) -> tuple[ParameterPrior, ...]:
-    """Say how far every parameter may go under a hypothesis.
+    """Return how far every free parameter may go under a hypothesis.
 
     The prior's parameters stay within their spread, so one of value 0 stays there; one that is said
     to be wrong may go to its bounds; the effects' own stay within their limits.
@@ -366,7 +364,7 @@ def freedoms(
     Parameters
     ----------
     problem : EstimationProblem
-        the problem.
+        The problem.
     hypothesis : Hypothesis
         What is said to be missing.
     start : PhysicsModel
@@ -403,12 +401,12 @@ def freedoms(
 
 
 def held_freedoms(problem: EstimationProblem, hypothesis: Hypothesis) -> tuple[ParameterPrior, ...]:
-    """Say how far the prior's parameters may be off that stay where they are for the causes.
+    """Return how far the prior's parameters may be off that the causes hold where they are.
 
     Parameters
     ----------
     problem : EstimationProblem
-        the problem.
+        The problem.
     hypothesis : Hypothesis
         What is said to be missing.
 

@@ -6,6 +6,14 @@ from itertools import pairwise
 
 import numpy as np
 
+from sklearn_pgnn.estimation.budgets import (
+    FOLDS,
+    RESOLUTION,
+    SAMPLES,
+    SHORTEST,
+    SMALL_CHANGE,
+    STRETCHES,
+)
 from sklearn_pgnn.estimation.spectral_lines import find_lines
 from sklearn_pgnn.exceptions import OptionError, RecordError
 from sklearn_pgnn.physics.effect import Scales
@@ -22,21 +30,10 @@ from sklearn_pgnn.simulation.state_estimate import StateEstimator
 from sklearn_pgnn.simulation.windows import ShootingWindows, evaluate
 from sklearn_pgnn.trajectories.record import Record
 
-#: windows without which nothing can be held out: every one is judged by what the others taught
-LEAST_WINDOWS = 4
-#: shortest window, as a share of the dominant period
-SHORTEST = 1 / 24
-#: a first look takes about so many samples, from at least so many windows
-ROUGH_SAMPLES, ROUGH_WINDOWS = 6000, 6
-#: finest error that counts, as a share of an output's ups and downs: records may be free of noise
-RESOLUTION = 1e-5
-#: change of a simulation that is hardly one, in units of the noise
-HARDLY = 0.1
-
 
 @dataclass(frozen=True)
 class EstimationProblem:
-    """The ground on which hypotheses are compared.
+    """The records and the prior on which hypotheses are compared.
 
     Parameters
     ----------
@@ -83,7 +80,7 @@ def build_problem(model: PhysicsModel, records: tuple[Record, ...], **options) -
     Returns
     -------
     EstimationProblem
-        the problem.
+        The problem.
 
     Raises
     ------
@@ -106,17 +103,17 @@ def build_problem(model: PhysicsModel, records: tuple[Record, ...], **options) -
 
 def _check_count(windows: ShootingWindows, window_length) -> None:
     """Raise `OptionError` where the user's windows are so long that too few are left."""
-    if len(windows) >= LEAST_WINDOWS:
+    if len(windows) >= FOLDS:
         return
     durations = record_durations(windows)
     steps = durations / np.diff(windows.bounds)
-    ends = (durations - MIN_SAMPLES * steps)[:, None] / np.arange(1, LEAST_WINDOWS + 1)
-    lengths = np.concatenate([durations, ends.ravel(), durations / LEAST_WINDOWS])
-    enough = [x for x in lengths if x > 0 and len(cut_exactly(windows, x)) >= LEAST_WINDOWS]
+    ends = (durations - MIN_SAMPLES * steps)[:, None] / np.arange(1, FOLDS + 1)
+    lengths = np.concatenate([durations, ends.ravel(), durations / FOLDS])
+    enough = [x for x in lengths if x > 0 and len(cut_exactly(windows, x)) >= FOLDS]
     least = float(np.max(MIN_SAMPLES * steps))
     raise OptionError(
         f"window_length: expected a length from {least:.4g} s ({MIN_SAMPLES} samples) to "
-        f"{max(enough, default=least):.4g} s ({LEAST_WINDOWS} windows in all records, for each is "
+        f"{max(enough, default=least):.4g} s ({FOLDS} windows in all records, for each is "
         f"judged by what the others taught), got {window_length!r}. Remedy: choose one of "
         f"these, leave it out, or record longer."
     )
@@ -214,12 +211,12 @@ class Rough:
 
 
 def rough_windows(problem: EstimationProblem, squares: np.ndarray) -> Rough:
-    """Take about `ROUGH_SAMPLES` samples: every so many of a window, then every so many windows.
+    """Take about `SAMPLES` samples: every so many of a window, then every so many windows.
 
     Parameters
     ----------
     problem : EstimationProblem
-        the problem.
+        The problem.
     squares : ndarray of shape (n_windows,)
         Error of every window; small and large ones are taken alike.
 
@@ -230,8 +227,8 @@ def rough_windows(problem: EstimationProblem, squares: np.ndarray) -> Rough:
     """
     factor = _thinning(problem)
     thinned = problem.windows.thin(factor) if factor > 1 else problem.windows
-    step = round(thinned.lengths.sum() / ROUGH_SAMPLES)
-    which = np.sort(worst_first(squares)[:: max(1, min(step, len(thinned) // ROUGH_WINDOWS))])
+    step = round(thinned.lengths.sum() / SAMPLES)
+    which = np.sort(worst_first(squares)[:: max(1, min(step, len(thinned) // STRETCHES))])
     return Rough(thinned.select(which), which, factor)
 
 
@@ -241,17 +238,17 @@ def worst_first(squares: np.ndarray) -> np.ndarray:
 
 
 def _thinning(problem: EstimationProblem) -> int:
-    """Tell of how many samples one is kept: too many, and the prior's simulation hardly changes."""
+    """Return of how many samples one is kept, the prior's simulation hardly changing by it."""
     windows, model, factor = problem.windows, problem.prior, 1
     x0 = problem.states.estimate(model).x[windows.starts]
     residual = evaluate(model, windows, x0, ()).residual
     simulated = replace(windows, y=windows.y - residual)
     while (
-        windows.lengths.sum() > factor * ROUGH_SAMPLES
+        windows.lengths.sum() > factor * SAMPLES
         and windows.lengths.min() >= 2 * factor * MIN_SAMPLES
     ):
         change = evaluate(model, simulated.thin(2 * factor), x0, ()).residual / windows.scale
-        if not np.sqrt(np.nanmean(change**2)) < HARDLY:
+        if not np.sqrt(np.nanmean(change**2)) < SMALL_CHANGE:
             break
         factor *= 2
     return factor
@@ -297,10 +294,10 @@ def check_records(model: PhysicsModel, records: tuple[Record, ...]) -> None:
     """Raise `RecordError` where records cannot carry a diagnosis."""
     sizes = [record.t.size for record in records]
     windows = sum(size // MIN_SAMPLES for size in sizes)
-    if windows < LEAST_WINDOWS:
+    if windows < FOLDS:
         raise RecordError(
-            f"expected records of at least {LEAST_WINDOWS * MIN_SAMPLES} samples to diagnose "
-            f"{model.name!r}, {LEAST_WINDOWS} windows of {MIN_SAMPLES}, for each is judged by what "
+            f"expected records of at least {FOLDS * MIN_SAMPLES} samples to diagnose "
+            f"{model.name!r}, {FOLDS} windows of {MIN_SAMPLES}, for each is judged by what "
             f"the others taught; got {sum(sizes)} samples, which make {windows}. Remedy: record "
             f"longer, more often, or at a higher rate."
         )
@@ -313,7 +310,7 @@ def check_records(model: PhysicsModel, records: tuple[Record, ...]) -> None:
 
 
 def with_prior_spreads(model: PhysicsModel, prior: PhysicsModel) -> PhysicsModel:
-    """Give the parameters of an extended model the spread they had in the prior.
+    """Return an extended model whose parameters have the spread they had in the prior.
 
     Parameters
     ----------

@@ -17,15 +17,12 @@ from itertools import combinations
 
 import numpy as np
 
-from sklearn_pgnn.estimation.fitting import HypothesisFitter, SubsampleFit
+from sklearn_pgnn.estimation.budgets import ROUNDING, SMALL_CHANGE
+from sklearn_pgnn.estimation.fitted_hypothesis import SubsampleFit
+from sklearn_pgnn.estimation.fitting import HypothesisFitter
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.simulation.window_fit import WindowFit
 from sklearn_pgnn.simulation.windows import ShootingWindows, evaluate
-
-#: a finite difference changes the outputs by so many times the noise
-STEP = 0.1
-#: directions smaller than this, relative to the largest, are rounding
-ROUNDING = 1e-9
 
 
 @dataclass
@@ -117,7 +114,7 @@ class Screening:
 
 
 def _left(table) -> float:
-    """Give the squares of the first column that the others leave."""
+    """Return the squares of the first column that the others leave."""
     size = np.linalg.norm(table, axis=0)
     table = table / np.where(size > 0, size, 1.0)
     gram = table[:, 1:].T @ table
@@ -143,7 +140,7 @@ class _View:
         return np.nan_to_num(values[rows] / self.windows.scale).ravel()
 
     def change(self, fit: WindowFit, model, x0) -> np.ndarray:
-        """Give by how much the outputs change with the model and the initial states.
+        """Return by how much the outputs change with the model and the initial states.
 
         A window that is lost speaks for no change.
         """
@@ -156,18 +153,18 @@ class _View:
         return np.where(known, self.flat(fit.evaluation.residual - moved.residual), 0.0)
 
     def slope(self, fit: WindowFit, name: str) -> np.ndarray:
-        """Give the direction in which a parameter moves the outputs, within its bounds."""
+        """Return the direction in which a parameter moves the outputs, within its bounds."""
         place = [freedom.name for freedom in fit.freedoms].index(name)
         steep = np.sqrt(fit.evaluation.gram[:, place, place].sum() / self.windows.lengths.sum())
         value, freedom = fit.model.parameters[name].value, fit.freedoms[place]
-        step = STEP / steep if steep > 0 else STEP * freedom.scale
+        step = SMALL_CHANGE / steep if steep > 0 else SMALL_CHANGE * freedom.scale
         step = step if value + step <= freedom.high else -step
         model = fit.model.with_parameters(**{name: max(value + step, freedom.low)})
         return self.change(fit, model, fit.x0)
 
     @cached_property
     def bases(self) -> list[np.ndarray]:
-        """Give an orthonormal basis of what the initial state of each window can change."""
+        """Return an orthonormal basis of what the initial state of each window can change."""
         fit = self.fit
         moves = 1e-3 * np.maximum(np.std(fit.x0, axis=0), 1e-6) * np.eye(fit.x0.shape[1])
         shifts = np.column_stack([self.change(fit, fit.model, fit.x0 + move) for move in moves])

@@ -12,9 +12,6 @@ from sklearn_pgnn.simulation.state_estimate import free_run, unsigned_states
 from sklearn_pgnn.simulation.window_fit import WindowFit, fit_windows
 from sklearn_pgnn.simulation.windows import ShootingWindows
 
-#: a window is poor whose squares are so many times the median
-POOR = 3.0
-
 
 def turn_poor_windows(
     fit: WindowFit,
@@ -24,7 +21,9 @@ def turn_poor_windows(
     tolerance: float,
     each_step: Callable[[], None] | None = None,
 ) -> WindowFit:
-    """Start poor windows otherwise, and fit again; other models' fits stay as they are.
+    """Fit again with other initial states in the windows that are worse than the median.
+
+    Fits of models whose outputs show the sign of every state stay as they are.
 
     Parameters
     ----------
@@ -47,7 +46,7 @@ def turn_poor_windows(
         The better fit.
     """
     unsigned, squares = unsigned_states(fit.model), fit.evaluation.squares
-    poor = np.flatnonzero(squares > POOR * np.median(squares))
+    poor = np.flatnonzero(squares > np.median(squares))
     if not unsigned or not poor.size or not fit.usable:
         return fit
     x0, least = fit.x0.copy(), squares[poor]

@@ -12,6 +12,7 @@ import sympy
 from scipy.ndimage import median_filter
 from scipy.signal import argrelmax, lombscargle
 
+from sklearn_pgnn.estimation.budgets import BACKGROUND, CYCLE_STEP, LINES, ROUNDING, SAMPLES
 from sklearn_pgnn.physics.effects.rates import is_velocity
 from sklearn_pgnn.physics.effects.springs import MOST_CYCLES
 from sklearn_pgnn.physics.expressions import symbol
@@ -19,18 +20,11 @@ from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.pointwise import evaluate_samples, sample_table
 from sklearn_pgnn.simulation.windows import ShootingWindows
 
-#: lines kept
-KEPT = 6
-#: bins of a spectrum over which its background is taken
-BACKGROUND = 41
-#: samples and wave numbers of the spectrum over position
-POSITION_SAMPLES, STEP = 4000, 0.2
-
 
 def missing_rate(
     model: PhysicsModel, windows: ShootingWindows, x: np.ndarray, state: str
 ) -> np.ndarray:
-    """Give what a model lacks of a state's rate, less what its parameters could explain.
+    """Return what a model lacks of a state's rate, less what its parameters could explain.
 
     Parameters
     ----------
@@ -56,15 +50,15 @@ def missing_rate(
     known = np.isfinite(columns).all(axis=1) & np.isfinite(missing)
     columns, missing = np.where(known[:, None], columns, 0.0), np.where(known, missing, 0.0)
     scale = np.maximum(np.linalg.norm(columns, axis=0), np.finfo(float).tiny)
-    return missing - columns / scale @ np.linalg.lstsq(columns / scale, missing, rcond=1e-9)[0]
+    return missing - columns / scale @ np.linalg.lstsq(columns / scale, missing, rcond=ROUNDING)[0]
 
 
 def _slopes(windows, values):
-    pieces = [
+    slopes = [
         np.gradient(values[a:b], windows.t[a:b])
         for a, b in zip(windows.bounds[:-1], windows.bounds[1:], strict=True)
     ]
-    return np.concatenate(pieces)
+    return np.concatenate(slopes)
 
 
 def find_lines(model: PhysicsModel, windows: ShootingWindows, x: np.ndarray) -> tuple[dict, dict]:
@@ -120,7 +114,7 @@ def tones_left(windows: ShootingWindows, residual: np.ndarray) -> tuple[float, .
 
 
 def _tones(windows, signal) -> tuple[float, ...]:
-    """Give the frequencies that stand out, the records' spectra summed."""
+    """Return the frequencies that stand out, the records' spectra summed."""
     step = float(np.median(np.diff(windows.t)[np.diff(windows.t) > 0]))
     spans = list(zip(windows.bounds[:-1], windows.bounds[1:], strict=True))
     size = 2 * max(b - a for a, b in spans)
@@ -135,22 +129,22 @@ def _tones(windows, signal) -> tuple[float, ...]:
 
 
 def _ripples(position, missing) -> tuple[float, ...]:
-    """Give the periods over position that stand out."""
+    """Return the periods over position that stand out."""
     travel = np.ptp(position)
     if not travel > 0:
         return ()
-    some = slice(None, None, max(1, position.size // POSITION_SAMPLES))
-    cycles = np.arange(1.0, MOST_CYCLES, STEP)
+    some = slice(None, None, max(1, position.size // SAMPLES))
+    cycles = np.arange(1.0, MOST_CYCLES, CYCLE_STEP)
     waves = 2 * np.pi * cycles / travel
     power = lombscargle(position[some], missing[some], waves, floating_mean=True)
     return tuple(float(travel / c) for c in cycles[_outstanding(power, first=0)])
 
 
 def _outstanding(power, first) -> np.ndarray:
-    """Give the highest local maxima: half of them as they are, half above their background."""
+    """Return the highest local maxima: half of them as they are, half above their background."""
     peaks = argrelmax(power[first:], mode="clip")[0] + first
     if not peaks.size:
         return np.array([int(np.argmax(power))])
     above = power / np.maximum(median_filter(power, BACKGROUND), np.finfo(float).tiny)
-    highest = [peaks[np.argsort(-height[peaks])[: KEPT // 2]] for height in (power, above)]
+    highest = [peaks[np.argsort(-height[peaks])[: LINES // 2]] for height in (power, above)]
     return np.array(list(dict.fromkeys(np.concatenate(highest).tolist())))

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from sklearn_pgnn.estimation.budgets import FOLLOWED, FORGOTTEN, RANDOM_WALK
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
 from sklearn_pgnn.estimation.problem import EstimationProblem, longer, recut, shorter
 from sklearn_pgnn.estimation.progress import Progress
@@ -11,19 +12,14 @@ from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.simulation.pointwise import evaluate_samples, sample_table
 
-#: windows are as long as the re-tuned prior can follow: its error, in units of the noise, at which
-#: they are halved, and below which they are doubled
-TOO_LARGE, SMALL = 30.0, 3.0
-#: shorter windows must lower the error to this share of it; longer ones may raise it so many times
-HELPS, HARDLY_HARDER = 0.75, 1.15
-#: time constants in which a state forgets where it started
-FORGOTTEN = 5.0
-
 
 def select_windows(
     problem: EstimationProblem, progress: Progress | None = None
 ) -> HypothesisFitter:
     """Make windows as long as the re-tuned prior can follow, and as hidden states forget in.
+
+    Windows are halved, or doubled, as long as the error per sample is small in them, or grows with
+    their length no faster than that of a model which is disturbed at random.
 
     Parameters
     ----------
@@ -38,27 +34,22 @@ def select_windows(
         The fitter, on windows of the length that the records ask for.
     """
     fitter = HypothesisFitter(problem, progress)
-    while fitter.base_error() > TOO_LARGE and (cut := shorter(fitter.problem)) is not None:
+    while fitter.base_error() > FOLLOWED and (cut := shorter(fitter.problem)) is not None:
         nearer = HypothesisFitter(cut, progress)
-        if nearer.base_error() > HELPS * fitter.base_error():
+        if not _is_lost(nearer, fitter):
             break
         fitter = nearer
     while (joined := longer(fitter.problem)) is not None:
         further = HypothesisFitter(joined, progress)
-        if not (_follows(fitter, further) or _forgets(fitter, further)):
+        if further.base_error() > FOLLOWED and _is_lost(fitter, further):
             break
         fitter = further
     return _past_hidden_starts(fitter)
 
 
-def _follows(fitter: HypothesisFitter, further: HypothesisFitter) -> bool:
-    """Return whether the re-tuned prior is near the records, and stays so in longer windows."""
-    return fitter.base_error() < SMALL and further.base_error() <= TOO_LARGE
-
-
-def _forgets(fitter: HypothesisFitter, further: HypothesisFitter) -> bool:
-    """Return whether longer windows are hardly harder."""
-    return further.base_error() < HARDLY_HARDER * fitter.base_error()
+def _is_lost(shorter_windows: HypothesisFitter, longer_windows: HypothesisFitter) -> bool:
+    """Return whether the error grows faster with the windows than a random disturbance makes it."""
+    return longer_windows.base_error() > RANDOM_WALK * shorter_windows.base_error()
 
 
 def _past_hidden_starts(fitter: HypothesisFitter) -> HypothesisFitter:

@@ -65,6 +65,6 @@ def typical_value(template: str, scale: Mapping[str, float]) -> float:
     """
     text = template.format_map(_OneIfUnknown(scale)).replace("^", "**") or "1"
     try:
-        return float(parse_expression(text, ["s"]).subs(symbol("s"), scale["s"]))
+        return float(parse_expression(text, ["s"]).subs(symbol("s"), scale.get("s", 1.0)))
     except ModelError:  # a unit of the effect's own
         return 1.0

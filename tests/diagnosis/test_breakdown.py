@@ -9,7 +9,7 @@ from sklearn.exceptions import NotFittedError
 
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects
 from sklearn_pgnn.diagnosis import formula_selection, model_diagnosis
-from sklearn_pgnn.estimation import fitting, progress
+from sklearn_pgnn.estimation import fitting, progress, window_fitter
 from sklearn_pgnn.estimation.progress import Progress, TimeIsUp
 from sklearn_pgnn.inspection.report import render_report
 from sklearn_pgnn.inspection.words import unusable_sentence, verdict_sentence
@@ -87,7 +87,7 @@ def diagnose(**options):
 
 def break_fits(monkeypatch, error, after=0):
     """Let every fit of a model with the broken suspect raise an error."""
-    calls, fit = [], fitting.fit_windows
+    calls, fit = [], window_fitter.fit_windows
 
     def breaking(model, *args, **options):
         if "br_v" in model.parameters:
@@ -96,7 +96,7 @@ def break_fits(monkeypatch, error, after=0):
                 raise error
         return fit(model, *args, **options)
 
-    monkeypatch.setattr(fitting, "fit_windows", breaking)
+    monkeypatch.setattr(window_fitter, "fit_windows", breaking)
     return calls
 
 
@@ -162,7 +162,7 @@ def test_a_suspect_that_breaks_down_later_is_not_named(monkeypatch):
 
 
 def test_what_can_be_fitted_from_another_start_is_usable(monkeypatch):
-    calls, fit = [], fitting.fit_windows
+    calls, fit = [], window_fitter.fit_windows
 
     def breaking(model, *args, **options):
         if "L_F" in model.parameters or "I_v" in model.parameters:
@@ -172,7 +172,7 @@ def test_what_can_be_fitted_from_another_start_is_usable(monkeypatch):
             raise np.linalg.LinAlgError("SVD did not converge")
         return fit(model, *args, **options)
 
-    monkeypatch.setattr(fitting, "fit_windows", breaking)
+    monkeypatch.setattr(window_fitter, "fit_windows", breaking)
     diagnosis = diagnose(catalogue=(*SUSPECTS, effects.InputSaturation))
     assert named(diagnosis) == [("coulomb_friction", "v")]
     assert diagnosis.unusable_ == ()
@@ -339,7 +339,7 @@ def test_time_is_up_once_and_only_where_it_counts(monkeypatch):
 
 
 def test_a_diagnosis_names_its_stages_and_every_step_of_a_fit_is_told(monkeypatch):
-    said, fits, fit = [], [], fitting.fit_windows
+    said, fits, fit = [], [], window_fitter.fit_windows
 
     def counted(*args, **options):
         before = len(said)
@@ -347,7 +347,7 @@ def test_a_diagnosis_names_its_stages_and_every_step_of_a_fit_is_told(monkeypatc
         fits.append(len(said) - before)
         return found
 
-    monkeypatch.setattr(fitting, "fit_windows", counted)
+    monkeypatch.setattr(window_fitter, "fit_windows", counted)
     diagnose(progress=lambda *args: said.append(args))
     assert min(fits) >= 1
     assert sum(fits) > len(fits)

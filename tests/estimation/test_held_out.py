@@ -9,8 +9,9 @@ import pytest
 
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, PhysicsModelRegressor, effects
 from sklearn_pgnn.diagnosis.result import measure_gain
+from sklearn_pgnn.estimation.budgets import FOLDS
 from sklearn_pgnn.estimation.held_out import MOST_HELD_OUT, make_folds
-from sklearn_pgnn.estimation.problem import LEAST_WINDOWS, build_problem, longer
+from sklearn_pgnn.estimation.problem import build_problem, longer
 from sklearn_pgnn.estimation.residuals import HeldOut, Residuals
 from sklearn_pgnn.estimation.window_selection import select_windows
 from sklearn_pgnn.exceptions import RecordError
@@ -67,7 +68,7 @@ def test_every_fold_is_judged_by_enough_others(sizes):
     problem = problem_of(sizes)
     folds = make_folds(problem)
     count = len(problem.windows)
-    assert count >= LEAST_WINDOWS
+    assert count >= FOLDS
     held_out = np.bincount(folds)
     assert 2 <= held_out.size <= count
     assert held_out.min() >= 1
@@ -135,7 +136,7 @@ def test_the_longest_window_that_is_said_to_be_possible_is():
         ModelDiagnosis(CART, catalogue=(), window_length=17.9).fit(X, y)
     longest = float(str(refused.value).split(" to ")[1].split(" s ")[0])
     diagnosis = ModelDiagnosis(CART, catalogue=(), window_length=longest * (1 - 1e-3)).fit(X, y)
-    assert len(diagnosis.records_.windows) == LEAST_WINDOWS
+    assert len(diagnosis.records_.windows) == FOLDS
     with pytest.raises(ValueError, match="4 windows in all records"):
         ModelDiagnosis(CART, catalogue=(), window_length=longest * 1.01).fit(X, y)
 

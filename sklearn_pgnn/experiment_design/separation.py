@@ -10,31 +10,22 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sklearn_pgnn.diagnosis.result import Candidate, plain
-from sklearn_pgnn.estimation.criterion import SelectionCriterion
+from sklearn_pgnn.estimation.budgets import DRAWS, KEPT, OCTAVES, REPEATS, SAMPLES, STEPS, TOLERANCE
+from sklearn_pgnn.estimation.candidate import Candidate
+from sklearn_pgnn.estimation.criterion import SelectionCriterion, log_likelihood_ratio
 from sklearn_pgnn.estimation.equivalence import are_equivalent
 from sklearn_pgnn.estimation.fitted_records import DiagnosisRecords, FittedWindows
+from sklearn_pgnn.estimation.held_out import segments
 from sklearn_pgnn.estimation.hypothesis import Hypothesis, freedoms, held_by, resemble
+from sklearn_pgnn.estimation.plain_data import plain
+from sklearn_pgnn.experiment_design.power import Noise
 from sklearn_pgnn.physics.effect import Effect
-from sklearn_pgnn.simulation.record_windows import cut
+from sklearn_pgnn.simulation.record_windows import MIN_SAMPLES, cut
 from sklearn_pgnn.simulation.state_estimate import free_run
 from sklearn_pgnn.simulation.window_fit import fit_windows
 
-#: samples of a designed experiment at most
-SAMPLES = 1500
-#: amplitudes, as shares of the largest that is allowed
-AMPLITUDES = (0.15, 0.5, 1.0)
-#: periods of sines, in dominant periods of the records' outputs
-PERIODS = (0.1, 0.25, 0.5, 1.0, 2.0, 5.0)
-#: samples that a period takes at least
-FAST = 10
-#: steps of re-tuning, of a look at a start of an effect, and starts that are followed
-STEPS, LOOK, FOLLOWED = 8, 2, 2
-#: times that an experiment may have to be recorded until the diagnosis tells the causes apart, in
-#: how many cases, of how many that are drawn
-REPEATS, POWER, DRAWS = 10, 0.9, 400
-#: difference, in units of the noise, below which two models are the same but for rounding
-SAME = 1e-2
+#: chance with which the diagnosis shall tell the causes apart
+POWER = 0.9
 
 
 @dataclass(frozen=True)
@@ -77,7 +68,7 @@ class Experiment:
     repeats: float
 
     def signal(self, t) -> np.ndarray:
-        """Give the input over time, to be recorded or simulated.
+        """Return the input over time, to be recorded or simulated.
 
         Parameters
         ----------
@@ -123,7 +114,7 @@ class Separation:
 
 
 def waves(t: np.ndarray, period: float) -> dict[str, np.ndarray]:
-    """Give the designed excitations, each with a largest magnitude of 1.
+    """Return the designed excitations, each with a largest magnitude of 1.
 
     Parameters
     ----------
@@ -150,26 +141,36 @@ def waves(t: np.ndarray, period: float) -> dict[str, np.ndarray]:
         "slow ramp up and down": 1 - np.abs((4 * share + 3) % 4 - 2),
         "one pulse, then a long rest": np.where((share > 0.05) & (share < 0.2), 1.0, 0.0),
     }
-    for count in PERIODS:
-        if FAST * t[1] <= count * period < t[-1] / 2:
-            found[f"sine of {count * period:.3g} s"] = np.sin(2 * np.pi * t / (count * period))
-    low, high = 0.2 / period, min(10.0 / period, 1 / (FAST * t[1]))
+    periods = [p for p in period * 2.0 ** _octaves(2 * OCTAVES) if _quickest(t) <= p < t[-1] / 2]
+    found |= {f"sine of {p:.3g} s": np.sin(2 * np.pi * t / p) for p in periods}
+    low, high = 2.0**-OCTAVES / period, min(2.0**OCTAVES / period, 1 / _quickest(t))
     rate = np.log(high / low)
     sweep = np.sin(2 * np.pi * low * t[-1] * np.expm1(rate * share) / rate)
     return {**found, f"sweep from {low:.2g} to {high:.2g} Hz": sweep}
+
+
+def _octaves(count: int) -> np.ndarray:
+    """Return so many octaves about none, and one more."""
+    return np.arange(count + 1.0) - count / 2
+
+
+def _quickest(t: np.ndarray) -> float:
+    """Return the shortest period that is sampled well enough to be one [s]."""
+    return MIN_SAMPLES / 2 * t[1]
 
 
 def _designs(records: DiagnosisRecords, reach: float):
     """Lay out every input, excitation and amplitude: its description and its inputs."""
     windows, period = records.windows, records.problem.period
     longest = np.diff(windows.bounds).max()
-    t = records.problem.scales.sample_time * np.arange(min(int(longest), SAMPLES))
+    t = records.problem.scales.sample_time * np.arange(min(int(longest), SAMPLES // KEPT))
     lowest, highest = windows.u.min(axis=0), windows.u.max(axis=0)
     half = (highest - lowest) / 2
     offset = np.where(np.abs(lowest + highest) > 0.01 * half, lowest + half, 0.0)
+    levels = np.union1d(reach, min(reach, 1.0) * 2.0 ** -np.arange(float(OCTAVES)))
     for i, name in enumerate(records.problem.prior.inputs):
         for excitation, wave in waves(t, period).items():
-            for amplitude in reach * half[i] * np.array(AMPLITUDES):
+            for amplitude in half[i] * levels:
                 u = np.tile(offset, (t.size, 1))
                 u[:, i] += amplitude * wave
                 yield (name, excitation, float(amplitude), float(offset[i])), t, u
@@ -214,9 +215,9 @@ def swap(records: DiagnosisRecords, old: Effect, new: Effect, each_step: Callabl
         )
 
     starts = new.proposals(prior, problem.scales)
-    looks = [fit(_extend(records, hypothesis.order, start, held), LOOK) for start in starts]
+    looks = [fit(_extend(records, hypothesis.order, start, held), STEPS) for start in starts]
     looks.sort(key=lambda look: look.objective)
-    best = min((fit(look.model) for look in looks[:FOLLOWED]), key=lambda each: each.objective)
+    best = min((fit(look.model) for look in looks[:KEPT]), key=lambda each: each.objective)
     return FittedWindows(best.model, best.x0, best.evaluation.residual, best.freedoms)
 
 
@@ -236,11 +237,11 @@ def _extend(records, causes, start=None, held=frozenset()):
 
 
 def _left(records, truth: FittedWindows, rival: FittedWindows, t, u, each_step):
-    """Re-tune a rival to what a model shows: squares left by block, states reached; else None."""
+    """Re-tune a rival to what a model shows: squares left by output, states reached; else None."""
     bounds = np.array([0, t.size])
-    blank = np.zeros((t.size, records.windows.y.shape[1]))
+    y = np.zeros((t.size, records.windows.y.shape[1]))
     whole = replace(
-        records.windows, t=t, u=u, y=blank, bounds=bounds, starts=bounds[:1], lengths=bounds[1:]
+        records.windows, t=t, u=u, y=y, bounds=bounds, starts=bounds[:1], lengths=bounds[1:]
     )
     run = free_run(truth.model, whole, 0, t.size, truth.x0[0])
     if not run.success or _beyond(records, run.y):
@@ -253,13 +254,17 @@ def _left(records, truth: FittedWindows, rival: FittedWindows, t, u, each_step):
             x0[:, i] = run.x[windows.starts, list(truth.model.states).index(name)]
     spread = records.problem.states.estimate(rival.model).spread
     free = tuple(replace(f, centre=rival.model.parameters[f.name].value) for f in rival.freedoms)
-    fit = fit_windows(rival.model, windows, free, x0, spread, max_steps=STEPS, each_step=each_step)
+    fit = fit_windows(
+        rival.model, windows, free, x0, spread, max_steps=2 * STEPS, each_step=each_step
+    )
     reached = dict(zip(truth.model.states, np.abs(run.x).max(axis=0).tolist(), strict=True))
-    return fit.evaluation.block_squares.ravel(), reached
+    signal = np.nan_to_num(fit.evaluation.residual / windows.scale)
+    squares = np.sum(signal**2, axis=0) if fit.usable else np.full(y.shape[1], np.inf)
+    return squares, reached
 
 
 def _beyond(records, y) -> bool:
-    """Tell whether an output leaves twice the range of the records."""
+    """Return whether an output leaves twice the range of the records."""
     low, high = np.nanmin(records.windows.y, axis=0), np.nanmax(records.windows.y, axis=0)
     room = 0.5 * (high - low)
     return bool(np.any(y < low - room) or np.any(y > high + room))
@@ -269,7 +274,7 @@ def _beyond(records, y) -> bool:
 
 
 def are_same(records: DiagnosisRecords, cause: Effect, other: Effect) -> bool:
-    """Tell whether two causes are equivalent in the equations, beside the other causes.
+    """Return whether two causes are equivalent in the equations, beside the other causes.
 
     Parameters
     ----------
@@ -331,24 +336,33 @@ def separate(
 def _try_all(
     records, second: FittedWindows, criterion: SelectionCriterion, reach, each_step
 ) -> tuple[tuple[Experiment, ...], bool]:
-    """Rank the experiments, and tell whether each model imitates the other in all of them."""
+    """Rank the experiments; also return whether each model imitates the other in all of them."""
     first = records.fits["extended"]
-    noise = max(float(np.nanmean((first.residual / records.windows.scale) ** 2)), 1e-300)
-    found, largest = [], 0.0
+    noise, found, same = _noise(records), [], True
     for design, t, u in _designs(records, reach):
         runs = [
             _left(records, a, b, t, u, each_step) for a, b in ((first, second), (second, first))
         ]
         whole = [run for run in runs if run is not None and np.isfinite(run[0]).all()]
         if len(whole) == 2:
-            squares = min((run[0] / noise for run in whole), key=np.sum)
-            found.append(_told(records, criterion, design, t, squares, whole[0][1]))
-            largest = max(largest, *(run[0].sum() / (noise * t.size) for run in whole))
+            shares = [run[0] / noise.power for run in whole]
+            found.append(
+                _told(records, criterion, design, t, noise, min(shares, key=np.sum), whole)
+            )
+            same = same and max(share.sum() for share in shares) < TOLERANCE * t.size
     found.sort(key=lambda each: (each.repeats, -each.evidence))
-    return tuple(found), bool(largest < SAME**2)
+    return tuple(found), same
 
 
-def _told(records, criterion, design, t, squares, reached) -> Experiment:
+def _noise(records: DiagnosisRecords) -> Noise:
+    """Return what the fitted model leaves over windows, as noise."""
+    windows = records.windows
+    residual = records.fits["extended"].residual / windows.scale
+    return Noise.of(residual, segments(windows), records.problem.resolution, white=False)
+
+
+def _told(records, criterion, design, t, noise: Noise, shares, runs) -> Experiment:
+    """Describe an experiment by the squares that it leaves, in units of the noise's power."""
     name, excitation, amplitude, offset = design
     return Experiment(
         input=name,
@@ -358,26 +372,22 @@ def _told(records, criterion, design, t, squares, reached) -> Experiment:
         unit=records.problem.prior.inputs[name],
         duration=float(t[-1]),
         period=records.problem.period,
-        reached=reached,
-        difference=float(np.sqrt(squares.sum() / (t.size * records.windows.y.shape[1]))),
-        evidence=float(np.sqrt(squares.sum())),
-        repeats=_repeats(records.problem.n_samples, squares, t.size, criterion.to_refute),
+        reached=runs[0][1],
+        difference=float(np.sqrt(shares.sum() / (t.size * shares.size))),
+        evidence=float(np.sqrt(shares.sum())),
+        repeats=_repeats(noise, np.sqrt(shares * noise.power), t.size, criterion.to_refute),
     )
 
 
-def _repeats(n_old: int, squares: np.ndarray, n_new: int, evidence: float) -> float:
-    r"""Count how often an experiment must be recorded until one of two causes is refuted.
+def _repeats(noise: Noise, size: np.ndarray, n_new: int, needed: float) -> float:
+    """Count how often an experiment must be recorded until one of two causes is refuted.
 
-    The old records, which the two explain alike, count beside the new ones,
-    :math:`\Lambda = \tfrac{n}{2} \log(S_0/S_1)` over both.
+    The old records, which the two explain alike, count beside the new ones.
     """
-    rng, size = np.random.default_rng(0), np.sqrt(squares.sum())
     for count in range(1, REPEATS + 1):
-        n = n_old + count * n_new
-        nearer = rng.chisquare(max(n - 1, 1), DRAWS)
-        error = rng.standard_normal(DRAWS)
-        ratio = (nearer + (np.sqrt(count) * size + error) ** 2) / (nearer + error**2)
-        if np.mean(n / 2 * np.log(ratio) > evidence) >= POWER:
+        rng, both = np.random.default_rng(0), replace(noise, counts=noise.counts + count * n_new)
+        pairs = both.draws(np.sqrt(count) * size, noise.power * noise.times, rng, DRAWS)
+        if np.mean([log_likelihood_ratio(*pair) > needed for pair in pairs]) >= POWER:
             return float(count)
     return float("inf")
 

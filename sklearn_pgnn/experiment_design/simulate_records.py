@@ -1,13 +1,13 @@
 """Simulated records of a fitted machine with one effect more, to try the diagnosis itself on."""
 
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import replace
 
 import numpy as np
 import pandas as pd
-from sklearn.base import clone
 
-from sklearn_pgnn.diagnosis.detectability import SMALLEST, Detectable, PowerAnalysis
-from sklearn_pgnn.diagnosis.effect_size import main_field, sized
+from sklearn_pgnn.experiment_design.detectability import Detectable
+from sklearn_pgnn.experiment_design.power import PowerAnalysis
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.simulation.state_estimate import free_run
 from sklearn_pgnn.trajectories.reader import TIME, TRAJECTORY
@@ -73,67 +73,29 @@ def _alike(rest, white, rng) -> np.ndarray:
     return np.fft.irfft(np.abs(np.fft.rfft(rest, axis=0)) * phases, n=len(rest), axis=0)
 
 
-def verified(diagnosis, analysis: PowerAnalysis, row: Detectable, catalogue) -> Detectable:
+def with_verdict(
+    analysis: PowerAnalysis,
+    row: Detectable,
+    diagnose: Callable[[pd.DataFrame, pd.DataFrame], Iterable[Collection[tuple[str, str]]]],
+) -> Detectable:
     """Run the diagnosis itself on records with an effect of its smallest size.
 
     Parameters
     ----------
-    diagnosis : ModelDiagnosis
-        The fitted diagnosis.
     analysis : PowerAnalysis
         The fitted model on the records.
     row : Detectable
         The effect and its smallest size.
-    catalogue : sequence of type[Effect]
-        The effects to think of.
+    diagnose : callable
+        Called with X and y; returns every cause that it names as a group of effects and targets
+        that cannot be told apart.
 
     Returns
     -------
     Detectable
-        The row, saying whether the effect was named, alone or in a group that cannot be told
-        apart.
+        The row, saying whether the effect was named, alone or in a group.
     """
-    if not np.isfinite(row.smallest):
+    if row.at_smallest is None:
         return row
-    kind = next(effect for effect in catalogue if effect.id == row.effect)
-    effect = of_main_size(analysis, kind, row.target, row.smallest)
-    X, y = inject(analysis, effect, analysis.seed)
-    prior = diagnosis.extended_model_
-    again = clone(diagnosis).set_params(
-        model=prior, catalogue=catalogue, time_column=None, progress=None
-    )
-    named = [
-        {(cause.effect, cause.target), *((o.effect, o.target) for o in cause.confused_with)}
-        for cause in again.fit(X, y).causes_
-    ]
-    return replace(row, found=any((row.effect, row.target) in names for names in named))
-
-
-def of_main_size(analysis: PowerAnalysis, kind: type[Effect], target: str, value: float) -> Effect:
-    """Give an effect whose main quantity has a value, its other quantities in step.
-
-    Parameters
-    ----------
-    analysis : PowerAnalysis
-        The fitted model on the records.
-    kind : type of Effect
-        The effect.
-    target : str
-        What it acts on.
-    value : float
-        Value of `main_field`.
-
-    Returns
-    -------
-    Effect
-        The effect.
-    """
-    of_size, field = (
-        sized(kind, target, analysis.model, analysis.records.problem.scales),
-        main_field(kind),
-    )
-    sizes = np.geomspace(SMALLEST, 1.0, 2001)
-    values = np.array([getattr(of_size(size), field) for size in sizes])
-    nearest = of_size(float(sizes[np.argmin(np.abs(values - value))]))
-    rest = {f.name: getattr(nearest, f.name) for f in kind.quantities()}
-    return kind(target, **{**rest, field: value})
+    groups = diagnose(*inject(analysis, row.at_smallest, analysis.seed))
+    return replace(row, found=any((row.effect, row.target) in group for group in groups))

@@ -7,12 +7,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-import sklearn_pgnn.diagnosis.detectability as detectability_module
+import sklearn_pgnn.experiment_design.power as power_module
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects
-from sklearn_pgnn.diagnosis.detectability import PowerAnalysis, _strength_along
-from sklearn_pgnn.diagnosis.effect_size import has_size, main_field, nothing, sized
-from sklearn_pgnn.diagnosis.injection import inject, of_main_size
 from sklearn_pgnn.estimation.criterion import SelectionCriterion
+from sklearn_pgnn.experiment_design.power import PowerAnalysis, strength_along
+from sklearn_pgnn.experiment_design.simulate_records import inject
 from sklearn_pgnn.inspection import DetectabilityDisplay
 
 TRIED = (effects.CoulombFriction, effects.InputDeadZone, effects.InputDelay)
@@ -64,9 +63,18 @@ def bench(diagnosis, seed=0):
     return PowerAnalysis(diagnosis.records_, False, SelectionCriterion(0.01, 0.05, 20), 100, seed)
 
 
+def of_main_size(diagnosis, kind, target, value):
+    """Return an effect whose main quantity has a value, the others in step."""
+    model, scales = diagnosis.extended_model_, diagnosis.records_.problem.scales
+    of_size, field = kind.of_size(target, model, scales), kind.size_field()
+    effects_ = [of_size(size) for size in np.geomspace(1e-6, 1.0, 2001)]
+    nearest = min(effects_, key=lambda effect: abs(getattr(effect, field) - value))
+    return replace(nearest, **{field: value})
+
+
 def named(diagnosis, kind, target, value, seed):
     """Put an effect of some size into the machine and diagnose it anew."""
-    effect = of_main_size(bench(diagnosis), kind, target, value)
+    effect = of_main_size(diagnosis, kind, target, value)
     X, y = inject(bench(diagnosis), effect, seed)
     found = ModelDiagnosis(diagnosis.extended_model_, catalogue=TRIED).fit(X, y)
     return [(cause.effect, cause.target) for cause in found.causes_]
@@ -153,31 +161,40 @@ def test_a_memory_is_found_by_its_size_and_not_by_being_there(diagnosis):
     assert row.curve[1][1] < 0.1
 
 
-def test_a_size_that_cannot_be_simulated_counts_for_nothing(diagnosis, monkeypatch):
-    evaluate = detectability_module.evaluate
+def lose_above(monkeypatch, limit):
+    """Let every simulation with more than so much Coulomb friction diverge."""
+    evaluate = power_module.evaluate
 
     def diverging(model, windows, x0, wrt):
         found = evaluate(model, windows, x0, wrt)
         level = model.parameters.get("Fc_v")
-        if level is not None and abs(level.value) > 0.5:
-            gram = np.full_like(found.block_gram, np.inf)
-            return replace(found, block_gram=gram)
+        if level is not None and abs(level.value) > limit:
+            found = replace(found, block_gram=np.full_like(found.block_gram, np.inf))
         return found
 
+    monkeypatch.setattr(power_module, "evaluate", diverging)
+
+
+def test_a_size_that_cannot_be_simulated_counts_for_nothing(diagnosis, monkeypatch):
     (whole,) = diagnosis.detectability((effects.CoulombFriction,)).rows
-    monkeypatch.setattr(detectability_module, "evaluate", diverging)
+    lose_above(monkeypatch, 0.5)
     (row,) = diagnosis.detectability((effects.CoulombFriction,)).rows
     assert row.smallest == pytest.approx(whole.smallest, rel=0.2)
     assert max(size for size, _ in row.curve) <= 0.5
-    monkeypatch.setattr(
-        detectability_module,
-        "evaluate",
-        lambda m, *rest: diverging(m.with_parameters(Fc_v=9.0), *rest),
-    )
+    lose_above(monkeypatch, -1.0)
     (never,) = diagnosis.detectability((effects.CoulombFriction,)).rows
     assert np.isnan(never.smallest)
     assert "leaves the finite numbers" in never.reason
     assert never.curve == ((0.0, 0.0),)
+
+
+def test_a_re_tuning_that_diverges_is_no_power(diagnosis, monkeypatch):
+    fit = power_module.fit_windows
+    lost = lambda *args, **options: replace(fit(*args, **options), objective=np.inf)  # noqa: E731
+    monkeypatch.setattr(power_module, "fit_windows", lost)
+    (row,) = diagnosis.detectability((effects.CoulombFriction,)).rows
+    assert np.isnan(row.smallest)
+    assert row.curve == ((0.0, 0.0),)
 
 
 @pytest.mark.filterwarnings("error")
@@ -203,22 +220,23 @@ def test_verify_runs_the_diagnosis_itself(diagnosis):
 
 def test_noise_along_a_signal_is_that_of_a_long_simulation():
     rng = np.random.default_rng(0)
-    white = rng.standard_normal((200_000, 1))
-    coloured = (white + np.roll(white, 1, axis=0)) / np.sqrt(2)
-    signal = np.sin(0.05 * np.arange(1000))[:, None]
-    along = coloured.reshape(200, 1000) @ signal[:, 0] / np.sqrt(np.sum(signal**2))
-    assert _strength_along(coloured, signal) == pytest.approx(np.var(along), rel=0.25)
-    assert _strength_along(white, signal) == pytest.approx(1.0, rel=0.15)
+    white = rng.standard_normal(200_000)
+    coloured = (white + np.roll(white, 1)) / np.sqrt(2)
+    signal = np.sin(0.05 * np.arange(1000))
+    along = coloured.reshape(200, 1000) @ signal / np.sqrt(np.sum(signal**2))
+    padded = np.pad(signal, (0, coloured.size - signal.size))
+    assert strength_along(coloured, padded, 2.0) == pytest.approx(np.var(along), rel=0.25)
+    assert strength_along(white, padded, 1.0) == pytest.approx(1.0, rel=0.15)
 
 
 @pytest.mark.parametrize(
-    "kind", [kind for kind in effects.CATALOGUE if kind.targets(cart()) and has_size(kind)]
+    "kind", [kind for kind in effects.CATALOGUE if kind.targets(cart()) and kind.size_field()]
 )
 def test_every_effect_of_the_catalogue_grows_with_its_size(kind, diagnosis):
     model, scales = cart(), diagnosis.records_.problem.scales
     target = kind.targets(model)[0]
-    of_size, none = sized(kind, target, model, scales), nothing(kind, target, model, scales)
-    values = [abs(getattr(of_size(s), main_field(kind)) - none) for s in (0.1, 0.3, 1.0)]
+    of_size, none = kind.of_size(target, model, scales), kind.nothing(target, model, scales)
+    values = [abs(getattr(of_size(s), kind.size_field()) - none) for s in (0.1, 0.3, 1.0)]
     assert 0 < values[0] < values[1] <= values[2]
 
 

@@ -1,0 +1,18 @@
+"""A candidate as plain data: the effect's id, and what it acts on."""
+
+from typing import NamedTuple
+
+
+class Candidate(NamedTuple):
+    """An effect and what it acts on.
+
+    Parameters
+    ----------
+    effect : str
+        Id of the effect in the catalogue.
+    target : str
+        The state in whose rate it acts, or the input, output or parameter.
+    """
+
+    effect: str
+    target: str

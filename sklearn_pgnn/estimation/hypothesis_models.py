@@ -1,0 +1,140 @@
+"""The models of hypotheses: the prior extended by causes, and what of it a fit may change."""
+
+import itertools
+
+from sklearn_pgnn.estimation.hypothesis import (
+    Hypothesis,
+    commute,
+    freedoms,
+    held_parameters,
+    without_spread,
+)
+from sklearn_pgnn.estimation.problem import EstimationProblem
+from sklearn_pgnn.physics.effect import Effect
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.window_fit import ParameterPrior
+
+#: causes, and the pairs of them whose order matters
+Key = tuple[frozenset, frozenset]
+
+
+class HypothesisModels:
+    """The models of hypotheses about a prior.
+
+    Parameters
+    ----------
+    problem : EstimationProblem
+        The problem.
+    """
+
+    def __init__(self, problem: EstimationProblem):
+        self.problem = problem
+        self._held: dict[Effect, tuple[str, ...]] = {}
+        self._commuting: dict[frozenset, bool] = {}
+
+    def key(self, hypothesis: Hypothesis) -> Key:
+        """Return what tells hypotheses apart: the causes, and their order where it matters.
+
+        Parameters
+        ----------
+        hypothesis : Hypothesis
+            The hypothesis.
+
+        Returns
+        -------
+        tuple of frozenset
+            Its causes, and the pairs of them that do not commute.
+        """
+        pairs = itertools.combinations(hypothesis.order, 2)
+        ordered = frozenset(pair for pair in pairs if not self._commute(frozenset(pair)))
+        return frozenset(hypothesis.causes), ordered
+
+    def _commute(self, pair: frozenset) -> bool:
+        if pair not in self._commuting:
+            self._commuting[pair] = commute(self.problem.prior, *pair)
+        return self._commuting[pair]
+
+    def orders(self, hypothesis: Hypothesis, cause: Effect) -> list[Hypothesis]:
+        """Return a hypothesis with one more cause at every place that makes another model.
+
+        Parameters
+        ----------
+        hypothesis : Hypothesis
+            Causes.
+        cause : Effect
+            One more.
+
+        Returns
+        -------
+        list of Hypothesis
+            The cause last, then before others.
+        """
+        found: dict[Key, Hypothesis] = {}
+        for at in reversed(range(len(hypothesis.order) + 1)):
+            placed = hypothesis.plus(cause, at)
+            found.setdefault(self.key(placed), placed)
+        return list(found.values())
+
+    def held(self, cause: Effect) -> tuple[str, ...]:
+        """Return the names of the prior's parameters that a cause speaks for.
+
+        Parameters
+        ----------
+        cause : Effect
+            The cause.
+
+        Returns
+        -------
+        tuple of str
+            Their names, see `held_parameters`.
+        """
+        if cause not in self._held:
+            self._held[cause] = held_parameters(self.problem.prior, cause)
+        return self._held[cause]
+
+    def extend(self, hypothesis: Hypothesis, values_of: PhysicsModel | None = None) -> PhysicsModel:
+        """Return the prior extended by the causes of a hypothesis.
+
+        Parameters
+        ----------
+        hypothesis : Hypothesis
+            The hypothesis.
+        values_of : PhysicsModel, optional
+            A model whose values the parameters of the same name take.
+
+        Returns
+        -------
+        PhysicsModel
+            The extended model; new parameters are at the first start of their effect.
+        """
+        model = self.problem.prior
+        for cause in hypothesis.order:
+            model = cause.proposals(model, self.problem.scales)[0].apply(model)
+        values = {} if values_of is None else values_of.parameters
+        known = {name: p.value for name, p in values.items() if name in model.parameters}
+        return model.with_parameters(**known)
+
+    def free(
+        self, hypothesis: Hypothesis, model: PhysicsModel
+    ) -> tuple[PhysicsModel, tuple[ParameterPrior, ...]]:
+        """Return a hypothesis' model with what stays at its prior value, and what a fit may change.
+
+        Parameters
+        ----------
+        hypothesis : Hypothesis
+            The hypothesis.
+        model : PhysicsModel
+            Its model.
+
+        Returns
+        -------
+        model : PhysicsModel
+            The model; what a cause speaks for, and what has no spread, is at its prior value.
+        freedoms : tuple of ParameterPrior
+            The rest.
+        """
+        prior = self.problem.prior
+        held = {name for cause in hypothesis.causes for name in self.held(cause)}
+        held |= without_spread(prior, hypothesis)
+        model = model.with_parameters(**{name: prior.parameters[name].value for name in held})
+        return model, freedoms(self.problem, hypothesis, model, held)

@@ -1,0 +1,125 @@
+"""Where the fit of an effect starts: a glance at all its starts, then some steps from the best."""
+
+from contextlib import suppress
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from sklearn_pgnn.estimation.budgets import COARSER, KEPT, STEPS, STRETCHES, TOLERANCE
+from sklearn_pgnn.estimation.fitted_hypothesis import SubsampleFit, carry_over
+from sklearn_pgnn.estimation.hypothesis import Hypothesis
+from sklearn_pgnn.estimation.problem import worst_first
+from sklearn_pgnn.estimation.unusable import BREAKDOWNS
+from sklearn_pgnn.physics.effect import Effect
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.window_fit import expected_decrease
+
+if TYPE_CHECKING:
+    from sklearn_pgnn.estimation.fitting import HypothesisFitter
+
+
+def best_start(
+    fitter: "HypothesisFitter", beside: SubsampleFit, hypothesis: Hypothesis, cause: Effect
+) -> PhysicsModel:
+    """Return the model of a hypothesis at the start of its new cause that promises most.
+
+    Of all starts the most promising are followed for some steps on a few windows.
+
+    Parameters
+    ----------
+    fitter : HypothesisFitter
+        What fits models.
+    beside : SubsampleFit
+        The hypothesis without the cause.
+    hypothesis : Hypothesis
+        The hypothesis with it.
+    cause : Effect
+        The cause.
+
+    Returns
+    -------
+    PhysicsModel
+        The model.
+    """
+    few = _Few(fitter, beside, hypothesis)
+    models = _at_starts(fitter, beside, hypothesis, cause)
+    if len(models) == 1:
+        return models[0]
+    held = _differing(models, cause)
+    if len(models) > KEPT:
+        glances = [few.fit(model, held, steps=0) for model in models]
+        models = [glances[place].model for place in _valleys(glances)[:KEPT]]
+    nearer = [few.fit(model, held).model for model in models]
+    return min((few.fit(model) for model in nearer), key=_promise).model
+
+
+class _Glance(NamedTuple):
+    """The objective that a start promises, and where it has led."""
+
+    promise: float
+    model: PhysicsModel
+
+
+def _promise(glance: _Glance) -> float:
+    return glance.promise
+
+
+class _Few:
+    """A hypothesis on a few of the windows of a subsample: the worst, and as many of all kinds."""
+
+    def __init__(self, fitter: "HypothesisFitter", beside: SubsampleFit, hypothesis: Hypothesis):
+        self.fitter, self.beside, self.hypothesis = fitter, beside, hypothesis
+        order = worst_first(beside.fit.evaluation.squares)
+        count = max(order.size // KEPT, STRETCHES) // 2
+        self.which = np.unique(
+            np.concatenate([order[:count], order[:: max(1, order.size // count)]])
+        )
+
+    def fit(self, model: PhysicsModel, held: tuple[str, ...] = (), steps: int = STEPS) -> _Glance:
+        """Take some steps from a model, some of its parameters being held."""
+        fitter, which = self.fitter, self.which
+        whole = fitter.start_beside(model, self.beside)
+        start = whole.select(which)
+        model, free = fitter.models.free(self.hypothesis, model)
+        fit = fitter.fit_model(
+            suppress(*BREAKDOWNS),  # another start may do
+            model,
+            fitter.windows_of(model).select(which),
+            tuple(freedom for freedom in free if freedom.name not in held),
+            start,
+            carry_over(self.beside.fit, model, whole.x0)[which],
+            max_steps=steps,
+            tolerance=COARSER**2 * TOLERANCE,
+        )
+        return _Glance(fit.objective - expected_decrease(fit, *start), fit.model)
+
+
+def _at_starts(
+    fitter: "HypothesisFitter", beside: SubsampleFit, hypothesis: Hypothesis, cause: Effect
+) -> list[PhysicsModel]:
+    """Return the model at all starts of a cause; also from the untuned prior where they are few."""
+    starts = cause.proposals(fitter.problem.prior, fitter.scales)
+    models = [fitter.models.extend(hypothesis, beside.fit.model)]
+    if len(starts) <= KEPT:
+        models.append(fitter.models.extend(hypothesis))
+    return [_at_start(model, start) for model in models for start in starts]
+
+
+def _at_start(model: PhysicsModel, start: Effect) -> PhysicsModel:
+    """Return an extended model whose new parameters are at a start of the effect."""
+    own = {name: getattr(start, field) for field, name in start.names().items()}
+    return model.with_parameters(**{n: value for n, value in own.items() if value is not None})
+
+
+def _differing(models: list[PhysicsModel], cause: Effect) -> tuple[str, ...]:
+    """Return the names of a cause's parameters in which its starts differ."""
+    names = cause.names().values()
+    return tuple(n for n in names if len({model.parameters[n].value for model in models}) > 1)
+
+
+def _valleys(glances: list[_Glance]) -> list[int]:
+    """Order starts by what they promise, those that promise more than their neighbours first."""
+    promise = np.array([glance.promise for glance in glances])
+    padded = np.concatenate([[np.inf], promise, [np.inf]])
+    slope = (padded[:-2] < promise) | (padded[2:] < promise)
+    return list(np.lexsort((promise, slope)))

@@ -1,0 +1,314 @@
+"""Fit hypotheses on all windows, and on those that are held out; remember what was fitted."""
+
+from contextlib import AbstractContextManager
+from functools import cached_property
+
+import numpy as np
+
+from sklearn_pgnn.estimation.budgets import COARSER, POLISH_STEPS, ROUNDING, STEPS, TOLERANCE
+from sklearn_pgnn.estimation.criterion import HeldOut
+from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis, Start, carry_over
+from sklearn_pgnn.estimation.held_out import CrossValidation, make_folds
+from sklearn_pgnn.estimation.hypothesis import Hypothesis
+from sklearn_pgnn.estimation.hypothesis_models import HypothesisModels, Key
+from sklearn_pgnn.estimation.problem import EstimationProblem
+from sklearn_pgnn.estimation.progress import Progress
+from sklearn_pgnn.estimation.sign_ambiguity import turn_poor_windows
+from sklearn_pgnn.estimation.unusable import Ledger, Unusable
+from sklearn_pgnn.physics.effect import Effect
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.window_fit import WindowFit, fit_windows, lost_fit
+from sklearn_pgnn.simulation.windows import ShootingWindows
+
+#: what fits for cross-validation are called where they break down
+HELD_OUT = "held out"
+
+
+class WindowFitter:
+    """Fits hypotheses on all windows of a problem.
+
+    Where numbers break down the fit is `lost_fit`: that hypothesis cannot be used, and nothing
+    else is touched.
+
+    Parameters
+    ----------
+    problem : EstimationProblem
+        The problem.
+    progress : Progress, optional
+        Told of every step of a fit.
+    """
+
+    def __init__(self, problem: EstimationProblem, progress: Progress | None = None):
+        self.problem = problem
+        self.progress = Progress() if progress is None else progress
+        self.models, self.ledger = HypothesisModels(problem), Ledger()
+        self._trials: dict[Key, FittedHypothesis] = {}
+        self._held_out: dict[Key, tuple[WindowFit, HeldOut]] = {}
+
+    def key(self, hypothesis: Hypothesis) -> Key:
+        """Return what tells hypotheses apart, see `HypothesisModels.key`."""
+        return self.models.key(hypothesis)
+
+    def held(self, cause: Effect) -> tuple[str, ...]:
+        """Return the names of the prior's parameters that a cause speaks for."""
+        return self.models.held(cause)
+
+    # -- where numbers break down --------------------------------------------------------------
+
+    @property
+    def unusable(self) -> tuple[Unusable, ...]:
+        """The candidates that could not be fitted, each with the reason."""
+        return self.ledger.entries()
+
+    def fit_model(
+        self,
+        spare: AbstractContextManager,
+        model: PhysicsModel,
+        windows: ShootingWindows,
+        free,
+        start: Start,
+        x0: np.ndarray,
+        **options,
+    ) -> WindowFit:
+        """Fit a model; where numbers break down return what stands for one that cannot be fitted.
+
+        Parameters
+        ----------
+        spare : context manager
+            What suppresses the errors of numbers that break down.
+        model, windows, free
+            See `fit_windows`.
+        start : Start
+            Expected initial states.
+        x0 : ndarray of shape (n_windows, n_states)
+            Where they start.
+        **options
+            See `fit_windows`.
+
+        Returns
+        -------
+        WindowFit
+            The fit.
+        """
+        fit = lost_fit(model, windows, free, x0)
+        with spare:
+            fit = fit_windows(
+                model,
+                windows,
+                free,
+                *start,
+                x0_start=x0,
+                each_step=self.progress.tick,
+                **options,
+            )
+        return fit
+
+    def _turn(self, hypothesis, fit: WindowFit, windows: ShootingWindows, start: Start, tolerance):
+        """Return the better of a fit and one whose states have other signs in poor windows."""
+        with self._spare(hypothesis):
+            fit = turn_poor_windows(fit, windows, *start, tolerance, self.progress.tick)
+        return fit
+
+    def _spare(self, hypothesis: Hypothesis, *what: str) -> AbstractContextManager:
+        """Go on where numbers break down, and note what hypothesis cannot be used."""
+        return self.ledger.spare((self.key(hypothesis), *what), *_described(hypothesis))
+
+    def _noted(self, hypothesis: Hypothesis, fit: WindowFit) -> WindowFit:
+        """Note whether a hypothesis could be fitted."""
+        key = (self.key(hypothesis),)
+        if fit.usable:
+            self.ledger.fitted(key)
+        else:
+            self.ledger.lost(key, *_described(hypothesis), reason=_why_lost(fit))
+        return fit
+
+    # -- on all windows ------------------------------------------------------------------------
+
+    @cached_property
+    def prior(self) -> WindowFit:
+        """The prior at its parameters, only the initial states being fitted."""
+        model = self.problem.prior
+        start = self._start(model)
+        spare, windows = self._spare(Hypothesis()), self.problem.windows
+        return self.fit_model(spare, model, windows, (), start, start.x0, max_steps=2 * STEPS)
+
+    def base(self) -> FittedHypothesis:
+        """Return the prior, re-tuned within its spread."""
+        key = self.key(Hypothesis())
+        if key not in self._trials:
+            self._keep(self._fit(Hypothesis(), self.problem.prior))
+        return self._trials[key]
+
+    def base_error(self) -> float:
+        """Return the re-tuned prior's error in units of the noise."""
+        return float(np.sqrt(self.base().squares / self.problem.n_samples))
+
+    def refit(self, trial: FittedHypothesis) -> FittedHypothesis:
+        """Fit a hypothesis that was fitted on another problem, from its numbers."""
+        self._keep(self._fit(trial.hypothesis, trial.fit.model, trial.fit))
+        return self._known(trial.hypothesis)
+
+    def polish(self, trial: FittedHypothesis) -> FittedHypothesis:
+        """Fit a hypothesis on to its minimum, also along directions that records hardly see."""
+        model, start = trial.fit.model, self._start(trial.fit.model)
+        for x0 in (trial.fit.x0, start.x0):
+            fit = self.fit_model(
+                self._spare(trial.hypothesis),
+                model,
+                self.problem.windows,
+                trial.fit.freedoms,
+                start,
+                x0,
+                min_steps=STEPS,
+                max_steps=POLISH_STEPS,
+                tolerance=ROUNDING,
+            )
+            self._keep(FittedHypothesis(trial.hypothesis, fit))
+        return self._known(trial.hypothesis)
+
+    def _keep(self, trial: FittedHypothesis) -> None:
+        """Remember a trial unless a better one of the same hypothesis is known."""
+        key = self.key(trial.hypothesis)
+        if key not in self._trials or trial.fit.objective < self._trials[key].fit.objective:
+            self._trials[key] = trial
+
+    def _known(self, hypothesis: Hypothesis) -> FittedHypothesis:
+        """Return the best fit of a hypothesis, its causes in the order that is asked for."""
+        return FittedHypothesis(hypothesis, self._trials[self.key(hypothesis)].fit)
+
+    def _fit(
+        self,
+        hypothesis: Hypothesis,
+        model: PhysicsModel,
+        beside: WindowFit | None = None,
+        known: tuple[np.ndarray, np.ndarray] | None = None,
+    ) -> FittedHypothesis:
+        """Fit a model, its initial states beginning where another's are, or those of some windows.
+
+        Where some are known, the first step moves the initial states only.
+        """
+        model, free = self.models.free(hypothesis, model)
+        start, windows = self._start(model), self.problem.windows
+        x0 = start.x0.copy() if beside is None else carry_over(beside, model, start.x0)
+        if known is not None:
+            which, there = known
+            x0[which] = there
+        fit = self.fit_model(
+            self._spare(hypothesis),
+            model,
+            windows,
+            free,
+            start,
+            x0,
+            states_first=known is not None,
+            tolerance=TOLERANCE,
+        )
+        fit = self._turn(hypothesis, fit, windows, start, TOLERANCE)
+        return FittedHypothesis(hypothesis, self._noted(hypothesis, fit))
+
+    def _start(self, model: PhysicsModel) -> Start:
+        """Return the expected initial states of all windows."""
+        estimate = self.problem.states.estimate(model)
+        return Start(estimate.x[self.problem.windows.starts], estimate.spread)
+
+    # -- held out ------------------------------------------------------------------------------
+
+    @cached_property
+    def folds(self) -> np.ndarray:
+        """Fold of every window, of shape (n_windows,)."""
+        return make_folds(self.problem)
+
+    def held_out(self, trial: FittedHypothesis) -> HeldOut:
+        """Return what a hypothesis leaves of records that its parameters have not seen.
+
+        Parameters
+        ----------
+        trial : FittedHypothesis
+            The hypothesis, fitted on all windows.
+
+        Returns
+        -------
+        HeldOut
+            What is left, over windows and in free run.
+        """
+        key = self.key(trial.hypothesis)
+        fit, known = self._held_out.get(key, (None, None))
+        if known is None or fit is not trial.fit:
+            known = self._cross_validate(trial.hypothesis, trial.fit)
+            self._held_out[key] = trial.fit, known
+        return known
+
+    def squares_by_output(self, trial: FittedHypothesis) -> np.ndarray:
+        """Return the squares that a hypothesis leaves of every output, in units of the noise."""
+        residual = trial.fit.evaluation.residual / self.problem.windows.scale
+        counts = np.isfinite(residual).sum(axis=0)
+        return np.nansum(residual**2, axis=0) + counts * self.problem.resolution**2
+
+    def white_squares(self, trial: FittedHypothesis) -> np.ndarray:
+        """Return the white part of the squares that a hypothesis leaves, by output.
+
+        Parameters
+        ----------
+        trial : FittedHypothesis
+            The hypothesis, fitted on all windows.
+
+        Returns
+        -------
+        ndarray of shape (n_outputs,)
+            What neighbouring residuals differ by, as squares in units of the noise.
+        """
+        windows = self.problem.windows
+        residual = trial.fit.evaluation.residual / windows.scale
+        step = np.diff(residual, axis=0)
+        step[windows.starts[1:] - 1] = np.nan
+        counts = np.isfinite(residual).sum(axis=0)
+        white = np.nanmean(step**2, axis=0) / 2.0
+        return counts * np.maximum(white, self.problem.resolution**2)
+
+    def _cross_validate(self, hypothesis: Hypothesis, fit: WindowFit) -> HeldOut:
+        windows, start = self.problem.windows, self._start(fit.model)
+
+        def run(model: PhysicsModel, which: np.ndarray, free, **options) -> WindowFit:
+            return self.fit_model(
+                self._spare(hypothesis, HELD_OUT),
+                model,
+                windows.select(which),
+                free,
+                start.select(which),
+                fit.x0[which],
+                tolerance=COARSER * TOLERANCE,
+                **options,
+            )
+
+        def learn(which: np.ndarray) -> WindowFit:
+            known = fit.evaluation.select(which)
+            return run(fit.model, which, fit.freedoms, evaluation=known, min_steps=1)
+
+        def judge(learned: WindowFit, which: np.ndarray) -> WindowFit:
+            return run(learned.model, which, ())
+
+        validation = CrossValidation(self.problem, start.x0, start.spread)
+        return validation.run(fit, self.folds, learn, judge)
+
+
+def block_squares(problem: EstimationProblem, fit: WindowFit, which=slice(None)) -> np.ndarray:
+    """Return the sum of squared residuals of every block and output, in units of the noise."""
+    windows = problem.windows.select(which)
+    sums = windows.sum_blocks((fit.evaluation.residual / windows.scale) ** 2)
+    sums[~np.isfinite(fit.evaluation.squares)] = np.inf
+    return sums
+
+
+def _described(hypothesis: Hypothesis) -> tuple[str, str, str]:
+    """Return the effect and target of the cause that was added last, and what it stands beside."""
+    if not hypothesis.causes:
+        return "", "", ""
+    *others, last = hypothesis.causes
+    names = " and ".join(f"{each.id} of {each.target}" for each in others)
+    return last.id, last.target, f" beside {names}" if names else ""
+
+
+def _why_lost(fit: WindowFit) -> str:
+    """Return why a fit cannot be used, unless an error has said so."""
+    lost = np.count_nonzero(~np.isfinite(fit.evaluation.squares))
+    return f"its simulation diverges or is made of rounding in {lost} of {len(fit.x0)} windows"

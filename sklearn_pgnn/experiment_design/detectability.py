@@ -1,0 +1,271 @@
+r"""Detectability: how large an effect must be before these records would show it.
+
+An effect of some size is put into the fitted model and simulated with the records' own inputs and
+initial states. The fitted model is then re-tuned to what comes out, without noise. What it leaves,
+over windows and in free run, is all that any diagnosis could see. With noise drawn on top, the
+criterion of the diagnosis says how often it would have named a cause.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import pandas as pd
+
+from sklearn_pgnn.estimation.budgets import DECADES
+from sklearn_pgnn.exceptions import ModelError
+from sklearn_pgnn.experiment_design.power import PowerAnalysis
+from sklearn_pgnn.physics.effect import Effect
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.readings import reading
+from sklearn_pgnn.simulation.windows import ShootingWindows
+
+
+@dataclass(frozen=True)
+class Detectable:
+    """How well one effect would be seen.
+
+    Parameters
+    ----------
+    effect, target : str
+        Id of the effect, and what it acts on.
+    parameter, unit : str
+        The quantity that measures its size, and its unit; its other quantities grow in step.
+    smallest : float
+        Smallest size that is found with the power asked for; NaN if none is.
+    curve : tuple of (float, float)
+        Sizes and the power there, from where it does nothing to a large effect.
+    reason : str
+        Why it is never seen; empty if it is.
+    found : bool or None
+        Whether the diagnosis itself found it at the smallest size, if that was tried.
+    at_smallest : Effect or None
+        The effect of the smallest size.
+    """
+
+    effect: str
+    target: str
+    parameter: str
+    unit: str
+    smallest: float
+    curve: tuple[tuple[float, float], ...]
+    reason: str = ""
+    found: bool | None = None
+    at_smallest: Effect | None = field(default=None, repr=False)
+
+
+@dataclass(frozen=True)
+class Detectability:
+    """What a rig with its excitation and noise can show.
+
+    Parameters
+    ----------
+    rows : tuple of Detectable
+        One an effect, in the order of the catalogue.
+    power : float
+        Chance with which the smallest size is found.
+    sizes : tuple of float
+        Multiples of the smallest size at which `to_frame` tells the power.
+    """
+
+    rows: tuple[Detectable, ...]
+    power: float
+    sizes: tuple[float, ...]
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return the table, a row an effect.
+
+        Returns
+        -------
+        DataFrame
+            Effect, target, the smallest size with its parameter and unit, the power at multiples
+            of it, why an effect is never seen, and whether the diagnosis itself found it.
+        """
+        table = []
+        for row in self.rows:
+            known = ("effect", "target", "parameter", "smallest", "unit")
+            line = {name: getattr(row, name) for name in known}
+            line |= {f"power at {m:g}x": power for m, power in self._powers(row)}
+            table.append(line | {"reason": row.reason, "found": row.found})
+        return pd.DataFrame(table)
+
+    def _powers(self, row: Detectable):
+        """Interpolate the power at multiples of the smallest size, on a logarithmic scale."""
+        (none, _), *seen = row.curve
+        strengths = np.log([abs(size - none) for size, _ in seen if size != none])
+        powers = [power for size, power in seen if size != none]
+        smallest = abs(row.smallest - none)
+        for multiple in self.sizes:
+            power = np.nan
+            if smallest > 0 and powers:
+                power = np.interp(np.log(multiple * smallest), strengths, powers, left=np.nan)
+            yield multiple, float(power)
+
+    def plot(self, **options):
+        """Draw the smallest sizes and the power over the size.
+
+        Parameters
+        ----------
+        **options
+            See `sklearn_pgnn.inspection.DetectabilityDisplay.plot`.
+
+        Returns
+        -------
+        DetectabilityDisplay
+            The picture, drawn.
+        """
+        return reading("plot_detectability")(self, **options)
+
+
+# -- one effect ------------------------------------------------------------------------------------
+
+
+def detect(
+    analysis: PowerAnalysis, cause: Effect, power: float, multiples: Sequence[float] = ()
+) -> Detectable:
+    """Find the smallest size of an effect that the diagnosis would name.
+
+    Parameters
+    ----------
+    analysis : PowerAnalysis
+        The fitted model on the records.
+    cause : Effect
+        The effect.
+    power : float
+        Wanted chance of naming it.
+    multiples : sequence of float, default=()
+        Multiples of the smallest size at which the power is wanted too.
+
+    Returns
+    -------
+    Detectable
+        The smallest size and the power over the size.
+    """
+    sizes = _Sizes(analysis, cause)
+    curve: dict[float, float] = {}
+    for low in 10.0 ** -np.arange(DECADES + 1.0):  # a large size may be too much for the machine
+        curve[low] = sizes.power(low)
+        if curve[low] < power:
+            break
+    seen = [share for share in curve if curve[share] >= power]
+    if seen and curve[low] < power:
+        high = min(seen)
+        for _ in range(DECADES):
+            middle = float(np.sqrt(low * high))
+            curve[middle] = sizes.power(middle)
+            low, high = (low, middle) if curve[middle] >= power else (middle, high)
+        near = (high * multiple for multiple in multiples)
+        curve.update((share, sizes.power(share)) for share in near if 0.0 < share <= 1.0)
+    return sizes.described({s: p for s, p in curve.items() if np.isfinite(p)}, power)
+
+
+class _Sizes:
+    """An effect of every size in the fitted model."""
+
+    def __init__(self, analysis: PowerAnalysis, cause: Effect):
+        scales = analysis.records.problem.scales
+        self.analysis, self.kind, self.target = analysis, type(cause), cause.target
+        self.of_size = cause.of_size(cause.target, analysis.model, scales)
+        self.none = cause.nothing(cause.target, analysis.model, scales)
+        self.field = cause.size_field()
+        least = self.of_size(0.0)
+        #: an effect with a memory is something even without size, as play without width is a lag
+        self.bare = least if self.size_of(least) == self.none else None
+
+    def size_of(self, effect: Effect) -> float:
+        return float(getattr(effect, self.field))
+
+    def power(self, share: float) -> float:
+        """Return the power to find the effect; NaN where a simulation does not stay finite."""
+        return self.analysis.power(self.of_size(share), self.bare)
+
+    def described(self, curve: dict[float, float], power: float) -> Detectable:
+        found = [share for share in curve if curve[share] >= power]
+        if found and min(curve.values()) >= power:
+            found = []
+        smallest = self.of_size(min(found)) if found else None
+        points = [(self.size_of(self.of_size(share)), curve[share]) for share in sorted(curve)]
+        return Detectable(
+            effect=self.kind.id,
+            target=self.target,
+            parameter=self.field,
+            unit=self._unit(self.of_size(1.0)),
+            smallest=np.nan if smallest is None else self.size_of(smallest),
+            curve=((self.none, 0.0), *points),
+            reason="" if found else self._why_not(max(curve, default=0.0), power),
+            at_smallest=smallest,
+        )
+
+    def _unit(self, effect: Effect) -> str:
+        return effect.apply(self.analysis.model).unit(effect.names()[self.field])
+
+    def _why_not(self, share: float, power: float) -> str:
+        """Return why even the largest size that the machine bears is not seen."""
+        analysis, effect = self.analysis, self.of_size(share)
+        if share and analysis.power(effect, self.bare) >= power:
+            return "is seen by its being there, however small it is"
+        windows = analysis.windows_with(effect, self.bare) if share else None
+        if windows is None:
+            return "however small, the simulation with it leaves the finite numbers"
+        largest = f"even {self.size_of(effect):.3g} {self._unit(effect)}".rstrip()
+        if not analysis.moves_outputs(windows):
+            return f"{largest} hardly moves the outputs: these inputs never bring it to act"
+        if not analysis.power(effect, self.bare, retuned=False) >= power:
+            return f"{largest} stays within the noise"
+        if effect.target in analysis.model.parameters:
+            return f"{largest} is within the spread that re-tuning may use"
+        return f"{largest} is imitated by re-tuning {_moved(analysis, windows)}"
+
+
+def _moved(analysis: PowerAnalysis, windows: ShootingWindows) -> str:
+    """Return the parameter that re-tuning to windows moves most, or else the initial states."""
+    fit = analysis.retune(windows)
+    shifts = {
+        freedom.name: abs(fit.model.parameters[freedom.name].value - freedom.centre) / freedom.scale
+        for freedom in fit.freedoms
+    }
+    return max(shifts, key=shifts.__getitem__) if any(shifts.values()) else "initial states"
+
+
+# -- all of them -----------------------------------------------------------------------------------
+
+
+def detect_all(
+    analysis: PowerAnalysis,
+    suspects: Sequence[Effect],
+    power: float,
+    multiples: Sequence[float] = (),
+) -> tuple[Detectable, ...]:
+    """Find the smallest size of every effect that has one and that the model does not hold yet.
+
+    Parameters
+    ----------
+    analysis : PowerAnalysis
+        The fitted model on the records.
+    suspects : sequence of Effect
+        The effects.
+    power : float
+        Wanted chance of naming each.
+    multiples : sequence of float, default=()
+        Multiples of the smallest sizes at which the power is wanted too.
+
+    Returns
+    -------
+    tuple of Detectable
+        One an effect.
+    """
+    return tuple(
+        detect(analysis, cause, power, multiples)
+        for cause in suspects
+        if _fits(analysis.model, cause)
+    )
+
+
+def _fits(model: PhysicsModel, cause: Effect) -> bool:
+    if not cause.size_field():
+        return False
+    try:
+        cause.apply(model)
+    except ModelError:
+        return False
+    return True

@@ -1,0 +1,387 @@
+"""The power of a diagnosis: how often its criterion would name what is put into a fitted model."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from sklearn_pgnn.estimation.autocorrelation import autocorrelation_times
+from sklearn_pgnn.estimation.budgets import COARSER, FORGOTTEN, STEPS, TOLERANCE
+from sklearn_pgnn.estimation.criterion import SelectionCriterion
+from sklearn_pgnn.estimation.fitted_records import DiagnosisRecords
+from sklearn_pgnn.estimation.held_out import make_folds, record_of, segments, stretches
+from sklearn_pgnn.estimation.residuals import HeldOut, Residuals
+from sklearn_pgnn.physics.effect import Effect
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.state_estimate import free_run
+from sklearn_pgnn.simulation.window_fit import WindowFit, fit_windows
+from sklearn_pgnn.simulation.windows import Evaluation, ShootingWindows, evaluate
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Noise of the outputs, in which a signal is seen or not.
+
+    Parameters
+    ----------
+    power : ndarray of shape (n_outputs,)
+        Its variance.
+    counts, times : ndarray of shape (n_outputs,)
+        Number of samples, and the autocorrelation time, see `Residuals`.
+    """
+
+    power: np.ndarray
+    counts: np.ndarray
+    times: np.ndarray
+
+    @classmethod
+    def of(cls, residual: np.ndarray, segment: np.ndarray, resolution, white: bool) -> "Noise":
+        """Measure noise.
+
+        Parameters
+        ----------
+        residual : ndarray of shape (n_samples, n_outputs)
+            The noise; NaN where nothing was measured.
+        segment : ndarray of shape (n_samples,)
+            See `autocorrelation_times`.
+        resolution : ndarray of shape (n_outputs,)
+            What no simulation is finer than.
+        white : bool
+            Whether it is taken as white.
+
+        Returns
+        -------
+        Noise
+            The noise.
+        """
+        counts = np.isfinite(residual).sum(axis=0).astype(float)
+        power = np.nansum(residual**2, axis=0) / np.maximum(counts, 1.0) + resolution**2
+        ones = np.ones(counts.size)
+        return cls(power, counts, ones if white else autocorrelation_times(residual, segment))
+
+    def draws(
+        self, size: np.ndarray, along: np.ndarray, rng: np.random.Generator, count: int
+    ) -> list[tuple[Residuals, Residuals]]:
+        r"""Draw the noise on top of a signal.
+
+        The squares of a signal of the norm :math:`s` in noise of the variance :math:`\sigma^2` on
+        :math:`n` samples are those of the noise across the signal,
+        :math:`\sigma^2 \chi^2_{n-1}`, and those along it, :math:`(s + e)^2` with a normal error
+        :math:`e` of the variance that the noise has in this direction.
+
+        Parameters
+        ----------
+        size : ndarray of shape (n_outputs,)
+            Norm of the signal.
+        along : ndarray of shape (n_outputs,)
+            Variance of the noise along it.
+        rng : Generator
+            Draws.
+        count : int
+            How often.
+
+        Returns
+        -------
+        list of (Residuals, Residuals)
+            What is left without a model of the signal, and with it.
+        """
+        shape = (count, size.size)
+        across = self.power * rng.chisquare(np.maximum(self.counts - 1.0, 1.0), shape)
+        error = np.sqrt(along) * rng.standard_normal(shape)
+        before, after = across + (size + error) ** 2, across + error**2
+        return [
+            (Residuals(b, self.counts, self.times), Residuals(a, self.counts, self.times))
+            for b, a in zip(before, after, strict=True)
+        ]
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """A signal over windows or in free run, and the noise in which it is seen."""
+
+    noise: Noise
+    residual: np.ndarray
+    signal: np.ndarray
+
+    @property
+    def measured(self) -> np.ndarray:
+        return np.where(np.isfinite(self.residual), self.signal, 0.0)
+
+    @property
+    def along(self) -> np.ndarray:
+        """The variance of the noise along the signal, by output."""
+        noise = self.noise
+        columns = zip(self.residual.T, self.measured.T, noise.times, noise.power, strict=True)
+        return np.array(
+            [strength_along(r, s, time) if time > 1.0 else power for r, s, time, power in columns]
+        )
+
+    def draws(self, rng: np.random.Generator, count: int) -> list[tuple[Residuals, Residuals]]:
+        return self.noise.draws(np.linalg.norm(self.measured, axis=0), self.along, rng, count)
+
+    @property
+    def overdispersion(self) -> float:
+        """How much less the residuals count along the signal than their times say, at least 1."""
+        weight = (self.measured**2).sum(axis=0)
+        counted = self.noise.power * self.noise.times
+        total = float(weight.sum())
+        return max(1.0, float(weight @ (self.along / counted)) / total) if total > 0.0 else 1.0
+
+
+def strength_along(noise: np.ndarray, signal: np.ndarray, time: float) -> float:
+    r"""Return the variance of coloured noise along a signal, :math:`s^T\Sigma s/s^T s`.
+
+    With the autocovariance :math:`c` of the noise and the autocorrelation :math:`\rho` of the
+    signal it is :math:`\sum_k c(k)\,\rho(k)`, tapered over the lags in which the noise forgets.
+
+    Parameters
+    ----------
+    noise, signal : ndarray of shape (n_samples,)
+        The noise, NaN where there is none, and the signal.
+    time : float
+        Integrated autocorrelation time of the noise, in samples.
+
+    Returns
+    -------
+    float
+        The variance.
+    """
+    known, noise = int(np.count_nonzero(np.isfinite(noise))), np.nan_to_num(noise)
+    power = float(signal @ signal)
+    if not (known and power > 0.0):
+        return float(noise @ noise) / max(known, 1)
+    lags = min(int(np.ceil(FORGOTTEN * time)), noise.size - 1)
+    total = 0.0
+    for lag in range(lags + 1):
+        rest = noise.size - lag
+        covariance = float(noise[lag:] @ noise[:rest]) / known
+        alike = float(signal[lag:] @ signal[:rest]) / power
+        total += (2.0 if lag else 1.0) * (1.0 - lag / (lags + 1)) * covariance * alike
+    return max(total, 0.0)
+
+
+@dataclass(frozen=True)
+class PowerAnalysis:
+    """The fitted model on the records, and the noise, ready to have effects put in.
+
+    Parameters
+    ----------
+    records : DiagnosisRecords
+        The records and the fits.
+    white : bool
+        Whether noise is taken as white.
+    criterion : SelectionCriterion
+        When a cause is named.
+    n_repeats : int
+        Draws of the noise for a power.
+    seed : int
+        What draws them; the same for every size.
+    """
+
+    records: DiagnosisRecords
+    white: bool
+    criterion: SelectionCriterion
+    n_repeats: int
+    seed: int
+
+    @property
+    def model(self) -> PhysicsModel:
+        """The fitted model, extended by the causes found."""
+        return self.records.fits["extended"].model
+
+    @property
+    def windows(self) -> ShootingWindows:
+        """The windows of the diagnosis."""
+        return self.records.windows
+
+    def start(self, model: PhysicsModel) -> np.ndarray:
+        """Return the windows' initial states of an extension of the fitted model."""
+        fitted = self.records.fits["extended"]
+        x0 = self.records.problem.states.values(model)[self.windows.starts]
+        for i, name in enumerate(fitted.model.states):
+            x0[:, list(model.states).index(name)] = fitted.x0[:, i]
+        return x0
+
+    # -- what an effect shows ------------------------------------------------------------------
+
+    def windows_with(self, effect: Effect, bare: Effect | None) -> ShootingWindows | None:
+        """Return the windows with what the size of an effect shows, without noise.
+
+        Parameters
+        ----------
+        effect : Effect
+            The effect.
+        bare : Effect or None
+            The same effect without size, where that is something even then.
+
+        Returns
+        -------
+        ShootingWindows or None
+            The windows; None where a simulation diverges.
+        """
+        shown = [self._evaluate(each) for each in (None, effect, bare)]
+        if not all(np.isfinite(each.squares).all() for each in shown):
+            return None
+        alone, whole, least = (self.windows.y - each.residual for each in shown)
+        return replace(self.windows, y=alone + whole - least)
+
+    def _evaluate(self, effect: Effect | None) -> Evaluation:
+        model = self.model if effect is None else effect.apply(self.model)
+        return evaluate(model, self.windows, self.start(model), ())
+
+    def retune(self, windows: ShootingWindows) -> WindowFit:
+        """Re-tune the fitted model to other outputs of the same windows."""
+        fitted = self.records.fits["extended"]
+        values = {f.name: fitted.model.parameters[f.name].value for f in fitted.freedoms}
+        freedoms = tuple(replace(f, centre=values[f.name]) for f in fitted.freedoms)
+        return fit_windows(
+            fitted.model,
+            windows,
+            freedoms,
+            fitted.x0,
+            self.records.problem.states.estimate(fitted.model).spread,
+            max_steps=2 * STEPS,
+            tolerance=COARSER**2 * TOLERANCE,
+        )
+
+    def moves_outputs(self, windows: ShootingWindows) -> bool:
+        """Return whether other outputs of the windows are further off than noise hides."""
+        residual, noise = self._residual(windows, self.model, self.start(self.model)), self._noise
+        changed = np.nansum(residual**2, axis=0)
+        return bool((changed >= self.criterion.smallest_share * noise.counts * noise.power).any())
+
+    # -- the power -----------------------------------------------------------------------------
+
+    def power(self, effect: Effect, bare: Effect | None = None, retuned: bool = True) -> float:
+        """Return the chance that the criterion names an effect.
+
+        Parameters
+        ----------
+        effect : Effect
+            The effect.
+        bare : Effect or None, default=None
+            The same effect without size, where that is something even then.
+        retuned : bool, default=True
+            Whether the model is re-tuned to what the effect shows.
+
+        Returns
+        -------
+        float
+            The power; NaN where a simulation does not stay finite.
+        """
+        windows = self.windows_with(effect, bare)
+        if windows is None:
+            return np.nan
+        model, x0 = self.model, self.start(self.model)
+        if retuned:
+            fit = self.retune(windows)
+            if not fit.usable:
+                return np.nan
+            model, x0 = fit.model, fit.x0
+        over_windows = self._residual(windows, model, x0)
+        with np.errstate(invalid="ignore"):
+            shown = self._own_run + self._free_run(effect) - self._free_run(bare)
+            in_free_run = (shown - self._runs(model, x0)) / self.windows.scale
+        if self._tells and not np.isfinite(in_free_run[self._inside]).all():
+            return np.nan
+        n_added = len(effect.apply(self.model).states) - len(self.model.states)
+        return float(np.mean(list(self._named(over_windows, in_free_run, n_added))))
+
+    def _named(self, over_windows, in_free_run, n_added: int) -> Iterator[bool]:
+        """Yield for every draw of the noise whether the criterion names the cause of a signal."""
+        rng = np.random.default_rng(self.seed)
+        seen = _Seen(self._noise, self._left, over_windows)
+        pairs = seen.draws(rng, self.n_repeats)
+        runs = pairs
+        if self._tells:
+            runs = _Seen(self._free_noise, self._left_of_runs, in_free_run).draws(
+                rng, self.n_repeats
+            )
+        less = seen.overdispersion
+        for (left, noise), (left_of_run, noise_of_run) in zip(pairs, runs, strict=True):
+            without = HeldOut(left, left_of_run, 0.0, np.empty(0), 0, self._tells)
+            with_ = HeldOut(noise, noise_of_run, 0.0, np.empty(0), n_added, self._tells)
+            yield self._is_sought(left, noise, rng) and self.criterion.names(
+                without, with_, 1, less
+            )
+
+    def _is_sought(self, left: Residuals, noise: Residuals, rng: np.random.Generator) -> bool:
+        r"""Return whether more than white noise is seen, which is when causes are sought.
+
+        The white part is taken from the differences of neighbours: of white noise of the variance
+        :math:`\sigma^2` on :math:`n` samples it is off by :math:`\sigma^2\sqrt{n}`.
+        """
+        error = self._noise.power * np.sqrt(noise.counts) * rng.standard_normal(noise.counts.size)
+        white = self._white_part * (noise.squares + error)
+        return bool((left.squares - white > self.criterion.smallest_share * left.squares).any())
+
+    # -- simulations ---------------------------------------------------------------------------
+
+    @cached_property
+    def _inside(self) -> np.ndarray:
+        """The samples that lie in a window."""
+        return segments(self.windows) >= 0
+
+    def _residual(self, windows: ShootingWindows, model, x0) -> np.ndarray:
+        """Return what a model leaves of the windows, in units of the noise."""
+        return evaluate(model, windows, x0, ()).residual / windows.scale
+
+    @cached_property
+    def _own_run(self) -> np.ndarray:
+        return self._runs(self.model, self.start(self.model))
+
+    def _free_run(self, effect: Effect | None) -> np.ndarray:
+        if effect is None:
+            return self._own_run
+        model = effect.apply(self.model)
+        return self._runs(model, self.start(model))
+
+    def _runs(self, model: PhysicsModel, x0: np.ndarray) -> np.ndarray:
+        """Return the outputs in free run, over the stretches that the diagnosis holds out."""
+        y, folds = np.full_like(self.windows.y, np.nan), make_folds(self.records.problem)
+        for fold in np.unique(folds):
+            for a, b, first in stretches(self.windows, folds == fold):
+                y[a:b] = free_run(model, self.windows, a, b, x0[first]).y
+        return y
+
+    # -- noise ---------------------------------------------------------------------------------
+
+    @cached_property
+    def _left(self) -> np.ndarray:
+        """What the fitted model leaves over windows, in units of the noise."""
+        residual = self.records.fits["extended"].residual / self.windows.scale
+        return np.where(self._inside[:, None], residual, np.nan)
+
+    @cached_property
+    def _left_of_runs(self) -> np.ndarray:
+        """What the fitted model leaves in free run, in units of the noise."""
+        residual = (self.windows.y - self._own_run) / self.windows.scale
+        return np.where(self._inside[:, None], residual, np.nan)
+
+    @cached_property
+    def _white_part(self) -> np.ndarray:
+        """The share of the noise's power that is white, by output."""
+        if self.white:
+            return np.ones(self._noise.power.size)
+        step = np.diff(self._left, axis=0)
+        step[self.windows.starts[1:] - 1] = np.nan
+        return np.minimum(np.nanmean(step**2, axis=0) / 2.0 / self._noise.power, 1.0)
+
+    @cached_property
+    def _noise(self) -> Noise:
+        resolution = self.records.problem.resolution
+        return Noise.of(self._left, segments(self.windows), resolution, self.white)
+
+    @cached_property
+    def _free_noise(self) -> Noise:
+        resolution = self.records.problem.resolution
+        return Noise.of(self._left_of_runs, record_of(self.windows), resolution, self.white)
+
+    @cached_property
+    def _tells(self) -> bool:
+        """Whether the free run is nearer to the records than their mean."""
+        noise, problem = self._free_noise, self.records.problem
+        typical = np.array([problem.scales.typical[name] for name in problem.prior.outputs])
+        power = (typical / self.windows.scale) ** 2
+        return bool((noise.power < power).any())
