@@ -161,7 +161,8 @@ class Investigation:
     def _try_slopes(self, held: Findings) -> None:
         """Search again with inputs that run straight between samples if that is refuted less."""
         fitter, final = held.search.fitter, held.result.final
-        if not (held.result.steps or held.search.is_nameable(final)):
+        has_structure = held.structure is not None and held.structure.is_significant
+        if not (held.result.steps or has_structure):
             return
         self.progress.begin("inputs between samples")
         sloped = HypothesisFitter(with_hold(fitter.problem, "foh"), self.progress)

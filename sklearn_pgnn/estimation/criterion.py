@@ -80,7 +80,8 @@ class SelectionCriterion:
     A cause is named beside others if the evidence for it exceeds :math:`\log(N/\alpha)`, if it
     explains the smallest share of an output over windows or in free run, and if the free run does
     not speak against it by more than :math:`\log(1/\alpha)`. A cause with a memory, whose content
-    is free at the start of every window, is judged in free run alone, where that says anything.
+    is free at the start of every window, must explain its share in free run, where that says
+    anything.
     Of hypotheses that nothing tells apart by :math:`\log(1/\alpha)` the one with the fewest
     parameters is taken.
 
@@ -146,7 +147,7 @@ class SelectionCriterion:
                 return False
             share_of_run = explained_share(without.free_run, with_.free_run)
             share = share_of_run if remembers else max(share, share_of_run)
-            evidence = in_free_run if remembers else evidence
+            evidence = max(in_free_run, evidence) if remembers else evidence
         return evidence > needed and share >= self.smallest_share
 
     def probabilities(self, evidence: Sequence[float]) -> np.ndarray:
