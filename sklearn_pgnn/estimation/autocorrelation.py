@@ -41,7 +41,8 @@ def autocorrelation_times(residual: np.ndarray, segment: np.ndarray) -> np.ndarr
 def _autocorrelation_time(values: np.ndarray, segment: np.ndarray) -> float:
     known = np.isfinite(values).astype(float)
     values = np.where(known > 0, values, 0.0)
-    power = float(values @ values) / max(known.sum(), 1.0)
+    with np.errstate(over="ignore"):
+        power = float(values @ values) / max(known.sum(), 1.0)
     if not 0.0 < power < np.inf:
         return 1.0
     time = 1.0

@@ -91,5 +91,7 @@ DRAWS = 1000
 DECADES = 6
 #: halvings and doublings of amplitudes and periods that are tried. More cost time in proportion
 OCTAVES = 3
+#: chance with which an experiment shall tell two causes apart: more takes more records
+POWER = 0.9
 #: times that an experiment is recorded at most: who would record it more often?
 REPEATS = 10

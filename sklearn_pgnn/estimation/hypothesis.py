@@ -160,7 +160,7 @@ def possible_causes(model: PhysicsModel, catalogue, targets=None) -> tuple[Effec
     Returns
     -------
     tuple of Effect
-        The suspects.
+        The candidates.
     """
     return tuple(
         effect

@@ -18,7 +18,7 @@ class Unusable(NamedTuple):
     Parameters
     ----------
     effect, target : str
-        The suspect: id of the effect and what it acts on; or a part of the diagnosis.
+        The candidate: id of the effect and what it acts on; or a part of the diagnosis.
     reason : str
         What went wrong, and beside which other causes.
     """

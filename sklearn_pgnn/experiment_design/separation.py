@@ -10,7 +10,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sklearn_pgnn.estimation.budgets import DRAWS, KEPT, OCTAVES, REPEATS, SAMPLES, STEPS, TOLERANCE
+from sklearn_pgnn.estimation.budgets import (
+    DRAWS,
+    KEPT,
+    OCTAVES,
+    POWER,
+    REPEATS,
+    SAMPLES,
+    STEPS,
+    TOLERANCE,
+)
 from sklearn_pgnn.estimation.candidate import Candidate
 from sklearn_pgnn.estimation.criterion import SelectionCriterion, log_likelihood_ratio
 from sklearn_pgnn.estimation.equivalence import are_equivalent
@@ -23,9 +32,6 @@ from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.simulation.record_windows import MIN_SAMPLES, cut
 from sklearn_pgnn.simulation.state_estimate import free_run
 from sklearn_pgnn.simulation.window_fit import fit_windows
-
-#: chance with which the diagnosis shall tell the causes apart
-POWER = 0.9
 
 
 @dataclass(frozen=True)
