@@ -293,7 +293,7 @@ def test_a_time_limit_that_is_never_enough_leaves_the_re_tuned_model(monkeypatch
     diagnosis, stages = stages_until_the_end(monkeypatch, 1e-3)
     assert diagnosis.verdict_ == "unexplained"
     assert diagnosis.causes_ == ()
-    assert diagnosis.stopped_ == "time limit of 0.001 s, at 'cause 1'"
+    assert diagnosis.stopped_ == "time limit of 0.001 s, at 'candidates'"
     assert stages[-1] == "held-out error"
     assert diagnosis.gain_["v"].refitted > 0
     assert "no cause was found yet" in verdict_sentence(diagnosis)
