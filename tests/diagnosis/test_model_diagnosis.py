@@ -20,20 +20,14 @@ from sklearn.base import clone
 
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects, systems
 from sklearn_pgnn.datasets import make_hidden_effect, make_two_tanks
-from sklearn_pgnn.estimation.fitting import HypothesisFitter
+from sklearn_pgnn.estimation.equivalence import are_equivalent
 from sklearn_pgnn.estimation.hypothesis import (
-    held_parameters,
     possible_causes,
     same_causes,
     same_parameter,
 )
-from sklearn_pgnn.estimation.problem import build_problem
-from sklearn_pgnn.estimation.screening import Screening
-from sklearn_pgnn.estimation.spectral_lines import tones_left
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.inspection.words import separation_sentence, verdict_sentence
-from sklearn_pgnn.simulation.windows import ShootingWindows
-from sklearn_pgnn.trajectories import read_records
 
 RECORDS = {"n_records": 6, "sample_rate": 100.0}
 SEED = 7
@@ -79,6 +73,28 @@ def names(cause):
     return {(cause.effect, cause.target), *((o.effect, o.target) for o in cause.confused_with)}
 
 
+def groups_of(prior, effect):
+    """Return what is the same as an effect, as it stands and where parameters are re-tuned."""
+    others = possible_causes(prior, effects.CATALOGUE)
+    cause, truth = type(effect)(effect.target), expected_name(prior, effect)
+    classes = [{(c.id, c.target) for c in (k, *v)} for k, v in same_causes(prior, others).items()]
+    same = {truth}.union(*(each for each in classes if truth in each))
+    tuned = {(each.id, each.target) for each in others if are_equivalent(prior, cause, each)}
+    return same, same | tuned
+
+
+def holds(found, value):
+    """Return whether an interval holds a value; one of a thousand right ones does not."""
+    reach = 3.3 / 1.96 * (found.high - found.low) / 2
+    return abs(found.value - value) <= reach
+
+
+def assert_size(cause, effect):
+    """Check that a cause's intervals hold the numbers that were hidden."""
+    for field, found in cause.parameters.items():
+        assert holds(found, getattr(effect, field)), (cause.effect, field, found, effect)
+
+
 def diagnose(hidden, **options):
     return ModelDiagnosis(hidden.prior, **options).fit(hidden.X, hidden.y)
 
@@ -114,12 +130,18 @@ HIDDEN = (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("effect", HIDDEN)
 def test_a_hidden_effect_is_named(effect):
     hidden = make_hidden_effect(effect=effect, random_state=SEED, **RECORDS)
     diagnosis = diagnose(hidden)
     assert len(diagnosis.causes_) == 1, diagnosis.causes_
-    assert expected_name(hidden.prior, hidden.effect) in names(diagnosis.causes_[0])
+    (cause,) = diagnosis.causes_
+    same, tuned = groups_of(hidden.prior, hidden.effect)
+    assert same <= names(cause) <= tuned
+    assert diagnosis.verdict_ == ("ambiguous" if cause.confused_with else "cause_named")
+    if (cause.effect, cause.target) == (hidden.effect.id, hidden.effect.target):
+        assert_size(cause, hidden.effect)
     gain = diagnosis.gain_["phi_measured"]
     assert gain.extended < 1.05 * gain.noise
 
@@ -139,6 +161,7 @@ def test_nothing_is_named_on_other_machines_either(system):
     assert diagnose(hidden).causes_ == ()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "kinds",
     [
@@ -159,6 +182,10 @@ def test_several_hidden_effects_are_named_and_no_other(kinds):
     assert len(groups) == len(kinds), groups
     assert [len(truth & group) for group in groups] == [1] * len(kinds), groups
     assert truth <= set().union(*groups)
+    hidden_as = {(effect.id, effect.target): effect for effect in hidden.effects}
+    for cause in diagnosis.causes_:
+        if (cause.effect, cause.target) in hidden_as:
+            assert_size(cause, hidden_as[cause.effect, cause.target])
 
 
 @pytest.mark.parametrize(
@@ -224,6 +251,8 @@ def test_wrong_parameters_are_named_and_no_structure(system, factors):
     for effect in wrong:
         value = diagnosis.extended_model_.parameters[effect.target].value
         assert abs(value / effect.value - 1) < 0.05
+        (cause,) = (c for c in diagnosis.causes_ if c.target == effect.target)
+        assert_size(cause, effect)
 
 
 def test_records_without_noise_are_judged_too():
@@ -314,33 +343,6 @@ def test_the_catalogue_and_the_targets_can_be_narrowed(friction):
     assert suspects == [("coulomb_friction", "omega"), ("input_bias", "torque")]
 
 
-def test_an_effect_that_a_parameter_holds_is_no_suspect():
-    golf = systems.golf_robot()
-    assert same_parameter(golf, effects.ViscousFriction("omega")) == "d"
-    assert same_parameter(golf, effects.CoulombFriction("omega")) is None
-    suspects = {(effect.id, effect.target) for effect in possible_causes(golf, effects.CATALOGUE)}
-    assert ("viscous_friction", "omega") not in suspects
-    assert ("wrong_parameter", "d") in suspects
-    assert held_parameters(golf, effects.AsymmetricFriction("omega")) == ("d",)
-
-
-def test_roots_of_what_may_be_negative_are_no_obstacle():
-    rates = {"h": "k4*u - k1*sqrt(h)", "g": "k1*sqrt(h) - k3*sqrt(g)"}
-    tanks = PhysicsModel(
-        {"h": "m", "g": "m"}, rates, {"k1": 0.1, "k3": 0.1, "k4": 0.2}, {"u": "V"}, {"level": "g"}
-    )
-    suspects = possible_causes(tanks, effects.CATALOGUE)
-    assert {effects.Leak("h"), effects.StateLimit("g")} <= set(suspects)
-
-
-@pytest.mark.parametrize("kind", effects.CATALOGUE, ids=lambda kind: kind.id)
-def test_an_effect_that_the_model_was_extended_by_is_no_suspect(kind):
-    models = systems.cart_on_spring(), systems.two_tanks()
-    model, target = next((model, t) for model in models for t in kind.targets(model))
-    suspects = possible_causes(model + kind(target), effects.CATALOGUE)
-    assert (kind(target) in suspects) is (not kind.quantities())
-
-
 def test_of_an_effect_that_the_model_was_extended_by_a_number_may_be_wrong():
     golf = systems.golf_robot()
     hidden = make_hidden_effect(golf, "coulomb_friction", random_state=SEED, **RECORDS)
@@ -352,48 +354,6 @@ def test_of_an_effect_that_the_model_was_extended_by_a_number_may_be_wrong():
     (cause,) = diagnosis.fit(hidden.X, hidden.y).causes_
     assert (cause.effect, cause.target) == ("wrong_parameter", "Fc_omega")
     assert abs(cause.parameters["value"].value / hidden.effect.level - 1) < 0.1
-
-
-def test_effects_that_say_the_same_are_one_suspect():
-    cart = systems.cart_on_spring()
-    suspects = possible_causes(cart, [effects.ConstantLoad, effects.InputBias, effects.SensorBias])
-    load, bias, sensor = suspects
-    assert same_causes(cart, suspects)[load] == (bias,)
-    assert same_causes(cart, suspects)[sensor] == ()
-
-
-def test_the_two_causes_that_explain_most_together_are_foretold():
-    cart = systems.cart_on_spring()
-    truth = (effects.QuadraticDrag("v", 0.6), effects.ConstantLoad("v", 0.8))
-    hidden = make_hidden_effect(cart, truth, random_state=SEED, **RIGS[systems.cart_on_spring])
-    problem = build_problem(hidden.prior, read_records(hidden.prior, hidden.X, hidden.y))
-    fitter = HypothesisFitter(problem)
-    ground = fitter.subsample(fitter.base())
-    kinds = (
-        effects.QuadraticDrag,
-        effects.ConstantLoad,
-        effects.CubicStiffness,
-        effects.CoulombFriction,
-    )
-    alone = [fitter.converge(fitter.first_fit(ground, kind("v"))) for kind in kinds]
-    screening = Screening(fitter.rough.windows)
-    for fit in alone:
-        screening.learn(ground, fit)
-    left, pair = screening.rank(ground, 2)[0]
-    assert {type(cause) for cause in pair} == {effects.QuadraticDrag, effects.ConstantLoad}
-    assert left < 0.5 * min(fit.squares for fit in alone)
-
-
-def test_thinned_windows_hold_the_mean_of_the_inputs():
-    t, u = np.arange(10.0), np.arange(10.0)[:, None]
-    bounds = np.array([0, 10])
-    windows = ShootingWindows(t, u, u, bounds, np.array([0, 5]), np.array([5, 5]), np.ones(1))
-    thin = windows.thin(2)
-    np.testing.assert_array_equal(thin.t, [0, 2, 4, 5, 7, 9])
-    np.testing.assert_array_equal(thin.u[:, 0], [0.5, 2.5, 4.0, 5.5, 7.5, 9.0])
-    np.testing.assert_array_equal(thin.starts, [0, 3])
-    np.testing.assert_array_equal(thin.bounds, [0, 6])
-    np.testing.assert_array_equal(replace(windows, hold="foh").thin(2).u, thin.t[:, None])
 
 
 def test_too_little_data_is_refused():
@@ -439,31 +399,6 @@ def test_an_interval_tells_how_far_the_held_friction_of_the_model_may_be_off():
         assert by_held < (found.high - found.low) / 2 < 1.5 * by_held
     level = cause.parameters["level_forward"]
     assert (level.high - level.low) / 2 < 0.05
-
-
-@pytest.mark.parametrize("seed", [2, 5])
-def test_ways_through_zero_are_fitted_with_either_sign(seed):
-    """Where a sensor shows the magnitude only, the true model leaves noise in every window."""
-    cart = systems.cart_on_spring()
-    options = {"n_records": 3, "sample_rate": 100.0, "random_state": seed}
-    hidden = make_hidden_effect(cart, "sensor_rectification", **options)
-    problem = build_problem(hidden.prior, read_records(hidden.prior, hidden.X, hidden.y))
-    fitter = HypothesisFitter(problem)
-    base, cause = fitter.base(), effects.SensorRectification("position")
-    fit = fitter.converge(fitter.first_fit(fitter.subsample(base), cause))
-    assert fitter.fit_all(fit, base).squares < 1.1 * problem.n_samples < 0.1 * base.squares
-
-
-@pytest.mark.parametrize("frequency", [0.83, 7.3, 23.1])
-def test_a_tone_in_what_is_left_is_heard_through_noise_of_four_times_its_power(frequency):
-    hidden = make_hidden_effect(n_records=3, duration=8, sample_rate=60, random_state=0)
-    problem = build_problem(hidden.prior, read_records(hidden.prior, hidden.X, hidden.y))
-    t = problem.windows.t
-    noise = np.random.default_rng(0).standard_normal(t.size) * np.sqrt(2)
-    left = np.sin(2 * np.pi * frequency * t) + noise
-    left[::7] = np.nan
-    tones = np.array(tones_left(problem.windows, left[:, None]))
-    assert np.abs(tones - frequency).min() < 1 / 8
 
 
 @pytest.fixture(scope="module", params=["zoh", "foh"])

@@ -1,5 +1,7 @@
 """Laws of the one comparison: invariance, false alarms under the null, power, probabilities."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -136,6 +138,27 @@ def test_a_cause_needs_evidence_a_share_and_a_free_run_that_agrees():
     assert not CRITERION.names(held_out(100, 100, **many), held_out(50, 500, **many))  # harms it
     assert not CRITERION.names(held_out(100), held_out(50, price=1e4))  # a memory pays
     assert not CRITERION.names(held_out(100), held_out(np.inf))
+
+
+def test_what_is_disturbed_along_a_cause_counts_for_less():
+    before, after = held_out(100, counts=1e3), held_out(90, counts=1e3)
+    needed = CRITERION.evidence(before, after) / CRITERION.to_name
+    assert CRITERION.names(before, after, overdispersion=0.99 * needed)
+    assert not CRITERION.names(before, after, overdispersion=1.01 * needed)
+
+
+def memory(squares, free, tells=True):
+    """Return a hypothesis that adds a state."""
+    return replace(held_out(squares, free, counts=1e4), n_added=1, tells_in_free_run=tells)
+
+
+def test_a_memory_is_judged_in_free_run_where_that_says_anything():
+    before = held_out(100, 100, counts=1e4)
+    assert CRITERION.names(before, memory(100, 50))
+    assert not CRITERION.names(before, memory(50, 100))  # free in every window, it says nothing
+    lost = replace(before, tells_in_free_run=False)
+    assert CRITERION.names(lost, memory(50, 100, tells=False))
+    assert not CRITERION.names(lost, memory(100, 50, tells=False))
 
 
 def test_more_candidates_ask_for_more_evidence():

@@ -6,11 +6,15 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, PhysicsModelRegressor, effects
 from sklearn_pgnn.diagnosis.result import measure_gain
+from sklearn_pgnn.estimation import window_fitter
 from sklearn_pgnn.estimation.budgets import FOLDS
-from sklearn_pgnn.estimation.held_out import MOST_HELD_OUT, make_folds
+from sklearn_pgnn.estimation.fitting import HypothesisFitter
+from sklearn_pgnn.estimation.held_out import MOST_HELD_OUT, CrossValidation, make_folds
 from sklearn_pgnn.estimation.problem import build_problem, longer
 from sklearn_pgnn.estimation.residuals import HeldOut, Residuals
 from sklearn_pgnn.estimation.window_selection import select_windows
@@ -78,6 +82,137 @@ def test_every_fold_is_judged_by_enough_others(sizes):
 def test_folds_are_whole_records_where_these_are_alike():
     problem = problem_of((500, 600, 550))
     np.testing.assert_array_equal(make_folds(problem), problem.windows.record)
+
+
+# -- what is judged was not learned from -----------------------------------------------------------
+
+
+def test_every_window_is_judged_once_by_what_the_others_taught(monkeypatch):
+    learned, judged = [], []
+
+    class Watched(CrossValidation):
+        def run(self, fit, folds, learn, judge):
+            def learn_and_note(which):
+                learned.append(which)
+                return learn(which)
+
+            def judge_and_note(model, which):
+                judged.append(which)
+                return judge(model, which)
+
+            return super().run(fit, folds, learn_and_note, judge_and_note)
+
+    monkeypatch.setattr(window_fitter, "CrossValidation", Watched)
+    fitter = HypothesisFitter(problem_of((400,) * 4))
+    fitter.held_out(fitter.base())
+    assert (np.sum(judged, axis=0) == 1).all()
+    for taught, inside in zip(learned, judged, strict=True):
+        np.testing.assert_array_equal(taught, ~inside)
+
+
+def test_what_was_not_measured_does_not_count():
+    X, y = drive((400,) * 4)
+    y[np.random.default_rng(0).random(y.size) < 0.3] = np.nan
+    fitter = HypothesisFitter(build_problem(CART, read_records(CART, X, y)))
+    found = fitter.held_out(fitter.base())
+    measured = np.count_nonzero(np.isfinite(y))
+    assert found.windows.counts == found.free_run.counts == [measured]
+    assert np.isfinite(found.block_squares).all()
+    assert found.windows.squares / measured == pytest.approx(1.0, rel=0.2)
+
+
+def machine_with(rate):
+    """Return the held-out error of a machine whose speed grows or falls at a rate, kept in hand."""
+    model = PhysicsModel({"v": "m/s"}, {"v": "a*v + F"}, {"a": rate}, {"F": "N"})
+    rng, X, y = np.random.default_rng(0), [], []
+    for i in range(4):
+        t, v, force = np.arange(500) * STEP, [0.0], []
+        for now in t[:-1]:
+            force.append(-4.0 * v[-1] + 2 * np.sin(0.7 * now + i) + np.sin(1.9 * now))
+            v.append(model.simulate([0.0, STEP], [force[-1]] * 2, [v[-1]], substeps=5).x[-1, 0])
+        X.append(pd.DataFrame({"trajectory": i, "t": t, "F": [*force, force[-1]]}))
+        y.append(np.array(v) + 1e-3 * rng.normal(size=t.size))
+    records = read_records(model, pd.concat(X, ignore_index=True), np.concatenate(y))
+    fitter = HypothesisFitter(build_problem(model, records, window_length=1.0))
+    return fitter.held_out(fitter.base())
+
+
+@pytest.mark.parametrize(("rate", "tells"), [(-2.0, True), (2.0, False)])
+def test_the_free_run_of_an_unstable_machine_says_nothing(rate, tells):
+    found = machine_with(rate)
+    assert found.tells_in_free_run is tells
+    assert found.windows.squares / found.windows.counts == pytest.approx(1.0, rel=0.2)
+
+
+# -- what the initial values of added states cost --------------------------------------------------
+
+PRIOR = PhysicsModel({"v": ""}, {"v": "u - v"}, {}, {"u": ""})
+REMEMBERS = PhysicsModel({"v": "", "z": ""}, {"v": "u - v - z", "z": "v - z"}, {}, {"u": ""})
+DRIVEN = PhysicsModel({"v": "", "z": ""}, {"v": "z - v", "z": "u - z"}, {}, {"u": ""})
+SPREAD = np.array([0.7, 0.3])
+
+
+def price(model, gram, x0, spread=SPREAD, dispersion=1.0):
+    """Return what the initial values of the added states cost, expected ones being 0."""
+    validation = CrossValidation(SimpleNamespace(prior=PRIOR), np.zeros(x0.shape), spread)
+    seen = Residuals(np.array([100.0 * dispersion]), np.array([100.0]), np.ones(1))
+    fit = SimpleNamespace(model=model)
+    return validation._memory_price(fit, gram, x0, np.arange(len(x0)), seen)
+
+
+def drawn(seed, count):
+    """Return products of sensitivities in some windows, and their initial states."""
+    rng = np.random.default_rng(seed)
+    slopes = rng.normal(size=(count, 20, 3)) * 10.0 ** rng.uniform(-2, 2, (count, 1, 3))
+    return np.einsum("wni,wnj->wij", slopes, slopes), rng.normal(size=(count, 2))
+
+
+windows_drawn = st.builds(drawn, st.integers(0, 1000), st.integers(1, 6))
+
+
+@given(windows_drawn)
+def test_a_memory_has_a_price_that_grows_with_the_windows_and_with_what_they_show(windows):
+    gram, x0 = windows
+    whole = price(REMEMBERS, gram, x0)
+    each = [price(REMEMBERS, gram[[w]], x0[[w]]) for w in range(len(x0))]
+    assert min(each) >= 0.0
+    assert whole == pytest.approx(sum(each))
+    assert price(REMEMBERS, 10.0 * gram, x0) >= whole
+    assert price(REMEMBERS, gram, 2.0 * x0) > whole > price(REMEMBERS, gram, x0, dispersion=9.0)
+
+
+@given(windows_drawn, st.floats(1e-3, 1e3))
+def test_the_price_knows_no_units(windows, unit):
+    gram, x0 = windows
+    other = np.array([1.0, 1.0 / unit, 1.0])
+    changed = price(REMEMBERS, gram * np.outer(other, other), x0 / other[:2], SPREAD / other[:2])
+    assert changed == pytest.approx(price(REMEMBERS, gram, x0), rel=1e-6)
+
+
+@given(windows_drawn)
+def test_states_that_only_inputs_drive_cost_nothing_nor_do_those_of_the_prior(windows):
+    gram, x0 = windows
+    assert price(DRIVEN, gram, x0) == 0.0
+    assert price(PRIOR, gram[:, 1:, 1:], x0[:, :1], SPREAD[:1]) == 0.0
+
+
+def test_a_memory_that_nothing_shows_and_that_stays_where_it_was_expected_costs_nothing():
+    assert price(REMEMBERS, np.zeros((3, 3, 3)), np.zeros((3, 2))) == pytest.approx(0.0)
+
+
+@given(st.floats(1e-2, 1e4), st.floats(-3, 3))
+def test_the_price_is_that_of_the_integral_over_the_initial_value(sharpness, seen):
+    r"""Here Laplace's method is exact: :math:`-\log\int N(z; 0, s^2) e^{-g(z - a)^2/2} dz`."""
+    weight = 1.0 / SPREAD[1] ** 2
+    z = sharpness * seen / (sharpness + weight)
+    gram, x0 = np.diag([0.0, sharpness, 0.0])[None], np.array([[0.0, z]])
+    integral = np.log1p(sharpness / weight) / 2
+    integral += sharpness * weight / (sharpness + weight) * seen**2 / 2
+    left = sharpness * (z - seen) ** 2 / 2
+    assert price(REMEMBERS, gram, x0) + left == pytest.approx(integral)
+
+
+# -- records that are too short --------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("sizes", [(79,), (39, 39, 39), (19,) * 5])

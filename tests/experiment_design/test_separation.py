@@ -163,7 +163,7 @@ def test_any_other_cause_can_be_asked_for(slow):
     *_, diagnosis = slow
     (cause,) = diagnosis.causes_
     (other,) = cause.confused_with
-    found = diagnosis.separating_experiment((cause.effect, cause.target), tuple(other))
+    found = diagnosis.separating_experiment((cause.effect, cause.target), other)
     assert (found.cause, found.other) == ((cause.effect, cause.target), other[:2])
     with pytest.raises(ValueError, match=rf"expected one that was named .* got {other.effect}"):
         diagnosis.separating_experiment(other)

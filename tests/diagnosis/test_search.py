@@ -1,0 +1,162 @@
+"""Laws of the search: one answer to one question, whatever was asked before and in what units."""
+
+import numpy as np
+import pytest
+from sledge import SLEDGE, drive
+
+from sklearn_pgnn import ModelDiagnosis, effects
+from sklearn_pgnn.estimation.criterion import SelectionCriterion
+from sklearn_pgnn.estimation.fitting import HypothesisFitter
+from sklearn_pgnn.estimation.problem import build_problem
+from sklearn_pgnn.trajectories import read_records
+
+LEVEL = 0.4
+KINDS = (
+    effects.ConstantLoad,
+    effects.CoulombFriction,
+    effects.QuadraticDrag,
+    effects.InputDeadZone,
+    effects.WrongParameter,
+)
+CRITERION = SelectionCriterion(alpha=0.01, smallest_share=0.05, n_candidates=len(KINDS) + 1)
+
+
+@pytest.fixture(scope="module")
+def rubbing():
+    return drive(SLEDGE + effects.CoulombFriction("v", level=LEVEL), n_records=3)
+
+
+def diagnose(X, y, model=SLEDGE, catalogue=KINDS):
+    return ModelDiagnosis(model, catalogue=catalogue).fit(X, y)
+
+
+@pytest.fixture(scope="module")
+def plain(rubbing):
+    return diagnose(*rubbing)
+
+
+# -- the same records, told otherwise --------------------------------------------------------------
+
+
+def test_the_hidden_friction_is_named_with_its_size(plain):
+    assert plain.verdict_ == "cause_named"
+    (cause,) = plain.causes_
+    assert (cause.effect, cause.target, cause.confused_with) == ("coulomb_friction", "v", ())
+    assert cause.parameters["level"].low <= LEVEL <= cause.parameters["level"].high
+    assert cause.probability > 0.99
+    assert plain.remaining_.kind == "noise"
+
+
+def assert_same(found, expected, unit=1.0):
+    """Check that a diagnosis says the same, its forces in another unit."""
+    assert (found.verdict_, found.complete_) == (expected.verdict_, True)
+    one, other = found.causes_[0], expected.causes_[0]
+    assert [(c.effect, c.target) for c in found.causes_] == [(other.effect, other.target)]
+    assert one.confused_with == other.confused_with
+    level, same = one.parameters["level"], other.parameters["level"]
+    assert level.value == pytest.approx(unit * same.value, rel=2e-3)
+    assert level.high - level.low == pytest.approx(unit * (same.high - same.low), rel=0.1)
+    assert one.probability == pytest.approx(other.probability, abs=1e-3)
+    assert found.remaining_.kind == expected.remaining_.kind
+
+
+def test_the_order_of_the_candidates_does_not_matter(rubbing, plain):
+    assert_same(diagnose(*rubbing, catalogue=KINDS[::-1]), plain)
+
+
+def test_the_order_of_the_records_does_not_matter(rubbing, plain):
+    X, y = rubbing
+    last = X.index[::-1].to_numpy().reshape(3, -1)[:, ::-1].ravel()
+    assert_same(diagnose(X.loc[last], y.loc[last]), plain)
+
+
+def test_the_unit_of_an_output_does_not_matter(rubbing):
+    X, y = rubbing
+    found = [
+        diagnose(X, (unit * y).rename(columns={"v": "speed"}), SLEDGE.replace(outputs=outputs))
+        for unit, outputs in ((10, {"speed": "10*v"}), (1000, {"speed": "1000*v"}))
+    ]
+    assert_same(*found)
+
+
+def test_the_units_of_the_whole_model_do_not_matter(rubbing, plain):
+    """Newtons as millinewtons: mass and damping in grams, the same speeds."""
+    X, y = rubbing
+    values = {name: 1e3 * p.value for name, p in SLEDGE.parameters.items()}
+    small = SLEDGE.replace(parameters=values)
+    assert_same(diagnose(X.assign(F=1e3 * X["F"]), y, small), plain, unit=1e3)
+
+
+def test_the_origin_of_the_time_does_not_matter(rubbing, plain):
+    X, y = rubbing
+    assert_same(diagnose(X.assign(t=X["t"] + 1.7e9), y), plain)
+
+
+def test_a_gap_in_a_record_does_not_matter(rubbing, plain):
+    X, y = rubbing
+    lost = (X["trajectory"] == 1) & X["t"].between(4.0, 6.0)
+    found = diagnose(X[~lost], y[~lost])
+    assert found.verdict_ == plain.verdict_
+    assert [c.effect for c in found.causes_] == ["coulomb_friction"]
+    level = found.causes_[0].parameters["level"]
+    assert level.low <= LEVEL <= level.high
+
+
+def test_more_records_make_it_more_certain(plain):
+    X, y = drive(SLEDGE + effects.CoulombFriction("v", level=LEVEL), n_records=6, seed=1)
+    (more,), (less,) = diagnose(X, y).causes_, plain.causes_
+    assert (more.effect, more.probability) == ("coulomb_friction", pytest.approx(1.0, abs=1e-3))
+    one, other = more.parameters["level"], less.parameters["level"]
+    assert one.high - one.low < other.high - other.low
+
+
+# -- the same question, asked at another time ------------------------------------------------------
+
+
+def fitted(fitter, *kinds):
+    """Return a hypothesis on all windows, its causes added one by one."""
+    current = fitter.base()
+    for kind in kinds:
+        ground = fitter.subsample(current)
+        found = fitter.converge(fitter.first_fit(ground, kind(kind.targets(SLEDGE)[0])))
+        current = fitter.fit_all(found, current)
+    return current
+
+
+@pytest.fixture
+def fitter(rubbing):
+    return HypothesisFitter(build_problem(SLEDGE, read_records(SLEDGE, *rubbing)))
+
+
+def evidence(fitter, without, with_):
+    return CRITERION.evidence(fitter.held_out(without), fitter.held_out(with_))
+
+
+def test_a_comparison_has_the_same_answer_whatever_was_asked_before(fitter, rubbing):
+    first = evidence(fitter, fitter.base(), fitted(fitter, effects.CoulombFriction))
+    for kinds in (KINDS[:1], KINDS[2:3], KINDS[2:4], KINDS[1:3]):
+        evidence(fitter, fitter.base(), fitted(fitter, *kinds))
+    again = evidence(fitter, fitter.base(), fitted(fitter, effects.CoulombFriction))
+    assert again == first
+    fresh = HypothesisFitter(fitter.problem)
+    for kinds in (KINDS[2:4], KINDS[:1]):
+        fitted(fresh, *kinds)
+    late = evidence(fresh, fresh.base(), fitted(fresh, effects.CoulombFriction))
+    assert late == pytest.approx(first, rel=1e-3)
+
+
+def test_evidence_over_a_third_adds_up(fitter):
+    """Differences of one statistic: what holds over none, and between two, is consistent."""
+    none, one, other = fitter.base(), *(fitted(fitter, kind) for kind in KINDS[1:3])
+    there, back = evidence(fitter, one, other), evidence(fitter, other, one)
+    assert there == pytest.approx(-back)
+    assert np.sign(there) == np.sign(evidence(fitter, none, other) - evidence(fitter, none, one))
+
+
+def test_nothing_that_was_asked_changes_the_problem(fitter):
+    windows = fitter.problem.windows
+    before = {name: getattr(windows, name).copy() for name in ("t", "u", "y", "starts", "scale")}
+    fitted(fitter, effects.CoulombFriction, effects.ConstantLoad)
+    assert fitter.problem.windows is windows
+    for name, values in before.items():
+        np.testing.assert_array_equal(getattr(windows, name), values)

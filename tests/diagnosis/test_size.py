@@ -1,0 +1,115 @@
+"""Laws of what residuals count along a cause, and of the errors of its numbers."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.signal import lfilter
+from sledge import SLEDGE, drive
+
+from sklearn_pgnn import effects
+from sklearn_pgnn.diagnosis import size
+from sklearn_pgnn.diagnosis.size import overdispersion_along, parameter_errors
+from sklearn_pgnn.estimation.fitting import HypothesisFitter
+from sklearn_pgnn.estimation.problem import build_problem
+from sklearn_pgnn.estimation.residuals import Residuals
+from sklearn_pgnn.trajectories import read_records
+
+LOAD, STRIBECK = effects.ConstantLoad("v"), effects.StribeckFriction("v")
+
+
+def along(ratios, *causes, residuals=None):
+    """Return the overdispersion along causes, given that along every parameter."""
+    estimate = SimpleNamespace(x=np.zeros((4, 1)), spread=np.ones(1))
+    problem = SimpleNamespace(
+        states=SimpleNamespace(estimate=lambda model: estimate),
+        windows=SimpleNamespace(starts=np.arange(2)),
+    )
+    trial = SimpleNamespace(fit=SimpleNamespace(model=None))
+    seen, one = [], np.ones(1)
+
+    def overdispersion(fit, expected, spread, dispersion):
+        seen.append(dispersion)
+        return ratios
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(size, "overdispersion", overdispersion)
+        residuals = residuals or Residuals(one, one, one)
+        return overdispersion_along(problem, trial, causes, residuals), seen[0]
+
+
+ratio = st.floats(1.0, 1e6)
+
+
+@given(ratio, st.lists(ratio, min_size=3, max_size=3))
+def test_of_several_causes_the_most_disturbed_counts_and_of_one_the_mean(load, friction):
+    names = list(STRIBECK.names().values())
+    ratios = {"F0_v": load, **dict(zip(names, friction, strict=True)), "m": 1e9}
+    assert along(ratios, LOAD)[0] == load
+    assert along(ratios, STRIBECK)[0] == pytest.approx(np.mean(friction))
+    both, turned = along(ratios, LOAD, STRIBECK)[0], along(ratios, STRIBECK, LOAD)[0]
+    assert both == turned == max(along(ratios, LOAD)[0], along(ratios, STRIBECK)[0])
+
+
+def test_what_has_no_number_is_disturbed_by_nothing():
+    assert along({"m": 7.0}, effects.SensorRectification("v"))[0] == 1.0
+    assert along({}, LOAD)[0] == 1.0  # held, and not fitted
+
+
+def test_coloured_residuals_count_by_their_effective_number():
+    times, counts = np.array([1.0, 5.0]), np.array([100.0, 300.0])
+    residuals = Residuals(2.0 * counts, counts, times)
+    assert along({}, residuals=residuals)[1] == pytest.approx((2 * 100 + 10 * 300) / 400)
+
+
+# -- on records ------------------------------------------------------------------------------------
+
+
+def disturbed(strength, seed=0):
+    """Return a fitted load on a sledge that slow forces from outside push, and the fitter."""
+    rng = np.random.default_rng(seed)
+    X, y = drive(SLEDGE, n_records=6, samples=400, noise=0.0, seed=seed)
+    pushed = SLEDGE.replace(inputs={"F": "N", "wind": "N"}, equations={"v": "(F + wind - d*v)/m"})
+    runs = []
+    for _, rows in X.groupby("trajectory"):
+        slow = lfilter([np.sqrt(1 - 0.99**2)], [1, -0.99], rng.normal(size=len(rows)))
+        run = pushed.simulate(rows["t"], np.column_stack([rows["F"], strength * slow]), substeps=5)
+        runs.append(run.y[:, 0])
+    noise = 2e-3 * rng.normal(size=len(y))
+    records = read_records(SLEDGE, X, np.concatenate(runs) + noise)
+    fitter = HypothesisFitter(build_problem(SLEDGE, records, noise_std=[2e-3]))
+    base = fitter.base()
+    found = fitter.converge(fitter.first_fit(fitter.subsample(base), LOAD))
+    return fitter, fitter.polish(fitter.fit_all(found, base))
+
+
+def test_noise_of_a_sensor_counts_whole_and_a_push_from_outside_counts_less():
+    found = []
+    for strength in (0.0, 0.3):
+        fitter, trial = disturbed(strength)
+        held_out = fitter.held_out(trial).windows
+        found.append(overdispersion_along(fitter.problem, trial, [LOAD], held_out))
+    quiet, loud = found
+    assert 1.0 <= quiet < 3.0 < loud
+
+
+def test_the_error_of_a_load_is_that_of_many_records():
+    draws = [disturbed(0.0, seed)[1].fit.model.parameters["F0_v"].value for seed in range(8)]
+    fitter, trial = disturbed(0.0)
+    error = parameter_errors(fitter.problem, trial)["F0_v"]
+    assert 0.4 < error / np.std(draws, ddof=1) < 2.5
+
+
+def test_an_error_scales_with_the_noise():
+    fitter, trial = disturbed(0.0)
+    errors = parameter_errors(fitter.problem, trial)
+    gram = trial.fit.evaluation.block_gram.copy()
+    gram[..., -1] *= 3.0  # residuals thrice as large ...
+    gram[..., -1, :] *= 3.0
+    evaluation = replace(trial.fit.evaluation, block_gram=gram)
+    louder = replace(trial, fit=replace(trial.fit, evaluation=evaluation))
+    more = parameter_errors(fitter.problem, louder)["F0_v"]
+    assert errors["F0_v"] < more <= 3.01 * errors["F0_v"]

@@ -1,0 +1,158 @@
+"""Laws of what is left: noise of any colour has no structure, a part of the physics has."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+from sledge import SLEDGE, drive
+
+from sklearn_pgnn import effects
+from sklearn_pgnn.diagnosis.structure import (
+    IN_RECORD,
+    _groups,
+    _is_positive,
+    find_structure,
+)
+from sklearn_pgnn.estimation.budgets import STRETCHES
+from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
+from sklearn_pgnn.estimation.fitting import HypothesisFitter
+from sklearn_pgnn.estimation.hypothesis import Hypothesis
+from sklearn_pgnn.estimation.problem import build_problem
+from sklearn_pgnn.simulation.windows import evaluate
+from sklearn_pgnn.trajectories import read_records
+
+ALPHA, SHARE = 0.01, 0.05
+
+
+@pytest.fixture(scope="module")
+def fitted():
+    """Return a problem with eight records of a sledge, and its re-tuned prior."""
+    X, y = drive(n_records=8, samples=250)
+    problem = build_problem(SLEDGE, read_records(SLEDGE, X, y))
+    return problem, HypothesisFitter(problem).base()
+
+
+def left(fitted, residual):
+    """Return the re-tuned prior as if it left something else of the records."""
+    problem, base = fitted
+    scaled = residual.reshape(-1, 1) * problem.windows.scale
+    evaluation = replace(base.fit.evaluation, residual=scaled)
+    return FittedHypothesis(base.hypothesis, replace(base.fit, evaluation=evaluation))
+
+
+def noise_of(kind, problem, rng):
+    """Return noise of a sensor, every record's drawn by itself."""
+    bounds = problem.windows.bounds
+    draws = rng.standard_normal((bounds.size - 1, bounds[1]))
+    if kind == "first order":
+        draws = lfilter([1], [1, -0.95], draws, axis=1)
+    elif kind == "wandering":
+        draws = np.cumsum(draws, axis=1)
+    return draws.ravel()
+
+
+# -- no structure ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("alpha", [0.01, 0.1])
+@pytest.mark.parametrize("groups", [3, 8])
+def test_shares_without_any_meaning_are_taken_for_some_as_rarely_as_alpha_says(alpha, groups):
+    draws = np.random.default_rng(0).normal(size=(4000, groups))
+    rate = np.mean([_is_positive(shares, alpha) for shares in draws])
+    assert rate == pytest.approx(alpha, abs=3 * np.sqrt(alpha / len(draws)))
+
+
+def test_one_group_proves_nothing():
+    assert not _is_positive(np.array([0.9]), ALPHA)
+    assert not _is_positive(np.array([]), ALPHA)
+    assert not _is_positive(np.zeros(8), ALPHA)
+
+
+@pytest.mark.parametrize("kind", ["white", "first order", "wandering"])
+def test_noise_of_any_colour_has_no_structure(fitted, kind):
+    rng, draws, alpha = np.random.default_rng(0), 10, 0.05
+    found = [
+        find_structure(fitted[0], left(fitted, noise_of(kind, fitted[0], rng)), alpha, SHARE)
+        for _ in range(draws)
+    ]
+    alarms = sum(structure.is_significant for structure in found)
+    assert alarms <= alpha * draws + 2 * np.sqrt(alpha * draws)
+    assert all(not s.depends_on for s in found if not s.is_significant)
+
+
+def test_what_one_record_has_and_no_other_is_no_structure(fitted):
+    problem = fitted[0]
+    offsets = np.random.default_rng(1).normal(size=problem.windows.bounds.size - 1)
+    each = np.repeat(offsets, np.diff(problem.windows.bounds))
+    noise = np.random.default_rng(2).normal(size=each.size)
+    assert not find_structure(problem, left(fitted, each + noise), ALPHA, SHARE).is_significant
+
+
+# -- structure -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "effect", [effects.CoulombFriction("v", 0.4), effects.QuadraticDrag("v", 0.3)]
+)
+def test_an_effect_without_a_name_leaves_structure_in_what_it_depends_on(effect):
+    X, y = drive(SLEDGE + effect, n_records=8, samples=250)
+    fitter = HypothesisFitter(build_problem(SLEDGE, read_records(SLEDGE, X, y)))
+    structure = find_structure(fitter.problem, fitter.base(), ALPHA, SHARE)
+    assert structure.is_significant
+    assert structure.skill["v"] > SHARE
+    assert {"v", "F"} & set(structure.depends_on)
+
+
+@pytest.mark.parametrize("name", ["F", IN_RECORD])
+def test_structure_depends_on_what_makes_it(fitted, name):
+    problem = fitted[0]
+    windows = problem.windows
+    begun = np.repeat(windows.t[windows.bounds[:-1]], np.diff(windows.bounds))
+    signal = windows.u[:, 0] ** 3 if name == "F" else (windows.t - begun > 3.0)
+    signal = (signal - np.mean(signal)) / np.std(signal)
+    noise = np.random.default_rng(0).normal(size=signal.size)
+    structure = find_structure(problem, left(fitted, signal + noise), ALPHA, SHARE)
+    assert structure.is_significant
+    assert structure.depends_on[0] == name
+    assert structure.skill["v"] == pytest.approx(0.5, abs=0.15)  # the rest is noise
+
+
+def test_less_than_the_smallest_share_is_not_worth_saying(fitted):
+    problem = fitted[0]
+    u = problem.windows.u[:, 0] / problem.windows.u.std()
+    trial = left(fitted, u + np.random.default_rng(0).normal(size=u.size))
+    assert not find_structure(problem, trial, ALPHA, 0.9).is_significant
+
+
+def test_units_of_the_residuals_do_not_matter(fitted):
+    problem = fitted[0]
+    u = problem.windows.u[:, 0] + np.random.default_rng(0).normal(size=len(problem.windows.u))
+    one, other = (
+        find_structure(problem, left(fitted, scale * u), ALPHA, SHARE) for scale in (1.0, 1e3)
+    )
+    assert one.depends_on == other.depends_on
+    assert one.skill["v"] == pytest.approx(other.skill["v"], rel=1e-3)
+
+
+def test_the_states_it_asks_are_those_of_a_free_run(fitted):
+    """Noise of the sensor does not explain itself: no feature has seen the measured outputs."""
+    problem, base = fitted
+    other = replace(problem.windows, y=problem.windows.y[::-1].copy())
+    x0 = base.fit.x0
+    moved = evaluate(base.fit.model, other, x0, ()).residual
+    changed = replace(problem, windows=other)
+    fit = replace(base.fit, evaluation=replace(base.fit.evaluation, residual=moved))
+    noise = noise_of("white", problem, np.random.default_rng(0))
+    one = find_structure(problem, left(fitted, noise), ALPHA, SHARE)
+    again = left((changed, FittedHypothesis(Hypothesis(), fit)), noise)
+    assert find_structure(changed, again, ALPHA, SHARE).skill == one.skill
+
+
+@pytest.mark.parametrize("records", [1, 2, 3, 8, 20])
+def test_groups_are_records_or_stretches_of_them_and_never_mixed_samples(records):
+    record = np.repeat(np.arange(records), 48)
+    group = _groups(record, np.arange(record.size))
+    assert np.unique(group).size == STRETCHES
+    inside = np.diff(record) == 0
+    assert np.count_nonzero(np.diff(group)[inside]) == records * (-(-STRETCHES // records) - 1)

@@ -1,0 +1,89 @@
+"""Laws of the verdict: what is missing, and what is left, by numbers anyone can check."""
+
+import itertools
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from sklearn_pgnn.diagnosis.structure import Structure
+from sklearn_pgnn.diagnosis.verdict import Remaining, describe_remaining, verdict_of
+
+pytestmark = pytest.mark.core
+
+SHARE = 0.05
+
+
+def described(left, white, structure=None):
+    """Describe what is left of two outputs, given its squares and their white part."""
+    fitter = SimpleNamespace(
+        squares_by_output=lambda trial: np.array(left, dtype=float),
+        white_squares=lambda trial: np.array(white, dtype=float),
+        problem=SimpleNamespace(prior=SimpleNamespace(outputs={"x": "x", "y": "y"})),
+    )
+    return describe_remaining(fitter, None, structure, SHARE)
+
+
+@pytest.mark.parametrize(
+    ("left", "white", "kind"),
+    [
+        ((100, 100), (100, 100), "noise"),
+        ((100, 100), (104, 98), "noise"),
+        ((100, 100), (100, 94), "disturbance"),
+        ((900, 100), (100, 100), "disturbance"),
+    ],
+)
+def test_what_is_left_is_noise_if_it_is_white_up_to_the_smallest_share(left, white, kind):
+    for structure in (None, Structure({}, False)):
+        assert described(left, white, structure).kind == kind
+
+
+def test_what_depends_on_the_records_is_structure_however_white_it_is():
+    remaining = described((100, 100), (100, 100), Structure({}, True, ("v", "F")))
+    assert (remaining.kind, remaining.depends_on) == ("structure", ("v", "F"))
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
+def test_what_is_left_is_told_in_multiples_of_its_white_part_whatever_the_units(unit):
+    remaining = described((unit * 900, 100), (unit * 100, 100))
+    assert remaining.times_noise == pytest.approx({"x": 3.0, "y": 1.0})
+    assert remaining.kind == "disturbance"
+
+
+def search_result(rivals, complete=True):
+    """Return what a search has named, given what may stand in the place of each cause."""
+    steps = [object() for _ in rivals]
+    return SimpleNamespace(steps=steps, rivals=dict(enumerate(rivals)), complete=complete)
+
+
+KINDS = ("noise", "disturbance", "structure")
+
+
+@pytest.mark.parametrize(("kind", "has_formula"), itertools.product(KINDS, (False, True)))
+def test_what_is_named_is_said_however_much_is_left(kind, has_formula):
+    remaining = Remaining(kind, {})
+    assert verdict_of(search_result([[]]), remaining, has_formula) == "cause_named"
+    assert verdict_of(search_result([[], ["other"]]), remaining, has_formula) == "ambiguous"
+
+
+@pytest.mark.parametrize(
+    ("kind", "has_formula", "verdict"),
+    [
+        ("noise", False, "model_adequate"),
+        ("disturbance", False, "model_adequate"),
+        ("structure", False, "unexplained"),
+        ("noise", True, "unexplained"),
+        ("structure", True, "unexplained"),
+    ],
+)
+def test_where_nothing_is_named_only_structure_or_its_formula_is_unexplained(
+    kind, has_formula, verdict
+):
+    assert verdict_of(search_result([]), Remaining(kind, {}), has_formula) == verdict
+
+
+@pytest.mark.parametrize(
+    ("kind", "verdict"), [("noise", "model_adequate"), ("disturbance", "unexplained")]
+)
+def test_a_search_that_was_ended_calls_no_model_adequate_that_leaves_more_than_noise(kind, verdict):
+    assert verdict_of(search_result([], complete=False), Remaining(kind, {}), False) == verdict

@@ -1,0 +1,22 @@
+"""Windows: how they are cut, thinned and summed."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sklearn_pgnn.simulation.windows import ShootingWindows
+
+pytestmark = pytest.mark.core
+
+
+def test_thinned_windows_hold_the_mean_of_the_inputs():
+    t, u = np.arange(10.0), np.arange(10.0)[:, None]
+    bounds = np.array([0, 10])
+    windows = ShootingWindows(t, u, u, bounds, np.array([0, 5]), np.array([5, 5]), np.ones(1))
+    thin = windows.thin(2)
+    np.testing.assert_array_equal(thin.t, [0, 2, 4, 5, 7, 9])
+    np.testing.assert_array_equal(thin.u[:, 0], [0.5, 2.5, 4.0, 5.5, 7.5, 9.0])
+    np.testing.assert_array_equal(thin.starts, [0, 3])
+    np.testing.assert_array_equal(thin.bounds, [0, 6])
+    np.testing.assert_array_equal(replace(windows, hold="foh").thin(2).u, thin.t[:, None])

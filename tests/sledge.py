@@ -1,0 +1,22 @@
+"""Records of a sledge: one speed, one force, so small that a diagnosis of them is quick."""
+
+import numpy as np
+import pandas as pd
+
+from sklearn_pgnn import PhysicsModel
+
+SLEDGE = PhysicsModel(
+    {"v": "m/s"}, {"v": "(F - d*v)/m"}, {"m": 2.0, "d": 0.5}, {"F": "N"}, inertia={"v": "m"}
+)
+STEP, NOISE = 0.02, 2e-3
+
+
+def drive(rig=SLEDGE, n_records=4, samples=500, noise=NOISE, seed=0):
+    """Return X and y of a sledge that is pushed to and fro."""
+    rng, X, y = np.random.default_rng(seed), [], []
+    for record in range(n_records):
+        t = np.arange(samples) * STEP
+        force = 2 * np.sin((0.7 + 0.2 * record) * t + record) + np.sin((1.9 + record) * t)
+        X.append(pd.DataFrame({"trajectory": record, "t": t, "F": force}))
+        y.append(rig.simulate(t, force, substeps=5).y[:, 0] + noise * rng.normal(size=t.size))
+    return pd.concat(X, ignore_index=True), pd.DataFrame({"v": np.concatenate(y)})
