@@ -50,14 +50,14 @@ def records():
 
 X, Y = records()
 
-EFFECTS = (effects.CoulombFriction, effects.QuadraticDrag)
+EFFECTS = (effects.WrongParameter, effects.QuadraticDrag)
 #: every public estimator, small
 ESTIMATORS = {
     "PhysicsModelTransformer": PhysicsModelTransformer(CART),
     "PhysicsModelRegressor": PhysicsModelRegressor(CART, search="local"),
     "ResidualRegressor": ResidualRegressor(CART),
     "SINDYcRegressor": SINDYcRegressor(CART),
-    "ModelDiagnosis": ModelDiagnosis(CART, targets=["v"], catalogue=EFFECTS, max_causes=1),
+    "ModelDiagnosis": ModelDiagnosis(CART, targets=["v", "d"], catalogue=EFFECTS, max_causes=1),
     "PGNNLRegressor": PGNNLRegressor(CART, structure="correction", **QUICK),
     "PGNNLRegressor with physics": PGNNLRegressor(
         CART, lambda_phy=0.2, structure="increment", horizon=3, rollout_epochs=1,

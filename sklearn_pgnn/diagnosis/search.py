@@ -228,9 +228,12 @@ class Search:
         allowed = [c for c in candidates if current.hypothesis.allows(c)]
         self.progress.begin(f"cause {len(current.hypothesis.causes) + 1}", 2 * len(allowed))
         ground = self.fitter.subsample(current)
-        fits = [self._step(self.fitter.first_fit(ground, cause)) for cause in allowed]
-        if not current.hypothesis.causes:
-            self._note_alone(ground, fits)
+        fits = []
+        for cause in allowed:
+            fits.append(self.fitter.first_fit(ground, cause))
+            if not current.hypothesis.causes:
+                self._note_alone(ground, fits[-1:])
+            self.progress.step()
         return _usable(fits)
 
     def _converge(self, current, fits: list[SubsampleFit]) -> list[SubsampleFit]:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, PhysicsModelRegressor, effects
 from sklearn_pgnn.diagnosis.result import measure_gain
-from sklearn_pgnn.estimation import fitting
+from sklearn_pgnn.estimation import window_fitter
 from sklearn_pgnn.estimation.budgets import FOLDS
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
 from sklearn_pgnn.estimation.held_out import MOST_HELD_OUT, CrossValidation, make_folds
@@ -102,7 +102,7 @@ def test_every_window_is_judged_once_by_what_the_others_taught(monkeypatch):
 
             return super().run(fit, folds, learn_and_note, judge_and_note)
 
-    monkeypatch.setattr(fitting, "CrossValidation", Watched)
+    monkeypatch.setattr(window_fitter, "CrossValidation", Watched)
     fitter = HypothesisFitter(problem_of((400,) * 4))
     fitter.held_out(fitter.base())
     assert (np.sum(judged, axis=0) == 1).all()
