@@ -124,8 +124,8 @@ def test_drives_have_a_sensor_that_sees_the_magnitude(real_data):
         pd.DataFrame({"trajectory": n, "t": table["t"], "u": table[f"u1{n}"]}) for n in (1, 2)
     )
     y = np.concatenate([table[f"z1{n}"] for n in (1, 2)])
-    diagnosis = ModelDiagnosis(model, max_causes=1).fit(X, y)
-    assert [cause.effect for cause in diagnosis.causes_] == ["sensor_rectification"]
+    diagnosis = ModelDiagnosis(model).fit(X, y)
+    assert "sensor_rectification" in {cause.effect for cause in diagnosis.causes_}
 
 
 def test_tanks_run_over_and_their_sensor_ends(real_data):

@@ -152,8 +152,10 @@ class Search:
         ranked = self._screen().rank(ground, 2)
         allowed = [pair for _, pair in ranked if ground.hypothesis.plus(pair[0]).allows(pair[1])]
         for pair in allowed[:PAIRS]:
-            one, other = _usable([self.fitter.first_fit(ground, cause) for cause in pair])
-            fits.append(self._step(self.fitter.first_fit(one, other.hypothesis.causes[-1])))
+            alone = _usable([self.fitter.first_fit(ground, cause) for cause in pair])
+            if len(alone) == 2:
+                other = alone[1].hypothesis.causes[-1]
+                fits.append(self._step(self.fitter.first_fit(alone[0], other)))
         return self._choose(current, self._converge(current, _usable(fits)), n_causes=2)
 
     def _replace_by_pair(self, current: FittedHypothesis) -> FittedHypothesis | None:

@@ -348,7 +348,7 @@ def test_a_drifting_parameter_is_shown_over_time():
 
 
 def test_a_parameter_that_depends_on_a_state_is_shown_over_it():
-    effect = effects.ParameterSlope("d(x)", slope=0.8)
+    effect = effects.ParameterSlope("d(x)", slope=0.5)
     diagnosis = diagnose(effect, (effects.ParameterSlope,))
     assert "d that changes with x" in verdict_sentence(diagnosis)
     evidence = find_evidence(diagnosis, diagnosis.causes_[0])
