@@ -106,7 +106,10 @@ def test_hoop_has_dry_friction_and_its_steps_are_foretold(hoop, real_data):
     assert np.sqrt(np.mean((y - held_out["y"]) ** 2)) < 0.6
 
 
-@pytest.mark.xfail(reason="since the one criterion other causes are named beside the sensor or in its place", strict=False)
+@pytest.mark.xfail(
+    reason="since the one criterion other causes are named beside the sensor or in its place",
+    strict=False,
+)
 def test_drives_have_a_sensor_that_sees_the_magnitude(real_data):
     model = PhysicsModel(
         name="drives",
@@ -129,7 +132,9 @@ def test_drives_have_a_sensor_that_sees_the_magnitude(real_data):
     assert "sensor_rectification" in {cause.effect for cause in diagnosis.causes_}
 
 
-@pytest.mark.xfail(reason="since the one criterion other causes are named in place of the overflow", strict=False)
+@pytest.mark.xfail(
+    reason="since the one criterion other causes are named in place of the overflow", strict=False
+)
 def test_tanks_run_over_and_their_sensor_ends(real_data):
     """The prior alone is 0.8 V off in the free run of the record that is held out."""
     flows = {k: Parameter(k, 0.05, bounds=(1e-4, 10.0)) for k in ("k1", "k2", "k3", "k4")}
