@@ -212,11 +212,11 @@ def test_two_known_causes_are_not_given_up_for_a_formula_of_as_many_numbers():
         {"angle": "phi"},
         inertia={"w": "J"},
     )
-    kinds = ("quadratic_drag", "sensor_bias")
-    hidden = make_hidden_effect(pendulum, kinds, amplitude=1.5, random_state=1, **RECORDS)
+    truth = (effects.QuadraticDrag("w", 0.05), effects.SensorBias("angle", -0.015))
+    hidden = make_hidden_effect(pendulum, truth, amplitude=1.5, random_state=1, **RECORDS)
     catalogue = (effects.Cogging, effects.QuadraticDrag, effects.SensorBias)
     diagnosis = ModelDiagnosis(hidden.prior, catalogue=catalogue).fit(hidden.X, hidden.y)
-    assert {cause.effect for cause in diagnosis.causes_} == set(kinds)
+    assert {cause.effect for cause in diagnosis.causes_} == {effect.id for effect in truth}
     assert diagnosis.discrepancy_ is None
 
 
