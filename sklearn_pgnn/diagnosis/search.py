@@ -113,7 +113,7 @@ class Search:
             yield self._add_patiently
             if room >= 2:
                 yield self._add_pair
-            if room >= 1 and count:
+            if count:
                 yield self._replace_by_pair
 
     def is_nameable(self, trial: FittedHypothesis) -> bool:
@@ -314,7 +314,8 @@ class Search:
 
     def refutes(self, better: FittedHypothesis, worse: FittedHypothesis) -> bool:
         """Return whether the second of two hypotheses is refuted by the first."""
-        return self.evidence(worse, better) > self.criterion.to_refute
+        held_out = self.fitter.held_out
+        return self.criterion.refutes(held_out(better), held_out(worse))
 
     def _names(self, without, with_, n_causes=1) -> bool:
         before, after = self.fitter.held_out(without), self.fitter.held_out(with_)

@@ -18,6 +18,7 @@ from threadpoolctl import threadpool_limits
 from sklearn_pgnn.estimation.budgets import LAGS, LEAVES, SAMPLES, STRETCHES, TREES
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
 from sklearn_pgnn.estimation.fitted_records import record_starts
+from sklearn_pgnn.estimation.held_out import record_of, segments
 from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.simulation.state_estimate import free_run
 
@@ -109,10 +110,8 @@ class _Table:
     @classmethod
     def of(cls, problem: EstimationProblem, trial: FittedHypothesis) -> "_Table":
         windows, model = problem.windows, trial.fit.model
-        ids = np.full(windows.t.size, -1)
-        for w, (a, n) in enumerate(zip(windows.starts, windows.lengths, strict=True)):
-            ids[a : a + n] = w
-        rows = np.flatnonzero(ids >= 0)
+        window = segments(windows)
+        rows = np.flatnonzero(window >= 0)
         rows = rows[:: max(1, rows.size // SAMPLES)]
         starts = record_starts(problem, model, trial.fit.x0)
         spans = list(pairwise(windows.bounds))
@@ -122,8 +121,8 @@ class _Table:
         acting = windows.acting_inputs(model)
         signals = np.hstack([np.concatenate(runs), acting])
         signals = np.where(np.isfinite(signals), signals, np.nan)
-        record = np.searchsorted(windows.bounds, rows, side="right") - 1
-        since = windows.t[rows] - windows.t[windows.starts[ids[rows]]]
+        record = record_of(windows)[rows]
+        since = windows.t[rows] - windows.t[windows.starts[window[rows]]]
         length = max(float(np.median(windows.lengths)), 1.0)
         earlier = [np.maximum(rows - round(lag * length), windows.bounds[record]) for lag in LAGS]
         columns = [signals[at] for at in earlier]

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -95,14 +96,10 @@ def standard_errors(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) ->
         return {}
     if not fit.usable:
         return dict.fromkeys(names, np.inf)
-    normal = project(fit.evaluation.gram, len(names), 1.0 / spread**2, fit.x0 - expected)
-    pull = np.array([1.0 / freedom.spread**2 for freedom in fit.freedoms])
-    inverse, flat = _invert(normal.hessian.sum(axis=0) + np.diag(pull))
-    scores = _block_scores(fit, normal)
-    factor = len(scores) / max(len(scores) - len(names), 1)
-    meat = scores.T @ scores * factor + np.diag(pull)
-    variances = np.maximum(np.diag(inverse @ meat @ inverse), np.diag(inverse))
-    return dict(zip(names, np.where(flat, np.inf, np.sqrt(variances)).tolist(), strict=True))
+    found = _curvature(fit, expected, spread)
+    variances = np.maximum(found.variances, np.diag(found.inverse))
+    errors = np.where(found.flat, np.inf, np.sqrt(variances))
+    return dict(zip(names, errors.tolist(), strict=True))
 
 
 def overdispersion(
@@ -136,15 +133,32 @@ def overdispersion(
     names = [freedom.name for freedom in fit.freedoms]
     if not (names and fit.usable):
         return dict.fromkeys(names, 1.0)
-    normal = project(fit.evaluation.gram, len(names), 1.0 / spread**2, fit.x0 - expected)
+    found = _curvature(fit, expected, spread)
+    meat = dispersion * found.hessian + found.pull
+    explained = np.diag(found.inverse @ meat @ found.inverse)
+    ratio = found.variances / np.where(explained > 0, explained, np.inf)
+    return dict(zip(names, np.maximum(ratio, 1.0).tolist(), strict=True))
+
+
+class _Curvature(NamedTuple):
+    """The curvature of a fit's objective, and what its blocks' gradients say of the parameters."""
+
+    hessian: np.ndarray
+    pull: np.ndarray
+    inverse: np.ndarray
+    flat: np.ndarray
+    variances: np.ndarray
+
+
+def _curvature(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) -> _Curvature:
+    """Return the curvature at a fit, and its parameters' variances robust to coloured residuals."""
+    normal = project(fit.evaluation.gram, len(fit.freedoms), 1.0 / spread**2, fit.x0 - expected)
     pull = np.diag([1.0 / freedom.spread**2 for freedom in fit.freedoms])
     hessian, scores = normal.hessian.sum(axis=0), _block_scores(fit, normal)
-    inverse, _ = _invert(hessian + pull)
-    factor = len(scores) / max(len(scores) - len(names), 1)
-    found = np.diag(inverse @ (scores.T @ scores * factor + pull) @ inverse)
-    explained = np.diag(inverse @ (dispersion * hessian + pull) @ inverse)
-    ratio = found / np.where(explained > 0, explained, np.inf)
-    return dict(zip(names, np.maximum(ratio, 1.0).tolist(), strict=True))
+    inverse, flat = _invert(hessian + pull)
+    factor = len(scores) / max(len(scores) - len(fit.freedoms), 1)
+    variances = np.diag(inverse @ (scores.T @ scores * factor + pull) @ inverse)
+    return _Curvature(hessian, pull, inverse, flat, variances)
 
 
 def errors_by_held(
