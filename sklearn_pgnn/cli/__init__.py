@@ -1,32 +1,45 @@
-"""The command line: ``sklearn-pgnn diagnose`` and ``sklearn-pgnn demo``."""
+"""The command line; nothing heavy is imported before the first word is on the screen."""
 
 import click
 
 from sklearn_pgnn import __version__
+from sklearn_pgnn.cli.completion import FILE, PROGRAM, SHELLS, completion_script
 from sklearn_pgnn.cli.guard import guarded
-from sklearn_pgnn.cli.options import diagnosis_options, job_options, list_effects
+from sklearn_pgnn.cli.options import (
+    diagnosis_options,
+    job_options,
+    list_effects,
+    result_options,
+)
 from sklearn_pgnn.cli.progress import show_progress
 
 EXAMPLE = """\b
 Example:
   sklearn-pgnn diagnose --model model.yaml train.csv test.csv --output result
 """
+WHERE = """\b
+Where it goes:
+  bash  eval "$(sklearn-pgnn completion bash)"   in ~/.bashrc
+  zsh   eval "$(sklearn-pgnn completion zsh)"    in ~/.zshrc
+  fish  sklearn-pgnn completion fish > ~/.config/fish/completions/sklearn-pgnn.fish
+"""
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]}, epilog=EXAMPLE)
-@click.version_option(__version__, "-V", "--version", prog_name="sklearn-pgnn")
+@click.version_option(__version__, "-V", "--version", prog_name=PROGRAM)
 def main():
     """Find what is wrong with a physical model of a machine, from records of the test rig."""
 
 
 @main.command(epilog=EXAMPLE)
-@click.argument("data", nargs=-1, required=True, metavar="DATA [DATA ...]")
-@click.option("--model", required=True, metavar="MODEL.yaml", help="The model file.")
-@click.option("--output", required=True, metavar="DIR", help="Where the results go.")
+@click.argument("data", nargs=-1, required=True, metavar="DATA [DATA ...]", type=FILE)
+@click.option("--model", required=True, metavar="MODEL.yaml", type=FILE, help="The model file.")
+@click.option("--output", required=True, metavar="DIR", type=FILE, help="Where the results go.")
+@result_options
 @diagnosis_options
 @job_options
 @list_effects
-def diagnose(data, model, output, quiet, debug, **options):
+def diagnose(data, model, output, quiet, debug, force, as_json, opens, **options):
     """Diagnose a model on records.
 
     Writes DIR/report.html (open it first), DIR/diagnosis.json and DIR/extended_model.yaml.
@@ -41,17 +54,23 @@ def diagnose(data, model, output, quiet, debug, **options):
             progress("loading the libraries")
             from sklearn_pgnn.cli.diagnose import Job
 
-            job = Job(model, data, output, quiet=quiet, options=options)
+            job = Job(model, data, output, quiet, force, as_json, opens, options)
             done = job.run(progress)
         job.tell(done)
 
 
 @main.command()
 @click.option(
-    "--output", default="sklearn_pgnn_demo", show_default=True, metavar="DIR", help="Where it goes."
+    "--output",
+    default="sklearn_pgnn_demo",
+    show_default=True,
+    metavar="DIR",
+    type=FILE,
+    help="Where it goes.",
 )
+@result_options
 @job_options
-def demo(output, n_jobs, quiet, debug):
+def demo(output, quiet, debug, **options):
     """Diagnose a simulated golf robot whose model misses its stick-slip.
 
     Writes the model file and the CSV records to DIR/input, and diagnoses them.
@@ -60,4 +79,12 @@ def demo(output, n_jobs, quiet, debug):
         with show_progress(quiet) as progress:
             progress("loading the libraries")
             from sklearn_pgnn.cli.demo import run_demo
-        run_demo(output, n_jobs=n_jobs, quiet=quiet)
+        run_demo(output, quiet=quiet, **options)
+
+
+@main.command(epilog=WHERE)
+@click.argument("shell", type=click.Choice(SHELLS))
+@click.pass_context
+def completion(context, shell):
+    """Print the script with which a shell completes commands, options, files and effects."""
+    click.echo(completion_script(context.find_root().command, shell))

@@ -5,8 +5,9 @@ from pathlib import Path
 
 import click
 
-from sklearn_pgnn.cli.diagnose import Job
+from sklearn_pgnn.cli.diagnose import NAMES, Job
 from sklearn_pgnn.cli.guard import one_line, writing
+from sklearn_pgnn.cli.output import check_free
 from sklearn_pgnn.cli.progress import show_progress
 from sklearn_pgnn.datasets import make_hidden_effect
 from sklearn_pgnn.physics.effects import StribeckFriction
@@ -16,7 +17,15 @@ HIDDEN = StribeckFriction("omega", level=0.1, peak=0.1, velocity=0.3)
 RECORDS, DURATION, SAMPLE_RATE = 6, 10.0, 100.0
 
 
-def run_demo(output, *, n_jobs: int = -1, quiet: bool = False) -> None:
+def run_demo(
+    output,
+    *,
+    n_jobs: int = -1,
+    quiet: bool = False,
+    force: bool = False,
+    as_json: bool = False,
+    opens: bool = False,
+) -> None:
     """Write the model file and the records, diagnose them, and tell what was found.
 
     Parameters
@@ -27,19 +36,26 @@ def run_demo(output, *, n_jobs: int = -1, quiet: bool = False) -> None:
         Threads to use.
     quiet : bool, default=False
         Whether to print the verdict only.
+    force : bool, default=False
+        Whether an earlier demo may be replaced.
+    as_json : bool, default=False
+        Whether to print ``diagnosis.json`` in place of words.
+    opens : bool, default=False
+        Whether to open the report.
     """
-    place = Path(output) / "input"
+    check_free(Path(output), NAMES, force=force)
+    place, words = Path(output) / "input", not (quiet or as_json)
     with show_progress(quiet) as progress:
         progress("simulating the records")
         with writing(place):
             model, data = write_input(place)
-    if not quiet:
+    if words:
         _tell_what(model, data)
-    job = Job(model, data, output, quiet=quiet, options={"n_jobs": n_jobs})
+    job = Job(model, data, output, quiet, force, as_json, opens, {"n_jobs": n_jobs})
     with show_progress(quiet) as progress:
         done = job.run(progress)
     job.tell(done)
-    if not quiet:
+    if words:
         _tell_truth(model, output)
 
 

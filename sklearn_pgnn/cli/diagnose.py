@@ -16,7 +16,7 @@ from sklearn_pgnn.cli.choices import (
     read_noise,
 )
 from sklearn_pgnn.cli.guard import OWN, Bug, one_line
-from sklearn_pgnn.cli.output import result_folder, strict_json, write_files
+from sklearn_pgnn.cli.output import check_free, result_folder, strict_json, write_files
 from sklearn_pgnn.cli.screen import tell
 from sklearn_pgnn.diagnosis import ModelDiagnosis
 from sklearn_pgnn.exceptions import RecordWarning
@@ -50,6 +50,12 @@ class Job:
         Folder of the results.
     quiet : bool, default=False
         Whether to print the verdict only.
+    force : bool, default=False
+        Whether an earlier result may be replaced.
+    as_json : bool, default=False
+        Whether to print ``diagnosis.json`` in place of words.
+    opens : bool, default=False
+        Whether to open the report.
     options : mapping of str to object, default={}
         ``sample_time`` as `read_files` has it; words for ``noise``, ``catalogue``, ``exclude``
         and ``targets``, see `sklearn_pgnn.cli.choices`; everything else as `ModelDiagnosis` has it.
@@ -59,6 +65,9 @@ class Job:
     data: Sequence[str | PathLike]
     output: str | PathLike
     quiet: bool = False
+    force: bool = False
+    as_json: bool = False
+    opens: bool = False
     options: Mapping[str, Any] = field(default_factory=dict)
 
     def run(self, progress: Callable) -> Done:
@@ -79,11 +88,11 @@ class Job:
         Bug
             If something of ours breaks down; what was found before is written.
         """
+        earlier = check_free(Path(self.output), NAMES, force=self.force)
         progress("reading the model and the records")
         model = PhysicsModel.from_yaml(self.model)
         diagnosis = self._prepare(model, progress)
         X, y = read_files(self.data, model, self.options.get("sample_time"))
-        earlier = [name for name in NAMES if (Path(self.output) / name).exists()]
         with result_folder(Path(self.output)) as folder:
             broken, warned = _fit(diagnosis, X, y)
             progress("writing the report")
@@ -101,7 +110,12 @@ class Job:
             click.echo(f"Replaced the files of an earlier diagnosis in {place}.", err=True)
         for warning in done.warned:
             click.echo(f"Warning: {one_line(warning)}", err=True)
-        tell(done.diagnosis, Path(self.output), quiet=self.quiet)
+        if self.as_json:
+            click.echo(strict_json(done.diagnosis), nl=False)
+        else:
+            tell(done.diagnosis, Path(self.output), quiet=self.quiet)
+        if self.opens:
+            click.launch(str(Path(self.output, "report.html").absolute()))
 
     def _prepare(self, model, progress) -> ModelDiagnosis:
         """Return the diagnosis, its options checked."""

@@ -2,6 +2,8 @@
 
 import click
 
+from sklearn_pgnn.cli.completion import complete_effects
+
 
 def _threads(_context, _option, value: int) -> int:
     if value == 0:
@@ -10,17 +12,22 @@ def _threads(_context, _option, value: int) -> int:
 
 
 _SHARE = click.FloatRange(min=0, max=1, min_open=True, max_open=True)
-_JOB = (
-    click.option(
-        "--jobs",
-        "n_jobs",
-        default=-1,
-        show_default="all cores",
-        callback=_threads,
-        help="Threads to use.",
-    ),
-    click.option("--quiet", is_flag=True, help="Print the verdict only, no progress."),
+_THREADS = click.option(
+    "--jobs",
+    "n_jobs",
+    default=-1,
+    show_default="all cores",
+    callback=_threads,
+    help="Threads to use.",
+)
+_TALK = (
+    click.option("--quiet", is_flag=True, help="Print what was found in short, and no progress."),
     click.option("--debug", is_flag=True, help="Show the traceback of an error as well."),
+)
+_FORCE = click.option("--force", is_flag=True, help="Replace what is there already.")
+_SHOW = (
+    click.option("--json", "as_json", is_flag=True, help="Print diagnosis.json, and no words."),
+    click.option("--open", "opens", is_flag=True, help="Open the report when it is written."),
 )
 _DIAGNOSIS = (
     click.option(
@@ -62,6 +69,7 @@ _DIAGNOSIS = (
     click.option(
         "--catalogue",
         multiple=True,
+        shell_complete=complete_effects,
         metavar="EFFECTS",
         help="Think of these effects only: ids, with commas between, as in "
         "coulomb_friction,input_bias. By default all; --list-effects names them.",
@@ -69,6 +77,7 @@ _DIAGNOSIS = (
     click.option(
         "--exclude",
         multiple=True,
+        shell_complete=complete_effects,
         metavar="EFFECTS",
         help="Do not think of these effects: what you know the machine has not.",
     ),
@@ -121,8 +130,23 @@ _DIAGNOSIS = (
 
 
 def job_options(command):
-    """Add the options that control how a command runs: threads, output and debugging."""
-    return _with(command, _JOB)
+    """Add the options that control how a command runs: threads, words and debugging."""
+    return _with(command, (_THREADS, *_TALK))
+
+
+def talk_options(command):
+    """Add the options that control how much a command tells."""
+    return _with(command, _TALK)
+
+
+def result_options(command):
+    """Add the options that say what becomes of a diagnosis: replace, print, open."""
+    return _with(command, (_FORCE, *_SHOW))
+
+
+def force_option(command):
+    """Add the option that allows a command to replace a file."""
+    return _with(command, (_FORCE,))
 
 
 def diagnosis_options(command):

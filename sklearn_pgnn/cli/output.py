@@ -61,6 +61,37 @@ def write_files(folder: Path, texts: Mapping[str, Callable[[], str]]) -> dict[st
     return failed
 
 
+def check_free(output: Path, names: Sequence[str], *, force: bool) -> list[str]:
+    """Refuse to replace files, unless that is wanted.
+
+    Parameters
+    ----------
+    output : Path
+        The folder.
+    names : sequence of str
+        The files that are going to be written there.
+    force : bool
+        Whether they may replace others.
+
+    Returns
+    -------
+    list of str
+        Those that are there already.
+
+    Raises
+    ------
+    OptionError
+        If there are any and none may be replaced.
+    """
+    there = [name for name in names if (output / name).exists()]
+    if there and not force:
+        raise OptionError(
+            f"--output: {output}: expected no earlier result, got {', '.join(there)}. "
+            f"Remedy: another folder, or --force to replace it."
+        )
+    return there
+
+
 @contextmanager
 def result_folder(output: Path):
     """Yield a temporary folder whose files are moved to `output` on success.

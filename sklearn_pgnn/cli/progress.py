@@ -1,4 +1,4 @@
-"""Progress on stderr: a live line on a terminal, occasional lines in a pipe.
+"""Progress on stderr: on a terminal what is done and a live line, in a pipe occasional lines.
 
 Imports nothing heavy, so that the first word comes before the libraries are loaded.
 """
@@ -37,7 +37,9 @@ def show_progress(quiet: bool):
         yield _checked(lambda *_: None)
     elif console.is_terminal:
         with _bars(console) as bars:
-            yield _checked(_Live(bars))
+            live = _Live(bars)
+            yield _checked(live)
+            live.finish()
     else:
         yield _checked(Lines(lambda line: console.print(line, highlight=False, soft_wrap=True)))
 
@@ -82,13 +84,16 @@ class _Column(TextColumn):
 
 
 class _Live:
-    """One line on a terminal that shows the present stage."""
+    """Finished stages with the time they took, and below them a line of the present one."""
 
-    def __init__(self, bars: Progress):
-        self.bars = bars
+    def __init__(self, bars: Progress, clock: Callable[[], float] = monotonic):
+        self.bars, self.clock = bars, clock
         self.now: tuple | None = None
+        self.began = clock()
 
     def __call__(self, stage: str, done: int, total: int | None) -> None:
+        if self.now is not None and self.now[0] != stage:
+            self.finish()
         if self.now != (stage, total):
             self.now = stage, total
             for task in self.bars.task_ids:
@@ -96,6 +101,14 @@ class _Live:
             self.bars.add_task(stage, total=total, count="")
         if total is not None:
             self.bars.update(self.bars.task_ids[-1], completed=done, count=f"{done}/{total}")
+
+    def finish(self) -> None:
+        """Leave a line that says how long the present stage took."""
+        if self.now is not None:
+            now = self.clock()
+            line = f"{now - self.began:6.1f} s  {self.now[0]}"
+            self.bars.console.print(Text(line, style="dim"))
+            self.began = now
 
 
 class Lines:

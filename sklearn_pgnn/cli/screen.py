@@ -23,6 +23,13 @@ from sklearn_pgnn.inspection.words import (
     verdict_sentence,
 )
 
+#: colour of a verdict, where the terminal has any
+COLOURS = {
+    "model_adequate": "green",
+    "cause_named": "cyan",
+    "ambiguous": "yellow",
+    "unexplained": "red",
+}
 #: probability of a cause from which on none is printed
 SURE = 0.99
 
@@ -54,8 +61,9 @@ def tell(diagnosis, output: Path, *, quiet: bool) -> None:
     console = Console(highlight=False, markup=False, emoji=False)
     if not quiet:
         _tell_quality(console, diagnosis.data_quality_)
-    _say(console, f"{VERDICTS[diagnosis.verdict_]}. {verdict_sentence(diagnosis)}", "bold")
-    _say(console, remaining_sentence(diagnosis))
+    _say_verdict(console, diagnosis)
+    left = "" if diagnosis.remaining_.kind == "noise" else "yellow"
+    _say(console, remaining_sentence(diagnosis), left)
     if diagnosis.unusable_ and not quiet:
         _say(console, unusable_sentence(diagnosis))
     if quiet:
@@ -66,6 +74,13 @@ def tell(diagnosis, output: Path, *, quiet: bool) -> None:
     _tell_gain(console, diagnosis)
     _tell_free_run(console, diagnosis)
     _tell_files(console, diagnosis, output)
+
+
+def _say_verdict(console, diagnosis) -> None:
+    title = f"{VERDICTS[diagnosis.verdict_]}. "
+    sentence = one_line(verdict_sentence(diagnosis))
+    colour = f"bold {COLOURS[diagnosis.verdict_]}"
+    _print(console, Text.assemble((title, colour), (sentence, "bold")))
 
 
 def _say(console, text: str, style: str = "") -> None:
@@ -81,7 +96,7 @@ def _tell_quality(console, findings) -> None:
     """Print the flaws of the records, before the verdict."""
     if not findings:
         return
-    _say(console, "Quality of the records: read this first", "bold")
+    _say(console, "Quality of the records: read this first", "bold yellow")
     for finding in findings:
         text = f"{finding.kind}: {finding.text}. Remedy: {finding.remedy}."
         console.print(Text(f"  {one_line(text)}"), soft_wrap=True)

@@ -133,8 +133,17 @@ def test_the_extended_model_is_a_model_file(done):
     assert model.parameters["Fc_v"].value == pytest.approx(0.4, rel=0.05)
 
 
-def test_a_second_run_replaces_the_results_and_leaves_the_rest(done, tmp_path):
+def test_an_earlier_result_is_not_overwritten(tmp_path):
     args = write(tmp_path)
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "report.html").write_text("old")
+    refused(args, tmp_path, "expected no earlier result, got report.html. Remedy: another folder")
+    assert (tmp_path / "out" / "report.html").read_text() == "old"
+    refused(["demo", "--output", str(tmp_path / "out")], tmp_path, "or --force to replace it")
+
+
+def test_a_forced_run_replaces_the_results_and_leaves_the_rest(tmp_path):
+    args = [*write(tmp_path), "--force"]
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "notes.txt").write_text("mine")
     (tmp_path / "out" / "report.html").write_text("old")
@@ -151,12 +160,21 @@ def test_a_second_run_replaces_the_results_and_leaves_the_rest(done, tmp_path):
 def test_it_says_that_an_earlier_result_was_replaced(done, tmp_path):
     _, first = done
     assert "Replaced" not in first.stderr
-    args = [*write(tmp_path), "--catalogue", "input_bias"]
+    args = [*write(tmp_path), "--catalogue", "input_bias", "--force"]
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "report.html").write_text("old")
     result = CliRunner().invoke(main, args, catch_exceptions=False)
     said = f"Replaced the files of an earlier diagnosis in {tmp_path / 'out'}."
     assert said in result.stderr.splitlines()
+
+
+def test_json_is_printed_in_place_of_words_and_the_report_opened(tmp_path, monkeypatch):
+    opened = []
+    monkeypatch.setattr("click.launch", opened.append)
+    args = [*write(tmp_path), "--catalogue", "input_bias", "--json", "--open"]
+    result = CliRunner().invoke(main, args, catch_exceptions=False)
+    assert result.stdout == (tmp_path / "out" / "diagnosis.json").read_text()
+    assert opened == [str(tmp_path / "out" / "report.html")]
 
 
 def test_faults_of_the_records_are_told_before_the_verdict(tmp_path, monkeypatch):

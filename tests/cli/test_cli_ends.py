@@ -278,12 +278,16 @@ def test_a_pipe_gets_a_line_a_stage_and_no_flood():
     )
 
 
-def test_a_terminal_shows_the_present_stage_only():
+def test_a_terminal_shows_the_present_stage_below_what_is_done():
     console = Console(width=100, file=io.StringIO())
-    bars = _bars(console)
-    show = _Live(bars)
+    bars, now = _bars(console), [0.0]
+    show = _Live(bars, clock=lambda: now[0])
     for stage, done, total in (("reading", 0, None), ("cause [1]", 3, 9), ("cause [1]", 4, 7)):
         show(stage, done, total)
+        now[0] += 1.5
     console.print(bars.get_renderable())
-    (line,) = console.file.getvalue().splitlines()
-    assert re.search(r"cause \[1\] .*4/7 .*0:0\d", line)
+    show.finish()
+    done, present, last = console.file.getvalue().splitlines()
+    assert done == "   1.5 s  reading"
+    assert re.search(r"cause \[1\] .*4/7 .*0:0\d", present)
+    assert last == "   3.0 s  cause [1]"

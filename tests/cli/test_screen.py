@@ -74,6 +74,20 @@ def test_what_is_left_is_said(capsys, remaining, said, quiet):
     assert said in shown(capsys, diagnosis(remaining=remaining), quiet=quiet)
 
 
+@pytest.mark.parametrize(
+    ("told", "colour"), [({}, "\x1b[1;36mCause named"), ({"NO_COLOR": "1"}, "")]
+)
+def test_the_verdict_has_a_colour_where_the_terminal_has(capsys, monkeypatch, told, colour):
+    monkeypatch.setenv("TERM", "xterm-256color")
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    for name, value in told.items():
+        monkeypatch.setenv(name, value)
+    tell(diagnosis(), Path("out"), quiet=True)
+    text = capsys.readouterr().out
+    assert ("\x1b[1;36m" in text) == bool(colour)
+    assert colour in text
+
+
 def test_nothing_is_said_of_what_was_not_asked(capsys):
     cut_short = diagnosis(remaining=Remaining("disturbance", {"v": 2.0}))
     cut_short.complete_, cut_short.stopped_ = False, "time limit of 1 s"

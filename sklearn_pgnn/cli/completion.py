@@ -1,0 +1,55 @@
+"""Completion of the command line by the shell: scripts, files and the names of effects."""
+
+import click
+from click.shell_completion import get_completion_class
+
+PROGRAM = "sklearn-pgnn"
+SHELLS = ("bash", "zsh", "fish")
+
+#: a path that the shell completes; whether there is such a file, and what is in it, is said later
+FILE = click.Path()
+
+
+def complete_effects(_context, _option, begun: str) -> list[str]:
+    """Return the words that a list of effects, with commas between, may go on as.
+
+    Parameters
+    ----------
+    begun : str
+        What has been typed.
+
+    Returns
+    -------
+    list of str
+        The list with each effect that its last word may become.
+
+    Examples
+    --------
+    >>> complete_effects(None, None, "leak,input_bi")
+    ['leak,input_bias']
+    """
+    from sklearn_pgnn.physics.effects import CATALOGUE
+
+    before, comma, last = begun.rpartition(",")
+    return [f"{before}{comma}{e.id}" for e in CATALOGUE if e.id.startswith(last)]
+
+
+def completion_script(command: click.Command, shell: str) -> str:
+    """Return the script that makes a shell complete the command line.
+
+    Parameters
+    ----------
+    command : click.Command
+        The whole command line.
+    shell : {"bash", "zsh", "fish"}
+        The shell.
+
+    Returns
+    -------
+    str
+        What the shell has to evaluate.
+    """
+    variable = f"_{PROGRAM.replace('-', '_').upper()}_COMPLETE"
+    kind = get_completion_class(shell)
+    assert kind is not None
+    return kind(command, {}, PROGRAM, variable).source()
