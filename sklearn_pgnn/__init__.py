@@ -31,6 +31,7 @@ _MODULES = (
     "diagnosis",
     "effects",
     "exceptions",
+    "export",
     "inspection",
     "model_selection",
     "network",

@@ -1,0 +1,108 @@
+"""A model's straight-line source as syntax trees, for targets that write it in another language.
+
+What is exported is the very code that the simulation compiles, operation by operation: nothing is
+simplified or ordered anew, so that the same processor arithmetic gives the same numbers.
+"""
+
+import ast
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.source import write_source
+
+
+@dataclass(frozen=True)
+class Assignments:
+    """Some results of a straight-line function, and what leads to them.
+
+    Parameters
+    ----------
+    places : dict of str to (str, int)
+        Local name to its place in the arguments, ``("x", 0)`` for the first state.
+    shared : dict of str to ast.expr
+        Expressions that several others hold, in order.
+    results : tuple of ast.expr
+        What is wanted.
+    """
+
+    places: dict[str, tuple[str, int]]
+    shared: dict[str, ast.expr]
+    results: tuple[ast.expr, ...]
+
+    @property
+    def uses_time(self) -> bool:
+        """Whether the time stands in any expression."""
+        return "t" in _names([*self.shared.values(), *self.results])
+
+    @property
+    def arrays(self) -> frozenset[str]:
+        """The arguments that are read: of ``x``, ``u``, ``p`` and ``s``."""
+        return frozenset(array for array, _ in self.places.values())
+
+
+def rates_of(model: PhysicsModel) -> Assignments:
+    """Return what leads to a model's rates.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+
+    Returns
+    -------
+    Assignments
+        One result a state.
+
+    Examples
+    --------
+    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
+    >>> ast.unparse(rates_of(lag).results[0])
+    '(u0 - x0) / p0'
+    """
+    return _wanted(model, range(len(model.states)))
+
+
+def outputs_of(model: PhysicsModel) -> Assignments:
+    """Return what leads to a model's outputs.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+
+    Returns
+    -------
+    Assignments
+        One result an output.
+    """
+    first = len(model.states)
+    return _wanted(model, range(first, first + len(model.outputs)))
+
+
+def _wanted(model: PhysicsModel, which: range) -> Assignments:
+    """Keep of a model's function what some of its entries need."""
+    places, shared, results = {}, {}, {}
+    for line in ast.parse(write_source(model).text).body:
+        (target,), value = line.targets, line.value  # type: ignore[attr-defined]
+        if isinstance(target, ast.Subscript):
+            results[target.slice.value] = value  # type: ignore[attr-defined]
+        elif isinstance(value, ast.Subscript):
+            places[target.id] = (value.value.id, value.slice.value)  # type: ignore[attr-defined]
+        else:
+            shared[target.id] = value
+    kept = tuple(results[i] for i in which)
+    needed = _names(kept)
+    for name in reversed(shared):
+        needed |= _names([shared[name]]) if name in needed else set()
+    return Assignments(
+        {name: place for name, place in places.items() if name in needed},
+        {name: value for name, value in shared.items() if name in needed},
+        kept,
+    )
+
+
+def _names(expressions: Iterable[ast.expr]) -> set[str]:
+    """Return the names in expressions."""
+    nodes = (node for expression in expressions for node in ast.walk(expression))
+    return {node.id for node in nodes if isinstance(node, ast.Name)}

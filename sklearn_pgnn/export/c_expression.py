@@ -1,0 +1,176 @@
+"""Expressions in C99: every operation in its order, in one precision."""
+
+import ast
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+from sklearn_pgnn.exceptions import ModelError
+
+#: operators by how tightly they bind
+_OPERATIONS = {ast.Add: ("+", 1), ast.Sub: ("-", 1), ast.Mult: ("*", 2), ast.Div: ("/", 2)}
+_COMPARISONS = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">="}
+_UNARY, _ATOM = 3, 4
+#: functions of ``math.h`` that an equation may need
+_FUNCTIONS = "acos asin atan atan2 ceil cos cosh exp fabs floor log pow sin sinh sqrt tan tanh"
+FUNCTIONS = frozenset(_FUNCTIONS.split())
+#: whole exponents up to here are multiplied out, as the simulation does
+MULTIPLIED = 16
+PI, E = "3.141592653589793", "2.718281828459045"
+
+
+@dataclass
+class CPrinter:
+    """Write expressions in C, and remember which helpers they call.
+
+    Parameters
+    ----------
+    single : bool
+        Whether numbers are ``float`` instead of ``double``.
+    prefix : str
+        Beginning of the helpers' names.
+    powers : set of int
+        Whole exponents met so far; each needs a helper ``power_n``.
+    extremes : set of str
+        Of ``smaller`` and ``larger``, the helpers met so far.
+    """
+
+    single: bool = False
+    prefix: str = ""
+    powers: set[int] = field(default_factory=set)
+    extremes: set[str] = field(default_factory=set)
+
+    def number(self, value: float) -> str:
+        """Return a number's literal, with every digit that the precision holds.
+
+        Parameters
+        ----------
+        value : float
+            The number.
+
+        Returns
+        -------
+        str
+            Its literal.
+
+        Raises
+        ------
+        ModelError
+            If single precision cannot hold it.
+
+        Examples
+        --------
+        >>> CPrinter().number(2), CPrinter(single=True).number(0.1)
+        ('2.0', '0.1f')
+        """
+        if self.single and value != 0 and not 1.2e-38 < abs(value) < 3.4e38:
+            raise ModelError(
+                f"to_c: {value:g} cannot be held by a float. Remedy: precision='double'."
+            )
+        return repr(float(value)) + ("f" if self.single else "")
+
+    def write(self, expression: ast.expr, names: Mapping[str, str]) -> str:
+        """Return an expression in C.
+
+        Parameters
+        ----------
+        expression : ast.expr
+            The expression.
+        names : mapping of str to str
+            What a name is called in C, where it is called otherwise.
+
+        Returns
+        -------
+        str
+            Its text.
+
+        Examples
+        --------
+        >>> text = "-a*math.exp(-b**2) - (c - 1)"
+        >>> CPrinter().write(ast.parse(text, mode="eval").body, {"a": "level"})
+        '-level*exp(-power_2(b)) - (c - 1.0)'
+        """
+        return self._written(expression, names, 0)
+
+    def all_powers(self) -> list[int]:
+        """Return the helpers ``power_n`` that are needed, each after those it calls."""
+        found = set(self.powers)
+        for power in sorted(self.powers, reverse=True):
+            while power > 3:
+                power //= 2
+                found.add(power)
+        return sorted(found - {1})
+
+    def _written(self, node, names, least: int) -> str:
+        """Write a node, in parentheses where it binds less tightly than wanted."""
+        text, binds = getattr(self, f"_{type(node).__name__}", self._refused)(node, names)
+        return text if binds >= least else f"({text})"
+
+    def _refused(self, node, names):
+        raise ModelError(
+            f"to_c: {ast.unparse(node)!r} has no form in C. Remedy: write the equation with "
+            f"+ - * / ** and {', '.join(sorted(FUNCTIONS))}."
+        )
+
+    def _Name(self, node, names):
+        return names.get(node.id, node.id), _ATOM
+
+    def _Constant(self, node, names):
+        return self.number(node.value), _ATOM
+
+    def _Attribute(self, node, names):
+        return {"pi": PI, "e": E}[node.attr] + ("f" if self.single else ""), _ATOM
+
+    def _UnaryOp(self, node, names):
+        sign = "-" if isinstance(node.op, ast.USub) else ""
+        return sign + self._written(node.operand, names, _ATOM), _UNARY
+
+    def _BinOp(self, node, names):
+        if isinstance(node.op, ast.Pow):
+            return self._power(node.left, node.right, names), _ATOM
+        if type(node.op) not in _OPERATIONS:
+            return self._refused(node, names)
+        sign, binds = _OPERATIONS[type(node.op)]
+        left = self._written(node.left, names, binds)
+        right = self._written(node.right, names, binds + 1)
+        return (f"{left} {sign} {right}" if binds == 1 else f"{left}{sign}{right}"), binds
+
+    def _power(self, base, exponent, names):
+        power = getattr(exponent, "value", None)
+        if power == 1:
+            return self._written(base, names, _ATOM)
+        if power in range(2, MULTIPLIED + 1):
+            self.powers.add(int(power))
+            return f"{self.prefix}power_{int(power)}({self.write(base, names)})"
+        return self._called("pow", [base, exponent], names)
+
+    def _Call(self, node, names):
+        if isinstance(node.func, ast.Attribute):
+            return self._called(node.func.attr, node.args, names), _ATOM
+        name = node.func.id
+        if name == "abs":
+            return self._called("fabs", node.args, names), _ATOM
+        if name not in ("min", "max"):
+            return self._refused(node, names)
+        helper = {"min": "smaller", "max": "larger"}[name]
+        self.extremes.add(helper)
+        first, *others = (self.write(argument, names) for argument in node.args)
+        for other in others:
+            first = f"{self.prefix}{helper}({first}, {other})"
+        return first, _ATOM
+
+    def _called(self, name: str, arguments: Iterable, names) -> str:
+        if name not in FUNCTIONS:
+            raise ModelError(f"to_c: the function {name} has no form in C.")
+        written = ", ".join(self.write(argument, names) for argument in arguments)
+        return f"{name}{'f' if self.single else ''}({written})"
+
+    def _IfExp(self, node, names):
+        parts = (self._written(part, names, 1) for part in (node.test, node.body, node.orelse))
+        return "({} ? {} : {})".format(*parts), _ATOM
+
+    def _Compare(self, node, names):
+        (kind,), (right,) = node.ops, node.comparators
+        if type(kind) not in _COMPARISONS:
+            return self._refused(node, names)
+        left, right = (self._written(part, names, 1) for part in (node.left, right))
+        return f"{left} {_COMPARISONS[type(kind)]} {right}", 1

@@ -1,0 +1,325 @@
+"""A model as one file of C99."""
+
+from collections.abc import Mapping
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+
+from sklearn_pgnn.exceptions import OptionError
+from sklearn_pgnn.export.assignments import Assignments, outputs_of, rates_of
+from sklearn_pgnn.export.c_expression import CPrinter
+from sklearn_pgnn.export.c_names import c_name, c_names
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.simulate import hold_of
+from sklearn_pgnn.simulation.source import dry_states
+from sklearn_pgnn.simulation.stepping import MAX_EVENTS, METHODS
+
+PRECISIONS = {"double": "double", "single": "float"}
+KEPT = ("constants", "struct")
+#: what a state that starts to move is set to; the simulation's number, and one that a float holds
+TINY = {"double": 1e-300, "single": 1e-37}
+
+
+class Machine:
+    """A model, what it is exported with, and what the template asks for.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    interval : float
+        Sample interval [s].
+    precision : {"double", "single"}
+        Of all numbers.
+    parameters : {"constants", "struct"}
+        Whether the parameters are written into the equations, or kept in a struct.
+    name : str
+        What every name begins with.
+    method : {"rk4", "euler"}
+        Runge-Kutta scheme.
+    substeps : int
+        Integration steps from sample to sample.
+    hold : {"zoh", "foh"}
+        How the inputs run between two samples.
+    """
+
+    def __init__(self, model, interval, precision, parameters, name, method, substeps, hold):
+        self.model, self.interval = model, float(interval)
+        self.precision, self.by_struct = precision, parameters == "struct"
+        self.prefix, self.method, self.substeps, self.hold = f"{name}_", method, substeps, hold
+        self.printer = CPrinter(precision == "single", self.prefix)
+        sides = map(_side, model.states)
+        self.names = c_names((*model.states, *model.inputs, *model.parameters, *sides))
+        self.dry = dry_states(model)
+
+    def content(self) -> dict[str, Any]:
+        """Return the template's variables.
+
+        Returns
+        -------
+        dict of str to object
+            Them, by name.
+        """
+        model, number = self.model, self.printer.number
+        rates, outputs = rates_of(model), outputs_of(model)
+        uses_time = rates.uses_time or outputs.uses_time
+        nodes, weights = METHODS[self.method]
+        return {
+            "n": self.prefix,
+            "real": PRECISIONS[self.precision],
+            "title": f"{comment(model.name)}, one sample after the other",
+            "about": self.about(),
+            "interval": repr(self.interval),
+            "nx": len(model.states),
+            "nu": len(model.inputs),
+            "ny": len(model.outputs),
+            "places": self._places(),
+            "states": [{"start": self._start(state)} for state in model.states],
+            "follows": bool(model.settled),
+            "any_dry": any(self.dry),
+            "dry": [i for i, is_dry in enumerate(self.dry) if is_dry],
+            "delays": self._delays(),
+            "by_struct": self.by_struct,
+            "parameters": self._parameters(),
+            "take_p": f"const {self.prefix}parameters *p, " if self.by_struct else "",
+            "pass_p": f", const {self.prefix}parameters *p" if self.by_struct else "",
+            "give_p": "p, " if self.by_struct else "",
+            "rates": self.written(rates),
+            "outputs": self.written(outputs),
+            "nodes": [number(node) for node in nodes],
+            "weights": [number(weight) for weight in weights],
+            "step": number(self.interval / self.substeps),
+            "substeps": self.substeps,
+            "foh": self.hold == "foh" and bool(model.inputs),
+            "max_events": MAX_EVENTS,
+            "tiny": number(TINY[self.precision]),
+            "uses_time": uses_time,
+            "time": self._time() if uses_time else "0",
+            "helpers": self.printer,
+        }
+
+    def about(self) -> list[str]:
+        """Return the lines that tell what the machine is.
+
+        Returns
+        -------
+        list of str
+            The lines, without the signs of a comment.
+        """
+        model = self.model
+        told = {"states": model.states, "inputs": model.inputs, "outputs": model.outputs}
+        lines = [
+            f"{what:8} {', '.join(_with_unit(model, name) for name in names)}"
+            for what, names in told.items()
+            if names
+        ]
+        return [*lines, "", *(f"{line}" for line in comment(model.to_text(), lines=True))]
+
+    def written(self, code: Assignments, further: Mapping[str, float] | None = None) -> dict:
+        """Return the body of a straight-line function.
+
+        Parameters
+        ----------
+        code : Assignments
+            What it computes.
+        further : mapping of str to float, optional
+            Values of parameters that the model itself does not have.
+
+        Returns
+        -------
+        dict
+            ``declared`` and ``results``, lines of C, and ``unused``, its arguments without use.
+        """
+        real = PRECISIONS[self.precision]
+        names, declared = {}, []
+        for local, (array, place) in code.places.items():
+            names[local], value = self._argument(array, place, further or {})
+            declared.append(f"const {real} {names[local]} = {value};")
+        for name, expression in code.shared.items():
+            declared.append(f"const {real} {name} = {self.printer.write(expression, names)};")
+        results = [self.printer.write(result, names) for result in code.results]
+        used = {"t": code.uses_time, "x": "x" in code.arrays}
+        used |= {"u": "u" in code.arrays} if self.model.inputs else {}
+        used |= {"side": "s" in code.arrays} if any(self.dry) else {}
+        used |= {"p": any("p->" in line for line in declared)} if self.by_struct else {}
+        unused = [name for name, is_used in used.items() if not is_used]
+        return {"declared": declared, "results": results, "unused": unused}
+
+    def _argument(self, array: str, place: int, further: Mapping[str, float]) -> tuple[str, str]:
+        """Return the name of an argument, and its value."""
+        model = self.model
+        if array == "s":
+            return self.names[_side(list(model.states)[place])], f"side[{place}]"
+        if array in "xu":
+            name = self.names[list(model.states if array == "x" else model.inputs)[place]]
+            return name, f"{array}[{place}]"
+        values = {name: parameter.value for name, parameter in model.parameters.items()}
+        name, value = list({**values, **further}.items())[place]
+        if name in further or not self._is_adjustable(name):
+            return self.names.get(name, c_name(name)), self.printer.number(value)
+        return self.names[name], f"p->{self.names[name]}"
+
+    def _is_adjustable(self, name: str) -> bool:
+        """Return whether a parameter stands in the struct: a delay is built in."""
+        return self.by_struct and name not in self.model.delays.values()
+
+    def _parameters(self) -> list[dict]:
+        values = self.model.parameters.items()
+        return [
+            {
+                "name": self.names[name],
+                "value": self.printer.number(parameter.value),
+                "comment": f" /* {comment(parameter.unit)} */" if parameter.unit else "",
+            }
+            for name, parameter in values
+            if self._is_adjustable(name)
+        ]
+
+    def _places(self) -> list[dict]:
+        """Return the names of the places in x, u and y."""
+        model = self.model
+        rooms = {"x": model.states, "u": model.inputs, "y": model.outputs}
+        return [
+            {
+                "name": f"{self.prefix}{room}_{written}",
+                "place": place,
+                "comment": f" /* {comment(model.unit(name))} */" if model.unit(name) else "",
+            }
+            for room, names in rooms.items()
+            for place, (name, written) in enumerate(c_names(names, ()).items())
+        ]
+
+    def _start(self, state: str) -> str:
+        followed = self.model.settled.get(state)
+        if followed is not None:
+            return f"u[{list(self.model.inputs).index(followed)}]"
+        return self.printer.number(self.model.initial_state[state])
+
+    def _time(self) -> str:
+        real = PRECISIONS[self.precision]
+        return f"({real})machine->sample*{self.printer.number(self.interval)}"
+
+    def _delays(self) -> list[dict]:
+        """Return how every late input is put together from its past samples."""
+        found = []
+        for name, parameter in self.model.delays.items():
+            samples = self.model.parameters[parameter].value / self.interval
+            whole = int(np.floor(samples))
+            found.append(
+                {
+                    "name": self.names[name],
+                    "place": list(self.model.inputs).index(name),
+                    "length": whole + 1,
+                    "recent": self.printer.number(1.0 - (samples - whole)),
+                    "before": self.printer.number(samples - whole),
+                }
+            )
+        return found
+
+
+def machine_of(model, interval, *, precision, parameters, name, method, substeps, hold) -> Machine:
+    """Return a model with its options checked.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    interval, precision, parameters, name, method, substeps, hold
+        As in `to_c`.
+
+    Returns
+    -------
+    Machine
+        What can be written.
+
+    Raises
+    ------
+    OptionError
+        If an option is none of what it can be.
+    """
+    if not isinstance(interval, int | float) or not 0 < interval < np.inf:
+        raise OptionError(
+            f"interval: expected the sample interval in seconds, got {interval!r}. Remedy: "
+            f"to_c(model, 0.01) for a loop that runs a hundred times a second."
+        )
+    for option, value, known in (
+        ("precision", precision, PRECISIONS),
+        ("parameters", parameters, KEPT),
+        ("method", method, METHODS),
+    ):
+        if value not in known:
+            raise OptionError(f"{option}: expected one of {', '.join(known)}, got {value!r}.")
+    substeps = model.simulation.get("substeps", 1) if substeps is None else substeps
+    if not isinstance(substeps, int) or substeps < 1:
+        raise OptionError(f"substeps: expected an integer >= 1, got {substeps!r}.")
+    name = c_name(model.name if name is None else name)
+    return Machine(
+        model, interval, precision, parameters, name, method, substeps, hold_of(model, hold)
+    )
+
+
+def render(template: str, content: Mapping[str, Any]) -> str:
+    """Return a template of this room with its variables filled in.
+
+    Parameters
+    ----------
+    template : str
+        Its file name.
+    content : mapping of str to object
+        The variables.
+
+    Returns
+    -------
+    str
+        The text.
+    """
+    from jinja2 import Environment, FunctionLoader, StrictUndefined
+
+    place = files("sklearn_pgnn.export")
+    loader = FunctionLoader(lambda name: place.joinpath(name).read_text(encoding="utf-8"))
+    room = Environment(
+        loader=loader,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        autoescape=False,
+    )
+    return room.get_template(template).render(**content)
+
+
+def comment(text: str, *, lines: bool = False):
+    """Return a text that a comment of C can hold, on one line or as several.
+
+    Parameters
+    ----------
+    text : str
+        Any text, as a name or a unit.
+    lines : bool, default=False
+        Whether its lines are kept.
+
+    Returns
+    -------
+    str or list of str
+        The text, or its lines.
+
+    Examples
+    --------
+    >>> comment("m*/s" + chr(10) + "x")
+    'm* /s x'
+    """
+    kept = text.splitlines() if lines else [" ".join(text.split())]
+    safe = [line.replace("*/", "* /").replace("/*", "/ *").replace("??", "? ?") for line in kept]
+    safe = ["".join(c if c.isprintable() else "?" for c in line) for line in safe]
+    return safe if lines else safe[0]
+
+
+def _side(state: str) -> str:
+    """Return what the sign in a state's dry friction is called."""
+    return f"side {state}"
+
+
+def _with_unit(model: PhysicsModel, name: str) -> str:
+    unit = model.unit(name)
+    return comment(f"{name} [{unit}]" if unit else name)
