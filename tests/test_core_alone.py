@@ -77,6 +77,7 @@ def test_what_needs_an_extra_says_which(tmp_path, extra):
             "sklearn_pgnn.datasets.load_cascaded_tanks()",
             "sklearn_pgnn.datasets.load_coupled_drives()",
         ],
+        "control": ["sklearn_pgnn.export.to_control(sklearn_pgnn.systems.two_tanks())"],
         "files": [
             "from sklearn_pgnn.trajectories import read_file; read_file('run.xlsx', None)",
             "from sklearn_pgnn.trajectories import read_file; read_file('run.parquet', None)",

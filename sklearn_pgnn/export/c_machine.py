@@ -10,6 +10,7 @@ from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.export.assignments import Assignments, outputs_of, rates_of
 from sklearn_pgnn.export.c_expression import CPrinter
 from sklearn_pgnn.export.c_names import c_name, c_names
+from sklearn_pgnn.export.late_inputs import late_inputs
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.simulate import hold_of
 from sklearn_pgnn.simulation.source import dry_states
@@ -202,20 +203,16 @@ class Machine:
 
     def _delays(self) -> list[dict]:
         """Return how every late input is put together from its past samples."""
-        found = []
-        for name, parameter in self.model.delays.items():
-            samples = self.model.parameters[parameter].value / self.interval
-            whole = int(np.floor(samples))
-            found.append(
-                {
-                    "name": self.names[name],
-                    "place": list(self.model.inputs).index(name),
-                    "length": whole + 1,
-                    "recent": self.printer.number(1.0 - (samples - whole)),
-                    "before": self.printer.number(samples - whole),
-                }
-            )
-        return found
+        return [
+            {
+                "name": self.names[late.name],
+                "place": late.place,
+                "length": late.samples + 1,
+                "recent": self.printer.number(1.0 - late.share),
+                "before": self.printer.number(late.share),
+            }
+            for late in late_inputs(self.model, self.interval)
+        ]
 
 
 def machine_of(model, interval, *, precision, parameters, name, method, substeps, hold) -> Machine:

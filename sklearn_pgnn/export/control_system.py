@@ -1,0 +1,182 @@
+"""Models as systems of python-control, for controllers and frequency responses."""
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from sklearn_pgnn.exceptions import ModelError, OptionError
+from sklearn_pgnn.export.late_inputs import late_inputs
+from sklearn_pgnn.extras import needed_by
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.pointwise import numpy_function
+from sklearn_pgnn.simulation.simulate import hold_of, simulate
+from sklearn_pgnn.simulation.source import dry_states
+
+
+def to_control(
+    model: PhysicsModel,
+    interval: float | None = None,
+    *,
+    name: str | None = None,
+    method: str = "rk4",
+    substeps: int | None = None,
+):
+    r"""Return a model as a nonlinear system of python-control.
+
+    In continuous time the system is :math:`\dot x = f(t, x, u, p)`, :math:`y = g(t, x, u, p)`; with
+    an `interval` it is in discrete time, :math:`x_{k+1} = \Phi(t_k, x_k, u_k, p)`, with the
+    simulation's own step as :math:`\Phi`: friction that sticks, late inputs and all. States, inputs
+    and outputs have the model's names, ``params`` its parameters, and ``system.linearize(x, u)``
+    gives a ``StateSpace``.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    interval : float, optional
+        Time from sample to sample [s] of a system in discrete time, whose inputs are held between
+        samples; by default the system is in continuous time.
+    name : str, optional
+        What the system is called; by default as the model, with underscores.
+    method : {"rk4", "euler"}, default="rk4"
+        Runge-Kutta scheme of a step in discrete time.
+    substeps : int, optional
+        Integration steps from one sample to the next; by default as the model's `simulation` says,
+        else 1.
+
+    Returns
+    -------
+    control.NonlinearIOSystem
+        The system. A late input in discrete time has its past samples as further states,
+        ``force_1_ago`` and so on; a delay is no parameter of the system.
+
+    Raises
+    ------
+    ModelError
+        If the model has dry friction or late inputs and `interval` is not given, or its inputs run
+        straight and it is.
+    OptionError
+        If `model` is no model or `interval` no time.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.systems import cart_on_spring
+    >>> to_control(cart_on_spring()).linearize([0, 0], 0).A
+    array([[  0.  ,   1.  ],
+           [-20.  ,  -0.75]])
+    """
+    if not isinstance(model, PhysicsModel):
+        raise OptionError(f"to_control: expected a PhysicsModel, got {type(model).__name__}.")
+    with needed_by("to_control"):
+        from control import nlsys
+    if interval is None:
+        _refuse_what_is_not_smooth(model)
+        states, update, output = list(model.states), _rates(model), _outputs(model, [])
+    else:
+        _check_interval(model, interval)
+        late = late_inputs(model, interval)
+        past = [f"{each.name}_{k + 1}_ago" for each in late for k in range(each.samples + 1)]
+        states = [*model.states, *past]
+        options = {"method": method, "substeps": substeps}
+        update, output = _step(model, interval, late, options), _outputs(model, late)
+    values = {key: parameter.value for key, parameter in model.parameters.items()}
+    return nlsys(
+        update,
+        output,
+        states=states,
+        inputs=list(model.inputs),
+        outputs=list(model.outputs),
+        params={key: value for key, value in values.items() if key not in model.delays.values()},
+        dt=0 if interval is None else float(interval),
+        name="_".join(model.name.split()) if name is None else name,
+    )
+
+
+def _refuse_what_is_not_smooth(model) -> None:
+    """Refuse what a solver of ordinary differential equations cannot step through."""
+    remedy = "Remedy: to_control(model, interval=0.01), a system in discrete time, can."
+    dry = [state for state, is_dry in zip(model.states, dry_states(model), strict=True) if is_dry]
+    if dry:
+        raise ModelError(
+            f"to_control: {dry[0]!r} sticks in dry friction, which a system in continuous time "
+            f"cannot express. {remedy}"
+        )
+    if model.delays:
+        raise ModelError(
+            f"to_control: {next(iter(model.delays))!r} acts late, which a system in continuous "
+            f"time cannot express. {remedy}"
+        )
+
+
+def _check_interval(model, interval) -> None:
+    if isinstance(interval, bool) or not isinstance(interval, int | float) or not interval > 0:
+        raise OptionError(f"interval: expected a time in seconds above 0, got {interval!r}.")
+    if model.inputs and hold_of(model) == "foh":
+        raise ModelError(
+            "to_control: an input that runs straight to its next sample cannot be expressed in "
+            "discrete time. Remedy: model.replace(simulation={'hold': 'zoh'}), or no interval."
+        )
+
+
+def _rates(model) -> Callable:
+    """Return the rates as python-control calls them."""
+    rates = _function(model, list(model.equations.values()))
+
+    def update(t, x, u, params):
+        return np.array(rates(t, *x, *u, *_values(model, params)), dtype=float)
+
+    return update
+
+
+def _outputs(model, late) -> Callable:
+    """Return the outputs as python-control calls them."""
+    outputs = _function(model, list(model.outputs.values()))
+    n = len(model.states)
+
+    def output(t, x, u, params):
+        acting = _acting(late, x[n:], u)[0]
+        return np.array(outputs(t, *x[:n], *acting, *_values(model, params)), dtype=float)
+
+    return output
+
+
+def _step(model, interval, late, options) -> Callable:
+    """Return the simulation's step from sample to sample as python-control calls it."""
+    at_once = model.replace(delays={})
+    own = {name: parameter.value for name, parameter in model.parameters.items()}
+    n = len(model.states)
+
+    def update(t, x, u, params):
+        acting, past = _acting(late, x[n:], u)
+        changed = {name: value for name, value in params.items() if own.get(name) != value}
+        run = simulate(
+            at_once.with_parameters(**changed) if changed else at_once,
+            [0.0, interval] if model.is_autonomous else [t, t + interval],
+            np.tile(acting, (2, 1)),
+            x[:n],
+            **options,
+        )
+        return np.concatenate([run.x[1], past])
+
+    return update
+
+
+def _acting(late, past, u):
+    """Return the inputs as they act, and the past samples of the late ones at the next sample."""
+    acting, kept, first = np.array(u, dtype=float).reshape(-1), [], 0
+    for each in late:
+        seen = [acting[each.place], *past[first : first + each.samples + 1]]
+        first += each.samples + 1
+        kept += seen[:-1]
+        acting[each.place] = (1 - each.share) * seen[-2] + each.share * seen[-1]
+    return acting, kept
+
+
+def _function(model, expressions) -> Callable:
+    """Return expressions as a function of time, states, inputs and parameters."""
+    return numpy_function(["t", *model.states, *model.inputs, *model.parameters], expressions)
+
+
+def _values(model, params: Mapping) -> list[float]:
+    """Return the parameters' values, the model's where python-control gives none."""
+    return [params.get(name, p.value) for name, p in model.parameters.items()]
