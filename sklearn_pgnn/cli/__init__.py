@@ -3,12 +3,14 @@
 import click
 
 from sklearn_pgnn import __version__
+from sklearn_pgnn.cli.commands import check, detect, fit, init, simulate
 from sklearn_pgnn.cli.completion import FILE, PROGRAM, SHELLS, completion_script
 from sklearn_pgnn.cli.guard import guarded
 from sklearn_pgnn.cli.options import (
     diagnosis_options,
     job_options,
     list_effects,
+    records_arguments,
     result_options,
 )
 from sklearn_pgnn.cli.progress import show_progress
@@ -25,15 +27,25 @@ Where it goes:
 """
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"]}, epilog=EXAMPLE)
+class InOrder(click.Group):
+    """Commands that are listed as one comes to use them."""
+
+    ORDER = ("demo", "init", "check", "simulate", "fit", "diagnose", "detect")
+
+    def list_commands(self, context):
+        """Return the names of the commands; those that are not in the order come last."""
+        names = super().list_commands(context)
+        return sorted(names, key=lambda n: (n not in self.ORDER, (*self.ORDER, n).index(n)))
+
+
+@click.group(cls=InOrder, context_settings={"help_option_names": ["-h", "--help"]}, epilog=EXAMPLE)
 @click.version_option(__version__, "-V", "--version", prog_name=PROGRAM)
 def main():
     """Find what is wrong with a physical model of a machine, from records of the test rig."""
 
 
 @main.command(epilog=EXAMPLE)
-@click.argument("data", nargs=-1, required=True, metavar="DATA [DATA ...]", type=FILE)
-@click.option("--model", required=True, metavar="MODEL.yaml", type=FILE, help="The model file.")
+@records_arguments
 @click.option("--output", required=True, metavar="DIR", type=FILE, help="Where the results go.")
 @result_options
 @diagnosis_options
@@ -88,3 +100,7 @@ def demo(output, quiet, debug, **options):
 def completion(context, shell):
     """Print the script with which a shell completes commands, options, files and effects."""
     click.echo(completion_script(context.find_root().command, shell))
+
+
+for command in (init, check, simulate, fit, detect):
+    main.add_command(command)

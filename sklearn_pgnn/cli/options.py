@@ -2,7 +2,7 @@
 
 import click
 
-from sklearn_pgnn.cli.completion import complete_effects
+from sklearn_pgnn.cli.completion import FILE, complete_effects
 
 
 def _threads(_context, _option, value: int) -> int:
@@ -11,6 +11,9 @@ def _threads(_context, _option, value: int) -> int:
     return value
 
 
+_MODEL = click.option(
+    "--model", required=True, metavar="MODEL.yaml", type=FILE, help="The model file."
+)
 _SHARE = click.FloatRange(min=0, max=1, min_open=True, max_open=True)
 _THREADS = click.option(
     "--jobs",
@@ -25,69 +28,90 @@ _TALK = (
     click.option("--debug", is_flag=True, help="Show the traceback of an error as well."),
 )
 _FORCE = click.option("--force", is_flag=True, help="Replace what is there already.")
+_JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON, and no words.")
 _SHOW = (
-    click.option("--json", "as_json", is_flag=True, help="Print diagnosis.json, and no words."),
+    _JSON,
     click.option("--open", "opens", is_flag=True, help="Open the report when it is written."),
 )
+_SAMPLE_TIME = click.option(
+    "--sample-time",
+    type=click.FloatRange(min=0, min_open=True),
+    metavar="S",
+    help="Time from sample to sample [s], for files that have no time.",
+)
+_NOISE = click.option(
+    "--noise",
+    multiple=True,
+    metavar="[OUTPUT=]SD",
+    help="Standard deviation of an output's noise, in the output's unit: a number, or "
+    "OUTPUT=NUMBER for each of several outputs; by default estimated from the records.",
+)
+_HOLD = click.option(
+    "--hold",
+    type=click.Choice(["auto", "zoh", "foh"]),
+    default="auto",
+    show_default=True,
+    help="Inputs are held between samples (zoh), or run straight from one to the next (foh); "
+    "auto: as the model file says, else held, unless the records speak against it.",
+)
+_SUBSTEPS = click.option(
+    "--substeps",
+    type=click.IntRange(min=1),
+    metavar="N",
+    help="Integration steps from sample to sample; by default as the model file says, else as "
+    "many as accuracy needs.",
+)
+_WINDOW = click.option(
+    "--window",
+    "window_length",
+    type=click.FloatRange(min=0, min_open=True),
+    metavar="S",
+    help="Window length [s]: so long the model runs free before it is set back to the record; "
+    "by default chosen from the records.",
+)
+_CATALOGUE = click.option(
+    "--catalogue",
+    multiple=True,
+    shell_complete=complete_effects,
+    metavar="EFFECTS",
+    help="Think of these effects only: ids, with commas between, as in "
+    "coulomb_friction,input_bias. By default all; --list-effects names them.",
+)
+_EXCLUDE = click.option(
+    "--exclude",
+    multiple=True,
+    shell_complete=complete_effects,
+    metavar="EFFECTS",
+    help="Do not think of these effects: what you know the machine has not.",
+)
+_TARGETS = click.option(
+    "--targets",
+    multiple=True,
+    metavar="NAMES",
+    help="Suspect these states, inputs, outputs and parameters of the model only, with commas "
+    "between; by default all.",
+)
+_SEED = click.option(
+    "--seed",
+    "random_state",
+    type=click.IntRange(min=0),
+    default=0,
+    show_default=True,
+    help="Random seed.",
+)
+_SAID_HOLD = click.option(
+    "--hold",
+    type=click.Choice(["zoh", "foh"]),
+    help="Inputs are held between samples (zoh), or run straight from one to the next (foh); by "
+    "default as the model file says, else held.",
+)
+_SUSPECTS = (_CATALOGUE, _EXCLUDE, _TARGETS)
 _DIAGNOSIS = (
-    click.option(
-        "--sample-time",
-        type=click.FloatRange(min=0, min_open=True),
-        metavar="S",
-        help="Time from sample to sample [s], for files that have no time.",
-    ),
-    click.option(
-        "--noise",
-        multiple=True,
-        metavar="[OUTPUT=]SD",
-        help="Standard deviation of an output's noise, in the output's unit: a number, or "
-        "OUTPUT=NUMBER for each of several outputs; by default estimated from the records.",
-    ),
-    click.option(
-        "--hold",
-        type=click.Choice(["auto", "zoh", "foh"]),
-        default="auto",
-        show_default=True,
-        help="Inputs are held between samples (zoh), or run straight from one to the next (foh); "
-        "auto: as the model file says, else held, unless the records speak against it.",
-    ),
-    click.option(
-        "--substeps",
-        type=click.IntRange(min=1),
-        metavar="N",
-        help="Integration steps from sample to sample; by default as the model file says, else as "
-        "many as accuracy needs.",
-    ),
-    click.option(
-        "--window",
-        "window_length",
-        type=click.FloatRange(min=0, min_open=True),
-        metavar="S",
-        help="Window length [s]: so long the model runs free before it is set back to the record; "
-        "by default chosen from the records.",
-    ),
-    click.option(
-        "--catalogue",
-        multiple=True,
-        shell_complete=complete_effects,
-        metavar="EFFECTS",
-        help="Think of these effects only: ids, with commas between, as in "
-        "coulomb_friction,input_bias. By default all; --list-effects names them.",
-    ),
-    click.option(
-        "--exclude",
-        multiple=True,
-        shell_complete=complete_effects,
-        metavar="EFFECTS",
-        help="Do not think of these effects: what you know the machine has not.",
-    ),
-    click.option(
-        "--targets",
-        multiple=True,
-        metavar="NAMES",
-        help="Suspect these states, inputs, outputs and parameters of the model only, with commas "
-        "between; by default all.",
-    ),
+    _NOISE,
+    _HOLD,
+    _SUBSTEPS,
+    _WINDOW,
+    *_SUSPECTS,
     click.option(
         "--max-causes",
         type=click.IntRange(min=1),
@@ -118,14 +142,7 @@ _DIAGNOSIS = (
         help="Time [s] after which the search ends and the best so far is told; what that needs "
         "is still computed, so it takes a little longer.",
     ),
-    click.option(
-        "--seed",
-        "random_state",
-        type=click.IntRange(min=0),
-        default=0,
-        show_default=True,
-        help="Random seed.",
-    ),
+    _SEED,
 )
 
 
@@ -134,19 +151,40 @@ def job_options(command):
     return _with(command, (_THREADS, *_TALK))
 
 
-def talk_options(command):
-    """Add the options that control how much a command tells."""
-    return _with(command, _TALK)
-
-
 def result_options(command):
     """Add the options that say what becomes of a diagnosis: replace, print, open."""
     return _with(command, (_FORCE, *_SHOW))
 
 
+def quiet_options(command):
+    """Add the options that control how much a command tells."""
+    return _with(command, _TALK)
+
+
+def json_option(command):
+    """Add the option that prints JSON in place of words."""
+    return _with(command, (_JSON,))
+
+
 def force_option(command):
     """Add the option that allows a command to replace a file."""
     return _with(command, (_FORCE,))
+
+
+def records_arguments(command):
+    """Add the model file and the files of records."""
+    data = click.argument("data", nargs=-1, required=True, metavar="DATA [DATA ...]", type=FILE)
+    return _with(command, (data, _MODEL, _SAMPLE_TIME))
+
+
+def fit_options(command):
+    """Add the options of a fit."""
+    return _with(command, (_NOISE, _SAID_HOLD, _SUBSTEPS, _WINDOW, _SEED))
+
+
+def detect_options(command):
+    """Add the options of a detectability."""
+    return _with(command, (_NOISE, _HOLD, _SUBSTEPS, _WINDOW, *_SUSPECTS, _SEED))
 
 
 def diagnosis_options(command):

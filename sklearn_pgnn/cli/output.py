@@ -1,4 +1,4 @@
-"""The files of a diagnosis: written whole or not at all."""
+"""The files that commands write: whole or not at all, and none in place of another unasked."""
 
 import json
 import math
@@ -17,7 +17,11 @@ from sklearn_pgnn.exceptions import OptionError
 
 def strict_json(diagnosis) -> str:
     """Return a diagnosis as strict JSON with the package's version; null where not finite."""
-    data = {**diagnosis.to_dict(), "version": __version__}
+    return as_strict_json({**diagnosis.to_dict(), "version": __version__})
+
+
+def as_strict_json(data: Mapping) -> str:
+    """Return plain data as strict JSON; null where a number is not finite."""
     return json.dumps(_finite(data), indent=2, allow_nan=False, ensure_ascii=False) + "\n"
 
 
@@ -29,6 +33,58 @@ def _finite(value):
     if hasattr(value, "item"):
         value = value.item()
     return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+# -- one file --------------------------------------------------------------------------------------
+
+
+def refuse_existing(path, *, force: bool) -> None:
+    """Refuse to replace a file, unless that is wanted.
+
+    Parameters
+    ----------
+    path : str or path-like
+        The file.
+    force : bool
+        Whether it may be replaced.
+
+    Raises
+    ------
+    OptionError
+        If it is there already.
+    """
+    if Path(path).exists() and not force:
+        raise OptionError(
+            f"{path}: expected no such file, got one. Remedy: another name, or --force to "
+            f"replace it."
+        )
+
+
+def write_file(path, text: str, *, force: bool) -> None:
+    """Write a file whole or not at all.
+
+    Parameters
+    ----------
+    path : str or path-like
+        Where to write.
+    text : str
+        What it holds.
+    force : bool
+        Whether a file may be replaced.
+
+    Raises
+    ------
+    OptionError
+        If it is there already and may not be replaced.
+    """
+    refuse_existing(path, force=force)
+    beside = Path(path).with_name(f".{Path(path).name}.{os.getpid()}")
+    with held(), writing(path):
+        try:
+            beside.write_text(text, encoding="utf-8", newline="\n")
+            os.replace(beside, path)
+        finally:
+            beside.unlink(missing_ok=True)
 
 
 # -- several files ---------------------------------------------------------------------------------

@@ -2,12 +2,10 @@
 
 from pathlib import Path
 
-from rich.console import Console
-from rich.padding import Padding
-from rich.table import Table
 from rich.text import Text
 
 from sklearn_pgnn.cli.guard import one_line
+from sklearn_pgnn.cli.tables import cell, heading, print_table, print_trimmed, say, screen, table
 from sklearn_pgnn.inspection.words import (
     VERDICTS,
     cause_name,
@@ -58,14 +56,14 @@ def described_files(diagnosis) -> dict[str, str]:
 
 def tell(diagnosis, output: Path, *, quiet: bool) -> None:
     """Print what a diagnosis found and where its files are."""
-    console = Console(highlight=False, markup=False, emoji=False)
+    console = screen()
     if not quiet:
         _tell_quality(console, diagnosis.data_quality_)
     _say_verdict(console, diagnosis)
     left = "" if diagnosis.remaining_.kind == "noise" else "yellow"
-    _say(console, remaining_sentence(diagnosis), left)
+    say(console, remaining_sentence(diagnosis), left)
     if diagnosis.unusable_ and not quiet:
-        _say(console, unusable_sentence(diagnosis))
+        say(console, unusable_sentence(diagnosis))
     if quiet:
         return
     for place, cause in enumerate(diagnosis.causes_, start=1):
@@ -80,23 +78,14 @@ def _say_verdict(console, diagnosis) -> None:
     title = f"{VERDICTS[diagnosis.verdict_]}. "
     sentence = one_line(verdict_sentence(diagnosis))
     colour = f"bold {COLOURS[diagnosis.verdict_]}"
-    _print(console, Text.assemble((title, colour), (sentence, "bold")))
-
-
-def _say(console, text: str, style: str = "") -> None:
-    _print(console, Text(one_line(text), style=style))
-
-
-def _heading(console, text: str) -> None:
-    console.print()
-    _say(console, text, "bold")
+    print_trimmed(console, Text.assemble((title, colour), (sentence, "bold")))
 
 
 def _tell_quality(console, findings) -> None:
     """Print the flaws of the records, before the verdict."""
     if not findings:
         return
-    _say(console, "Quality of the records: read this first", "bold yellow")
+    say(console, "Quality of the records: read this first", "bold yellow")
     for finding in findings:
         text = f"{finding.kind}: {finding.text}. Remedy: {finding.remedy}."
         console.print(Text(f"  {one_line(text)}"), soft_wrap=True)
@@ -105,22 +94,22 @@ def _tell_quality(console, findings) -> None:
 
 def _tell_cause(console, place: int, cause, separations) -> None:
     worth = f"{abs(cause.gain):.0f} % {'smaller' if cause.gain >= 0 else 'larger'}"
-    _heading(console, f"Cause {place}: {cause_name(cause.effect, cause.target)}")
+    heading(console, f"Cause {place}: {cause_name(cause.effect, cause.target)}")
     if cause.summary:
-        _say(console, cause.summary)
-    table = _table("", "")
+        say(console, cause.summary)
+    rows = table("", "")
     for name, e in cause.parameters.items():
-        table.add_row(name.replace("_", " "), _cell(measured(e.value, e.low, e.high, e.unit)))
-    table.add_row("gain", f"error on held-out windows {worth}")
+        rows.add_row(name.replace("_", " "), cell(measured(e.value, e.low, e.high, e.unit)))
+    rows.add_row("gain", f"error on held-out windows {worth}")
     if cause.probability < SURE:
-        table.add_row("probability", chance(cause.probability))
-    table.add_row("confused with", _cell(rivals(cause) or "nothing"))
+        rows.add_row("probability", chance(cause.probability))
+    rows.add_row("confused with", cell(rivals(cause) or "nothing"))
     for found in separations:
         if found.cause == (cause.effect, cause.target):
-            table.add_row("which it is", _cell(separation_sentence(found)))
+            rows.add_row("which it is", cell(separation_sentence(found)))
     if cause.check:
-        table.add_row("check on the rig", _cell(cause.check))
-    _print_indented(console, table)
+        rows.add_row("check on the rig", cell(cause.check))
+    print_table(console, rows)
 
 
 def _tell_parameters(console, parameters) -> None:
@@ -128,60 +117,37 @@ def _tell_parameters(console, parameters) -> None:
     if not parameters:
         return
     if not changed:
-        _heading(console, "Parameters: none changed beyond its 95 % interval")
+        heading(console, "Parameters: none changed beyond its 95 % interval")
         return
-    _heading(console, "Parameters changed (95 % interval)")
-    table = _table("", "as given", "re-tuned", "change")
+    heading(console, "Parameters changed (95 % interval)")
+    rows = table("", "as given", "re-tuned", "change")
     for name, p in changed.items():
         change = f"{100 * (p.value / p.prior - 1):+.1f} %" if p.prior else ""
         now = measured(p.value, p.low, p.high, p.unit)
-        table.add_row(_cell(name), number(p.prior), _cell(now), change)
-    _print_indented(console, table)
+        rows.add_row(cell(name), number(p.prior), cell(now), change)
+    print_table(console, rows)
 
 
 def _tell_gain(console, diagnosis) -> None:
-    _heading(console, f"Error on held-out windows of {diagnosis.window_:.3g} s (root mean square)")
-    table = _table("", "as given", "re-tuned", "extended", "noise", "", "explained")
+    heading(console, f"Error on held-out windows of {diagnosis.window_:.3g} s (root mean square)")
+    rows = table("", "as given", "re-tuned", "extended", "noise", "", "explained")
     for output, gain in diagnosis.gain_.items():
         errors = (gain.prior, gain.refitted, gain.extended, gain.noise)
-        table.add_row(_cell(output), *(number(e, 3) for e in errors), _cell(gain.unit), share(gain))
-    _print_indented(console, table)
+        rows.add_row(cell(output), *(number(e, 3) for e in errors), cell(gain.unit), share(gain))
+    print_table(console, rows)
 
 
 def _tell_free_run(console, diagnosis) -> None:
-    _heading(console, "Error in free run, every record from its own start (root mean square)")
-    table = _table("", "as given", "re-tuned", "extended", "")
+    heading(console, "Error in free run, every record from its own start (root mean square)")
+    rows = table("", "as given", "re-tuned", "extended", "")
     for output, error in diagnosis.free_run_.items():
         errors = (error.prior, error.refitted, error.extended)
-        unit = _cell(diagnosis.model.unit(output))
-        table.add_row(_cell(output), *map(free_run_error, errors), unit)
-    _print_indented(console, table)
+        unit = cell(diagnosis.model.unit(output))
+        rows.add_row(cell(output), *map(free_run_error, errors), unit)
+    print_table(console, rows)
 
 
 def _tell_files(console, diagnosis, output: Path) -> None:
-    _heading(console, "Written")
+    heading(console, "Written")
     for name, what in described_files(diagnosis).items():
         console.print(Text(f"  {one_line(output / name)}  ({what})"), soft_wrap=True)
-
-
-def _cell(text) -> Text:
-    return Text(one_line(text))
-
-
-def _table(*headers) -> Table:
-    table = Table(box=None, show_header=any(headers), header_style="", pad_edge=False)
-    for header in headers:
-        table.add_column(header, overflow="fold")
-    return table
-
-
-def _print(console, what) -> None:
-    """Print without blanks at the ends of lines."""
-    with console.capture() as captured:
-        console.print(what)
-    for line in captured.get().splitlines():
-        console.out(line.rstrip(), highlight=False)
-
-
-def _print_indented(console, table: Table) -> None:
-    _print(console, Padding(table, (0, 0, 0, 2), expand=False))

@@ -62,7 +62,27 @@ def read_csv(
     >>> X["u"].tolist(), y["y"].tolist()
     ([1.5, 1.5, 1.5, 1.5], [0.0, 0.6, 0.9, 1.2])
     """
-    return _CsvTable(os.fspath(path), model, sample_time).read()
+    return open_csv(path, model, sample_time).read()
+
+
+def open_csv(path, model: PhysicsModel, sample_time: float | None = None) -> FileTable:
+    """Open a CSV file to ask what it holds.
+
+    Parameters
+    ----------
+    path : str or path-like
+        The file.
+    model : PhysicsModel
+        Names the columns.
+    sample_time : float, optional
+        Time from sample to sample [s] of a file without a time.
+
+    Returns
+    -------
+    FileTable
+        Its `header` and its columns.
+    """
+    return _CsvTable(os.fspath(path), model, sample_time)
 
 
 def read_csv_files(

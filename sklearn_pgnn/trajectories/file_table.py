@@ -4,7 +4,7 @@ import math
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from difflib import get_close_matches
+from difflib import SequenceMatcher
 from numbers import Real
 from pathlib import Path
 from typing import Any, NoReturn
@@ -82,13 +82,23 @@ class FileTable(ABC):
         place = self.path + self.place(row)
         raise RecordError(f"{place}: {about}{' '.join(why.split())}") from None
 
-    def read(self) -> tuple[pd.DataFrame, pd.DataFrame]:
-        """Return X and y under the model's own names."""
+    def read(self, needs_outputs: bool = True) -> tuple[pd.DataFrame, pd.DataFrame]:
+        """Return X and y under the model's own names.
+
+        Parameters
+        ----------
+        needs_outputs : bool, default=True
+            Whether every output must be there.
+        """
         model = self.model
         names = self.trajectories()
         t = self.times(names)
         inputs = {name: self.finite(name) for name in model.inputs}
-        outputs = {name: self.output(name) for name in model.outputs or ()}
+        outputs = {
+            name: self.output(name)
+            for name in model.outputs or ()
+            if needs_outputs or self.find(name) is not None
+        }
         states = {n: self.numbers(n) for n in model.states if self.find(n) is not None}
         self.check_records(t, names)
         return pd.DataFrame({TRAJECTORY: names, TIME: t, **inputs, **states}), pd.DataFrame(outputs)
@@ -117,21 +127,44 @@ class FileTable(ABC):
             )
         return found
 
-    def remedy(self, name: str) -> str:
-        """Return the remedy for a missing column: the most similar one that is not used."""
+    def unused(self) -> dict[str, str]:
+        """Return the columns that are no quantity of the model, each with its unit."""
         model = self.model
         taken = {self.find(n) for n in (TIME, TRAJECTORY, *model.inputs, *model.states)}
         taken |= {self.find(n) for n in model.outputs or ()}
-        free = [_UNIT.sub("", text) for k, text in enumerate(self.header) if k not in taken]
-        near = get_close_matches(model.columns.get(name, name), free, n=1, cutoff=0.0)
+        free = [text for k, text in enumerate(self.header) if k not in taken]
+        return {_UNIT.sub("", text): unit_of(text) for text in free}
+
+    def remedy(self, name: str) -> str:
+        """Return the remedy for a missing column: the most similar ones that are not used."""
         last = f" {NO_TIME}" if name == TIME else ""
-        if not near:
+        near = self.nearest()
+        if name not in near:
             without = "." if name == TIME else ", or take it out of the model."
             return f"add it to the file{without}{last}"
+        first = {name: near.pop(name), **near}
+        columns = ", ".join(f"{own}: {theirs}" for own, theirs in first.items())
         return (
             f"say in the model file what the {self.kind} calls it, as in "
-            f"columns: {{{name}: {near[0]}}}.{last}"
+            f"columns: {{{columns}}}.{last}"
         )
+
+    def nearest(self) -> dict[str, str]:
+        """Return for every quantity that is missing the most similar column that is not used."""
+        model = self.model
+        near: dict[str, str] = {}
+        time = {} if self.sample_time is not None else {TIME: "s"}
+        units = time | {n: model.unit(n) for n in (*model.inputs, *(model.outputs or ()))}
+        likeness = {
+            (own, theirs): _likeness(model.columns.get(own, own), unit, theirs, their_unit)
+            for own, unit in units.items()
+            if self.find(own) is None
+            for theirs, their_unit in self.unused().items()
+        }
+        for own, theirs in sorted(likeness, key=likeness.__getitem__, reverse=True):
+            if own not in near and theirs not in near.values():
+                near[own] = theirs
+        return near
 
     def numbers(self, name: str) -> np.ndarray:
         """Read a column; NaN where it is empty."""
@@ -232,6 +265,25 @@ class FileTable(ABC):
             f"Remedy: sort the record, or tell several apart by a column 'trajectory'.",
             self.header[k],
         )
+
+
+def unit_of(title: str) -> str:
+    """Return the unit in a column's header, empty where there is none.
+
+    Examples
+    --------
+    >>> unit_of("torque [N m]"), unit_of("torque")
+    ('N m', '')
+    """
+    found = _UNIT.search(title)
+    return "" if found is None else found[1][1:-1].strip()
+
+
+def _likeness(own: str, unit: str, theirs: str, their_unit: str) -> tuple[bool, int, float]:
+    """Return how like two columns are: by their units, words and letters."""
+    words, their_words = (set(re.findall("[a-z0-9]+", n.lower())) for n in (own, theirs))
+    letters = SequenceMatcher(None, own.lower(), theirs.lower()).ratio()
+    return bool(unit) and unit == their_unit, len(words & their_words), letters
 
 
 def read_each(read, paths, model: PhysicsModel, sample_time) -> tuple[pd.DataFrame, pd.DataFrame]:

@@ -14,7 +14,7 @@ import pandas as pd
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.extras import needed_by
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.trajectories.csv_file import read_csv
+from sklearn_pgnn.trajectories.csv_file import open_csv
 from sklearn_pgnn.trajectories.file_table import FileTable, read_each
 from sklearn_pgnn.trajectories.reader import TIME, TRAJECTORY
 
@@ -73,12 +73,32 @@ def read_file(
     >>> X["t"].tolist()
     [0.0, 0.5, 1.0, 1.5]
     """
+    return open_file(path, model, sample_time).read()
+
+
+def open_file(path, model: PhysicsModel, sample_time: float | None = None) -> FileTable:
+    """Open a file of measured samples, by its ending, to ask what it holds.
+
+    Parameters
+    ----------
+    path : str or path-like
+        The file.
+    model : PhysicsModel
+        Names the columns.
+    sample_time : float, optional
+        Time from sample to sample [s] of a file without a time.
+
+    Returns
+    -------
+    FileTable
+        Its `header` and its columns.
+    """
     path = os.fspath(path)
     kind = _KINDS.get(Path(path).suffix.lower())
     if kind is None:
-        return read_csv(path, model, sample_time)
+        return open_csv(path, model, sample_time)
     name, load, offset = kind
-    return _FrameTable(path, model, sample_time, name, load(path, model), offset).read()
+    return _FrameTable(path, model, sample_time, name, load(path, model), offset)
 
 
 def read_files(

@@ -1,0 +1,104 @@
+"""The job of ``sklearn-pgnn check``: what the files hold, and a first simulation."""
+
+import click
+
+from sklearn_pgnn.cli.output import as_strict_json
+from sklearn_pgnn.cli.records import read_model_and_records
+from sklearn_pgnn.cli.tables import cell, heading, print_table, say, screen, table, warn
+from sklearn_pgnn.inspection.first_look import FirstLook, first_look
+from sklearn_pgnn.inspection.words import number
+from sklearn_pgnn.trajectories.files import open_file
+
+
+def check_model(model, data, sample_time=None) -> tuple[FirstLook, list[str]]:
+    """Hold a model file against files of records.
+
+    Parameters
+    ----------
+    model : str or path-like
+        The model file.
+    data : sequence of str or path-like
+        The files of records.
+    sample_time : float, optional
+        Time from sample to sample [s] of files without a time.
+
+    Returns
+    -------
+    look : FirstLook
+        What is there, and a first simulation.
+    unused : list of str
+        The files' columns that the model has no name for.
+    """
+    read, X, y = read_model_and_records(model, data, sample_time)
+    unused = (name for path in data for name in open_file(path, read, sample_time).unused())
+    return first_look(read, X, y), list(dict.fromkeys(unused))
+
+
+def tell_check(look: FirstLook, unused: list[str], *, as_json: bool, quiet: bool) -> None:
+    """Print what a check found.
+
+    Parameters
+    ----------
+    look : FirstLook
+        What is there.
+    unused : list of str
+        Columns of the files that are not used.
+    as_json : bool
+        Whether to print it as JSON.
+    quiet : bool
+        Whether to print the warnings and the fit only.
+    """
+    if as_json:
+        click.echo(as_strict_json({**look.to_dict(), "unused_columns": unused}), nl=False)
+        return
+    console = screen()
+    say(console, _summary(look), "bold")
+    warn(console, look.warnings)
+    if not quiet:
+        _tell_records(console, look)
+        _tell_quantities(console, look, unused)
+    _tell_fit(console, look)
+
+
+def _summary(look: FirstLook) -> str:
+    model = look.model
+    parts = (model.states, model.inputs, model.outputs, model.free_parameters)
+    names = ("state", "input", "output", "free parameter")
+    counts = [
+        f"{len(p)} {n}{'' if len(p) == 1 else 's'}" for p, n in zip(parts, names, strict=True)
+    ]
+    held = "can be used" if not look.warnings else "can be read, but look odd"
+    return f"The model of the {model.name} ({', '.join(counts)}) and the records {held}."
+
+
+def _tell_records(console, look) -> None:
+    heading(console, "Records")
+    rows = table("", "samples", "duration", "sample time")
+    for r in look.records:
+        rows.add_row(cell(r.name), str(r.samples), f"{r.duration:.4g} s", f"{r.sample_time:.4g} s")
+    print_table(console, rows)
+
+
+def _tell_quantities(console, look, unused) -> None:
+    heading(console, "What they hold")
+    rows = table("", "", "from", "to", "", "missing")
+    for q in look.quantities:
+        missing = str(q.missing) if q.missing else ""
+        rows.add_row(
+            cell(q.name), q.role, number(q.low), number(q.high), cell(q.unit or "-"), missing
+        )
+    print_table(console, rows)
+    if unused:
+        say(console, f"Not used: {', '.join(unused)}.")
+
+
+def _tell_fit(console, look) -> None:
+    heading(console, "First simulation of the model as given, in free run")
+    rows = table("", "fit", "error (rms)", "noise", "")
+    for o in look.outputs:
+        fit = f"{o.fit:.0f} %" if o.fit > -1000 else "runs away"
+        rows.add_row(
+            cell(o.output), fit, number(o.error, 3), number(o.noise, 3), cell(o.unit or "-")
+        )
+    print_table(console, rows)
+    say(console, "A fit of 100 % is perfect, 0 % no better than the mean of the records.", "dim")

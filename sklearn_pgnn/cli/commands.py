@@ -1,0 +1,155 @@
+"""The commands around a diagnosis: a model file, its check, its simulation, its fit."""
+
+import click
+
+from sklearn_pgnn.cli.completion import FILE
+from sklearn_pgnn.cli.guard import guarded
+from sklearn_pgnn.cli.options import (
+    detect_options,
+    fit_options,
+    force_option,
+    job_options,
+    json_option,
+    list_effects,
+    quiet_options,
+    records_arguments,
+)
+from sklearn_pgnn.cli.progress import show_progress
+
+#: the ready systems, as `sklearn_pgnn.cli.template` has them
+SYSTEMS = ("cart-on-spring", "golf-robot", "servo-valve", "two-tanks")
+
+
+@click.command()
+@click.argument("path", default="model.yaml", metavar="[MODEL.yaml]", type=FILE)
+@click.option(
+    "--like",
+    type=click.Choice(SYSTEMS),
+    default=SYSTEMS[0],
+    show_default=True,
+    help="The ready system to begin with.",
+)
+@click.option(
+    "--records", metavar="DATA", type=FILE, help="A file of records, whose columns are noted."
+)
+@force_option
+@quiet_options
+def init(path, like, records, force, quiet, debug):
+    """Write a commented model file to begin with.
+
+    It is a complete model of a ready system; put your machine in its place.
+    """
+    with guarded(debug):
+        with show_progress(quiet) as progress:
+            progress("loading the libraries")
+            from sklearn_pgnn.cli.template import write_template
+        write_template(path, like, records, force=force, quiet=quiet)
+
+
+@click.command()
+@records_arguments
+@json_option
+@quiet_options
+def check(model, data, sample_time, as_json, quiet, debug):
+    """Hold a model file against records, in seconds.
+
+    Shows what the files hold and how the model follows them as it is given, and says what looks
+    wrong: columns that are missing, another unit, another sign, an input that never moves.
+    """
+    with guarded(debug):
+        with show_progress(quiet) as progress:
+            progress("loading the libraries")
+            from sklearn_pgnn.cli.check import check_model, tell_check
+
+            progress("reading and simulating")
+            look, unused = check_model(model, data, sample_time)
+        tell_check(look, unused, as_json=as_json, quiet=quiet)
+
+
+@click.command()
+@records_arguments
+@click.option("--output", required=True, metavar="FILE.csv", type=FILE, help="Where it goes.")
+@force_option
+@quiet_options
+def simulate(model, data, sample_time, output, force, quiet, debug):
+    """Simulate a model file on the inputs of records, in free run.
+
+    A record starts in the states that its file tells, else where its outputs show it to, else in
+    the model's initial state. The files need no outputs; where they have them, the fit is told.
+    """
+    with guarded(debug):
+        with show_progress(quiet) as progress:
+            progress("loading the libraries")
+            from sklearn_pgnn.cli.output import refuse_existing, write_file
+            from sklearn_pgnn.cli.simulate import simulate_files, tell_simulation, to_csv
+
+            refuse_existing(output, force=force)
+            progress("simulating")
+            read, rows, fits = simulate_files(model, data, sample_time)
+            write_file(output, to_csv(rows), force=force)
+        tell_simulation(read, fits, output, len(rows), quiet=quiet)
+
+
+@click.command()
+@records_arguments
+@click.option("--output", required=True, metavar="FITTED.yaml", type=FILE, help="Where it goes.")
+@click.option(
+    "--free",
+    multiple=True,
+    metavar="NAMES",
+    help="Parameters to fit, with commas between; by default all that are not fixed.",
+)
+@click.option("--free-run", is_flag=True, help="Fit the free run of whole records, not windows.")
+@force_option
+@json_option
+@fit_options
+@job_options
+def fit(model, data, output, force, as_json, quiet, debug, **options):
+    """Fit the free parameters of a model file to records.
+
+    A fit may go as far as the bounds, whatever the spread; it looks for nothing that is missing.
+    """
+    with guarded(debug):
+        with show_progress(quiet) as progress:
+            progress("loading the libraries")
+            from sklearn_pgnn.cli.fit import FitJob
+            from sklearn_pgnn.cli.output import refuse_existing, write_file
+            from sklearn_pgnn.cli.records import told_warnings
+
+            refuse_existing(output, force=force)
+            progress("reading the model and the records")
+            job = FitJob(model, data, **options)
+            progress("fitting")
+            with told_warnings(UserWarning):
+                job.run()
+            write_file(output, job.regressor.model_.to_yaml(), force=force)
+        job.tell(output, as_json=as_json, quiet=quiet)
+
+
+@click.command()
+@records_arguments
+@click.option(
+    "--power",
+    type=click.FloatRange(min=0, max=1, min_open=True, max_open=True),
+    default=0.9,
+    show_default=True,
+    help="Chance with which an effect of the smallest size shall be named.",
+)
+@json_option
+@detect_options
+@job_options
+@list_effects
+def detect(model, data, as_json, quiet, debug, **options):
+    """Say how large every effect must be before records like these would show it.
+
+    Every effect is put into the re-tuned model, with the inputs and the noise of the records.
+    """
+    with guarded(debug):
+        with show_progress(quiet) as progress:
+            progress("loading the libraries")
+            from sklearn_pgnn.cli.detect import DetectJob
+
+            progress("reading the model and the records")
+            job = DetectJob(model, data, **options)
+            found = job.run(progress)
+        job.tell(found, as_json=as_json, quiet=quiet)

@@ -1,0 +1,110 @@
+"""The job of ``sklearn-pgnn detect``: how large an effect must be before the records show it."""
+
+from collections.abc import Callable
+
+import click
+
+from sklearn_pgnn.cli.choices import check_suspects, choose_effects, choose_targets, read_noise
+from sklearn_pgnn.cli.output import as_strict_json
+from sklearn_pgnn.cli.records import read_model_and_records
+from sklearn_pgnn.cli.tables import cell, print_table, say, screen, table, warn
+from sklearn_pgnn.diagnosis import Detectability, ModelDiagnosis
+from sklearn_pgnn.inspection.words import cause_name, number
+
+
+class DetectJob:
+    """The detectability of effects in files of records.
+
+    Parameters
+    ----------
+    model : str or path-like
+        The model file.
+    data : sequence of str or path-like
+        The files of records.
+    power : float
+        Chance with which an effect shall be named.
+    noise, catalogue, exclude, targets : sequence of str
+        Words, see `sklearn_pgnn.cli.choices`.
+    sample_time : float, optional
+        Time from sample to sample [s] of files without a time.
+    **options
+        As `ModelDiagnosis` has them.
+    """
+
+    def __init__(
+        self, model, data, *, power, noise, catalogue, exclude, targets, sample_time=None, **options
+    ):
+        read, self.X, self.y = read_model_and_records(model, data, sample_time)
+        self.power, self.effects = power, choose_effects(catalogue, exclude)
+        self.targets = choose_targets(targets, read)
+        check_suspects(read, self.effects, self.targets)
+        self.diagnosis = ModelDiagnosis(
+            read, catalogue=(), noise_std=read_noise(noise, list(read.outputs)), **options
+        )
+
+    def run(self, progress: Callable) -> Detectability:
+        """Re-tune the model, and put every effect into it.
+
+        Parameters
+        ----------
+        progress : callable
+            Called as ``progress(stage, done, total)``.
+
+        Returns
+        -------
+        Detectability
+            The smallest sizes that would be named.
+        """
+        self.diagnosis.set_params(progress=progress).fit(self.X, self.y)
+        rows: list = []
+        for done, effect in enumerate(self.effects):
+            progress("effects", done, len(self.effects))
+            found = self.diagnosis.detectability([effect], self.targets, power=self.power)
+            rows.extend(found.rows)
+        return Detectability(tuple(rows), found.power, found.sizes)
+
+    def tell(self, found: Detectability, *, as_json: bool, quiet: bool) -> None:
+        """Print the smallest sizes.
+
+        Parameters
+        ----------
+        found : Detectability
+            What was found.
+        as_json : bool
+            Whether to print it as JSON.
+        quiet : bool
+            Whether to print what is found only, and no effect that never is.
+        """
+        if as_json:
+            rows = found.to_frame().to_dict("records")
+            click.echo(as_strict_json({"power": found.power, "effects": rows}), nl=False)
+            return
+        console = screen()
+        if not quiet:
+            warn(console, self._reservations())
+        say(console, f"Named with a chance of {found.power:.0%} from this size on", "bold")
+        seen = [row for row in found.rows if not row.reason]
+        rows = table("", "", "")
+        for row in seen:
+            size = f"{number(row.smallest, 3)} {row.unit}".rstrip()
+            what = row.parameter.replace("_", " ")
+            rows.add_row(cell(cause_name(row.effect, row.target)), cell(what), cell(size))
+        print_table(console, rows)
+        never = [row for row in found.rows if row.reason]
+        if quiet or not never:
+            return
+        console.print()
+        say(console, "Not seen in these records", "bold")
+        rows = table("", "")
+        for row in never:
+            rows.add_row(cell(cause_name(row.effect, row.target)), cell(row.reason))
+        print_table(console, rows)
+
+    def _reservations(self) -> list[str]:
+        """Say that a model which misses something makes everything harder to see."""
+        if self.diagnosis.verdict_ == "model_adequate":
+            return []
+        return [
+            "The re-tuned model leaves more than noise, which counts as noise here. Remedy: "
+            "diagnose first, and take the extended_model.yaml that comes out."
+        ]

@@ -1,0 +1,121 @@
+"""The job of ``sklearn-pgnn fit``: the free parameters of a model file, fitted to records."""
+
+import click
+import numpy as np
+
+from sklearn_pgnn.cli.choices import read_noise, split
+from sklearn_pgnn.cli.guard import one_line
+from sklearn_pgnn.cli.output import as_strict_json
+from sklearn_pgnn.cli.records import read_model_and_records
+from sklearn_pgnn.cli.tables import cell, heading, print_table, say, screen, table
+from sklearn_pgnn.estimation.plain_data import plain
+from sklearn_pgnn.estimators import PhysicsModelRegressor
+from sklearn_pgnn.exceptions import OptionError
+from sklearn_pgnn.inspection.fit_percentage import fit_percentage
+from sklearn_pgnn.inspection.start_runs import run_records
+from sklearn_pgnn.inspection.words import measured, number
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.trajectories import read_records
+
+
+class FitJob:
+    """A model file fitted to files of records.
+
+    Parameters
+    ----------
+    model : str or path-like
+        The model file.
+    data : sequence of str or path-like
+        The files of records.
+    free_run : bool
+        Whether the error of the free run is minimised, in place of that over windows.
+    free, noise : sequence of str
+        Parameters to fit (all that are not fixed if there are none), and words for the noise.
+    sample_time : float, optional
+        Time from sample to sample [s] of files without a time.
+    **options
+        As `PhysicsModelRegressor` has them.
+    """
+
+    def __init__(self, model, data, *, free_run, free, noise, sample_time=None, **options):
+        self.prior, self.X, self.y = read_model_and_records(model, data, sample_time)
+        self.names = _known(split(free), self.prior)
+        if free_run:
+            options["window_length"] = "trajectory"
+        options["noise_std"] = read_noise(noise, list(self.prior.outputs))
+        self.regressor = PhysicsModelRegressor(self.prior, free=self.names, **options)
+
+    def run(self) -> None:
+        """Fit, and simulate the model before and after."""
+        self.regressor.fit(self.X, self.y)
+        records = read_records(self.prior, self.X, self.y)
+        y = np.concatenate([record.y for record in records])
+        self.fits = {
+            which: fit_percentage(y, np.concatenate([r.y for r in run_records(model, records)]))
+            for which, model in (("as given", self.prior), ("fitted", self.regressor.model_))
+        }
+
+    def to_dict(self) -> dict:
+        """Return what was fitted as plain data."""
+        outputs = list(self.prior.outputs)
+        return {
+            "parameters": {
+                name: {"prior": self.prior.parameters[name].value, **plain(found)}
+                for name, found in self.regressor.parameters_.items()
+            },
+            "fit_percent": {
+                which: dict(zip(outputs, fit.tolist(), strict=True))
+                for which, fit in self.fits.items()
+            },
+            "window": self.regressor.window_,
+            "hold": self.regressor.hold_,
+            "substeps": self.regressor.substeps_,
+        }
+
+    def tell(self, output: str, *, as_json: bool, quiet: bool) -> None:
+        """Print what was fitted.
+
+        Parameters
+        ----------
+        output : str
+            Where the fitted model was written.
+        as_json : bool
+            Whether to print it as JSON.
+        quiet : bool
+            Whether to print the fit only.
+        """
+        if as_json:
+            click.echo(as_strict_json(self.to_dict()), nl=False)
+            return
+        console = screen()
+        say(console, "Fit in free run (100 % is perfect)", "bold")
+        rows = table("", "as given", "fitted")
+        for i, name in enumerate(self.prior.outputs):
+            rows.add_row(cell(name), *(f"{fit[i]:.1f} %" for fit in self.fits.values()))
+        print_table(console, rows)
+        if quiet:
+            return
+        heading(console, "Parameters (95 % interval)")
+        print_table(console, self._parameters())
+        heading(console, "Written")
+        console.print(f"  {one_line(output)}  (the fitted model; a model file again)")
+
+    def _parameters(self):
+        rows = table("", "as given", "fitted", "change")
+        for name, found in self.regressor.parameters_.items():
+            prior = self.prior.parameters[name].value
+            now = measured(found.value, found.low, found.high, found.unit)
+            change = f"{100 * (found.value / prior - 1):+.1f} %" if prior else ""
+            rows.add_row(cell(name), number(prior), cell(now), change)
+        return rows
+
+
+def _known(names: list[str], model: PhysicsModel) -> list[str] | None:
+    """Return the parameters to fit, None where none are named."""
+    unknown = [name for name in names if name not in model.parameters]
+    if unknown:
+        raise OptionError(
+            f"--free: expected parameters of the model ({', '.join(model.parameters) or 'none'}), "
+            f"got {unknown[0]!r}."
+        )
+    return names or None

@@ -1,0 +1,83 @@
+"""What every command begins with: the model file and the files of records."""
+
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from os import PathLike
+
+import click
+import pandas as pd
+
+from sklearn_pgnn.cli.guard import one_line
+from sklearn_pgnn.physics import PhysicsModel
+from sklearn_pgnn.trajectories.file_table import read_each
+from sklearn_pgnn.trajectories.files import open_file, read_files
+
+
+def read_model_and_records(
+    model: str | PathLike, data: Sequence[str | PathLike], sample_time: float | None
+) -> tuple[PhysicsModel, pd.DataFrame, pd.DataFrame]:
+    """Read a model file and the records it is asked about.
+
+    Parameters
+    ----------
+    model : str or path-like
+        The model file.
+    data : sequence of str or path-like
+        The files of records.
+    sample_time : float or None
+        Time from sample to sample [s] of files without a time.
+
+    Returns
+    -------
+    model : PhysicsModel
+        The model.
+    X, y : DataFrame
+        Inputs and outputs under the model's own names.
+    """
+    read = PhysicsModel.from_yaml(model)
+    return read, *read_files(data, read, sample_time)
+
+
+def read_inputs(
+    model: PhysicsModel, data: Sequence[str | PathLike], sample_time: float | None
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Read files of records in which outputs may be missing.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    data : sequence of str or path-like
+        The files of records.
+    sample_time : float or None
+        Time from sample to sample [s] of files without a time.
+
+    Returns
+    -------
+    X, y : DataFrame
+        Inputs, and the outputs that are there, under the model's own names.
+    """
+
+    def read(path, model, sample_time):
+        return open_file(path, model, sample_time).read(needs_outputs=False)
+
+    return read_each(read, data, model, sample_time)
+
+
+@contextmanager
+def told_warnings(*kinds: type[Warning]) -> Iterator[None]:
+    """Print warnings of some kinds in a line each, and no others.
+
+    Parameters
+    ----------
+    *kinds : type
+        What is printed.
+    """
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("ignore")
+        for kind in kinds:
+            warnings.simplefilter("always", kind)
+        yield
+    for warning in told:
+        click.echo(f"Warning: {one_line(warning.message)}", err=True)

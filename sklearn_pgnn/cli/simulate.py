@@ -1,0 +1,104 @@
+"""The job of ``sklearn-pgnn simulate``: a model file run on the inputs of records."""
+
+import numpy as np
+import pandas as pd
+
+from sklearn_pgnn.cli.guard import one_line
+from sklearn_pgnn.cli.records import read_inputs
+from sklearn_pgnn.cli.tables import cell, print_table, say, screen, table
+from sklearn_pgnn.inspection.fit_percentage import fit_percentage
+from sklearn_pgnn.inspection.start_runs import run_records
+from sklearn_pgnn.physics import PhysicsModel
+from sklearn_pgnn.simulation.finite_run import quantities_of
+from sklearn_pgnn.trajectories import read_records
+
+
+def simulate_files(
+    model, data, sample_time=None
+) -> tuple[PhysicsModel, pd.DataFrame, dict[str, list[float]]]:
+    """Simulate a model file on the inputs of files, in free run.
+
+    Parameters
+    ----------
+    model : str or path-like
+        The model file.
+    data : sequence of str or path-like
+        Files of records; outputs may be missing.
+    sample_time : float, optional
+        Time from sample to sample [s] of files without a time.
+
+    Returns
+    -------
+    model : PhysicsModel
+        The model.
+    table : DataFrame
+        Time, inputs, states and outputs; units are in the header.
+    fits : dict of str to list of float
+        By record, how its measured outputs are followed [%]; empty where none was measured.
+
+    Raises
+    ------
+    SimulationError
+        If a record leaves the finite numbers.
+    """
+    read = PhysicsModel.from_yaml(model)
+    X, y = read_inputs(read, data, sample_time)
+    whole = set(y) == set(read.outputs)
+    records = read_records(read, X, y[list(read.outputs)] if whole else None)
+    runs = [run.check() for run in run_records(read, records)]
+    pieces = [_table(read, r, run) for r, run in zip(records, runs, strict=True)]
+    fits = {
+        record.name: fit_percentage(record.y, run.y).tolist()
+        for record, run in zip(records, runs, strict=True)
+        if record.y is not None
+    }
+    return read, pd.concat(pieces, ignore_index=True), fits
+
+
+def _table(model, record, run) -> pd.DataFrame:
+    """Return a run as a file of records has it."""
+    values = dict(zip(model.states, run.x.T, strict=True))
+    values |= dict(zip(model.outputs, run.y.T, strict=True))
+    columns = {name: record.u[:, i] for i, name in enumerate(model.inputs)}
+    columns |= {name: values[name] for name in quantities_of(model)}
+    named = {_titled(n, model.unit(n)): np.asarray(v) for n, v in columns.items()}
+    return pd.DataFrame({"trajectory": record.name, "t [s]": record.origin + record.t, **named})
+
+
+def _titled(name: str, unit: str) -> str:
+    return f"{name} [{unit}]" if unit else name
+
+
+def to_csv(rows: pd.DataFrame) -> str:
+    """Return a simulation as the text of a CSV file."""
+    return rows.to_csv(index=False, float_format="%.9g", lineterminator="\n")
+
+
+def tell_simulation(model, fits: dict, output: str, samples: int, *, quiet: bool) -> None:
+    """Print how the records are followed, and where the simulation is.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    fits : dict of str to list of float
+        Fits by record [%].
+    output : str
+        Where the simulation was written.
+    samples : int
+        Number of samples.
+    quiet : bool
+        Whether to print nothing.
+    """
+    if quiet:
+        return
+    console = screen()
+    say(console, f"Wrote {samples} samples to {one_line(output)}.")
+    if not fits:
+        return
+    console.print()
+    say(console, "Fit to the measured outputs in free run (100 % is perfect)", "bold")
+    rows = table("", *model.outputs)
+    for name, percent in fits.items():
+        rows.add_row(cell(name), *(f"{p:.1f} %" for p in percent))
+    print_table(console, rows)

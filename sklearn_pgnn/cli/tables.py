@@ -1,0 +1,61 @@
+"""Tables and headings on the screen: no wider than the terminal, no blanks at the ends of lines."""
+
+from collections.abc import Iterable
+
+from rich.console import Console
+from rich.padding import Padding
+from rich.table import Table
+from rich.text import Text
+
+from sklearn_pgnn.cli.guard import one_line
+
+
+def screen() -> Console:
+    """Return what prints to stdout."""
+    return Console(highlight=False, markup=False, emoji=False)
+
+
+def say(console: Console, text: object, style: str = "") -> None:
+    """Print a paragraph."""
+    print_trimmed(console, Text(one_line(text), style=style))
+
+
+def heading(console: Console, text: str) -> None:
+    """Print a heading below an empty line."""
+    console.print()
+    say(console, text, "bold")
+
+
+def warn(console: Console, warnings: Iterable[str]) -> None:
+    """Print warnings below a heading; nothing where there are none."""
+    warnings = list(warnings)
+    if warnings:
+        heading(console, "Look at this first")
+    for warning in warnings:
+        console.print(Text(f"  {one_line(warning)}", style="yellow"), soft_wrap=True)
+
+
+def table(*headers: str) -> Table:
+    """Return an empty table without lines."""
+    made = Table(box=None, show_header=any(headers), header_style="", pad_edge=False)
+    for header in headers:
+        made.add_column(header, overflow="fold")
+    return made
+
+
+def cell(text: object) -> Text:
+    """Return a text as it may stand in a table."""
+    return Text(one_line(text))
+
+
+def print_trimmed(console: Console, what) -> None:
+    """Print without blanks at the ends of lines."""
+    with console.capture() as captured:
+        console.print(what)
+    for line in captured.get().splitlines():
+        console.out(line.rstrip(), highlight=False)
+
+
+def print_table(console: Console, table: Table) -> None:
+    """Print a table, a little indented."""
+    print_trimmed(console, Padding(table, (0, 0, 0, 2), expand=False))

@@ -1,0 +1,122 @@
+"""The job of ``sklearn-pgnn init``: a model file to begin with, commented."""
+
+import click
+
+from sklearn_pgnn.cli.guard import one_line
+from sklearn_pgnn.cli.output import write_file
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.model_file import write_model
+from sklearn_pgnn.physics.systems import cart_on_spring, golf_robot, servo_valve, two_tanks
+from sklearn_pgnn.trajectories.files import open_file
+
+SYSTEMS = {
+    "cart-on-spring": cart_on_spring,
+    "golf-robot": golf_robot,
+    "servo-valve": servo_valve,
+    "two-tanks": two_tanks,
+}
+HEAD = """\
+# A model file of sklearn-pgnn: the machine as you believe it to be. It begins as a ready system;
+# put your own names, units, values and equations in its place. Then see whether it fits the files:
+#   sklearn-pgnn check --model {path} record.csv
+"""
+#: what stands above each part
+COMMENTS = {
+    "name": "What reports call the machine.",
+    "states": "What the machine remembers, with units: positions, speeds, levels, temperatures.",
+    "inputs": "What drives it, with units. Every file of records has a column of each.",
+    "outputs": "What the sensors show: the column of the file, and the state, or an expression.",
+    "parameters": "Constants. bounds: what is possible at all. spread: how far the true value may\n"
+    "lie from this one, as a share of it, and still be called calibrated (0.1 if nothing is\n"
+    "said). fixed: true for what is known and never re-tuned.",
+    "equations": "The rate of every state. Names from above, numbers, t, pi, + - * / **, and abs,\n"
+    "sign, min, max, sqrt, exp, log, sin, cos, tan, atan2, tanh and their like.",
+    "inertia": "Optional: mass or inertia of a speed; effects on it are then forces or torques.",
+    "energy": "Optional: stored [J], supplied and dissipated [W]; networks and losses use it.",
+    "initial_state": "Optional: where a record starts that does not tell; zero by default.",
+}
+#: parts that a model may have besides, to be uncommented
+OPTIONAL = {
+    "initial_state": "where a record starts that does not tell; zero if nothing is said",
+    "columns": "what the files call a quantity, where that is not its name",
+    "delays": "for an input that acts late, the parameter that holds its delay [s]",
+    "simulation": "hold: zoh or foh (inputs held, or straight from sample to sample); substeps",
+}
+
+
+def write_template(
+    path: str, like: str, records: str | None = None, *, force: bool, quiet: bool
+) -> None:
+    """Write a commented model file.
+
+    Parameters
+    ----------
+    path : str
+        Where to write.
+    like : str
+        The ready system to begin with, a key of `SYSTEMS`.
+    records : str, optional
+        A file of records, whose columns are written into the comments.
+    force : bool
+        Whether a file may be replaced.
+    quiet : bool
+        Whether nothing is printed.
+
+    Raises
+    ------
+    OptionError
+        If the file is there already.
+    """
+    model = SYSTEMS[like]()
+    header = [] if records is None else open_file(records, model).header
+    write_file(path, commented(model, path, header), force=force)
+    if not quiet:
+        then = f"sklearn-pgnn check --model {one_line(path)} {one_line(records or 'record.csv')}"
+        click.echo(
+            f"Wrote {one_line(path)}, a model of the {model.name}. Make it yours in an editor, "
+            f"then:\n  {then}"
+        )
+
+
+def commented(model: PhysicsModel, path: str = "model.yaml", header=()) -> str:
+    """Return a model as a model file with a comment at every part.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    path : str, default="model.yaml"
+        What the file will be called.
+    header : sequence of str, default=()
+        The columns of a file of records, to be listed.
+
+    Returns
+    -------
+    str
+        The YAML text.
+    """
+    lines = [HEAD.format(path=one_line(path)).rstrip()]
+    if header:
+        lines.append(f"# The columns of your file: {one_line(', '.join(header))}.")
+    for line in write_model(model).splitlines():
+        part = line.split(":")[0]
+        if part in COMMENTS and not line.startswith(" "):
+            lines += ["", *(f"# {text}" for text in COMMENTS[part].split("\n"))]
+        lines.append(line)
+    lines += ["", "# Optional parts: take the sign away from those you need."]
+    examples = _examples(model)
+    for part, what in OPTIONAL.items():
+        if part not in model.to_dict():
+            lines += [f"# {part}: {examples[part]}  # {what}"]
+    return "\n".join(lines) + "\n"
+
+
+def _examples(model: PhysicsModel) -> dict[str, str]:
+    """Return an example of every optional part, in the model's own names."""
+    (state, *_), (driven, *_), (output, *_) = model.states, model.inputs, model.outputs
+    return {
+        "initial_state": f"{{{state}: 0.5}}",
+        "columns": f"{{t: time, {driven}: {driven}_command, {output}: {output}_sensor}}",
+        "delays": f"{{{driven}: {next(iter(model.parameters))}}}",
+        "simulation": "{hold: foh, substeps: 4}",
+    }

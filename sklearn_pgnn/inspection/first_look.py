@@ -1,0 +1,290 @@
+"""A first look: a model simulated on records as it is given, before anything is diagnosed."""
+
+import math
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from sklearn_pgnn.inspection.fit_percentage import fit_percentage
+from sklearn_pgnn.inspection.start_runs import run_from_starts
+from sklearn_pgnn.inspection.words import number
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.free_run import simulate_record
+from sklearn_pgnn.simulation.record_windows import window_records
+from sklearn_pgnn.trajectories import read_records
+
+#: factors between two units of a quantity: the prefix of the file's, where that is known
+PREFIXES = {1e3: "m", 1e6: "u", 1e-3: "k", 1e-6: "M"}
+#: and by the model's unit, what else a file may hold
+OTHERS = {
+    "m": {100.0: "cm"},
+    "m/s": {100.0: "cm/s", 3.6: "km/h"},
+    "rad": {180 / math.pi: "deg"},
+    "rad/s": {180 / math.pi: "deg/s", 30 / math.pi: "rpm"},
+}
+#: how near to such a factor a scale must be, and the share of the power that it must then explain
+NEAR, TELLING = 1.3, 0.5
+
+
+@dataclass(frozen=True)
+class SeenRecord:
+    """One record.
+
+    Parameters
+    ----------
+    name : str
+        What it is called.
+    samples : int
+        Number of samples.
+    duration, sample_time : float
+        From the first to the last sample, and the median from sample to sample [s].
+    """
+
+    name: str
+    samples: int
+    duration: float
+    sample_time: float
+
+
+@dataclass(frozen=True)
+class SeenQuantity:
+    """An input or an output over all records.
+
+    Parameters
+    ----------
+    name, role, unit : str
+        What it is: ``"input"`` or ``"output"``, and its unit in the model.
+    low, high : float
+        Smallest and largest value [unit].
+    missing : int
+        Samples without a value.
+    """
+
+    name: str
+    role: str
+    unit: str
+    low: float
+    high: float
+    missing: int
+
+
+@dataclass(frozen=True)
+class FirstFit:
+    """An output of the model as given, in free run from where the records start.
+
+    Parameters
+    ----------
+    output, unit : str
+        The output and its unit.
+    error, noise : float
+        Root mean square error, and the noise that the records tell [unit].
+    fit : float
+        See `fit_percentage`.
+    """
+
+    output: str
+    unit: str
+    error: float
+    noise: float
+    fit: float
+
+
+@dataclass(frozen=True)
+class FirstLook:
+    """What a first look at a model and records shows.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    records : tuple of SeenRecord
+        The records.
+    quantities : tuple of SeenQuantity
+        Inputs and outputs.
+    outputs : tuple of FirstFit
+        How the model as given follows them.
+    warnings : tuple of str
+        What looks wrong, each with its remedy.
+    """
+
+    model: PhysicsModel
+    records: tuple[SeenRecord, ...]
+    quantities: tuple[SeenQuantity, ...]
+    outputs: tuple[FirstFit, ...]
+    warnings: tuple[str, ...]
+
+    def to_dict(self) -> dict:
+        """Return all but the model as plain data."""
+        rows = {n: [asdict(row) for row in getattr(self, n)] for n in _TABLES}
+        return {"model": self.model.name, **rows, "warnings": list(self.warnings)}
+
+
+_TABLES = ("records", "quantities", "outputs")
+
+
+def first_look(model: PhysicsModel, X, y) -> FirstLook:
+    """Hold a model against records in seconds: what they hold, and a first simulation.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model, as it is given.
+    X : DataFrame or array of shape (n_samples, n_columns)
+        Time [s], inputs and, where known, initial states; see `ModelDiagnosis.fit`.
+    y : array-like of shape (n_samples, n_outputs) or (n_samples,)
+        Measured outputs.
+
+    Returns
+    -------
+    FirstLook
+        Records, ranges, the fit of the first simulation, and what looks wrong.
+
+    Raises
+    ------
+    RecordError
+        If X or y cannot be read as records of the model.
+
+    Examples
+    --------
+    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
+    >>> t = np.linspace(0, 20, 401)
+    >>> run = lag.simulate(t, np.sin(t)).y
+    >>> look = first_look(lag, np.column_stack([t, np.sin(t)]), 1000 * run)
+    >>> "as if it were recorded in mV" in look.warnings[0]
+    True
+    """
+    records = read_records(model, X, y)
+    windowed = window_records(model, records)
+    windows = windowed.windows
+    runs = run_from_starts(model, windowed)
+    simulated = np.concatenate([run.y for run in runs])
+    quantities = _quantities(model, windows.u, windows.y)
+    outputs = _fits(model, windows, simulated)
+    failed = [
+        f"record {record.name!r}: {run.message}"
+        for record, run in zip(records, runs, strict=True)
+        if run.message
+    ]
+    return FirstLook(
+        model,
+        tuple(map(_seen, records)),
+        quantities,
+        outputs,
+        (*_constant(quantities), *failed, *_odd(model, records, windows, outputs)),
+    )
+
+
+# -- what is there ---------------------------------------------------------------------------------
+
+
+def _seen(record) -> SeenRecord:
+    t = record.t
+    return SeenRecord(record.name, t.size, float(t[-1] - t[0]), float(np.median(np.diff(t))))
+
+
+def _quantities(model, u, y) -> tuple[SeenQuantity, ...]:
+    columns = {name: ("input", u[:, i]) for i, name in enumerate(model.inputs)}
+    columns |= {name: ("output", y[:, i]) for i, name in enumerate(model.outputs)}
+    return tuple(
+        SeenQuantity(
+            name,
+            role,
+            model.unit(name),
+            float(np.nanmin(values)),
+            float(np.nanmax(values)),
+            int(np.isnan(values).sum()),
+        )
+        for name, (role, values) in columns.items()
+    )
+
+
+def _fits(model, windows, simulated) -> tuple[FirstFit, ...]:
+    with np.errstate(over="ignore", invalid="ignore"):
+        errors = np.sqrt(np.nanmean((windows.y - simulated) ** 2, axis=0))
+    percent = fit_percentage(windows.y, simulated)
+    return tuple(
+        FirstFit(
+            name, model.unit(name), float(errors[i]), float(windows.scale[i]), float(percent[i])
+        )
+        for i, name in enumerate(model.outputs)
+    )
+
+
+# -- what looks wrong ------------------------------------------------------------------------------
+
+
+def _constant(quantities) -> list[str]:
+    return [
+        f"{q.role} {q.name!r} is {number(q.low)} {q.unit}".rstrip()
+        + " in every sample: nothing that depends on its changes can be found. Remedy: a record "
+        "in which it moves."
+        for q in quantities
+        if q.low == q.high
+    ]
+
+
+def _odd(model, records, windows, outputs) -> list[str]:
+    """Say which outputs are in another unit, run the other way, or are not followed at all.
+
+    The runs begin where the model says: what the sensors show may be in another unit.
+    """
+    runs = [
+        simulate_record(model, record, hold=windows.hold, substeps=windows.substeps)
+        for record in records
+    ]
+    y, simulated, said = windows.y, np.concatenate([run.y for run in runs]), []
+    for i, output in enumerate(outputs):
+        seen = np.isfinite(y[:, i]) & np.isfinite(simulated[:, i])
+        if seen.any():
+            scale, share = _scale(y[seen, i], simulated[seen, i])
+            said += _about(model, output, scale, share)
+    return said
+
+
+def _scale(y, simulated) -> tuple[float, float]:
+    """Return by how much a simulation must be multiplied, and the share of power it then has."""
+    y, simulated = y - y.mean(), simulated - simulated.mean()
+    power, both = float(simulated @ simulated), float(simulated @ y)
+    if not (0 < power < math.inf and y.any()):
+        return 1.0, 0.0
+    return both / power, both**2 / (power * float(y @ y))
+
+
+def _about(model, output, scale, share) -> list[str]:
+    name, expression = output.output, model.outputs[output.output]
+    if share > TELLING and scale < 0:
+        return [
+            f"{name!r} runs against the simulation ({number(scale, 3)} times it). Remedy: check "
+            f"the signs of the sensor, of the inputs and of the equations."
+        ]
+    factor, unit = _unit_factor(output.unit, scale) if share > TELLING else (1.0, "")
+    if factor != 1.0:
+        recorded = f", as if it were recorded in {unit}" if unit else ""
+        return [
+            f"{name!r} is {number(scale)} times what the model simulates{recorded}. Remedy: "
+            f"convert the column, or say in the model file outputs: "
+            f'{{{name}: "{number(factor, 6)}*({expression})"}}.'
+        ]
+    if output.fit < 0:
+        return [
+            f"{name!r}: the first simulation is no nearer to the records than their mean is. "
+            f"Remedy: check units, signs and values; a diagnosis re-tunes a parameter only within "
+            f"its spread."
+        ]
+    return []
+
+
+def _unit_factor(unit: str, scale: float) -> tuple[float, str]:
+    """Return the factor between units that a scale is near, and the unit of the file.
+
+    Examples
+    --------
+    >>> _unit_factor("m/s", 3.58), _unit_factor("m", 1.2)
+    ((3.6, 'km/h'), (1.0, ''))
+    """
+    units = {factor: prefix + unit if unit else "" for factor, prefix in PREFIXES.items()}
+    units |= OTHERS.get(unit, {})
+    for factor, recorded in units.items():
+        if 1 / NEAR < scale / factor < NEAR:
+            return factor, recorded
+    return 1.0, ""

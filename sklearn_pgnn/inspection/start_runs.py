@@ -1,0 +1,58 @@
+"""Free runs of a model from where records are seen to start."""
+
+from itertools import pairwise
+
+import numpy as np
+
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.free_run import simulate_record, substeps_for
+from sklearn_pgnn.simulation.record_windows import WindowedRecords, window_records
+from sklearn_pgnn.simulation.simulate import Simulation
+from sklearn_pgnn.simulation.state_estimate import free_run
+
+
+def run_records(model: PhysicsModel, records) -> list[Simulation]:
+    """Simulate every record in free run.
+
+    A record begins in the states that it tells, else where its outputs show it to begin, else in
+    the model's initial state.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    records : tuple of Record
+        Time, inputs, what is known of the initial states, and the outputs where they are measured.
+
+    Returns
+    -------
+    list of Simulation
+        States and outputs of every record.
+    """
+    if all(record.y is not None for record in records):
+        return run_from_starts(model, window_records(model, records))
+    substeps = substeps_for(model, records)
+    return [simulate_record(model, record, substeps=substeps) for record in records]
+
+
+def run_from_starts(model: PhysicsModel, windowed: WindowedRecords) -> list[Simulation]:
+    """Simulate windowed records in free run, each from its estimated first state.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    windowed : WindowedRecords
+        The records.
+
+    Returns
+    -------
+    list of Simulation
+        States and outputs of every record.
+    """
+    windows = windowed.windows
+    starts = windowed.states.values(model)[windows.bounds[:-1]]
+    return [
+        free_run(model, windows, a, b, np.array(start))
+        for (a, b), start in zip(pairwise(windows.bounds), starts, strict=True)
+    ]

@@ -1,0 +1,204 @@
+"""The commands around a diagnosis: a new user's way from a template to a fitted model."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+from click.testing import CliRunner
+from test_cli import MODEL, table
+
+from sklearn_pgnn import PhysicsModel
+from sklearn_pgnn.cli import commands, main
+from sklearn_pgnn.cli.template import SYSTEMS
+
+pytestmark = pytest.mark.core
+
+
+def run(*args, code=0):
+    result = CliRunner().invoke(main, [*map(str, args)])
+    assert result.exit_code == code, result.output
+    return result
+
+
+@pytest.fixture
+def files(tmp_path):
+    """A model file, and two files of records."""
+    (tmp_path / "cart.yaml").write_text(MODEL)
+    for seed, name in enumerate("ab"):
+        table(seed, level=0.0).to_csv(tmp_path / f"{name}.csv", index=False)
+    return tmp_path
+
+
+def given(files, *names):
+    return ("--model", files / "cart.yaml", *(files / name for name in names or ("a.csv", "b.csv")))
+
+
+# -- init ------------------------------------------------------------------------------------------
+
+
+def test_the_ready_systems_are_those_of_the_template():
+    assert set(commands.SYSTEMS) == set(SYSTEMS)
+
+
+@pytest.mark.parametrize("like", SYSTEMS)
+def test_a_template_is_the_model_of_a_ready_system_with_comments(tmp_path, like):
+    path = tmp_path / "mine.yaml"
+    said = run("init", path, "--like", like).stdout
+    assert f"sklearn-pgnn check --model {path}" in said
+    assert PhysicsModel.from_yaml(path) == SYSTEMS[like]()
+    assert path.read_text().count("# ") > 10
+
+
+def test_the_optional_parts_of_a_template_can_be_taken_in(tmp_path):
+    path = tmp_path / "mine.yaml"
+    run("init", path)
+    parts = ("columns", "delays", "initial_state", "simulation")
+    text = path.read_text()
+    for part in parts:
+        text = text.replace(f"# {part}:", f"{part}:")
+    path.write_text(text)
+    model = PhysicsModel.from_yaml(path)
+    assert all(getattr(model, part) for part in parts)
+
+
+def test_a_template_lists_the_columns_of_a_file_and_replaces_nothing_unasked(files):
+    path = files / "mine.yaml"
+    run("init", path, "--records", files / "a.csv")
+    assert "# The columns of your file: t, F, speed." in path.read_text()
+    path.write_text("mine")
+    assert "expected no such file" in run("init", path, code=2).stderr
+    assert path.read_text() == "mine"
+    run("init", path, "--force", "--quiet")
+    assert path.read_text() != "mine"
+
+
+# -- check -----------------------------------------------------------------------------------------
+
+
+def test_a_check_shows_ranges_and_a_first_simulation(files):
+    text = " ".join(run("check", *given(files)).stdout.split())
+    assert "The model of the cart (1 state, 1 input, 1 output, 2 free parameters)" in text
+    assert "can be used" in text
+    for what in ("a 300 14.95 s 0.05 s", "F input", "speed output", "speed 100 %"):
+        assert what in text
+    assert "Look at this first" not in text
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda rows: rows.assign(speed=1000 * rows.speed), "as if it were recorded in mm/s"),
+        (lambda rows: rows.assign(speed=3.6 * rows.speed), "as if it were recorded in km/h"),
+        (lambda rows: rows.assign(speed=-rows.speed), "runs against the simulation"),
+        (lambda rows: rows.assign(F=1.5), "input 'F' is 1.5 N in every sample"),
+        (lambda rows: rows.assign(speed=np.sin(40 * rows.t)), "no nearer to the records"),
+    ],
+)
+def test_a_check_says_what_looks_wrong(files, change, said):
+    change(table(0, level=0.0)).to_csv(files / "odd.csv", index=False)
+    result = run("check", *given(files, "odd.csv"), "--quiet")
+    assert "look odd" in " ".join(result.stdout.split())
+    assert said in result.stdout
+
+
+def test_a_check_names_what_is_not_used_and_every_column_that_is_missing(files):
+    table(0).assign(temperature=20).to_csv(files / "more.csv", index=False)
+    assert "Not used: temperature." in run("check", *given(files, "more.csv")).stdout
+    names = {"t": "Time", "F": "F_cmd", "speed": "v_meas [m/s]"}
+    table(0).rename(columns=names).assign(foo=1).to_csv(files / "other.csv", index=False)
+    said = run("check", *given(files, "other.csv"), code=2).stderr
+    assert "columns: {t: Time, speed: v_meas, F: F_cmd}" in said
+
+
+def test_a_check_as_json_is_strict(files):
+    data = json.loads(run("check", *given(files), "--json").stdout)
+    assert data["outputs"][0]["fit"] > 99
+    assert data["warnings"] == data["unused_columns"] == []
+
+
+# -- simulate --------------------------------------------------------------------------------------
+
+
+def test_a_simulation_is_a_file_of_records_again(files):
+    out = files / "simulated.csv"
+    said = " ".join(run("simulate", *given(files), "--output", out).stdout.split())
+    assert "a 99.8 %" in said or "a 99.9 %" in said
+    rows = pd.read_csv(out)
+    assert list(rows) == ["trajectory", "t [s]", "F [N]", "v [m/s]", "speed [m/s]"]
+    data = json.loads(run("check", *given(files, "simulated.csv"), "--json").stdout)
+    assert [record["name"] for record in data["records"]] == ["simulated/a", "simulated/b"]
+    assert data["outputs"][0]["fit"] > 99.9
+    assert "expected no such file" in run("simulate", *given(files), "--output", out, code=2).stderr
+
+
+def test_a_simulation_needs_no_outputs(files):
+    table(0).drop(columns="speed").to_csv(files / "inputs.csv", index=False)
+    out = files / "simulated.csv"
+    assert "Fit" not in run("simulate", *given(files, "inputs.csv"), "--output", out).stdout
+    speed = pd.read_csv(out)["speed [m/s]"]
+    assert speed.iloc[-1] == pytest.approx(table(0, level=0.0).speed.iloc[-1], abs=0.01)
+
+
+def test_a_simulation_that_diverges_is_refused(files):
+    text = (files / "cart.yaml").read_text().replace("F - d*v", "F + 1e6*v**3")
+    (files / "cart.yaml").write_text(text)
+    out = files / "simulated.csv"
+    assert (
+        "left the finite numbers" in run("simulate", *given(files), "--output", out, code=2).stderr
+    )
+    assert not out.exists()
+
+
+# -- fit -------------------------------------------------------------------------------------------
+
+
+def test_a_fit_writes_a_model_file_and_says_what_it_changed(files):
+    text = (files / "cart.yaml").read_text().replace("value: 0.5", "value: 0.8")
+    (files / "cart.yaml").write_text(text)
+    out = files / "fitted.yaml"
+    result = run("fit", *given(files), "--output", out)
+    assert PhysicsModel.from_yaml(out).parameters["d"].value == pytest.approx(0.5, rel=0.01)
+    assert "N s/m" in result.stdout
+    data = json.loads(run("fit", *given(files), "--output", out, "--force", "--json").stdout)
+    assert data["parameters"]["d"]["prior"] == 0.8
+    assert data["fit_percent"]["fitted"]["speed"] > data["fit_percent"]["as given"]["speed"]
+
+
+def test_a_fit_leaves_what_is_not_named_and_refuses_what_is_not_there(files):
+    out = files / "fitted.yaml"
+    run("fit", *given(files), "--output", out, "--free", "d", "--free-run", "--quiet")
+    assert PhysicsModel.from_yaml(out).parameters["m"].value == 2.0
+    said = run("fit", *given(files), "--output", out, "--free", "q", "--force", code=2).stderr
+    assert "--free: expected parameters of the model (m, d), got 'q'." in said
+
+
+# -- detect ----------------------------------------------------------------------------------------
+
+
+def test_detect_tells_the_smallest_size_of_every_effect(files):
+    args = ("detect", *given(files), "--catalogue", "coulomb_friction,leak,input_bias")
+    result = run(*args)
+    text = " ".join(result.stdout.split())
+    assert text.startswith(
+        "Named with a chance of 90% from this size on Coulomb friction on v level"
+    )
+    assert "effects: 0 of 3" in result.stderr
+    rows = json.loads(run(*args, "--json").stdout)["effects"]
+    assert [row["effect"] for row in rows] == ["coulomb_friction", "input_bias"]
+    assert all(0 < row["smallest"] < 0.1 for row in rows)
+
+
+def test_detect_warns_of_a_model_that_leaves_structure(files):
+    table(0, level=0.5).to_csv(files / "rough.csv", index=False)
+    args = ("detect", *given(files, "rough.csv"), "--catalogue", "input_bias")
+    assert "leaves more than noise, which counts as noise" in run(*args).stdout
+
+
+# -- all -------------------------------------------------------------------------------------------
+
+
+def test_help_lists_the_commands_as_one_comes_to_use_them():
+    text = run("--help").stdout
+    places = [text.index(f"\n  {name} ") for name in ("demo", "init", "check", "fit", "diagnose")]
+    assert places == sorted(places)
