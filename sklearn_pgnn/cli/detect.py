@@ -101,8 +101,8 @@ class DetectJob:
         print_table(console, rows)
 
     def _reservations(self) -> list[str]:
-        """Say that a model which misses something makes everything harder to see."""
-        if self.diagnosis.verdict_ == "model_adequate":
+        """Say that a model which leaves more than noise makes everything harder to see."""
+        if self.diagnosis.remaining_.kind == "noise":
             return []
         return [
             "The re-tuned model leaves more than noise, which counts as noise here. Remedy: "
