@@ -11,6 +11,7 @@ from sklearn.base import BaseEstimator, MultiOutputMixin, RegressorMixin, clone
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
+from sklearn_pgnn.diagnosis import frames
 from sklearn_pgnn.diagnosis.free_run import free_run_errors
 from sklearn_pgnn.diagnosis.investigation import Findings, Investigation
 from sklearn_pgnn.diagnosis.result import (
@@ -501,6 +502,24 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
             {"trajectory": name, "state": dict(zip(states, start.tolist(), strict=True))}
             for name, start in zip(self.records_.names, self.initial_states_, strict=True)
         ]
+
+    def causes_frame(self):
+        """Return the named causes as a DataFrame, a row for each of their parameters."""
+        return frames.causes_frame(self)
+
+    def parameters_frame(self):
+        """Return the prior's re-tuned parameters as a DataFrame, a row each."""
+        return frames.parameters_frame(self)
+
+    def gain_frame(self):
+        """Return what re-tuning and extending are worth as a DataFrame, a row an output."""
+        return frames.gain_frame(self)
+
+    def _html_repr(self) -> str:
+        return reading("diagnosis_html")(self)
+
+    def _repr_latex_(self) -> str | None:
+        return reading("diagnosis_latex")(self)
 
     def to_html(self, path) -> None:
         """Write the report, one self-contained file.

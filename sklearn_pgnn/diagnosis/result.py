@@ -15,6 +15,7 @@ from sklearn_pgnn.estimation.fitting import HypothesisFitter
 from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.estimation.residuals import HeldOut, Residuals
 from sklearn_pgnn.estimation.window_fitter import block_squares
+from sklearn_pgnn.readings import reading
 from sklearn_pgnn.simulation.uncertainty import Estimate, estimate_of
 from sklearn_pgnn.simulation.window_fit import WindowFit
 
@@ -88,6 +89,12 @@ class NamedCause:
     check: str = ""
     equivalent: tuple[Candidate, ...] = ()
     probability: float = 1.0
+
+    def _repr_html_(self) -> str:
+        return reading("cause_html")(self)
+
+    def _repr_latex_(self) -> str | None:
+        return reading("cause_latex")(self)
 
 
 @dataclass(frozen=True)

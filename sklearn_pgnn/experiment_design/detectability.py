@@ -72,6 +72,13 @@ class Detectability:
     power: float
     sizes: tuple[float, ...]
 
+    def __repr__(self):
+        seen = sum(not row.reason for row in self.rows)
+        return f"<Detectability: {seen} of {len(self.rows)} effects, power {self.power:g}>"
+
+    def _repr_html_(self) -> str:
+        return reading("detectability_html")(self)
+
     def to_frame(self) -> pd.DataFrame:
         """Return the table, a row an effect.
 

@@ -17,6 +17,7 @@ from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.parameter import Parameter
 from sklearn_pgnn.physics.scales import Scales
 from sklearn_pgnn.physics.typical import typical_by_kind, typical_value
+from sklearn_pgnn.readings import reading
 
 __all__ = ["Characteristic", "Effect", "Scales", "quantity"]
 
@@ -434,6 +435,12 @@ class Effect(ABC):
         changes = self.rewrite(model, symbols)
         parameters = {**changes.pop("parameters", model.parameters), **new}
         return model.replace(parameters=parameters, **changes)
+
+    def _repr_html_(self) -> str:
+        return reading("effect_html")(self)
+
+    def _repr_latex_(self) -> str | None:
+        return reading("effect_latex")(self)
 
 
 def _end(quantity, usual: float, limits: tuple[float, float], size: float) -> float:

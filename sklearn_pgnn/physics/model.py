@@ -586,6 +586,12 @@ class PhysicsModel:
     def __repr__(self):
         return f"<PhysicsModel {self.name!r}: {', '.join(self.states)}>"
 
+    def _repr_html_(self) -> str:
+        return reading("model_html")(self)
+
+    def _repr_latex_(self) -> str:
+        return reading("model_latex")(self)
+
 
 def _compared(rate: sympy.Expr) -> list[sympy.Expr]:
     """Return the arguments of nested maxima and minima, else the rate itself."""

@@ -1,0 +1,138 @@
+"""The findings of a diagnosis as tables."""
+
+import math
+
+import pandas as pd
+
+
+def causes_frame(diagnosis) -> pd.DataFrame:
+    """Return the named causes as a table, a row for each of their parameters.
+
+    Parameters
+    ----------
+    diagnosis : ModelDiagnosis
+        A fitted diagnosis.
+
+    Returns
+    -------
+    DataFrame
+        Place of the cause, its effect and target, a parameter with its value, 95 % interval and
+        unit, by how much the cause lowers the error [%], its probability, and what it is
+        confused with.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> from sklearn_pgnn.diagnosis.result import NamedCause
+    >>> from sklearn_pgnn.simulation.uncertainty import Estimate
+    >>> cause = NamedCause("input_bias", "F", {"bias": Estimate(0.3, 0.2, 0.4, "N")}, 90.0, ())
+    >>> causes_frame(SimpleNamespace(causes_=(cause,)))[["effect", "parameter", "value", "unit"]]
+           effect parameter  value unit
+    0  input_bias      bias    0.3    N
+    """
+    rows = []
+    for place, cause in enumerate(diagnosis.causes_, start=1):
+        about = {"cause": place, "effect": cause.effect, "target": cause.target}
+        worth = {
+            "gain_percent": cause.gain,
+            "probability": cause.probability,
+            "confused_with": ", ".join(f"{r.effect} of {r.target}" for r in cause.confused_with),
+        }
+        rows += [{**about, **size, **worth} for size in _sizes(cause)]
+    return pd.DataFrame(rows, columns=[*_ABOUT, *_SIZE, *_WORTH])
+
+
+_ABOUT = ("cause", "effect", "target")
+_SIZE = ("parameter", "value", "low", "high", "unit")
+_WORTH = ("gain_percent", "probability", "confused_with")
+
+
+def _sizes(cause) -> list[dict]:
+    """Return a cause's parameters; one without any has one empty row."""
+    found = [
+        dict(zip(_SIZE, (name, e.value, e.low, e.high, e.unit), strict=True))
+        for name, e in cause.parameters.items()
+    ]
+    return found or [dict(zip(_SIZE, ("", math.nan, math.nan, math.nan, ""), strict=True))]
+
+
+def parameters_frame(diagnosis) -> pd.DataFrame:
+    """Return the re-tuned parameters of the prior as a table, a row each.
+
+    Parameters
+    ----------
+    diagnosis : ModelDiagnosis
+        A fitted diagnosis.
+
+    Returns
+    -------
+    DataFrame
+        By name: prior value, estimate, 95 % interval, unit, change [%], and whether the interval
+        leaves the prior value out.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> from sklearn_pgnn.diagnosis.result import RetunedParameter
+    >>> mass = RetunedParameter(2.0, 2.1, 2.05, 2.15, "kg", True)
+    >>> table = parameters_frame(SimpleNamespace(parameters_={"m": mass}))
+    >>> print(*table.loc["m", ["prior", "value", "unit"]])
+    2.0 2.1 kg
+    """
+    rows = {
+        name: {
+            "prior": p.prior,
+            "value": p.value,
+            "low": p.low,
+            "high": p.high,
+            "unit": p.unit,
+            "change_percent": 100 * (p.value / p.prior - 1) if p.prior else math.nan,
+            "changed": p.changed,
+        }
+        for name, p in diagnosis.parameters_.items()
+    }
+    columns = ["prior", "value", "low", "high", "unit", "change_percent", "changed"]
+    return pd.DataFrame.from_dict(rows, orient="index", columns=columns).rename_axis("name")
+
+
+def gain_frame(diagnosis) -> pd.DataFrame:
+    """Return what re-tuning and extending are worth as a table, a row an output.
+
+    Parameters
+    ----------
+    diagnosis : ModelDiagnosis
+        A fitted diagnosis.
+
+    Returns
+    -------
+    DataFrame
+        By output: root mean square errors on held-out windows of the model as given, re-tuned and
+        extended, the noise, the share of the error power that is explained with its 95 % interval,
+        the errors of the same models in free run over whole records, and the unit of the errors.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> from sklearn_pgnn.diagnosis import FreeRunError, Gain
+    >>> found = SimpleNamespace(gain_={"v": Gain(3.0, 2.0, 1.0, 1.0, 0.99, 0.98, 1.0, "m/s")},
+    ...                         free_run_={"v": FreeRunError(6.0, 5.0, 1.0)})
+    >>> print(*gain_frame(found).loc["v", ["prior", "extended", "free_run_prior", "unit"]])
+    3.0 1.0 6.0 m/s
+    """
+    rows = {}
+    for output, gain in diagnosis.gain_.items():
+        run = diagnosis.free_run_[output]
+        rows[output] = {
+            "prior": gain.prior,
+            "refitted": gain.refitted,
+            "extended": gain.extended,
+            "noise": gain.noise,
+            "explained_share": gain.explained_share,
+            "low": gain.low,
+            "high": gain.high,
+            "free_run_prior": run.prior,
+            "free_run_refitted": run.refitted,
+            "free_run_extended": run.extended,
+            "unit": gain.unit,
+        }
+    return pd.DataFrame.from_dict(rows, orient="index").rename_axis("output")

@@ -1,0 +1,237 @@
+"""What a notebook shows of a model, an effect, a cause and a diagnosis: small pieces of HTML."""
+
+import re
+from html import escape
+
+from sklearn.base import BaseEstimator
+
+from sklearn_pgnn.inspection.equations import equations_of
+from sklearn_pgnn.inspection.words import (
+    VERDICTS,
+    cause_name,
+    chance,
+    free_run_error,
+    measured,
+    number,
+    remaining_sentence,
+    rivals,
+    share,
+    typeset_unit,
+    verdict_sentence,
+)
+from sklearn_pgnn.physics.effects import find_effect
+
+_CELL = "text-align: left; padding: 0 1em 0 0"
+
+
+def model_html(model) -> str:
+    """Return a model as HTML: its equations, and its quantities with their units.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+
+    Returns
+    -------
+    str
+        A piece of HTML; names and units are escaped.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.physics.systems import cart_on_spring
+    >>> "cart on a spring" in model_html(cart_on_spring())
+    True
+    """
+    equations = "".join(
+        f"<div>{each.mathml or f'<code>{escape(each.text)}</code>'}</div>"
+        for each in equations_of(model, model)
+    )
+    signals = [
+        (name, kind, typeset_unit(model.unit(name)) or "-")
+        for kind, names in (
+            ("state", model.states),
+            ("input", model.inputs),
+            ("output", model.outputs),
+        )
+        for name in names
+    ]
+    rows = [
+        (name, number(p.value), typeset_unit(p.unit) or "-", "known" if p.fixed else "free")
+        for name, p in model.parameters.items()
+    ]
+    parameters = _table(("parameter", "value", "unit", ""), rows) if rows else ""
+    return _box(
+        f"<b>{escape(model.name)}</b>{equations}",
+        _table(("signal", "", "unit"), signals) + parameters,
+    )
+
+
+def model_latex(model) -> str:
+    """Return the equations of a model as LaTeX, to be shown on lines of their own."""
+    return f"$$\n{model.to_latex()}\n$$"
+
+
+def effect_html(effect) -> str:
+    """Return an effect as HTML: what it is, and its quantities.
+
+    Parameters
+    ----------
+    effect : Effect
+        The effect.
+
+    Returns
+    -------
+    str
+        A piece of HTML.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.physics.effects import InputBias
+    >>> effect_html(InputBias("torque", bias=0.1)).count("input bias of torque")
+    1
+    """
+    rows = [
+        (f.name.replace("_", " "), effect.names()[f.name], number(getattr(effect, f.name)))
+        for f in effect.quantities()
+    ]
+    about = " ".join(filter(None, (effect.summary, effect.check and f"Check: {effect.check}")))
+    return _box(
+        f"<b>{escape(effect.title(effect.target))}</b><div>{escape(about)}</div>",
+        _table(("quantity", "symbol", "value"), rows) if rows else "",
+    )
+
+
+def effect_latex(effect) -> str | None:
+    r"""Return the law of an effect as LaTeX, as its documentation has it; None where it has none.
+
+    Parameters
+    ----------
+    effect : Effect or type[Effect]
+        The effect.
+
+    Returns
+    -------
+    str or None
+        The law between dollar signs.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.physics.effects import ViscousFriction
+    >>> effect_latex(ViscousFriction("v"))
+    '$F = d\\,v$'
+    """
+    first = (getattr(effect, "__doc__", None) or "").split("Parameters\n")[0]
+    found = re.search(r":math:`([^`]+)`", first)
+    return None if found is None else f"${' '.join(found[1].split())}$"
+
+
+def cause_html(cause) -> str:
+    """Return a named cause as HTML: what it is, how large, how sure, and how to check it.
+
+    Parameters
+    ----------
+    cause : NamedCause
+        A cause of a diagnosis.
+
+    Returns
+    -------
+    str
+        A piece of HTML.
+    """
+    rows = [
+        (name.replace("_", " "), measured(e.value, e.low, e.high, typeset_unit(e.unit)))
+        for name, e in cause.parameters.items()
+    ]
+    rows += [
+        ("error on held-out windows", f"{-cause.gain:+.0f} %"),
+        ("probability", chance(cause.probability)),
+        ("confused with", rivals(cause) or "nothing"),
+        ("check on the rig", cause.check or "-"),
+    ]
+    name = escape(cause_name(cause.effect, cause.target))
+    return _box(f"<b>{name}</b><div>{escape(cause.summary)}</div>", _table((), rows))
+
+
+def cause_latex(cause) -> str | None:
+    """Return the law of a cause's effect as LaTeX; None where it has none."""
+    return effect_latex(find_effect(cause.effect))
+
+
+def diagnosis_html(diagnosis) -> str:
+    """Return a diagnosis as HTML: before the fit its settings, then its verdict.
+
+    Parameters
+    ----------
+    diagnosis : ModelDiagnosis
+        The diagnosis.
+
+    Returns
+    -------
+    str
+        A piece of HTML.
+    """
+    if not hasattr(diagnosis, "verdict_"):
+        return BaseEstimator._html_repr(diagnosis)
+    head = (
+        f"<b>{VERDICTS[diagnosis.verdict_]}.</b> {escape(verdict_sentence(diagnosis))}"
+        f"<div>{escape(remaining_sentence(diagnosis))}</div>"
+    )
+    causes = "".join(map(cause_html, diagnosis.causes_))
+    titles = ("error (rms)", "as given", "re-tuned", "extended", "noise", "unit", "explained")
+    windows = [
+        (
+            f"{name}, windows",
+            *(number(e, 3) for e in (g.prior, g.refitted, g.extended, g.noise)),
+            typeset_unit(g.unit) or "-",
+            share(g),
+        )
+        for name, g in diagnosis.gain_.items()
+    ]
+    runs = [
+        (
+            f"{name}, free run",
+            *map(free_run_error, (r.prior, r.refitted, r.extended)),
+            "",
+            typeset_unit(diagnosis.model.unit(name)) or "-",
+            "",
+        )
+        for name, r in diagnosis.free_run_.items()
+    ]
+    return _box(head, causes + _table(titles, windows + runs))
+
+
+def diagnosis_latex(diagnosis) -> str | None:
+    """Return the equations of the extended model as LaTeX; None before the fit."""
+    if not hasattr(diagnosis, "verdict_"):
+        return None
+    return model_latex(diagnosis.extended_model_)
+
+
+def detectability_html(detectability) -> str:
+    """Return a detectability as HTML: the smallest size of every effect, or why there is none."""
+    rows = [
+        (
+            cause_name(row.effect, row.target),
+            row.parameter.replace("_", " "),
+            row.reason or f"{number(row.smallest, 3)} {typeset_unit(row.unit)}".rstrip(),
+        )
+        for row in detectability.rows
+    ]
+    title = f"named with a chance of {detectability.power:.0%} from"
+    return _box("<b>Detectability</b>", _table(("effect", "quantity", title), rows))
+
+
+def _box(head: str, rest: str) -> str:
+    return f'<div style="margin: 0.4em 0">{head}{rest}</div>'
+
+
+def _table(titles, rows) -> str:
+    """Return a table; every cell is escaped."""
+    head = "".join(f'<th style="{_CELL}">{escape(str(t))}</th>' for t in titles)
+    body = "".join(
+        "<tr>" + "".join(f'<td style="{_CELL}">{escape(str(cell))}</td>' for cell in row) + "</tr>"
+        for row in rows
+    )
+    top = f"<thead><tr>{head}</tr></thead>" if head else ""
+    return f"<table>{top}<tbody>{body}</tbody></table>"
