@@ -1,6 +1,7 @@
 """Compare exported C with the simulation: how far apart after many steps, and the time of a step.
 
-Run with ``python benchmarks/export.py``; needs gcc, and prints the table of the page on exports.
+Run with ``python benchmarks/export.py``, which needs gcc and torch; it prints the table of the
+page on exports.
 """
 
 import ctypes
@@ -10,8 +11,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+import pandas as pd
 
-from sklearn_pgnn import effects, systems
+from sklearn_pgnn import PGNNLRegressor, effects, systems
 from sklearn_pgnn.export import to_c
 
 STEPS = 100_000
@@ -122,12 +124,32 @@ def machine_row(name):
     )
 
 
+def network_row():
+    """Compare a network that is trained on a robot with more friction than its model knows."""
+    robot = systems.golf_robot()
+    t, u = wave(1 / 64, 0.2, 0.0)
+    run = (robot + effects.ViscousFriction("omega", 0.05)).simulate(t, u)
+    table = pd.DataFrame({"t": t, "torque": u, "phi": run.x[:, 0], "omega": run.x[:, 1]})
+    network = PGNNLRegressor(robot, random_state=0).fit(table[:3000], run.y[:3000])
+    stepper = network.stepper()
+    return row(
+        "PGNN-L of the robot",
+        *compare(
+            u,
+            lambda precision: to_c(network, precision=precision, name="model"),
+            lambda: network.predict(table).ravel(),
+            lambda: stepper.step(u[:1]),
+        ),
+    )
+
+
 def main():
     """Print the table."""
     print(".. csv-table::")
     print(f"   :header: {', '.join(TITLES)}\n")
     for name in MACHINES:
         print(machine_row(name))
+    print(network_row())
 
 
 if __name__ == "__main__":

@@ -185,6 +185,12 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         How the inputs were taken to run between samples.
     substeps_ : int
         Integration steps of the model from sample to sample.
+    interval_ : float
+        Median time from sample to sample of the training data [s].
+    further_columns_ : sequence of str
+        Columns of X that are neither time, inputs nor states, and that the network sees.
+    guide_line_ : (ndarray, ndarray)
+        Slope and offset by which simulated columns of X followed the simulation, for every state.
     free_run_error_ : float
         Error of the held-out free run: root mean square, in standard deviations of the outputs.
     n_features_in_ : int
@@ -436,7 +442,7 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
                 "stepper: expected a network with the core FeedForward, trained on trajectories."
             )
         return Stepper(
-            self.module_.core, self.step_, x0, interval or self._interval, self._guide_line
+            self.module_.core, self.step_, x0, interval or self.interval_, self.guide_line_
         )
 
     # -- reading -----------------------------------------------------------------------------------
@@ -482,7 +488,7 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         return _Runs(records, self._prepare(X, records), [])
 
     def _prepare(self, X, records):
-        features = feature_values(X, self._further)
+        features = feature_values(X, self.further_columns_)
         if self._guide != "simulation":
             simulated = np.zeros((len(X), 0))
         else:
@@ -607,16 +613,16 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         self.hold_ = hold_of(self.model_, self.hold)
         self.substeps_ = substeps_for(self.model_, records, self.substeps, hold=self.hold_)
         options = {"hold": self.hold_, "substeps": self.substeps_}
-        self._further = further_columns(self.model_, X, time_column)
-        self._interval = float(np.median(np.concatenate([np.diff(r.t) for r in records])))
-        self._stride = max(1, int(dominant_period(records) / self._interval / PER_PERIOD))
+        self.further_columns_ = further_columns(self.model_, X, time_column)
+        self.interval_ = float(np.median(np.concatenate([np.diff(r.t) for r in records])))
+        self._stride = max(1, int(dominant_period(records) / self.interval_ / PER_PERIOD))
         if any(np.isnan(record.y).any() for record in records):
             self._stride = 1  # else those that were measured may be skipped
         states = estimate_states(self.model_, records, **options)
         if anew:
             self._settle_structure(records, states, options)
         ready = self._prepare(X, records)
-        self._guide_line = self._find_guide_line(X, records, ready)
+        self.guide_line_ = self._find_guide_line(X, records, ready)
         whole = [
             TrainingRecord(each, x, record.y)
             for each, x, record in zip(ready, states, records, strict=True)

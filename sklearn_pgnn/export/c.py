@@ -1,5 +1,9 @@
 """Models and networks as C99, for a microcontroller or another tool."""
 
+import sys
+
+from sklearn.utils.validation import check_is_fitted
+
 from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.export.c_machine import machine_of, render
 from sklearn_pgnn.physics.model import PhysicsModel
@@ -7,7 +11,7 @@ from sklearn_pgnn.physics.model import PhysicsModel
 
 def to_c(
     model,
-    interval: float,
+    interval: float | None = None,
     *,
     precision: str = "double",
     parameters: str = "constants",
@@ -16,25 +20,27 @@ def to_c(
     substeps: int | None = None,
     hold: str | None = None,
 ) -> str:
-    r"""Write a model as one file of C99 that gives the numbers of `simulate`.
+    r"""Write a model or a trained network as one file of C99 that gives Python's numbers.
 
     The file holds the state as a struct and three functions: ``NAME_start`` sets the initial state,
     ``NAME_output`` gives the outputs :math:`y_k = g(t_k, x_k, u_k)` and ``NAME_step`` advances
     :math:`x_k` to :math:`x_{k+1}`. It needs no heap and no library but ``math.h``. Whatever the
     compiled simulation does is there: dry friction that sticks, late inputs, substeps, and inputs
-    that are held or run straight.
+    that are held or run straight. A network runs free as its ``predict``; ``NAME_step`` returns
+    whether the states are in reach of the training data, and keeps the last ones that were.
 
     Parameters
     ----------
-    model : PhysicsModel
-        The model.
-    interval : float
-        Time from sample to sample [s].
+    model : PhysicsModel or PGNNLRegressor
+        The model, or a trained network with one of the package's own cores.
+    interval : float, optional
+        Time from sample to sample [s]; of a network by default that of its training data.
     precision : {"double", "single"}, default="double"
         ``double`` or ``float`` for every number.
     parameters : {"constants", "struct"}, default="constants"
         Whether the parameters are constants in the equations, or a struct that is given to every
-        call and may be changed while the program runs; delays are constants in either case.
+        call and may be changed while the program runs; delays are constants in either case, and so
+        are all numbers of a network.
     name : str, optional
         What all names in the file begin with; by default the model's name.
     method : {"rk4", "euler"}, default="rk4"
@@ -44,7 +50,8 @@ def to_c(
         else 1.
     hold : {"zoh", "foh"}, optional
         Whether an input is held between two samples or runs straight from one to the next; by
-        default as the model's `simulation` says, else held.
+        default as the model's `simulation` says, else held. Of a network, method, substeps and hold
+        are those of its training.
 
     Returns
     -------
@@ -54,9 +61,9 @@ def to_c(
     Raises
     ------
     OptionError
-        If `model` is no model or an option is none of what it can be.
+        If `model` is neither, or an option is none of what it can be.
     ModelError
-        If a number of the model does not fit into single precision.
+        If a number does not fit into single precision, or a network has a core of one's own.
 
     Examples
     --------
@@ -70,17 +77,46 @@ def to_c(
     void lag_output(const lag_machine *machine, const double u[1], double y[1])
     void lag_step(lag_machine *machine, const double u[1])
     """
-    options = {
-        "precision": precision,
-        "parameters": parameters,
-        "name": name,
-        "method": method,
-        "substeps": substeps,
-        "hold": hold,
-    }
+    settled = {"parameters": parameters, "method": method, "substeps": substeps, "hold": hold}
+    if is_network(model):
+        _refuse_other_than({"parameters": "constants", "method": "rk4"}, settled)
+        check_is_fitted(model)
+        from sklearn_pgnn.export.c_network import network_content
+
+        content = network_content(model, interval, precision=precision, name=name)
+        return render("network.c.j2", content)
     if not isinstance(model, PhysicsModel):
         raise OptionError(
-            f"to_c: expected a PhysicsModel, got {type(model).__name__}. Remedy: of what was "
-            f"fitted give the model, as diagnosis.extended_model_ or regressor.model_."
+            f"to_c: expected a PhysicsModel or a PGNNLRegressor, got {type(model).__name__}. "
+            f"Remedy: of what was fitted give the model, as diagnosis.extended_model_ or "
+            f"regressor.model_, and of a pipeline the network, pipeline[-1]."
         )
-    return render("machine.c.j2", machine_of(model, interval, **options).content())
+    machine = machine_of(model, interval, precision=precision, name=name, **settled)
+    return render("machine.c.j2", machine.content())
+
+
+def is_network(model) -> bool:
+    """Return whether something is a network of the package, without importing torch.
+
+    Parameters
+    ----------
+    model : object
+        What may be one.
+
+    Returns
+    -------
+    bool
+        Whether it is.
+    """
+    room = sys.modules.get("sklearn_pgnn.estimators.pgnnl")
+    return room is not None and isinstance(model, room.PGNNLRegressor)
+
+
+def _refuse_other_than(usual: dict, settled: dict) -> None:
+    """Refuse options that a network's training has settled."""
+    for option, value in settled.items():
+        if value != usual.get(option):
+            raise OptionError(
+                f"{option}: expected no value, for a network's training has settled it, "
+                f"got {value!r}."
+            )

@@ -54,8 +54,13 @@ class Machine:
         self.names = c_names((*model.states, *model.inputs, *model.parameters, *sides))
         self.dry = dry_states(model)
 
-    def content(self) -> dict[str, Any]:
+    def content(self, *, with_rates: bool = True) -> dict[str, Any]:
         """Return the template's variables.
+
+        Parameters
+        ----------
+        with_rates : bool, default=True
+            Whether the model is stepped at all.
 
         Returns
         -------
@@ -63,8 +68,8 @@ class Machine:
             Them, by name.
         """
         model, number = self.model, self.printer.number
-        rates, outputs = rates_of(model), outputs_of(model)
-        uses_time = rates.uses_time or outputs.uses_time
+        rates, outputs = rates_of(model) if with_rates else None, outputs_of(model)
+        uses_time = any(code.uses_time for code in (rates, outputs) if code is not None)
         nodes, weights = METHODS[self.method]
         return {
             "n": self.prefix,
@@ -79,6 +84,7 @@ class Machine:
             "states": [{"start": self._start(state)} for state in model.states],
             "follows": bool(model.settled),
             "any_dry": any(self.dry),
+            "keeps_side": any(self.dry),
             "dry": [i for i, is_dry in enumerate(self.dry) if is_dry],
             "delays": self._delays(),
             "by_struct": self.by_struct,
@@ -86,8 +92,12 @@ class Machine:
             "take_p": f"const {self.prefix}parameters *p, " if self.by_struct else "",
             "pass_p": f", const {self.prefix}parameters *p" if self.by_struct else "",
             "give_p": "p, " if self.by_struct else "",
-            "rates": self.written(rates),
+            "rates": None if rates is None else self.written(rates),
             "outputs": self.written(outputs),
+            "terms": None,
+            "hidden": 0,
+            "features": 0,
+            "given_u": self._given_u,
             "nodes": [number(node) for node in nodes],
             "weights": [number(weight) for weight in weights],
             "step": number(self.interval / self.substeps),
@@ -96,9 +106,14 @@ class Machine:
             "max_events": MAX_EVENTS,
             "tiny": number(TINY[self.precision]),
             "uses_time": uses_time,
-            "time": self._time() if uses_time else "0",
+            "time": self.time() if uses_time else "0",
             "helpers": self.printer,
         }
+
+    def _given_u(self, name: str = "u") -> str:
+        """Return the argument that holds the inputs, if there are any."""
+        count = len(self.model.inputs)
+        return f", const {PRECISIONS[self.precision]} {name}[{count}]" if count else ""
 
     def about(self) -> list[str]:
         """Return the lines that tell what the machine is.
@@ -197,7 +212,14 @@ class Machine:
             return f"u[{list(self.model.inputs).index(followed)}]"
         return self.printer.number(self.model.initial_state[state])
 
-    def _time(self) -> str:
+    def time(self) -> str:
+        """Return the time of the present sample.
+
+        Returns
+        -------
+        str
+            Its expression.
+        """
         real = PRECISIONS[self.precision]
         return f"({real})machine->sample*{self.printer.number(self.interval)}"
 

@@ -351,8 +351,19 @@ def _with_terms(model: PhysicsModel, spread: tuple[float, ...]) -> PhysicsModel:
     )
 
 
-def _terms_model(step: NetworkStep) -> PhysicsModel:
-    """Return the model whose outputs are the terms that guide the network."""
+def terms_model(step: NetworkStep) -> PhysicsModel:
+    """Return the model whose outputs are the terms that guide a network.
+
+    Parameters
+    ----------
+    step : NetworkStep
+        What a step is made of.
+
+    Returns
+    -------
+    PhysicsModel
+        A model with further parameters, after its own; the model itself where no terms guide.
+    """
     if step.guide != "terms" or not _seen_terms(step.model):
         return step.model
     spread = step.scale[: len(step.model.states)]
@@ -370,9 +381,9 @@ def _n_hidden(step) -> int:
 
 def _common(step, theta, record, wrt=None):
     """Return the arguments common to both loops, in their order."""
-    terms_model = _terms_model(step)
+    with_terms = terms_model(step)
     function, source = compile_model(step.model, wrt)
-    terms, of_terms = compile_model(terms_model, wrt)
+    terms, of_terms = compile_model(with_terms, wrt)
     return (
         function,
         terms,
@@ -382,7 +393,7 @@ def _common(step, theta, record, wrt=None):
         record.u,
         record.simulated,
         record.features,
-        parameter_values(terms_model),  # the model's own come first
+        parameter_values(with_terms),  # the model's own come first
         np.array(source.dry),
         step.substeps,
         *METHODS["rk4"],

@@ -1,0 +1,182 @@
+"""A trained network as one file of C99."""
+
+from typing import Any
+
+import numpy as np
+
+from sklearn_pgnn.estimators.network.free_run import is_compiled, step_with, weights_of
+from sklearn_pgnn.exceptions import ModelError
+from sklearn_pgnn.export.assignments import outputs_of
+from sklearn_pgnn.export.c_machine import Machine, machine_of
+from sklearn_pgnn.simulation.network_run import NetworkStep, terms_model
+
+#: activations of hidden neurons, as the compiled loop computes them
+_ACTIVATIONS = {
+    "tanh": "1 - 2/({exp}(2*v) + 1)",
+    "relu": "v > 0 ? v : 0",
+    "silu": "v/(1 + {exp}(-v))",
+    "sigmoid": "1/(1 + {exp}(-v))",
+    "identity": "v",
+}
+
+
+def network_content(network, interval, *, precision: str, name: str | None) -> dict[str, Any]:
+    """Return the variables of the network's template.
+
+    Parameters
+    ----------
+    network : PGNNLRegressor
+        The trained network.
+    interval : float or None
+        Sample interval [s]; None for that of the training data.
+    precision : {"double", "single"}
+        Of all numbers.
+    name : str or None
+        What all names begin with.
+
+    Returns
+    -------
+    dict of str to object
+        Them, by name.
+
+    Raises
+    ------
+    ModelError
+        If the network is no network in feedback, or its core has no form in C.
+    OptionError
+        If an option is none of what it can be.
+    """
+    step = exportable_step(network, "to_c")
+    machine = machine_of(
+        step.model,
+        network.interval_ if interval is None else interval,
+        precision=precision,
+        parameters="constants",
+        name=name,
+        method="rk4",
+        substeps=step.substeps,
+        hold=step.hold,
+    )
+    needs = step.needs_prior or step.guide == "simulation"
+    content = machine.content(with_rates=needs) | _numbers(machine, network, step)
+    terms = _terms(machine, step)
+    uses_time = content["uses_time"] or bool(terms and "t" not in terms["unused"])
+    further = {
+        "title": content["title"].replace("one sample", "a network in feedback, one sample"),
+        "steps_model": needs,
+        "keeps_side": False,
+        "terms": terms,
+        "guide": step.guide,
+        "base": step.base,
+        "uses_time": uses_time,
+        "time": machine.time() if uses_time else "0",
+        "features": len(network.further_columns_),
+    }
+    return content | further
+
+
+def exportable_step(network, what: str) -> NetworkStep:
+    """Return what a trained network's step is made of, its core included.
+
+    Parameters
+    ----------
+    network : PGNNLRegressor
+        The network.
+    what : str
+        What asks for it.
+
+    Returns
+    -------
+    NetworkStep
+        The step.
+
+    Raises
+    ------
+    ModelError
+        If the network is not trained on trajectories, or has a core of one's own.
+    """
+    if getattr(network, "model_", None) is None or not hasattr(network, "step_"):
+        raise ModelError(
+            f"{what}: expected a network that is trained on trajectories, got one without. "
+            f"Remedy: fit it to X with a time, then export."
+        )
+    core = network.module_.core
+    if not is_compiled(core):
+        raise ModelError(
+            f"{what}: the core {type(core).__name__} has no form there. Remedy: train with "
+            f"module=FeedForward or module=Recurrent."
+        )
+    return step_with(core, network.step_)
+
+
+def _terms(machine: Machine, step: NetworkStep) -> dict | None:
+    """Return the function of the terms that the network sees."""
+    model = terms_model(step)
+    if model is step.model:
+        return None
+    own = step.model.parameters
+    values = {name: p.value for name, p in model.parameters.items() if name not in own}
+    return machine.written(outputs_of(model), values)
+
+
+def _numbers(machine: Machine, network, step: NetworkStep) -> dict[str, Any]:
+    """Return everything that the training has settled."""
+
+    def written(values):
+        values = np.asarray(values, dtype=float)
+        if values.ndim == 1:
+            return [machine.printer.number(value) for value in values]
+        return [written(row) for row in values]
+
+    dt = machine.interval
+    suffix = "f" if machine.precision == "single" else ""
+    gain = step.gain[0] + dt * (step.gain[1] + dt * step.gain[2])
+    recurrent = step.core == "recurrent"
+    parts = _unit(step, weights_of(network.module_.core)) if recurrent else {}
+    layers = [] if recurrent else _layers(step, weights_of(network.module_.core))
+    return {
+        "n_seen": len(step.mean),
+        "n_out": step.n_network_outputs,
+        "mean": written(step.mean),
+        "scale": written(step.scale),
+        "gain": written(gain),
+        "offset": written(step.offset),
+        "lowest": written(step.reach[0]),
+        "highest": written(step.reach[1]),
+        "guide_line": list(zip(*map(written, network.guide_line_), strict=True)),
+        "identity": (machine.printer.number(1.0), machine.printer.number(0.0)),
+        "interval_number": machine.printer.number(dt),
+        "hidden": step.sizes[1] if recurrent else 0,
+        "unit": {name: written(values) for name, values in parts.items()},
+        "layers": [{name: written(values) for name, values in each.items()} for each in layers],
+        "activation": _ACTIVATIONS[step.activation].format(exp=f"exp{suffix}"),
+        "exp": f"exp{suffix}",
+        "tanh": f"tanh{suffix}",
+    }
+
+
+def _layers(step: NetworkStep, theta: np.ndarray) -> list[dict[str, np.ndarray]]:
+    """Cut the weights of a feed-forward network into its layers'."""
+    found, place = [], 0
+    for n_in, n_out in zip(step.sizes[:-1], step.sizes[1:], strict=True):
+        bias = place + n_in * n_out
+        weights = theta[place:bias].reshape(n_out, n_in)
+        found.append({"weights": weights, "bias": theta[bias : bias + n_out]})
+        place = bias + n_out
+    return found
+
+
+def _unit(step: NetworkStep, theta: np.ndarray) -> dict[str, np.ndarray]:
+    """Cut the weights of a recurrent network into its parts'."""
+    n_in, n, n_out = step.sizes
+    shapes = {
+        "by_input": (3 * n, n_in),
+        "by_hidden": (3 * n, n),
+        "bias_input": (3 * n,),
+        "bias_hidden": (3 * n,),
+        "read": (n_out, n),
+        "bias": (n_out,),
+    }
+    ends = np.cumsum([np.prod(shape) for shape in shapes.values()])
+    pieces = np.split(theta, ends[:-1])
+    return {name: part.reshape(shapes[name]) for name, part in zip(shapes, pieces, strict=True)}
