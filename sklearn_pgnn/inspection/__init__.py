@@ -1,18 +1,29 @@
 """Pictures of a diagnosis, and the report; the only subpackage that uses matplotlib."""
 
+from sklearn_pgnn.inspection.candidates_display import CandidatesDisplay
+from sklearn_pgnn.inspection.characteristic_display import CharacteristicDisplay
 from sklearn_pgnn.inspection.detectability_display import DetectabilityDisplay, plot_detectability
 from sklearn_pgnn.inspection.display import DiagnosisDisplay, plot_diagnosis
 from sklearn_pgnn.inspection.first_look import FirstLook, first_look
 from sklearn_pgnn.inspection.fit_percentage import fit_percentage
+from sklearn_pgnn.inspection.parameters_display import ParametersDisplay
 from sklearn_pgnn.inspection.report import write_report
+from sklearn_pgnn.inspection.residual_display import ResidualDisplay, resid
+from sklearn_pgnn.inspection.simulation_display import SimulationDisplay
 
 __all__ = [
+    "CandidatesDisplay",
+    "CharacteristicDisplay",
     "DetectabilityDisplay",
     "DiagnosisDisplay",
     "FirstLook",
+    "ParametersDisplay",
+    "ResidualDisplay",
+    "SimulationDisplay",
     "first_look",
     "fit_percentage",
     "plot_detectability",
     "plot_diagnosis",
+    "resid",
     "write_report",
 ]

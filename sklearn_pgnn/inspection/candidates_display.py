@@ -1,0 +1,108 @@
+"""Every suspect of a diagnosis, and how much error it leaves alone."""
+
+import numpy as np
+from sklearn.utils.validation import check_is_fitted
+
+from sklearn_pgnn.inspection.panels import panels
+from sklearn_pgnn.inspection.style import COLOURS, plain, tidy
+from sklearn_pgnn.inspection.words import cause_name
+
+
+class CandidatesDisplay:
+    """Dots on a logarithmic axis: the error that is left with one suspect alone.
+
+    Parameters
+    ----------
+    names : sequence of str
+        The suspects in words, the best first.
+    left : sequence of float
+        Share of the re-tuned prior's error power that is left with each.
+    named : sequence of bool
+        Whether each was named as a cause.
+    noise : float, default=0
+        Share that white noise alone would leave.
+
+    Attributes
+    ----------
+    ax_ : matplotlib.axes.Axes
+        The axes, once drawn.
+    figure_ : matplotlib.figure.Figure
+        Their figure.
+    """
+
+    def __init__(self, names, left, named, *, noise=0.0):
+        self.names, self.left, self.named = list(names), list(left), list(named)
+        self.noise = float(noise)
+
+    @classmethod
+    def from_estimator(cls, diagnosis, *, most=20, ax=None):
+        """Draw the suspects of a diagnosis.
+
+        Parameters
+        ----------
+        diagnosis : ModelDiagnosis
+            The fitted diagnosis.
+        most : int, default=20
+            How many are drawn; every named cause is one of them.
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; by default on a new figure of pyplot.
+
+        Returns
+        -------
+        CandidatesDisplay
+            The picture, drawn.
+        """
+        check_is_fitted(diagnosis)
+        causes = {(cause.effect, cause.target) for cause in diagnosis.causes_}
+        tried = [c for c in diagnosis.candidates_ if np.isfinite(c.left)]
+        shown = [c for i, c in enumerate(tried) if i < most or (c.effect, c.target) in causes]
+        return cls(
+            [cause_name(c.effect, c.target) for c in shown],
+            [c.left for c in shown],
+            [(c.effect, c.target) in causes for c in shown],
+            noise=_noise_share(diagnosis),
+        ).plot(ax=ax)
+
+    def plot(self, *, ax=None):
+        """Draw the picture.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; by default on a new figure of pyplot.
+
+        Returns
+        -------
+        CandidatesDisplay
+            This display, with `ax_` and `figure_`.
+        """
+        (self.ax_,) = panels(ax, 1, 8.0, 1.0 + 0.24 * len(self.names))
+        self.figure_, places = self.ax_.figure, np.arange(len(self.names))
+        percent = 100 * np.maximum(self.left, 1e-12)
+        named = np.array(self.named, dtype=bool)
+        for chosen, colour, text in (
+            (~named, COLOURS["points"], "suspect, alone"),
+            (named, COLOURS["extended"], "named as a cause"),
+        ):
+            if chosen.any():
+                self.ax_.plot(percent[chosen], places[chosen], "o", color=colour, label=text)
+        self.ax_.axvline(100.0, color=COLOURS["prior"], linewidth=1, label="re-tuned only")
+        if self.noise > 0:
+            end = 100 * self.noise
+            self.ax_.axvline(end, color=COLOURS["medians"], linestyle=":", label="white noise")
+        self.ax_.set_xscale("log")
+        self.ax_.xaxis.set_major_formatter("{x:g}")
+        self.ax_.set_yticks(places, [plain(name) for name in self.names])
+        self.ax_.set_ylim(len(self.names) - 0.5, -0.5)
+        self.ax_.set_xlabel("error power left [% of the re-tuned model's]")
+        self.ax_.legend(fontsize=8)
+        tidy(self.ax_)
+        return self
+
+
+def _noise_share(diagnosis) -> float:
+    """Return the share of the re-tuned prior's error power that is white noise."""
+    scale = diagnosis.records_.windows.scale
+    gains = list(diagnosis.gain_.values())
+    noise = sum((g.noise / s) ** 2 for g, s in zip(gains, scale, strict=True))
+    return float(noise / sum((g.refitted / s) ** 2 for g, s in zip(gains, scale, strict=True)))

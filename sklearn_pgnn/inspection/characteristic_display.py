@@ -1,0 +1,79 @@
+"""The curve that shows a cause: what the machine does, over what it depends on."""
+
+from sklearn.utils.validation import check_is_fitted
+
+from sklearn_pgnn.inspection.display import draw_evidence
+from sklearn_pgnn.inspection.evidence import find_evidence, missing_evidence
+from sklearn_pgnn.inspection.panels import panels
+
+
+class CharacteristicDisplay:
+    """Points of the records, and the law that was found: a force over a speed, say.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        What is drawn.
+
+    Attributes
+    ----------
+    ax_ : matplotlib.axes.Axes
+        The axes, once drawn.
+    figure_ : matplotlib.figure.Figure
+        Their figure.
+    """
+
+    def __init__(self, evidence):
+        self.evidence = evidence
+
+    @classmethod
+    def from_estimator(cls, diagnosis, cause=0, *, ax=None):
+        """Draw the characteristic of a cause of a diagnosis.
+
+        Parameters
+        ----------
+        diagnosis : ModelDiagnosis
+            The fitted diagnosis.
+        cause : int, default=0
+            Number of the cause; where none was named, what is missing is drawn.
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; by default on a new figure of pyplot.
+
+        Returns
+        -------
+        CharacteristicDisplay
+            The picture, drawn.
+
+        Raises
+        ------
+        ValueError
+            If there is no such cause, and nothing unnamed is missing.
+        """
+        check_is_fitted(diagnosis)
+        causes = diagnosis.causes_
+        if 0 <= cause < len(causes):
+            return cls(find_evidence(diagnosis, causes[cause])).plot(ax=ax)
+        if causes or diagnosis.discrepancy_ is None:
+            raise ValueError(
+                f"cause: expected a number below {len(causes)}, the number of causes, got "
+                f"{cause!r}."
+            )
+        return cls(missing_evidence(diagnosis)).plot(ax=ax)
+
+    def plot(self, *, ax=None):
+        """Draw the picture.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; by default on a new figure of pyplot.
+
+        Returns
+        -------
+        CharacteristicDisplay
+            This display, with `ax_` and `figure_`.
+        """
+        (self.ax_,) = panels(ax, 1, 8.0, 3.6)
+        self.figure_ = self.ax_.figure
+        draw_evidence(self.ax_, self.evidence)
+        return self

@@ -1,0 +1,119 @@
+"""What estimators and models give on records, to be held against what was measured."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from sklearn.utils.validation import check_is_fitted
+
+from sklearn_pgnn.diagnosis.free_run import free_runs
+from sklearn_pgnn.inspection.start_runs import run_records
+from sklearn_pgnn.inspection.style import LABELS
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.trajectories import read_records
+
+
+@dataclass(frozen=True)
+class Runs:
+    """Records, and what several models make of them.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model that names inputs and outputs.
+    names : tuple of str
+        What the records are called.
+    t, u, measured : tuple of ndarray
+        By record: time [s], inputs and outputs.
+    simulated : dict of str to tuple of ndarray
+        By the name of each model and by record: its outputs.
+    """
+
+    model: PhysicsModel
+    names: tuple[str, ...]
+    t: tuple[np.ndarray, ...]
+    u: tuple[np.ndarray, ...]
+    measured: tuple[np.ndarray, ...]
+    simulated: dict[str, tuple[np.ndarray, ...]]
+
+
+def run_estimators(estimator, X=None, y=None) -> Runs:
+    """Simulate or predict records in free run.
+
+    Parameters
+    ----------
+    estimator : fitted estimator, PhysicsModel, or mapping of str to them
+        What is run, by name where there are several.
+    X, y : DataFrame or array, optional
+        The records; by default, of a diagnosis, those that it was fitted on.
+
+    Returns
+    -------
+    Runs
+        The records and what each model gives.
+
+    Raises
+    ------
+    ValueError
+        If records are missing, or the estimator has no model.
+    """
+    if X is None:
+        return _of_fit(estimator)
+    if y is None:
+        raise ValueError("y: expected what was measured, got None.")
+    several = dict(estimator) if isinstance(estimator, Mapping) else {"": estimator}
+    model = _model_of(next(iter(several.values())))
+    records = read_records(model, X, y)
+    simulated = {}
+    for name, each in several.items():
+        simulated[name or _name_of(each)] = _run(each, X, records)
+    return Runs(
+        model,
+        tuple(record.name for record in records),
+        tuple(record.t for record in records),
+        tuple(record.u for record in records),
+        tuple(np.asarray(record.y) for record in records),
+        simulated,
+    )
+
+
+def _of_fit(diagnosis) -> Runs:
+    """Return the free runs of a diagnosis' three models over its own records."""
+    if not hasattr(diagnosis, "records_"):
+        raise ValueError(
+            "X: expected the records; only a fitted ModelDiagnosis brings its own. Remedy: pass X "
+            "and y."
+        )
+    records = diagnosis.records_
+    windows, cuts = records.windows, records.windows.bounds[1:-1]
+    curves = {LABELS[w]: tuple(run.y for run in free_runs(records, w)) for w in records.fits}
+    return Runs(
+        diagnosis.model,
+        records.names,
+        tuple(np.split(windows.t, cuts)),
+        tuple(np.split(windows.u, cuts)),
+        tuple(np.split(windows.y, cuts)),
+        curves,
+    )
+
+
+def _run(estimator, X, records) -> tuple[np.ndarray, ...]:
+    if isinstance(estimator, PhysicsModel):
+        return tuple(run.y for run in run_records(estimator, records))
+    check_is_fitted(estimator)
+    whole = np.asarray(estimator.predict(X), dtype=float).reshape(len(X), -1)
+    return tuple(whole[record.rows] for record in records)
+
+
+def _model_of(estimator) -> PhysicsModel:
+    model = estimator if isinstance(estimator, PhysicsModel) else getattr(estimator, "model", None)
+    if not isinstance(model, PhysicsModel):
+        raise ValueError(
+            f"estimator: expected a PhysicsModel or an estimator with one as its model, got "
+            f"{type(estimator).__name__}."
+        )
+    return model
+
+
+def _name_of(estimator) -> str:
+    return estimator.name if isinstance(estimator, PhysicsModel) else type(estimator).__name__

@@ -1,0 +1,216 @@
+"""Whiteness of residuals, and their correlation with the inputs, as MATLAB's ``resid`` draws it."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from scipy.stats import binom, norm
+
+from sklearn_pgnn.inspection.estimator_runs import run_estimators
+from sklearn_pgnn.inspection.panels import panels
+from sklearn_pgnn.inspection.simulation_display import output_column
+from sklearn_pgnn.inspection.style import COLOURS, plain, tidy
+
+#: chance with which a value of white residuals lies inside the band
+INSIDE = 0.99
+
+
+def correlation(one: Sequence, other: Sequence, lags) -> np.ndarray:
+    r"""Return the correlation of two signals over records, at several lags.
+
+    .. math:: r(k) = \frac{\sum_t a_t b_{t+k}}{\sqrt{\sum_t a_t^2 \sum_t b_t^2}}
+
+    Means over all records are taken off; what was not measured counts as the mean.
+
+    Parameters
+    ----------
+    one, other : sequence of ndarray of shape (n_samples,)
+        The signals, record by record.
+    lags : sequence of int
+        By how many samples `other` comes later.
+
+    Returns
+    -------
+    ndarray of shape (n_lags,)
+        Between -1 and 1; zero where a signal never changes.
+
+    Examples
+    --------
+    >>> correlation([np.array([0.0, 1.0, 0.0, 0.0])], [np.array([0.0, 0.0, 1.0, 0.0])],
+    ...             [0, 1]).round(2).tolist()
+    [-0.33, 0.92]
+    """
+    one, other = _centred(one), _centred(other)
+    power = np.sqrt(sum(a @ a for a in one) * sum(b @ b for b in other))
+    sums = [sum(_product(a, b, k) for a, b in zip(one, other, strict=True)) for k in lags]
+    return np.array(sums) / power if power > 0 else np.zeros(len(sums))
+
+
+def _centred(signals) -> list[np.ndarray]:
+    mean = np.nanmean(np.concatenate(signals))
+    return [np.nan_to_num(signal - mean) for signal in signals]
+
+
+def _product(a, b, lag: int) -> float:
+    if abs(lag) >= a.size:
+        return 0.0
+    return float(a[: a.size - lag] @ b[lag:] if lag >= 0 else a[-lag:] @ b[:lag])
+
+
+class ResidualDisplay:
+    """Autocorrelation of the residuals of an output, and their correlation with every input.
+
+    Parameters
+    ----------
+    residuals : sequence of ndarray of shape (n_samples,)
+        Measured minus simulated, record by record [unit of the output].
+    inputs : mapping of str to sequence of ndarray of shape (n_samples,)
+        The inputs, record by record.
+    output : str, default=""
+        The output.
+    n_lags : int, default=25
+        Samples up to which it is looked.
+
+    Attributes
+    ----------
+    lags_ : ndarray of shape (2 * n_lags + 1,)
+        Lags [samples]; the residual comes later where they are positive.
+    autocorrelation_ : ndarray of shape (2 * n_lags + 1,)
+        Of the residuals.
+    cross_correlation_ : dict of str to ndarray of shape (2 * n_lags + 1,)
+        Of every input with the residuals. At lags above zero it means dynamics that the model
+        lacks, below zero feedback.
+    band_ : float
+        White residuals lie within plus and minus this with a chance of 99 %.
+    axes_ : ndarray of matplotlib.axes.Axes
+        The autocorrelation, then an input each; once drawn.
+    figure_ : matplotlib.figure.Figure
+        Their figure.
+
+    Examples
+    --------
+    >>> noise = np.random.default_rng(0).normal(size=2000)
+    >>> display = ResidualDisplay([noise], {}, n_lags=20)
+    >>> bool(display.is_white())
+    True
+    """
+
+    def __init__(self, residuals, inputs: Mapping, *, output="", n_lags=25):
+        self.residuals, self.inputs = list(residuals), dict(inputs)
+        self.output, self.n_lags = output, int(n_lags)
+        self.lags_ = np.arange(-self.n_lags, self.n_lags + 1)
+        self.autocorrelation_ = correlation(self.residuals, self.residuals, self.lags_)
+        self.cross_correlation_ = {
+            name: correlation(signal, self.residuals, self.lags_)
+            for name, signal in self.inputs.items()
+        }
+        count = sum(np.isfinite(r).sum() for r in self.residuals)
+        self.band_ = float(norm.ppf((1 + INSIDE) / 2) / np.sqrt(max(count, 1)))
+
+    @classmethod
+    def from_estimator(cls, estimator, X=None, y=None, *, output=None, n_lags=25, ax=None):
+        """Draw the residuals that an estimator or a model leaves.
+
+        A `ModelDiagnosis` without X shows what its extended model leaves over the windows on which
+        it was judged; everything else leaves the error of its free run.
+
+        Parameters
+        ----------
+        estimator : fitted estimator or PhysicsModel
+            A fitted regressor whose parameter is a `PhysicsModel`, or the model itself.
+        X, y : DataFrame or array, optional
+            The records.
+        output : str, optional
+            Which output; by default the first.
+        n_lags : int, default=25
+            Samples up to which it is looked.
+        ax : array-like of matplotlib.axes.Axes, optional
+            Where to draw: one for the autocorrelation, and one an input.
+
+        Returns
+        -------
+        ResidualDisplay
+            The picture, drawn.
+
+        Raises
+        ------
+        ValueError
+            If the output is unknown, the records are missing, or the number of axes is another.
+        """
+        runs = run_estimators(estimator, X, y)
+        column = output_column(runs.model, output)
+        if X is None:
+            found = estimator.records_
+            left = found.fits["extended"].residual[:, column]
+            residuals = np.split(left, found.windows.bounds[1:-1])
+        else:
+            (simulated,) = runs.simulated.values()
+            pairs = zip(runs.measured, simulated, strict=True)
+            residuals = [(y - yhat)[:, column] for y, yhat in pairs]
+        inputs = {name: [u[:, i] for u in runs.u] for i, name in enumerate(runs.model.inputs)}
+        display = cls(residuals, inputs, output=list(runs.model.outputs)[column], n_lags=n_lags)
+        return display.plot(ax=ax)
+
+    def is_white(self) -> bool:
+        """Return whether as few autocorrelations leave the band as those of white residuals may.
+
+        Returns
+        -------
+        bool
+            Whether no more leave it than in 99 of 100 white residuals.
+        """
+        later = self.autocorrelation_[self.n_lags + 1 :]
+        most = binom.ppf(INSIDE, later.size, 1 - INSIDE)
+        return bool((np.abs(later) > self.band_).sum() <= most)
+
+    def plot(self, *, ax=None):
+        """Draw the picture.
+
+        Parameters
+        ----------
+        ax : array-like of matplotlib.axes.Axes, optional
+            Where to draw: one for the autocorrelation, and one an input.
+
+        Returns
+        -------
+        ResidualDisplay
+            This display, with `axes_` and `figure_`.
+        """
+        self.axes_ = panels(ax, 1 + len(self.inputs), 8.0, 2.4)
+        self.figure_ = self.axes_[0].figure
+        about = plain(self.output or "the output")
+        self._stems(self.axes_[0], self.autocorrelation_, f"residuals of {about}: autocorrelation")
+        for axes, (name, values) in zip(
+            self.axes_[1:], self.cross_correlation_.items(), strict=True
+        ):
+            self._stems(axes, values, f"from {plain(name)} to the residuals of {about}")
+        self.axes_[-1].set_xlabel("lag [samples]")
+        return self
+
+    def _stems(self, axes, values, title: str) -> None:
+        axes.axhspan(-self.band_, self.band_, color=COLOURS["measured"], alpha=0.35, linewidth=0)
+        axes.vlines(self.lags_, 0.0, values, color=COLOURS["extended"], linewidth=1.2)
+        axes.plot(self.lags_, values, "o", color=COLOURS["extended"], markersize=3)
+        axes.axhline(0.0, color=COLOURS["medians"], linewidth=0.6)
+        axes.set_title(f"{title} (band: {INSIDE:.0%} of white ones)", fontsize=9, loc="left")
+        axes.set_ylabel("correlation")
+        tidy(axes)
+
+
+def resid(estimator, X=None, y=None, **options) -> ResidualDisplay:
+    """Draw whiteness and cross-correlation of residuals, under the name that MATLAB gives it.
+
+    Parameters
+    ----------
+    estimator : fitted estimator or PhysicsModel
+        What leaves the residuals.
+    X, y : DataFrame or array, optional
+        The records.
+    **options
+        See `ResidualDisplay.from_estimator`.
+
+    Returns
+    -------
+    ResidualDisplay
+        The picture, drawn.
+    """
+    return ResidualDisplay.from_estimator(estimator, X, y, **options)
