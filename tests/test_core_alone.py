@@ -78,6 +78,7 @@ def test_what_needs_an_extra_says_which(tmp_path, extra):
             "sklearn_pgnn.datasets.load_coupled_drives()",
         ],
         "control": ["sklearn_pgnn.export.to_control(sklearn_pgnn.systems.two_tanks())"],
+        "export": ["sklearn_pgnn.export.to_casadi(sklearn_pgnn.systems.two_tanks())"],
         "files": [
             "from sklearn_pgnn.trajectories import read_file; read_file('run.xlsx', None)",
             "from sklearn_pgnn.trajectories import read_file; read_file('run.parquet', None)",

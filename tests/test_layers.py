@@ -40,6 +40,7 @@ HOMES = {
     "torch": ("estimators/pgnnl", "estimators/network"),
     "skorch": ("estimators/pgnnl", "estimators/network"),
     "skopt": ("model_selection/search_space",),
+    "casadi": ("export/casadi_function",),
     "control": ("export/control_system",),
     "nonlinear_benchmarks": ("datasets/public",),
 }

@@ -1,6 +1,7 @@
 """Ways out: models and networks in the languages of other tools."""
 
 from sklearn_pgnn.export.c import to_c
+from sklearn_pgnn.export.casadi_function import to_casadi
 from sklearn_pgnn.export.control_system import to_control
 
-__all__ = ["to_c", "to_control"]
+__all__ = ["to_c", "to_casadi", "to_control"]

@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from sklearn_pgnn.exceptions import ModelError, OptionError
-from sklearn_pgnn.export.late_inputs import late_inputs
+from sklearn_pgnn.export.late_inputs import acting_inputs, late_inputs, past_names
 from sklearn_pgnn.extras import needed_by
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.pointwise import numpy_function
@@ -75,8 +75,7 @@ def to_control(
     else:
         _check_interval(model, interval)
         late = late_inputs(model, interval)
-        past = [f"{each.name}_{k + 1}_ago" for each in late for k in range(each.samples + 1)]
-        states = [*model.states, *past]
+        states = [*model.states, *past_names(late)]
         options = {"method": method, "substeps": substeps}
         update, output = _step(model, interval, late, options), _outputs(model, late)
     values = {key: parameter.value for key, parameter in model.parameters.items()}
@@ -134,7 +133,7 @@ def _outputs(model, late) -> Callable:
     n = len(model.states)
 
     def output(t, x, u, params):
-        acting = _acting(late, x[n:], u)[0]
+        acting, _ = acting_inputs(late, x[n:], u)
         return np.array(outputs(t, *x[:n], *acting, *_values(model, params)), dtype=float)
 
     return output
@@ -147,7 +146,7 @@ def _step(model, interval, late, options) -> Callable:
     n = len(model.states)
 
     def update(t, x, u, params):
-        acting, past = _acting(late, x[n:], u)
+        acting, past = acting_inputs(late, x[n:], u)
         changed = {name: value for name, value in params.items() if own.get(name) != value}
         run = simulate(
             at_once.with_parameters(**changed) if changed else at_once,
@@ -159,17 +158,6 @@ def _step(model, interval, late, options) -> Callable:
         return np.concatenate([run.x[1], past])
 
     return update
-
-
-def _acting(late, past, u):
-    """Return the inputs as they act, and the past samples of the late ones at the next sample."""
-    acting, kept, first = np.array(u, dtype=float).reshape(-1), [], 0
-    for each in late:
-        seen = [acting[each.place], *past[first : first + each.samples + 1]]
-        first += each.samples + 1
-        kept += seen[:-1]
-        acting[each.place] = (1 - each.share) * seen[-2] + each.share * seen[-1]
-    return acting, kept
 
 
 def _function(model, expressions) -> Callable:

@@ -65,3 +65,57 @@ def late_inputs(model: PhysicsModel, interval: float) -> list[LateInput]:
         place = list(model.inputs).index(name)
         found.append(LateInput(name, place, whole, float(samples - whole)))
     return found
+
+
+def past_names(late: list[LateInput]) -> list[str]:
+    """Return what the past samples are called that a step needs.
+
+    Parameters
+    ----------
+    late : list of LateInput
+        The late inputs.
+
+    Returns
+    -------
+    list of str
+        For every input its samples, the latest first.
+
+    Examples
+    --------
+    >>> past_names([LateInput("force", 0, 1, 0.5)])
+    ['force_1_ago', 'force_2_ago']
+    """
+    return [f"{each.name}_{k + 1}_ago" for each in late for k in range(each.samples + 1)]
+
+
+def acting_inputs(late: list[LateInput], past, u) -> tuple[list, list]:
+    """Return the inputs as they act, and the past samples of the late ones at the next sample.
+
+    Parameters
+    ----------
+    late : list of LateInput
+        The late inputs.
+    past : sequence of numbers or symbols
+        Their past samples, as `past_names` has them.
+    u : sequence of numbers or symbols
+        The inputs as commanded.
+
+    Returns
+    -------
+    acting : list
+        The inputs as they act.
+    past : list
+        The past samples, one sample later.
+
+    Examples
+    --------
+    >>> acting_inputs([LateInput("force", 0, 1, 0.5)], [3.0, 5.0], [1.0])
+    ([4.0], [1.0, 3.0])
+    """
+    acting, kept, first = list(u), [], 0
+    for each in late:
+        seen = [acting[each.place], *past[first : first + each.samples + 1]]
+        first += each.samples + 1
+        kept += seen[:-1]
+        acting[each.place] = (1 - each.share) * seen[-2] + each.share * seen[-1]
+    return acting, kept
