@@ -15,12 +15,13 @@ from sklearn_pgnn.cli.choices import (
     choose_targets,
     read_noise,
 )
+from sklearn_pgnn.cli.command_line import command_line
 from sklearn_pgnn.cli.guard import OWN, Bug, one_line
 from sklearn_pgnn.cli.output import check_free, result_folder, strict_json, write_files
 from sklearn_pgnn.cli.screen import tell
 from sklearn_pgnn.diagnosis import ModelDiagnosis
 from sklearn_pgnn.exceptions import RecordWarning
-from sklearn_pgnn.inspection.report import render_report
+from sklearn_pgnn.inspection.report import Provenance, render_report
 from sklearn_pgnn.physics import PhysicsModel
 from sklearn_pgnn.trajectories.files import read_files
 
@@ -93,10 +94,11 @@ class Job:
         model = PhysicsModel.from_yaml(self.model)
         diagnosis = self._prepare(model, progress)
         X, y = read_files(self.data, model, self.options.get("sample_time"))
+        provenance = Provenance.of_files(self.model, self.data, command_line())
         with result_folder(Path(self.output)) as folder:
             broken, warned = _fit(diagnosis, X, y)
             progress("writing the report")
-            failed = write_files(folder, _texts(diagnosis))
+            failed = write_files(folder, _texts(diagnosis, provenance))
             kept = sorted(file.name for file in folder.iterdir())
         if broken or failed:
             error = broken or next(iter(failed.values()))
@@ -151,11 +153,11 @@ def _fit(diagnosis: ModelDiagnosis, X, y) -> tuple[Exception | None, list[str]]:
     return broken, [str(warning.message) for warning in told]
 
 
-def _texts(diagnosis: ModelDiagnosis) -> dict[str, Callable[[], str]]:
+def _texts(diagnosis: ModelDiagnosis, provenance: Provenance) -> dict[str, Callable[[], str]]:
     """Return a function that writes the text of each file, by file name."""
     makers = (
         lambda: strict_json(diagnosis),
         lambda: diagnosis.extended_model_.to_yaml(),
-        lambda: render_report(diagnosis),
+        lambda: render_report(diagnosis, provenance),
     )
     return dict(zip(NAMES, makers, strict=True))

@@ -7,7 +7,7 @@ from sklearn_pgnn.inspection.display import DiagnosisDisplay, plot_diagnosis
 from sklearn_pgnn.inspection.first_look import FirstLook, first_look
 from sklearn_pgnn.inspection.fit_percentage import fit_percentage
 from sklearn_pgnn.inspection.parameters_display import ParametersDisplay
-from sklearn_pgnn.inspection.report import write_report
+from sklearn_pgnn.inspection.report import Provenance, SourceFile, render_report, write_report
 from sklearn_pgnn.inspection.residual_display import ResidualDisplay, resid
 from sklearn_pgnn.inspection.simulation_display import SimulationDisplay
 
@@ -18,12 +18,15 @@ __all__ = [
     "DiagnosisDisplay",
     "FirstLook",
     "ParametersDisplay",
+    "Provenance",
     "ResidualDisplay",
     "SimulationDisplay",
+    "SourceFile",
     "first_look",
     "fit_percentage",
     "plot_detectability",
     "plot_diagnosis",
+    "render_report",
     "resid",
     "write_report",
 ]

@@ -5,7 +5,14 @@ import math
 import re
 
 from sklearn_pgnn.estimation.hypothesis import commute
+from sklearn_pgnn.inspection.yardstick import (
+    formula_error,
+    is_adequate_as_given,
+    leaves_much,
+    over_windows,
+)
 from sklearn_pgnn.physics.effects import find_effect
+from sklearn_pgnn.physics.model import PhysicsModel
 
 VERDICTS = {
     "model_adequate": "Model adequate",
@@ -54,6 +61,33 @@ def measured(value: float, low: float, high: float, unit: str = "") -> str:
         (_rounded(value, places), f"({_rounded(low, places)} to {_rounded(high, places)})", unit)
     )
     return text.rstrip()
+
+
+def sized(value: float, low: float, high: float, unit: str = "") -> str:
+    """Write a value no finer than its interval makes sense, without the interval.
+
+    Examples
+    --------
+    >>> sized(0.804999, 0.7912, 0.8188, "V")
+    '0.805 V'
+    """
+    return re.sub(r" \(.* to .*\)", "", measured(value, low, high, unit))
+
+
+def times(value: float) -> str:
+    """Write an error in units of the noise.
+
+    Examples
+    --------
+    >>> times(0.9781), times(14.64), times(124.2), times(float("inf"))
+    ('0.98 ×', '14.6 ×', '124 ×', 'runs away')
+    """
+    if math.isnan(value):
+        return "-"
+    if math.isinf(value):
+        return "runs away"
+    places = max(0, 2 - math.floor(math.log10(max(value, 1.0))))
+    return f"{value:.{places}f} ×"
 
 
 def _places(value: float, half_width: float) -> int:
@@ -225,9 +259,16 @@ def verdict_sentence(diagnosis) -> str:
 
 def _so_far(diagnosis) -> str:
     """Return a sentence on the prior's error, where the search ended before a cause was found."""
+    the_model = _the_model(diagnosis)
     if diagnosis.verdict_ == "model_adequate":
-        return f"The re-tuned model of the {diagnosis.model.name} leaves hardly more than noise."
-    return f"The model of the {diagnosis.model.name} misses something, and no cause was found yet."
+        return f"The re-tuned {the_model} leaves hardly more than noise."
+    return f"The {the_model} misses something, and no cause was found yet."
+
+
+def _the_model(diagnosis) -> str:
+    """Return what the prior is called in a sentence, after its article."""
+    name = diagnosis.model.name
+    return "model" if name == PhysicsModel.name else f"model of the {name}"
 
 
 def stopped_sentence(diagnosis) -> str:
@@ -261,19 +302,48 @@ def unusable_sentence(diagnosis) -> str:
 
 def _found(diagnosis, names: str) -> str:
     """Return a sentence on what was found."""
-    name = diagnosis.model.name
+    the_model = _the_model(diagnosis)
+    if diagnosis.verdict_ == "model_adequate":
+        return _adequate(diagnosis)
     sentences = {
-        "model_adequate": f"The model of the {name} is adequate: no effect of the catalogue makes "
-        f"it better.",
-        "cause_named": f"The model of the {name} misses {names}. {_order(diagnosis)}"
-        f"{_worth(diagnosis)} {_described(diagnosis)}",
-        "ambiguous": f"The model of the {name} misses {names}, or {_others(diagnosis)}: "
-        f"these records cannot tell. {_order(diagnosis)}{_worth(diagnosis)} "
-        f"{_described(diagnosis)}",
-        "unexplained": f"The model of the {name} misses something that no known effect "
-        f"explains. {_described(diagnosis)}",
+        "cause_named": f"The {the_model} misses {names}.",
+        "ambiguous": f"The {the_model} misses {names}, or {_others(diagnosis)}: these records "
+        f"cannot tell.",
+        "unexplained": f"The {the_model} misses something that no known effect explains.",
     }
-    return sentences[diagnosis.verdict_].rstrip()
+    causes = f"{_order(diagnosis)}{_worth(diagnosis)}" if diagnosis.causes_ else ""
+    parts = (sentences[diagnosis.verdict_], causes, _described(diagnosis))
+    return " ".join(part.strip() for part in parts if part)
+
+
+def _adequate(diagnosis) -> str:
+    """Return how far the model is adequate: as given, or re-tuned; or that much is left."""
+    the_model, errors = _the_model(diagnosis), over_windows(diagnosis)
+    left = [_of(output, times(e.refitted), errors) for output, e in errors.items()]
+    if leaves_much(diagnosis):
+        return (
+            f"No effect of the catalogue makes the {the_model} better; yet, re-tuned, it leaves "
+            f"{listed(left)} the noise."
+        )
+    if is_adequate_as_given(diagnosis):
+        given = [_of(output, times(e.prior), errors) for output, e in errors.items()]
+        return (
+            f"The {the_model} is adequate as given: it leaves {listed(given)} the noise, and no "
+            f"effect of the catalogue makes it better."
+        )
+    both = [
+        _of(output, f"{times(e.prior)} as given and {times(e.refitted)} re-tuned", errors)
+        for output, e in errors.items()
+    ]
+    return (
+        f"The {the_model} is adequate after re-tuning, in units of the noise: {listed(both)}. No "
+        f"effect of the catalogue makes it better."
+    )
+
+
+def _of(output: str, what: str, outputs) -> str:
+    """Return what is said of an output, with its name where there are several."""
+    return f"{what} of {output}" if len(outputs) > 1 else what
 
 
 def remaining_sentence(diagnosis) -> str:
@@ -292,19 +362,20 @@ def remaining_sentence(diagnosis) -> str:
     remaining = diagnosis.remaining_
     if remaining.kind == "noise":
         return "What is left is white noise."
-    times = listed(
-        f"{number(x, 2)} times the white noise of {output}"
-        for output, x in sorted(remaining.times_noise.items(), key=lambda item: -item[1])
+    errors = {output: e.extended for output, e in over_windows(diagnosis).items()}
+    much = listed(
+        f"{times(x)} the white noise of {output}"
+        for output, x in sorted(errors.items(), key=lambda item: -item[1])
     )
     if remaining.kind == "structure":
         on = listed(remaining.depends_on) or "what was recorded"
         return (
-            f"What is left is structure ({times}): it depends on {on}, so physics is still missing."
+            f"What is left is structure ({much}): it depends on {on}, so physics is still missing."
         )
     if not diagnosis.complete_:
-        return f"What is left is more than noise ({times}); what it depends on was not asked."
+        return f"What is left is more than noise ({much}); what it depends on was not asked."
     return (
-        f"What is left is coloured noise or a disturbance ({times}): it depends on nothing that "
+        f"What is left is coloured noise or a disturbance ({much}): it depends on nothing that "
         f"was recorded."
     )
 
@@ -327,7 +398,7 @@ def _described(diagnosis) -> str:
     )
     return (
         f"Something is missing in {missing_place(diagnosis, part)}. {on}With {part.formula} added "
-        f"there the model leaves {number(part.error, 3)} times the noise."
+        f"there the model leaves {times(formula_error(diagnosis))} the noise."
     )
 
 
@@ -357,18 +428,22 @@ def _order(diagnosis) -> str:
 
 
 def _worth(diagnosis) -> str:
-    """Return how much of the error the extension removes, output by output."""
-    parts = [
-        f"{share(gain).replace('> ', 'more than ')} of the error power of {output} above the noise"
-        for output, gain in diagnosis.gain_.items()
-    ]
-    said = f"The extended model removes {listed(parts)}, on data held out of the fit."
+    """Return what the given, the re-tuned and the extended model leave, output by output."""
+    errors = over_windows(diagnosis)
+    left = listed(_of(output, _three(e), errors) for output, e in errors.items())
+    said = f"On data held out of the fit it leaves, in units of the noise: {left}."
     if all(error.tells for error in diagnosis.free_run_.values()):
         return said
     return (
         f"{said} The free run says nothing: without restarts, no model is nearer to the records "
         f"than their mean is, as with an unstable or chaotic machine."
     )
+
+
+def _three(errors) -> str:
+    """Return what the three models leave."""
+    given, refitted, extended = (times(e) for e in (errors.prior, errors.refitted, errors.extended))
+    return f"{given} as given, {refitted} re-tuned, {extended} extended"
 
 
 def separation_sentence(separation) -> str:
@@ -397,11 +472,11 @@ def separation_sentence(separation) -> str:
         )
     best = separation.experiments[0]
     reached = listed(f"{name} up to {number(top, 2)}" for name, top in best.reached.items())
-    times = f", recorded {best.repeats:g} times" if best.repeats > 1 else ""
+    often = f", recorded {best.repeats:g} times" if best.repeats > 1 else ""
     return (
         f"To tell {one} from {other}: {best.excitation}, {best.input} by "
         f"{number(best.amplitude, 2)} {best.unit} about {number(best.offset, 2)} {best.unit}, for "
-        f"{number(best.duration, 3)} s ({reached}){times}. The two then differ by "
+        f"{number(best.duration, 3)} s ({reached}){often}. The two then differ by "
         f"{number(best.difference, 2)} times the noise, {number(best.evidence, 2)} standard errors "
         f"in one record."
     )

@@ -113,7 +113,7 @@ def test_what_was_found_before_a_bug_is_kept(tmp_path, breaking, fitted):
 def test_a_bug_in_the_report_leaves_the_other_files(tmp_path, monkeypatch, fitted):
     args = write(tmp_path)
     monkeypatch.setattr(ModelDiagnosis, "fit", lambda self, X, y: vars(self).update(fitted) or self)
-    monkeypatch.setattr("sklearn_pgnn.cli.diagnose.render_report", lambda diagnosis: 1 / 0)
+    monkeypatch.setattr("sklearn_pgnn.cli.diagnose.render_report", lambda *_: 1 / 0)
     result = run([*args, "--quiet"])
     assert result.exit_code == 1
     assert "ZeroDivisionError" in result.stderr

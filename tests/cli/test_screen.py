@@ -18,6 +18,7 @@ CART = PhysicsModel(
 
 def diagnosis(probability=1.0, rivals=(), remaining=None):
     """Return what a diagnosis with one cause holds."""
+    remaining = remaining or Remaining("noise", {"v": 1.0})
     cause = NamedCause("input_bias", "F", {}, 90.0, tuple(rivals), probability=probability)
     return SimpleNamespace(
         model=CART,
@@ -26,14 +27,14 @@ def diagnosis(probability=1.0, rivals=(), remaining=None):
         stopped_=None,
         causes_=(cause,),
         discrepancy_=None,
-        remaining_=remaining or Remaining("noise", {"v": 1.0}),
+        remaining_=remaining,
         records_=SimpleNamespace(causes=()),
         data_quality_=(),
         separations_=(),
         unusable_=(),
         parameters_={},
         window_=1.0,
-        gain_={"v": Gain(3.0, 2.0, 1.0, 1.0, 0.99, 0.98, 1.0, "m/s")},
+        gain_={"v": Gain(3.0, 2.0, remaining.times_noise["v"], 1.0, 0.99, 0.98, 1.0, "m/s")},
         free_run_={"v": FreeRunError(3.0, 2.0, 1.0)},
     )
 
@@ -62,11 +63,11 @@ def test_a_cause_that_is_not_sure_has_one_and_so_have_its_rivals(capsys):
         (Remaining("noise", {"v": 1.0}), "What is left is white noise."),
         (
             Remaining("disturbance", {"v": 2.34}),
-            "disturbance (2.3 times the white noise of v): it depends on nothing that was recorded",
+            "disturbance (2.34 × the white noise of v): it depends on nothing that was recorded",
         ),
         (
             Remaining("structure", {"v": 4.0}, ("F", "v")),
-            "structure (4 times the white noise of v): it depends on F and v",
+            "structure (4.00 × the white noise of v): it depends on F and v",
         ),
     ],
 )

@@ -116,7 +116,7 @@ def test_names_of_the_model_are_escaped(report):
 @pytest.mark.core
 def test_the_verdict_comes_first_and_everything_is_there(report, friction):
     headings = Reader(report).headings
-    order = ["Diagnosis", "What is missing", "Measured", "Evidence", "Equations", "Parameters"]
+    order = ["Cart", "What is missing", "Measured", "Evidence", "Equations", "Parameters"]
     found = [next(i for i, h in enumerate(headings) if h.startswith(name)) for name in order]
     assert found == sorted(found)
     text = re.sub(r"<[^>]+>", "", report)
@@ -167,10 +167,12 @@ def test_how_sure_a_cause_is_and_what_is_left_are_said(friction):
     rival = Rival("input_bias", "F", 0.125)
     changed.causes_ = (replace(friction.causes_[0], probability=0.875, confused_with=(rival,)),)
     changed.remaining_ = Remaining("structure", {"position": 3.0}, ("v",))
+    gain = friction.gain_["position"]
+    changed.gain_ = {"position": replace(gain, extended=3.0 * gain.noise)}
     text = " ".join(re.sub(r"<[^>]+>", "", render_report(changed)).split())
     assert "Probability: 88 %" in text
     assert "Confused with: input bias of F (12 %)" in text
-    left = "What is left is structure (3 times the white noise of position): it depends on v"
+    left = "What is left is structure (3.00 × the white noise of position): it depends on v"
     assert text.index(left) < text.index("What is missing")
 
 

@@ -1,13 +1,15 @@
-"""The report of a diagnosis: one self-contained HTML file."""
+"""The report as HTML, and where it goes."""
 
 import base64
 import os
 import platform
+import re
 import tempfile
 from datetime import date
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from importlib.resources import files
+from itertools import pairwise
 from pathlib import Path
 
 from sklearn.utils.validation import check_is_fitted
@@ -16,9 +18,13 @@ from sklearn_pgnn.inspection.case import known_effects
 from sklearn_pgnn.inspection.display import compare, draw_comparison, draw_evidence
 from sklearn_pgnn.inspection.equations import equations_of
 from sklearn_pgnn.inspection.evidence import find_evidence, missing_evidence
+from sklearn_pgnn.inspection.report.finding import title, verdict_line
+from sklearn_pgnn.inspection.report.next_step import next_step
+from sklearn_pgnn.inspection.report.provenance import Provenance
+from sklearn_pgnn.inspection.report.tiles import make_tiles, worst
+from sklearn_pgnn.inspection.report.who_did_what import segments_of_bar
 from sklearn_pgnn.inspection.style import new_figure, to_png
 from sklearn_pgnn.inspection.words import (
-    VERDICTS,
     cause_name,
     chance,
     free_run_error,
@@ -36,11 +42,13 @@ from sklearn_pgnn.inspection.words import (
     verdict_sentence,
 )
 
-TEMPLATE = "report.html.j2"
+TEMPLATES = "templates"
 LIBRARIES = ("numpy", "scipy", "sympy", "numba", "scikit-learn")
+#: a hyphen that is a minus: before a number, and neither in a word nor in a range
+MINUS = re.compile(r"(?<![\w)\]])-(?=[\d.])")
 
 
-def write_report(diagnosis, path) -> None:
+def write_report(diagnosis, path, provenance: Provenance | None = None) -> None:
     """Write the report of a diagnosis.
 
     The file contains its pictures and styles and loads nothing else. It is written whole or
@@ -52,42 +60,77 @@ def write_report(diagnosis, path) -> None:
         The fitted diagnosis.
     path : str or path-like
         Where to write.
+    provenance : Provenance, optional
+        Files, command and day, to be stated.
     """
     check_is_fitted(diagnosis)
-    _write_whole(Path(path), render_report(diagnosis))
+    _write_whole(Path(path), render_report(diagnosis, provenance))
 
 
-def render_report(diagnosis) -> str:
+def render_report(diagnosis, provenance: Provenance | None = None) -> str:
     """Return the report as HTML.
 
     Parameters
     ----------
     diagnosis : ModelDiagnosis
         The fitted diagnosis.
+    provenance : Provenance, optional
+        Files, command and day, to be stated; the same report is written again from the same
+        diagnosis if the day is told.
 
     Returns
     -------
     str
         The HTML text; names and units of the model are escaped.
     """
-    from jinja2 import Environment, StrictUndefined
+    from jinja2 import Environment, FunctionLoader, StrictUndefined
 
     room = Environment(
-        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        loader=FunctionLoader(_source),
+        finalize=_with_minus_signs,
     )
     room.filters["capitalize_first"] = lambda text: text[:1].upper() + text[1:]
-    source = files("sklearn_pgnn.inspection").joinpath(TEMPLATE).read_text(encoding="utf-8")
-    return room.from_string(source).render(**report_content(diagnosis))
+    room.filters["as_it_is"] = _as_it_is
+    content = report_content(diagnosis, provenance or Provenance())
+    return room.get_template("report.html.j2").render(**content, style=_source("style.css"))
 
 
-def report_content(diagnosis) -> dict:
+def _source(name: str) -> str:
+    folder = files("sklearn_pgnn.inspection.report").joinpath(TEMPLATES)
+    return folder.joinpath(name).read_text(encoding="utf-8")
+
+
+def _with_minus_signs(value):
+    """Return a text with minus signs in place of hyphens before numbers."""
+    return MINUS.sub("\u2212", value) if type(value) is str else value
+
+
+def _as_it_is(text):
+    """Escape a text whose hyphens stay what they are, to be copied."""
+    from markupsafe import escape
+
+    return escape(text)
+
+
+def report_content(diagnosis, provenance: Provenance) -> dict:
     """Return the content of the report: plain text by the template's variable."""
+    tiles = make_tiles(diagnosis)
     return {
         "model": diagnosis.model.name,
-        "verdict": diagnosis.verdict_,
-        "verdict_title": VERDICTS[diagnosis.verdict_],
+        "title": title(diagnosis),
+        "state": worst(tiles),
+        "verdict_title": verdict_line(diagnosis),
         "sentence": verdict_sentence(diagnosis),
         "remaining": remaining_sentence(diagnosis),
+        "tiles": tiles,
+        "bar": segments_of_bar(diagnosis),
+        "next_step": next_step(diagnosis),
+        "provenance": provenance,
+        "records": _records(diagnosis),
         "data_quality": diagnosis.data_quality_,
         "causes": [_cause(diagnosis, cause) for cause in diagnosis.causes_],
         "comparisons": [_comparison(diagnosis, kind) for kind in ("free_run", "windows")],
@@ -105,10 +148,24 @@ def report_content(diagnosis) -> dict:
         "unusable_sentence": unusable_sentence(diagnosis),
         "method": _method(diagnosis),
         "versions": _versions(),
+        "date": provenance.date or date.today().isoformat(),
     }
 
 
 # -- what is said ----------------------------------------------------------------------------------
+
+
+def _records(diagnosis) -> list[dict]:
+    """Return every record's name, samples and length."""
+    windows = diagnosis.records_.windows
+    return [
+        {
+            "name": name,
+            "samples": int(b - a),
+            "duration": f"{number(windows.t[b - 1] - windows.t[a], 3)} s",
+        }
+        for name, (a, b) in zip(diagnosis.records_.names, pairwise(windows.bounds), strict=True)
+    ]
 
 
 def _cause(diagnosis, cause) -> dict:
@@ -216,10 +273,7 @@ def _hold(hold: str) -> str:
 def _versions() -> str:
     package = import_module(__name__.split(".")[0])
     used = ", ".join(f"{name} {_version(name)}" for name in LIBRARIES)
-    return (
-        f"Written on {date.today().isoformat()} by sklearn-pgnn {package.__version__} "
-        f"(Python {platform.python_version()}, {used})."
-    )
+    return f"sklearn-pgnn {package.__version__} (Python {platform.python_version()}, {used})"
 
 
 def _version(name: str) -> str:

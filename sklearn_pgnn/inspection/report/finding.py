@@ -1,0 +1,113 @@
+"""The finding in a line, with its size: the title of a report."""
+
+from sklearn_pgnn.inspection.report.parameter_facts import parameter_facts
+from sklearn_pgnn.inspection.words import (
+    VERDICTS,
+    cause_name,
+    listed,
+    missing_place,
+    sized,
+    times,
+    typeset_unit,
+)
+from sklearn_pgnn.inspection.yardstick import is_adequate_as_given, leaves_much, over_windows
+from sklearn_pgnn.physics.model import PhysicsModel
+
+
+def title(diagnosis) -> str:
+    """Return the finding in a line.
+
+    Parameters
+    ----------
+    diagnosis : ModelDiagnosis
+        A fitted diagnosis.
+
+    Returns
+    -------
+    str
+        The model's name, what was found, and how large it is.
+    """
+    found, name = _FOUND[diagnosis.verdict_](diagnosis), diagnosis.model.name
+    return found if name == PhysicsModel.name else f"{name}: {found}"
+
+
+def verdict_line(diagnosis) -> str:
+    """Return the verdict in few words, and what weakens it.
+
+    Parameters
+    ----------
+    diagnosis : ModelDiagnosis
+        A fitted diagnosis.
+
+    Returns
+    -------
+    str
+        As in "Cause named, in part".
+    """
+    said = VERDICTS[diagnosis.verdict_]
+    if diagnosis.verdict_ == "model_adequate":
+        said += ", as given" if is_adequate_as_given(diagnosis) else ", after re-tuning"
+        said += "; more than noise is left" if leaves_much(diagnosis) else ""
+    if diagnosis.causes_ and leaves_more(diagnosis):
+        said += ", in part"
+    if not diagnosis.complete_:
+        said += "; the search was not complete"
+    if diagnosis.data_quality_:
+        said += "; provisional, for the records have faults"
+    return said
+
+
+def leaves_more(diagnosis) -> bool:
+    """Return whether physics is missing beside the causes."""
+    return diagnosis.remaining_.kind == "structure" or leaves_much(diagnosis)
+
+
+def cause_with_size(cause) -> str:
+    """Return a cause with the size of what its first parameter measures."""
+    name = cause_name(cause.effect, cause.target)
+    for field, e in cause.parameters.items():
+        size = sized(e.value, e.low, e.high, typeset_unit(e.unit))
+        return f"{name} ({field.replace('_', ' ')} {size})"
+    return name
+
+
+def _adequate(diagnosis) -> str:
+    if leaves_much(diagnosis):
+        left = times(max(errors.extended for errors in over_windows(diagnosis).values()))
+        return f"no cause of the catalogue; {left} the noise is left"
+    if is_adequate_as_given(diagnosis):
+        return "the model is adequate as given"
+    changed = parameter_facts(diagnosis).changed
+    return f"the model is adequate with {listed(changed) or 'its parameters'} re-tuned"
+
+
+def _named(diagnosis) -> str:
+    found = listed(cause_with_size(cause) for cause in diagnosis.causes_)
+    return f"{found}; and something more" if leaves_more(diagnosis) else found
+
+
+def _ambiguous(diagnosis) -> str:
+    sure = [cause_with_size(cause) for cause in diagnosis.causes_ if not cause.confused_with]
+    open_ = [_alternatives(cause) for cause in diagnosis.causes_ if cause.confused_with]
+    return "; and ".join([*sure, *open_])
+
+
+def _alternatives(cause) -> str:
+    others = (cause_name(other.effect, other.target) for other in cause.confused_with)
+    *first, last = [cause_with_size(cause), *others]
+    return f"{', '.join(first)} or {last}"
+
+
+def _unexplained(diagnosis) -> str:
+    part = diagnosis.discrepancy_
+    if part is None:
+        return "something is missing that no known effect explains"
+    return f"something unknown is missing in {missing_place(diagnosis, part)}"
+
+
+_FOUND = {
+    "model_adequate": _adequate,
+    "cause_named": _named,
+    "ambiguous": _ambiguous,
+    "unexplained": _unexplained,
+}

@@ -1,0 +1,89 @@
+"""What to do next, in a line with numbers."""
+
+from sklearn_pgnn.inspection.report.parameter_facts import parameter_facts
+from sklearn_pgnn.inspection.words import (
+    listed,
+    measured,
+    missing_place,
+    separation_sentence,
+    typeset_unit,
+)
+from sklearn_pgnn.inspection.yardstick import is_adequate_as_given, leaves_much
+
+
+def next_step(diagnosis) -> str:
+    """Return what to do next: records first, then what separates, then the check on the rig.
+
+    Parameters
+    ----------
+    diagnosis : ModelDiagnosis
+        A fitted diagnosis.
+
+    Returns
+    -------
+    str
+        One or two sentences.
+    """
+    if diagnosis.data_quality_:
+        first = diagnosis.data_quality_[0]
+        return (
+            f"Records first ({first.kind} of {first.where}): {first.remedy}. Then diagnose again."
+        )
+    if not diagnosis.complete_:
+        return "Diagnose again with more time: the search was not complete."
+    return _BY_VERDICT[diagnosis.verdict_](diagnosis)
+
+
+def expectation(cause) -> str:
+    """Return what the check of a cause on the rig should show: every parameter's interval."""
+    sizes = (
+        f"{field.replace('_', ' ')} {measured(e.value, e.low, e.high, typeset_unit(e.unit))}"
+        for field, e in cause.parameters.items()
+    )
+    return f"Expect {listed(sizes)}."
+
+
+def _check(diagnosis) -> str:
+    cause = diagnosis.causes_[0]
+    return f"{cause.check} {expectation(cause)}".strip()
+
+
+def _separate(diagnosis) -> str:
+    found = sorted(diagnosis.separations_, key=lambda s: (not s.separable, s.equivalent))
+    if not found:
+        return _check(diagnosis)
+    if found[0].equivalent:
+        checks = (cause.check for cause in diagnosis.causes_ if cause.confused_with)
+        return f"{separation_sentence(found[0])} {next(checks, '')}".strip()
+    return separation_sentence(found[0])
+
+
+def _use(diagnosis) -> str:
+    if leaves_much(diagnosis):
+        return (
+            "Look for what disturbs the machine or its sensors: what is left depends on nothing "
+            "that was recorded. Record one quantity more, and diagnose again."
+        )
+    if is_adequate_as_given(diagnosis):
+        return "Go on with the model as it is."
+    facts = parameter_facts(diagnosis)
+    names = listed(facts.changed) or "the parameters"
+    return f"Take over the new values of {names} (extended_model.yaml)."
+
+
+def _look(diagnosis) -> str:
+    part = diagnosis.discrepancy_
+    if part is None:
+        on = listed(diagnosis.remaining_.depends_on) or "time"
+        return f"Ask what in the machine depends on {on} and is not in the model."
+    on = listed(part.quantities) or "time"
+    where = missing_place(diagnosis, part)
+    return f"Ask what acts on {where} and depends on {on}: the formula says how much."
+
+
+_BY_VERDICT = {
+    "model_adequate": _use,
+    "cause_named": _check,
+    "ambiguous": _separate,
+    "unexplained": _look,
+}

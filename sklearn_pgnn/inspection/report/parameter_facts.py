@@ -1,0 +1,57 @@
+"""What became of the parameters: changed, at a limit, or not fixed by the records."""
+
+import math
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class ParameterFacts:
+    """What became of the free parameters of a model and of its causes.
+
+    Parameters
+    ----------
+    changed : tuple of str
+        Those whose interval leaves the value out that was given.
+    at_limit : tuple of str
+        Those at the end of what the fit allowed, of the model or of a cause.
+    held : tuple of str
+        Those that the fit held where they were: beside the others the records do not fix them.
+    open : tuple of str
+        Those whose interval is not finite: the records do not fix them.
+    """
+
+    changed: tuple[str, ...]
+    at_limit: tuple[str, ...]
+    held: tuple[str, ...]
+    open: tuple[str, ...]
+
+    @property
+    def unidentified(self) -> tuple[str, ...]:
+        """Those that the records do not fix."""
+        return tuple(dict.fromkeys((*self.held, *self.open)))
+
+
+def parameter_facts(diagnosis) -> ParameterFacts:
+    """Return what became of the parameters.
+
+    Parameters
+    ----------
+    diagnosis : ModelDiagnosis
+        A fitted diagnosis.
+
+    Returns
+    -------
+    ParameterFacts
+        Names of parameters.
+    """
+    fit, found = diagnosis.records_.fits["extended"], diagnosis.parameters_
+    free = {freedom.name: freedom for freedom in fit.freedoms}
+    value = {name: parameter.value for name, parameter in fit.model.parameters.items()}
+    limited = (n for n, f in free.items() if not f.low < value[n] < f.high)
+    unfixed = (n for n, p in found.items() if not math.isfinite(p.high - p.low))
+    return ParameterFacts(
+        changed=tuple(name for name, p in found.items() if p.changed),
+        at_limit=tuple(limited),
+        held=tuple(name for name in found if name not in free),
+        open=tuple(unfixed),
+    )

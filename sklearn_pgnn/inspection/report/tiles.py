@@ -1,0 +1,175 @@
+"""The four tiles of a report: what is left, how sure, the records, the parameters."""
+
+import math
+from dataclasses import dataclass
+
+from sklearn_pgnn.estimation.hypothesis import count_parameters
+from sklearn_pgnn.inspection.case import known_effects
+from sklearn_pgnn.inspection.report.parameter_facts import ParameterFacts, parameter_facts
+from sklearn_pgnn.inspection.words import cause_name, chance, listed, rivals, times
+from sklearn_pgnn.inspection.yardstick import MUCH, in_free_run, over_windows, suspects
+
+#: the colours of a tile, the best first, and what they mean to those who see none
+STATES = {"good": "in order", "look": "look at this", "bad": "not in order"}
+#: probability from which on a cause counts as sure
+SURE = 0.95
+
+
+@dataclass(frozen=True)
+class Tile:
+    """A tile of a report.
+
+    Parameters
+    ----------
+    state : {"good", "look", "bad"}
+        Green, amber or red.
+    about : str
+        What it is about.
+    headline : str
+        The one thing to see.
+    text : str
+        What belongs to it.
+    """
+
+    state: str
+    about: str
+    headline: str
+    text: str
+
+    @property
+    def meaning(self) -> str:
+        """What the colour says, in words."""
+        return STATES[self.state]
+
+
+def make_tiles(diagnosis) -> tuple[Tile, ...]:
+    """Return the four tiles.
+
+    Parameters
+    ----------
+    diagnosis : ModelDiagnosis
+        A fitted diagnosis.
+
+    Returns
+    -------
+    tuple of Tile
+        What is left, how sure, the records, the parameters.
+    """
+    return (
+        _left(diagnosis),
+        _sure(diagnosis),
+        _records(diagnosis),
+        _parameters(parameter_facts(diagnosis)),
+    )
+
+
+def worst(tiles) -> str:
+    """Return the worst state of some tiles.
+
+    Examples
+    --------
+    >>> worst([Tile("good", "", "", ""), Tile("look", "", "", "")])
+    'look'
+    """
+    return max((tile.state for tile in tiles), key=list(STATES).index)
+
+
+# -- what is left ----------------------------------------------------------------------------------
+
+
+def _left(diagnosis) -> Tile:
+    """Return the tile of the output of which most is left."""
+    windows = over_windows(diagnosis)
+    output = max(windows, key=lambda name: _or_inf(windows[name].extended))
+    errors, run = windows[output], in_free_run(diagnosis)[output]
+    much = not errors.extended <= MUCH or (_run_tells(diagnosis) and not run.extended <= MUCH)
+    structured = diagnosis.remaining_.kind == "structure"
+    of = f" of {output}" if len(windows) > 1 else ""
+    free = times(run.extended) if _run_tells(diagnosis) else "says nothing here"
+    text = f"left{of} over held-out windows (as given {times(errors.prior)}"
+    if diagnosis.causes_:
+        text += f", re-tuned only {times(errors.refitted)}"
+    text += f"); in free run {free}"
+    state = "bad" if much and structured else "look" if much or structured else "good"
+    return Tile(state, "What is left", f"{times(errors.extended)} noise", text)
+
+
+def _or_inf(value: float) -> float:
+    return value if math.isfinite(value) else math.inf
+
+
+def _run_tells(diagnosis) -> bool:
+    return all(error.tells for error in diagnosis.free_run_.values())
+
+
+# -- how sure --------------------------------------------------------------------------------------
+
+
+def _sure(diagnosis) -> Tile:
+    about = "How sure"
+    if diagnosis.causes_:
+        return _sure_of(diagnosis, min(diagnosis.causes_, key=lambda cause: cause.probability))
+    if diagnosis.verdict_ == "unexplained":
+        return Tile("bad", about, "no name", f"{_runner_up(diagnosis)}, and is not enough")
+    if not diagnosis.complete_:
+        return Tile("look", about, "not complete", "the search ended early")
+    text = "no suspect of the catalogue makes it better"
+    nearest = _runner_up(diagnosis)
+    return Tile("good", about, "nothing named", f"{text}; {nearest}" if nearest else text)
+
+
+def _sure_of(diagnosis, cause) -> Tile:
+    name, sure = cause_name(cause.effect, cause.target), cause.probability >= SURE
+    if cause.confused_with:
+        text = f"for {name}, which these records cannot tell from {rivals(cause)}"
+    else:
+        text = "; ".join(said for said in (f"for {name}", _runner_up(diagnosis)) if said)
+    state = "good" if sure and not cause.confused_with and diagnosis.complete_ else "look"
+    return Tile(state, "How sure", chance(cause.probability), text)
+
+
+def _runner_up(diagnosis) -> str:
+    """Return what the nearest suspect that was not named leaves; empty if none was looked at."""
+    named = {(cause.effect, cause.target) for cause in diagnosis.causes_}
+    known = known_effects(diagnosis)
+    most = max((count_parameters(known[e](target)) for e, target in named), default=math.inf)
+    for suspect, left in suspects(diagnosis):
+        if suspect not in named:
+            effect, target = suspect
+            more = count_parameters(known[effect](target)) > most
+            with_more = ", which has more parameters," if more else ""
+            alone = " alone" if len(named) != 1 else ""
+            name = cause_name(effect, target)
+            return (
+                f"the runner-up, {name}{with_more}{'' if more else ','} leaves {times(left)}{alone}"
+            )
+    return ""
+
+
+# -- records and parameters ------------------------------------------------------------------------
+
+
+def _records(diagnosis) -> Tile:
+    faults, about = diagnosis.data_quality_, "Faults of the records"
+    if not faults:
+        early = diagnosis.stopped_ is not None
+        text = "not all checks were made" if early else "in the records, by all checks"
+        return Tile("look" if early else "good", about, "0 faults", text)
+    count = f"{len(faults)} {'fault' if len(faults) == 1 else 'faults'}"
+    kinds = listed(f"{fault.kind} of {fault.where}" for fault in faults)
+    return Tile("look", about, count, kinds)
+
+
+def _parameters(facts: ParameterFacts) -> Tile:
+    found = (
+        (facts.at_limit, "at a limit"),
+        (facts.unidentified, "not fixed by the records"),
+        (facts.changed, "changed beyond the interval"),
+    )
+    said = [f"{listed(names)} {what}" for names, what in found if names]
+    count = len(facts.at_limit) or len(facts.unidentified)
+    if not count:
+        headline = f"{len(facts.changed) or 'none'} changed"
+        return Tile("good", "Parameters", headline, "; ".join([*said, "none at a limit"]))
+    headline = f"{count} {found[0][1] if facts.at_limit else 'not identifiable'}"
+    return Tile("look", "Parameters", headline, "; ".join(said))

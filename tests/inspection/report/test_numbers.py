@@ -1,0 +1,64 @@
+"""The numbers of a report agree: banner, tiles, bar, tables and the file for programs."""
+
+import re
+from html import unescape
+
+import pytest
+from situations import HIDDEN, situation
+
+from sklearn_pgnn.inspection.report import Provenance, render_report
+from sklearn_pgnn.inspection.words import times
+
+pytestmark = pytest.mark.core
+
+
+def plain(html):
+    return " ".join(unescape(re.sub(r"<[^>]+>", " ", html)).split())
+
+
+def part(html, begin, end):
+    """Return the text between two marks of the HTML."""
+    return plain(html[html.index(begin) : html.index(end, html.index(begin))])
+
+
+@pytest.fixture(params=HIDDEN)
+def both(request):
+    diagnosis = situation(request.param)
+    return diagnosis, render_report(diagnosis, Provenance(date="2026-11-22"))
+
+
+def in_noise(diagnosis):
+    """Return the errors as the file for programs has them, in units of its noise."""
+    gain = diagnosis.to_dict()["gain"]["v"]
+    return {w: times(gain[w] / gain["noise"]) for w in ("prior", "refitted", "extended")}
+
+
+def test_banner_tile_and_bar_say_what_the_file_says(both):
+    diagnosis, html = both
+    left = in_noise(diagnosis)
+    banner = part(html, '<div class="verdict', "</div>")
+    tile = part(html, "What is left</h3>", "</li>")
+    bar = part(html, '<ul class="key">', "</ul>")
+    assert tile.startswith(f"What is left {left['extended']} noise")
+    assert f"as given {left['prior']}" in tile
+    assert f"re-tuning: {left['prior']} → {left['refitted']}" in bar or "nothing" in bar
+    if diagnosis.causes_:
+        said = f"{left['prior']} as given, {left['refitted']} re-tuned, {left['extended']} extended"
+        assert said in banner
+        assert f"→ {left['extended']}" in bar
+
+
+def test_free_run_of_the_tile_is_that_of_the_file(both):
+    diagnosis, html = both
+    data = diagnosis.to_dict()
+    run = data["free_run"]["v"]["extended"] / data["gain"]["v"]["noise"]
+    assert f"in free run {times(run)}" in part(html, "What is left</h3>", "</li>")
+
+
+def test_sizes_in_title_and_next_step_are_those_of_the_file(both):
+    diagnosis, html = both
+    title = part(html, "<h1>", "</h1>")
+    for cause in diagnosis.to_dict()["causes"]:
+        size = next(iter(cause["parameters"].values()))["value"]
+        shown = float(re.search(r"\([a-z ]+ (−?[\d.]+)", title)[1].replace("−", "-"))
+        assert shown == pytest.approx(size, rel=0.02)

@@ -1,0 +1,68 @@
+"""The colours of a report: green only where nothing is to be looked at."""
+
+from copy import copy
+from dataclasses import replace
+
+import pytest
+from situations import situation
+
+from sklearn_pgnn.diagnosis import Remaining, Rival
+from sklearn_pgnn.inspection.report.parameter_facts import parameter_facts
+from sklearn_pgnn.inspection.report.tiles import make_tiles
+from sklearn_pgnn.record_quality.finding import Finding
+
+pytestmark = pytest.mark.core
+
+
+def states(diagnosis):
+    return [tile.state for tile in make_tiles(diagnosis)]
+
+
+@pytest.mark.parametrize("name", ["adequate", "retuned", "named"])
+def test_what_is_in_order_is_green(name):
+    assert states(situation(name)) == ["good"] * 4
+
+
+def test_a_cause_that_records_cannot_tell_is_amber_with_its_rivals():
+    left, sure, records, parameters = make_tiles(situation("ambiguous"))
+    assert [t.state for t in (left, sure, records, parameters)] == ["good", "look", "good", "good"]
+    assert "constant load on v" in sure.text
+    assert "input bias of F" in sure.text
+
+
+def test_what_no_one_can_name_is_red_and_a_parameter_at_its_limit_amber():
+    diagnosis = situation("unexplained")
+    assert states(diagnosis) == ["bad", "bad", "good", "look"]
+    assert set(parameter_facts(diagnosis).at_limit) == {"m", "d"}
+
+
+def test_faults_of_the_records_are_amber():
+    diagnosis = situation("bad")
+    assert diagnosis.data_quality_
+    assert states(diagnosis)[2] == "look"
+
+
+def test_more_than_twice_the_noise_is_amber_and_red_where_it_is_structure():
+    changed = copy(situation("named"))
+    gain = changed.gain_["v"]
+    changed.gain_ = {"v": replace(gain, extended=2.5 * gain.noise)}
+    assert states(changed)[0] == "look"
+    changed.remaining_ = Remaining("structure", {"v": 2.5}, ("F",))
+    assert states(changed)[0] == "bad"
+
+
+def test_one_doubtful_cause_is_enough():
+    changed = copy(situation("named"))
+    rival = (Rival("input_bias", "F", 0.3),)
+    changed.causes_ = (replace(changed.causes_[0], probability=0.7, confused_with=rival),)
+    sure = make_tiles(changed)[1]
+    assert (sure.state, sure.headline) == ("look", "70 %")
+
+
+def test_a_fault_of_records_comes_first_in_what_to_do_next():
+    from sklearn_pgnn.inspection.report.next_step import next_step
+
+    changed = copy(situation("named"))
+    assert "Expect width 0.5" in next_step(changed)
+    changed.data_quality_ = (Finding("clipping", "v", "v is cut", 3.0, "drive it less"),)
+    assert next_step(changed).startswith("Records first (clipping of v): drive it less")
