@@ -13,6 +13,7 @@ from sklearn_pgnn.cli.options import (
     list_effects,
     quiet_options,
     records_arguments,
+    result_options,
 )
 from sklearn_pgnn.cli.progress import show_progress
 
@@ -124,6 +125,29 @@ def fit(model, data, output, force, as_json, quiet, debug, **options):
                 job.run()
             write_file(output, job.regressor.model_.to_yaml(), force=force)
         job.tell(output, as_json=as_json, quiet=quiet)
+
+
+@click.command()
+@click.argument("one", metavar="A", type=FILE)
+@click.argument("other", metavar="B", type=FILE)
+@click.option("--output", metavar="FILE.html", type=FILE, help="Where a report goes, if wanted.")
+@result_options
+@quiet_options
+def compare(one, other, output, force, as_json, opens, quiet, debug):
+    """Hold two diagnoses side by side: before and after a repair, say, or two machines.
+
+    A and B are folders that diagnose has written, or the diagnosis.json in them.
+    """
+    with guarded(debug):
+        with show_progress(quiet) as progress:
+            progress("loading the libraries")
+            from sklearn_pgnn.cli.compare import tell_comparison, write_comparison
+            from sklearn_pgnn.inspection import compare as compare_diagnoses
+
+            found = compare_diagnoses(one, other)
+            if output is not None:
+                write_comparison(found, output, force=force, opens=opens)
+        tell_comparison(found, as_json=as_json, quiet=quiet)
 
 
 @click.command()

@@ -2,6 +2,7 @@
 
 from sklearn_pgnn.inspection.candidates_display import CandidatesDisplay
 from sklearn_pgnn.inspection.characteristic_display import CharacteristicDisplay
+from sklearn_pgnn.inspection.comparison import DiagnosisComparison, compare
 from sklearn_pgnn.inspection.detectability_display import DetectabilityDisplay, plot_detectability
 from sklearn_pgnn.inspection.display import DiagnosisDisplay, plot_diagnosis
 from sklearn_pgnn.inspection.first_look import FirstLook, first_look
@@ -15,6 +16,7 @@ __all__ = [
     "CandidatesDisplay",
     "CharacteristicDisplay",
     "DetectabilityDisplay",
+    "DiagnosisComparison",
     "DiagnosisDisplay",
     "FirstLook",
     "ParametersDisplay",
@@ -22,6 +24,7 @@ __all__ = [
     "ResidualDisplay",
     "SimulationDisplay",
     "SourceFile",
+    "compare",
     "first_look",
     "fit_percentage",
     "plot_detectability",

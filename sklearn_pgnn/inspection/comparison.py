@@ -1,0 +1,411 @@
+"""Two diagnoses side by side: before and after a repair, two machines, two versions of a model."""
+
+import json
+import math
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from sklearn_pgnn.exceptions import OptionError
+from sklearn_pgnn.inspection.words import VERDICTS, cause_name, chance, listed, measured, number
+
+#: the file of a diagnosis, in the folder that the command line writes
+FILE = "diagnosis.json"
+_NEEDED = ("verdict", "causes", "parameters", "gain", "free_run", "remaining", "data_quality")
+
+_MODELS = {"prior": "as given", "refitted": "re-tuned", "extended": "extended"}
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A physical quantity that one or both of two diagnoses have found.
+
+    Parameters
+    ----------
+    name, unit : str
+        What it is.
+    one, other : tuple of float or None
+        Value, and the ends of its 95 % interval, in each diagnosis; None where it has none.
+    """
+
+    name: str
+    unit: str
+    one: tuple[float, float, float] | None
+    other: tuple[float, float, float] | None
+
+    @property
+    def differs(self) -> bool:
+        r"""Whether the two differ by more than their intervals together allow.
+
+        .. math:: |a - b| > \sqrt{h_a^2 + h_b^2}
+
+        with the half-widths :math:`h` of the 95 % intervals.
+
+        Examples
+        --------
+        >>> Quantity("m", "kg", (2.0, 1.9, 2.1), (2.3, 2.2, 2.4)).differs
+        True
+        >>> Quantity("m", "kg", (2.0, 1.9, 2.1), (2.1, 2.0, 2.2)).differs
+        False
+        """
+        if self.one is None or self.other is None:
+            return False
+        (a, *ends_a), (b, *ends_b) = self.one, self.other
+        reach = math.hypot(*((high - low) / 2 for low, high in (ends_a, ends_b)))
+        return bool(abs(a - b) > reach)
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of words.
+
+    Parameters
+    ----------
+    title : str
+        What it shows.
+    headers : tuple of str
+        Titles of the columns.
+    rows : tuple of tuple of str
+        The cells.
+    """
+
+    title: str
+    headers: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+
+@dataclass(frozen=True)
+class DiagnosisComparison:
+    """Two diagnoses side by side.
+
+    Parameters
+    ----------
+    names : tuple of str
+        What the two are called.
+    differences : tuple of str
+        What is not the same, a sentence each; empty if nothing is.
+    quantities : tuple of Quantity
+        The sizes of the causes, then the parameters.
+    tables : tuple of Table
+        Verdicts, causes, parameters and errors of both.
+    """
+
+    names: tuple[str, str]
+    differences: tuple[str, ...]
+    quantities: tuple[Quantity, ...]
+    tables: tuple[Table, ...]
+
+    @property
+    def summary(self) -> str:
+        """The first thing to read."""
+        one, other = self.names
+        if not self.differences:
+            return f"{one} and {other} say the same, within their 95 % intervals."
+        count = len(self.differences)
+        return f"{one} and {other} differ in {count} {'thing' if count == 1 else 'things'}."
+
+    def to_text(self) -> str:
+        """Return the comparison as plain text."""
+        parts = [self.summary, *(f"  {sentence}" for sentence in self.differences)]
+        for table in self.tables:
+            parts += ["", table.title, *_aligned(table)]
+        return "\n".join(parts) + "\n"
+
+    def to_dict(self) -> dict:
+        """Return the comparison as plain data."""
+        quantities = [
+            {"name": q.name, "unit": q.unit, "one": q.one, "other": q.other, "differs": q.differs}
+            for q in self.quantities
+        ]
+        names = list(self.names)
+        return {"names": names, "differences": list(self.differences), "quantities": quantities}
+
+    def to_html(self, path) -> None:
+        """Write the comparison as a report, one self-contained file.
+
+        Parameters
+        ----------
+        path : str or path-like
+            Where to write.
+        """
+        from sklearn_pgnn.inspection.comparison_report import render_comparison
+
+        Path(path).write_text(render_comparison(self), encoding="utf-8")
+
+
+def compare(one, other, *, names: Sequence[str] | None = None) -> DiagnosisComparison:
+    """Hold two diagnoses side by side.
+
+    Parameters
+    ----------
+    one, other : ModelDiagnosis, mapping, or path-like
+        A fitted diagnosis, what its `to_dict` gives, or the ``diagnosis.json`` that the command
+        line writes, or the folder that it is in.
+    names : sequence of str, optional
+        What the two are called; by default as their folders, else ``"A"`` and ``"B"``.
+
+    Returns
+    -------
+    DiagnosisComparison
+        What differs, and both in tables: ``to_text()``, ``to_html(path)``.
+
+    Raises
+    ------
+    OptionError
+        If one of the two is no diagnosis.
+
+    Examples
+    --------
+    >>> found = {"verdict": "model_adequate", "causes": [], "gain": {}, "free_run": {},
+    ...          "parameters": {"m": dict(prior=2.0, value=2.1, low=2.0, high=2.2, unit="kg")},
+    ...          "remaining": {"kind": "noise", "times_noise": {}}, "data_quality": []}
+    >>> heavy = dict(prior=2.0, value=2.6, low=2.5, high=2.7, unit="kg")
+    >>> print(*compare(found, {**found, "parameters": {"m": heavy}}).differences)
+    m: 2.10 (2.00 to 2.20) kg in A, 2.60 (2.50 to 2.70) kg in B (24 % larger).
+    """
+    pair = (_read(one), _read(other))
+    called = tuple(names or _names(one, other))
+    if len(called) != 2:
+        raise OptionError(f"names: expected two, got {len(called)}.")
+    sizes, parameters = _sizes(pair), _parameters(pair)
+    said = (
+        *_of_verdicts(pair, called),
+        *_of_causes(pair, called),
+        *_of_quantities((*sizes, *parameters), called),
+        *_of_rest(pair, called),
+    )
+    tables = (
+        _verdicts(pair, called),
+        _quantities("Causes and their sizes", sizes, called),
+        _quantities("Parameters of the model", parameters, called),
+        _errors(pair, called),
+    )
+    return DiagnosisComparison(
+        called, said, (*sizes, *parameters), tuple(table for table in tables if table.rows)
+    )
+
+
+# -- what is compared ------------------------------------------------------------------------------
+
+
+def _read(source) -> Mapping:
+    if hasattr(source, "to_dict"):
+        return source.to_dict()
+    data = source if isinstance(source, Mapping) else _loaded(Path(source))
+    missing = [key for key in _NEEDED if key not in data]
+    if missing:
+        raise OptionError(
+            f"compare: expected what a diagnosis found, got data without {missing[0]!r}."
+        )
+    return data
+
+
+def _loaded(path: Path) -> Mapping:
+    file = path / FILE if path.is_dir() else path
+    try:
+        data = json.loads(file.read_text(encoding="utf-8"))
+    except OSError as error:
+        why = error.strerror or str(error)
+        raise OptionError(f"{file}: expected the {FILE} of a diagnosis, got: {why}.") from None
+    except ValueError as error:
+        raise OptionError(f"{file}: expected the {FILE} of a diagnosis, got: {error}.") from None
+    if not isinstance(data, Mapping):
+        raise OptionError(f"{file}: expected the {FILE} of a diagnosis, got something else.")
+    return data
+
+
+def _names(one, other) -> tuple[str, str]:
+    """Return the names of two folders; where they are the same, as much as tells them apart."""
+    if not all(isinstance(source, str | os.PathLike) for source in (one, other)):
+        return "A", "B"
+    paths = [Path(source).resolve() for source in (one, other)]
+    paths = [path.parent if path.name == FILE else path for path in paths]
+    if paths[0].name != paths[1].name:
+        return paths[0].name, paths[1].name
+    return str(one), str(other)
+
+
+def _interval(found: Mapping | None) -> tuple[float, float, float] | None:
+    if found is None:
+        return None
+    value, low, high = (found[key] for key in ("value", "low", "high"))
+    open_low = -math.inf if low is None else low
+    return (value, open_low, math.inf if high is None else high)
+
+
+def _causes(data: Mapping) -> dict[tuple[str, str], Mapping]:
+    return {(cause["effect"], cause["target"]): cause for cause in data["causes"]}
+
+
+def _both(one: Mapping, other: Mapping) -> list:
+    """Return the keys of both, each once, in their order."""
+    return list(dict.fromkeys([*one, *other]))
+
+
+def _sizes(pair) -> tuple[Quantity, ...]:
+    causes = [_causes(data) for data in pair]
+    rows = []
+    for key in _both(*causes):
+        sizes = [c.get(key, {}).get("parameters", {}) for c in causes]
+        rows += [
+            _quantity(f"{cause_name(*key)}: {name.replace('_', ' ')}", sizes[0], sizes[1], name)
+            for name in _both(*sizes)
+        ]
+    return tuple(rows)
+
+
+def _parameters(pair) -> tuple[Quantity, ...]:
+    one, other = (data["parameters"] for data in pair)
+    return tuple(_quantity(name, one, other, name) for name in _both(one, other))
+
+
+def _quantity(title, one: Mapping, other: Mapping, name: str) -> Quantity:
+    found = one.get(name), other.get(name)
+    unit = next(f["unit"] for f in found if f is not None)
+    return Quantity(title, unit, _interval(found[0]), _interval(found[1]))
+
+
+# -- what differs ----------------------------------------------------------------------------------
+
+
+def _of_verdicts(pair, names) -> list[str]:
+    one, other = (VERDICTS[data["verdict"]].lower() for data in pair)
+    return [] if one == other else [f"{names[0]}: {one}; {names[1]}: {other}."]
+
+
+def _of_causes(pair, names) -> list[str]:
+    causes, said = [_causes(data) for data in pair], []
+    for here, there in ((0, 1), (1, 0)):
+        for key in causes[here]:
+            if key not in causes[there]:
+                rival = _rival_of(key, causes[there])
+                but = f", but {rival}, which it may be confused with" if rival else ""
+                said.append(
+                    f"{cause_name(*key)}: named in {names[here]}, not in {names[there]}{but}."
+                )
+    return said
+
+
+def _rival_of(key, causes: Mapping) -> str:
+    """Return the cause that another one may stand in the place of; empty if there is none."""
+    for named, cause in causes.items():
+        if key in [(r["effect"], r["target"]) for r in cause["confused_with"]]:
+            return cause_name(*named)
+    return ""
+
+
+def _of_quantities(quantities, names) -> list[str]:
+    said = []
+    for q in quantities:
+        if not q.differs or q.one is None or q.other is None:
+            continue
+        one, other = _shown(q)
+        said.append(f"{q.name}: {one} in {names[0]}, {other} in {names[1]}{_change(q)}.")
+    return said
+
+
+def _shown(quantity: Quantity) -> list[str]:
+    """Return what each diagnosis has found."""
+    both = (quantity.one, quantity.other)
+    return [
+        "-" if found is None else measured(found[0], found[1], found[2], quantity.unit)
+        for found in both
+    ]
+
+
+def _change(quantity: Quantity) -> str:
+    """Return by how much a quantity differs, where it keeps its sign."""
+    if quantity.one is None or quantity.other is None:
+        return ""
+    before, after = quantity.one[0], quantity.other[0]
+    if before * after <= 0:
+        return ""
+    share = after / before - 1
+    return f" ({abs(100 * share):.0f} % {'larger' if share > 0 else 'smaller'})"
+
+
+def _of_rest(pair, names) -> list[str]:
+    kinds = [data["remaining"]["kind"] for data in pair]
+    said = []
+    if kinds[0] != kinds[1]:
+        said.append(f"What is left is {kinds[0]} in {names[0]}, {kinds[1]} in {names[1]}.")
+    flaws = [{f["kind"] for f in data["data_quality"]} for data in pair]
+    for here, there in ((0, 1), (1, 0)):
+        only = sorted(flaws[here] - flaws[there])
+        if only:
+            said.append(
+                f"Only the records of {names[here]} have faults of this kind: {listed(only)}."
+            )
+    return said
+
+
+# -- in tables -------------------------------------------------------------------------------------
+
+
+def _verdicts(pair, names) -> Table:
+    rows = [
+        ("verdict", *(VERDICTS[data["verdict"]] for data in pair)),
+        ("causes", *(_named(data) or "none" for data in pair)),
+        ("what is left", *(_left(data["remaining"]) for data in pair)),
+        (
+            "faults of the records",
+            *(listed(dict.fromkeys(f["kind"] for f in d["data_quality"])) or "none" for d in pair),
+        ),
+    ]
+    return Table("The two diagnoses", ("", *names), tuple(rows))
+
+
+def _named(data) -> str:
+    return listed(
+        f"{cause_name(c['effect'], c['target'])} ({chance(c['probability'])})"
+        for c in data["causes"]
+    )
+
+
+def _left(remaining) -> str:
+    times = listed(
+        f"{number(math.nan if x is None else x, 2)} times the noise of {output}"
+        for output, x in remaining["times_noise"].items()
+    )
+    return f"{remaining['kind']} ({times})" if times else remaining["kind"]
+
+
+def _quantities(title, quantities, names) -> Table:
+    rows = tuple(
+        (
+            q.name,
+            *_shown(q),
+            "differs" if q.differs else "",
+        )
+        for q in quantities
+    )
+    return Table(f"{title} (95 % intervals)", ("", *names, ""), rows)
+
+
+def _errors(pair, names) -> Table:
+    gains, rows = [data["gain"] for data in pair], []
+    for output in _both(*gains):
+        for key, what in (
+            ("prior", "as given"),
+            ("refitted", "re-tuned"),
+            ("extended", "extended"),
+        ):
+            cells = [_error(gain.get(output), key) for gain in gains]
+            rows.append((f"{output}, {what}", *cells))
+    return Table("Error on held-out windows (root mean square)", ("", *names), tuple(rows))
+
+
+def _error(gain, key) -> str:
+    if gain is None:
+        return "-"
+    value = math.nan if gain[key] is None else gain[key]
+    return f"{number(value, 3)} {gain['unit']}".rstrip()
+
+
+def _aligned(table: Table) -> list[str]:
+    """Return a table as lines of even columns."""
+    rows = [table.headers, *table.rows]
+    widths = [max(len(row[i]) for row in rows) for i in range(len(table.headers))]
+    lines = ("  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)) for row in rows)
+    return [f"  {line}".rstrip() for line in lines]

@@ -1,0 +1,128 @@
+"""Two diagnoses side by side: what differs is said, and nothing else."""
+
+import json
+from copy import deepcopy
+from html.parser import HTMLParser
+
+import pytest
+from click.testing import CliRunner
+from rough_sledge import rough_sledge
+
+from sklearn_pgnn.cli import main
+from sklearn_pgnn.cli.output import strict_json
+from sklearn_pgnn.exceptions import OptionError
+from sklearn_pgnn.inspection import compare
+from sklearn_pgnn.inspection.comparison import Quantity
+
+pytestmark = pytest.mark.core
+
+
+@pytest.fixture
+def before():
+    return json.loads(strict_json(rough_sledge()[0]))
+
+
+@pytest.fixture
+def after(before):
+    """The same, but for half the friction and a worn record."""
+    data = deepcopy(before)
+    level = data["causes"][0]["parameters"]["level"]
+    level.update({key: level[key] / 2 for key in ("value", "low", "high")})
+    data["data_quality"] = [{"kind": "outliers", "where": "v"}]
+    return data
+
+
+class Sources(HTMLParser):
+    """Collect tags, and what is asked from elsewhere."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.tags, self.sources = set(), []
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.add(tag)
+        self.sources += [value for key, value in attrs if key in ("src", "href")]
+
+
+def test_a_diagnosis_does_not_differ_from_itself(before):
+    found = compare(rough_sledge()[0], before)
+    assert found.differences == ()
+    assert found.summary == "A and B say the same, within their 95 % intervals."
+
+
+def test_what_differs_is_said(before, after):
+    found = compare(before, after, names=("old", "new"))
+    size, flaws = found.differences
+    assert size.startswith("Coulomb friction on v: level: 0.30")
+    assert size.endswith("in new (50 % smaller).")
+    assert flaws == "Only the records of new have faults of this kind: outliers."
+    assert [q.name for q in found.quantities if q.differs] == ["Coulomb friction on v: level"]
+    assert "old and new differ in 2 things." in found.to_text()
+
+
+def test_a_comparison_is_the_other_way_round_from_the_other_side(before, after):
+    one, other = compare(before, after), compare(after, before)
+    assert [q.differs for q in one.quantities] == [q.differs for q in other.quantities]
+    assert "50 % smaller" in one.differences[0]
+    assert "100 % larger" in other.differences[0]
+
+
+def test_a_cause_that_is_gone_is_named_with_what_took_its_place(before):
+    gone = {**before, "causes": [], "verdict": "model_adequate"}
+    assert compare(before, gone).differences == (
+        "A: cause named; B: model adequate.",
+        "Coulomb friction on v: named in A, not in B.",
+    )
+    other = deepcopy(before)
+    rival = {"effect": "coulomb_friction", "target": "v", "probability": 0.4, "equivalent": False}
+    other["causes"] = [{**other["causes"][0], "effect": "quadratic_drag", "confused_with": [rival]}]
+    said = compare(before, other).differences[0]
+    assert "not in B, but quadratic drag on v, which it may be confused with." in said
+
+
+def test_intervals_without_an_end_never_differ():
+    assert not Quantity("m", "kg", (1.0, 0.9, float("inf")), (9.0, 8.9, 9.1)).differs
+    assert not Quantity("m", "kg", (1.0, 0.9, 1.1), None).differs
+
+
+def test_the_report_loads_nothing_and_escapes_names(before, after, tmp_path):
+    compare(before, after, names=("<script>", "b")).to_html(tmp_path / "c.html")
+    text = (tmp_path / "c.html").read_text(encoding="utf-8")
+    read = Sources(text)
+    assert "script" not in read.tags
+    assert read.sources
+    assert all(source.startswith("data:image/png;base64,") for source in read.sources)
+    assert "50 % smaller" in text
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (None, "No such file"),
+        ("{", "expected the diagnosis.json of a diagnosis"),
+        ("[]", "got something else"),
+        ("{}", "got data without 'verdict'"),
+    ],
+)
+def test_what_is_no_diagnosis_is_refused(before, tmp_path, content, said):
+    if content is not None:
+        (tmp_path / "diagnosis.json").write_text(content)
+    with pytest.raises(OptionError, match=said):
+        compare(before, tmp_path)
+
+
+def test_folders_are_compared_on_the_command_line(before, after, tmp_path):
+    for name, data in (("old", before), ("new", after)):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "diagnosis.json").write_text(json.dumps(data))
+    out = tmp_path / "c.html"
+    args = ["compare", str(tmp_path / "old"), str(tmp_path / "new" / "diagnosis.json")]
+    result = CliRunner().invoke(main, [*args, "--output", str(out)], catch_exceptions=False)
+    assert result.stdout.startswith("old and new differ in 2 things.")
+    assert "Error on held-out windows" in result.stdout
+    assert out.exists()
+    assert CliRunner().invoke(main, [*args, "--output", str(out)]).exit_code == 2
+    data = json.loads(CliRunner().invoke(main, [*args, "--json"]).stdout)
+    assert data["names"] == ["old", "new"]
+    assert len(data["differences"]) == 2
