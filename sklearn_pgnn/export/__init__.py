@@ -3,5 +3,6 @@
 from sklearn_pgnn.export.c import to_c
 from sklearn_pgnn.export.casadi_function import to_casadi
 from sklearn_pgnn.export.control_system import to_control
+from sklearn_pgnn.export.fmu import to_fmu
 
-__all__ = ["to_c", "to_casadi", "to_control"]
+__all__ = ["to_c", "to_casadi", "to_control", "to_fmu"]
