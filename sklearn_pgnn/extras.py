@@ -7,7 +7,7 @@ from importlib.util import find_spec
 EXTRAS = {
     "benchmarks": ("nonlinear_benchmarks",),
     "control": ("control",),
-    "export": ("casadi",),
+    "export": ("casadi", "onnx"),
     "files": ("h5py", "openpyxl", "pyarrow"),
     "network": ("skorch", "torch"),
     "sindy": ("pysindy",),

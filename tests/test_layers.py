@@ -41,6 +41,7 @@ HOMES = {
     "skorch": ("estimators/pgnnl", "estimators/network"),
     "skopt": ("model_selection/search_space",),
     "casadi": ("export/casadi_function",),
+    "onnx": ("export/onnx_",),
     "control": ("export/control_system",),
     "nonlinear_benchmarks": ("datasets/public",),
 }

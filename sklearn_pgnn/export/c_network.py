@@ -132,8 +132,8 @@ def _numbers(machine: Machine, network, step: NetworkStep) -> dict[str, Any]:
     suffix = "f" if machine.precision == "single" else ""
     gain = step.gain[0] + dt * (step.gain[1] + dt * step.gain[2])
     recurrent = step.core == "recurrent"
-    parts = _unit(step, weights_of(network.module_.core)) if recurrent else {}
-    layers = [] if recurrent else _layers(step, weights_of(network.module_.core))
+    parts = unit_of(step, network.module_.core) if recurrent else {}
+    layers = [] if recurrent else layers_of(step, network.module_.core)
     return {
         "n_seen": len(step.mean),
         "n_out": step.n_network_outputs,
@@ -155,9 +155,22 @@ def _numbers(machine: Machine, network, step: NetworkStep) -> dict[str, Any]:
     }
 
 
-def _layers(step: NetworkStep, theta: np.ndarray) -> list[dict[str, np.ndarray]]:
-    """Cut the weights of a feed-forward network into its layers'."""
-    found, place = [], 0
+def layers_of(step: NetworkStep, core) -> list[dict[str, np.ndarray]]:
+    """Return the weights of a feed-forward network, layer by layer.
+
+    Parameters
+    ----------
+    step : NetworkStep
+        What a step is made of.
+    core : FeedForward
+        The network.
+
+    Returns
+    -------
+    list of dict
+        ``weights`` and ``bias`` of every layer.
+    """
+    found, place, theta = [], 0, weights_of(core)
     for n_in, n_out in zip(step.sizes[:-1], step.sizes[1:], strict=True):
         bias = place + n_in * n_out
         weights = theta[place:bias].reshape(n_out, n_in)
@@ -166,8 +179,21 @@ def _layers(step: NetworkStep, theta: np.ndarray) -> list[dict[str, np.ndarray]]
     return found
 
 
-def _unit(step: NetworkStep, theta: np.ndarray) -> dict[str, np.ndarray]:
-    """Cut the weights of a recurrent network into its parts'."""
+def unit_of(step: NetworkStep, core) -> dict[str, np.ndarray]:
+    """Return the weights of a recurrent network by name.
+
+    Parameters
+    ----------
+    step : NetworkStep
+        What a step is made of.
+    core : Recurrent
+        The network.
+
+    Returns
+    -------
+    dict of str to ndarray
+        ``by_input``, ``by_hidden``, ``bias_input``, ``bias_hidden``, ``read`` and ``bias``.
+    """
     n_in, n, n_out = step.sizes
     shapes = {
         "by_input": (3 * n, n_in),
@@ -178,5 +204,5 @@ def _unit(step: NetworkStep, theta: np.ndarray) -> dict[str, np.ndarray]:
         "bias": (n_out,),
     }
     ends = np.cumsum([np.prod(shape) for shape in shapes.values()])
-    pieces = np.split(theta, ends[:-1])
+    pieces = np.split(weights_of(core), ends[:-1])
     return {name: part.reshape(shapes[name]) for name, part in zip(shapes, pieces, strict=True)}

@@ -1,32 +1,15 @@
 """Models as functions of CasADi, for optimal control."""
 
-import ast
-import operator
-from collections.abc import Callable, Sequence
-from functools import reduce
-from typing import Any
+from collections.abc import Sequence
+from functools import partial
 
 from sklearn_pgnn.exceptions import ModelError, OptionError
-from sklearn_pgnn.export.assignments import Assignments, outputs_of, rates_of
 from sklearn_pgnn.export.late_inputs import acting_inputs, late_inputs
+from sklearn_pgnn.export.symbolic_machine import SymbolicMachine
 from sklearn_pgnn.extras import needed_by
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.simulate import hold_of
 from sklearn_pgnn.simulation.source import dry_states
-from sklearn_pgnn.simulation.stepping import METHODS
-
-_OPERATIONS: dict[type, Callable] = {
-    ast.Add: operator.add,
-    ast.Sub: operator.sub,
-    ast.Mult: operator.mul,
-    ast.Div: operator.truediv,
-    ast.Pow: operator.pow,
-    ast.Lt: operator.lt,
-    ast.LtE: operator.le,
-    ast.Gt: operator.gt,
-    ast.GtE: operator.ge,
-}
-_CONSTANTS = {"pi": 3.141592653589793, "e": 2.718281828459045}
 
 
 def to_casadi(
@@ -97,7 +80,8 @@ def to_casadi(
     sizes |= {"p": len(free), "t": 1}
     given = {name: casadi.SX.sym(name, size) for name, size in sizes.items()}
     parts = {name: casadi.vertsplit(symbols) for name, symbols in given.items()}
-    machine = _Machine(casadi, model, friction_width, dict(zip(free, parts["p"], strict=False)))
+    values = dict(zip(free, parts["p"], strict=False))
+    machine = SymbolicMachine(model, partial(getattr, casadi), values, friction_width)
     x, past, t = parts["x"][:n], parts["x"][n:], given["t"]
     acting, kept = acting_inputs(late, past, parts["u"])
     if interval is None:
@@ -137,81 +121,3 @@ def _substeps(model, substeps) -> int:
     if not isinstance(count, int) or count < 1:
         raise OptionError(f"substeps: expected an integer >= 1, got {substeps!r}.")
     return count
-
-
-class _Machine:
-    """A model's rates and outputs over symbols of CasADi."""
-
-    def __init__(self, casadi, model, friction_width, free):
-        self.casadi, self.model, self.width = casadi, model, friction_width
-        self.p = [free.get(name, p.value) for name, p in model.parameters.items()]
-        self.codes = rates_of(model), outputs_of(model)
-
-    def rates(self, t, x, u) -> list:
-        return self._evaluate(self.codes[0], t, x, u)
-
-    def outputs(self, t, x, u) -> list:
-        return self._evaluate(self.codes[1], t, x, u)
-
-    def next_sample(self, t, interval, substeps, x, u, u_next) -> list:
-        """Step by the simulation's scheme; inputs run straight from u to u_next."""
-        h = interval / substeps
-        for k in range(substeps):
-            ends = [
-                [a + (b - a) * (k + i) / substeps for a, b in zip(u, u_next, strict=True)]
-                for i in (0, 1)
-            ]
-            x = self._step(t + k * h, h, x, *ends)
-        return x
-
-    def _step(self, t, h, x, u, u_next) -> list:
-        rate, moved = [0.0] * len(x), list(x)
-        for node, weight in zip(*(part.tolist() for part in METHODS["rk4"]), strict=True):
-            at = [a + h * node * b for a, b in zip(x, rate, strict=True)]
-            acting = [a + node * (b - a) for a, b in zip(u, u_next, strict=True)]
-            rate = self.rates(t + h * node, at, acting)
-            moved = [a + h * weight * b for a, b in zip(moved, rate, strict=True)]
-        return moved
-
-    def _evaluate(self, code: Assignments, t, x, u) -> list:
-        sides = [] if self.width is None else [self.casadi.tanh(v / self.width) for v in x]
-        arrays = {"x": x, "u": u, "p": self.p, "s": sides}
-        names = {name: arrays[array][i] for name, (array, i) in code.places.items()} | {"t": t}
-        for name, expression in code.shared.items():
-            names[name] = self._value(expression, names)
-        return [self._value(result, names) for result in code.results]
-
-    def _value(self, node, names: dict[str, Any]):
-        """Evaluate a node of a straight-line expression."""
-        casadi = self.casadi
-        match node:
-            case ast.Name():
-                return names[node.id]
-            case ast.Constant():
-                return float(node.value)  # type: ignore[arg-type]
-            case ast.Attribute():
-                return _CONSTANTS[node.attr]
-            case ast.UnaryOp():
-                value = self._value(node.operand, names)
-                return -value if isinstance(node.op, ast.USub) else value
-            case ast.BinOp():
-                parts = (self._value(part, names) for part in (node.left, node.right))
-                return _OPERATIONS[type(node.op)](*parts)
-            case ast.Compare():
-                parts = (self._value(part, names) for part in (node.left, *node.comparators))
-                return _OPERATIONS[type(node.ops[0])](*parts)
-            case ast.IfExp():
-                parts = (self._value(part, names) for part in (node.test, node.body, node.orelse))
-                return casadi.if_else(*parts)
-            case ast.Call():
-                values = [self._value(argument, names) for argument in node.args]
-                return self._called(node.func, values)
-        raise ModelError(f"to_casadi: {ast.unparse(node)!r} has no form in CasADi.")
-
-    def _called(self, function, values):
-        casadi = self.casadi
-        name = getattr(function, "attr", getattr(function, "id", ""))
-        extremes = {"min": casadi.fmin, "max": casadi.fmax}
-        if name in extremes:
-            return reduce(extremes[name], values)
-        return getattr(casadi, {"abs": "fabs"}.get(name, name))(*values)

@@ -1,0 +1,200 @@
+"""Build a graph of ONNX by writing formulas."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+#: a function's name in C, and the operation of ONNX
+_FUNCTIONS = {
+    "acos": "Acos", "asin": "Asin", "atan": "Atan", "ceil": "Ceil", "cos": "Cos", "cosh": "Cosh",
+    "exp": "Exp", "fabs": "Abs", "floor": "Floor", "fmax": "Max", "fmin": "Min", "if_else": "Where",
+    "log": "Log", "sigmoid": "Sigmoid", "sin": "Sin", "sinh": "Sinh", "sqrt": "Sqrt", "tan": "Tan",
+    "tanh": "Tanh", "relu": "Relu",
+}  # fmt: skip
+
+
+class Graph:
+    """Nodes, constants and the names of both.
+
+    Parameters
+    ----------
+    single : bool
+        Whether numbers are ``float`` instead of ``double``.
+    """
+
+    def __init__(self, single: bool):
+        self.kind = np.float32 if single else np.float64
+        self.nodes: list = []
+        self.constants: list = []
+
+    def add(self, operation: str, *parts, **attributes) -> "Value":
+        """Add a node.
+
+        Parameters
+        ----------
+        operation : str
+            What it does, as ONNX calls it.
+        *parts : Value, number or ndarray
+            What it takes.
+        **attributes
+            Further settings of the operation.
+
+        Returns
+        -------
+        Value
+            What it gives.
+        """
+        return self.add_several(operation, parts, 1, **attributes)[0]
+
+    def add_several(self, operation: str, parts, count: int, **attributes) -> list["Value"]:
+        """Add a node with several results.
+
+        Parameters
+        ----------
+        operation : str
+            What it does, as ONNX calls it.
+        parts : sequence of Value, number or ndarray
+            What it takes.
+        count : int
+            How many results it has.
+        **attributes
+            Further settings of the operation.
+
+        Returns
+        -------
+        list of Value
+            The results.
+        """
+        from onnx import helper
+
+        names = [self._name(part) for part in parts]
+        given = [f"v{len(self.nodes)}_{i}" for i in range(count)]
+        self.nodes.append(helper.make_node(operation, names, given, **attributes))
+        return [Value(self, name) for name in given]
+
+    def columns(self, value: "Value", count: int) -> list["Value"]:
+        """Return the columns of a matrix, each of width one.
+
+        Parameters
+        ----------
+        value : Value
+            The matrix.
+        count : int
+            Its width.
+
+        Returns
+        -------
+        list of Value
+            The columns.
+        """
+        if count < 2:
+            return [value][:count]
+        sizes = self.constant(np.ones(count, dtype=np.int64))
+        return self.add_several("Split", [value, sizes], count, axis=1)
+
+    def constant(self, values) -> "Value":
+        """Add an array of constants.
+
+        Parameters
+        ----------
+        values : array-like
+            Integers are kept, other numbers become those of the graph.
+
+        Returns
+        -------
+        Value
+            The constant.
+        """
+        from onnx import numpy_helper
+
+        values = np.asarray(values)
+        values = values if values.dtype == np.int64 else values.astype(self.kind)
+        name = f"c{len(self.constants)}"
+        self.constants.append(numpy_helper.from_array(values, name))
+        return Value(self, name)
+
+    def function(self, name: str) -> Callable:
+        """Return a function by its name in C.
+
+        Parameters
+        ----------
+        name : str
+            As ``"sin"``.
+
+        Returns
+        -------
+        callable
+            Takes and gives `Value`.
+        """
+        return lambda *parts: self.add(_FUNCTIONS[name], *parts)
+
+    def _name(self, part) -> str:
+        return part.name if isinstance(part, Value) else self.constant(part).name
+
+
+class Value:
+    """A value of a graph, which formulas can be written with.
+
+    Parameters
+    ----------
+    graph : Graph
+        Where it belongs.
+    name : str
+        What the graph calls it.
+    """
+
+    __array_ufunc__ = None  # NumPy leaves formulas with arrays to this class
+
+    def __init__(self, graph: Graph, name: str):
+        self.graph, self.name = graph, name
+
+    def _with(self, operation, *parts):
+        return self.graph.add(operation, *parts)
+
+    def __add__(self, other):
+        return self._with("Add", self, other)
+
+    def __radd__(self, other):
+        return self._with("Add", other, self)
+
+    def __sub__(self, other):
+        return self._with("Sub", self, other)
+
+    def __rsub__(self, other):
+        return self._with("Sub", other, self)
+
+    def __mul__(self, other):
+        return self._with("Mul", self, other)
+
+    def __rmul__(self, other):
+        return self._with("Mul", other, self)
+
+    def __truediv__(self, other):
+        return self._with("Div", self, other)
+
+    def __rtruediv__(self, other):
+        return self._with("Div", other, self)
+
+    def __matmul__(self, other):
+        return self._with("MatMul", self, other)
+
+    def __pow__(self, other):
+        return self._with("Pow", self, other)
+
+    def __rpow__(self, other):
+        return self._with("Pow", other, self)
+
+    def __neg__(self):
+        return self._with("Neg", self)
+
+    def __lt__(self, other):
+        return self._with("Less", self, other)
+
+    def __gt__(self, other):
+        return self._with("Greater", self, other)
+
+    def __le__(self, other):
+        return self._with("LessOrEqual", self, other)
+
+    def __ge__(self, other):
+        return self._with("GreaterOrEqual", self, other)
