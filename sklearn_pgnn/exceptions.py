@@ -29,6 +29,10 @@ class RecordWarning(UserWarning):
     """A record is used with a change or a reservation, which the message gives with its remedy."""
 
 
+class UnitWarning(UserWarning):
+    """An equation of a model file does not fit its units; the message names the term."""
+
+
 class SimulationError(RuntimeError):
     """A simulation left the finite numbers; the message says where, when and the remedy."""
 

@@ -12,6 +12,7 @@ EXTRAS = {
     "network": ("skorch", "torch"),
     "sindy": ("pysindy",),
     "tuning": ("skopt",),
+    "units": ("pint",),
 }
 EXTRA_OF = {library: extra for extra, libraries in EXTRAS.items() for library in libraries}
 

@@ -79,6 +79,9 @@ def test_what_needs_an_extra_says_which(tmp_path, extra):
         ],
         "control": ["sklearn_pgnn.export.to_control(sklearn_pgnn.systems.two_tanks())"],
         "export": ["sklearn_pgnn.export.to_casadi(sklearn_pgnn.systems.two_tanks())"],
+        "units": [
+            "from sklearn_pgnn.physics.units import read_unit; read_unit('mm')",
+        ],
         "files": [
             "from sklearn_pgnn.trajectories import read_file; read_file('run.xlsx', None)",
             "from sklearn_pgnn.trajectories import read_file; read_file('run.parquet', None)",

@@ -39,6 +39,7 @@ HOMES = {
     "pysindy": ("estimators/sindyc",),
     "torch": ("estimators/pgnnl", "estimators/network"),
     "skorch": ("estimators/pgnnl", "estimators/network"),
+    "pint": ("physics/units",),
     "skopt": ("model_selection/search_space",),
     "casadi": ("export/casadi_function",),
     "onnx": ("export/onnx_",),

@@ -1,16 +1,29 @@
 """The job of ``sklearn-pgnn check``: what the files hold, and a first simulation."""
 
+import warnings
+from dataclasses import replace
+from typing import NamedTuple
+
 import click
 
 from sklearn_pgnn.cli.output import as_strict_json
-from sklearn_pgnn.cli.records import read_model_and_records
 from sklearn_pgnn.cli.tables import cell, heading, print_table, say, screen, table, warn
+from sklearn_pgnn.exceptions import RecordWarning, UnitWarning
 from sklearn_pgnn.inspection.first_look import FirstLook, first_look
 from sklearn_pgnn.inspection.words import number
-from sklearn_pgnn.trajectories.files import open_file
+from sklearn_pgnn.physics import PhysicsModel
+from sklearn_pgnn.trajectories.files import open_file, read_files
 
 
-def check_model(model, data, sample_time=None) -> tuple[FirstLook, list[str]]:
+class Checked(NamedTuple):
+    """What a check found: a first look, columns that are not used, and units that are converted."""
+
+    look: FirstLook
+    unused: list[str]
+    converted: dict[str, tuple[str, str]]
+
+
+def check_model(model, data, sample_time=None) -> Checked:
     """Hold a model file against files of records.
 
     Parameters
@@ -24,39 +37,46 @@ def check_model(model, data, sample_time=None) -> tuple[FirstLook, list[str]]:
 
     Returns
     -------
-    look : FirstLook
+    Checked
         What is there, and a first simulation.
-    unused : list of str
-        The files' columns that the model has no name for.
     """
-    read, X, y = read_model_and_records(model, data, sample_time)
-    unused = (name for path in data for name in open_file(path, read, sample_time).unused())
-    return first_look(read, X, y), list(dict.fromkeys(unused))
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("ignore")
+        warnings.simplefilter("once", UnitWarning)
+        warnings.simplefilter("once", RecordWarning)
+        read = PhysicsModel.from_yaml(model)
+        X, y = read_files(data, read, sample_time)
+        tables = [open_file(path, read, sample_time) for path in data]
+        unused = dict.fromkeys(name for table in tables for name in table.unused())
+        converted = {name: units for table in tables for name, units in table.converted().items()}
+        look = first_look(read, X, y)
+    said = dict.fromkeys(str(warning.message) for warning in told)
+    return Checked(replace(look, warnings=(*said, *look.warnings)), list(unused), converted)
 
 
-def tell_check(look: FirstLook, unused: list[str], *, as_json: bool, quiet: bool) -> None:
+def tell_check(checked: Checked, *, as_json: bool, quiet: bool) -> None:
     """Print what a check found.
 
     Parameters
     ----------
-    look : FirstLook
+    checked : Checked
         What is there.
-    unused : list of str
-        Columns of the files that are not used.
     as_json : bool
         Whether to print it as JSON.
     quiet : bool
         Whether to print the warnings and the fit only.
     """
+    look = checked.look
     if as_json:
-        click.echo(as_strict_json({**look.to_dict(), "unused_columns": unused}), nl=False)
+        more = {"unused_columns": checked.unused, "converted": checked.converted}
+        click.echo(as_strict_json({**look.to_dict(), **more}), nl=False)
         return
     console = screen()
     say(console, _summary(look), "bold")
     warn(console, look.warnings)
     if not quiet:
         _tell_records(console, look)
-        _tell_quantities(console, look, unused)
+        _tell_quantities(console, checked)
     _tell_fit(console, look)
 
 
@@ -79,17 +99,19 @@ def _tell_records(console, look) -> None:
     print_table(console, rows)
 
 
-def _tell_quantities(console, look, unused) -> None:
+def _tell_quantities(console, checked) -> None:
     heading(console, "What they hold")
     rows = table("", "", "from", "to", "", "missing")
-    for q in look.quantities:
+    for q in checked.look.quantities:
         missing = str(q.missing) if q.missing else ""
         rows.add_row(
             cell(q.name), q.role, number(q.low), number(q.high), cell(q.unit or "-"), missing
         )
     print_table(console, rows)
-    if unused:
-        say(console, f"Not used: {', '.join(unused)}.")
+    for name, (given, wanted) in checked.converted.items():
+        say(console, f"Converted: {name} from {given} to {wanted}.")
+    if checked.unused:
+        say(console, f"Not used: {', '.join(checked.unused)}.")
 
 
 def _tell_fit(console, look) -> None:

@@ -63,8 +63,8 @@ def check(model, data, sample_time, as_json, quiet, debug):
             from sklearn_pgnn.cli.check import check_model, tell_check
 
             progress("reading and simulating")
-            look, unused = check_model(model, data, sample_time)
-        tell_check(look, unused, as_json=as_json, quiet=quiet)
+            checked = check_model(model, data, sample_time)
+        tell_check(checked, as_json=as_json, quiet=quiet)
 
 
 @click.command()

@@ -18,11 +18,11 @@ from sklearn_pgnn.cli.choices import (
 from sklearn_pgnn.cli.command_line import command_line
 from sklearn_pgnn.cli.guard import OWN, Bug, one_line
 from sklearn_pgnn.cli.output import check_free, result_folder, strict_json, write_files
+from sklearn_pgnn.cli.records import read_model, told_warnings
 from sklearn_pgnn.cli.screen import tell
 from sklearn_pgnn.diagnosis import ModelDiagnosis
 from sklearn_pgnn.exceptions import RecordWarning
 from sklearn_pgnn.inspection.report import Provenance, render_report
-from sklearn_pgnn.physics import PhysicsModel
 from sklearn_pgnn.trajectories.files import read_files
 
 #: the files of a diagnosis
@@ -91,9 +91,10 @@ class Job:
         """
         earlier = check_free(Path(self.output), NAMES, force=self.force)
         progress("reading the model and the records")
-        model = PhysicsModel.from_yaml(self.model)
+        model = read_model(self.model)
         diagnosis = self._prepare(model, progress)
-        X, y = read_files(self.data, model, self.options.get("sample_time"))
+        with told_warnings(RecordWarning):
+            X, y = read_files(self.data, model, self.options.get("sample_time"))
         provenance = Provenance.of_files(self.model, self.data, command_line())
         with result_folder(Path(self.output)) as folder:
             broken, warned = _fit(diagnosis, X, y)

@@ -9,6 +9,7 @@ import click
 import pandas as pd
 
 from sklearn_pgnn.cli.guard import one_line
+from sklearn_pgnn.exceptions import RecordWarning, UnitWarning
 from sklearn_pgnn.physics import PhysicsModel
 from sklearn_pgnn.trajectories.file_table import read_each
 from sklearn_pgnn.trajectories.files import open_file, read_files
@@ -35,8 +36,26 @@ def read_model_and_records(
     X, y : DataFrame
         Inputs and outputs under the model's own names.
     """
-    read = PhysicsModel.from_yaml(model)
-    return read, *read_files(data, read, sample_time)
+    read = read_model(model)
+    with told_warnings(RecordWarning):
+        return read, *read_files(data, read, sample_time)
+
+
+def read_model(path: str | PathLike) -> PhysicsModel:
+    """Read a model file, and print which of its terms do not fit their units.
+
+    Parameters
+    ----------
+    path : str or path-like
+        The model file.
+
+    Returns
+    -------
+    PhysicsModel
+        The model.
+    """
+    with told_warnings(UnitWarning):
+        return PhysicsModel.from_yaml(path)
 
 
 def read_inputs(
@@ -62,7 +81,8 @@ def read_inputs(
     def read(path, model, sample_time):
         return open_file(path, model, sample_time).read(needs_outputs=False)
 
-    return read_each(read, data, model, sample_time)
+    with told_warnings(RecordWarning):
+        return read_each(read, data, model, sample_time)
 
 
 @contextmanager

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 
 from sklearn_pgnn.cli.guard import one_line
-from sklearn_pgnn.cli.records import read_inputs
+from sklearn_pgnn.cli.records import read_inputs, read_model
 from sklearn_pgnn.cli.tables import cell, print_table, say, screen, table
 from sklearn_pgnn.inspection.fit_percentage import fit_percentage
 from sklearn_pgnn.inspection.start_runs import run_records
@@ -41,7 +41,7 @@ def simulate_files(
     SimulationError
         If a record leaves the finite numbers.
     """
-    read = PhysicsModel.from_yaml(model)
+    read = read_model(model)
     X, y = read_inputs(read, data, sample_time)
     whole = set(y) == set(read.outputs)
     records = read_records(read, X, y[list(read.outputs)] if whole else None)

@@ -9,6 +9,7 @@ import io
 import math
 import os
 import re
+import warnings
 from pathlib import Path
 from typing import NoReturn
 
@@ -18,8 +19,10 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 from ruamel.yaml.scalarstring import DoubleQuotedScalarString
 
-from sklearn_pgnn.exceptions import ModelError
+from sklearn_pgnn.exceptions import ModelError, UnitWarning
+from sklearn_pgnn.extras import is_installed
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.unit_check import check_units
 
 #: largest model file [byte]
 MAX_BYTES = 1_000_000
@@ -47,6 +50,11 @@ def read_model(path) -> PhysicsModel:
     ------
     ModelError
         If the file says something a model cannot say: ``FILE:LINE:COLUMN: what``.
+
+    Warns
+    -----
+    UnitWarning
+        If an equation does not fit its units, with the term; only where pint is installed.
 
     Examples
     --------
@@ -118,10 +126,22 @@ class _Reader:
     def model(self) -> PhysicsModel:
         data = self.document(self.root())
         try:
-            return PhysicsModel(**data)
+            model = PhysicsModel(**data)
         except ModelError as error:
             place = self.places.get(error.where) or self.places.get(error.where[:1])
             self.refuse(place, str(error))
+        if is_installed("units"):
+            self.warn_of_units(model)
+        return model
+
+    def warn_of_units(self, model: PhysicsModel) -> None:
+        """Warn of every term that does not fit the units, with the line of its equation."""
+        for said in check_units(model):
+            where = tuple(said.split(":")[0].split("."))
+            mark = self.places[where].start_mark
+            place = f"{self.path}:{mark.line + 1}:{mark.column + 1}"
+            remedy = "Remedy: correct the term, or the unit of what is in it."
+            warnings.warn(f"{place}: {said} {remedy}", UnitWarning, stacklevel=5)
 
     def root(self) -> Node:
         yaml = YAML(typ="safe", pure=True)

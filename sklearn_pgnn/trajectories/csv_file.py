@@ -25,7 +25,8 @@ def read_csv(
 
     The separator (comma, semicolon, tab) is found in the header; beside a semicolon or a tab,
     numbers may have a decimal comma. Lines that begin with ``#`` are comments, and a header may
-    carry its unit, as in ``torque [N m]``. The time is in seconds, or ISO dates such as
+    carry its unit, as in ``torque [N m]``: another one than the model's is converted, or refused
+    where it measures something else. The time is in seconds, or ISO dates such as
     ``2026-01-31 12:00:00.005``, which count from each trajectory's first sample. A file is one
     record, or several if it has a column ``trajectory``.
 

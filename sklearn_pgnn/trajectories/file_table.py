@@ -2,6 +2,7 @@
 
 import math
 import re
+import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from difflib import SequenceMatcher
@@ -12,8 +13,10 @@ from typing import Any, NoReturn
 import numpy as np
 import pandas as pd
 
-from sklearn_pgnn.exceptions import RecordError
+from sklearn_pgnn.exceptions import RecordError, RecordWarning
+from sklearn_pgnn.extras import is_installed
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.units import conversion, plain_unit, read_unit
 from sklearn_pgnn.trajectories.reader import MIN_SAMPLES, TIME, TRAJECTORY, split_rows
 from sklearn_pgnn.trajectories.tables import read_clock
 
@@ -174,7 +177,62 @@ class FileTable(ABC):
         for row, value in enumerate(values):
             if value is None or math.isinf(value):
                 self.refuse(row, f"expected a number, got {cells[row]!r}.", self.header[k])
-        return np.array(values, dtype=float)
+        factor, offset = self.conversion(name, k)
+        return factor * np.array(values, dtype=float) + offset
+
+    # -- units -------------------------------------------------------------------------------------
+
+    def conversion(self, name: str, k: int) -> tuple[float, float]:
+        """Return factor and offset from a column's unit to the model's, or raise `RecordError`.
+
+        What stands in round brackets and is no unit is taken for a remark.
+        """
+        wanted = "s" if name == TIME else self.model.unit(name)
+        given, title = unit_of(self.header[k]), self.header[k]
+        if not (given and wanted):
+            return 1.0, 0.0
+        if plain_unit(given) == plain_unit(wanted):
+            return 1.0, 0.0
+        may_be_remark = title.endswith(")")
+        if not is_installed("units"):
+            self.without_pint(title, given, wanted, may_be_remark)
+            return 1.0, 0.0
+        found = conversion(given, wanted)
+        if found is None and not (may_be_remark and read_unit(given) is None):
+            self.refuse(
+                None,
+                f"expected the unit {wanted!r} of the model or one like it, got {given!r}. Remedy: "
+                f"correct the header, or the unit in the model file.",
+                title,
+            )
+        return found or (1.0, 0.0)
+
+    def without_pint(self, title: str, given: str, wanted: str, may_be_remark: bool) -> None:
+        """Refuse another unit that cannot be read, or warn of what may be a remark."""
+        install = 'pip install "sklearn-pgnn[units]"'
+        if not may_be_remark:
+            self.refuse(
+                None,
+                f"expected the unit {wanted!r} of the model, got {given!r}. Remedy: convert the "
+                f"column, or let it be converted: {install}.",
+                title,
+            )
+        warnings.warn(
+            f"{self.path}{self.place(None)}: column {title!r}: {given!r} is taken for a remark; "
+            f"whether it is a unit cannot be told without pint. Remedy: {install}.",
+            RecordWarning,
+            stacklevel=2,
+        )
+
+    def converted(self) -> dict[str, tuple[str, str]]:
+        """Return the columns that are converted: by quantity the file's unit and the model's."""
+        model, found = self.model, {}
+        for name in (TIME, *model.inputs, *model.states, *(model.outputs or ())):
+            k = self.find(name)
+            if k is not None and self.conversion(name, k) != (1.0, 0.0):
+                wanted = "s" if name == TIME else model.unit(name)
+                found[name] = unit_of(self.header[k]), wanted
+        return found
 
     def finite(self, name: str) -> np.ndarray:
         """Read a column that has a number in every row."""

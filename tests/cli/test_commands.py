@@ -111,6 +111,20 @@ def test_a_check_names_what_is_not_used_and_every_column_that_is_missing(files):
     assert "columns: {t: Time, speed: v_meas, F: F_cmd}" in said
 
 
+def test_a_check_says_what_is_converted_and_which_term_does_not_fit(files):
+    pytest.importorskip("pint")
+    rows = table(0, level=0.0).rename(columns={"speed": "speed [mm/s]"})
+    rows.assign(**{"speed [mm/s]": 1000 * rows["speed [mm/s]"]}).to_csv(files / "mm.csv")
+    (files / "cart.yaml").write_text(MODEL.replace("N s/m", "N/m"))
+    result = run("check", *given(files, "mm.csv"))
+    assert "Converted: speed from mm/s to m/s." in result.stdout
+    assert "cart.yaml:8:13: equations.v: the term -d*v is in N/s, expected N." in result.stdout
+    assert "speed 100 %" in " ".join(result.stdout.split())
+    said = run("simulate", *given(files), "--output", files / "s.csv").stderr
+    assert "Warning: " in said
+    assert "the term -d*v" in said
+
+
 def test_a_check_as_json_is_strict(files):
     data = json.loads(run("check", *given(files), "--json").stdout)
     assert data["outputs"][0]["fit"] > 99

@@ -88,7 +88,9 @@ def test_one_run_written_in_many_ways(file, text):
 
 
 def test_text_that_is_not_utf8_may_stand_in_a_header(file):
-    assert is_the_run(*read(file, RUN.replace("F,", "F [\xb0],"), encoding="latin-1"))
+    lines = RUN.replace("position", "position,\xb0C").split()
+    text = "\n".join([lines[0], *(f"{line},20" for line in lines[1:])])
+    assert is_the_run(*read(file, text, encoding="latin-1"))
 
 
 def test_columns_are_named_by_the_model(file):

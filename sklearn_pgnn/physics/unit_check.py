@@ -1,0 +1,164 @@
+"""Whether the equations of a model fit its units, term by term."""
+
+from collections import Counter
+
+import sympy
+
+from sklearn_pgnn.physics.expressions import TIME, to_text
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.units import Measure, product, read_unit
+
+_PLAIN = Measure()
+_SECOND = Measure(1.0, (("s", 1.0),))
+#: functions of a number, or of an angle in radians
+_OF_NUMBERS = (
+    *(sympy.sin, sympy.cos, sympy.tan, sympy.asin, sympy.acos, sympy.atan),
+    *(sympy.sinh, sympy.cosh, sympy.tanh, sympy.exp, sympy.log, sympy.floor, sympy.ceiling),
+)
+
+
+def check_units(model: PhysicsModel) -> tuple[str, ...]:
+    """Return the terms of a model's equations that do not fit its units.
+
+    A quantity without a unit, or of a unit that is not known, fits everything, and so does what it
+    is multiplied by. A term with a number in front is not asked for its scale: the number may be
+    the conversion.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+
+    Returns
+    -------
+    tuple of str
+        A sentence a term, empty if all fit.
+
+    Raises
+    ------
+    ModuleNotFoundError
+        If pint is not installed.
+
+    Examples
+    --------
+    >>> cart = PhysicsModel({"v": "m/s"}, {"v": "(F - d*v)/m"}, inputs={"F": "N"},
+    ...     parameters={"m": {"value": 2.0, "unit": "kg"}, "d": {"value": 0.5, "unit": "N/m"}})
+    >>> print(*check_units(cart))
+    equations.v: the term -d*v is in N/s, expected N.
+    """
+    check = _Check(model)
+    for state, rate in model.equations.items():
+        unit = check.table.get(state)
+        check.ask(f"equations.{state}", rate, None if unit is None else unit / _SECOND)
+    for output, shown in model.outputs.items():
+        check.ask(f"outputs.{output}", shown, None)
+    for part, expression in model.energy.items():
+        check.ask(f"energy.{part}", expression, None)
+    for name, delay in model.delays.items():
+        check.ask(f"delays.{name}", sympy.Symbol(delay, real=True), _SECOND)
+    return tuple(dict.fromkeys(check.said))
+
+
+class _Check:
+    """Units of a model's quantities, and what was found."""
+
+    def __init__(self, model: PhysicsModel):
+        units = {**model.states, **model.inputs}
+        units |= {name: p.unit for name, p in model.parameters.items()}
+        #: by name what each measures; what has no unit, or none that is known, is left out
+        self.table = {n: m for n, u in units.items() if u and (m := read_unit(u)) is not None}
+        self.table[str(TIME)] = _SECOND
+        self.said: list[str] = []
+
+    def ask(self, where: str, expression, expected: Measure | None) -> None:
+        """Note every term of an expression that does not fit what is expected."""
+        if expression.is_number:
+            return
+        if isinstance(expression, sympy.Add | sympy.Max | sympy.Min):
+            self.ask_terms(where, expression, expected)
+        elif isinstance(expression, sympy.Mul) and (found := self.sum_of(expression)):
+            self.ask_factor(where, expression, found, expected)
+        else:
+            self.compare(where, expression, expected)
+            self.ask_inside(where, expression)
+
+    def ask_terms(self, where, expression, expected) -> None:
+        """Ask every term of a sum or a bound; by default for what most of them measure."""
+        if expected is None:
+            known = [m for term in expression.args if (m := self.measure(term)) is not None]
+            expected = Counter(known).most_common(1)[0][0] if known else None
+        for term in expression.args:
+            self.ask(where, term, expected)
+
+    def sum_of(self, product):
+        """Return the sum in a product, where there is one."""
+        sums = [part for part in product.args if isinstance(part, sympy.Add)]
+        return sums[0] if len(sums) == 1 else None
+
+    def ask_factor(self, where, product, inner, expected) -> None:
+        """Ask the terms of a sum in a product for what the other factors leave of it."""
+        rest = product / inner
+        others = self.measure(rest)
+        for part in rest.args or (rest,):
+            self.ask_inside(where, part)
+        known = expected is not None and others is not None
+        number = not _is_bare(rest)
+        left = expected / others if known else None
+        if left is not None and number:
+            mine = self.measure(inner)
+            left = left if mine is None or not mine.is_like(left) else None
+        self.ask(where, inner, left)
+
+    def ask_inside(self, where, expression) -> None:
+        """Ask the arguments of functions, and the parts of products and powers."""
+        if isinstance(expression, _OF_NUMBERS):
+            self.ask(where, expression.args[0], _PLAIN)
+        elif isinstance(expression, sympy.Function | sympy.Mul | sympy.Pow):
+            for part in expression.args:
+                self.ask(where, part, None)
+
+    def compare(self, where, term, expected) -> None:
+        """Note a term that measures something else, or the same in another unit."""
+        got = self.measure(term)
+        if got is None or expected is None:
+            return
+        scale = expected.factor / got.factor
+        if not got.is_like(expected):
+            why = ""
+        elif _is_bare(term) and abs(scale - 1) > 1e-6:
+            why = f" (a factor of {1 / scale:.4g})"
+        else:
+            return
+        self.said.append(
+            f"{where}: the term {to_text(term)} is in {got.to_text()}, expected "
+            f"{expected.to_text()}{why}."
+        )
+
+    def measure(self, expression) -> Measure | None:
+        """Return what an expression measures; None where that is not known."""
+        if expression.is_number:
+            return None if expression.is_zero else _PLAIN
+        if isinstance(expression, sympy.Symbol):
+            return self.table.get(str(expression))
+        if isinstance(expression, sympy.Mul):
+            return product(map(self.measure, expression.args))
+        if isinstance(expression, sympy.Pow):
+            return self.power(expression)
+        if isinstance(expression, sympy.Add | sympy.Max | sympy.Min | sympy.Abs):
+            return next(filter(None, map(self.measure, expression.args)), None)
+        return _PLAIN
+
+    def power(self, expression) -> Measure | None:
+        """Return what a power measures."""
+        base = self.measure(expression.base)
+        if base is None:
+            return None
+        if expression.exp.is_number:
+            return base ** float(expression.exp)
+        return _PLAIN if base == _PLAIN else None
+
+
+def _is_bare(term) -> bool:
+    """Whether a term has no number in front that may be a conversion."""
+    coefficient, rest = term.as_coeff_Mul()
+    return abs(coefficient) == 1 and not rest.has(sympy.pi)

@@ -1,0 +1,77 @@
+"""Units in the headers of files: converted, refused, or taken for a remark."""
+
+import pytest
+from blocked import run_without
+
+from sklearn_pgnn.exceptions import RecordError
+from sklearn_pgnn.physics import PhysicsModel
+from sklearn_pgnn.trajectories.csv_file import read_csv
+
+MODEL = PhysicsModel(
+    {"v": "m/s"}, {"v": "(F - d*v)/m"}, {"m": 2.0, "d": 0.5}, {"F": "N"}, {"speed": "v"}
+)
+
+
+def write(folder, header):
+    path = folder / "run.csv"
+    path.write_text(f"{header}\n0,1,2\n1,1,3\n2,1,4\n3,1,5\n")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("header", "factors"),
+    [
+        ("t [s],F [N],speed [m/s]", (1, 1, 1)),
+        ("t [ms],F [kN],speed [km/h]", (1e-3, 1e3, 1 / 3.6)),
+        ("t (min),F,speed (mm/s)", (60, 1, 1e-3)),
+        ("t [s],F (as commanded),speed (filtered)", (1, 1, 1)),
+    ],
+)
+def test_a_column_is_converted_to_the_unit_of_the_model(tmp_path, header, factors):
+    pytest.importorskip("pint")
+    X, y = read_csv(write(tmp_path, header), MODEL)
+    time, force, speed = factors
+    assert X["t"].to_numpy() == pytest.approx([0, time, 2 * time, 3 * time])
+    assert X["F"].to_numpy() == pytest.approx([force] * 4)
+    assert y["speed"].to_numpy() == pytest.approx([2 * speed, 3 * speed, 4 * speed, 5 * speed])
+
+
+@pytest.mark.parametrize("header", ["t,F [V],speed", "t,F (V),speed", "t,F [?],speed"])
+def test_a_unit_of_another_kind_is_refused(tmp_path, header):
+    pytest.importorskip("pint")
+    with pytest.raises(RecordError, match=r"run.csv:1: column 'F .*expected the unit 'N'"):
+        read_csv(write(tmp_path, header), MODEL)
+
+
+def test_a_model_without_units_takes_every_column_as_it_is(tmp_path):
+    model = PhysicsModel({"v": ""}, {"v": "F - v"}, inputs={"F": ""}, outputs={"speed": "v"})
+    X, _ = read_csv(write(tmp_path, "t,F [kN],speed [mm/s]"), model)
+    assert X["F"].tolist() == [1.0] * 4
+
+
+@pytest.mark.core
+def test_without_pint_another_unit_is_refused_and_a_remark_is_warned_of(tmp_path):
+    path = write(tmp_path, "t,F [N],speed (filtered)")
+    program = f"""
+import warnings
+from sklearn_pgnn import PhysicsModel
+from sklearn_pgnn.trajectories import read_csv
+model = PhysicsModel({{"v": "m/s"}}, {{"v": "F"}}, inputs={{"F": "N"}}, outputs={{"speed": "v"}})
+with warnings.catch_warnings(record=True) as told:
+    warnings.simplefilter("always")
+    read_csv({str(path)!r}, model)
+print(told[0].message)
+open({str(path)!r}, "a").write("")
+text = open({str(path)!r}).read().replace("[N]", "[kN]")
+open({str(path)!r}, "w").write(text)
+try:
+    read_csv({str(path)!r}, model)
+except ValueError as error:
+    print(error)
+"""
+    result = run_without(("pint",), program, tmp_path)
+    assert result.returncode == 0, result.stderr
+    remark, unit = result.stdout.splitlines()
+    assert "'filtered' is taken for a remark" in remark
+    assert "expected the unit 'N' of the model, got 'kN'" in unit
+    assert 'pip install "sklearn-pgnn[units]"' in unit
