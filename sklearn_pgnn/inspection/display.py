@@ -174,7 +174,7 @@ def compare(diagnosis, X=None, y=None, *, kind="free_run", record=None) -> Compa
 def _of_fit(diagnosis, kind, record) -> Comparison:
     records = diagnosis.records_
     windows = records.windows
-    record = _typical(records) if record is None else _checked(record, len(records.names))
+    record = typical(records) if record is None else _checked(record, len(records.names))
     rows = slice(windows.bounds[record], windows.bounds[record + 1])
     if kind == "windows":
         simulated = {which: (windows.y - records.fits[which].residual)[rows] for which in MODELS}
@@ -185,7 +185,7 @@ def _of_fit(diagnosis, kind, record) -> Comparison:
         if kind == "windows"
         else "free run"
     )
-    title = f"{_called(records.names[record], record, len(records.names))}, {how}"
+    title = f"{called(records.names[record], record, len(records.names))}, {how}"
     return Comparison(title, windows.t[rows], _outputs(diagnosis), windows.y[rows], simulated)
 
 
@@ -200,23 +200,23 @@ def _of_new(diagnosis, X, y, record) -> Comparison:
         )
         for which, model in models.items()
     }
-    title = f"{_called(chosen.name, record, len(records))}, free run"
+    title = f"{called(chosen.name, record, len(records))}, free run"
     return Comparison(title, chosen.t, _outputs(diagnosis), chosen.y, simulated)
 
 
-def _called(name: str, record: int, count: int) -> str:
+def called(name: str, record: int, count: int) -> str:
     """Return the name of a record; one with only a number gets its position.
 
     Examples
     --------
-    >>> _called("3", 3, 6), _called("monday", 0, 2)
+    >>> called("3", 3, 6), called("monday", 0, 2)
     ('record 4 of 6', "record 'monday' (1 of 2)")
     """
     place = f"{record + 1} of {count}"
     return f"record {place}" if str(name).isdigit() else f"record {name!r} ({place})"
 
 
-def _typical(records) -> int:
+def typical(records) -> int:
     """Return the record whose error under the prior is the median."""
     bounds, squares = records.windows.bounds, (records.fits["prior"].residual) ** 2
     scaled = squares / records.windows.scale**2
@@ -292,7 +292,7 @@ def draw_evidence(axes, evidence: Evidence) -> None:
         colour = COLOURS[line.whose]
         axes.plot(line.x, line.y, color=colour, linewidth=1.8, label=plain(line.label))
     if evidence.points is not None:
-        axes.set_ylim(*_limits(evidence.points[1], evidence.lines))
+        axes.set_ylim(*limits(evidence.points[1], evidence.lines))
     axes.set_xlabel(plain(evidence.x_label))
     axes.set_ylabel(plain(evidence.y_label))
     axes.set_title(plain(evidence.title), fontsize=9, loc="left")
@@ -339,7 +339,7 @@ def binned_median(x, y, bins: int = BINS):
     return centres, np.array([np.median(y[which == b]) for b in full])
 
 
-def _limits(y, lines):
+def limits(y, lines):
     """Return axis limits that may cut off the farthest points, but never a line."""
     parts = [np.nanpercentile(y, [1.0, 99.0]), *(line.y for line in lines)]
     everything = np.concatenate(parts)

@@ -81,6 +81,22 @@ def equations_of(model: PhysicsModel, other: PhysicsModel) -> list[Equation]:
     return rates + outputs + delays
 
 
+def mathml_of(expression) -> str:
+    """Return an expression as MathML.
+
+    Parameters
+    ----------
+    expression : sympy.Expr
+        The expression.
+
+    Returns
+    -------
+    str
+        The MathML text.
+    """
+    return _math(_part(MathMLPresentationPrinter({"mul_symbol": "dot"}), expression), expression)
+
+
 def _equation(name: str, left, right, changed: bool) -> Equation:
     return Equation(f"{name} = {to_text(right)}", _mathml(left, right), changed)
 

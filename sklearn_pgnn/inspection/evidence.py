@@ -3,10 +3,11 @@
 import sympy
 
 from sklearn_pgnn.inspection.balance import Samples
-from sklearn_pgnn.inspection.case import make_case
+from sklearn_pgnn.inspection.case import Case, make_case
 from sklearn_pgnn.inspection.curves import Evidence, Line, even_grid
 from sklearn_pgnn.inspection.motion_evidence import cut_rate, implied_parameter, missing_force
 from sklearn_pgnn.inspection.signal_evidence import felt_input, residual_over_time, shown_output
+from sklearn_pgnn.inspection.style import label
 from sklearn_pgnn.inspection.words import missing_place
 from sklearn_pgnn.physics.expressions import parse_expression
 
@@ -35,7 +36,22 @@ def find_evidence(diagnosis, cause) -> Evidence:
     Evidence
         Points of the records and the law of the cause.
     """
-    case = make_case(diagnosis, cause)
+    return evidence_of(make_case(diagnosis, cause))
+
+
+def evidence_of(case: Case) -> Evidence:
+    """Return the evidence for the cause of a case.
+
+    Parameters
+    ----------
+    case : Case
+        A cause and the records.
+
+    Returns
+    -------
+    Evidence
+        Points of the records and the law of the cause.
+    """
     curve = case.effect.characteristic(case.full)
     drawn = None if curve is None else DRAWN[curve.shows](case, curve)
     return residual_over_time(case) if drawn is None else drawn
@@ -60,12 +76,13 @@ def missing_evidence(diagnosis) -> Evidence:
     terms = (parse_expression(term, known) for term in part.effect.terms)
     said = sympy.Add(*(c * term for c, term in zip(part.effect.coefficients, terms, strict=True)))
     samples = Samples.of(records, diagnosis.extended_model_, diagnosis.extended_model_)
-    x = samples.value(said)
+    x, unit = samples.value(said), full.unit(part.target)
+    unit = f"{unit}/s".replace("/s/s", "/s^2") if part.target in full.states else unit
     grid = even_grid(x)
     return Evidence(
         title=f"What is missing in {missing_place(diagnosis, part)}",
-        x_label=f"by the formula {part.formula}",
-        y_label="as the records show it",
+        x_label=label("by the formula", unit),
+        y_label=label("as the records show it", unit),
         points=(x, part.course),
         lines=(Line(grid, grid, "extended", "the formula"),),
         note="Every point is a moment of the records: the smoothed course of what is missing, over "

@@ -117,18 +117,6 @@ def typeset_unit(unit: str) -> str:
     return re.sub(power, lambda found: found[1].translate(raised), unit)
 
 
-def left_alone(left: float) -> str:
-    """Return the share of the error power that a candidate leaves, as text.
-
-    Examples
-    --------
-    >>> left_alone(0.704), left_alone(1.0), left_alone(207.99)
-    ('70 %', '100 %', 'makes it worse')
-    """
-    worse = math.isfinite(left) and round(100 * left) > 100
-    return "makes it worse" if worse else percent(left)
-
-
 def percent(part: float) -> str:
     """Return a share in percent; one just below 1 is not rounded to 100 %.
 

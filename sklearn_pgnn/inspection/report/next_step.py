@@ -1,5 +1,6 @@
 """What to do next, in a line with numbers."""
 
+from sklearn_pgnn.inspection.case import known_effects
 from sklearn_pgnn.inspection.report.parameter_facts import parameter_facts
 from sklearn_pgnn.inspection.words import (
     listed,
@@ -52,17 +53,24 @@ def _separate(diagnosis) -> str:
     found = sorted(diagnosis.separations_, key=lambda s: (not s.separable, s.equivalent))
     if not found:
         return _check(diagnosis)
-    if found[0].equivalent:
-        checks = (cause.check for cause in diagnosis.causes_ if cause.confused_with)
-        return f"{separation_sentence(found[0])} {next(checks, '')}".strip()
-    return separation_sentence(found[0])
+    if found[0].separable:
+        return separation_sentence(found[0])
+    checks = _checks(diagnosis, next(c for c in diagnosis.causes_ if c.confused_with))
+    return f"{separation_sentence(found[0])} Check each on the rig: {checks}"
+
+
+def _checks(diagnosis, cause) -> str:
+    """Return how a cause and its rivals are checked on the rig."""
+    known = known_effects(diagnosis)
+    every = (cause.check, *(known[rival.effect].check for rival in cause.confused_with))
+    return " ".join(dict.fromkeys(check for check in every if check))
 
 
 def _use(diagnosis) -> str:
     if leaves_much(diagnosis):
         return (
-            "Look for what disturbs the machine or its sensors: what is left depends on nothing "
-            "that was recorded. Record one quantity more, and diagnose again."
+            "Look at the map of what is missing, and for what disturbs the machine or its sensors "
+            "there. Record one quantity more, and diagnose again."
         )
     if is_adequate_as_given(diagnosis):
         return "Go on with the model as it is."

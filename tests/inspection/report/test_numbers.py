@@ -7,7 +7,7 @@ import pytest
 from situations import HIDDEN, situation
 
 from sklearn_pgnn.inspection.report import Provenance, render_report
-from sklearn_pgnn.inspection.words import times
+from sklearn_pgnn.inspection.words import measured, times
 
 pytestmark = pytest.mark.core
 
@@ -62,3 +62,32 @@ def test_sizes_in_title_and_next_step_are_those_of_the_file(both):
         size = next(iter(cause["parameters"].values()))["value"]
         shown = float(re.search(r"\([a-z ]+ (−?[\d.]+)", title)[1].replace("−", "-"))
         assert shown == pytest.approx(size, rel=0.02)
+
+
+def test_the_table_of_errors_says_the_same_as_the_tile(both):
+    diagnosis, html = both
+    left, table = in_noise(diagnosis), part(html, 'id="errors"', "</table>")
+    for which in ("prior", "refitted", *(["extended"] if diagnosis.causes_ else [])):
+        assert f"({left[which]})" in table
+    run = diagnosis.to_dict()["free_run"]["v"]
+    shown = "extended" if diagnosis.causes_ else "refitted"
+    assert f"({times(run[shown] / diagnosis.gain_['v'].noise)})" in table
+
+
+def test_a_single_cause_leaves_in_the_dot_plot_what_the_tile_says(both):
+    diagnosis, html = both
+    if len(diagnosis.causes_) == 1 and 'id="suspects"' in html:
+        row = part(html[html.index('id="suspects"') :], '<tr class="named">', "</tr>")
+        assert f" {in_noise(diagnosis)['extended']} " in row
+
+
+def test_intervals_of_causes_and_parameters_are_those_of_the_file(both):
+    diagnosis, html = both
+    data, table = diagnosis.to_dict(), part(html, 'id="parameters"', "</section>")
+    for parameter in data["parameters"].values():
+        p = (parameter[key] for key in ("value", "low", "high"))
+        assert measured(*p) in table
+    for cause in data["causes"]:
+        for e in cause["parameters"].values():
+            said = measured(e["value"], e["low"], e["high"], e["unit"]).replace("-", "−")
+            assert said.replace("^2", "²") in plain(html)

@@ -1,0 +1,86 @@
+"""What a report tells of every cause."""
+
+from sklearn_pgnn.inspection.case import known_effects
+from sklearn_pgnn.inspection.report.members import Member, members_of
+from sklearn_pgnn.inspection.report.next_step import expectation
+from sklearn_pgnn.inspection.report.who_did_what import parts_of_error
+from sklearn_pgnn.inspection.words import (
+    cause_name,
+    chance,
+    listed,
+    measured,
+    number,
+    separation_sentence,
+    times,
+    typeset_unit,
+)
+
+
+def told_causes(diagnosis, members: dict[int, list[Member]]) -> list[dict]:
+    """Return what is told of every cause.
+
+    Parameters
+    ----------
+    diagnosis : ModelDiagnosis
+        A fitted diagnosis.
+    members : dict of int to list of Member
+        By the number of a cause, what may stand in its place; see `members_of`.
+
+    Returns
+    -------
+    list of dict
+        Plain text by the template's variable.
+    """
+    worth = [part for part in parts_of_error(diagnosis) if part.kind == "cause"]
+    return [
+        {
+            **_cause(diagnosis, cause),
+            "worth": f"{times(part.before)} → {times(part.after)}",
+            "members": [_member(member) for member in members.get(number_, ())],
+        }
+        for number_, (cause, part) in enumerate(zip(diagnosis.causes_, worth, strict=True))
+    ]
+
+
+def all_members(diagnosis) -> dict[int, list[Member]]:
+    """Return by the number of a cause all that may stand in its place, where there is anything."""
+    return {
+        number_: members_of(diagnosis, cause)
+        for number_, cause in enumerate(diagnosis.causes_)
+        if cause.confused_with
+    }
+
+
+def _cause(diagnosis, cause) -> dict:
+    symbols = known_effects(diagnosis)[cause.effect](cause.target).names()
+    mine = (cause.effect, cause.target)
+    return {
+        "name": cause_name(*mine),
+        "summary": cause.summary,
+        "check": cause.check,
+        "expectation": expectation(cause),
+        "parameters": [
+            {
+                "name": field.replace("_", " "),
+                "symbol": symbols[field],
+                "value": measured(e.value, e.low, e.high, typeset_unit(e.unit)),
+            }
+            for field, e in cause.parameters.items()
+        ],
+        "probability": chance(cause.probability),
+        "separations": [
+            separation_sentence(found) for found in diagnosis.separations_ if found.cause == mine
+        ],
+    }
+
+
+def _member(member: Member) -> dict:
+    sizes = (f"{name} {number(value)} {typeset_unit(unit)}" for name, value, unit in member.sizes)
+    return {
+        "name": member.name,
+        "probability": chance(member.probability),
+        "sizes": listed(size.strip() for size in sizes),
+        "left": times(member.left),
+        "check": member.effect.check,
+        "file": member.model.to_yaml(),
+    }

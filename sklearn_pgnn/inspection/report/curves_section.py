@@ -1,0 +1,197 @@
+"""Curves of every record: measured and simulated, the errors on their own scale, the inputs."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from markupsafe import Markup
+
+from sklearn_pgnn.diagnosis.free_run import free_runs
+from sklearn_pgnn.diagnosis.model_diagnosis import ModelDiagnosis
+from sklearn_pgnn.inspection.display import called, typical
+from sklearn_pgnn.inspection.style import label
+from sklearn_pgnn.inspection.svg import Plot, Scale
+
+#: the models as they are called, in the order in which they are drawn
+MODELS = {
+    "prior": "as given",
+    "refitted": "re-tuned only",
+    "extended": "extended",
+    "formula": "with the formula",
+}
+#: the band of the noise, in standard deviations; and from how many on an error is marked
+BAND, FAR = 2.0, 8.0
+
+
+@dataclass(frozen=True)
+class Curves:
+    """A record as it was measured and simulated.
+
+    Parameters
+    ----------
+    title : str
+        Which record.
+    plots : tuple of (str, Markup)
+        What is drawn, and its plot.
+    """
+
+    title: str
+    plots: tuple[tuple[str, Markup], ...]
+
+
+@dataclass(frozen=True)
+class CurveDrawer:
+    """Draws records and what models make of them.
+
+    Parameters
+    ----------
+    diagnosis : ModelDiagnosis
+        A fitted diagnosis.
+    simulated : mapping of str to ndarray of shape (n_samples, n_outputs)
+        By the model's key in `MODELS`, its outputs on all records, end to end.
+    restarts : bool
+        Whether the models restart on every window.
+    """
+
+    diagnosis: ModelDiagnosis
+    simulated: Mapping[str, np.ndarray]
+    restarts: bool
+
+    @property
+    def best(self) -> str:
+        """The model whose error tells: the last."""
+        return list(self.simulated)[-1]
+
+    def _css(self, which: str) -> str:
+        return f"{which} best" if which == self.best else which
+
+    def draw(self, record: int) -> Curves:
+        """Return the curves of a record."""
+        names = self.diagnosis.records_.names
+        outputs = range(len(self.diagnosis.model.outputs))
+        plots = [plot for i in outputs for plot in self._output(record, i)]
+        inputs = range(len(self.diagnosis.model.inputs))
+        plots += [self._input(record, i) for i in inputs]
+        return Curves(called(names[record], record, len(names)), tuple(plots))
+
+    def _rows(self, record: int) -> slice:
+        bounds = self.diagnosis.records_.windows.bounds
+        return slice(bounds[record], bounds[record + 1])
+
+    def _output(self, record: int, column: int) -> list[tuple[str, Markup]]:
+        model, rows = self.diagnosis.model, self._rows(record)
+        windows, name = self.diagnosis.records_.windows, list(model.outputs)[column]
+        t, y = windows.t[rows], windows.y[rows, column]
+        runs = {which: run[rows, column] for which, run in self.simulated.items()}
+        curves = Plot(
+            Scale.over(t, room=0), _in_sight(y, runs.values()), f"{name} measured and simulated"
+        )
+        self._mark(curves, record, y, y - runs[self.best], name)
+        curves.line(t, y, "measured", "measured")
+        for which, run in runs.items():
+            curves.line(t, run, self._css(which), MODELS[which])
+        noise = self.diagnosis.gain_[name].noise
+        best = y - runs[self.best]
+        errors = Plot(curves.x, _of_errors(best, noise), f"error of {name}", "low")
+        errors.band(-BAND * noise, BAND * noise, "noise-band", "two standard deviations of noise")
+        for which, run in runs.items():
+            errors.line(t, y - run, self._css(which), f"error {MODELS[which]}")
+        unit = model.unit(name)
+        return [
+            (label(name, unit), curves.html()),
+            (label(f"error of {name}", unit), errors.html()),
+        ]
+
+    def _input(self, record: int, column: int) -> tuple[str, Markup]:
+        model, rows = self.diagnosis.model, self._rows(record)
+        windows, name = self.diagnosis.records_.windows, list(model.inputs)[column]
+        t, u = windows.t[rows], windows.u[rows, column]
+        plot = Plot(Scale.over(t, room=0), Scale.over(u), f"input {name}", "low")
+        plot.line(t, u, "input", name)
+        return label(name, model.unit(name)), plot.html()
+
+    def _mark(self, plot: Plot, record: int, y, error, name: str) -> None:
+        """Shade every second window, and mark gaps and samples that lie far off."""
+        rows, windows = self._rows(record), self.diagnosis.records_.windows
+        t, own = windows.t, np.flatnonzero(windows.record == record)
+        if self.restarts:
+            for start, length in zip(
+                windows.starts[own][::2], windows.lengths[own][::2], strict=True
+            ):
+                plot.shade(t[start], t[start + length - 1], "window", "a window")
+        for low, high in _gaps(t[rows], y):
+            plot.shade(low, high, "gap", "nothing was measured")
+        alone = _single(error) > FAR * self.diagnosis.gain_[name].noise
+        if self.restarts and alone.any():
+            plot.points(t[rows][alone], y[alone], "outlier", "a single sample that lies far off")
+
+
+def curve_sections(diagnosis, formula=None) -> tuple[Curves, Curves, list[Curves]]:
+    """Return the curves of a typical record in free run and over windows, then all others.
+
+    Parameters
+    ----------
+    diagnosis : ModelDiagnosis
+        A fitted diagnosis.
+    formula : FoundFormula, optional
+        The formula for what has no name.
+
+    Returns
+    -------
+    free, windowed : Curves
+        A typical record.
+    others : list of Curves
+        The others in free run.
+    """
+    records, fits = diagnosis.records_, dict(diagnosis.records_.fits)
+    if not diagnosis.causes_:
+        del fits["extended"]  # it is the re-tuned model
+    if formula is not None:
+        fits["formula"] = formula.windows
+    seen = records if formula is None else formula.records
+    windowed = {which: records.windows.y - fits[which].residual for which in fits}
+    free = {which: np.concatenate([r.y for r in free_runs(seen, which)]) for which in fits}
+    first = typical(records)
+    runs = CurveDrawer(diagnosis, free, restarts=False)
+    others = [runs.draw(k) for k in range(len(records.names)) if k != first]
+    return runs.draw(first), CurveDrawer(diagnosis, windowed, restarts=True).draw(first), others
+
+
+def keys(diagnosis, formula=None) -> list[tuple[str, str]]:
+    """Return the class and the name of every curve, for a legend."""
+    drawn = {"prior", "refitted"}
+    drawn |= {"extended"} if diagnosis.causes_ else set()
+    drawn |= {"formula"} if formula is not None else set()
+    *others, best = (key for key in MODELS if key in drawn)
+    named = [(key, MODELS[key]) for key in others]
+    return [("measured", "measured"), *named, (f"{best} best", MODELS[best])]
+
+
+def _in_sight(known, curves) -> Scale:
+    """Return an axis on which a diverging model does not hide the rest."""
+    low, high = np.nanmin(known), np.nanmax(known)
+    reach = (high - low) or 1.0
+    return Scale.over(*(np.clip(each, low - reach, high + reach) for each in (known, *curves)))
+
+
+def _of_errors(error, noise: float) -> Scale:
+    """Return an axis for the errors of the best model, single samples left out, and the noise."""
+    known = error[np.isfinite(error)]
+    most = np.percentile(np.abs(known), 99.5) if known.size else 0.0
+    reach = 1.2 * max(float(most), 1.5 * BAND * noise) or 1.0
+    return Scale(-reach, reach)
+
+
+def _gaps(t, y):
+    """Return the ends of the stretches in which nothing was measured."""
+    missing = np.concatenate([[False], ~np.isfinite(y), [False]])
+    starts, ends = (np.flatnonzero(np.diff(missing.astype(int)) == step) for step in (1, -1))
+    return [(t[max(a - 1, 0)], t[min(b, t.size - 1)]) for a, b in zip(starts, ends, strict=True)]
+
+
+def _single(error) -> np.ndarray:
+    """Return by how much every sample's error exceeds those of its neighbours."""
+    size = np.abs(np.nan_to_num(error))
+    beside = np.concatenate([[0.0], size, [0.0]])
+    found = size - np.maximum(beside[:-2], beside[2:])
+    return np.where(np.isfinite(error), found, 0.0)

@@ -1,0 +1,194 @@
+"""The formula for what has no name: its terms with units and intervals, and its model."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import sympy
+
+from sklearn_pgnn.diagnosis.model_diagnosis import ModelDiagnosis
+from sklearn_pgnn.estimation.fitted_records import DiagnosisRecords, FittedWindows
+from sklearn_pgnn.inspection.balance import Samples
+from sklearn_pgnn.inspection.equations import mathml_of
+from sklearn_pgnn.inspection.words import (
+    listed,
+    measured,
+    missing_place,
+    number,
+    percent,
+    times,
+    typeset_unit,
+)
+from sklearn_pgnn.inspection.yardstick import formula_error
+from sklearn_pgnn.physics.effects.rates import force_unit
+from sklearn_pgnn.physics.expressions import parse_expression, symbol, to_text
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.uncertainty import Estimate, estimate_of, standard_errors
+from sklearn_pgnn.simulation.window_fit import ParameterPrior, WindowFit, fit_windows
+
+
+@dataclass(frozen=True)
+class Term:
+    """A term of the formula.
+
+    Parameters
+    ----------
+    name : str
+        What its coefficient is called in the model.
+    expression : sympy.Expr
+        The term without its coefficient.
+    coefficient : Estimate
+        Its coefficient with its interval.
+    largest : float
+        The largest magnitude of the term with its coefficient in the records.
+    """
+
+    name: str
+    expression: sympy.Expr
+    coefficient: Estimate
+    largest: float
+
+
+@dataclass(frozen=True)
+class FoundFormula:
+    """The formula of a diagnosis, fitted again for its intervals.
+
+    Parameters
+    ----------
+    diagnosis : ModelDiagnosis
+        A fitted diagnosis whose `discrepancy_` is not None.
+    """
+
+    diagnosis: ModelDiagnosis
+
+    @property
+    def part(self):
+        """The missing part."""
+        return self.diagnosis.discrepancy_
+
+    @property
+    def model(self) -> PhysicsModel:
+        """The model with the formula."""
+        return self.part.model
+
+    @property
+    def unit(self) -> str:
+        """Unit of what the formula says: of a rate, or of the input or output."""
+        unit = self.model.unit(self.part.target)
+        if self.part.target not in self.model.states:
+            return unit
+        return f"{unit}/s".replace("/s/s", "/s^2")
+
+    @property
+    def force(self) -> str:
+        """Unit of the force that it stands for; empty where the target has no inertia."""
+        has_inertia = self.part.target in self.model.inertia
+        return force_unit(self.model, self.part.target) if has_inertia else ""
+
+    @cached_property
+    def fit(self) -> WindowFit:
+        """The model fitted once more from where it stands."""
+        records, names = self.diagnosis.records_, self.part.effect.names().values()
+        problem, value = records.problem, self.model.parameters
+        own = (
+            ParameterPrior(n, -np.inf, np.inf, value[n].value, np.inf, abs(value[n].value) or 1.0)
+            for n in names
+        )
+        free = (*records.fits["extended"].freedoms, *own)
+        estimate = problem.states.estimate(self.model)
+        expected = estimate.x[records.windows.starts]
+        return fit_windows(self.model, records.windows, free, expected, estimate.spread)
+
+    @property
+    def windows(self) -> FittedWindows:
+        """The model on the windows of the diagnosis."""
+        fit = self.fit
+        return FittedWindows(fit.model, fit.x0, fit.evaluation.residual, fit.freedoms)
+
+    @property
+    def records(self) -> DiagnosisRecords:
+        """The records of the diagnosis, among the models that with the formula."""
+        known = self.diagnosis.records_
+        return replace(known, fits={**known.fits, "formula": self.windows})
+
+    @cached_property
+    def samples(self) -> Samples:
+        """The records, with states and inputs as the model has them."""
+        model = self.diagnosis.extended_model_
+        return Samples.of(self.diagnosis.records_, model, model)
+
+    @cached_property
+    def terms(self) -> list[Term]:
+        """The terms."""
+        estimate = self.diagnosis.records_.problem.states.estimate(self.model)
+        expected = estimate.x[self.diagnosis.records_.windows.starts]
+        errors = standard_errors(self.fit, expected, estimate.spread)
+        known = (*self.model.states, *self.model.inputs)
+        found = []
+        effect = self.part.effect
+        for name, text in zip(effect.names().values(), effect.terms, strict=True):
+            expression = parse_expression(text, known)
+            coefficient = estimate_of(self.model, name, errors)
+            size = np.nanmax(np.abs(self.samples.value(expression)))
+            largest = float(abs(coefficient.value) * size)
+            found.append(Term(name, expression, coefficient, largest))
+        return found
+
+    @property
+    def expression(self) -> sympy.Expr:
+        """The terms with the names of their coefficients."""
+        return sympy.Add(*(symbol(term.name) * term.expression for term in self.terms))
+
+    def coefficient_unit(self, term: Term) -> str:
+        """Return the unit of a coefficient: that of the formula by that of its term."""
+        below = _unit_of(term.expression, self.model)
+        above = typeset_unit(self.unit) or "1"
+        return f"{above} / ({below})" if below else typeset_unit(self.unit)
+
+
+def _unit_of(expression: sympy.Expr, model: PhysicsModel) -> str:
+    """Return the unit of a product of powers of quantities; empty where it has none."""
+    powers: dict[str, int] = {}
+    for factor in sympy.Mul.make_args(expression):
+        base, power = factor.as_base_exp()
+        inner = base.args[0] if isinstance(base, sympy.Abs) else base
+        if inner.is_Symbol:
+            unit = "s" if str(inner) == "t" else model.unit(str(inner))
+            powers[unit] = powers.get(unit, 0) + int(power)
+    raised = (
+        unit if n == 1 else f"({unit})^{n}" if set(unit) & set(" */^") else f"{unit}^{n}"
+        for unit, n in powers.items()
+        if unit
+    )
+    return " · ".join(map(typeset_unit, raised))
+
+
+def told_formula(formula: FoundFormula) -> dict:
+    """Return what a report tells of a formula: plain text by the template's variable."""
+    part = formula.part
+    return {
+        "place": missing_place(formula.diagnosis, part),
+        "quantities": listed(part.quantities),
+        "share": percent(part.share),
+        "left": times(formula_error(formula.diagnosis)),
+        "unit": typeset_unit(formula.unit) or "-",
+        "force": typeset_unit(formula.force),
+        "inertia": to_text(formula.model.inertia[part.target]) if formula.force else "",
+        "mathml": mathml_of(formula.expression),
+        "text": to_text(formula.expression),
+        "terms": [
+            {
+                "name": term.name,
+                "mathml": mathml_of(term.expression),
+                "value": measured(
+                    term.coefficient.value,
+                    term.coefficient.low,
+                    term.coefficient.high,
+                    formula.coefficient_unit(term),
+                ),
+                "largest": f"{number(term.largest, 3)} {typeset_unit(formula.unit)}".rstrip(),
+            }
+            for term in formula.terms
+        ],
+        "file": formula.model.to_yaml(),
+    }

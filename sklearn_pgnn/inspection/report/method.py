@@ -1,0 +1,56 @@
+"""How a diagnosis was made, and with which versions."""
+
+import platform
+from importlib import import_module
+from importlib.metadata import PackageNotFoundError, version
+
+from sklearn_pgnn.inspection.words import percent
+
+LIBRARIES = ("numpy", "scipy", "sympy", "numba", "scikit-learn")
+
+
+def method(diagnosis) -> str:
+    """Return how it was done.
+
+    Parameters
+    ----------
+    diagnosis : ModelDiagnosis
+        A fitted diagnosis.
+
+    Returns
+    -------
+    str
+        Some sentences.
+    """
+    records, window = diagnosis.records_, diagnosis.window_
+    count, samples = len(records.names), records.windows.t.size
+    return (
+        f"{samples} samples in {count} {'record' if count == 1 else 'records'} were cut into "
+        f"{len(records.windows)} windows of about {window:.3g} s, each with an initial state of "
+        f"its own. Every candidate was fitted together with the model's free parameters and these "
+        f"initial states. A cause is named only if a likelihood ratio on windows its parameters "
+        f"were not fitted to speaks for it, at a rate of false names of {diagnosis.alpha:g}; if it "
+        f"explains {percent(diagnosis.smallest_share)} of an output's error or more; and if the "
+        f"free run does not speak against it. Inputs: {_hold(diagnosis.hold_)}; "
+        f"integration steps from sample to sample: {diagnosis.substeps_}. "
+        f"Intervals are 95 % intervals, robust to residuals that are not white. The noise of an "
+        f"output is the white part of what the extended model leaves of it over windows."
+    )
+
+
+def _hold(hold: str) -> str:
+    return "held between samples" if hold == "zoh" else "straight from sample to sample"
+
+
+def versions() -> str:
+    """Return the versions of the package, of Python and of what they stand on."""
+    package = import_module(__name__.split(".")[0])
+    used = ", ".join(f"{name} {_version(name)}" for name in LIBRARIES)
+    return f"sklearn-pgnn {package.__version__} (Python {platform.python_version()}, {used})"
+
+
+def _version(name: str) -> str:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return "of unknown version"

@@ -1,0 +1,196 @@
+"""What is missing over the two quantities that tell most of it, cell by cell."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import sympy
+from markupsafe import Markup
+
+from sklearn_pgnn.inspection.balance import Samples, shown_states
+from sklearn_pgnn.inspection.report.formula import FoundFormula
+from sklearn_pgnn.inspection.style import label
+from sklearn_pgnn.inspection.svg import Plot, Scale
+from sklearn_pgnn.inspection.words import number
+from sklearn_pgnn.physics.effects.rates import force_unit
+from sklearn_pgnn.physics.expressions import symbol
+
+#: cells of a side, samples that a cell needs, and shades of a colour
+CELLS, LEAST, SHADES = 34, 3, 8
+
+
+@dataclass(frozen=True)
+class Panel:
+    """A map.
+
+    Parameters
+    ----------
+    title, scale : str
+        What it shows, and what the full colours stand for.
+    plot : Markup
+        The picture.
+    """
+
+    title: str
+    scale: str
+    plot: Markup
+
+
+@dataclass(frozen=True)
+class Maps:
+    """Maps over the same two quantities.
+
+    Parameters
+    ----------
+    title, x_label, y_label : str
+        What is mapped over what.
+    panels : tuple of Panel
+        As the records show it; and with a formula what that says, and what is left over.
+    """
+
+    title: str
+    x_label: str
+    y_label: str
+    panels: tuple[Panel, ...]
+
+
+def residual_maps(diagnosis, formula: FoundFormula | None) -> list[Maps]:
+    """Return the maps of what is missing.
+
+    Parameters
+    ----------
+    diagnosis : ModelDiagnosis
+        A fitted diagnosis.
+    formula : FoundFormula or None
+        The formula for what has no name.
+
+    Returns
+    -------
+    list of Maps
+        One for the formula's place; else one for every state whose rate is seen, or for the
+        outputs where there is none.
+    """
+    if formula is not None:
+        return [_of_formula(diagnosis, formula)]
+    model, records = diagnosis.extended_model_, diagnosis.records_
+    samples = Samples.of(records, model, model)
+    positions = set(diagnosis.model.kinematic_pairs.values())
+    seen = [s for s in diagnosis.model.states if s in shown_states(diagnosis.model)]
+    states = [state for state in seen if state not in positions]
+    if states:
+        return [_of_rate(diagnosis, samples, state) for state in states]
+    residual = records.fits["extended"].residual
+    return [
+        _maps(
+            diagnosis,
+            samples,
+            f"Error of {output}",
+            diagnosis.model.unit(output),
+            output,
+            [("as the records show it", residual[:, i])],
+        )
+        for i, output in enumerate(diagnosis.model.outputs)
+    ]
+
+
+def _of_formula(diagnosis, formula: FoundFormula) -> Maps:
+    target, samples, table = formula.part.target, formula.samples, formula.terms
+    said = sum(term.coefficient.value * samples.value(term.expression) for term in table)
+    course = formula.part.course
+    panels = [
+        ("as the records show it", course),
+        ("what the formula says", said),
+        ("left over", course - said),
+    ]
+    title = f"Missing in {target}" + ("'" if target in formula.model.states else "")
+    return _maps(diagnosis, samples, title, formula.unit, target, panels)
+
+
+def _of_rate(diagnosis, samples: Samples, state: str) -> Maps:
+    model = diagnosis.extended_model_
+    missing = samples.rate(state) - samples.mean(model.equations[state])
+    inertia = model.inertia.get(state)
+    if inertia is None:
+        unit = f"{model.unit(state)}/s".replace("/s/s", "/s^2")
+        return _maps(
+            diagnosis, samples, f"Missing in {state}'", unit, state, [("by the records", missing)]
+        )
+    force = missing * samples.value(sympy.sympify(inertia))
+    title = f"Force that is missing on {state}"
+    panels = [("as the records show it", force)]
+    return _maps(diagnosis, samples, title, force_unit(model, state), state, panels)
+
+
+def _maps(diagnosis, samples: Samples, title, unit, target, panels) -> Maps:
+    over = telling_quantities(diagnosis, target)
+    axes = [samples.value(symbol(name)) if name != "t" else samples.table["t"] for name in over]
+    names = [label(n, "s" if n == "t" else diagnosis.extended_model_.unit(n)) for n in over]
+    drawn = tuple(
+        _panel(f"{title}: {what}", what, np.asarray(values, dtype=float), axes, unit)
+        for what, values in panels
+    )
+    return Maps(title, names[0], names[1], drawn)
+
+
+def telling_quantities(diagnosis, target: str) -> tuple[str, str]:
+    """Return the two quantities over which what is missing at a place is mapped.
+
+    Parameters
+    ----------
+    diagnosis : ModelDiagnosis
+        A fitted diagnosis.
+    target : str
+        A state, an input or an output.
+
+    Returns
+    -------
+    (str, str)
+        What it depends on first; then the state itself with its position, other states, inputs.
+    """
+    model, part = diagnosis.extended_model_, diagnosis.discrepancy_
+    known = [*model.states, *model.inputs]
+    told = [] if part is None else list(part.quantities)
+    told += [name for name in diagnosis.remaining_.depends_on if name in known]
+    position = model.kinematic_pairs.get(target)
+    own = [name for name in (position, target) if name in known]
+    every = list(dict.fromkeys([*told, *own, *known, "t"]))
+    first, second = every[:2]
+    order = {name: place for place, name in enumerate(own)}
+    return tuple(sorted((first, second), key=lambda name: order.get(name, -1)))
+
+
+def _panel(title: str, what: str, values, axes, unit: str) -> Panel:
+    x, y = (_grid(axis) for axis in axes)
+    rows, columns, found = _cells(values, axes, x, y)
+    most = float(np.percentile(np.abs(found), 98)) if found.size else 0.0
+    plot = Plot(Scale(x[0], x[-1]), Scale(y[0], y[-1]), title, "map")
+    plot.band(y[0], y[-1], "ground")
+    shade = np.ceil(np.clip(np.abs(found) / (most or 1.0), 0, 1) * SHADES).astype(int)
+    for css, sign in (("above", 1), ("below-zero", -1)):
+        for level in range(1, SHADES + 1):
+            chosen = (shade == level) & (np.sign(found) == sign)
+            if chosen.any():
+                corners = x[columns[chosen]], y[rows[chosen]]
+                plot.cells(*corners, x[1] - x[0], y[1] - y[0], css, level / SHADES)
+    said = label(f"±{number(most, 2)}", unit).replace("[", "").replace("]", "").replace(" -", "")
+    return Panel(what, said, plot.html())
+
+
+def _grid(values) -> np.ndarray:
+    low, high = np.nanpercentile(values, [0.5, 99.5])
+    reach = (high - low) or 1.0
+    return np.linspace(low - 0.01 * reach, high + 0.01 * reach, CELLS + 1)
+
+
+def _cells(values, axes, x, y):
+    """Return row, column and median of every cell that holds enough samples."""
+    column, row = (np.digitize(axis, grid) - 1 for axis, grid in zip(axes, (x, y), strict=True))
+    inside = np.isfinite(values) & (column >= 0) & (column < CELLS) & (row >= 0) & (row < CELLS)
+    key = row[inside] * CELLS + column[inside]
+    order = np.argsort(key, kind="stable")
+    key, sorted_values = key[order], values[inside][order]
+    cells, first, count = np.unique(key, return_index=True, return_counts=True)
+    full = count >= LEAST
+    medians = np.array(
+        [np.median(sorted_values[a : a + n]) for a, n in zip(first[full], count[full], strict=True)]
+    )
+    return cells[full] // CELLS, cells[full] % CELLS, medians

@@ -1,0 +1,100 @@
+"""Whether what is left is white, goes with an input, and is spread as noise is."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from markupsafe import Markup
+from scipy.stats import norm
+
+from sklearn_pgnn.inspection.residual_display import ResidualDisplay
+from sklearn_pgnn.inspection.svg import Plot, Scale
+
+#: bins of the histogram, and how far it reaches in standard deviations
+BINS, REACH = 41, 4.0
+
+
+@dataclass(frozen=True)
+class ResidualTest:
+    """A picture of the residuals of an output.
+
+    Parameters
+    ----------
+    title, x_label : str
+        What it shows over what.
+    plot : Markup
+        The picture.
+    """
+
+    title: str
+    x_label: str
+    plot: Markup
+
+
+def residual_tests(diagnosis, formula=None) -> dict[str, list[ResidualTest]]:
+    """Return by output the autocorrelation, the correlation with every input, and the histogram.
+
+    Parameters
+    ----------
+    diagnosis : ModelDiagnosis
+        A fitted diagnosis.
+    formula : FoundFormula, optional
+        The formula for what has no name: then of the model with it.
+
+    Returns
+    -------
+    dict of str to list of ResidualTest
+        Of the residuals over windows.
+    """
+    records = diagnosis.records_
+    windows = records.windows
+    left = (records.fits["extended"] if formula is None else formula.windows).residual
+    rows = [slice(a, a + n) for a, n in zip(windows.starts, windows.lengths, strict=True)]
+    lags = int(min(25, np.median(windows.lengths) // 3))
+    inputs = {n: [windows.u[r, i] for r in rows] for i, n in enumerate(diagnosis.model.inputs)}
+    found = {}
+    for column, output in enumerate(diagnosis.model.outputs):
+        residuals = [left[r, column] for r in rows]
+        display = ResidualDisplay(residuals, inputs, output=output, n_lags=lags)
+        found[output] = _tests(display, np.concatenate(residuals), output)
+    return found
+
+
+def _tests(display: ResidualDisplay, residual, output: str) -> list[ResidualTest]:
+    title = f"autocorrelation of what is left of {output}"
+    auto = _stems(display, display.autocorrelation_, title, display.lags_[display.lags_ > 0])
+    later = "by how many samples it comes later"
+    tests = [ResidualTest("With itself", later, auto)]
+    for name, values in display.cross_correlation_.items():
+        title = f"correlation of what is left of {output} with {name}"
+        plot = _stems(display, values, title, display.lags_)
+        tests.append(ResidualTest(f"With {name}", later, plot))
+    return [
+        *tests,
+        ResidualTest("Histogram", "in standard deviations", _histogram(residual, output)),
+    ]
+
+
+def _stems(display: ResidualDisplay, values, label: str, lags) -> Markup:
+    values = values[np.isin(display.lags_, lags)]
+    reach = 1.1 * max(float(np.max(np.abs(values), initial=0.0)), 2.0 * display.band_)
+    plot = Plot(Scale.over(lags, room=0.02), Scale(-reach, reach), label, "low small")
+    plot.band(-display.band_, display.band_, "noise-band", "white noise stays within")
+    plot.stems(lags, values, "extended")
+    return plot.html()
+
+
+def _histogram(residual, output: str) -> Markup:
+    known = residual[np.isfinite(residual)]
+    scaled = (known - np.mean(known)) / (np.std(known) or 1.0)
+    edges = np.linspace(-REACH, REACH, BINS + 1)
+    density, _ = np.histogram(np.clip(scaled, -REACH, REACH), edges, density=True)
+    x = np.linspace(-REACH, REACH, 201)
+    plot = Plot(
+        Scale(-REACH, REACH),
+        Scale(0.0, 1.05 * max(density.max(), 0.4)),
+        f"histogram of what is left of {output}, and the normal distribution",
+        "low small",
+    )
+    plot.line(np.repeat(edges, 2)[1:-1], np.repeat(density, 2), "extended", "what is left")
+    plot.line(x, norm.pdf(x), "measured", "normal distribution")
+    return plot.html()

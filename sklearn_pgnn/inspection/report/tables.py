@@ -1,0 +1,39 @@
+"""The errors of a report in rows: in the output's unit, and in units of the noise."""
+
+from sklearn_pgnn.inspection.words import free_run_error, number, times, typeset_unit
+from sklearn_pgnn.inspection.yardstick import ratio
+
+MODELS = ("prior", "refitted", "extended")
+
+
+def error_rows(diagnosis) -> list[dict]:
+    """Return the errors over held-out windows and in free run, output by output.
+
+    Parameters
+    ----------
+    diagnosis : ModelDiagnosis
+        A fitted diagnosis.
+
+    Returns
+    -------
+    list of dict
+        Plain text by the template's variable: two rows an output.
+    """
+    rows = []
+    for output, gain in diagnosis.gain_.items():
+        for how, errors in (("held-out windows", gain), ("free run", diagnosis.free_run_[output])):
+            rows.append(
+                {
+                    "output": output,
+                    "how": how,
+                    "errors": [_error(getattr(errors, which), gain.noise) for which in MODELS],
+                    "noise": number(gain.noise, 3),
+                    "unit": typeset_unit(diagnosis.model.unit(output)) or "-",
+                }
+            )
+    return rows
+
+
+def _error(error: float, noise: float) -> dict:
+    said = times(ratio(error, noise))
+    return {"value": free_run_error(error), "times": "" if said == "runs away" else said}
