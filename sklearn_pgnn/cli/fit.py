@@ -7,7 +7,7 @@ from sklearn_pgnn.cli.choices import read_noise, split
 from sklearn_pgnn.cli.guard import one_line
 from sklearn_pgnn.cli.output import as_strict_json
 from sklearn_pgnn.cli.records import read_model_and_records
-from sklearn_pgnn.cli.tables import cell, heading, print_table, say, screen, table
+from sklearn_pgnn.cli.tables import cell, change, heading, print_table, say, screen, table
 from sklearn_pgnn.estimation.plain_data import plain
 from sklearn_pgnn.estimators import PhysicsModelRegressor
 from sklearn_pgnn.exceptions import OptionError
@@ -105,8 +105,7 @@ class FitJob:
         for name, found in self.regressor.parameters_.items():
             prior = self.prior.parameters[name].value
             now = measured(found.value, found.low, found.high, found.unit)
-            change = f"{100 * (found.value / prior - 1):+.1f} %" if prior else ""
-            rows.add_row(cell(name), number(prior), cell(now), change)
+            rows.add_row(cell(name), number(prior), cell(now), change(found.value, prior))
         return rows
 
 

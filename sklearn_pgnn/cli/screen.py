@@ -5,7 +5,16 @@ from pathlib import Path
 from rich.text import Text
 
 from sklearn_pgnn.cli.guard import one_line
-from sklearn_pgnn.cli.tables import cell, heading, print_table, print_trimmed, say, screen, table
+from sklearn_pgnn.cli.tables import (
+    cell,
+    change,
+    heading,
+    print_table,
+    print_trimmed,
+    say,
+    screen,
+    table,
+)
 from sklearn_pgnn.inspection.words import (
     VERDICTS,
     cause_name,
@@ -122,9 +131,8 @@ def _tell_parameters(console, parameters) -> None:
     heading(console, "Parameters changed (95 % interval)")
     rows = table("", "as given", "re-tuned", "change")
     for name, p in changed.items():
-        change = f"{100 * (p.value / p.prior - 1):+.1f} %" if p.prior else ""
         now = measured(p.value, p.low, p.high, p.unit)
-        rows.add_row(cell(name), number(p.prior), cell(now), change)
+        rows.add_row(cell(name), number(p.prior), cell(now), change(p.value, p.prior))
     print_table(console, rows)
 
 

@@ -48,6 +48,32 @@ def cell(text: object) -> Text:
     return Text(one_line(text))
 
 
+def change(value: float, prior: float) -> str:
+    """Return a change in percent; a small one is not rounded to nothing, nothing from zero.
+
+    Parameters
+    ----------
+    value, prior : float
+        A number now and before.
+
+    Returns
+    -------
+    str
+        The change with its sign.
+
+    Examples
+    --------
+    >>> change(2.1, 2.0), change(1.9998, 2.0), change(2.0, 2.0), change(1.0, 0.0)
+    ('+5.0 %', '-0.01 %', '0 %', '')
+    """
+    if not prior:
+        return ""
+    percent = 100 * (value / prior - 1)
+    if not percent:
+        return "0 %"
+    return f"{percent:+.1f} %" if abs(percent) >= 0.1 else f"{percent:+.1g} %"
+
+
 def print_trimmed(console: Console, what) -> None:
     """Print without blanks at the ends of lines."""
     with console.capture() as captured:

@@ -106,13 +106,20 @@ def _run(estimator, X, records) -> tuple[np.ndarray, ...]:
 
 
 def _model_of(estimator) -> PhysicsModel:
-    model = estimator if isinstance(estimator, PhysicsModel) else getattr(estimator, "model", None)
-    if not isinstance(model, PhysicsModel):
-        raise ValueError(
-            f"estimator: expected a PhysicsModel or an estimator with one as its model, got "
-            f"{type(estimator).__name__}."
-        )
-    return model
+    """Return the model of an estimator, of a step of a pipeline, or of what a search has found."""
+    for part in _parts(estimator):
+        model = part if isinstance(part, PhysicsModel) else getattr(part, "model", None)
+        if isinstance(model, PhysicsModel):
+            return model
+    raise ValueError(
+        f"estimator: expected a PhysicsModel, or an estimator or pipeline with one as its model, "
+        f"got {type(estimator).__name__}."
+    )
+
+
+def _parts(estimator) -> list:
+    found = getattr(estimator, "best_estimator_", estimator)
+    return [found, *getattr(found, "named_steps", {}).values()]
 
 
 def _name_of(estimator) -> str:

@@ -4,6 +4,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from rough_sledge import rough_sledge
+from sklearn.model_selection import GridSearchCV
+from sklearn.pipeline import make_pipeline
 from sledge import SLEDGE
 
 from sklearn_pgnn import PhysicsModelRegressor
@@ -97,6 +99,15 @@ def test_several_models_and_estimators_are_compared_on_new_records():
     assert list(display.fits_) == ["on paper", "diagnosed"]
     assert display.fits_["diagnosed"] > display.fits_["on paper"]
     assert display.t.size == 500
+
+
+def test_a_pipeline_and_a_search_are_run_as_their_model():
+    _, X, y = rough_sledge()
+    pipeline = make_pipeline(PhysicsModelRegressor(SLEDGE)).fit(X, y)
+    search = GridSearchCV(PhysicsModelRegressor(SLEDGE), {"search": ["local"]}, cv=2).fit(X, y)
+    several = {"pipeline": pipeline, "search": search}
+    display = SimulationDisplay.from_estimator(several, X, y)
+    assert display.fits_["pipeline"] == pytest.approx(display.fits_["search"], abs=0.1)
 
 
 def test_what_cannot_be_simulated_is_refused():
