@@ -1,0 +1,176 @@
+"""The command ``sklearn-pgnn export``: a model file in the language of another tool."""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import click
+
+from sklearn_pgnn.cli.completion import FILE
+from sklearn_pgnn.cli.guard import guarded, one_line, writing
+from sklearn_pgnn.cli.options import force_option, quiet_options
+from sklearn_pgnn.cli.progress import show_progress
+
+#: the targets, and the options that each takes besides the name
+TARGETS = {
+    "c": ("interval", "substeps", "precision", "parameters"),
+    "fmu": ("interval", "substeps", "fmi", "compiler"),
+    "modelica": ("friction_width",),
+}
+#: the options that a target cannot do without
+NEEDED = {"c": ("interval",), "fmu": ("interval",), "modelica": ()}
+
+
+@click.command()
+@click.option("--model", required=True, metavar="MODEL.yaml", type=FILE, help="The model file.")
+@click.option(
+    "--to",
+    "target",
+    required=True,
+    type=click.Choice([*TARGETS]),
+    help="One file of C99, a unit for co-simulation (FMU), or text of Modelica.",
+)
+@click.option("--output", required=True, metavar="FILE", type=FILE, help="Where it goes.")
+@click.option(
+    "--interval",
+    type=click.FloatRange(min=0, min_open=True),
+    metavar="S",
+    help="c, fmu: time from sample to sample [s].",
+)
+@click.option("--name", help="What all names in the file begin with; by default the model's name.")
+@click.option(
+    "--substeps",
+    type=click.IntRange(min=1),
+    metavar="N",
+    help="c, fmu: integration steps from sample to sample; by default as the model file says.",
+)
+@click.option(
+    "--precision",
+    type=click.Choice(["double", "single"]),
+    help="c: of all numbers; by default double.",
+)
+@click.option(
+    "--parameters",
+    type=click.Choice(["constants", "struct"]),
+    help="c: in the equations, or in a struct that may change; by default constants.",
+)
+@click.option("--fmi", type=click.Choice(["2", "3"]), help="fmu: version of FMI; by default 2.")
+@click.option(
+    "--compiler",
+    metavar="CC",
+    help="fmu: makes the binary, or none for source only; by default gcc.",
+)
+@click.option(
+    "--friction-width",
+    type=click.FloatRange(min=0, min_open=True),
+    metavar="SPEED",
+    help="modelica: speed over which the jump of dry friction is rounded off.",
+)
+@force_option
+@quiet_options
+def export(model, target, output, name, force, quiet, debug, **options):
+    """Write a model file in the language of another tool.
+
+    The C file and the unit do what the simulation does, friction that sticks and delays included.
+    """
+    with guarded(debug):
+        with show_progress(quiet) as progress:
+            progress("loading the libraries")
+            from sklearn_pgnn.cli.output import refuse_existing
+            from sklearn_pgnn.physics import PhysicsModel
+
+            given = check_options(target, options)
+            refuse_existing(output, force=force)
+            progress("writing")
+            write = writer_of(target)
+            _replace(
+                Path(output),
+                lambda path: write(PhysicsModel.from_yaml(model), path, name=name, **given),
+            )
+        if not quiet:
+            click.echo(f"Written: {one_line(output)}.")
+
+
+def check_options(target: str, options: dict) -> dict:
+    """Return the options that were given, if the target takes them and has all it needs.
+
+    Parameters
+    ----------
+    target : str
+        One of `TARGETS`.
+    options : dict
+        By name; None where none was given.
+
+    Returns
+    -------
+    dict
+        Those of the target.
+
+    Raises
+    ------
+    OptionError
+        If one is needed or is none of the target's.
+
+    Examples
+    --------
+    >>> check_options("c", {"interval": 0.01, "fmi": None})
+    {'interval': 0.01}
+    """
+    from sklearn_pgnn.exceptions import OptionError
+
+    given = {name: value for name, value in options.items() if value is not None}
+    strange = [name for name in given if name not in TARGETS[target]]
+    missing = [name for name in NEEDED[target] if name not in given]
+    if strange:
+        takes = ", ".join(map(_flag, TARGETS[target]))
+        raise OptionError(f"{_flag(strange[0])}: --to {target} takes {takes}, not this.")
+    if missing:
+        raise OptionError(
+            f"{_flag(missing[0])}: --to {target} needs it. Remedy: {_flag(missing[0])} 0.01 for a "
+            f"hundred samples a second."
+        )
+    return given
+
+
+def writer_of(target: str) -> Callable:
+    """Return what writes a model to a path.
+
+    Parameters
+    ----------
+    target : str
+        One of `TARGETS`.
+
+    Returns
+    -------
+    callable
+        Called as ``write(model, path, **options)``.
+    """
+    from sklearn_pgnn import export as room
+
+    texts = {"c": room.to_c, "modelica": room.to_modelica}
+
+    def write_text(model, path, **options):
+        path.write_text(texts[target](model, **options), encoding="utf-8", newline="\n")
+
+    def write_unit(model, path, fmi="2", compiler="gcc", **options):
+        compiler = None if compiler == "none" else compiler
+        room.to_fmu(model, path, fmi=int(fmi), compiler=compiler, **options)
+
+    return write_text if target in texts else write_unit
+
+
+def _flag(name: str) -> str:
+    return f"--{name.replace('_', '-')}"
+
+
+def _replace(path: Path, write: Callable[[Path], None]) -> None:
+    """Write a file whole or not at all."""
+    from sklearn_pgnn.cli.signals import held
+
+    beside = path.with_name(f".{path.name}.{os.getpid()}")
+    with held(), writing(path):
+        try:
+            write(beside)
+            os.replace(beside, path)
+        finally:
+            beside.unlink(missing_ok=True)
