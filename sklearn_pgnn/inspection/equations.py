@@ -1,22 +1,30 @@
-"""Equations before and after, as MathML and as text."""
+"""Equations before and after, as MathML and as text, with the numbers of their symbols."""
 
 from dataclasses import dataclass
 
 import sympy
-from sympy.printing.mathml import MathMLPresentationPrinter
 
-from sklearn_pgnn.physics.expressions import symbol, to_text
+from sklearn_pgnn.inspection.mathml import cases_mathml, equation_mathml, mathml_of
+from sklearn_pgnn.inspection.words import number, typeset_unit
+from sklearn_pgnn.physics.expressions import TIME, symbol, to_text
 from sklearn_pgnn.physics.model import PhysicsModel
 
-#: beyond so many operations an equation is shown as text only
-MAX_OPERATIONS = 400
-#: characters, as text, beyond which a sum may be broken between its terms
-LINE = 60
-#: characters, as text, that fit a printed page; what is longer and cannot be broken gets smaller
-PAGE = 80
-_MINUS, _DOT = "<mo>&#x2212;</mo>", "<mo>&#xB7;</mo>"
-_OPEN, _CLOSE = '<mo stretchy="false">(</mo>', '<mo stretchy="false">)</mo>'
-_RATE = '<mo stretchy="false" class="rate">&#x2D9;</mo>'
+
+@dataclass(frozen=True)
+class Number:
+    """A parameter of an equation.
+
+    Parameters
+    ----------
+    mathml, value : str
+        Its symbol, and its value with its unit.
+    is_new : bool
+        Whether the other model has it not.
+    """
+
+    mathml: str
+    value: str
+    is_new: bool
 
 
 @dataclass(frozen=True)
@@ -28,18 +36,24 @@ class Equation:
     text : str
         As text.
     mathml : str
-        As MathML, in pieces between which a line may break; empty where it would be too large to
-        read.
+        As MathML, in pieces between which a line may break, what the other model has not marked;
+        empty where it would be too large to read.
     changed : bool
         Whether the other model has it otherwise.
+    cases : str, default=""
+        What the other model has not, case by case, as MathML; empty where it has no cases.
+    numbers : tuple of Number, default=()
+        The parameters in it.
     """
 
     text: str
     mathml: str
     changed: bool
+    cases: str = ""
+    numbers: tuple[Number, ...] = ()
 
 
-def equations_of(model: PhysicsModel, other: PhysicsModel) -> list[Equation]:
+def equations_of(model: PhysicsModel, other: PhysicsModel, *, marks: bool = True) -> list[Equation]:
     """Write a model's equations, delays and those outputs that differ from another model's.
 
     Parameters
@@ -48,6 +62,8 @@ def equations_of(model: PhysicsModel, other: PhysicsModel) -> list[Equation]:
         The model.
     other : PhysicsModel
         The model it is compared with.
+    marks : bool, default=True
+        Whether what the other model has not is marked.
 
     Returns
     -------
@@ -60,17 +76,18 @@ def equations_of(model: PhysicsModel, other: PhysicsModel) -> list[Equation]:
     >>> [equation.text for equation in equations_of(lag, lag)]
     ["y' = -y/T"]
     """
+    writer = _Writer(model, other, marks)
     rates = [
-        _equation(
+        writer.equation(
             f"{state}'",
             sympy.Derivative(symbol(state), symbol("t")),
             rate,
-            other.equations.get(state) != rate,
+            other.equations.get(state),
         )
         for state, rate in model.equations.items()
     ]
     outputs = [
-        _equation(output, symbol(output), shown, True)
+        writer.equation(output, symbol(output), shown, other.outputs.get(output))
         for output, shown in model.outputs.items()
         if other.outputs.get(output) != shown
     ]
@@ -81,62 +98,36 @@ def equations_of(model: PhysicsModel, other: PhysicsModel) -> list[Equation]:
     return rates + outputs + delays
 
 
-def mathml_of(expression) -> str:
-    """Return an expression as MathML.
+@dataclass(frozen=True)
+class _Writer:
+    model: PhysicsModel
+    other: PhysicsModel
+    marks: bool
 
-    Parameters
-    ----------
-    expression : sympy.Expr
-        The expression.
+    @property
+    def moving(self) -> frozenset[sympy.Symbol]:
+        """States, inputs and the time."""
+        return frozenset({*map(symbol, (*self.model.states, *self.model.inputs)), TIME})
 
-    Returns
-    -------
-    str
-        The MathML text.
-    """
-    return _math(_part(MathMLPresentationPrinter({"mul_symbol": "dot"}), expression), expression)
+    def equation(self, name: str, left, right, before) -> Equation:
+        """Write an equation against what its right side is in the other model, if it has it."""
+        known = before if self.marks else None
+        return Equation(
+            f"{name} = {to_text(right)}",
+            equation_mathml(left, right, known, self.moving),
+            right != before,
+            cases_mathml(right, known, self.moving),
+            self._numbers(right),
+        )
 
-
-def _equation(name: str, left, right, changed: bool) -> Equation:
-    return Equation(f"{name} = {to_text(right)}", _mathml(left, right), changed)
-
-
-def _mathml(left, right) -> str:
-    if right.count_ops() > MAX_OPERATIONS:
-        return ""
-    printer = MathMLPresentationPrinter({"mul_symbol": "dot"})
-    said = f"{_part(printer, left)}<mo>=</mo>"
-    above, below = sympy.fraction(right)
-    terms = above.as_ordered_terms()
-    if len(to_text(right)) <= LINE or len(terms) == 1:
-        return _math(said + _part(printer, right), right)
-    if below != 1:
-        said += f"<mfrac><mn>1</mn>{_part(printer, below)}</mfrac>{_DOT}{_OPEN}"
-    signed = [_signed(printer, term, first=term is terms[0]) for term in terms]
-    pieces = [said + signed[0], *signed[1:]]
-    pieces[-1] += _CLOSE if below != 1 else ""
-    return " ".join(_math(piece, term) for piece, term in zip(pieces, terms, strict=True))
-
-
-def _math(body: str, expression) -> str:
-    """Wrap MathML; an equation wider than a page carries its scale, for print."""
-    body = body.replace("<mo>-</mo>", _MINUS).replace("<mn>-", "<mn>&#x2212;")
-    size = len(to_text(expression)) / PAGE
-    style = f' style="--pages: {size:.2f}"' if size > 1 else ""
-    return f'<math displaystyle="true"{style}><mrow>{body}</mrow></math>'
-
-
-def _signed(printer, term, *, first: bool) -> str:
-    """Write a term of a sum with the sign before it."""
-    minus = term.could_extract_minus_sign()
-    if first:
-        return _part(printer, term)
-    sign = "&#x2212;" if minus else "+"
-    return f'<mo form="infix">{sign}</mo>{_part(printer, -term if minus else term)}'
-
-
-def _part(printer, expression) -> str:
-    if isinstance(expression, sympy.Derivative):
-        return f'<mover accent="true">{_part(printer, expression.expr)}{_RATE}</mover>'
-    # as a function of its own an exponential is not pressed into a fraction
-    return printer._print(expression.replace(sympy.exp, sympy.Function("exp"))).toxml()
+    def _numbers(self, right) -> tuple[Number, ...]:
+        known = self.model.parameters
+        names = sorted(str(s) for s in right.free_symbols if str(s) in known)
+        return tuple(
+            Number(
+                mathml_of(symbol(name)),
+                f"{number(known[name].value)} {typeset_unit(known[name].unit)}".rstrip(),
+                name not in self.other.parameters,
+            )
+            for name in names
+        )

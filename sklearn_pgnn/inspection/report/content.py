@@ -122,6 +122,6 @@ def _equation_blocks(diagnosis):
     elif not diagnosis.causes_:
         return [("Unchanged", equations_of(prior, prior), False)]
     return [
-        ("Before", equations_of(prior, extended), False),
+        ("Before", equations_of(prior, extended, marks=False), False),
         ("After", equations_of(extended, prior), True),
     ]

@@ -9,7 +9,7 @@ import sympy
 from sklearn_pgnn.diagnosis.model_diagnosis import ModelDiagnosis
 from sklearn_pgnn.estimation.fitted_records import DiagnosisRecords, FittedWindows
 from sklearn_pgnn.inspection.balance import Samples
-from sklearn_pgnn.inspection.equations import mathml_of
+from sklearn_pgnn.inspection.mathml import mathml_of
 from sklearn_pgnn.inspection.words import (
     listed,
     measured,
@@ -21,7 +21,7 @@ from sklearn_pgnn.inspection.words import (
 )
 from sklearn_pgnn.inspection.yardstick import formula_error
 from sklearn_pgnn.physics.effects.rates import force_unit
-from sklearn_pgnn.physics.expressions import parse_expression, symbol, to_text
+from sklearn_pgnn.physics.expressions import TIME, parse_expression, symbol, to_text
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.uncertainty import Estimate, estimate_of, standard_errors
 from sklearn_pgnn.simulation.window_fit import ParameterPrior, WindowFit, fit_windows
@@ -135,6 +135,11 @@ class FoundFormula:
         return found
 
     @property
+    def moving(self) -> set[sympy.Symbol]:
+        """States, inputs and the time."""
+        return {*map(symbol, (*self.model.states, *self.model.inputs)), TIME}
+
+    @property
     def expression(self) -> sympy.Expr:
         """The terms with the names of their coefficients."""
         return sympy.Add(*(symbol(term.name) * term.expression for term in self.terms))
@@ -174,12 +179,12 @@ def told_formula(formula: FoundFormula) -> dict:
         "unit": typeset_unit(formula.unit) or "-",
         "force": typeset_unit(formula.force),
         "inertia": to_text(formula.model.inertia[part.target]) if formula.force else "",
-        "mathml": mathml_of(formula.expression),
+        "mathml": mathml_of(formula.expression, formula.moving),
         "text": to_text(formula.expression),
         "terms": [
             {
                 "name": term.name,
-                "mathml": mathml_of(term.expression),
+                "mathml": mathml_of(term.expression, formula.moving),
                 "value": measured(
                     term.coefficient.value,
                     term.coefficient.low,
