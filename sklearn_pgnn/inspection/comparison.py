@@ -105,6 +105,9 @@ class DiagnosisComparison:
         count = len(self.differences)
         return f"{one} and {other} differ in {count} {'thing' if count == 1 else 'things'}."
 
+    def __repr__(self):
+        return f"<DiagnosisComparison: {self.summary}>"
+
     def to_text(self) -> str:
         """Return the comparison as plain text."""
         parts = [self.summary, *(f"  {sentence}" for sentence in self.differences)]

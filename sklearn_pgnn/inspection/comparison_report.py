@@ -1,13 +1,13 @@
 """The report of a comparison: one HTML file that loads nothing else."""
 
-import base64
 import math
 from html import escape
 
 import numpy as np
 
-from sklearn_pgnn.inspection.comparison import DiagnosisComparison, Table
-from sklearn_pgnn.inspection.style import COLOURS, new_figure, plain, tidy, to_png
+from sklearn_pgnn.inspection.comparison import DiagnosisComparison, Quantity, Table
+from sklearn_pgnn.inspection.svg import Scale, dot, scale_text, strip, whisker
+from sklearn_pgnn.inspection.words import number
 
 _STYLE = """
 :root { color-scheme: light dark; }
@@ -18,7 +18,12 @@ table { border-collapse: collapse; }
 th, td { text-align: left; padding: 0.25rem 1rem 0.25rem 0; border-bottom: 1px solid #8885;
          vertical-align: top; overflow-wrap: anywhere; min-width: 5rem; }
 .differs td { font-weight: 600; }
-img { width: 48rem; max-width: 100%; min-width: 36rem; height: auto; background: white; }
+.wide, .strip { width: 100%; }
+.strip { height: 1.6rem; overflow: visible; }
+.one { color: #8a8a8a; fill: #8a8a8a; stroke: #8a8a8a; }
+.other { color: #2f7fc7; fill: #2f7fc7; stroke: #2f7fc7; }
+line { stroke-width: 3; }
+.below { font-size: 0.8rem; text-anchor: middle; fill: currentColor; }
 @media print { body { margin: 0; max-width: none; } }
 """
 
@@ -67,38 +72,38 @@ def _picture(comparison: DiagnosisComparison) -> str:
     shared = [q for q in comparison.quantities if q.one and q.other and q.one[0]]
     if not shared:
         return ""
-    figure = new_figure(8.0, 1.1 + 0.4 * len(shared))
-    draw_quantities(figure.subplots(), shared, comparison.names)
-    data = base64.b64encode(to_png(figure)).decode("ascii")
-    alt = escape(f"values in {comparison.names[1]} as a share of those in {comparison.names[0]}")
-    return f'<div class="scroll"><img alt="{alt}" src="data:image/png;base64,{data}"></div>'
+    shares = [share for q in shared for share in _shares(q).values()]
+    scale = Scale.over(*shares)
+    rows = "".join(
+        f'<tr><th scope="row">{escape(q.name)}</th>'
+        f"<td>{_strip(scale, q, comparison.names)}</td></tr>"
+        for q in shared
+    )
+    one, other = map(escape, comparison.names)
+    return (
+        f'<h2>Found by both, in percent of the value in {one}</h2><p class="key">'
+        f'<span class="one">●</span> {one} <span class="other">●</span> {other}, with 95 % '
+        f'intervals</p><table class="wide"><tbody>{rows}<tr><td></td><td>{scale_text(scale)}</td>'
+        f"</tr></tbody></table>"
+    )
 
 
-def draw_quantities(axes, quantities, names) -> None:
-    """Draw what both diagnoses have found, as a share of what the first has.
+def _shares(quantity: Quantity) -> dict[str, np.ndarray]:
+    """Return what each has found in percent of the first, by its class."""
+    both = {"one": quantity.one, "other": quantity.other}
+    if quantity.one is None:
+        return {}
+    whole = quantity.one[0]
+    return {css: 100 * np.array(f) / whole for css, f in both.items() if f is not None}
 
-    Parameters
-    ----------
-    axes : matplotlib.axes.Axes
-        Where to draw.
-    quantities : sequence of Quantity
-        Found by both, the first not zero.
-    names : tuple of str
-        What the two are called.
-    """
-    colours = {"one": COLOURS["points"], "other": COLOURS["extended"]}
-    for k, (which, colour) in enumerate(colours.items()):
-        places = np.arange(len(quantities)) + (k - 0.5) / 4
-        found = [getattr(q, which) for q in quantities]
-        shares = [
-            [100 * x / q.one[0] if math.isfinite(x) else math.nan for x in values]
-            for q, values in zip(quantities, found, strict=True)
-        ]
-        value, low, high = np.array(shares).T
-        axes.plot(value, places, "o", color=colour, label=plain(names[k]))
-        axes.hlines(places, low, high, color=colour, linewidth=2)
-    axes.set_yticks(range(len(quantities)), [plain(q.name) for q in quantities])
-    axes.set_ylim(len(quantities) - 0.5, -0.5)
-    axes.set_xlabel(plain(f"share of the value in {names[0]} [%], with 95 % intervals"))
-    axes.legend(fontsize=8)
-    tidy(axes)
+
+def _strip(scale: Scale, quantity: Quantity, names) -> str:
+    """Return a strip with the value of each, and its interval."""
+    shapes = []
+    for (css, shares), name in zip(_shares(quantity).items(), names, strict=True):
+        value, low, high = scale.place(shares).tolist()
+        text = f"{name}: {number(shares[0])} %"
+        if math.isfinite(high - low):
+            shapes.append(whisker(min(low, high), max(low, high), css, text))
+        shapes.append(dot(value, css, text))
+    return str(strip(quantity.name, shapes))

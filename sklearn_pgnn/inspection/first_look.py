@@ -113,6 +113,10 @@ class FirstLook:
     outputs: tuple[FirstFit, ...]
     warnings: tuple[str, ...]
 
+    def __repr__(self):
+        fits = ", ".join(f"{o.output} {o.fit:.0f} %" for o in self.outputs)
+        return f"<FirstLook at {self.model.name!r}: fit {fits}; warnings: {len(self.warnings)}>"
+
     def to_dict(self) -> dict:
         """Return all but the model as plain data."""
         rows = {n: [asdict(row) for row in getattr(self, n)] for n in _TABLES}

@@ -1,0 +1,58 @@
+"""A first look at a model and records: what is there, and what looks wrong."""
+
+import numpy as np
+import pytest
+from rough_sledge import rough_sledge
+from sledge import NOISE, SLEDGE, drive
+
+from sklearn_pgnn import systems
+from sklearn_pgnn.inspection import first_look
+
+pytestmark = pytest.mark.core
+
+
+def test_a_model_that_fits_has_no_warning():
+    X, y = drive(SLEDGE)
+    look = first_look(SLEDGE, X, y)
+    assert look.warnings == ()
+    assert [record.samples for record in look.records] == [500] * 4
+    assert [record.duration for record in look.records] == pytest.approx([9.98] * 4)
+    (output,) = look.outputs
+    assert output.fit > 99
+    assert NOISE < output.error < 2 * NOISE
+    assert output.noise == pytest.approx(NOISE, rel=0.2)
+    assert repr(look) == "<FirstLook at 'model': fit v 100 %; warnings: 0>"
+
+
+def test_ranges_and_what_is_missing_are_counted():
+    X, y = drive(SLEDGE)
+    y.loc[3:7, "v"] = np.nan
+    force, speed = first_look(SLEDGE, X, y).quantities
+    assert (force.role, force.unit, force.missing) == ("input", "N", 0)
+    assert (force.low, force.high) == (X["F"].min(), X["F"].max())
+    assert (speed.role, speed.missing) == ("output", 5)
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1e-2, 3.6, 100, 1000])
+def test_another_unit_is_recognised_though_the_model_misses_something(scale):
+    _, X, y = rough_sledge()
+    known = scale != 1e-2
+    said = first_look(SLEDGE, X, scale * y).warnings
+    assert any("times what the model simulates" in text for text in said) == known
+
+
+@pytest.mark.parametrize("system", [systems.cart_on_spring, systems.two_tanks])
+def test_a_gain_that_is_no_unit_is_not_taken_for_one(system):
+    model = system()
+    t = np.arange(0, 60, 0.1)
+    u = 3 + np.sin(0.5 * t) + 0.5 * np.sin(1.7 * t)
+    run = model.simulate(t, u, substeps=4).y
+    y = run.mean() + 1.4 * (run - run.mean())
+    assert not any("times what" in text for text in first_look(model, np.c_[t, u], y).warnings)
+
+
+def test_a_run_that_diverges_is_said_so():
+    model = SLEDGE.replace(equations={"v": "F + 1e3*v**3"})
+    X, y = drive(SLEDGE, n_records=1)
+    said = " ".join(first_look(model, X, y).warnings)
+    assert "left the finite numbers" in said
