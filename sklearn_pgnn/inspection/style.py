@@ -1,6 +1,4 @@
-"""Style of the pictures: colours, labels, figures that need no screen."""
-
-from io import BytesIO
+"""Style of the pictures: colours, labels, figures."""
 
 from sklearn_pgnn.inspection.words import typeset_unit
 
@@ -20,14 +18,6 @@ LABELS = {
     "refitted": "model re-tuned",
     "extended": "model extended",
 }
-DPI = 130
-
-
-def new_figure(width: float, height: float):
-    """Return an empty figure of some size [inch] that no window shows, as a file needs it."""
-    from matplotlib.figure import Figure
-
-    return Figure(figsize=(width, height), layout="constrained")
 
 
 def shown_figure(width: float, height: float):
@@ -64,10 +54,3 @@ def plain(text: str) -> str:
     price in \$
     """
     return str(text).replace("$", r"\$")
-
-
-def to_png(figure, dpi: int = DPI) -> bytes:
-    """Draw a figure as PNG."""
-    stream = BytesIO()
-    figure.savefig(stream, format="png", dpi=dpi, metadata={"Software": None})
-    return stream.getvalue()
