@@ -130,7 +130,7 @@ class Machine:
             for what, names in told.items()
             if names
         ]
-        return [*lines, "", *(f"{line}" for line in comment(model.to_text(), lines=True))]
+        return [*lines, "", *comment(model.to_text(), lines=True)]
 
     def written(self, code: Assignments, further: Mapping[str, float] | None = None) -> dict:
         """Return the body of a straight-line function.
