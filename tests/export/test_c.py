@@ -81,7 +81,7 @@ def test_every_effect_of_the_catalogue_is_in_the_c(kind, tmp_path):
 def scales_of(model):
     """Return how large the signals of a model are that is driven by the wave."""
     t, u = wave(2000, 0.3, 1.0)
-    run = model.simulate(t, u)
+    run = model.simulate(t, np.tile(u[:, None], len(model.inputs)))
     signals = dict.fromkeys(model.inputs, u)
     signals |= dict(zip((*model.states, *model.outputs), (*run.x.T, *run.y.T), strict=True))
     typical = {name: float(np.std(values)) for name, values in signals.items()}
