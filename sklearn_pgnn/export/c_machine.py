@@ -74,7 +74,7 @@ class Machine:
         return {
             "n": self.prefix,
             "real": PRECISIONS[self.precision],
-            "title": f"{comment(model.name)}, one sample after the other",
+            "title": comment(model.name),
             "about": self.about(),
             "interval": repr(self.interval),
             "nx": len(model.states),

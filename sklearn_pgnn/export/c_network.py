@@ -62,7 +62,7 @@ def network_content(network, interval, *, precision: str, name: str | None) -> d
     terms = _terms(machine, step)
     uses_time = content["uses_time"] or bool(terms and "t" not in terms["unused"])
     further = {
-        "title": content["title"].replace("one sample", "a network in feedback, one sample"),
+        "title": f"{content['title']}, a network in feedback",
         "steps_model": needs,
         "keeps_side": False,
         "terms": terms,
