@@ -104,6 +104,17 @@ def _rounded(value: float, places: int) -> str:
     return f"{round(value, places):.{max(places, 0)}f}"
 
 
+def readable(formula: str) -> str:
+    """Write an expression as it is read: raised powers, dots for products.
+
+    Examples
+    --------
+    >>> readable("-0.2005*F**2*v"), readable("x**-0.5")
+    ('-0.2005·F²·v', 'x**-0.5')
+    """
+    return re.sub(r"(?<!\*)\*(?!\*)", "·", typeset_unit(formula))
+
+
 def typeset_unit(unit: str) -> str:
     """Write the powers of a unit as superscripts.
 
@@ -384,9 +395,10 @@ def _described(diagnosis) -> str:
         if part.quantities
         else ""
     )
+    left = times(formula_error(diagnosis))
     return (
-        f"Something is missing in {missing_place(diagnosis, part)}. {on}With {part.formula} added "
-        f"there the model leaves {times(formula_error(diagnosis))} the noise."
+        f"Something is missing in {missing_place(diagnosis, part)}. {on}With "
+        f"{readable(part.formula)} added there the model leaves {left} the noise."
     )
 
 

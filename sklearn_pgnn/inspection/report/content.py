@@ -16,6 +16,7 @@ from sklearn_pgnn.inspection.report.next_step import next_step
 from sklearn_pgnn.inspection.report.provenance import Provenance
 from sklearn_pgnn.inspection.report.residual_maps import residual_maps
 from sklearn_pgnn.inspection.report.residual_tests import residual_tests
+from sklearn_pgnn.inspection.report.smallest import smallest_rows
 from sklearn_pgnn.inspection.report.tables import error_rows
 from sklearn_pgnn.inspection.report.tiles import make_tiles, worst
 from sklearn_pgnn.inspection.report.who_did_what import segments_of_bar
@@ -30,13 +31,15 @@ from sklearn_pgnn.inspection.words import (
 from sklearn_pgnn.inspection.yardstick import together
 
 
-def report_content(diagnosis, provenance: Provenance) -> dict:
+def report_content(diagnosis, provenance: Provenance, detectability=None) -> dict:
     """Return the content of the report: plain text and pictures by the template's variable."""
     return {
         **_top(diagnosis),
         **_source(diagnosis, provenance),
         **_story(diagnosis),
         **_appendix(diagnosis),
+        "smallest": smallest_rows(detectability),
+        "power": "" if detectability is None else f"{100 * detectability.power:.0f}",
     }
 
 

@@ -100,6 +100,8 @@ def _alternatives(cause) -> str:
 
 def _unexplained(diagnosis) -> str:
     part = diagnosis.discrepancy_
+    if not diagnosis.complete_:
+        return "something is missing, and the search ended before it was found"
     if part is None:
         return "something is missing that no known effect explains"
     return f"something unknown is missing in {missing_place(diagnosis, part)}"

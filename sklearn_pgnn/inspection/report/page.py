@@ -10,6 +10,7 @@ from pathlib import Path
 
 from sklearn.utils.validation import check_is_fitted
 
+from sklearn_pgnn.experiment_design.detectability import Detectability
 from sklearn_pgnn.inspection.report.content import report_content
 from sklearn_pgnn.inspection.report.provenance import Provenance
 
@@ -18,7 +19,12 @@ TEMPLATES = "templates"
 MINUS = re.compile(r"(?<![\w)\]])-(?=[\d.])")
 
 
-def write_report(diagnosis, path, provenance: Provenance | None = None) -> None:
+def write_report(
+    diagnosis,
+    path,
+    provenance: Provenance | None = None,
+    detectability: Detectability | None = None,
+) -> None:
     """Write the report of a diagnosis.
 
     The file contains its pictures and styles and loads nothing else. It is written whole or
@@ -32,12 +38,19 @@ def write_report(diagnosis, path, provenance: Provenance | None = None) -> None:
         Where to write.
     provenance : Provenance, optional
         Files, command and day, to be stated.
+    detectability : Detectability, optional
+        What the records can show, see `ModelDiagnosis.detectability`: where nothing was named, the
+        report tells what is at most hidden.
     """
     check_is_fitted(diagnosis)
-    _write_whole(Path(path), render_report(diagnosis, provenance))
+    _write_whole(Path(path), render_report(diagnosis, provenance, detectability))
 
 
-def render_report(diagnosis, provenance: Provenance | None = None) -> str:
+def render_report(
+    diagnosis,
+    provenance: Provenance | None = None,
+    detectability: Detectability | None = None,
+) -> str:
     """Return the report as HTML.
 
     Parameters
@@ -47,6 +60,8 @@ def render_report(diagnosis, provenance: Provenance | None = None) -> str:
     provenance : Provenance, optional
         Files, command and day, to be stated; the same report is written again from the same
         diagnosis if the day is told.
+    detectability : Detectability, optional
+        What the records can show, for a report of a model that is adequate.
 
     Returns
     -------
@@ -65,7 +80,7 @@ def render_report(diagnosis, provenance: Provenance | None = None) -> str:
     )
     room.filters["capitalize_first"] = lambda text: text[:1].upper() + text[1:]
     room.filters["as_it_is"] = _as_it_is
-    content = report_content(diagnosis, provenance or Provenance())
+    content = report_content(diagnosis, provenance or Provenance(), detectability)
     style = _source("style.css")
     digest = base64.b64encode(hashlib.sha256(style.encode()).digest()).decode()
     return room.get_template("report.html.j2").render(**content, style=style, digest=digest)

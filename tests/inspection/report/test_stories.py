@@ -10,7 +10,7 @@ from sklearn_pgnn.inspection.report.formula import FoundFormula
 from sklearn_pgnn.inspection.report.members import members_of
 from sklearn_pgnn.inspection.report.residual_maps import residual_maps, telling_quantities
 
-pytestmark = pytest.mark.core
+pytestmark = [pytest.mark.core, pytest.mark.filterwarnings("ignore:.*the term:UserWarning")]
 
 
 def html(name):
@@ -78,3 +78,12 @@ def test_a_map_shows_where_a_hidden_catch_acts():
     maps = residual_maps(diagnosis, None)
     assert maps[0].title == "Force that is missing on v"
     assert "missing on v" in render_report(diagnosis)
+
+
+def test_an_adequate_model_says_what_may_still_be_hidden():
+    diagnosis = situation("adequate")
+    table = diagnosis.detectability([effects.InputDeadZone], n_repeats=40)
+    text = render_report(diagnosis, detectability=table)
+    assert f"width {table.rows[0].smallest:.2g} N" in text
+    assert "sklearn-pgnn detect" in html("adequate")
+    assert "would have shown" not in html("named")

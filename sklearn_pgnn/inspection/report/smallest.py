@@ -1,0 +1,35 @@
+"""How small an effect these records would have shown, where nothing was named."""
+
+from sklearn_pgnn.inspection.words import cause_name, number, typeset_unit
+
+
+def smallest_rows(detectability) -> list[dict]:
+    """Return the smallest size of every effect that would have been named.
+
+    Parameters
+    ----------
+    detectability : Detectability or None
+        What the records can show; None where it was not asked.
+
+    Returns
+    -------
+    list of dict
+        Plain text by the template's variable.
+    """
+    if detectability is None:
+        return []
+    return [
+        {
+            "name": cause_name(row.effect, row.target),
+            "size": _size(row),
+            "reason": row.reason,
+        }
+        for row in detectability.rows
+    ]
+
+
+def _size(row) -> str:
+    if not row.smallest > 0:
+        return ""
+    unit = typeset_unit(row.unit)
+    return f"{row.parameter.replace('_', ' ')} {number(row.smallest, 2)} {unit}".rstrip()
