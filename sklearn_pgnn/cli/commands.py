@@ -142,8 +142,11 @@ def compare(one, other, output, force, as_json, opens, quiet, debug):
         with show_progress(quiet) as progress:
             progress("loading the libraries")
             from sklearn_pgnn.cli.compare import tell_comparison, write_comparison
+            from sklearn_pgnn.exceptions import OptionError
             from sklearn_pgnn.inspection import compare as compare_diagnoses
 
+            if opens and output is None:
+                raise OptionError("--open: expected a report to open. Remedy: name it (--output).")
             found = compare_diagnoses(one, other)
             if output is not None:
                 write_comparison(found, output, force=force, opens=opens)

@@ -124,6 +124,7 @@ def test_folders_are_compared_on_the_command_line(before, after, tmp_path):
     assert "Error on held-out windows" in result.stdout
     assert out.exists()
     assert CliRunner().invoke(main, [*args, "--output", str(out)]).exit_code == 2
+    assert "name it (--output)" in CliRunner().invoke(main, [*args, "--open"]).stderr
     data = json.loads(CliRunner().invoke(main, [*args, "--json"]).stdout)
     assert data["names"] == ["old", "new"]
     assert len(data["differences"]) == 2
