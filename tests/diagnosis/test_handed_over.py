@@ -193,8 +193,8 @@ def test_the_report_and_the_terminal_state_the_number(one_record, capsys):
 
     diagnosis = one_record[2]
     stated = f"{diagnosis.free_run_['position'].extended:.3g}"
-    row = re.search(r"<th>Free run</th>.*?</table>", render_report(diagnosis), re.DOTALL)
-    assert f"<b>{stated}</b>" in row.group()
+    row = re.search(r"<td>free run</td>.*?</tr>", render_report(diagnosis), re.DOTALL)
+    assert f">{stated} <b>" in row.group()
     tell(diagnosis, Path("out"), quiet=False)
     said = capsys.readouterr().out
     assert "Error in free run, every record from its own start" in said
