@@ -170,7 +170,7 @@ def test_the_report_shows_it(friction_that_grows_with_the_deflection, tmp_path):
     diagnosis.to_html(tmp_path / "report.html")
     text = (tmp_path / "report.html").read_text()
     assert "misses something that no known effect explains" in text
-    assert "what is missing and has no name" in text
+    assert "What has no name" in text
 
 
 def test_a_model_with_a_formula_may_miss_another_term():

@@ -274,7 +274,7 @@ def test_the_report_and_the_screen_begin_with_the_findings(tmp_path, capsys):
     diagnosis.fit(table[["trajectory", "t", "F"]], table["position"])
     diagnosis.to_html(tmp_path / "report.html")
     report = (tmp_path / "report.html").read_text()
-    assert report.index("Quality of the records") < report.index("Measured, model as given")
+    assert report.index("Quality of the records") < report.index("Measured and simulated")
     tell(diagnosis, tmp_path, quiet=False)
     (line,) = [line for line in capsys.readouterr().out.splitlines() if "  clipping: " in line]
     assert "position stands still" in line
