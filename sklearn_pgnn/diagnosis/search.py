@@ -213,11 +213,15 @@ class Search:
     # -- the ladder ----------------------------------------------------------------------------
 
     def _promising(self, ground: SubsampleFit) -> tuple[Effect, ...]:
-        """Return the half of the candidates that are expected to leave least; all of them alone."""
+        """Return the half of the candidates that are expected to leave least; all of them alone.
+
+        Those of which nothing is expected, since they could not be fitted alone, go on as well.
+        """
         if not ground.hypothesis.causes:
             return self.candidates
-        ranked = self._screen().rank(ground)
-        return tuple(cause for _, (cause,) in ranked[: -(-len(ranked) // 2)])
+        ranked = [cause for _, (cause,) in self._screen().rank(ground)]
+        unknown = tuple(c for c in self.candidates if c not in self._screen().known)
+        return (*ranked[: -(-len(ranked) // 2)], *unknown)
 
     def _screen(self) -> Screening:
         """Return what the candidates change, as their first fits alone tell."""
@@ -280,10 +284,7 @@ class Search:
     def in_place(self, current, cause: Effect) -> list[FittedHypothesis]:
         """Return what may stand in a cause's place, fitted on all windows."""
         without = self.fitter.reduce(self.fitter.subsample(current), cause)
-        ranked = self._screen().rank(without) if without.hypothesis.causes else None
-        likely = (
-            self.candidates if ranked is None else [c for _, (c,) in ranked[: len(ranked) // 2]]
-        )
+        likely = self._promising(without)
         others = [c for c in likely if c != cause and without.hypothesis.allows(c)]
         self.progress.begin("other causes", 2 * len(others))
         fits = _usable([self._step(self.fitter.first_fit(without, other)) for other in others])

@@ -129,6 +129,8 @@ class CrossValidation:
             squares + counts * self.problem.resolution**2,
             counts,
             autocorrelation_times(np.where(measured, scaled, np.nan), segment),
+            scaled,
+            segment,
         )
 
     def _memory_price(self, fit: WindowFit, gram, x0, order, seen: Residuals) -> float:

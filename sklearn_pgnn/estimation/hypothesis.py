@@ -11,7 +11,7 @@ import sympy
 
 from sklearn_pgnn.estimation.budgets import POINTS, ROUNDING
 from sklearn_pgnn.estimation.problem import EstimationProblem
-from sklearn_pgnn.exceptions import OptionError
+from sklearn_pgnn.exceptions import ModelError, OptionError
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects import CATALOGUE, WrongParameter
 from sklearn_pgnn.physics.expressions import TIME, symbol
@@ -107,7 +107,10 @@ def commute(model: PhysicsModel, one: Effect, other: Effect) -> bool:
     """
     if one.target != other.target:
         return True
-    first, second = one.apply(model), other.apply(model)
+    try:
+        first, second = one.apply(model), other.apply(model)
+    except ModelError:  # a formula may be made of a state that the other one adds
+        return False
     if not (other.can_act(other.target, first) and one.can_act(one.target, second)):
         return True
     a, b = other.apply(first), one.apply(second)

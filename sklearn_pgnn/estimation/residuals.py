@@ -17,11 +17,17 @@ class Residuals:
         Number of residuals.
     times : ndarray of shape (n_outputs,)
         Their integrated autocorrelation time, in samples.
+    errors : ndarray of shape (n_samples, n_outputs), optional
+        The residuals, NaN where there is none.
+    segment : ndarray of shape (n_samples,), optional
+        What they were simulated in, counted from 0, -1 where nothing was.
     """
 
     squares: np.ndarray
     counts: np.ndarray
     times: np.ndarray
+    errors: np.ndarray | None = None
+    segment: np.ndarray | None = None
 
 
 @dataclass(frozen=True)

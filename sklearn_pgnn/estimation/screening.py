@@ -41,6 +41,11 @@ class Screening:
     tick: Callable[[], None] = lambda: None
     _changes: dict[Effect, np.ndarray] = field(default_factory=dict)
 
+    @property
+    def known(self) -> frozenset[Effect]:
+        """The candidates whose changes are known."""
+        return frozenset(self._changes)
+
     @classmethod
     def of(cls, fitter: HypothesisFitter, candidates: Sequence[Effect]) -> "Screening":
         """Return what candidates change, as their first fits beside the re-tuned prior tell.

@@ -50,18 +50,19 @@ def best_start(
         glances = [few.fit(model, held, steps=0) for model in models]
         models = [glances[place].model for place in _valleys(glances)[:KEPT]]
     nearer = [few.fit(model, held).model for model in models]
-    return min((few.fit(model) for model in nearer), key=_promise).model
+    return min((few.fit(model) for model in nearer), key=_objective).model
 
 
 class _Glance(NamedTuple):
-    """The objective that a start promises, and where it has led."""
+    """The objective where a start has led, what it promises from there, and the model."""
 
+    objective: float
     promise: float
     model: PhysicsModel
 
 
-def _promise(glance: _Glance) -> float:
-    return glance.promise
+def _objective(glance: _Glance) -> float:
+    return glance.objective
 
 
 class _Few:
@@ -91,7 +92,8 @@ class _Few:
             max_steps=steps,
             tolerance=COARSER**2 * TOLERANCE,
         )
-        return _Glance(fit.objective - expected_decrease(fit, *start), fit.model)
+        promise = fit.objective - expected_decrease(fit, *start)
+        return _Glance(fit.objective, promise, fit.model)
 
 
 def _at_starts(

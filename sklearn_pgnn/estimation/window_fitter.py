@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from sklearn_pgnn.estimation.budgets import COARSER, POLISH_STEPS, ROUNDING, STEPS, TOLERANCE
-from sklearn_pgnn.estimation.criterion import HeldOut
+from sklearn_pgnn.estimation.criterion import HeldOut, log_likelihood_ratio
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis, Start, carry_over
 from sklearn_pgnn.estimation.held_out import CrossValidation, make_folds
 from sklearn_pgnn.estimation.hypothesis import Hypothesis
@@ -221,6 +221,9 @@ class WindowFitter:
     def held_out(self, trial: FittedHypothesis) -> HeldOut:
         """Return what a hypothesis leaves of records that its parameters have not seen.
 
+        Of several fits of a hypothesis the one counts that leaves least: another may have got
+        stuck where some records were held out.
+
         Parameters
         ----------
         trial : FittedHypothesis
@@ -234,7 +237,9 @@ class WindowFitter:
         key = self.key(trial.hypothesis)
         fit, known = self._held_out.get(key, (None, None))
         if known is None or fit is not trial.fit:
-            known = self._cross_validate(trial.hypothesis, trial.fit)
+            found = self._cross_validate(trial.hypothesis, trial.fit)
+            if known is None or log_likelihood_ratio(known.windows, found.windows) > 0.0:
+                known = found
             self._held_out[key] = trial.fit, known
         return known
 
@@ -268,24 +273,28 @@ class WindowFitter:
     def _cross_validate(self, hypothesis: Hypothesis, fit: WindowFit) -> HeldOut:
         windows, start = self.problem.windows, self._start(fit.model)
 
-        def run(model: PhysicsModel, which: np.ndarray, free, **options) -> WindowFit:
+        def run(model: PhysicsModel, which: np.ndarray, free, x0, **options) -> WindowFit:
             return self.fit_model(
                 self._spare(hypothesis, HELD_OUT),
                 model,
                 windows.select(which),
                 free,
                 start.select(which),
-                fit.x0[which],
+                x0,
                 tolerance=COARSER * TOLERANCE,
                 **options,
             )
 
         def learn(which: np.ndarray) -> WindowFit:
             known = fit.evaluation.select(which)
-            return run(fit.model, which, fit.freedoms, evaluation=known, min_steps=1)
+            x0 = fit.x0[which]
+            return run(fit.model, which, fit.freedoms, x0, evaluation=known, min_steps=1)
 
         def judge(learned: WindowFit, which: np.ndarray) -> WindowFit:
-            return run(learned.model, which, ())
+            fits = [run(learned.model, which, (), x0[which]) for x0 in (fit.x0, start.x0)]
+            nearest = np.argmin([each.evaluation.squares for each in fits], axis=0)
+            x0 = np.array([each.x0 for each in fits])[nearest, np.arange(nearest.size)]
+            return run(learned.model, which, (), x0, max_steps=0)
 
         validation = CrossValidation(self.problem, start.x0, start.spread)
         return validation.run(fit, self.folds, learn, judge)

@@ -41,7 +41,7 @@ def select_windows(
         fitter = nearer
     while (joined := longer(fitter.problem)) is not None:
         further = HypothesisFitter(joined, progress)
-        if further.base_error() > FOLLOWED and _is_lost(fitter, further):
+        if _is_lost(fitter, further):
             break
         fitter = further
     return _past_hidden_starts(fitter)

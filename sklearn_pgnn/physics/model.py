@@ -295,8 +295,8 @@ class PhysicsModel:
         moving, found = {symbol(name) for name in (*self.states, *self.inputs)}, {}
         for position, rate in self.equations.items():
             rates = [part for part in _compared(rate) if part.free_symbols & moving]
-            if len(rates) == 1 and str(rates[0]) in self.states:
-                found[str(rates[0])] = position
+            if len(rates) == 1 and rates[0].is_Symbol and rates[0].name in self.states:
+                found[rates[0].name] = position
         return found
 
     @property

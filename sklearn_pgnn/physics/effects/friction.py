@@ -1,5 +1,6 @@
 """Friction on a velocity: viscous, dry, by direction, with hysteresis; drag."""
 
+import itertools
 from dataclasses import dataclass
 from types import MappingProxyType
 
@@ -403,10 +404,11 @@ class Hysteresis(PositionEffect):
 
     @classmethod
     def starts(cls, target, model, scales):
-        """Start from a small to a large deflection."""
-        force = 0.1 * force_scale(target, model, scales)
+        """Start from a small to a large deflection, of a weak and of a strong force."""
+        force = force_scale(target, model, scales)
         travel = scales.typical[model.kinematic_pairs[target]]
-        return tuple(cls(target, force, share * travel) for share in (0.02, 0.06, 0.2))
+        sizes = itertools.product((0.02, 0.2), (0.02, 0.06, 0.2))
+        return tuple(cls(target, level * force, share * travel) for level, share in sizes)
 
     @classmethod
     def limits(cls, target, model, scales):
