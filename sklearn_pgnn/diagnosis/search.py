@@ -109,7 +109,7 @@ class Search:
         if count:
             yield self._replace
             yield self._split
-        if room >= 1 and (count or self.has_structure(current)):
+        if room >= 1 and self.has_structure(current):
             yield self._add_patiently
             if room >= 2:
                 yield self._add_pair

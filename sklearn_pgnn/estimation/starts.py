@@ -23,7 +23,8 @@ def best_start(
 ) -> PhysicsModel:
     """Return the model of a hypothesis at the start of its new cause that promises most.
 
-    Of all starts the most promising are followed for some steps on a few windows.
+    Of all starts the most promising are followed for some steps on a few windows, and the better
+    half of them on.
 
     Parameters
     ----------
@@ -49,8 +50,9 @@ def best_start(
     if len(models) > KEPT:
         glances = [few.fit(model, held, steps=0) for model in models]
         models = [glances[place].model for place in _valleys(glances)[:KEPT]]
-    nearer = [few.fit(model, held).model for model in models]
-    return min((few.fit(model) for model in nearer), key=_objective).model
+    nearer = sorted((few.fit(model, held) for model in models), key=_objective)
+    further = [few.fit(glance.model) for glance in nearer[: -(-len(nearer) // 2)]]
+    return min(further, key=_objective).model
 
 
 class _Glance(NamedTuple):
