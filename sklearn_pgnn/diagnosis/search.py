@@ -8,7 +8,7 @@ import numpy as np
 from sklearn_pgnn.diagnosis.rivals import find_rivals
 from sklearn_pgnn.diagnosis.search_result import SearchResult, in_order
 from sklearn_pgnn.diagnosis.size import overdispersion_along
-from sklearn_pgnn.estimation.budgets import KEPT, PAIRS
+from sklearn_pgnn.estimation.budgets import KEPT, MUCH, PAIRS
 from sklearn_pgnn.estimation.criterion import SelectionCriterion
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis, SubsampleFit, objective_of
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
@@ -109,7 +109,7 @@ class Search:
         if count:
             yield self._replace
             yield self._split
-        if room >= 1 and self.has_structure(current):
+        if room >= 1 and (self._leaves_much(current) or self.has_structure(current)):
             yield self._add_patiently
             if room >= 2:
                 yield self._add_pair
@@ -121,6 +121,11 @@ class Search:
         left = self.fitter.held_out(trial).windows
         white = self.fitter.white_squares(trial)
         return bool((left.squares - white > self.criterion.smallest_share * left.squares).any())
+
+    def _leaves_much(self, trial: FittedHypothesis) -> bool:
+        """Return whether far more than white noise is left beside the causes, of some output."""
+        left, white = self.fitter.held_out(trial).windows, self.fitter.white_squares(trial)
+        return bool(_causes(trial)) and bool((left.squares > MUCH**2 * white).any())
 
     # -- moves ---------------------------------------------------------------------------------
 
@@ -315,18 +320,23 @@ class Search:
 
     def refutes(self, better: FittedHypothesis, worse: FittedHypothesis) -> bool:
         """Return whether the second of two hypotheses is refuted by the first."""
-        held_out = self.fitter.held_out
-        return self.criterion.refutes(held_out(better), held_out(worse))
+        before, after = self.fitter.held_out(worse), self.fitter.held_out(better)
+        if not self.criterion.refutes(after, before):
+            return False
+        causes = set(_causes(better)) - set(_causes(worse))
+        less = overdispersion_along(self.fitter.problem, better, causes, after.windows)
+        return self.criterion.refutes(after, before, less)
 
     def _names(self, without, with_, n_causes=1) -> bool:
         before, after = self.fitter.held_out(without), self.fitter.held_out(with_)
         causes = set(_causes(with_)) - set(_causes(without))
         if causes and causes <= self.given:
             return self.criterion.evidence(before, after) > 0.0
-        if not self.criterion.names(before, after, n_causes):
+        retuned = self.fitter.held_out(self.fitter.base())
+        if not self.criterion.names(before, after, n_causes, retuned=retuned):
             return False
         less = overdispersion_along(self.fitter.problem, with_, causes, after.windows)
-        return self.criterion.names(before, after, n_causes, less)
+        return self.criterion.names(before, after, n_causes, less, retuned)
 
     def _is_preferred(self, other: FittedHypothesis, current: FittedHypothesis) -> bool:
         """Return whether a hypothesis refutes another one, or is simpler and not refuted."""

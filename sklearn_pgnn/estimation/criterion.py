@@ -107,6 +107,8 @@ def accuracy_gained(before: Residuals, after: Residuals) -> float:
     >>> accuracy_gained(far, near) > 10
     True
     """
+    if not (np.isfinite(before.squares).all() and np.isfinite(after.squares).all()):
+        return 0.0
     weight = 1.0 / (before.squares + after.squares)
     difference = ((before.errors**2 - after.errors**2) * weight).sum(axis=1)
     known = np.isfinite(difference)
@@ -160,12 +162,30 @@ class SelectionCriterion:
         ratio = log_likelihood_ratio(without.windows, with_.windows)
         return ratio if np.isinf(ratio) else ratio - (with_.memory_price - without.memory_price)
 
-    def refutes(self, better: HeldOut, worse: HeldOut) -> bool:
-        """Return whether the second of two hypotheses is refuted by the first."""
-        return self.evidence(worse, better) > self.to_refute
+    def refutes(self, better: HeldOut, worse: HeldOut, overdispersion: float = 1.0) -> bool:
+        """Return whether the second of two hypotheses is refuted by the first.
+
+        Parameters
+        ----------
+        better, worse : HeldOut
+            The hypotheses.
+        overdispersion : float, default=1
+            How much less the residuals count along the causes that only the better one has.
+
+        Returns
+        -------
+        bool
+            Whether the evidence for the better one exceeds :math:`\\log(1/\\alpha)`.
+        """
+        return self.evidence(worse, better) > overdispersion * self.to_refute
 
     def names(
-        self, without: HeldOut, with_: HeldOut, n_causes: int = 1, overdispersion: float = 1.0
+        self,
+        without: HeldOut,
+        with_: HeldOut,
+        n_causes: int = 1,
+        overdispersion: float = 1.0,
+        retuned: HeldOut | None = None,
     ) -> bool:
         """Return whether causes are named beside what a hypothesis says without them.
 
@@ -177,6 +197,8 @@ class SelectionCriterion:
             How many they are.
         overdispersion : float, default=1
             How much less the residuals count along the causes, over windows.
+        retuned : HeldOut, optional
+            The prior, re-tuned; by default the hypothesis without the causes.
 
         Returns
         -------
@@ -186,17 +208,20 @@ class SelectionCriterion:
         evidence = self.evidence(without, with_) / overdispersion
         share = explained_share(without.windows, with_.windows)
         if without.tells_in_free_run or with_.tells_in_free_run:
-            if self._worsens(without.free_run, with_.free_run):
+            if self._is_worse_in_free_run(with_, retuned or without):
+                return False
+            if self._surely_worsens(without.free_run, with_.free_run):
                 return False
             share = max(share, explained_share(without.free_run, with_.free_run))
         return evidence > n_causes * self.to_name and share >= self.smallest_share
 
-    def _worsens(self, before: Residuals, after: Residuals) -> bool:
-        """Return whether a free run is surely worse than another one."""
-        if log_likelihood_ratio(before, after) >= -self.to_refute:
-            return False
-        lost = not np.isfinite(after.squares).all()
-        return lost or accuracy_gained(before, after) < -norm.ppf(1.0 - self.alpha)
+    def _is_worse_in_free_run(self, trial: HeldOut, retuned: HeldOut) -> bool:
+        """Return whether a hypothesis simulates the records worse than the re-tuned prior."""
+        return log_likelihood_ratio(retuned.free_run, trial.free_run) < -self.to_refute
+
+    def _surely_worsens(self, before: Residuals, after: Residuals) -> bool:
+        """Return whether a free run is worse than another one, by more than chance."""
+        return accuracy_gained(before, after) < -norm.ppf(1.0 - self.alpha)
 
     def probabilities(self, evidence: Sequence[float]) -> np.ndarray:
         """Return the probability of a cause, of each of its rivals, and of no cause.
