@@ -118,7 +118,7 @@ class _Table:
         runs = [
             free_run(model, windows, a, b, x0).x for (a, b), x0 in zip(spans, starts, strict=True)
         ]
-        acting = windows.acting_inputs(model)
+        acting = windows.acting_inputs(model)[:, : len(model.inputs)]  # not their slopes by delays
         signals = np.hstack([np.concatenate(runs), acting])
         signals = np.where(np.isfinite(signals), signals, np.nan)
         record = record_of(windows)[rows]
