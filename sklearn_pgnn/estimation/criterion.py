@@ -126,9 +126,9 @@ class SelectionCriterion:
 
     A cause is named beside others if the evidence for it exceeds :math:`\log(N/\alpha)`, if it
     explains the smallest share of an output over windows or in free run, and if the free run does
-    not speak against it by more than :math:`\log(1/\alpha)`. A cause with a memory, whose content
-    is free at the start of every window, must explain its share in free run, where that says
-    anything.
+    not speak against it, where that says anything: it is not surely worse than without the cause,
+    and not worse than that of the re-tuned prior by more than :math:`\log(1/\alpha)`. With a
+    memory, whose content is free at the start of every window, it is better by the smallest share.
     Of hypotheses that nothing tells apart by :math:`\log(1/\alpha)` the one with the fewest
     parameters is taken.
 
@@ -208,19 +208,27 @@ class SelectionCriterion:
         evidence = self.evidence(without, with_) / overdispersion
         share = explained_share(without.windows, with_.windows)
         if without.tells_in_free_run or with_.tells_in_free_run:
-            if self._is_worse_in_free_run(with_, retuned or without):
+            if not self._stands_in_free_run(retuned or without, with_):
                 return False
             if self._surely_worsens(without.free_run, with_.free_run):
                 return False
             share = max(share, explained_share(without.free_run, with_.free_run))
         return evidence > n_causes * self.to_name and share >= self.smallest_share
 
-    def _is_worse_in_free_run(self, trial: HeldOut, retuned: HeldOut) -> bool:
-        """Return whether a hypothesis simulates the records worse than the re-tuned prior."""
-        return log_likelihood_ratio(retuned.free_run, trial.free_run) < -self.to_refute
+    def _stands_in_free_run(self, retuned: HeldOut, trial: HeldOut) -> bool:
+        """Return whether a hypothesis is no worse than the re-tuned prior; better, if it remembers.
+
+        What a memory says that may begin anew in every window is no explanation.
+        """
+        before, after = retuned.free_run, trial.free_run
+        if trial.n_added > retuned.n_added:
+            return explained_share(before, after) >= self.smallest_share
+        return log_likelihood_ratio(before, after) >= -self.to_refute
 
     def _surely_worsens(self, before: Residuals, after: Residuals) -> bool:
         """Return whether a free run is worse than another one, by more than chance."""
+        if before.errors is None or after.errors is None:
+            return False
         return accuracy_gained(before, after) < -norm.ppf(1.0 - self.alpha)
 
     def probabilities(self, evidence: Sequence[float]) -> np.ndarray:

@@ -7,10 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import lfilter
+from scipy.stats import norm
 
 from sklearn_pgnn.estimation.autocorrelation import autocorrelation_times
 from sklearn_pgnn.estimation.criterion import (
     SelectionCriterion,
+    accuracy_gained,
     explained_share,
     log_likelihood_ratio,
 )
@@ -154,11 +156,46 @@ def memory(squares, free, tells=True):
 
 def test_a_memory_is_judged_in_free_run_where_that_says_anything():
     before = held_out(100, 100, counts=1e4)
-    assert CRITERION.names(before, memory(100, 50))
+    assert CRITERION.names(before, memory(50, 90))
     assert not CRITERION.names(before, memory(50, 100))  # free in every window, it says nothing
     lost = replace(before, tells_in_free_run=False)
     assert CRITERION.names(lost, memory(50, 100, tells=False))
     assert not CRITERION.names(lost, memory(100, 50, tells=False))
+
+
+def simulated(errors):
+    """Return what a free run with these errors leaves."""
+    squares, counts = np.array([np.sum(errors**2)]), np.array([float(errors.size)])
+    segment = np.zeros(errors.size, dtype=int)
+    return Residuals(squares, counts, np.ones(1), errors[:, None], segment)
+
+
+def test_simulations_of_equal_accuracy_are_taken_for_different_as_often_as_alpha():
+    rng, beyond = np.random.default_rng(0), 0
+    for _ in range(400):
+        slow = lfilter([1.0], [1.0, -0.95], rng.normal(size=(2, 2000)), axis=1)
+        beyond += accuracy_gained(simulated(slow[0]), simulated(slow[1])) < -norm.ppf(1 - 0.05)
+    assert 0.02 < beyond / 400 < 0.1
+
+
+@given(positive)
+def test_the_gain_of_accuracy_knows_no_units_and_no_favourite(unit):
+    near, far = np.random.default_rng(0).normal(size=(2, 500)) * [[1.0], [1.5]]
+    gained = accuracy_gained(simulated(far), simulated(near))
+    assert gained > 3.0
+    assert accuracy_gained(simulated(near), simulated(far)) == pytest.approx(-gained)
+    scaled = accuracy_gained(simulated(unit * far), simulated(unit * near))
+    assert scaled == pytest.approx(gained, rel=1e-6)
+
+
+def test_a_cause_that_surely_worsens_the_free_run_is_not_named():
+    rng = np.random.default_rng(0)
+    same, worse = rng.normal(size=4000), 1.2 * rng.normal(size=4000)
+    before = replace(held_out(100, counts=1e4), free_run=simulated(same))
+    poor, retuned = (replace(before, free_run=simulated(worse * f)) for f in (1.0, 1.1))
+    after = replace(held_out(50, counts=1e4), free_run=poor.free_run)
+    assert CRITERION.names(poor, after, retuned=retuned)
+    assert not CRITERION.names(before, after, retuned=retuned)
 
 
 def test_more_candidates_ask_for_more_evidence():
