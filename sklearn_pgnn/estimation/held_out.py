@@ -143,23 +143,33 @@ class CrossValidation:
         with :math:`A_w` the Hessian by a window's initial states, :math:`A_{w,cc}` its part of the
         states that the prior has as well, :math:`\sigma_e` the spread of an added state in units
         of the noise, and :math:`\phi` the power of the residuals in these units. States that only
-        inputs drive cost nothing: the inputs tell them.
+        inputs drive are no freedom: the inputs tell them. What their free values have gained is
+        given back,
+
+        .. math:: \frac{1}{2\phi} \sum_w (x_w - \hat x_w)^T
+                  \left(A_{w,dd} - A_{w,dc} A_{w,cc}^{-1} A_{w,cd} + \Sigma_d^{-1}\right)
+                  (x_w - \hat x_w).
         """
         states = list(fit.model.states)
         prior = set(self.problem.prior.states)
-        told = prior | _driven_by_inputs(fit.model, set(states) - prior)
-        known = [i for i, state in enumerate(states) if state in told]
-        added = [i for i in range(len(states)) if i not in known]
-        if not added:
+        driven = _driven_by_inputs(fit.model, set(states) - prior)
+        known = [i for i, state in enumerate(states) if state in prior]
+        told = [i for i, state in enumerate(states) if state in driven]
+        added = [i for i in range(len(states)) if i not in known and i not in told]
+        if not (added or told):
             return 0.0
         dispersion = max(float((seen.squares * seen.times).sum() / seen.counts.sum()), 1.0)
         weight = 1.0 / self.spread**2
         hessian = gram[:, : len(states), : len(states)] + np.diag(weight)
-        whole = np.linalg.slogdet(hessian)[1]
-        shared = np.linalg.slogdet(hessian[:, known][:, :, known])[1]
-        volume = np.maximum(whole - shared - np.log(weight[added]).sum(), 0.0)
-        shift = (x0 - self.expected[order])[:, added]
-        return float(0.5 * (volume.sum() + (weight[added] * shift**2).sum() / dispersion))
+        shift = x0 - self.expected[order]
+        price = _given_back(hessian, known + added, told, weight, shift) / dispersion
+        if added:
+            both = known + told
+            whole = np.linalg.slogdet(hessian)[1]
+            shared = np.linalg.slogdet(hessian[:, both][:, :, both])[1]
+            volume = np.maximum(whole - shared - np.log(weight[added]).sum(), 0.0)
+            price += volume.sum() + (weight[added] * shift[:, added] ** 2).sum() / dispersion
+        return float(0.5 * price)
 
     def _lost(self) -> HeldOut:
         windows = self.problem.windows
@@ -167,6 +177,19 @@ class CrossValidation:
         none = Residuals(np.full(counts.shape, np.inf), counts, np.ones(counts.shape))
         shape = (len(windows), windows.blocks, windows.y.shape[1])
         return HeldOut(none, none, 0.0, np.full(shape, np.inf))
+
+
+def _given_back(hessian, free, told, weight, shift) -> float:
+    """Return what squares grow by if some initial states are where they are expected."""
+    if not told:
+        return 0.0
+    across = hessian[:, free][:, :, told]
+    inner = hessian[:, told][:, :, told] + np.diag(weight[told])
+    if free:
+        solved = np.linalg.solve(hessian[:, free][:, :, free], across)
+        inner = inner - np.swapaxes(across, 1, 2) @ solved
+    move = shift[:, told]
+    return float(np.einsum("wi,wij,wj", move, inner, move))
 
 
 def _driven_by_inputs(model: PhysicsModel, states: set[str]) -> set[str]:

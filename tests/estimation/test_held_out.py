@@ -190,10 +190,24 @@ def test_the_price_knows_no_units(windows, unit):
 
 
 @given(windows_drawn)
-def test_states_that_only_inputs_drive_cost_nothing_nor_do_those_of_the_prior(windows):
+def test_the_states_of_the_prior_cost_nothing(windows):
     gram, x0 = windows
-    assert price(DRIVEN, gram, x0) == 0.0
     assert price(PRIOR, gram[:, 1:, 1:], x0[:, :1], SPREAD[:1]) == 0.0
+
+
+@given(st.integers(0, 1000))
+def test_what_a_state_gains_that_the_inputs_tell_is_given_back(seed):
+    rng, weight = np.random.default_rng(seed), 1.0 / SPREAD**2
+    slopes, y = rng.normal(size=(20, 2)), rng.normal(size=20)
+    free = np.linalg.solve(slopes.T @ slopes + np.diag(weight), slopes.T @ y)
+    v = slopes[:, 0] @ y / (slopes[:, 0] @ slopes[:, 0] + weight[0])  # with z where inputs tell it
+
+    def left(v, z):
+        return np.sum((y - slopes @ [v, z]) ** 2) + weight[0] * v**2
+
+    table = np.column_stack([slopes, y])
+    found = price(DRIVEN, (table.T @ table)[None], free[None])
+    assert found == pytest.approx((left(v, 0.0) - left(*free)) / 2)
 
 
 def test_a_memory_that_nothing_shows_and_that_stays_where_it_was_expected_costs_nothing():
