@@ -78,7 +78,7 @@ def test_time_stamps_leave_a_diagnosis_as_it_is(cart, plain, clock):
 def test_a_gap_leaves_a_diagnosis_as_it_is(cart, plain):
     prior, X, y = cart
     found = diagnose(prior, *paused(X, y))
-    assert_same_diagnosis(found, plain, rtol=2e-3)
+    assert_same_diagnosis(found, plain, rtol=5e-3)  # windows are cut elsewhere
     (finding,) = found.data_quality_
     assert finding.kind == "dropped samples"
     assert "1000 samples are missing from a clock of 0.01 s" in finding.text
