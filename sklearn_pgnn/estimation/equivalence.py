@@ -56,6 +56,12 @@ def are_equivalent(model: PhysicsModel, one: Effect, other: Effect, retuned: boo
     >>> are_equivalent(cart, InputBias("F"), CoulombFriction("v"))
     False
 
+    From the only sensor of a machine with one input, both delays are one:
+
+    >>> from sklearn_pgnn.physics.effects import InputDelay, SensorDelay
+    >>> are_equivalent(cart, InputDelay("F"), SensorDelay("v"))
+    True
+
     A gain of the input is the same as a mass and a damping that are both off:
 
     >>> from sklearn_pgnn.physics.effects import WrongParameter
@@ -64,6 +70,8 @@ def are_equivalent(model: PhysicsModel, one: Effect, other: Effect, retuned: boo
     >>> are_equivalent(driven, WrongParameter("b"), WrongParameter("m"))
     True
     """
+    if _delay_the_same(model, one, other):
+        return True
     mine, theirs = _slopes(model, one), _slopes(model, other)
     if mine is None or theirs is None or not _rank(mine) or not _rank(theirs):
         return False
@@ -72,6 +80,18 @@ def are_equivalent(model: PhysicsModel, one: Effect, other: Effect, retuned: boo
     common = np.hstack([_by_names(model, free if retuned else ()), _by_coordinates(model)])
     rank = _rank(common, mine, theirs)
     return rank == _rank(common, mine) == _rank(common, theirs)
+
+
+def _delay_the_same(model: PhysicsModel, one: Effect, other: Effect) -> bool:
+    """Return whether two causes do nothing but delay the same inputs."""
+    first, second = one.apply(model), other.apply(model)
+    late = set(first.delays) - set(model.delays)
+    if not late or late != set(second.delays) - set(model.delays):
+        return False
+    return all(
+        dict(each.equations) == dict(model.equations) and dict(each.outputs) == dict(model.outputs)
+        for each in (first, second)
+    )
 
 
 @lru_cache(maxsize=512)

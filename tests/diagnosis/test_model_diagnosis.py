@@ -5,7 +5,6 @@ diagnosis sees the records and a prior whose parameters are up to 7 % off.
 """
 
 import copy
-import itertools
 import json
 import pickle
 import re
@@ -121,10 +120,7 @@ HIDDEN = (
     "input_dead_zone",
     "asymmetric_dead_zone",
     "input_saturation",
-    pytest.param(
-        "input_delay",
-        marks=pytest.mark.xfail(reason="not named as expected since the one rule", strict=False),
-    ),
+    "input_delay",
     "input_rate_limit",
     "sensor_bias",
     "sensor_saturation",
@@ -191,10 +187,15 @@ def test_several_hidden_effects_are_named_and_no_other(kinds):
             assert_size(cause, hidden_as[cause.effect, cause.target])
 
 
-@pytest.mark.xfail(reason="an input gain may be named beside the two", strict=False)
 @pytest.mark.parametrize(
     "kinds",
-    list(itertools.permutations(["input_saturation", "actuator_lag"])),
+    [
+        ("input_saturation", "actuator_lag"),
+        pytest.param(
+            ("actuator_lag", "input_saturation"),
+            marks=pytest.mark.xfail(reason="play and a delay are named for the lag", strict=True),
+        ),
+    ],
     ids=" then ".join,
 )
 def test_an_input_may_saturate_before_or_behind_its_lag(kinds):
@@ -463,7 +464,6 @@ def test_a_slow_disturbance_from_outside_gets_no_name():
     assert "coloured noise or a disturbance" in remaining_sentence(diagnosis)
 
 
-@pytest.mark.xfail(reason="said now: play of no width, a rival of the lag", strict=False)
 def test_play_without_width_is_a_lag_at_its_place_among_the_others():
     """Beside a delay the fit of a lag may end elsewhere; that of the play tells where it is."""
     servo = PhysicsModel({"x": "m"}, {"x": "K*u"}, {"K": 0.1}, {"u": "V"})
