@@ -41,8 +41,8 @@ POLISH_STEPS = 100
 
 # -- windows ---------------------------------------------------------------------------------------
 
-#: error of the re-tuned prior, in units of the noise, that it may have in longer windows. Larger
-#: makes windows longer: they show slow causes better, and fits have more local minima
+#: error of the re-tuned prior, in units of the noise, above which shorter windows are tried. Larger
+#: keeps windows longer: they show slow causes better, and fits have more local minima
 FOLLOWED = 10.0
 #: factor by which the error of a model that is disturbed at random grows in windows of twice the
 #: length; what grows faster is lost there

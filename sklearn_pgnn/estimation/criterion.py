@@ -94,6 +94,11 @@ def accuracy_gained(before: Residuals, after: Residuals) -> float:
     float
         Negative if the second one is further off.
 
+    Raises
+    ------
+    ValueError
+        If the errors are not told.
+
     References
     ----------
     .. [1] F. X. Diebold, R. S. Mariano, "Comparing predictive accuracy", Journal of Business and
@@ -107,6 +112,8 @@ def accuracy_gained(before: Residuals, after: Residuals) -> float:
     >>> accuracy_gained(far, near) > 10
     True
     """
+    if before.errors is None or after.errors is None or before.segment is None:
+        raise ValueError("expected residuals with their errors, got squares only.")
     if not (np.isfinite(before.squares).all() and np.isfinite(after.squares).all()):
         return 0.0
     weight = 1.0 / (before.squares + after.squares)
@@ -163,7 +170,7 @@ class SelectionCriterion:
         return ratio if np.isinf(ratio) else ratio - (with_.memory_price - without.memory_price)
 
     def refutes(self, better: HeldOut, worse: HeldOut, overdispersion: float = 1.0) -> bool:
-        """Return whether the second of two hypotheses is refuted by the first.
+        r"""Return whether the second of two hypotheses is refuted by the first.
 
         Parameters
         ----------
@@ -175,7 +182,7 @@ class SelectionCriterion:
         Returns
         -------
         bool
-            Whether the evidence for the better one exceeds :math:`\\log(1/\\alpha)`.
+            Whether the evidence for the better one exceeds :math:`\log(1/\alpha)`.
         """
         return self.evidence(worse, better) > overdispersion * self.to_refute
 
