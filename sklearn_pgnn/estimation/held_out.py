@@ -179,6 +179,38 @@ class CrossValidation:
         return HeldOut(none, none, 0.0, np.full(shape, np.inf))
 
 
+def where_inputs_lead(problem: EstimationProblem, fit: WindowFit, expected) -> np.ndarray:
+    """Return expected initial states, added ones that inputs drive as the record's start tells them.
+
+    Parameters
+    ----------
+    problem : EstimationProblem
+        The problem.
+    fit : WindowFit
+        The fit on all windows.
+    expected : ndarray of shape (n_windows, n_states)
+        Expected initial states.
+
+    Returns
+    -------
+    ndarray of shape (n_windows, n_states)
+        The same, but for states that inputs drive: these are simulated from the first window on.
+    """
+    states, windows = list(fit.model.states), problem.windows
+    driven = _driven_by_inputs(fit.model, set(states) - set(problem.prior.states))
+    if not driven:
+        return expected
+    led, told = expected.copy(), [states.index(state) for state in driven]
+    for record in np.unique(windows.record):
+        which = np.flatnonzero(windows.record == record)
+        starts = windows.starts[which]
+        run = free_run(fit.model, windows, starts[0], starts[-1] + 1, fit.x0[which[0]])
+        reached = run.x[starts - starts[0]][:, told]
+        place = np.ix_(which, told)
+        led[place] = np.where(np.isfinite(reached), reached, led[place])
+    return led
+
+
 def _given_back(hessian, free, told, weight, shift) -> float:
     """Return what squares grow by if some initial states are where they are expected."""
     if not told:

@@ -8,7 +8,7 @@ import numpy as np
 from sklearn_pgnn.estimation.budgets import COARSER, POLISH_STEPS, ROUNDING, STEPS, TOLERANCE
 from sklearn_pgnn.estimation.criterion import HeldOut, log_likelihood_ratio
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis, Start, carry_over
-from sklearn_pgnn.estimation.held_out import CrossValidation, make_folds
+from sklearn_pgnn.estimation.held_out import CrossValidation, make_folds, where_inputs_lead
 from sklearn_pgnn.estimation.hypothesis import Hypothesis
 from sklearn_pgnn.estimation.hypothesis_models import HypothesisModels, Key
 from sklearn_pgnn.estimation.problem import EstimationProblem
@@ -296,7 +296,8 @@ class WindowFitter:
             x0 = np.array([each.x0 for each in fits])[nearest, np.arange(nearest.size)]
             return run(learned.model, which, (), x0, max_steps=0)
 
-        validation = CrossValidation(self.problem, start.x0, start.spread)
+        expected = where_inputs_lead(self.problem, fit, start.x0)
+        validation = CrossValidation(self.problem, expected, start.spread)
         return validation.run(fit, self.folds, learn, judge)
 
 
