@@ -180,7 +180,7 @@ class CrossValidation:
 
 
 def where_inputs_lead(problem: EstimationProblem, fit: WindowFit, expected) -> np.ndarray:
-    """Return expected initial states, added ones that inputs drive as the record's start tells them.
+    """Return expected initial states, those that inputs drive as the record's start tells them.
 
     Parameters
     ----------
@@ -206,7 +206,7 @@ def where_inputs_lead(problem: EstimationProblem, fit: WindowFit, expected) -> n
         starts = windows.starts[which]
         run = free_run(fit.model, windows, starts[0], starts[-1] + 1, fit.x0[which[0]])
         reached = run.x[starts - starts[0]][:, told]
-        place = np.ix_(which, told)
+        place = which[:, None], told
         led[place] = np.where(np.isfinite(reached), reached, led[place])
     return led
 
