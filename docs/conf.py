@@ -6,11 +6,24 @@ project = "sklearn_pgnn"
 copyright = "2026, The sklearn-pgnn developers"
 version = release = sklearn_pgnn.__version__
 
-extensions = ["sphinx.ext.autodoc", "sphinx.ext.extlinks", "sphinx.ext.mathjax", "numpydoc"]
+extensions = [
+    "sphinx.ext.autodoc",
+    "sphinx.ext.autosummary",
+    "sphinx.ext.extlinks",
+    "sphinx.ext.mathjax",
+    "sphinx-mathjax-offline",  # brings MathJax, so that pages are read without a network
+    "sphinx_copybutton",
+    "numpydoc",
+]
 extlinks = {"doi": ("https://doi.org/%s", "doi:%s")}
-exclude_patterns = ["_build", "tables"]
+templates_path = ["_templates"]
+exclude_patterns = ["_build", "_templates", "tables"]
 default_role = "py:obj"
-html_theme = "alabaster"
+html_theme = "furo"
+html_title = f"{project} {release}"
+
+copybutton_prompt_text = r">>> |\.\.\. |\$ "
+copybutton_prompt_is_regexp = True
 
 autodoc_default_options = {
     "members": True,

@@ -109,6 +109,18 @@ def test_docstring(name):
     assert [text for code, text in found["errors"] if code in checks] == []
 
 
+def test_every_public_name_is_in_the_pages_of_the_api():
+    listed = {
+        line.split(".")[-1].strip()
+        for line in (ROOT / "docs" / "api.rst").read_text(encoding="utf-8").splitlines()
+    }
+    values = {name: getattr(sklearn_pgnn, name) for name in sklearn_pgnn.__all__}
+    modules = [value for value in values.values() if inspect.ismodule(value)]
+    objects = [name for name, value in values.items() if callable(value)]
+    for names in (objects, *(getattr(module, "__all__", ()) for module in modules)):
+        assert set(names) <= listed
+
+
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.name)
 def test_example_runs(path, tmp_path):
     result = run(path, folder=tmp_path)
