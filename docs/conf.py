@@ -13,6 +13,7 @@ extensions = [
     "sphinx.ext.mathjax",
     "sphinx-mathjax-offline",  # brings MathJax, so that pages are read without a network
     "sphinx_copybutton",
+    "myst_parser",
     "numpydoc",
 ]
 extlinks = {"doi": ("https://doi.org/%s", "doi:%s")}

@@ -3,6 +3,7 @@
 import doctest
 import importlib
 import inspect
+import json
 import os
 import pkgutil
 import re
@@ -18,6 +19,7 @@ from numpydoc.validate import validate
 from snippets import PAGES, blocked, read_needs, read_page
 
 import sklearn_pgnn
+from sklearn_pgnn.cli import main
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = Path(sklearn_pgnn.__file__).parents[1]
@@ -135,6 +137,42 @@ def test_the_model_file_of_the_user_guide_is_one(tmp_path):
     model = sklearn_pgnn.PhysicsModel.from_yaml(path)
     assert model.name == "pendulum"
     assert model.columns == {"torque": "tau_cmd"}
+
+
+def shown_files(page):
+    """Return what a page shows of files, by their names."""
+    text = (ROOT / "docs" / page).read_text(encoding="utf-8")
+    found = re.findall(r":caption: (\w+\.\w+)\n\n((?:    .*\n|\n)+)", text)
+    return {name: textwrap.dedent(block).split("\n") for name, block in found}
+
+
+def expanded(word, folder):
+    """Return what a shell makes of a word: of a pattern, the files it matches."""
+    return sorted(path.name for path in folder.glob(word)) if "*" in word else [word]
+
+
+@pytest.mark.slow
+def test_the_first_machine_is_diagnosed_as_the_page_shows(tmp_path):
+    text = (ROOT / "docs" / "quickstart.rst").read_text(encoding="utf-8")
+    (make_records, *_) = (snippet.code for snippet in SNIPPETS["quickstart.rst"])
+    assert run("-c", make_records, folder=tmp_path).returncode == 0
+    for command in re.findall(r"code-block:: bash\n\n    sklearn-pgnn (.*)", text):
+        arguments = [name for word in command.split() for name in expanded(word, tmp_path)]
+        result = run("-c", "from sklearn_pgnn.cli import main; main()", *arguments, folder=tmp_path)
+        assert result.returncode == 0, result.stderr
+    for name, lines in shown_files("quickstart.rst").items():
+        written = (tmp_path / name).read_text(encoding="utf-8").splitlines()
+        assert [line for line in lines if line and line not in written] == []
+    found = json.loads((tmp_path / "diagnosis" / "diagnosis.json").read_text(encoding="utf-8"))
+    assert found["verdict"] == "cause_named"
+    (cause,) = found["causes"]
+    assert (cause["effect"], cause["target"]) == ("coulomb_friction", "v")
+    assert cause["parameters"]["level"]["value"] == pytest.approx(1.0, abs=0.02)
+
+
+def test_every_command_is_on_its_page():
+    text = (ROOT / "docs" / "command_line.rst").read_text(encoding="utf-8")
+    assert [name for name in main.commands if f"\n``{name}``\n" not in text] == []
 
 
 #: the same in less time: shorter records, fewer effects, fewer rounds; `.ci/run` runs the README's
