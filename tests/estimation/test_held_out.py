@@ -1,5 +1,6 @@
 """Held out means held out: windows enough to learn from, of the length that was asked for."""
 
+import itertools
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -14,7 +15,12 @@ from sklearn_pgnn.diagnosis.result import measure_gain
 from sklearn_pgnn.estimation import window_fitter
 from sklearn_pgnn.estimation.budgets import FOLDS
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
-from sklearn_pgnn.estimation.held_out import MOST_HELD_OUT, CrossValidation, make_folds
+from sklearn_pgnn.estimation.held_out import (
+    MOST_HELD_OUT,
+    CrossValidation,
+    make_folds,
+    where_inputs_lead,
+)
 from sklearn_pgnn.estimation.problem import build_problem, longer
 from sklearn_pgnn.estimation.residuals import HeldOut, Residuals
 from sklearn_pgnn.estimation.window_selection import select_windows
@@ -208,6 +214,21 @@ def test_what_a_state_gains_that_the_inputs_tell_is_given_back(seed):
     table = np.column_stack([slopes, y])
     found = price(DRIVEN, (table.T @ table)[None], free[None])
     assert found == pytest.approx((left(v, 0.0) - left(*free)) / 2)
+
+
+def test_what_inputs_drive_is_told_from_where_the_record_begins():
+    problem, lagging = problem_of([300, 300]), CART + effects.ActuatorLag("F", 0.4)
+    windows = problem.windows
+    begun = np.random.default_rng(0).normal(size=(len(windows), 2))
+    fit = SimpleNamespace(model=lagging, x0=begun)
+    led = where_inputs_lead(problem, fit, np.zeros(begun.shape))
+    assert not led[:, 0].any()  # the speed is no input's
+    for record, (a, b) in enumerate(itertools.pairwise(windows.bounds)):
+        own = windows.record == record
+        run = lagging.simulate(
+            windows.t[a:b], windows.u[a:b], begun[own][0], substeps=windows.substeps
+        )
+        np.testing.assert_allclose(led[own, 1], run.x[windows.starts[own] - a, 1])
 
 
 def test_a_memory_that_nothing_shows_and_that_stays_where_it_was_expected_costs_nothing():
