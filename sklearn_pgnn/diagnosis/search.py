@@ -232,6 +232,8 @@ class Search:
         """Return what the candidates change, as their first fits alone tell."""
         if self._screening is None:
             self._screening = Screening.of(self.fitter, self.candidates)
+            base = self.fitter.subsample(self.fitter.base())
+            self._note_alone(base, [self.fitter.first_fit(base, c) for c in self.candidates])
         return self._screening
 
     def _first_fits(self, current: FittedHypothesis, candidates) -> list[SubsampleFit]:
@@ -355,7 +357,8 @@ class Search:
             if fit.fit.usable and ground.fit.usable:
                 cause = fit.hypothesis.causes[-1]
                 for same in (cause, *self.same[cause]):
-                    self._alone[same] = fit.squares / ground.squares
+                    share = fit.squares / ground.squares
+                    self._alone[same] = min(share, self._alone.get(same, share))
 
     def _result(self, complete: bool) -> SearchResult:
         base, final = self.fitter.base(), self.current

@@ -20,7 +20,7 @@ class Remaining:
         White noise; coloured noise or a disturbance from outside, which depend on nothing that was
         recorded; or something that does.
     times_noise : dict of str to float
-        What is left of every output over windows, as a multiple of its white part.
+        What is left of every output over held-out windows, as a multiple of its white part.
     depends_on : tuple of str
         States, inputs and the time that structure depends on, the most telling first.
     """
@@ -55,7 +55,7 @@ def describe_remaining(
         What is left.
     """
     left, white = fitter.squares_by_output(final), fitter.white_squares(final)
-    times = np.sqrt(left / white)
+    times = np.sqrt(fitter.held_out(final).windows.squares / white)
     named = dict(zip(fitter.problem.prior.outputs, times.tolist(), strict=True))
     if structure is not None and structure.is_significant:
         return Remaining("structure", named, structure.depends_on)

@@ -16,7 +16,9 @@ SHARE = 0.05
 
 def described(left, white, structure=None):
     """Describe what is left of two outputs, given its squares and their white part."""
+    held_out = SimpleNamespace(windows=SimpleNamespace(squares=np.array(left, dtype=float)))
     fitter = SimpleNamespace(
+        held_out=lambda trial: held_out,
         squares_by_output=lambda trial: np.array(left, dtype=float),
         white_squares=lambda trial: np.array(white, dtype=float),
         problem=SimpleNamespace(prior=SimpleNamespace(outputs={"x": "x", "y": "y"})),
