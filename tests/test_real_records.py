@@ -106,10 +106,6 @@ def test_hoop_has_dry_friction_and_its_steps_are_foretold(hoop, real_data):
     assert np.sqrt(np.mean((y - held_out["y"]) ** 2)) < 0.6
 
 
-@pytest.mark.xfail(
-    reason="since the one criterion other causes are named beside the sensor or in its place",
-    strict=False,
-)
 def test_drives_have_a_sensor_that_sees_the_magnitude(real_data):
     model = PhysicsModel(
         name="drives",
