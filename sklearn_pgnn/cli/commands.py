@@ -167,7 +167,7 @@ def compare(one, other, output, force, as_json, opens, quiet, debug):
 @job_options
 @list_effects
 def detect(model, data, as_json, quiet, debug, **options):
-    """Say how large every effect must be before records like these would show it.
+    """Find how large every effect must be before records like these would show it.
 
     Every effect is put into the re-tuned model, with the inputs and the noise of the records.
     """

@@ -101,7 +101,7 @@ class DetectJob:
         print_table(console, rows)
 
     def _reservations(self) -> list[str]:
-        """Say that a model which leaves more than noise makes everything harder to see."""
+        """Return that a model which leaves more than noise hides more."""
         if self.diagnosis.remaining_.kind == "noise":
             return []
         return [

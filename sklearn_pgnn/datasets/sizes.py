@@ -24,7 +24,7 @@ EITHER_SIGN = frozenset({"constant_load", "input_bias", "sensor_bias", "sensor_g
 
 
 def _below_peak(size: float, scale) -> float:
-    """Give a limit that cuts the more off a signal's peaks the larger an effect is."""
+    """Return a limit that cuts the more off a signal's peaks the larger an effect is."""
     return scale["peak"] - size * min(0.7 * scale["peak"], 2 * scale["target"])
 
 
@@ -149,7 +149,7 @@ def family(kind, target: str, model, scales: Scales, rng):
 
 
 def draw_size(effect, model, t, u, x, scales: Scales, floor, rng, substeps: int = 1):
-    r"""Give an effect the size that matters.
+    r"""Return an effect of the size that matters.
 
     The size is bisected until the outputs with and without the effect, both started from the
     same states, differ on short windows by a drawn multiple (`MATTERS`) of the noise.
@@ -198,7 +198,7 @@ def draw_size(effect, model, t, u, x, scales: Scales, floor, rng, substeps: int 
 
 
 def _rms(signals):
-    """Give the root mean square of every quantity over records and samples."""
+    """Return the root mean square of every quantity over records and samples."""
     return np.sqrt(np.mean(np.square(signals), axis=(0, 1)))
 
 
@@ -223,7 +223,7 @@ def _windows(t, u, x, window, rng):
 
 
 def _difference(model, effect, windows, without, floor, substeps):
-    """Say by how many times the noise an effect changes the outputs on the windows."""
+    """Return by how many times the noise an effect changes the outputs on the windows."""
     t, u, x0 = windows
     plant = model + effect
     added = len(plant.states) - len(model.states)

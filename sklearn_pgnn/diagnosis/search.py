@@ -224,9 +224,10 @@ class Search:
         """
         if not ground.hypothesis.causes:
             return self.candidates
-        ranked = [cause for _, (cause,) in self._screen().rank(ground)]
-        unknown = tuple(c for c in self.candidates if c not in self._screen().known)
-        return (*ranked[: -(-len(ranked) // 2)], *unknown)
+        screening = self._screen()
+        ranked = [cause for _, (cause,) in screening.rank(ground)]
+        unknown = set(self.candidates) - screening.known
+        return (*ranked[: -(-len(ranked) // 2)], *(c for c in self.candidates if c in unknown))
 
     def _screen(self) -> Screening:
         """Return what the candidates change, as their first fits alone tell."""
@@ -334,9 +335,9 @@ class Search:
         causes = set(_causes(with_)) - set(_causes(without))
         if causes and causes <= self.given:
             return self.criterion.evidence(before, after) > 0.0
-        retuned = self.fitter.held_out(self.fitter.base())
-        if not self.criterion.names(before, after, n_causes, retuned=retuned):
+        if self.criterion.evidence(before, after) <= n_causes * self.criterion.to_name:
             return False
+        retuned = self.fitter.held_out(self.fitter.base())
         less = overdispersion_along(self.fitter.problem, with_, causes, after.windows)
         return self.criterion.names(before, after, n_causes, less, retuned)
 

@@ -1,7 +1,7 @@
 """Hypotheses on records that their parameters have not seen: over windows, and in free run."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -99,7 +99,9 @@ class CrossValidation:
                 over_runs[a:b] = windows.y[a:b] - run.y
         seen = self._residuals(over_windows, segments(windows))
         order = np.argsort(folds, kind="stable")
-        free = self._residuals(over_runs, record_of(windows))
+        record = record_of(windows)
+        free = self._residuals(over_runs, record)
+        free = replace(free, errors=over_runs / windows.scale, segment=record)
         return HeldOut(
             windows=seen,
             free_run=free,
@@ -129,8 +131,6 @@ class CrossValidation:
             squares + counts * self.problem.resolution**2,
             counts,
             autocorrelation_times(np.where(measured, scaled, np.nan), segment),
-            scaled,
-            segment,
         )
 
     def _memory_price(self, fit: WindowFit, gram, x0, order, seen: Residuals) -> float:

@@ -6,6 +6,7 @@ from sklearn.utils.validation import check_is_fitted
 from sklearn_pgnn.inspection.panels import panels
 from sklearn_pgnn.inspection.style import COLOURS, plain, tidy
 from sklearn_pgnn.inspection.words import cause_name
+from sklearn_pgnn.inspection.yardstick import ratio, together
 
 
 class CandidatesDisplay:
@@ -60,7 +61,7 @@ class CandidatesDisplay:
             [cause_name(c.effect, c.target) for c in shown],
             [c.left for c in shown],
             [(c.effect, c.target) in causes for c in shown],
-            noise=_noise_share(diagnosis),
+            noise=ratio(1.0, together(diagnosis).refitted ** 2),
         ).plot(ax=ax)
 
     def plot(self, *, ax=None):
@@ -98,11 +99,3 @@ class CandidatesDisplay:
         self.ax_.legend(fontsize=8)
         tidy(self.ax_)
         return self
-
-
-def _noise_share(diagnosis) -> float:
-    """Return the share of the re-tuned prior's error power that is white noise."""
-    scale = diagnosis.records_.windows.scale
-    gains = list(diagnosis.gain_.values())
-    noise = sum((g.noise / s) ** 2 for g, s in zip(gains, scale, strict=True))
-    return float(noise / sum((g.refitted / s) ** 2 for g, s in zip(gains, scale, strict=True)))

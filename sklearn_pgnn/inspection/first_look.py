@@ -228,7 +228,7 @@ def _constant(quantities) -> list[str]:
 
 
 def _odd(model, records, windows, outputs) -> list[str]:
-    """Say which outputs are in another unit, run the other way, or are not followed at all.
+    """Return remarks on outputs in another unit, reversed, or not followed at all.
 
     The runs begin where the model says: what the sensors show may be in another unit.
     """

@@ -12,8 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-#: more than so many times the noise is left: a report is amber
-MUCH = 2.0
+from sklearn_pgnn.estimation.budgets import MUCH
 
 
 @dataclass(frozen=True)

@@ -3,11 +3,12 @@
 import math
 from dataclasses import dataclass
 
+from sklearn_pgnn.estimation.budgets import MUCH
 from sklearn_pgnn.estimation.hypothesis import count_parameters
 from sklearn_pgnn.inspection.case import known_effects
 from sklearn_pgnn.inspection.report.parameter_facts import ParameterFacts, parameter_facts
 from sklearn_pgnn.inspection.words import cause_name, chance, listed, rivals, times
-from sklearn_pgnn.inspection.yardstick import MUCH, in_free_run, over_windows, suspects
+from sklearn_pgnn.inspection.yardstick import in_free_run, over_windows, suspects
 
 #: the colours of a tile, the best first, and what they mean to those who see none
 STATES = {"good": "in order", "look": "look at this", "bad": "not in order"}
