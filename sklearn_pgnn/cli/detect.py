@@ -9,7 +9,8 @@ from sklearn_pgnn.cli.output import as_strict_json
 from sklearn_pgnn.cli.records import read_model_and_records
 from sklearn_pgnn.cli.tables import cell, print_table, say, screen, table, warn
 from sklearn_pgnn.diagnosis import Detectability, ModelDiagnosis
-from sklearn_pgnn.inspection.words import cause_name, number
+from sklearn_pgnn.inspection.numbers import number
+from sklearn_pgnn.inspection.words import cause_name
 
 
 class DetectJob:

@@ -17,16 +17,23 @@ from sklearn_pgnn.cli.choices import (
 )
 from sklearn_pgnn.cli.command_line import command_line
 from sklearn_pgnn.cli.guard import OWN, Bug, one_line
-from sklearn_pgnn.cli.output import check_free, result_folder, strict_json, write_files
+from sklearn_pgnn.cli.output import (
+    check_free,
+    remove_files,
+    result_folder,
+    strict_json,
+    write_files,
+)
 from sklearn_pgnn.cli.records import read_model, told_warnings
 from sklearn_pgnn.cli.screen import tell
 from sklearn_pgnn.diagnosis import ModelDiagnosis
 from sklearn_pgnn.exceptions import RecordWarning
+from sklearn_pgnn.inspection.model_files import EXTENDED, RIVALS, model_files
 from sklearn_pgnn.inspection.report import Provenance, render_report
 from sklearn_pgnn.trajectories.files import read_files
 
 #: the files of a diagnosis
-NAMES = ("diagnosis.json", "extended_model.yaml", "report.html")
+NAMES = ("diagnosis.json", EXTENDED, "report.html")
 
 
 class Done(NamedTuple):
@@ -89,7 +96,8 @@ class Job:
         Bug
             If something of ours breaks down; what was found before is written.
         """
-        earlier = check_free(Path(self.output), NAMES, force=self.force)
+        rivals = sorted(file.name for file in Path(self.output).glob(RIVALS))
+        earlier = check_free(Path(self.output), [*NAMES, *rivals], force=self.force)
         progress("reading the model and the records")
         model = read_model(self.model)
         diagnosis = self._prepare(model, progress)
@@ -101,6 +109,7 @@ class Job:
             progress("writing the report")
             failed = write_files(folder, _texts(diagnosis, provenance))
             kept = sorted(file.name for file in folder.iterdir())
+        remove_files(Path(self.output), {*rivals} - {*kept})
         if broken or failed:
             error = broken or next(iter(failed.values()))
             raise Bug(error, self._kept(kept)) from error
@@ -156,9 +165,8 @@ def _fit(diagnosis: ModelDiagnosis, X, y) -> tuple[Exception | None, list[str]]:
 
 def _texts(diagnosis: ModelDiagnosis, provenance: Provenance) -> dict[str, Callable[[], str]]:
     """Return a function that writes the text of each file, by file name."""
-    makers = (
-        lambda: strict_json(diagnosis),
-        lambda: diagnosis.extended_model_.to_yaml(),
-        lambda: render_report(diagnosis, provenance),
-    )
-    return dict(zip(NAMES, makers, strict=True))
+    return {
+        "diagnosis.json": lambda: strict_json(diagnosis),
+        **model_files(diagnosis),
+        "report.html": lambda: render_report(diagnosis, provenance),
+    }

@@ -12,8 +12,8 @@ from sklearn_pgnn.estimation.plain_data import plain
 from sklearn_pgnn.estimators import PhysicsModelRegressor
 from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.inspection.fit_percentage import fit_percentage
+from sklearn_pgnn.inspection.numbers import measured, number
 from sklearn_pgnn.inspection.start_runs import run_records
-from sklearn_pgnn.inspection.words import measured, number
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.trajectories import read_records
 

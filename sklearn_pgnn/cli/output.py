@@ -5,7 +5,7 @@ import math
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -179,6 +179,21 @@ def result_folder(output: Path):
     finally:
         with held():
             temporary.cleanup()
+
+
+def remove_files(output: Path, names: Iterable[str]) -> None:
+    """Remove the files of an earlier result that a new one has not written again.
+
+    Parameters
+    ----------
+    output : Path
+        The folder.
+    names : iterable of str
+        The files; one that is not there is left out.
+    """
+    with held(), writing(output):
+        for name in names:
+            (output / name).unlink(missing_ok=True)
 
 
 def _check_place(output: Path) -> None:

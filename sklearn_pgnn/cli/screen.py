@@ -15,20 +15,18 @@ from sklearn_pgnn.cli.tables import (
     screen,
     table,
 )
+from sklearn_pgnn.inspection.model_files import described_models
+from sklearn_pgnn.inspection.numbers import chance, free_run_error, measured, number, share
 from sklearn_pgnn.inspection.words import (
     VERDICTS,
     cause_name,
-    chance,
-    free_run_error,
-    measured,
-    number,
     remaining_sentence,
     rivals,
     separation_sentence,
-    share,
     unusable_sentence,
     verdict_sentence,
 )
+from sklearn_pgnn.inspection.yardstick import retuning_counts
 
 #: colour of a verdict, where the terminal has any
 COLOURS = {
@@ -54,12 +52,10 @@ def described_files(diagnosis) -> dict[str, str]:
     dict of str to str
         Names and descriptions.
     """
-    held = "re-tuned and extended by what was named" if diagnosis.causes_ else "re-tuned only"
-    formula = ", without the formula, which is in diagnosis.json" if diagnosis.discrepancy_ else ""
     return {
         "report.html": "the whole story with pictures; open it first",
         "diagnosis.json": "the same for programs",
-        "extended_model.yaml": f"the model, {held}{formula}; a model file again",
+        **described_models(diagnosis),
     }
 
 
@@ -77,7 +73,7 @@ def tell(diagnosis, output: Path, *, quiet: bool) -> None:
         return
     for place, cause in enumerate(diagnosis.causes_, start=1):
         _tell_cause(console, place, cause, diagnosis.separations_)
-    _tell_parameters(console, diagnosis.parameters_)
+    _tell_parameters(console, diagnosis)
     _tell_gain(console, diagnosis)
     _tell_free_run(console, diagnosis)
     _tell_files(console, diagnosis, output)
@@ -121,12 +117,14 @@ def _tell_cause(console, place: int, cause, separations) -> None:
     print_table(console, rows)
 
 
-def _tell_parameters(console, parameters) -> None:
+def _tell_parameters(console, diagnosis) -> None:
+    parameters = diagnosis.parameters_
     changed = {name: p for name, p in parameters.items() if p.changed}
     if not parameters:
         return
     if not changed:
-        heading(console, "Parameters: none changed beyond its 95 % interval")
+        moved = "re-tuned together; " if retuning_counts(diagnosis) else ""
+        heading(console, f"Parameters: {moved}none changed beyond its 95 % interval")
         return
     heading(console, "Parameters changed (95 % interval)")
     rows = table("", "as given", "re-tuned", "change")

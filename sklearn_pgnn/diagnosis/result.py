@@ -90,6 +90,13 @@ class NamedCause:
     equivalent: tuple[Candidate, ...] = ()
     probability: float = 1.0
 
+    def __repr__(self) -> str:
+        sizes = (f"{name} {e.value:.4g} {e.unit}".rstrip() for name, e in self.parameters.items())
+        words = [*sizes, f"probability {self.probability:.3g}"]
+        if self.confused_with:
+            words.append(f"confused with {len(self.confused_with)}")
+        return f"<NamedCause {self.effect} on {self.target}: {', '.join(words)}>"
+
     def _repr_html_(self) -> str:
         return reading("cause_html")(self)
 

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from sklearn_pgnn.exceptions import OptionError
-from sklearn_pgnn.inspection.words import VERDICTS, cause_name, chance, listed, measured, number
+from sklearn_pgnn.inspection.numbers import chance, measured, number
+from sklearn_pgnn.inspection.words import VERDICTS, cause_name, listed
 
 #: the file of a diagnosis, in the folder that the command line writes
 FILE = "diagnosis.json"

@@ -6,8 +6,8 @@ from html import escape
 import numpy as np
 
 from sklearn_pgnn.inspection.comparison import DiagnosisComparison, Quantity, Table
+from sklearn_pgnn.inspection.numbers import number
 from sklearn_pgnn.inspection.svg import Scale, dot, scale_text, strip, whisker
-from sklearn_pgnn.inspection.words import number
 
 _STYLE = """
 :root { color-scheme: light dark; }

@@ -2,8 +2,9 @@
 
 import numpy as np
 
+from sklearn_pgnn.inspection.numbers import number, typeset_unit
 from sklearn_pgnn.inspection.style import COLOURS, plain, shown_figure, tidy
-from sklearn_pgnn.inspection.words import cause_name, number, typeset_unit
+from sklearn_pgnn.inspection.words import cause_name
 
 
 class DetectabilityDisplay:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import sympy
 
 from sklearn_pgnn.inspection.mathml import cases_mathml, equation_mathml, mathml_of
-from sklearn_pgnn.inspection.words import number, typeset_unit
+from sklearn_pgnn.inspection.numbers import number, typeset_unit
 from sklearn_pgnn.physics.expressions import TIME, symbol, to_text
 from sklearn_pgnn.physics.model import PhysicsModel
 

@@ -6,8 +6,8 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from sklearn_pgnn.inspection.fit_percentage import fit_percentage
+from sklearn_pgnn.inspection.numbers import number
 from sklearn_pgnn.inspection.start_runs import run_from_starts
-from sklearn_pgnn.inspection.words import number
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.free_run import simulate_record
 from sklearn_pgnn.simulation.record_windows import window_records

@@ -6,17 +6,19 @@ from html import escape
 from sklearn.base import BaseEstimator
 
 from sklearn_pgnn.inspection.equations import equations_of
-from sklearn_pgnn.inspection.words import (
-    VERDICTS,
-    cause_name,
+from sklearn_pgnn.inspection.numbers import (
     chance,
     free_run_error,
     measured,
     number,
-    remaining_sentence,
-    rivals,
     share,
     typeset_unit,
+)
+from sklearn_pgnn.inspection.words import (
+    VERDICTS,
+    cause_name,
+    remaining_sentence,
+    rivals,
     verdict_sentence,
 )
 from sklearn_pgnn.physics.effects import find_effect

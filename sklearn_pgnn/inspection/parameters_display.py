@@ -3,9 +3,9 @@
 import numpy as np
 from sklearn.utils.validation import check_is_fitted
 
+from sklearn_pgnn.inspection.numbers import measured, typeset_unit
 from sklearn_pgnn.inspection.panels import panels
 from sklearn_pgnn.inspection.style import COLOURS, plain, tidy
-from sklearn_pgnn.inspection.words import measured, typeset_unit
 
 
 class ParametersDisplay:

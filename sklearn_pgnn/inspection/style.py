@@ -1,6 +1,6 @@
 """Style of the pictures: colours, labels, figures."""
 
-from sklearn_pgnn.inspection.words import typeset_unit
+from sklearn_pgnn.inspection.numbers import typeset_unit
 
 #: colour of the record, of every model and of the evidence
 COLOURS = {

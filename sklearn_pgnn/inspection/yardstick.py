@@ -108,9 +108,13 @@ def leaves_much(diagnosis) -> bool:
     return any(not errors.extended <= MUCH for errors in over_windows(diagnosis).values())
 
 
+def retuning_counts(diagnosis) -> bool:
+    """Return whether re-tuning alone removes a share of the error that is worth mentioning."""
+    errors = together(diagnosis)
+    return not 1.0 - (errors.refitted / errors.prior) ** 2 < diagnosis.smallest_share
+
+
 def is_adequate_as_given(diagnosis) -> bool:
     """Return whether re-tuning neither changed a parameter nor is worth mentioning."""
-    errors = together(diagnosis)
-    removed = 1.0 - (errors.refitted / errors.prior) ** 2
     changed = any(parameter.changed for parameter in diagnosis.parameters_.values())
-    return not changed and removed < diagnosis.smallest_share
+    return not (changed or retuning_counts(diagnosis))

@@ -15,6 +15,7 @@ from sklearn_pgnn import PhysicsModel, __version__, effects
 from sklearn_pgnn.cli import main
 from sklearn_pgnn.cli.output import result_folder, strict_json
 from sklearn_pgnn.cli.screen import described_files
+from sklearn_pgnn.diagnosis import NamedCause
 from sklearn_pgnn.record_quality.finding import Finding
 
 pytestmark = pytest.mark.core
@@ -191,14 +192,27 @@ def test_faults_of_the_records_are_told_before_the_verdict(tmp_path, monkeypatch
 @pytest.mark.parametrize(
     ("causes", "missing", "said"),
     [
-        ((1,), None, "the model, re-tuned and extended by what was named; a model file again"),
-        ((), None, "the model, re-tuned only; a model file again"),
-        ((), 1, "the model, re-tuned only, without the formula, which is in diagnosis.json; a"),
+        (1, None, "the model, re-tuned and extended by what was named; a model file again"),
+        (0, None, "the model, re-tuned only; a model file again"),
+        (0, 1, "the model, re-tuned, with the formula for what has no name; a model file"),
     ],
 )
 def test_the_model_file_is_called_what_it_is(causes, missing, said):
-    diagnosis = SimpleNamespace(causes_=causes, discrepancy_=missing)
+    named = causes * (NamedCause("input_bias", "F", {}, 90.0, ()),)
+    diagnosis = SimpleNamespace(causes_=named, discrepancy_=missing)
     assert described_files(diagnosis)["extended_model.yaml"].startswith(said)
+
+
+def test_rivals_have_files_and_those_of_an_earlier_result_go(tmp_path):
+    biased = table(0, level=0.0)
+    biased["F"] -= 0.3
+    args = write(tmp_path, tables={"a.csv": biased})
+    suspects = ["--catalogue", "input_bias,constant_load"]
+    CliRunner().invoke(main, [*args, *suspects], catch_exceptions=False)
+    out = tmp_path / "out"
+    assert len(list(out.glob("extended_model_with_*_for_*.yaml"))) == 1
+    CliRunner().invoke(main, [*args, "--catalogue", "input_bias", "--force"])
+    assert sorted(file.name for file in out.iterdir()) == FILES
 
 
 def test_help_has_an_example_and_the_version_is_told():

@@ -8,6 +8,7 @@ from rough_sledge import rough_sledge
 
 from sklearn_pgnn.diagnosis import NamedCause, Rival
 from sklearn_pgnn.diagnosis.frames import causes_frame
+from sklearn_pgnn.simulation.uncertainty import Estimate
 
 pytestmark = pytest.mark.core
 
@@ -48,3 +49,11 @@ def test_the_gain_has_windows_and_free_run():
     assert row["prior"] == diagnosis.gain_["v"].prior
     assert row["free_run_extended"] == diagnosis.free_run_["v"].extended
     assert row["extended"] < row["refitted"] < row["prior"]
+
+
+def test_a_cause_prints_itself_in_a_line():
+    parameters = {"bias": Estimate(0.30081, 0.29, 0.31, "N")}
+    rivals = (Rival("constant_load", "v", 0.5),)
+    cause = NamedCause("input_bias", "F", parameters, 90.0, rivals, probability=0.5)
+    said = "<NamedCause input_bias on F: bias 0.3008 N, probability 0.5, confused with 1>"
+    assert repr(cause) == said

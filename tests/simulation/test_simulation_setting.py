@@ -17,7 +17,7 @@ from sklearn_pgnn import (
 from sklearn_pgnn.datasets import make_hidden_effect
 from sklearn_pgnn.datasets.integrator import integrate
 from sklearn_pgnn.exceptions import ModelError
-from sklearn_pgnn.inspection.words import free_run_error
+from sklearn_pgnn.inspection.numbers import free_run_error
 from sklearn_pgnn.simulation import simulate
 from sklearn_pgnn.simulation.record_windows import window_records
 from sklearn_pgnn.simulation.simulate import simulate_records

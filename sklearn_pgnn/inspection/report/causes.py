@@ -1,19 +1,11 @@
 """What a report tells of every cause."""
 
 from sklearn_pgnn.inspection.case import known_effects
-from sklearn_pgnn.inspection.report.members import Member, members_of
+from sklearn_pgnn.inspection.numbers import chance, measured, number, times, typeset_unit
+from sklearn_pgnn.inspection.report.members import Member
 from sklearn_pgnn.inspection.report.next_step import expectation
 from sklearn_pgnn.inspection.report.who_did_what import parts_of_error
-from sklearn_pgnn.inspection.words import (
-    cause_name,
-    chance,
-    listed,
-    measured,
-    number,
-    separation_sentence,
-    times,
-    typeset_unit,
-)
+from sklearn_pgnn.inspection.words import cause_name, listed, separation_sentence
 
 
 def told_causes(diagnosis, members: dict[int, list[Member]]) -> list[dict]:
@@ -40,15 +32,6 @@ def told_causes(diagnosis, members: dict[int, list[Member]]) -> list[dict]:
         }
         for number_, (cause, part) in enumerate(zip(diagnosis.causes_, worth, strict=True))
     ]
-
-
-def all_members(diagnosis) -> dict[int, list[Member]]:
-    """Return by the number of a cause all that may stand in its place, where there is anything."""
-    return {
-        number_: members_of(diagnosis, cause)
-        for number_, cause in enumerate(diagnosis.causes_)
-        if cause.confused_with
-    }
 
 
 def _cause(diagnosis, cause) -> dict:

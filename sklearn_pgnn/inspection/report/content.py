@@ -4,13 +4,15 @@ from datetime import date
 from itertools import pairwise
 
 from sklearn_pgnn.inspection.equations import equations_of
-from sklearn_pgnn.inspection.report.causes import all_members, told_causes
+from sklearn_pgnn.inspection.numbers import number, times
+from sklearn_pgnn.inspection.report.causes import told_causes
 from sklearn_pgnn.inspection.report.characteristics import characteristics
 from sklearn_pgnn.inspection.report.curves_section import curve_sections, keys
 from sklearn_pgnn.inspection.report.dot_plot import dot_plot
 from sklearn_pgnn.inspection.report.finding import leaves_more, title, verdict_line
 from sklearn_pgnn.inspection.report.forest import forest
 from sklearn_pgnn.inspection.report.formula import FoundFormula, told_formula
+from sklearn_pgnn.inspection.report.members import all_members
 from sklearn_pgnn.inspection.report.method import method, versions
 from sklearn_pgnn.inspection.report.next_step import next_step
 from sklearn_pgnn.inspection.report.provenance import Provenance
@@ -21,10 +23,8 @@ from sklearn_pgnn.inspection.report.tables import error_rows
 from sklearn_pgnn.inspection.report.tiles import make_tiles, worst
 from sklearn_pgnn.inspection.report.who_did_what import segments_of_bar
 from sklearn_pgnn.inspection.words import (
-    number,
     remaining_sentence,
     suspect_name,
-    times,
     unusable_sentence,
     verdict_sentence,
 )

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 
 from markupsafe import Markup
 
+from sklearn_pgnn.inspection.numbers import times
 from sklearn_pgnn.inspection.svg import Scale, dot, mark, scale_text, span, strip
-from sklearn_pgnn.inspection.words import cause_name, times
+from sklearn_pgnn.inspection.words import cause_name
 from sklearn_pgnn.inspection.yardstick import suspects, together
 
 #: suspects that are shown before the rest is folded away

@@ -1,15 +1,8 @@
 """The finding in a line, with its size: the title of a report."""
 
+from sklearn_pgnn.inspection.numbers import sized, times, typeset_unit
 from sklearn_pgnn.inspection.report.parameter_facts import parameter_facts
-from sklearn_pgnn.inspection.words import (
-    VERDICTS,
-    cause_name,
-    listed,
-    missing_place,
-    sized,
-    times,
-    typeset_unit,
-)
+from sklearn_pgnn.inspection.words import VERDICTS, cause_name, listed, missing_place
 from sklearn_pgnn.inspection.yardstick import is_adequate_as_given, leaves_much, over_windows
 from sklearn_pgnn.physics.model import PhysicsModel
 

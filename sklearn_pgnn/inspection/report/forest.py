@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 from markupsafe import Markup
 
+from sklearn_pgnn.inspection.numbers import measured, number, typeset_unit
 from sklearn_pgnn.inspection.report.parameter_facts import ParameterFacts, parameter_facts
 from sklearn_pgnn.inspection.svg import Scale, dot, mark, scale_text, span, strip, whisker
-from sklearn_pgnn.inspection.words import measured, number, typeset_unit
 
 
 @dataclass(frozen=True)

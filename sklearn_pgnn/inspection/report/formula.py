@@ -10,15 +10,8 @@ from sklearn_pgnn.diagnosis.model_diagnosis import ModelDiagnosis
 from sklearn_pgnn.estimation.fitted_records import DiagnosisRecords, FittedWindows
 from sklearn_pgnn.inspection.balance import Samples
 from sklearn_pgnn.inspection.mathml import mathml_of
-from sklearn_pgnn.inspection.words import (
-    listed,
-    measured,
-    missing_place,
-    number,
-    percent,
-    times,
-    typeset_unit,
-)
+from sklearn_pgnn.inspection.numbers import measured, number, percent, times, typeset_unit
+from sklearn_pgnn.inspection.words import listed, missing_place
 from sklearn_pgnn.inspection.yardstick import formula_error
 from sklearn_pgnn.physics.effects.rates import force_unit
 from sklearn_pgnn.physics.expressions import TIME, parse_expression, symbol, to_text

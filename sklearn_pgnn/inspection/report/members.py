@@ -48,6 +48,15 @@ class Member:
         return [(field.replace("_", " "), p.value, p.unit) for field, p in own.items()]
 
 
+def all_members(diagnosis) -> dict[int, list[Member]]:
+    """Return by the number of a cause all that may stand in its place, where there is anything."""
+    return {
+        number: members_of(diagnosis, cause)
+        for number, cause in enumerate(diagnosis.causes_)
+        if cause.confused_with
+    }
+
+
 def members_of(diagnosis, cause) -> list[Member]:
     """Return a cause and its rivals, every rival fitted in its place.
 

@@ -4,7 +4,7 @@ import platform
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 
-from sklearn_pgnn.inspection.words import percent
+from sklearn_pgnn.inspection.numbers import percent
 
 LIBRARIES = ("numpy", "scipy", "sympy", "numba", "scikit-learn")
 

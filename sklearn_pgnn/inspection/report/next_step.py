@@ -1,14 +1,9 @@
 """What to do next, in a line with numbers."""
 
 from sklearn_pgnn.inspection.case import known_effects
+from sklearn_pgnn.inspection.numbers import measured, typeset_unit
 from sklearn_pgnn.inspection.report.parameter_facts import parameter_facts
-from sklearn_pgnn.inspection.words import (
-    listed,
-    measured,
-    missing_place,
-    separation_sentence,
-    typeset_unit,
-)
+from sklearn_pgnn.inspection.words import listed, missing_place, separation_sentence
 from sklearn_pgnn.inspection.yardstick import is_adequate_as_given, leaves_much
 
 

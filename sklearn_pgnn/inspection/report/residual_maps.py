@@ -7,10 +7,10 @@ import sympy
 from markupsafe import Markup
 
 from sklearn_pgnn.inspection.balance import Samples, shown_states
+from sklearn_pgnn.inspection.numbers import number
 from sklearn_pgnn.inspection.report.formula import FoundFormula
 from sklearn_pgnn.inspection.style import label
 from sklearn_pgnn.inspection.svg import Plot, Scale
-from sklearn_pgnn.inspection.words import number
 from sklearn_pgnn.physics.effects.rates import force_unit
 from sklearn_pgnn.physics.expressions import symbol
 

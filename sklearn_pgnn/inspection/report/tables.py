@@ -1,6 +1,6 @@
 """The errors of a report in rows: in the output's unit, and in units of the noise."""
 
-from sklearn_pgnn.inspection.words import free_run_error, number, times, typeset_unit
+from sklearn_pgnn.inspection.numbers import free_run_error, number, times, typeset_unit
 from sklearn_pgnn.inspection.yardstick import ratio
 
 MODELS = ("prior", "refitted", "extended")

@@ -6,9 +6,16 @@ from dataclasses import dataclass
 from sklearn_pgnn.estimation.budgets import MUCH
 from sklearn_pgnn.estimation.hypothesis import count_parameters
 from sklearn_pgnn.inspection.case import known_effects
+from sklearn_pgnn.inspection.numbers import chance, times
 from sklearn_pgnn.inspection.report.parameter_facts import ParameterFacts, parameter_facts
-from sklearn_pgnn.inspection.words import cause_name, chance, listed, rivals, times
-from sklearn_pgnn.inspection.yardstick import in_free_run, over_windows, suspects
+from sklearn_pgnn.inspection.words import cause_name, listed, rivals
+from sklearn_pgnn.inspection.yardstick import (
+    in_free_run,
+    over_windows,
+    retuning_counts,
+    suspects,
+    together,
+)
 
 #: the colours of a tile, the best first, and what they mean to those who see none
 STATES = {"good": "in order", "look": "look at this", "bad": "not in order"}
@@ -60,7 +67,7 @@ def make_tiles(diagnosis) -> tuple[Tile, ...]:
         _left(diagnosis),
         _sure(diagnosis),
         _records(diagnosis),
-        _parameters(parameter_facts(diagnosis)),
+        _parameters(diagnosis, parameter_facts(diagnosis)),
     )
 
 
@@ -161,7 +168,7 @@ def _records(diagnosis) -> Tile:
     return Tile("look", about, count, kinds)
 
 
-def _parameters(facts: ParameterFacts) -> Tile:
+def _parameters(diagnosis, facts: ParameterFacts) -> Tile:
     found = (
         (facts.at_limit, "at a limit"),
         (facts.unidentified, "not fixed by the records"),
@@ -169,8 +176,20 @@ def _parameters(facts: ParameterFacts) -> Tile:
     )
     said = [f"{listed(names)} {what}" for names, what in found if names]
     count = len(facts.at_limit) or len(facts.unidentified)
+    if not count and facts.changed:
+        headline = f"{len(facts.changed)} changed"
+        return Tile("good", "Parameters", headline, f"{'; '.join(said)}; none at a limit")
     if not count:
-        headline = f"{len(facts.changed) or 'none'} changed"
-        return Tile("good", "Parameters", headline, "; ".join([*said, "none at a limit"]))
+        return _unchanged(diagnosis)
     headline = f"{count} {found[0][1] if facts.at_limit else 'not identifiable'}"
     return Tile("look", "Parameters", headline, "; ".join(said))
+
+
+def _unchanged(diagnosis) -> Tile:
+    """Return the tile where no single parameter left its interval, whatever all did together."""
+    text = "the interval of each holds the given value; none at a limit"
+    if not retuning_counts(diagnosis):
+        return Tile("good", "Parameters", "as given", text)
+    errors = together(diagnosis)
+    worth = f"{times(errors.prior)} → {times(errors.refitted)} noise"
+    return Tile("good", "Parameters", "moved together", f"{worth}; yet {text}")

@@ -6,8 +6,8 @@ from html import unescape
 import pytest
 from situations import HIDDEN, situation
 
+from sklearn_pgnn.inspection.numbers import measured, times
 from sklearn_pgnn.inspection.report import Provenance, render_report
-from sklearn_pgnn.inspection.words import measured, times
 
 pytestmark = pytest.mark.core
 

@@ -1,0 +1,75 @@
+"""The model files of a diagnosis: the extended model, and one with every rival of a cause."""
+
+import re
+from collections.abc import Callable
+from functools import cache
+
+from sklearn_pgnn.inspection.report.members import all_members
+from sklearn_pgnn.inspection.words import cause_name
+from sklearn_pgnn.physics.model import PhysicsModel
+
+EXTENDED = "extended_model.yaml"
+#: what the names of files of rivals match
+RIVALS = "extended_model_with_*_for_*.yaml"
+
+
+def model_with_all(diagnosis) -> PhysicsModel:
+    """Return the model with everything that was found: causes, and the formula if there is one."""
+    part = diagnosis.discrepancy_
+    return diagnosis.extended_model_ if part is None else part.model
+
+
+def model_files(diagnosis) -> dict[str, Callable[[], str]]:
+    """Return what gives the text of every model file, by file name.
+
+    Parameters
+    ----------
+    diagnosis : ModelDiagnosis
+        A fitted diagnosis.
+
+    Returns
+    -------
+    dict of str to callable
+        The extended model first, then one with each rival in the place of its cause.
+    """
+    members = cache(lambda: all_members(diagnosis))
+
+    def with_rival(cause: int, rival: int):
+        return lambda: members()[cause][1 + rival].model.to_yaml()
+
+    return {
+        EXTENDED: lambda: model_with_all(diagnosis).to_yaml(),
+        **{
+            _file_of(diagnosis.causes_[cause], rival): with_rival(cause, place)
+            for cause, place, rival in _rivals(diagnosis)
+        },
+    }
+
+
+def described_models(diagnosis) -> dict[str, str]:
+    """Return what every model file holds, by file name."""
+    held = "re-tuned and extended by what was named" if diagnosis.causes_ else "re-tuned"
+    if diagnosis.discrepancy_ is not None:
+        held += ", with the formula for what has no name"
+    elif not diagnosis.causes_:
+        held += " only"
+    rivals = {
+        _file_of(diagnosis.causes_[cause], rival): (
+            f"the same with {cause_name(rival.effect, rival.target)} in the place of "
+            f"{cause_name(diagnosis.causes_[cause].effect, diagnosis.causes_[cause].target)}"
+        )
+        for cause, _, rival in _rivals(diagnosis)
+    }
+    return {EXTENDED: f"the model, {held}; a model file again", **rivals}
+
+
+def _rivals(diagnosis):
+    """Yield the number of a cause, the place of a rival in its list, and the rival."""
+    for cause, named in enumerate(diagnosis.causes_):
+        for place, rival in enumerate(named.confused_with):
+            yield cause, place, rival
+
+
+def _file_of(cause, rival) -> str:
+    words = f"with_{rival.effect}_{rival.target}_for_{cause.effect}_{cause.target}"
+    return "extended_model_" + re.sub(r"[^\w.-]", "_", words) + ".yaml"

@@ -1,0 +1,160 @@
+"""Numbers, units and formulas as they are read: no digit too many, none too few."""
+
+import math
+import re
+
+
+def number(value: float, digits: int = 4) -> str:
+    """Write a number with some significant digits.
+
+    Examples
+    --------
+    >>> number(0.0804999), number(float("nan")), number(12345678.0)
+    ('0.0805', '-', '1.235e+07')
+    """
+    return f"{value:.{digits}g}" if math.isfinite(value) else "-"
+
+
+def free_run_error(value: float) -> str:
+    """Return the error of a free run in words.
+
+    Examples
+    --------
+    >>> free_run_error(0.0123), free_run_error(float("inf"))
+    ('0.0123', 'runs away')
+    """
+    return number(value, 3) if math.isfinite(value) else "runs away"
+
+
+def measured(value: float, low: float, high: float, unit: str = "") -> str:
+    """Write a value with its interval, no finer than the interval makes sense.
+
+    Examples
+    --------
+    >>> measured(0.0804999, 0.07912, 0.08188, "N m")
+    '0.0805 (0.0791 to 0.0819) N m'
+    >>> measured(2.0, 2.0, 2.0)
+    '2'
+    """
+    if not (math.isfinite(low) and math.isfinite(high)) or low == high:
+        return f"{number(value)} {unit}".rstrip()
+    places = _places(value, (high - low) / 2)
+    text = " ".join(
+        (_rounded(value, places), f"({_rounded(low, places)} to {_rounded(high, places)})", unit)
+    )
+    return text.rstrip()
+
+
+def sized(value: float, low: float, high: float, unit: str = "") -> str:
+    """Write a value no finer than its interval makes sense, without the interval.
+
+    Examples
+    --------
+    >>> sized(0.804999, 0.7912, 0.8188, "V")
+    '0.805 V'
+    """
+    return re.sub(r" \(.* to .*\)", "", measured(value, low, high, unit))
+
+
+def times(value: float) -> str:
+    """Write an error in units of the noise.
+
+    Examples
+    --------
+    >>> times(0.9781), times(14.64), times(124.2), times(float("inf"))
+    ('0.98 ×', '14.6 ×', '124 ×', 'runs away')
+    """
+    if math.isnan(value):
+        return "-"
+    if math.isinf(value):
+        return "runs away"
+    places = max(0, 2 - math.floor(math.log10(max(value, 1.0))))
+    return f"{value:.{places}f} ×"
+
+
+def _places(value: float, half_width: float) -> int:
+    """Return the decimals that show one or two digits of the half-width, six of the value."""
+    places = -math.floor(math.log10(half_width / 3))
+    if value:
+        places = min(places, 5 - math.floor(math.log10(abs(value))))
+    return places
+
+
+def _rounded(value: float, places: int) -> str:
+    if value and not 1e-4 <= abs(value) < 1e6 and abs(round(value, places)) > 0:
+        return f"{value:.{max(places + math.floor(math.log10(abs(value))), 0)}e}"
+    return f"{round(value, places):.{max(places, 0)}f}"
+
+
+def readable(formula: str) -> str:
+    """Write an expression as it is read: raised powers, dots for products.
+
+    Examples
+    --------
+    >>> readable("-0.2005*F**2*v"), readable("x**-0.5")
+    ('-0.2005·F²·v', 'x**-0.5')
+    """
+    return re.sub(r"(?<!\*)\*(?!\*)", "·", typeset_unit(formula))
+
+
+def typeset_unit(unit: str) -> str:
+    """Write the powers of a unit as superscripts.
+
+    Examples
+    --------
+    >>> typeset_unit("kg m^2"), typeset_unit("N m s**-1"), typeset_unit("m^0.5")
+    ('kg m²', 'N m s⁻¹', 'm^0.5')
+    """
+    raised = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+    power = r"(?:\^|\*\*)(-?\d+)(?![\d.])"
+    return re.sub(power, lambda found: found[1].translate(raised), unit)
+
+
+def percent(part: float) -> str:
+    """Return a share in percent; one just below 1 is not rounded to 100 %.
+
+    Examples
+    --------
+    >>> percent(0.704), percent(0.9934), percent(0.99996), percent(1.0)
+    ('70 %', '99.3 %', '> 99.9 %', '100 %')
+    """
+    if not math.isfinite(part):
+        return "-"
+    if part >= 1.0 or part <= 0.0:
+        return f"{100 * part:.0f} %"
+    if part > 0.9995:
+        return "> 99.9 %"
+    return f"{100 * part:.{1 if part > 0.985 else 0}f} %"
+
+
+def chance(probability: float) -> str:
+    """Return a probability in percent; one that is nearly 0 or 1 is not rounded to it.
+
+    Examples
+    --------
+    >>> chance(0.213), chance(0.9999), chance(1.0), chance(2e-4)
+    ('21 %', '> 99.9 %', '> 99.9 %', '< 0.1 %')
+    """
+    if probability > 0.999:
+        return "> 99.9 %"
+    if probability < 0.001:
+        return "< 0.1 %"
+    return f"{100 * probability:.{1 if not 0.01 <= probability <= 0.985 else 0}f} %"
+
+
+def share(gain) -> str:
+    """Write the explained share of a gain with its interval.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace as Gain
+    >>> share(Gain(explained_share=0.927, low=0.874, high=0.963))
+    '93 % (87 to 96 %)'
+    >>> share(Gain(explained_share=1.0, low=0.9999, high=1.0))
+    '> 99.9 %'
+    """
+    low, high = 100 * gain.low, 100 * gain.high
+    if low > 99.95:
+        return "> 99.9 %"
+    places = 1 if low > 98.5 else 0
+    return f"{100 * gain.explained_share:.{places}f} % ({low:.{places}f} to {high:.{places}f} %)"
