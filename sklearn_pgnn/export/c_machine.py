@@ -12,9 +12,10 @@ from sklearn_pgnn.export.c_expression import CPrinter
 from sklearn_pgnn.export.c_names import c_name, c_names
 from sklearn_pgnn.export.late_inputs import late_inputs
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.model_function import METHODS
 from sklearn_pgnn.simulation.simulate import hold_of
 from sklearn_pgnn.simulation.source import dry_states
-from sklearn_pgnn.simulation.stepping import MAX_EVENTS, METHODS
+from sklearn_pgnn.simulation.stepping import MAX_EVENTS
 
 PRECISIONS = {"double": "double", "single": "float"}
 KEPT = ("constants", "struct")

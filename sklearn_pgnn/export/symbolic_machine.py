@@ -9,7 +9,7 @@ from typing import Any
 from sklearn_pgnn.exceptions import ModelError
 from sklearn_pgnn.export.assignments import Assignments, outputs_of, rates_of
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.stepping import METHODS
+from sklearn_pgnn.simulation.model_function import METHODS
 
 _OPERATIONS: dict[type, Callable] = {
     ast.Add: operator.add,

@@ -1,26 +1,28 @@
-"""A model's source compiled to machine code, once a process, within hundredths of a second.
+"""How the time loops call a model: one function a model, by its address.
 
-The loops do not know a model's function, they call it by its address. numba's own function objects
-and arrays would do, too (`PLAIN_CALLS`), but what they check and count at every call takes longer
-than the mathematics.
+The loops of `stepping`, `kalman` and `network_loop` are compiled once and kept on disk. They take a
+model's function as its address, an integer, and call it by `call`, always with the same arguments:
+what to do, two numbers and the data of eight arrays, see `sklearn_pgnn.simulation.model_function`.
+Nothing is allocated, counted or checked at a call. numba's own function objects and arrays would do,
+too (`PLAIN_CALLS`), and give the same numbers, but what they check at every call takes longer than
+the mathematics.
 """
 
 import os
 from functools import cache
 
 import numba
-from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.source import write_source
-from sklearn_pgnn.simulation.straight_line import data_of, straight_line
+from sklearn_pgnn.simulation.machine_code import SIGNATURE, machine_code
+from sklearn_pgnn.simulation.model_function import emit_model_function
+from sklearn_pgnn.simulation.source import Source, write_source
 
-_ARRAY = types.float64[::1]
-_POINTER = types.CPointer(types.float64)
-_BY_ARRAYS = types.void(types.float64, *[_ARRAY] * 5)
-_BY_POINTERS = types.void(types.float64, *[_POINTER] * 5)
+_FLOATS, _TABLE, _BITS = types.float64[::1], types.float64[:, ::1], types.boolean[::1]
+_SCALARS = (types.int64, types.float64, types.float64)
+_BY_ARRAYS = types.void(*_SCALARS, _FLOATS, _TABLE, *[_FLOATS] * 4, _BITS, _FLOATS)
 
 #: whether functions are called as numba's function objects; set by the environment before import
 PLAIN_CALLS = os.environ.get("SKLEARN_PGNN_PLAIN_CALLS", "0") == "1"
@@ -28,7 +30,7 @@ PLAIN_CALLS = os.environ.get("SKLEARN_PGNN_PLAIN_CALLS", "0") == "1"
 FUNCTION = types.FunctionType(_BY_ARRAYS) if PLAIN_CALLS else types.int64
 
 
-def compile_model(model: PhysicsModel, wrt: tuple[str, ...] | None = None):
+def compile_model(model: PhysicsModel, wrt: tuple[str, ...] | None = None, method: str = "rk4"):
     """Compile a model's function.
 
     Parameters
@@ -37,6 +39,8 @@ def compile_model(model: PhysicsModel, wrt: tuple[str, ...] | None = None):
         The model; its parameter values do not matter.
     wrt : tuple of str, optional
         Parameters to differentiate by; without it only rates and outputs are computed.
+    method : {"rk4", "euler"}, default="rk4"
+        Scheme of a step.
 
     Returns
     -------
@@ -46,43 +50,56 @@ def compile_model(model: PhysicsModel, wrt: tuple[str, ...] | None = None):
         What was compiled.
     """
     source = write_source(model, wrt)
-    function = _compile(source.text)
-    return function if PLAIN_CALLS else function.address, source
+    return _compile(source, method), source
 
 
 @cache
-def _compile(text: str):
-    """Compile assignments to a function; it is cached, since its address is passed on."""
-    emitted = straight_line(text)
+def _compile(source: Source, method: str):
+    """Compile a model's function; it is cached, since its address is passed on."""
+    if not PLAIN_CALLS:
+        return machine_code(source, method)
 
-    def function(t, x, u, p, s, out):
-        emitted(t, x, u, p, s, out)
+    @intrinsic
+    def emitted(context, task, t, h, x, S, u, u_end, p, s, stuck, out):
+        def generate(context, builder, signature, values):
+            arrays = zip(signature.args[3:], values[3:], strict=True)
+            data = [data_of(context, builder, kind, value) for kind, value in arrays]
+            emit_model_function(builder, source, method, [*values[:3], *data])
+            return context.get_dummy_value()
 
-    if PLAIN_CALLS:
-        return numba.njit(_BY_ARRAYS, error_model="numpy", no_cpython_wrapper=True)(function)
-    return numba.cfunc(_BY_POINTERS, error_model="numpy")(function)
+        return types.void(task, t, h, x, S, u, u_end, p, s, stuck, out), generate
+
+    @numba.njit(_BY_ARRAYS, error_model="numpy", no_cpython_wrapper=True)
+    def function(task, t, h, x, S, u, u_end, p, s, stuck, out):
+        emitted(task, t, h, x, S, u, u_end, p, s, stuck, out)
+
+    return function
+
+
+def data_of(context, builder, kind, value):
+    """Return the LLVM pointer to the numbers of an array."""
+    return context.make_array(kind)(context, builder, value).data
 
 
 @intrinsic
-def _call_address(context, function, t, x, u, p, s, out):
-    """Call the function at an address with the time and the data of five arrays."""
+def _call_address(context, function, task, t, h, x, S, u, u_end, p, s, stuck, out):
+    """Call the function at an address with three numbers and the data of eight arrays."""
+    kinds = (task, t, h, x, S, u, u_end, p, s, stuck, out)
 
     def generate(context, builder, signature, values):
-        pointer = ir.DoubleType().as_pointer()
-        called = ir.FunctionType(ir.VoidType(), [ir.DoubleType(), *[pointer] * 5])
-        address = builder.inttoptr(values[0], called.as_pointer())
-        arrays = zip(signature.args[2:], values[2:], strict=True)
-        data = [data_of(context, builder, kind, value) for kind, value in arrays]
-        builder.call(address, [values[1], *data])
+        arrays = zip(signature.args[4:], values[4:], strict=True)
+        given = [*values[1:4], *(data_of(context, builder, kind, value) for kind, value in arrays)]
+        builder.call(builder.inttoptr(values[0], SIGNATURE.as_pointer()), given)
         return context.get_dummy_value()
 
-    return types.void(function, t, x, u, p, s, out), generate
+    return types.void(function, *kinds), generate
 
 
 @numba.njit(error_model="numpy")
-def _call_object(function, t, x, u, p, s, out):
-    function(t, x, u, p, s, out)
+def _call_object(function, task, t, h, x, S, u, u_end, p, s, stuck, out):
+    function(task, t, h, x, S, u, u_end, p, s, stuck, out)
 
 
-#: how a time loop calls a model's function: ``call(function, t, x, u, p, s, out)``
+#: how a time loop calls a model's function, see `sklearn_pgnn.simulation.model_function`:
+#: ``call(function, task, t, h, x, S, u, u_end, p, s, stuck, out)``
 call = _call_object if PLAIN_CALLS else _call_address

@@ -27,7 +27,6 @@ from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.compiled import compile_model
 from sklearn_pgnn.simulation.kalman import run_filter, run_smoother
 from sklearn_pgnn.simulation.simulate import parameter_values
-from sklearn_pgnn.simulation.stepping import METHODS
 from sklearn_pgnn.simulation.windows import ShootingWindows
 
 #: the state that stands for the hidden input
@@ -167,7 +166,6 @@ class _Filter:
             windows.scale**2,
             np.array(self.source.dry),
             windows.substeps,
-            *METHODS["rk4"],
             self.source.size,
             *states,
             *predicted,

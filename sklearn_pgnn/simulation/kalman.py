@@ -57,13 +57,13 @@ def _predict_covariance(S, C, noise, half):
 
 @njit(
     types.float64(
-        FUNCTION, _F1, _F2, boolean, _F2, _F1, _F1, _F2, _F1, _F1, _B1, types.int64, _F1, _F1,
+        FUNCTION, _F1, _F2, boolean, _F2, _F1, _F1, _F2, _F1, _F1, _B1, types.int64,
         types.int64, _F2, _F3, _F2, _F3, _F3,
     ),
     **OPTIONS,
 )  # fmt: skip
 def run_filter(
-    function, t, u, linear_hold, y, p, x0, P0, diffusion, variance, dry, substeps, nodes, weights,
+    function, t, u, linear_hold, y, p, x0, P0, diffusion, variance, dry, substeps,
     size, X, P, Xp, Pp, F,
 ):  # fmt: skip
     """Filter one record into X and P, predictions into Xp and Pp, transitions into F.
@@ -72,7 +72,7 @@ def run_filter(
     taken in one after the other, their noise being independent.
     """
     nx, ny = x0.size, y.shape[1]
-    work, old = workspace(nx, nx, u.shape[1], size)
+    out, old = workspace(nx, nx, u.shape[1], size)
     x, S, C, half = x0.copy(), np.zeros((nx, nx)), P0.copy(), np.zeros((nx, nx))
     gain, noise = np.zeros(nx), np.zeros(nx)
     s, stuck = np.zeros(nx), np.zeros(nx, dtype=np.bool_)
@@ -90,7 +90,7 @@ def run_filter(
             if math.isnan(y[k, j]):
                 continue
             _set_unit(S)
-            _observe(function, t[k], x, S, u[k], p, s, work[7], y_model, H)
+            _observe(function, t[k], x, S, u[k], p, s, stuck, out, y_model, H)
             spread = variance[j]
             for a in range(nx):
                 gain[a] = 0.0
@@ -115,8 +115,8 @@ def run_filter(
         if k + 1 < t.size:
             _set_unit(S)
             _to_next_sample(
-                function, t, u, linear_hold, k, x, S, p, s, stuck, dry, substeps, nodes, weights,
-                work, old, u_start, u_end,
+                function, t, u, linear_hold, k, x, S, p, s, stuck, dry, substeps,
+                out, old, u_start, u_end,
             )  # fmt: skip
             for i in range(nx):
                 noise[i] = diffusion[i] * (t[k + 1] - t[k])

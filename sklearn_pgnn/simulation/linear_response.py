@@ -21,7 +21,6 @@ from sklearn_pgnn.simulation.kalman import run_filter
 from sklearn_pgnn.simulation.pointwise import evaluate_samples, sample_table
 from sklearn_pgnn.simulation.simulate import parameter_values
 from sklearn_pgnn.simulation.source import differentiate
-from sklearn_pgnn.simulation.stepping import METHODS
 from sklearn_pgnn.simulation.windows import ShootingWindows
 
 _F2, _F3, _I1 = types.float64[:, ::1], types.float64[:, :, ::1], types.int64[::1]
@@ -125,7 +124,6 @@ def _transitions(model, windows, x0):
             blind,
             np.array(source.dry),
             windows.substeps,
-            *METHODS["rk4"],
             source.size,
             x[rows],
             *unused,

@@ -5,8 +5,9 @@ import math
 import numpy as np
 from numba import boolean, int64, njit, types, void
 
-from sklearn_pgnn.simulation.compiled import FUNCTION, call
-from sklearn_pgnn.simulation.stepping import INNER, OPTIONS, advance, workspace
+from sklearn_pgnn.simulation.compiled import FUNCTION
+from sklearn_pgnn.simulation.model_function import OUTPUTS
+from sklearn_pgnn.simulation.stepping import INNER, OPTIONS, advance, evaluate, workspace
 
 _F = types.float64
 _F1, _F2, _F3 = types.float64[::1], types.float64[:, ::1], types.float64[:, :, ::1]
@@ -171,8 +172,8 @@ def _out_of_reach(x, reach):
 
 @njit(**INNER)
 def _prior_step(
-    function, t, dt, x, S, u_start, u_end, p, s, stuck, dry, substeps, nodes, weights, work, old,
-    u_from, u_to,
+    function, t, dt, x, S, u_start, u_end, p, s, stuck, dry, substeps, step_out,
+    old, u_from, u_to,
 ):  # fmt: skip
     """Advance x and S in place by the model, from one sample to the next."""
     h = dt / substeps
@@ -182,21 +183,21 @@ def _prior_step(
             u_from[i] = u_start[i] + slope * step / substeps
             u_to[i] = u_start[i] + slope * (step + 1) / substeps
         advance(
-            function, t + step * h, h, x, S, u_from, u_to, p, s, stuck, dry, nodes, weights, work,
-            old,
+            function, t + step * h, h, x, S, u_from, u_to, p, s, stuck, dry,
+            step_out, old,
         )  # fmt: skip
 
 
 @njit(
     int64(
-        FUNCTION, FUNCTION, _F1, _F2, boolean, _F2, _F2, _F2, _F1, _B1, int64, _F1, _F1, int64,
+        FUNCTION, FUNCTION, _F1, _F2, boolean, _F2, _F2, _F2, _F1, _B1, int64, int64,
         int64, int64, int64, _F1, _F3, _F1, _F1, _F2, _I1, int64, int64, _F1, _F1, _F1, _F2,
     ),
     **OPTIONS,
 )  # fmt: skip
 def run(
-    function, terms, t, acting, linear_hold, u, simulated, features, p, dry, substeps, nodes,
-    weights, size, n_terms, base, guide, offset, gain, mean, scale, reach, sizes, core, activation,
+    function, terms, t, acting, linear_hold, u, simulated, features, p, dry, substeps,
+    size, n_terms, base, guide, offset, gain, mean, scale, reach, sizes, core, activation,
     theta, x, hidden, X,
 ):  # fmt: skip
     """Run a network along one trajectory into X; return the first sample out of reach, or -1."""
@@ -205,7 +206,7 @@ def run(
     before, after = np.zeros((sizes.size, widest)), np.zeros((sizes.size, widest))
     gates, out, z = np.zeros(3 * widest), np.zeros(n_out), np.zeros(widest)
     prior, nothing = np.zeros(nx), np.zeros((nx, 0))
-    work, old = workspace(nx, 0, acting.shape[1], size)
+    step_out, old = workspace(nx, 0, acting.shape[1], size)
     seen, turned = np.zeros(n_terms), _by_input(theta, sizes) if core == 0 else theta
     s, stuck = np.zeros(nx), np.zeros(nx, dtype=np.bool_)
     u_from, u_to = np.zeros(acting.shape[1]), np.zeros(acting.shape[1])
@@ -217,10 +218,10 @@ def run(
             u_end = acting[k + 1] if linear_hold else acting[k]
             _prior_step(
                 function, t[k], dt, prior, nothing, acting[k], u_end, p, s, stuck, dry, substeps,
-                nodes, weights, work, old, u_from, u_to,
+                step_out, old, u_from, u_to,
             )  # fmt: skip
         if guide == 3:
-            call(terms, t[k], x, acting[k], p, s, seen)
+            evaluate(terms, OUTPUTS, t[k], x, nothing, acting[k], p, s, stuck, seen)
         _features(k, x, prior, dt, u, simulated, features, guide, seen, mean, scale, z)
         if core == 0:
             after[0] = z
@@ -267,15 +268,15 @@ def _carry(M, S, S_old, gain, by_theta):
 
 @njit(
     void(
-        FUNCTION, FUNCTION, _F1, _F2, boolean, _F2, _F2, _F2, _F1, _B1, int64, _F1, _F1, int64,
+        FUNCTION, FUNCTION, _F1, _F2, boolean, _F2, _F2, _F2, _F1, _B1, int64, int64,
         int64, int64, int64, _F1, _F3, _F1, _F1, _F2, _I1, int64, int64, _F1, _F1, _F2, int64,
         _I1, _F2, _F3,
     ),
     **OPTIONS,
 )  # fmt: skip
 def run_sensitive(
-    function, terms, t, acting, linear_hold, u, simulated, features, p, dry, substeps, nodes,
-    weights, size, n_terms, base, guide, offset, gain, mean, scale, reach, sizes, core, activation,
+    function, terms, t, acting, linear_hold, u, simulated, features, p, dry, substeps,
+    size, n_terms, base, guide, offset, gain, mean, scale, reach, sizes, core, activation,
     theta, x, S, begin, wanted, X, SX,
 ):  # fmt: skip
     """Run on from sample ``begin``, x and S in place; those wanted go into X and SX."""
@@ -285,7 +286,7 @@ def run_sensitive(
     z, delta, lower = np.zeros(widest), np.zeros(widest), np.zeros(widest)
     by_theta, by_z = np.zeros((n_out, n_weights)), np.zeros((n_out, nx))
     prior, step_S = np.zeros(nx), np.zeros((nx, nx))
-    work, old = workspace(nx, nx, acting.shape[1], size)
+    step_out, old = workspace(nx, nx, acting.shape[1], size)
     seen, turned = np.zeros(n_terms), _by_input(theta, sizes)
     s, stuck = np.zeros(nx), np.zeros(nx, dtype=np.bool_)
     u_from, u_to = np.zeros(acting.shape[1]), np.zeros(acting.shape[1])
@@ -304,10 +305,10 @@ def run_sensitive(
             u_end = acting[k + 1] if linear_hold else acting[k]
             _prior_step(
                 function, t[k], dt, prior, step_S, acting[k], u_end, p, s, stuck, dry, substeps,
-                nodes, weights, work, old, u_from, u_to,
+                step_out, old, u_from, u_to,
             )  # fmt: skip
         if guide == 3:
-            call(terms, t[k], x, acting[k], p, s, seen)
+            evaluate(terms, OUTPUTS, t[k], x, step_S, acting[k], p, s, stuck, seen)
         _features(k, x, prior, dt, u, simulated, features, guide, seen, mean, scale, z)
         after[0] = z
         _forward(turned, sizes, activation, before, after)
@@ -358,14 +359,14 @@ def run_sensitive(
 
 @njit(
     void(
-        FUNCTION, _F1, _F1, _F2, _F2, _F1, _B1, int64, _F1, _F1, int64, _F2, _F3,
+        FUNCTION, _F1, _F1, _F2, _F2, _F1, _B1, int64, int64, _F2, _F3,
     ),
     **OPTIONS,
 )  # fmt: skip
-def run_prior_steps(function, t, dt, u, u_next, p, dry, substeps, nodes, weights, size, X, J):
+def run_prior_steps(function, t, dt, u, u_next, p, dry, substeps, size, X, J):
     """Advance every row of X by its own step, in place."""
     nx = X.shape[1]
-    work, old = workspace(nx, nx, u.shape[1], size)
+    step_out, old = workspace(nx, nx, u.shape[1], size)
     s, stuck = np.zeros(nx), np.zeros(nx, dtype=np.bool_)
     u_from, u_to = np.zeros(u.shape[1]), np.zeros(u.shape[1])
     S = np.zeros((nx, nx))
@@ -375,8 +376,8 @@ def run_prior_steps(function, t, dt, u, u_next, p, dry, substeps, nodes, weights
             S[i, i] = 1.0
         stuck[:] = False
         _prior_step(
-            function, t[k], dt[k], X[k], S, u[k], u_next[k], p, s, stuck, dry, substeps, nodes,
-            weights, work, old, u_from, u_to,
+            function, t[k], dt[k], X[k], S, u[k], u_next[k], p, s, stuck, dry, substeps,
+            step_out, old, u_from, u_to,
         )  # fmt: skip
         J[k] = S
 
@@ -386,9 +387,10 @@ def run_terms(function, t, x, u, p, size, V, J):
     """Evaluate a model's terms at every sample into V, their derivatives by the state into J."""
     nx, n_terms = x.shape[1], V.shape[1]
     s, out = np.zeros(nx), np.zeros(size)
+    stuck, unused = np.zeros(nx, dtype=np.bool_), np.zeros((nx, 0))
     slopes = nx + n_terms + nx * nx
     for k in range(t.size):
-        call(function, t[k], x[k], u[k], p, s, out)
+        evaluate(function, OUTPUTS, t[k], x[k], unused, u[k], p, s, stuck, out)
         for i in range(n_terms):
             V[k, i] = out[nx + i]
             for j in range(nx):

@@ -25,7 +25,6 @@ from sklearn_pgnn.simulation.compiled import compile_model
 from sklearn_pgnn.simulation.inputs import delayed_inputs
 from sklearn_pgnn.simulation.network_loop import run, run_prior_steps, run_sensitive, run_terms
 from sklearn_pgnn.simulation.simulate import parameter_values
-from sklearn_pgnn.simulation.stepping import METHODS
 
 BASES = ("constant", "state", "prior")
 GUIDES = (None, "simulation", "step", "terms")
@@ -277,7 +276,6 @@ def prior_steps(model: PhysicsModel, substeps: int, hold: str, t, dt, x, u, u_ne
         parameter_values(model),
         np.array(source.dry),
         substeps,
-        *METHODS["rk4"],
         source.size,
         x_next,
         jacobian,
@@ -396,7 +394,6 @@ def _common(step, theta, record, wrt=None):
         parameter_values(with_terms),  # the model's own come first
         np.array(source.dry),
         step.substeps,
-        *METHODS["rk4"],
         source.size,
         of_terms.size,
         BASES.index(step.base),

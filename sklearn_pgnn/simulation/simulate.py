@@ -9,7 +9,8 @@ from sklearn_pgnn.exceptions import SimulationError, SimulationWarning
 from sklearn_pgnn.physics.model import HOLDS, PhysicsModel
 from sklearn_pgnn.simulation.compiled import compile_model
 from sklearn_pgnn.simulation.inputs import delayed_inputs
-from sklearn_pgnn.simulation.stepping import METHODS, run_trajectory
+from sklearn_pgnn.simulation.model_function import METHODS
+from sklearn_pgnn.simulation.stepping import run_trajectory
 
 
 @dataclass(frozen=True)
@@ -122,7 +123,7 @@ def simulate(
     unknown = [name for name in wrt or () if name not in model.parameters]
     if unknown:
         raise ValueError(f"wrt: unknown parameter {unknown[0]!r}.")
-    function, source = compile_model(model, wrt)
+    function, source = compile_model(model, wrt, method)
     nx, ny, n = len(model.states), len(model.outputs), t.size
     nq = 0 if wrt is None else len(wrt) + nx
     X, Y = np.full((n, nx), np.nan), np.full((n, ny), np.nan)
@@ -140,7 +141,6 @@ def simulate(
         S,
         np.array(source.dry),
         substeps,
-        *METHODS[method],
         source.size,
         X,
         Y,

@@ -33,15 +33,60 @@ class Source:
     ----------
     text : str
         Its assignments, see `sklearn_pgnn.simulation.straight_line`.
-    size : int
-        Length of ``out``.
     dry : tuple of bool
         For every state, whether its rate jumps where the state changes its sign.
+    n_outputs : int
+        Number of outputs.
+    n_parameters : int, optional
+        Number of parameters differentiated by; without it nothing is differentiated.
     """
 
     text: str
-    size: int
     dry: tuple[bool, ...]
+    n_outputs: int
+    n_parameters: int | None = None
+
+    @property
+    def n_states(self) -> int:
+        """Number of states."""
+        return len(self.dry)
+
+    @property
+    def n_sensitivities(self) -> int:
+        """Number of parameters and initial states that a simulation differentiates by."""
+        return 0 if self.n_parameters is None else self.n_parameters + self.n_states
+
+    @property
+    def size(self) -> int:
+        """Length of ``out``."""
+        return (self.n_states + self.n_outputs) * (1 + self.n_sensitivities)
+
+    @property
+    def rates(self) -> range:
+        """Where the rates stand in ``out``."""
+        return range(self.n_states)
+
+    @property
+    def outputs(self) -> range:
+        """Where the outputs stand in ``out``."""
+        return range(self.n_states, self.n_states + self.n_outputs)
+
+    @property
+    def rate_slopes(self) -> list[list[int]]:
+        """Where each rate's derivatives by the states and by the parameters stand in ``out``."""
+        if self.n_parameters is None:
+            return []
+        n, n_p, first = self.n_states, self.n_parameters, self.outputs.stop
+        by_states = [[first + i * n + j for j in range(n)] for i in range(n)]
+        first += n * n
+        by_parameters = [[first + i * n_p + j for j in range(n_p)] for i in range(n)]
+        return [[*x, *p] for x, p in zip(by_states, by_parameters, strict=True)]
+
+    @property
+    def output_slopes(self) -> range:
+        """Where the outputs' derivatives stand in ``out``."""
+        first = self.outputs.stop + self.n_states * self.n_sensitivities
+        return range(first, self.size)
 
 
 class _Printer(PythonCodePrinter):
@@ -175,7 +220,8 @@ def _write(frozen: _Frozen, wrt) -> Source:
         entries += [differentiate(e, v) for e in g for v in x]
         entries += [_by_parameter(model, local, e, name) for e in g for name in wrt]
     arguments = {local[old]: place for old, place in places.items()}
-    return Source(_function(arguments, entries), len(entries), dry)
+    n_parameters = None if wrt is None else len(wrt)
+    return Source(_function(arguments, entries), dry, len(g), n_parameters)
 
 
 def _sign(i):

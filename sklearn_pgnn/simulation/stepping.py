@@ -16,6 +16,7 @@ import numpy as np
 from numba import boolean, int64, njit, types
 
 from sklearn_pgnn.simulation.compiled import FUNCTION, call
+from sklearn_pgnn.simulation.model_function import OUTPUTS, RATES, STEP
 
 #: a gap is longer than so many median sample intervals
 GAP = 20.0
@@ -23,11 +24,6 @@ GAP = 20.0
 MOST_SAMPLES = 1e6
 #: events handled exactly within one step; further ones are stepped over
 MAX_EVENTS = 6
-#: weights of the stages, and where in the step each stage stands
-METHODS = {
-    "euler": (np.array([0.0]), np.array([1.0])),
-    "rk4": (np.array([0.0, 0.5, 0.5, 1.0]), np.array([1.0, 2.0, 2.0, 1.0]) / 6.0),
-}
 
 _F = types.float64
 _F1, _F2 = types.float64[::1], types.float64[:, ::1]
@@ -39,49 +35,19 @@ INNER = {**OPTIONS, "_nrt": False, "forceinline": True}
 
 
 @njit(**INNER)
-def _runge_kutta(function, t, h, x, S, u_start, u_end, p, s, stuck, nodes, weights, work):
+def _step(function, t, h, x, S, u, u_end, p, s, stuck, out):
     """Advance x and S by one explicit step, in place; stuck states stay."""
-    xs, Ss, us, kx, kS, ax, aS, out = work
-    nx, nq = S.shape
-    n_p = nq - nx
-    ny = 0
-    if nq > 0:
-        ny = (out.size - nx * (1 + nq)) // (1 + nq)
-    for i in range(nx):
-        ax[i] = kx[i] = 0.0
-        for j in range(nq):
-            aS[i, j] = kS[i, j] = 0.0
-    for stage in range(nodes.size):
-        step = h * nodes[stage]
-        for i in range(nx):
-            xs[i] = x[i] + step * kx[i]
-            for j in range(nq):
-                Ss[i, j] = S[i, j] + step * kS[i, j]
-        for i in range(us.size):
-            us[i] = u_start[i] + nodes[stage] * (u_end[i] - u_start[i])
-        call(function, t + step, xs, us, p, s, out)
-        for i in range(nx):
-            kx[i] = 0.0 if stuck[i] else out[i]
-            ax[i] += weights[stage] * kx[i]
-            if nq > 0:
-                row_x, row_p = nx + ny + i * nx, nx + ny + nx * nx + i * n_p
-                for j in range(nq):
-                    value = 0.0
-                    if not stuck[i]:
-                        if j < n_p:
-                            value = out[row_p + j]
-                        for m in range(nx):
-                            value += out[row_x + m] * Ss[m, j]
-                    kS[i, j] = value
-                    aS[i, j] += weights[stage] * value
-    for i in range(nx):
-        x[i] += h * ax[i]
-        for j in range(nq):
-            S[i, j] += h * aS[i, j]
+    call(function, STEP, t, h, x, S, u, u_end, p, s, stuck, out)
 
 
 @njit(**INNER)
-def _side(function, t, x, u, p, s, stuck, i, out):
+def evaluate(function, task, t, x, S, u, p, s, stuck, out):
+    """Fill ``out`` with the rates, or with the outputs and their derivatives."""
+    call(function, task, t, 0.0, x, S, u, u, p, s, stuck, out)
+
+
+@njit(**INNER)
+def _side(function, t, x, S, u, p, s, stuck, i, out):
     """Set the friction's sign for state i: moving forward, backward or stuck at zero."""
     stuck[i] = False
     if x[i] > 0.0:
@@ -90,10 +56,10 @@ def _side(function, t, x, u, p, s, stuck, i, out):
         s[i] = -1.0
     else:
         s[i] = 1.0
-        call(function, t, x, u, p, s, out)
+        evaluate(function, RATES, t, x, S, u, p, s, stuck, out)
         forward = out[i]
         s[i] = -1.0
-        call(function, t, x, u, p, s, out)
+        evaluate(function, RATES, t, x, S, u, p, s, stuck, out)
         backward = out[i]
         if forward > 0.0:
             s[i] = 1.0
@@ -147,43 +113,40 @@ def _fill(pieces, value):
 
 
 @njit(**INNER)
-def advance(function, t, h, x, S, u_start, u_end, p, s, stuck, dry, nodes, weights, work, old):
+def advance(function, t, h, x, S, u_start, u_end, p, s, stuck, dry, out, old):
     """Advance x and S by h, in place, cutting the step where dry friction changes its side."""
     x_old, S_old, u_now, u_mid, before = old
     any_dry = False
     for i in range(x.size):
         any_dry = any_dry or dry[i]
     if not any_dry:
-        _runge_kutta(function, t, h, x, S, u_start, u_end, p, s, stuck, nodes, weights, work)
+        _step(function, t, h, x, S, u_start, u_end, p, s, stuck, out)
         return
-    out = work[7]
     done = 0.0
     _copy(u_start, u_now)
     for i in range(x.size):
         if dry[i]:
-            _side(function, t, x, u_now, p, s, stuck, i, out)
+            _side(function, t, x, S, u_now, p, s, stuck, i, out)
             for j in range(S.shape[1] if stuck[i] else 0):
                 S[i, j] = 0.0
     for event in range(MAX_EVENTS + 1):
         _keep(x, S, x_old, S_old)
         now, left = t + done * h, (1.0 - done) * h
-        _runge_kutta(function, now, left, x, S, u_now, u_end, p, s, stuck, nodes, weights, work)
+        _step(function, now, left, x, S, u_now, u_end, p, s, stuck, out)
         i, share = _first_crossing(x_old, x, stuck, dry)
         if i < 0 or event == MAX_EVENTS:
             return
         _keep(x_old, S_old, x, S)
         for k in range(u_mid.size):
             u_mid[k] = u_now[k] + share * (u_end[k] - u_now[k])
-        _runge_kutta(
-            function, now, share * left, x, S, u_now, u_mid, p, s, stuck, nodes, weights, work
-        )
+        _step(function, now, share * left, x, S, u_now, u_mid, p, s, stuck, out)
         done += share * (1.0 - done)
         _copy(u_mid, u_now)
         x[i] = 0.0
-        call(function, t + done * h, x, u_now, p, s, out)
+        evaluate(function, RATES, t + done * h, x, S, u_now, p, s, stuck, out)
         _copy(out, before)
-        _side(function, t + done * h, x, u_now, p, s, stuck, i, out)
-        call(function, t + done * h, x, u_now, p, s, out)
+        _side(function, t + done * h, x, S, u_now, p, s, stuck, i, out)
+        evaluate(function, RATES, t + done * h, x, S, u_now, p, s, stuck, out)
         _jump(S, before, out, stuck, i)
         if not stuck[i]:
             x[i] = 1e-300 * s[i]
@@ -213,25 +176,15 @@ def _usual_interval(t):
 
 @njit(**OPTIONS)
 def workspace(nx, nq, nu, size):
-    """Allocate what a step needs, once per trajectory."""
-    work = (
-        np.zeros(nx),
-        np.zeros((nx, nq)),
-        np.zeros(nu),
-        np.zeros(nx),
-        np.zeros((nx, nq)),
-        np.zeros(nx),
-        np.zeros((nx, nq)),
-        np.zeros(size),
-    )
+    """Allocate what a step needs, once per trajectory: ``out``, and what was before an event."""
     old = (np.zeros(nx), np.zeros((nx, nq)), np.zeros(nu), np.zeros(nu), np.zeros(nx))
-    return work, old
+    return np.zeros(size), old
 
 
 @njit(**INNER)
-def _observe(function, t, x, S, u, p, s, out, y, Sy):
+def _observe(function, t, x, S, u, p, s, stuck, out, y, Sy):
     """Evaluate the outputs and their sensitivities at one sample."""
-    call(function, t, x, u, p, s, out)
+    evaluate(function, OUTPUTS, t, x, S, u, p, s, stuck, out)
     nx, nq = S.shape
     ny = y.size
     n_p = nq - nx
@@ -249,34 +202,35 @@ def _observe(function, t, x, S, u, p, s, out, y, Sy):
 
 @njit(**INNER)
 def _to_next_sample(
-    function, t, u, linear_hold, k, x, S, p, s, stuck, dry, substeps, nodes, weights, work, old,
+    function, t, u, linear_hold, k, x, S, p, s, stuck, dry, substeps, out, old,
     u_start, u_end, usual=math.inf,
 ):  # fmt: skip
     """Advance from sample k to sample k + 1 in equal substeps, a gap in those of its samples."""
-    missing = (t[k + 1] - t[k]) / usual
-    count = substeps * (int(min(missing, MOST_SAMPLES)) if missing > GAP else 1)
-    h = (t[k + 1] - t[k]) / count
+    width, count = t[k + 1] - t[k], substeps
+    if width > GAP * usual:
+        count *= int(min(width / usual, MOST_SAMPLES))
+    h = width / count
     for step in range(count):
         for i in range(u_start.size):
-            slope = u[k + 1, i] - u[k, i] if linear_hold else 0.0
-            u_start[i] = u[k, i] + slope * step / count
-            u_end[i] = u[k, i] + slope * (step + 1) / count
+            u_start[i] = u_end[i] = u[k, i]
+            if linear_hold:
+                slope = u[k + 1, i] - u[k, i]
+                u_start[i] += slope * step / count
+                u_end[i] += slope * (step + 1) / count
         advance(
-            function, t[k] + step * h, h, x, S, u_start, u_end, p, s, stuck, dry, nodes, weights,
-            work, old,
+            function, t[k] + step * h, h, x, S, u_start, u_end, p, s, stuck, dry,
+            out, old,
         )  # fmt: skip
 
 
 @njit(
-    int64(FUNCTION, _F1, _F2, boolean, _F1, _F1, _F2, _B1, int64, _F1, _F1, int64, _F2, _F2, _F3),
+    int64(FUNCTION, _F1, _F2, boolean, _F1, _F1, _F2, _B1, int64, int64, _F2, _F2, _F3),
     **OPTIONS,
 )
-def run_trajectory(
-    function, t, u, linear_hold, p, x, S, dry, substeps, nodes, weights, size, X, Y, SY
-):
+def run_trajectory(function, t, u, linear_hold, p, x, S, dry, substeps, size, X, Y, SY):
     """Simulate one trajectory into X, Y and SY; return the first sample not finite, or -1."""
     nx, nq = S.shape
-    work, old = workspace(nx, nq, u.shape[1], size)
+    out, old = workspace(nx, nq, u.shape[1], size)
     s, stuck = np.zeros(nx), np.zeros(nx, dtype=np.bool_)
     Sy, usual = np.zeros((Y.shape[1], nq)), _usual_interval(t)
     u_start, u_end = np.zeros(u.shape[1]), np.zeros(u.shape[1])
@@ -287,13 +241,13 @@ def run_trajectory(
             X[k, i] = x[i]
             if dry[i] and not stuck[i]:
                 s[i] = 1.0 if x[i] > 0.0 else (-1.0 if x[i] < 0.0 else 0.0)
-        _observe(function, t[k], x, S, u[k], p, s, work[7], Y[k], Sy)
+        _observe(function, t[k], x, S, u[k], p, s, stuck, out, Y[k], Sy)
         if nq > 0:
             _copy_rows(Sy, SY[k])
         if k + 1 < t.size:
             _to_next_sample(
-                function, t, u, linear_hold, k, x, S, p, s, stuck, dry, substeps, nodes, weights,
-                work, old, u_start, u_end, usual,
+                function, t, u, linear_hold, k, x, S, p, s, stuck, dry, substeps,
+                out, old, u_start, u_end, usual,
             )  # fmt: skip
     return -1
 
@@ -301,12 +255,12 @@ def run_trajectory(
 @njit(
     types.void(
         FUNCTION, _F1, _F2, boolean, _F2, types.int64[::1], types.int64[::1], _F1, _F2, _F1, _B1,
-        int64, _F1, _F1, int64, int64, _F4, _F2,
+        int64, int64, int64, _F4, _F2,
     ),
     **OPTIONS,
 )  # fmt: skip
 def run_windows(
-    function, t, u, linear_hold, y, starts, lengths, p, X0, scale, dry, substeps, nodes, weights,
+    function, t, u, linear_hold, y, starts, lengths, p, X0, scale, dry, substeps,
     size, n_p, G, R,
 ):  # fmt: skip
     """Simulate every window from its own initial state and sum up its squares.
@@ -317,7 +271,7 @@ def run_windows(
     """
     nx, ny = X0.shape[1], y.shape[1]
     nq = n_p + nx
-    work, old = workspace(nx, nq, u.shape[1], size)
+    out, old = workspace(nx, nq, u.shape[1], size)
     x, S = np.zeros(nx), np.zeros((nx, nq))
     s, stuck = np.zeros(nx), np.zeros(nx, dtype=np.bool_)
     Sy, y_model, row = np.zeros((ny, nq)), np.zeros(ny), np.zeros(nq + 1)
@@ -338,7 +292,7 @@ def run_windows(
                 _fill(G[w], math.inf)
                 break
             piece = (k - starts[w]) * G.shape[1] // lengths[w]
-            _observe(function, t[k], x, S, u[k], p, s, work[7], y_model, Sy)
+            _observe(function, t[k], x, S, u[k], p, s, stuck, out, y_model, Sy)
             for i in range(ny):
                 R[k, i] = y[k, i] - y_model[i]
                 if math.isnan(y[k, i]):
@@ -351,6 +305,6 @@ def run_windows(
                         G[w, piece, a, b] += row[a] * row[b]
             if k + 1 < starts[w] + lengths[w]:
                 _to_next_sample(
-                    function, t, u, linear_hold, k, x, S, p, s, stuck, dry, substeps, nodes,
-                    weights, work, old, u_start, u_end,
+                    function, t, u, linear_hold, k, x, S, p, s, stuck, dry, substeps,
+                    out, old, u_start, u_end,
                 )  # fmt: skip

@@ -1,21 +1,18 @@
-"""Straight-line code on numbers, compiled without numba's type inference.
+"""Assignments on numbers, emitted as LLVM instructions without numba's type inference.
 
-A model's function is a list of assignments ``name = expression`` and ``out[i] = expression`` in
-which everything is a ``float64``. There is nothing to infer, and inferring it takes numba ten times
-as long as compiling it: the assignments are emitted here as LLVM instructions, inside one call that
-numba compiles.
+A model's source is a list of assignments ``name = expression`` and ``out[i] = expression`` in which
+everything is a ``float64``. There is nothing to infer, and inferring it takes numba ten times as
+long as compiling it.
 """
 
 import ast
 import math
+from collections.abc import Callable, Iterable, Sequence
 from functools import reduce
 
 from llvmlite import ir
-from numba import types
-from numba.extending import intrinsic
 
-_FLOAT, _INT = ir.DoubleType(), ir.IntType(64)
-_NUMBER = types.float64
+FLOAT, INT = ir.DoubleType(), ir.IntType(64)
 _OPERATIONS = {ast.Add: "fadd", ast.Sub: "fsub", ast.Mult: "fmul", ast.Div: "fdiv"}
 _COMPARISONS = {
     ast.Lt: "<",
@@ -25,96 +22,120 @@ _COMPARISONS = {
     ast.Eq: "==",
     ast.NotEq: "!=",
 }
+#: functions that LLVM knows; all others are those of the C library
+_INTRINSICS = ("ceil", "cos", "exp", "fabs", "floor", "log", "pow", "sin", "sqrt")
 #: whole exponents up to here are multiplied out
 _MULTIPLIED = 16
 
 
-def straight_line(text: str):
-    """Return a function that numba compiles from assignments on numbers.
+class Assignments:
+    """A model's source, parsed: what its entries are, and what they need.
 
     Parameters
     ----------
     text : str
         Assignments, one a line, to names or to ``out[i]``; they read ``t``, names that stand
-        before, and ``x[i]``, ``u[i]``, ``p[i]``, ``s[i]``.
-
-    Returns
-    -------
-    numba intrinsic
-        A function of ``(t, x, u, p, s, out)``, to be called in compiled code.
+        before, and elements of arrays.
 
     Examples
     --------
-    >>> import numpy as np
-    >>> from numba import njit
-    >>> square = straight_line("c = x[0]*t" + chr(10) + "out[0] = math.sin(c)**2")
-    >>> @njit
-    ... def run(t, x, out):
-    ...     square(t, x, x, x, x, out)
-    >>> out = np.zeros(1)
-    >>> run(2.0, np.ones(1), out)
-    >>> out.round(4)
-    array([0.8268])
+    >>> lines = Assignments("c = x[0]*t" + chr(10) + "out[0] = 2*c" + chr(10) + "out[1] = 0")
+    >>> lines.is_zero(0), lines.is_zero(1), [name for name, _ in lines.needed([0])]
+    (False, True, ['c'])
     """
-    lines = ast.parse(text).body
 
-    @intrinsic
-    def emitted(context, t, x, u, p, s, out):
-        def generate(context, builder, signature, values):
-            arrays = {
-                name: data_of(context, builder, kind, value)
-                for name, kind, value in zip("xupso", signature.args[1:], values[1:], strict=True)
-            }
-            emitter = _Emitter(context, builder, {"t": values[0]}, arrays)
-            for line in lines:
-                emitter.assign(line)
-            return context.get_dummy_value()
+    def __init__(self, text: str):
+        self.entries: dict[int, ast.expr] = {}
+        self._lines: dict[str, ast.expr] = {}
+        for line in ast.parse(text).body:
+            (target,), value = line.targets, line.value  # type: ignore[attr-defined]
+            if isinstance(target, ast.Name):
+                self._lines[target.id] = value
+            else:
+                self.entries[target.slice.value] = value
 
-        return types.void(t, x, u, p, s, out), generate
+    @property
+    def places(self) -> list[tuple[str, int]]:
+        """The array and index of everything that is read."""
+        lines = (*self._lines.values(), *self.entries.values())
+        nodes = (node for line in lines for node in ast.walk(line))
+        read = [node for node in nodes if isinstance(node, ast.Subscript)]
+        return [(node.value.id, node.slice.value) for node in read]  # type: ignore[attr-defined]
 
-    return emitted
+    def is_zero(self, entry: int) -> bool:
+        """Return whether an entry is the constant zero."""
+        node = self.entries[entry]
+        return isinstance(node, ast.Constant) and node.value == 0
+
+    def needed(self, entries: Iterable[int]) -> list[tuple[str, ast.expr]]:
+        """Return the lines that some of the entries need, in their order."""
+        names = set().union(*(_names(self.entries[entry]) for entry in entries))
+        kept = []
+        for name in reversed(self._lines):
+            if name in names:
+                names |= _names(self._lines[name])
+                kept.append((name, self._lines[name]))
+        return kept[::-1]
 
 
-def data_of(context, builder, kind, value):
-    """Return the LLVM pointer to the numbers of an array; a pointer is one already."""
-    if isinstance(kind, types.CPointer):
-        return value
-    return context.make_array(kind)(context, builder, value).data
+def _names(expression: ast.expr) -> set[str]:
+    return {node.id for node in ast.walk(expression) if isinstance(node, ast.Name)}
+
+
+def emit_entries(
+    builder: ir.IRBuilder,
+    lines: Assignments,
+    entries: Sequence[int],
+    t,
+    read: Callable[[str, int], ir.Value],
+) -> list[ir.Value]:
+    """Emit some entries of a model's source.
+
+    Parameters
+    ----------
+    builder : ir.IRBuilder
+        Where to emit.
+    lines : Assignments
+        The source.
+    entries : sequence of int
+        Which entries.
+    t : ir.Value
+        The time.
+    read : callable
+        ``read(array, i)`` returns the value of an array's element.
+
+    Returns
+    -------
+    list of ir.Value
+        The entries' values.
+    """
+    emitter = _Emitter(builder, t, read)
+    for name, expression in lines.needed(entries):
+        emitter.names[name] = emitter.number(expression)
+    return [emitter.number(lines.entries[entry]) for entry in entries]
 
 
 class _Emitter:
     """Python's syntax tree of numbers, as instructions."""
 
-    def __init__(self, context, builder, names, arrays):
-        self.context, self.builder = context, builder
-        self.names, self.arrays = names, arrays
-
-    def assign(self, line):
-        (target,), value = line.targets, self.number(line.value)
-        if isinstance(target, ast.Name):
-            self.names[target.id] = value
-        else:
-            self.builder.store(value, self._place(target))
+    def __init__(self, builder, t, read):
+        self.builder, self.read = builder, read
+        self.names = {"t": t}
 
     def number(self, node):
         return getattr(self, f"_{type(node).__name__}")(node)
 
-    def _place(self, node):
-        return self.builder.gep(
-            self.arrays[node.value.id[0]], [ir.Constant(_INT, node.slice.value)]
-        )
-
     def _Subscript(self, node):
-        return self.builder.load(self._place(node))
+        return self.read(node.value.id, node.slice.value)
 
     def _Name(self, node):
         return self.names[node.id]
 
     def _Constant(self, node):
-        return ir.Constant(_FLOAT, float(node.value))
+        return ir.Constant(FLOAT, float(node.value))
 
     def _Attribute(self, node):
-        return ir.Constant(_FLOAT, getattr(math, node.attr))
+        return ir.Constant(FLOAT, getattr(math, node.attr))
 
     def _UnaryOp(self, node):
         value = self.number(node.operand)
@@ -151,11 +172,11 @@ class _Emitter:
         return reduce(lambda a, b: self._choose(self._compare(sign, b, a), b, a), values)
 
     def _call(self, name, values):
-        if name in ("floor", "ceil", "fabs"):
-            function = self.builder.module.declare_intrinsic(f"llvm.{name}", [_FLOAT])
-            return self.builder.call(function, values)
-        signature = _NUMBER(*[_NUMBER] * len(values))
-        return self.context.get_function(getattr(math, name), signature)(self.builder, values)
+        module, kinds = self.builder.module, [FLOAT] * len(values)
+        if name in _INTRINSICS:
+            known = module.declare_intrinsic(f"llvm.{name}", [FLOAT], ir.FunctionType(FLOAT, kinds))
+            return self.builder.call(known, values)
+        return self.builder.call(_of_the_c_library(module, name, kinds), values)
 
     def _IfExp(self, node):
         return self._choose(
@@ -179,3 +200,13 @@ class _Emitter:
     def _compare(self, sign, left, right):
         kind = self.builder.fcmp_unordered if sign == "!=" else self.builder.fcmp_ordered
         return kind(sign, left, right)
+
+
+def _of_the_c_library(module, name, kinds):
+    """Declare a function that depends on nothing but its arguments."""
+    known = module.globals.get(name)
+    if known is None:
+        known = ir.Function(module, ir.FunctionType(FLOAT, kinds), name)
+        known.attributes.add("nounwind")
+        known.attributes.add("readnone")
+    return known

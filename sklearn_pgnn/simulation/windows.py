@@ -17,7 +17,7 @@ from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.compiled import compile_model
 from sklearn_pgnn.simulation.inputs import delayed_inputs
 from sklearn_pgnn.simulation.simulate import parameter_values
-from sklearn_pgnn.simulation.stepping import METHODS, run_windows
+from sklearn_pgnn.simulation.stepping import run_windows
 
 #: batches of windows per thread
 PARTS = 4
@@ -277,7 +277,6 @@ def evaluate(model: PhysicsModel, windows: ShootingWindows, x0, wrt: tuple[str, 
             windows.scale,
             dry,
             windows.substeps,
-            *METHODS["rk4"],
             source.size,
             len(wrt),
             gram[part],

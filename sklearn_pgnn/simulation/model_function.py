@@ -1,0 +1,224 @@
+r"""A model's function in machine code: a step of the states, the rates, or the outputs.
+
+The time loops of every model are the same and are compiled once. What they call is one function a
+model, which does what ``task`` says:
+
+`RATES`, `OUTPUTS`
+    evaluates the rates, or the outputs and their derivatives, into ``out``, whose layout is that of
+    `sklearn_pgnn.simulation.source`;
+`STEP`
+    makes an explicit Runge-Kutta step from ``t`` to ``t + h`` of the states and of their
+    sensitivities, in place: with the nodes :math:`c` and weights :math:`b` of the scheme
+
+    .. math:: k_i = f(t + c_i h,\; x + c_i h\, k_{i-1}), \qquad x \leftarrow x + h \sum_i b_i k_i,
+
+    and in the same way with :math:`\frac{\partial f}{\partial x} S + \frac{\partial f}{\partial p}`
+    for the sensitivities. The inputs run straight from ``u`` to ``u_end``; a state that is stuck
+    stays.
+
+In a step every row of the sensitivities is one vector, and a derivative that is zero costs nothing.
+"""
+
+import numpy as np
+from llvmlite import ir
+from numba.core import cgutils
+
+from sklearn_pgnn.simulation.source import Source
+from sklearn_pgnn.simulation.straight_line import FLOAT, INT, Assignments, emit_entries
+
+#: what a model's function can do
+STEP, RATES, OUTPUTS = 0, 1, 2
+#: the stages of a step: where in it they stand, and their weights
+METHODS = {
+    "euler": (np.array([0.0]), np.array([1.0])),
+    "rk4": (np.array([0.0, 0.5, 0.5, 1.0]), np.array([1.0, 2.0, 2.0, 1.0]) / 6.0),
+}
+#: its arrays, behind ``task``, ``t`` and ``h``
+ARRAYS = ("x", "S", "u", "u_end", "p", "s", "stuck", "out")
+
+
+def emit_model_function(builder, source: Source, method: str, arguments) -> None:
+    """Emit a model's function.
+
+    Parameters
+    ----------
+    builder : ir.IRBuilder
+        Where to emit.
+    source : Source
+        The model's source.
+    method : {"rk4", "euler"}
+        Scheme of a step.
+    arguments : sequence of ir.Value
+        The values of ``task, t, h``, and pointers to the data of `ARRAYS`.
+    """
+    (task, t, h), pointers = arguments[:3], arguments[3:]
+    arrays = dict(zip(ARRAYS, pointers, strict=True))
+    _Emission(builder, source, t, h, arrays).emit(task, METHODS[method])
+
+
+class _Emission:
+    """The instructions of one model's function."""
+
+    def __init__(self, builder, source, t, h, arrays):
+        self.builder, self.source = builder, source
+        self.lines = Assignments(source.text)
+        self.t, self.h, self.arrays = t, h, arrays
+
+    def emit(self, task, method) -> None:
+        """Emit the three things that the function does, and the choice between them."""
+        builder = self.builder
+        with builder.if_else(builder.icmp_signed("==", task, INT(STEP))) as (step, other):
+            with step:
+                self._step(*method)
+            with other:
+                self._evaluation(task)
+
+    def _evaluation(self, task) -> None:
+        """Evaluate the rates, or the outputs with their derivatives."""
+        builder, source = self.builder, self.source
+        with builder.if_else(builder.icmp_signed("==", task, INT(RATES))) as (rates, outputs):
+            with rates:
+                self._evaluate(source.rates)
+            with outputs:
+                self._evaluate([*source.outputs, *source.output_slopes])
+
+    def _evaluate(self, entries) -> None:
+        """Store some entries in ``out``."""
+        values = self._entries(entries, self.t, self._load)
+        for entry, value in zip(entries, values, strict=True):
+            self.builder.store(value, self._place("out", INT(entry)))
+
+    def _step(self, nodes, weights) -> None:
+        """Step the states, and the rows of the sensitivities, through the stages."""
+        builder, start = self.builder, [*self._states(), *self._rows()]
+        slopes, steps = ([self._zero(part.type) for part in start] for _ in range(2))
+        read = self._preloaded()
+        nodes, weights = self._constant(nodes), self._constant(weights)
+        with cgutils.for_range(builder, INT(nodes.type.pointee.count)) as loop:
+            node = builder.load(builder.gep(nodes, [INT(0), loop.index]))
+            weight = builder.load(builder.gep(weights, [INT(0), loop.index]))
+            along = builder.fmul(self.h, node)
+            now = self._moved(start, along, slopes)
+            for value, slope, step in zip(
+                self._slopes(now, along, node, read), slopes, steps, strict=True
+            ):
+                builder.store(value, slope)
+                builder.store(self._plus(builder.load(step), weight, value), step)
+        for value, place in zip(self._moved(start, self.h, steps), self._targets(), strict=True):
+            builder.store(value, place, align=8)
+
+    def _slopes(self, now, along, node, read):
+        """Return the rates of the states and of the sensitivities' rows at a stage."""
+        source, builder = self.source, self.builder
+        n = source.n_states
+        states, rows = now[:n], now[n:]
+
+        def at_stage(array, i):
+            if array == "x":
+                return states[i]
+            return self._input(i, node) if array == "u" else read(array, i)
+
+        wanted = [*source.rates, *(e for row in source.rate_slopes for e in row)]
+        wanted = [e for e in wanted if e in source.rates or not self.lines.is_zero(e)]
+        t = builder.fadd(self.t, along)
+        values = dict(zip(wanted, self._entries(wanted, t, at_stage), strict=True))
+        rates = [values[entry] for entry in source.rates]
+        tangents = [self._tangent(row, values, rows) for row in source.rate_slopes]
+        return [
+            self._unless_stuck(i, value) for i, value in [*enumerate(rates), *enumerate(tangents)]
+        ]
+
+    def _tangent(self, slopes, values, rows):
+        r"""Return a row of :math:`\partial f/\partial x\, S + \partial f/\partial p`."""
+        builder, n = self.builder, self.source.n_states
+        total = ir.Constant(rows[0].type, None)
+        for place, entry in enumerate(slopes[n:]):
+            if entry in values:
+                total = builder.insert_element(total, values[entry], INT(place))
+        for entry, row in zip(slopes[:n], rows, strict=True):
+            if entry in values:
+                total = self._plus(total, values[entry], row)
+        return total
+
+    def _unless_stuck(self, i, value):
+        """Return a rate, or zero where the state may be stuck and is."""
+        if not self.source.dry[i]:
+            return value
+        stuck = self.builder.load(self._place("stuck", INT(i)))
+        is_stuck = self.builder.icmp_unsigned("!=", stuck, stuck.type(0))
+        return self.builder.select(is_stuck, ir.Constant(value.type, None), value)
+
+    # -- values ------------------------------------------------------------------------------------
+
+    def _entries(self, entries, t, read):
+        return emit_entries(self.builder, self.lines, entries, t, read)
+
+    def _states(self):
+        return [self._load("x", i) for i in range(self.source.n_states)]
+
+    def _rows(self):
+        return [self.builder.load(place, align=8) for place in self._row_places()]
+
+    def _input(self, i, node):
+        """Return an input on its way from the step's start to its end."""
+        builder, start = self.builder, self._load("u", i)
+        change = builder.fsub(self._load("u_end", i), start)
+        return builder.fadd(start, builder.fmul(node, change))
+
+    def _preloaded(self):
+        """Return how to read parameters and signs, which are loaded once a step."""
+        known = {
+            place: self._load(*place)
+            for place in dict.fromkeys(self.lines.places)
+            if place[0] in ("p", "s")
+        }
+        return lambda array, i: known[array, i]
+
+    def _moved(self, start, by, slopes):
+        """Return where the parts are behind a step along slopes."""
+        pairs = zip(start, slopes, strict=True)
+        return [self._plus(part, by, self.builder.load(slope)) for part, slope in pairs]
+
+    def _plus(self, value, factor, change):
+        """Return ``value + factor*change`` for numbers and vectors."""
+        if isinstance(value.type, ir.VectorType):
+            factor = self._spread(factor, value.type)
+        return self.builder.fadd(value, self.builder.fmul(factor, change))
+
+    def _spread(self, value, kind):
+        """Return a vector of one number."""
+        first = self.builder.insert_element(ir.Constant(kind, ir.Undefined), value, INT(0))
+        everywhere = ir.Constant(ir.VectorType(ir.IntType(32), kind.count), [0] * kind.count)
+        return self.builder.shuffle_vector(first, first, everywhere)
+
+    def _constant(self, values):
+        """Return numbers as a constant array of the module."""
+        kind = ir.ArrayType(FLOAT, len(values))
+        return cgutils.global_constant(self.builder, "stages", kind(values.tolist()))
+
+    # -- memory ------------------------------------------------------------------------------------
+
+    def _zero(self, kind):
+        """Return a place on the stack that holds zero."""
+        place = cgutils.alloca_once(self.builder, kind)
+        self.builder.store(ir.Constant(kind, None), place)
+        return place
+
+    def _load(self, array, i):
+        return self.builder.load(self._place(array, INT(i)))
+
+    def _place(self, array, index):
+        return self.builder.gep(self.arrays[array], [index])
+
+    def _row_places(self):
+        """Return where the rows of the sensitivities are, as vectors."""
+        width = self.source.n_sensitivities
+        if not width:
+            return []
+        kind = ir.VectorType(FLOAT, width).as_pointer()
+        starts = (self._place("S", INT(i * width)) for i in range(self.source.n_states))
+        return [self.builder.bitcast(start, kind) for start in starts]
+
+    def _targets(self):
+        states = [self._place("x", INT(i)) for i in range(self.source.n_states)]
+        return [*states, *self._row_places()]

@@ -1,0 +1,69 @@
+"""A step in machine code is the step of the textbook, of the states and of their sensitivities."""
+
+from math import factorial
+
+import numpy as np
+import pytest
+from numba import njit
+
+from sklearn_pgnn import PhysicsModel
+from sklearn_pgnn.simulation.compiled import call, compile_model
+from sklearn_pgnn.simulation.model_function import OUTPUTS, RATES, STEP
+from sklearn_pgnn.simulation.simulate import parameter_values
+
+LINEAR = PhysicsModel(
+    {"x": "", "v": ""},
+    {"x": "v", "v": "b*u - k*x - d*v"},
+    {"k": 2.0, "d": 0.3, "b": 0.7},
+    {"u": ""},
+)
+A, B, H = np.array([[0.0, 1.0], [-2.0, -0.3]]), np.array([0.0, 0.7]), 0.1
+
+
+@njit
+def run(function, task, t, h, x, S, u, p, s, stuck, out):
+    call(function, task, t, h, x, S, u, u, p, s, stuck, out)
+
+
+def run_task(task, model, x, u, *, wrt=(), method="rk4", stuck=(False, False), s=(0.0, 0.0)):
+    """Return the states, their sensitivities and the entries behind a task."""
+    function, source = compile_model(model, wrt, method)
+    n_p = len(wrt)
+    S, out = np.hstack([np.zeros((2, n_p)), np.eye(2)]), np.zeros(source.size)
+    x = np.array(x, dtype=float)
+    run(
+        function, task, 0.0, H, x, S, np.atleast_1d(u).astype(float), parameter_values(model),
+        np.array(s), np.array(stuck), out,
+    )  # fmt: skip
+    return x, S, out
+
+
+@pytest.mark.parametrize(("method", "order"), [("euler", 1), ("rk4", 4)])
+def test_a_step_of_a_linear_model_is_its_exponential_up_to_the_order(method, order):
+    powers = [np.linalg.matrix_power(H * A, k) / factorial(k) for k in range(order + 1)]
+    driven = H * sum(np.linalg.matrix_power(H * A, k) / factorial(k + 1) for k in range(order))
+    x, S, _ = run_task(STEP, LINEAR, [0.5, -0.2], 1.5, method=method)
+    np.testing.assert_allclose(S, sum(powers), rtol=1e-14)
+    np.testing.assert_allclose(x, sum(powers) @ [0.5, -0.2] + driven @ B * 1.5, rtol=1e-14)
+
+
+def test_the_derivative_by_a_gain_is_the_response_to_the_input():
+    _, S, _ = run_task(STEP, LINEAR, [0.5, -0.2], 1.5, wrt=("b",))
+    response, _, _ = run_task(STEP, LINEAR, [0.0, 0.0], 1.5 / 0.7)
+    np.testing.assert_allclose(S[:, 0], response, rtol=1e-13)
+
+
+def test_a_stuck_state_stays_with_its_sensitivities():
+    model = LINEAR.replace(equations={"x": "v", "v": "u - k*x - sign(v)"})
+    x, S, _ = run_task(STEP, model, [0.5, 0.0], 0.3, stuck=(False, True), s=(0.0, -0.7))
+    assert x.tolist() == [0.5, 0.0]
+    np.testing.assert_allclose(S, [[1.0, H], [0.0, 1.0]], rtol=1e-14)
+
+
+def test_rates_and_outputs_are_evaluated_in_their_places():
+    model = LINEAR.replace(outputs={"y": "k*x**2 + v"})
+    _, _, rates = run_task(RATES, model, [0.5, -0.2], 1.5, wrt=("k",))
+    _, _, outputs = run_task(OUTPUTS, model, [0.5, -0.2], 1.5, wrt=("k",))
+    np.testing.assert_allclose(rates[:3], [-0.2, 1.05 - 1.0 + 0.06, 0.0])
+    np.testing.assert_allclose(outputs[2:3], [2 * 0.25 - 0.2])
+    np.testing.assert_allclose(outputs[-3:], [2 * 2 * 0.5, 1.0, 0.25])  # by x, v, and k
