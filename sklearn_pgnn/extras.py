@@ -5,6 +5,7 @@ from contextlib import contextmanager
 from importlib.util import find_spec
 
 EXTRAS = {
+    "app": ("starlette", "uvicorn"),
     "benchmarks": ("nonlinear_benchmarks",),
     "control": ("control",),
     "export": ("casadi", "onnx"),

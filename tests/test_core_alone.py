@@ -72,6 +72,7 @@ def test_what_needs_an_extra_says_which(tmp_path, extra):
         "tuning": [
             "sklearn_pgnn.model_selection.search_space(sklearn_pgnn.SINDYcRegressor())",
         ],
+        "app": ["import sklearn_pgnn.cli.app.serve"],
         "benchmarks": [
             "sklearn_pgnn.datasets.load_emps()",
             "sklearn_pgnn.datasets.load_cascaded_tanks()",

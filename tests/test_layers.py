@@ -41,6 +41,8 @@ HOMES = {
     "skorch": ("estimators/pgnnl", "estimators/network"),
     "pint": ("physics/units",),
     "skopt": ("model_selection/search_space",),
+    "starlette": ("cli/app",),
+    "uvicorn": ("cli/app",),
     "casadi": ("export/casadi_function",),
     "onnx": ("export/onnx_",),
     "control": ("export/control_system",),

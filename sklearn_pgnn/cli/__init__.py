@@ -3,7 +3,7 @@
 import click
 
 from sklearn_pgnn import __version__
-from sklearn_pgnn.cli.commands import check, compare, detect, fit, init, simulate
+from sklearn_pgnn.cli.commands import app, check, compare, detect, fit, init, simulate
 from sklearn_pgnn.cli.completion import FILE, PROGRAM, SHELLS, completion_script
 from sklearn_pgnn.cli.export import export
 from sklearn_pgnn.cli.guard import guarded
@@ -31,7 +31,18 @@ Where it goes:
 class InOrder(click.Group):
     """Commands that are listed as one comes to use them."""
 
-    ORDER = ("demo", "init", "check", "simulate", "fit", "diagnose", "detect", "compare", "export")
+    ORDER = (
+        "demo",
+        "init",
+        "check",
+        "simulate",
+        "fit",
+        "diagnose",
+        "detect",
+        "compare",
+        "export",
+        "app",
+    )
 
     def list_commands(self, context):
         """Return the names of the commands; those that are not in the order come last."""
@@ -104,5 +115,5 @@ def completion(context, shell):
     click.echo(completion_script(context.find_root().command, shell))
 
 
-for command in (init, check, simulate, fit, detect, compare, export):
+for command in (init, check, simulate, fit, detect, compare, export, app):
     main.add_command(command)

@@ -154,6 +154,29 @@ def compare(one, other, output, force, as_json, opens, quiet, debug):
 
 
 @click.command()
+@click.option(
+    "--port",
+    type=click.IntRange(min=0, max=65535),
+    default=8765,
+    show_default=True,
+    help="Where it is served; 0 for any port that is free.",
+)
+@click.option("--open", "opens", is_flag=True, help="Open the page.")
+@quiet_options
+def app(port, opens, quiet, debug):
+    """Serve a page on which files are dropped and diagnosed.
+
+    It is for this computer only, and nothing leaves it. Drop a model file and CSV files, say which
+    column is what, see the records beside the model, and have them diagnosed.
+    """
+    with guarded(debug):
+        with show_progress(quiet) as progress:
+            progress("loading the libraries")
+            from sklearn_pgnn.cli.app.serve import serve
+        serve(port, opens=opens, quiet=quiet)
+
+
+@click.command()
 @records_arguments
 @click.option(
     "--power",

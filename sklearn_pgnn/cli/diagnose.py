@@ -105,9 +105,9 @@ class Job:
             X, y = read_files(self.data, model, self.options.get("sample_time"))
         provenance = Provenance.of_files(self.model, self.data, command_line())
         with result_folder(Path(self.output)) as folder:
-            broken, warned = _fit(diagnosis, X, y)
+            broken, warned = fit_kept(diagnosis, X, y)
             progress("writing the report")
-            failed = write_files(folder, _texts(diagnosis, provenance))
+            failed = write_files(folder, result_texts(diagnosis, provenance))
             kept = sorted(file.name for file in folder.iterdir())
         remove_files(Path(self.output), {*rivals} - {*kept})
         if broken or failed:
@@ -146,7 +146,7 @@ class Job:
         return f"What was found before is in {one_line(self.output)}: {', '.join(names)}."
 
 
-def _fit(diagnosis: ModelDiagnosis, X, y) -> tuple[Exception | None, list[str]]:
+def fit_kept(diagnosis: ModelDiagnosis, X, y) -> tuple[Exception | None, list[str]]:
     """Fit; return an error after which there still is a verdict, or None, and the warnings."""
     broken = None
     with warnings.catch_warnings(record=True) as told:
@@ -163,7 +163,7 @@ def _fit(diagnosis: ModelDiagnosis, X, y) -> tuple[Exception | None, list[str]]:
     return broken, [str(warning.message) for warning in told]
 
 
-def _texts(diagnosis: ModelDiagnosis, provenance: Provenance) -> dict[str, Callable[[], str]]:
+def result_texts(diagnosis: ModelDiagnosis, provenance: Provenance) -> dict[str, Callable[[], str]]:
     """Return a function that writes the text of each file, by file name."""
     return {
         "diagnosis.json": lambda: strict_json(diagnosis),

@@ -8,6 +8,7 @@ import click
 
 from sklearn_pgnn.cli.signals import stoppable
 from sklearn_pgnn.exceptions import ModelError, OptionError, RecordError, SimulationError
+from sklearn_pgnn.extras import EXTRA_OF
 
 #: errors that mean unusable input; every other error is a bug
 OWN = (ModelError, RecordError, OptionError, SimulationError)
@@ -97,4 +98,9 @@ def _is_not_ours(error: Exception) -> bool:
 def _told(error: Exception) -> Exception:
     if isinstance(error, click.ClickException):
         return error
-    return Unusable(one_line(error)) if isinstance(error, OWN) else Bug(error)
+    return Unusable(one_line(error)) if isinstance(error, OWN) or _lacks(error) else Bug(error)
+
+
+def _lacks(error: Exception) -> bool:
+    """Whether an optional library is not installed."""
+    return isinstance(error, ModuleNotFoundError) and error.name in EXTRA_OF

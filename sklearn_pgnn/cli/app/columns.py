@@ -1,0 +1,171 @@
+"""Which column of a file is which quantity of a model, and in which unit."""
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import pandas as pd
+
+from sklearn_pgnn.exceptions import RecordError
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.trajectories.csv_file import open_csv
+from sklearn_pgnn.trajectories.file_table import FileTable, read_each, unit_of
+from sklearn_pgnn.trajectories.reader import TIME, TRAJECTORY
+
+#: key of a mapping under which the time from sample to sample [s] stands, for files without a time
+SAMPLE_TIME = "sample_time"
+
+
+def quantities(model: PhysicsModel) -> list[tuple[str, str, str]]:
+    """Return name, role and unit of all that a file of records must hold.
+
+    Examples
+    --------
+    >>> quantities(PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"}))
+    [('t', 'time', 's'), ('u', 'input', 'V'), ('y', 'output', 'V')]
+    """
+    inputs = [(name, "input", model.unit(name)) for name in model.inputs]
+    outputs = [(name, "output", model.unit(name)) for name in model.outputs]
+    return [(TIME, "time", "s"), *inputs, *outputs]
+
+
+def seen_columns(model: PhysicsModel, files: Sequence[Mapping]) -> dict:
+    """Return the columns that all files have, and the quantity that each may be.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    files : sequence of mapping
+        Every ``file``, and its ``label`` for messages.
+
+    Returns
+    -------
+    dict
+        ``columns``; ``quantities`` with role and unit; and ``guess``, by quantity a ``column``,
+        empty where none is like it, and its ``unit``.
+    """
+    tables = [_open(file, model) for file in files]
+    first = tables[0]
+    shared = [title for title in first.header if all(title in t.header for t in tables)]
+    needed = quantities(model)
+    return {
+        "columns": [title for title in dict.fromkeys(shared) if title],
+        "quantities": needed,
+        "guess": {name: _guess(first, name, unit, shared) for name, _, unit in needed},
+    }
+
+
+def _guess(table: FileTable, name: str, unit: str, shared: Sequence[str]) -> dict[str, str]:
+    """Return the column of a quantity: of its name, else the most similar one."""
+    k = table.find(name)
+    title = "" if k is None else table.header[k]
+    if k is None:
+        like = table.nearest().get(name, "")
+        title = next((t for t in table.header if t == like or t.startswith(f"{like} ")), "")
+    title = title if title in shared else ""
+    return {"column": title, "unit": unit_of(title) or unit}
+
+
+def read_mapped(model: PhysicsModel, files: Sequence[Mapping], mapping: Mapping):
+    """Read files as the X and y of a model, by a mapping of its quantities to their columns.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    files : sequence of mapping
+        Every ``file``, and its ``label`` for messages and for the name of the record.
+    mapping : mapping
+        By quantity ``column`` and ``unit``; and ``sample_time`` [s] where there is no time.
+
+    Returns
+    -------
+    X, y : DataFrame
+        Inputs and outputs in the model's units.
+
+    Raises
+    ------
+    RecordError
+        If a quantity has no column, or two have the same, or a file says something else.
+    """
+    sample_time = _sample_time(mapping)
+    _check(model, mapping, sample_time)
+    plain = model.replace(columns={})
+    labels = {file["file"]: file["label"] for file in files}
+
+    def read(path, model, sample_time):
+        table = _open({"file": path, "label": labels[path]}, model, sample_time)
+        table.header = [_renamed(title, mapping) for title in table.header]
+        return _labelled(table.read, path, labels[path])
+
+    X, y = read_each(read, list(labels), plain, sample_time)
+    X[TRAJECTORY] = _named_by_label(X[TRAJECTORY], labels)
+    return X, y
+
+
+def _open(file: Mapping, model: PhysicsModel, sample_time: float | None = None) -> FileTable:
+    """Open a file; errors call it by its label."""
+    return _labelled(
+        lambda: open_csv(file["file"], model, sample_time), file["file"], file["label"]
+    )
+
+
+def _labelled(work, path: str, label: str):
+    try:
+        return work()
+    except RecordError as error:
+        raise RecordError(str(error).replace(path, label, 1)) from error
+
+
+def _renamed(title: str, mapping: Mapping) -> str:
+    """Return what a column is called in the model, with its unit; others lose their name."""
+    for name, said in mapping.items():
+        if name != SAMPLE_TIME and said["column"] == title:
+            return f"{name} [{said['unit']}]" if said["unit"] else name
+    return title if title == TRAJECTORY else ""
+
+
+def _check(model: PhysicsModel, mapping: Mapping, sample_time: float | None) -> None:
+    taken: dict[str, str] = {}
+    for name, role, _ in quantities(model):
+        column = mapping.get(name, {}).get("column", "")
+        if not column and not (name == TIME and sample_time is not None):
+            remedy = "Remedy: choose one"
+            remedy += ", or state the sample time." if name == TIME else "."
+            raise RecordError(f"expected a column for the {role} {name!r}, got none. {remedy}")
+        if column and column in taken:
+            raise RecordError(
+                f"expected a column of its own for {name!r}, got {column!r}, which is "
+                f"{taken[column]!r} already. Remedy: choose another one."
+            )
+        taken[column] = name
+
+
+def _sample_time(mapping: Mapping) -> float | None:
+    """Return the sample time [s] of files whose mapping has no column for the time."""
+    if mapping.get(TIME, {}).get("column"):
+        return None
+    text = str(mapping.get(SAMPLE_TIME) or "").strip()
+    if not text:
+        return None
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 0 < value < math.inf:
+        raise RecordError(f"sample time: expected a positive number of seconds, got {text!r}.")
+    return value
+
+
+def _named_by_label(names: pd.Series, labels: Mapping[str, str]) -> pd.Series:
+    """Return the records' names with the label of the file in the place of its stem."""
+    stems = {Path(path).stem: Path(label).stem for path, label in labels.items()}
+    if len({*stems.values()}) < len(stems):
+        stems = {stem: f"{shown}, file {stem}" for stem, shown in stems.items()}
+
+    def named(name: str) -> str:
+        stem, slash, rest = name.partition("/")
+        return stems[stem] + slash + rest
+
+    return names.map(named)

@@ -1,0 +1,88 @@
+"""What a visitor fills in, as it may be handed on: known names, texts that are not too long."""
+
+from collections.abc import Mapping
+
+from sklearn_pgnn.cli.app.work import Refused
+
+#: longest text of a field [characters]
+TEXT = 200
+HOLDS = ("auto", "zoh", "foh")
+#: longest time limit [min]
+MINUTES = 24 * 60.0
+
+
+def clean_mapping(form: object, columns: Mapping) -> dict:
+    """Return a mapping of quantities to columns and units.
+
+    Parameters
+    ----------
+    form : object
+        What was filled in.
+    columns : mapping
+        The ``columns`` and ``quantities`` there are.
+
+    Returns
+    -------
+    dict
+        By quantity its ``column`` and ``unit``; and ``sample_time``.
+
+    Raises
+    ------
+    Refused
+        If a quantity has a column that is not there, or something is no text.
+    """
+    form = form if isinstance(form, Mapping) else {}
+    cleaned: dict = {"sample_time": _text(form.get("sample_time", ""))}
+    for name, _, unit in columns["quantities"]:
+        said = form.get(name)
+        said = said if isinstance(said, Mapping) else {}
+        column = _text(said.get("column", ""))
+        if column and column not in columns["columns"]:
+            raise Refused(f"Expected a column of the files for {name!r}, got {column!r}.")
+        cleaned[name] = {"column": column, "unit": _text(said.get("unit", unit)).strip()}
+    return cleaned
+
+
+def clean_options(form: object) -> dict:
+    """Return the options of a diagnosis.
+
+    Parameters
+    ----------
+    form : object
+        What was filled in: ``minutes`` and ``hold``.
+
+    Returns
+    -------
+    dict
+        As `ModelDiagnosis` takes them.
+
+    Raises
+    ------
+    Refused
+        If an option is none.
+
+    Examples
+    --------
+    >>> clean_options({"minutes": "2", "hold": "zoh"}), clean_options({})
+    ({'hold': 'zoh', 'time_limit': 120.0}, {'hold': 'auto'})
+    """
+    form = form if isinstance(form, Mapping) else {}
+    hold = form.get("hold", "auto")
+    if hold not in HOLDS:
+        raise Refused(f"Expected inputs that are held as {', '.join(HOLDS)}, got {hold!r}.")
+    text = _text(form.get("minutes", "")).strip()
+    if not text:
+        return {"hold": hold}
+    try:
+        minutes = float(text)
+    except ValueError:
+        minutes = 0.0
+    if not 0 < minutes <= MINUTES:
+        raise Refused(f"Expected a time limit of up to {MINUTES:g} minutes, got {text!r}.")
+    return {"hold": hold, "time_limit": 60.0 * minutes}
+
+
+def _text(value: object) -> str:
+    if not isinstance(value, str) or len(value) > TEXT:
+        raise Refused(f"Expected a text of at most {TEXT} characters.")
+    return value

@@ -1,0 +1,148 @@
+"""What a visitor's process does: models, columns, a look, a diagnosis. It works in its folder."""
+
+import os
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+from sklearn_pgnn.cli.app.columns import read_mapped, seen_columns
+from sklearn_pgnn.cli.app.look import draw_look
+from sklearn_pgnn.cli.diagnose import fit_kept, result_texts
+from sklearn_pgnn.cli.guard import Bug
+from sklearn_pgnn.cli.output import write_files
+from sklearn_pgnn.cli.screen import described_files
+from sklearn_pgnn.cli.template import SYSTEMS, commented
+from sklearn_pgnn.datasets import make_cart
+from sklearn_pgnn.diagnosis import ModelDiagnosis
+from sklearn_pgnn.exceptions import ModelError, UnitWarning
+from sklearn_pgnn.inspection.equations import equations_of
+from sklearn_pgnn.inspection.numbers import number, typeset_unit
+from sklearn_pgnn.inspection.report import Provenance, SourceFile
+from sklearn_pgnn.inspection.report.finding import title, verdict_line
+from sklearn_pgnn.inspection.report.next_step import next_step
+from sklearn_pgnn.inspection.report.tiles import make_tiles, worst
+from sklearn_pgnn.inspection.words import verdict_sentence
+from sklearn_pgnn.physics import PhysicsModel
+from sklearn_pgnn.physics.effects import CoulombFriction
+
+MODEL, NEW = Path("model.yaml"), Path("new_model.yaml")
+RESULT, LOOK = Path("result"), Path("look.html")
+#: what the cart of the example hides, and how many records are made of it
+FRICTION, RECORDS = CoulombFriction("v", level=1.0), 4
+
+
+def take_model(progress: Callable, label: str) -> dict:
+    """Take the new model file, if it is one, and return what it says."""
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always", UnitWarning)
+        try:
+            model = PhysicsModel.from_yaml(NEW)
+        except ModelError as error:
+            raise ModelError(str(error).replace(str(NEW), label)) from error
+    os.replace(NEW, MODEL)
+    said = [str(w.message) for w in told if issubclass(w.category, UnitWarning)]
+    return _told_model(model, label, [text.replace(str(NEW), label) for text in said])
+
+
+def take_system(progress: Callable, system: str) -> dict:
+    """Write the model file of a ready system, and return what it says."""
+    if system not in SYSTEMS:
+        raise ModelError(f"expected one of the systems {', '.join(SYSTEMS)}, got {system!r}.")
+    model = SYSTEMS[system]()
+    MODEL.write_text(commented(model), encoding="utf-8")
+    return _told_model(model, f"{system}.yaml", [])
+
+
+def make_example(progress: Callable) -> dict:
+    """Write the model and the records of a cart that rubs, which its model does not know."""
+    made = make_cart(RECORDS, effect=FRICTION, sample_rate=100, parameter_error=0)
+    rows = made.X[["trajectory", "t", "force"]].join(made.y).round(5)
+    names = []
+    for place, (_, record) in enumerate(rows.groupby("trajectory"), start=1):
+        table = record[["t", "force", "position"]].rename(columns=_HEADER)
+        table.to_csv(f"{place}.csv", index=False)
+        names.append(f"cart_{place}.csv")
+    return {"model": take_system(progress, "cart-on-spring"), "files": names}
+
+
+_HEADER = {"t": "t [s]", "force": "force [N]", "position": "position [m]"}
+
+
+def _told_model(model: PhysicsModel, label: str, said: Sequence[str]) -> dict:
+    """Return what is shown of a model."""
+    return {
+        "label": label,
+        "name": model.name,
+        "parts": {
+            "states": _units(model, model.states),
+            "inputs": _units(model, model.inputs),
+            "outputs": _units(model, model.outputs),
+        },
+        "parameters": [
+            f"{name} = {number(p.value)} {typeset_unit(p.unit)}".rstrip()
+            for name, p in model.parameters.items()
+        ],
+        "equations": [[e.mathml, e.text] for e in equations_of(model, model)],
+        "warnings": list(said),
+    }
+
+
+def _units(model: PhysicsModel, names) -> list[str]:
+    units = {name: typeset_unit(model.unit(name)) for name in names}
+    return [f"{name} [{unit}]" if unit else name for name, unit in units.items()]
+
+
+def show_columns(progress: Callable, files: Sequence[Mapping]) -> dict:
+    """Return what the files' columns are called, and which quantity each may be."""
+    return seen_columns(PhysicsModel.from_yaml(MODEL), files)
+
+
+def look(progress: Callable, files, mapping, options) -> dict:
+    """Draw the records beside the model as it is given."""
+    progress("reading the records")
+    model = PhysicsModel.from_yaml(MODEL)
+    X, y = read_mapped(model, files, mapping)
+    progress("simulating the model as given")
+    LOOK.write_text(draw_look(model, X, y), encoding="utf-8")
+    return {}
+
+
+def diagnose(progress: Callable, files, mapping, options) -> dict:
+    """Diagnose, write the files of the result, and return what is shown of it."""
+    progress("reading the model and the records")
+    model = PhysicsModel.from_yaml(MODEL)
+    X, y = read_mapped(model, files, mapping)
+    diagnosis = ModelDiagnosis(model, progress=progress, **options)
+    broken, warned = fit_kept(diagnosis, X, y)
+    progress("writing the report")
+    RESULT.mkdir(exist_ok=True)
+    for file in RESULT.iterdir():
+        file.unlink()
+    failed = write_files(RESULT, result_texts(diagnosis, _provenance(files)))
+    if broken or failed:
+        raise Bug(broken or next(iter(failed.values())))
+    return {
+        "title": title(diagnosis),
+        "verdict": verdict_line(diagnosis),
+        "sentence": verdict_sentence(diagnosis),
+        "next": next_step(diagnosis),
+        "state": worst(make_tiles(diagnosis)),
+        "files": list(described_files(diagnosis).items()),
+        "warnings": warned,
+    }
+
+
+def _provenance(files) -> Provenance:
+    model = SourceFile(str(MODEL), SourceFile.read(MODEL).sha256)
+    data = tuple(SourceFile(file["label"], file["sha256"]) for file in files)
+    return Provenance(model, data, "sklearn-pgnn app")
+
+
+JOBS: dict[str, Callable] = {
+    "model": take_model,
+    "system": take_system,
+    "example": make_example,
+    "columns": show_columns,
+    "look": look,
+    "diagnose": diagnose,
+}

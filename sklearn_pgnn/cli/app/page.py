@@ -1,0 +1,54 @@
+"""The page, and the pieces of it that change."""
+
+from markupsafe import Markup
+
+from sklearn_pgnn.cli.app.limits import RECORD_BYTES
+from sklearn_pgnn.cli.app.render import render
+from sklearn_pgnn.cli.app.visitor import Visitor
+
+#: the ready systems, with what people call them
+SYSTEMS = {
+    "cart-on-spring": "Cart on a spring",
+    "golf-robot": "Golf robot (driven pendulum)",
+    "servo-valve": "Servo valve",
+    "two-tanks": "Two tanks",
+}
+#: the pieces, in the order in which one comes to them
+PIECES = ("model", "records", "columns", "seen", "work", "result")
+
+
+def page(visitor: Visitor) -> str:
+    """Return the whole page of a visitor."""
+    return render("page.html.j2", token=visitor.token, sections=_marked(sections(visitor)))
+
+
+def _marked(pieces: dict[str, str]) -> dict[str, Markup]:
+    return {name: Markup(html) for name, html in pieces.items()}
+
+
+def sections(visitor: Visitor) -> dict[str, str]:
+    """Return the pieces of a visitor's page, by name."""
+    content = {
+        "visitor": visitor,
+        "systems": SYSTEMS,
+        "most": f"{RECORD_BYTES / 1e6:g}",
+        "look": _look(visitor),
+        "choices": _choices(visitor),
+    }
+    return {name: render(f"{name}.html.j2", **content) for name in PIECES}
+
+
+def _look(visitor: Visitor) -> Markup:
+    path = visitor.folder / "look.html"
+    return Markup(path.read_text(encoding="utf-8")) if visitor.looked else Markup("")
+
+
+def _choices(visitor: Visitor) -> list[dict]:
+    """Return every quantity with the column and the unit that are chosen."""
+    if visitor.columns is None:
+        return []
+    nothing = {"column": "", "unit": ""}
+    return [
+        {"name": name, "role": role, "needs": unit, **visitor.mapping.get(name, nothing)}
+        for name, role, unit in visitor.columns["quantities"]
+    ]

@@ -1,0 +1,50 @@
+"""The page's pieces of HTML; all that is put in is escaped."""
+
+from functools import cache
+from importlib.resources import files
+
+
+def render(name: str, **content) -> str:
+    """Return a template of the page with its content.
+
+    Parameters
+    ----------
+    name : str
+        The template's file.
+    **content
+        Its variables.
+
+    Returns
+    -------
+    str
+        HTML.
+    """
+    return _room().get_template(name).render(**content)
+
+
+@cache
+def source(name: str) -> str:
+    """Return a file of the page as it is."""
+    return files("sklearn_pgnn.cli.app").joinpath("templates", name).read_text(encoding="utf-8")
+
+
+@cache
+def style() -> str:
+    """Return the style: the report's, and what the page has besides."""
+    report = files("sklearn_pgnn").joinpath("inspection", "report", "templates", "style.css")
+    return f"{report.read_text(encoding='utf-8')}\n{source('app.css')}"
+
+
+@cache
+def _room():
+    from jinja2 import Environment, FunctionLoader, StrictUndefined
+
+    room = Environment(
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        loader=FunctionLoader(source),
+    )
+    room.filters["capitalize_first"] = lambda text: text[:1].upper() + text[1:]
+    return room

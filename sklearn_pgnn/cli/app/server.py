@@ -1,0 +1,311 @@
+"""The page's server: what it answers, on which address it listens."""
+
+import hmac
+import json
+import socket
+from collections.abc import Awaitable, Callable, Iterable
+from contextlib import asynccontextmanager, suppress
+from pathlib import Path
+
+import uvicorn
+from starlette.applications import Starlette
+from starlette.requests import ClientDisconnect, Request
+from starlette.responses import JSONResponse, PlainTextResponse, Response
+from starlette.routing import Route
+
+from sklearn_pgnn.cli.app.forms import clean_mapping, clean_options
+from sklearn_pgnn.cli.app.guard import Guard
+from sklearn_pgnn.cli.app.limits import ALL_BYTES, FORM_BYTES, MODEL_BYTES, RECORD_BYTES
+from sklearn_pgnn.cli.app.page import page, sections
+from sklearn_pgnn.cli.app.render import source, style
+from sklearn_pgnn.cli.app.visitor import Visitor
+from sklearn_pgnn.cli.app.visitors import Full, Visitors
+from sklearn_pgnn.cli.app.work import Refused
+
+ADDRESS = "127.0.0.1"
+#: what the report may do: what its own policy allows it, and nothing as this page
+SANDBOX = "sandbox allow-scripts; frame-ancestors 'none'"
+_HTML, _TEXT = "text/html; charset=utf-8", "text/plain; charset=utf-8"
+
+Change = Callable[[Visitor, Request], Awaitable[None]]
+
+
+class Server:
+    """Answers the requests of all visitors.
+
+    Parameters
+    ----------
+    hosts : iterable of str
+        What the server may be called, with its port.
+    cookie : str
+        What the visitors' cookie is called.
+    """
+
+    def __init__(self, hosts: Iterable[str], cookie: str):
+        self.visitors, self.cookie = Visitors(), cookie
+        self.app = Guard(Starlette(routes=self._routes(), lifespan=self._lifespan), hosts)
+
+    @asynccontextmanager
+    async def _lifespan(self, _app):
+        try:
+            yield
+        finally:
+            await self.visitors.close()
+
+    def _routes(self) -> list[Route]:
+        changes: dict[tuple[str, str], Change] = {
+            ("/start", "POST"): _start,
+            ("/model", "POST"): _take_model,
+            ("/system", "POST"): _take_system,
+            ("/example", "POST"): _take_example,
+            ("/records", "POST"): _take_record,
+            ("/records/{number:int}", "DELETE"): _drop_record,
+            ("/look", "POST"): _begin_look,
+            ("/diagnosis", "POST"): _begin_diagnosis,
+            ("/work", "DELETE"): _stop,
+        }
+        return [
+            Route("/", self._page),
+            Route("/style.css", _style),
+            Route("/favicon.ico", _no_icon),
+            Route("/app.js", _script),
+            Route("/sections", self._seen(_sections)),
+            Route("/model.yaml", self._seen(_model_file)),
+            Route("/result/{name}", self._seen(_result_file)),
+            *(Route(p, self._changing(do), methods=[m]) for (p, m), do in changes.items()),
+        ]
+
+    async def _page(self, request: Request) -> Response:
+        key = request.cookies.get(self.cookie, "")
+        visitor = self.visitors.find(key)
+        if visitor is None:
+            try:
+                key, visitor = await self.visitors.welcome()
+            except Full:
+                text = "There are too many visitors at the moment. Come back later."
+                return PlainTextResponse(text, 503)
+        answer = Response(page(visitor), media_type=_HTML)
+        answer.set_cookie(self.cookie, key, httponly=True, samesite="strict", path="/")
+        return answer
+
+    def _seen(self, show: Callable[[Visitor, Request], Response]):
+        """Return an endpoint that shows something of a visitor."""
+
+        async def endpoint(request: Request) -> Response:
+            visitor = self.visitors.find(request.cookies.get(self.cookie, ""))
+            return _unknown() if visitor is None else show(visitor, request)
+
+        return endpoint
+
+    def _changing(self, change: Change):
+        """Return an endpoint that changes something of a visitor, and shows what came out."""
+
+        async def endpoint(request: Request) -> Response:
+            visitor = self.visitors.find(request.cookies.get(self.cookie, ""))
+            if visitor is None:
+                return _unknown()
+            told = request.headers.get("x-token", "")
+            if not hmac.compare_digest(told.encode(), visitor.token.encode()):
+                return PlainTextResponse("expected the token of the page.", 403)
+            try:
+                await change(visitor, request)
+            except TooLarge as error:
+                return JSONResponse({"message": str(error)}, 413)
+            except Refused as refused:
+                return JSONResponse({"message": str(refused), **_state(visitor)}, 400)
+            except ClientDisconnect:
+                return Response(status_code=400)
+            return JSONResponse({"message": "", **_state(visitor)})
+
+        return endpoint
+
+
+# -- what is shown ---------------------------------------------------------------------------------
+
+
+def _unknown() -> Response:
+    return JSONResponse({"message": "This visit is over. Reload the page to begin anew."}, 404)
+
+
+def _state(visitor: Visitor) -> dict:
+    return {"sections": sections(visitor), "busy": visitor.running is not None}
+
+
+def _sections(visitor: Visitor, _request: Request) -> Response:
+    return JSONResponse({"message": visitor.message, **_state(visitor)})
+
+
+async def _style(_request: Request) -> Response:
+    return Response(style(), media_type="text/css")
+
+
+async def _script(_request: Request) -> Response:
+    return Response(source("app.js"), media_type="text/javascript")
+
+
+async def _no_icon(_request: Request) -> Response:
+    return Response(status_code=204)
+
+
+def _model_file(visitor: Visitor, _request: Request) -> Response:
+    if visitor.model is None:
+        return _unknown()
+    return _download(visitor.folder / "model.yaml", "model.yaml")
+
+
+def _result_file(visitor: Visitor, request: Request) -> Response:
+    """Return a file of the result; a name that is not in the list of its files is none."""
+    wanted = request.path_params["name"]
+    known = [name for name, _ in (visitor.result or {}).get("files", ()) if name == wanted]
+    if not known:
+        return _unknown()
+    path = visitor.folder / "result" / known[0]
+    if known[0] == "report.html" and "download" not in request.query_params:
+        headers = {"Content-Security-Policy": SANDBOX}
+        return Response(path.read_bytes(), headers=headers, media_type=_HTML)
+    return _download(path, known[0])
+
+
+def _download(path: Path, name: str) -> Response:
+    headers = {"Content-Disposition": f'attachment; filename="{_ascii(name)}"'}
+    return Response(path.read_bytes(), headers=headers, media_type=_TEXT)
+
+
+def _ascii(name: str) -> str:
+    return "".join(c if c.isascii() and (c.isalnum() or c in "._-") else "_" for c in name)
+
+
+# -- what is changed -------------------------------------------------------------------------------
+
+
+async def _start(visitor: Visitor, _request: Request) -> None:
+    """Start the visitor's process, so that it is ready when it is needed."""
+    await visitor.worker.start()
+
+
+async def _take_model(visitor: Visitor, request: Request) -> None:
+    await visitor.take_model(await _body(request, MODEL_BYTES), _label(request))
+
+
+async def _take_system(visitor: Visitor, request: Request) -> None:
+    form = await _form(request)
+    await visitor.take_system(str(form.get("system", "")))
+
+
+async def _take_example(visitor: Visitor, _request: Request) -> None:
+    await visitor.take_example()
+
+
+async def _take_record(visitor: Visitor, request: Request) -> None:
+    number = visitor.new_number()
+    content = await _body(request, min(RECORD_BYTES, ALL_BYTES - visitor.size))
+    await visitor.take_record(number, _label(request), content)
+
+
+async def _drop_record(visitor: Visitor, request: Request) -> None:
+    await visitor.drop_record(request.path_params["number"])
+
+
+async def _begin_look(visitor: Visitor, request: Request) -> None:
+    form = await _form(request)
+    visitor.begin("look", clean_mapping(form.get("mapping"), _columns(visitor)), {})
+
+
+async def _begin_diagnosis(visitor: Visitor, request: Request) -> None:
+    form = await _form(request)
+    mapping = clean_mapping(form.get("mapping"), _columns(visitor))
+    visitor.begin("diagnose", mapping, clean_options(form.get("options")))
+
+
+async def _stop(visitor: Visitor, _request: Request) -> None:
+    await visitor.stop()
+
+
+def _columns(visitor: Visitor) -> dict:
+    if visitor.columns is None:
+        raise Refused("Expected a model and records first.")
+    return visitor.columns
+
+
+def _label(request: Request) -> str:
+    return request.query_params.get("name", "")
+
+
+class TooLarge(Exception):
+    """More came than is taken."""
+
+
+async def _body(request: Request, most: int) -> bytes:
+    """Return what was sent; raise `TooLarge` as soon as it is more than is taken."""
+    said = f"Expected at most {max(most, 0) / 1e6:g} MB more, got more than that."
+    with suppress(ValueError):
+        if int(request.headers.get("content-length", "0")) > most:
+            raise TooLarge(said)
+    parts, size = [], 0
+    async for part in request.stream():
+        size += len(part)
+        if size > most:
+            raise TooLarge(said)
+        parts.append(part)
+    return b"".join(parts)
+
+
+async def _form(request: Request) -> dict:
+    try:
+        form = json.loads(await _body(request, FORM_BYTES) or b"{}")
+    except (ValueError, RecursionError):
+        raise Refused("Expected JSON.") from None
+    if not isinstance(form, dict):
+        raise Refused("Expected a JSON object.")
+    return form
+
+
+# -- where it listens ------------------------------------------------------------------------------
+
+
+def listen(port: int) -> socket.socket:
+    """Return a socket that listens on this machine only.
+
+    Parameters
+    ----------
+    port : int
+        The port; 0 for any that is free.
+
+    Returns
+    -------
+    socket.socket
+        The socket.
+
+    Raises
+    ------
+    OSError
+        If the port is taken.
+    """
+    return socket.create_server((ADDRESS, port))
+
+
+def make_server(listening: socket.socket) -> uvicorn.Server:
+    """Return the server for a socket.
+
+    Parameters
+    ----------
+    listening : socket.socket
+        Where it listens.
+
+    Returns
+    -------
+    uvicorn.Server
+        To be run with this socket.
+    """
+    port = listening.getsockname()[1]
+    app = Server([f"{ADDRESS}:{port}", f"localhost:{port}"], f"sklearn_pgnn_{port}").app
+    config = uvicorn.Config(
+        app,
+        log_level="warning",
+        access_log=False,
+        server_header=False,
+        ws="none",
+        limit_concurrency=200,
+        timeout_graceful_shutdown=2,
+    )
+    return uvicorn.Server(config)

@@ -1,0 +1,174 @@
+"use strict";
+// The page in its pieces: every answer of the server brings them anew; those that changed are put in.
+
+const token = document.querySelector("meta[name=token]").content;
+const shown = {};
+const message = document.getElementById("message");
+const told = document.getElementById("told");
+let polling = null;
+
+async function send(method, path, body) {
+  document.body.classList.add("busy");
+  try {
+    const answer = await fetch(path, { method, body, headers: { "X-Token": token } });
+    await show(answer);
+    return answer.ok;
+  } catch (error) {
+    say("The server does not answer. Is it still running?");
+    return false;
+  } finally {
+    document.body.classList.remove("busy");
+  }
+}
+
+async function show(answer) {
+  const kind = answer.headers.get("content-type") || "";
+  const state = kind.includes("json") ? await answer.json() : { message: await answer.text() };
+  say(state.message || "");
+  for (const [name, html] of Object.entries(state.sections || {})) put(name, html);
+  if (state.busy) poll();
+  return state;
+}
+
+function say(text) {
+  if (message.textContent === text) return;
+  message.textContent = text;
+  message.hidden = !text;
+}
+
+function put(name, html) {
+  if (shown[name] === html) return;
+  const section = document.getElementById(name);
+  const focused = section.contains(document.activeElement) ? document.activeElement.id : "";
+  const open = new Map([...section.querySelectorAll("details")].map((d, k) => [k, d.open]));
+  const isNew = shown[name] !== undefined;
+  const fields = keep(section);
+  section.innerHTML = html;
+  if (name === "seen" || name === "work") {
+    section.querySelectorAll("details").forEach((d, k) => { if (open.has(k)) d.open = open.get(k); });
+  }
+  if (name === "work") restore(section, fields);
+  if (focused) document.getElementById(focused)?.focus();
+  shown[name] = html;
+  if (name === "result" && html.trim() && isNew) {
+    told.textContent = section.querySelector(".verdict b").textContent;
+    section.scrollIntoView({ block: "start" });
+  }
+  if (name === "work") told.textContent = document.getElementById("stage")?.textContent || "";
+}
+
+function keep(section) {
+  return new Map([...section.querySelectorAll("form [id]")].map((f) => [f.id, f.value]));
+}
+
+function restore(section, fields) {
+  section.querySelectorAll("form [id]").forEach((f) => { if (fields.has(f.id)) f.value = fields.get(f.id); });
+}
+
+function poll() {
+  if (polling !== null) return;
+  polling = setTimeout(async () => {
+    polling = null;
+    try {
+      await show(await fetch("/sections"));
+    } catch (error) {
+      say("The server does not answer. Is it still running?");
+    }
+  }, 400);
+}
+
+// -- what is filled in ----------------------------------------------------------------------------
+
+function mapping() {
+  const filled = {};
+  for (const field of document.querySelectorAll("#mapping [name]")) {
+    if (field.name === "sample_time") filled.sample_time = field.value;
+    else (filled[field.dataset.quantity] ||= {})[field.name] = field.value;
+  }
+  return filled;
+}
+
+function options() {
+  return Object.fromEntries(new FormData(document.getElementById("options")));
+}
+
+function isWhole() {
+  const columns = [...document.querySelectorAll("#mapping select[name=column]")];
+  const sample = document.getElementById("sample-time");
+  return columns.length > 0 && columns.every((c, k) => c.value || (k === 0 && sample && sample.value));
+}
+
+function look() {
+  return send("POST", "/look", JSON.stringify({ mapping: mapping() }));
+}
+
+const ACTIONS = {
+  system: () => send("POST", "/system", JSON.stringify({ system: document.getElementById("system").value })).then(lookIfWhole),
+  example: () => send("POST", "/example").then(lookIfWhole),
+  drop: (button) => send("DELETE", `/records/${button.dataset.number}`).then(lookIfWhole),
+  look,
+  diagnose: () => send("POST", "/diagnosis", JSON.stringify({ mapping: mapping(), options: options() })),
+  stop: () => send("DELETE", "/work"),
+};
+
+function lookIfWhole(done) {
+  if (done && isWhole()) return look();
+}
+
+async function bring(to, files) {
+  let done = true;
+  for (const file of files) {
+    const name = encodeURIComponent(file.name);
+    done = (await send("POST", `/${to}?name=${name}`, file)) && done;
+    if (!done) break;
+  }
+  await lookIfWhole(done);
+}
+
+// -- what is clicked, chosen and dropped -----------------------------------------------------------
+
+document.addEventListener("click", async (event) => {
+  const button = event.target.closest("[data-do]");
+  if (!button || button.disabled) return;
+  button.disabled = true;
+  await ACTIONS[button.dataset.do](button);
+  button.disabled = false;
+});
+
+document.addEventListener("change", (event) => {
+  const drop = event.target.closest("[data-to]");
+  if (drop) bring(drop.dataset.to, [...event.target.files]);
+  else if (event.target.closest("#mapping")) isWhole() ? look() : remap(event.target);
+});
+
+// without a column for the time there is a field for the sample time: the server draws it
+function remap(field) {
+  if (field.dataset.quantity === "t" && field.name === "column") look();
+}
+
+document.addEventListener("submit", (event) => event.preventDefault());
+
+for (const kind of ["dragenter", "dragover"]) {
+  document.addEventListener(kind, (event) => {
+    event.preventDefault();
+    event.target.closest?.("[data-to]")?.classList.add("over");
+  });
+}
+document.addEventListener("dragleave", (event) => event.target.closest?.("[data-to]")?.classList.remove("over"));
+document.addEventListener("drop", (event) => {
+  event.preventDefault();
+  const drop = event.target.closest?.("[data-to]");
+  document.querySelectorAll(".over").forEach((each) => each.classList.remove("over"));
+  const files = [...event.dataTransfer.files];
+  if (!files.length) return;
+  const isModel = (file) => /\.ya?ml$/i.test(file.name);
+  if (drop) bring(drop.dataset.to, files);
+  else bringAll(files.filter(isModel), files.filter((file) => !isModel(file)));
+});
+
+async function bringAll(models, records) {
+  if (models.length) await bring("model", models.slice(0, 1));
+  if (records.length) await bring("records", records);
+}
+
+send("POST", "/start");

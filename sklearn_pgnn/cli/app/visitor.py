@@ -1,0 +1,269 @@
+"""A visitor of the page: a folder, a process, and how far the work is."""
+
+import asyncio
+import hashlib
+import secrets
+import shutil
+import tempfile
+from dataclasses import dataclass, field
+from pathlib import Path
+from time import monotonic
+
+from sklearn_pgnn.cli.app.limits import NAME, PATIENCE, RECORDS
+from sklearn_pgnn.cli.app.work import Ended, Refused, Worker
+
+
+@dataclass(frozen=True)
+class RecordFile:
+    """A file of records.
+
+    Parameters
+    ----------
+    number : int
+        What it is called in the visitor's folder.
+    label : str
+        What the visitor calls it; it is shown, and never part of a path.
+    size : int
+        Its bytes.
+    sha256 : str
+        Their hash.
+    """
+
+    number: int
+    label: str
+    size: int
+    sha256: str
+
+    @property
+    def file(self) -> str:
+        """Name in the folder."""
+        return f"{self.number}.csv"
+
+    def to_dict(self) -> dict:
+        """Return what the process needs to know."""
+        return {"file": self.file, "label": self.label, "sha256": self.sha256}
+
+
+@dataclass
+class Stages:
+    """The stages of what is being done.
+
+    Parameters
+    ----------
+    what : str
+        What is being done.
+    began : float
+        When it began, by `time.monotonic` [s].
+    """
+
+    what: str
+    began: float = field(default_factory=monotonic)
+    past: list[tuple[str, float]] = field(default_factory=list)
+    stage: str = "starting"
+    done: int = 0
+    total: int = 1
+
+    def __post_init__(self):
+        self._stage_began = self.began
+
+    def step(self, told: dict) -> None:
+        """Note a step of the process."""
+        if told["stage"] != self.stage:
+            now = monotonic()
+            self.past.append((self.stage, now - self._stage_began))
+            self._stage_began = now
+        self.stage, self.done, self.total = told["stage"], told["step"], told["steps"]
+
+    @property
+    def seconds(self) -> float:
+        """Time since it began [s]."""
+        return monotonic() - self.began
+
+
+class Visitor:
+    """What a visitor brought, and what became of it.
+
+    Attributes
+    ----------
+    token : str
+        What every change must state, so that no other page can ask for it.
+    model, columns, result : dict or None
+        What the process read of the model, in the records, and found.
+    records : list of RecordFile
+        The files.
+    mapping : dict
+        By quantity its ``column`` and ``unit``; and ``sample_time``.
+    looked : bool
+        Whether the records can be seen against the model.
+    running : Stages or None
+        What is being done.
+    message : str
+        What went wrong, and what to do about it; empty if nothing did.
+    """
+
+    def __init__(self) -> None:
+        self.token = secrets.token_urlsafe(32)
+        self.folder = Path(tempfile.mkdtemp(prefix="sklearn_pgnn_app_"))
+        self.worker = Worker(self.folder)
+        self.seen = monotonic()
+        self.model: dict | None = None
+        self.records: list[RecordFile] = []
+        self.columns: dict | None = None
+        self.mapping: dict = {}
+        self.looked = False
+        self.result: dict | None = None
+        self.running: Stages | None = None
+        self.message = ""
+        self._count = 0
+        self._task: asyncio.Task | None = None
+
+    # -- what is brought ---------------------------------------------------------------------------
+
+    def check_idle(self) -> None:
+        """Refuse a change while a diagnosis is going on; a look gives way."""
+        if self.running is not None and self.running.what == "diagnose":
+            raise Refused("A diagnosis is going on: wait for it, or stop it first.")
+
+    async def take_model(self, content: bytes, label: str) -> None:
+        """Take a model file."""
+        self.check_idle()
+        (self.folder / "new_model.yaml").write_bytes(content)
+        await self._read_model({"do": "model", "label": shown_name(label)})
+
+    async def take_system(self, system: str) -> None:
+        """Take a ready system for the model."""
+        self.check_idle()
+        await self._read_model({"do": "system", "system": system})
+
+    async def _read_model(self, command: dict) -> None:
+        self.model = await self.ask(command)
+        self.forget_look()
+        await self.read_columns()
+
+    async def take_example(self) -> None:
+        """Take a simulated cart and its records in place of all that is there."""
+        self.check_idle()
+        made = await self.ask({"do": "example"})
+        self.model, self.records = made["model"], []
+        self._count = len(made["files"])
+        for number, label in enumerate(made["files"], start=1):
+            content = (self.folder / f"{number}.csv").read_bytes()
+            self.records.append(_record(number, label, content))
+        self.forget_look()
+        await self.read_columns()
+
+    def new_number(self) -> int:
+        """Return the number of a file that is to come."""
+        self.check_idle()
+        if len(self.records) >= RECORDS:
+            raise Refused(f"Expected at most {RECORDS} files of records.")
+        self._count += 1
+        return self._count
+
+    async def take_record(self, number: int, label: str, content: bytes) -> None:
+        """Take a file of records."""
+        record = _record(number, shown_name(label), content)
+        (self.folder / record.file).write_bytes(content)
+        self.records.append(record)
+        self.forget_look()
+        try:
+            await self.read_columns()
+        except Refused:
+            await self.drop_record(number)
+            raise
+
+    async def drop_record(self, number: int) -> None:
+        """Take a file of records away again."""
+        self.check_idle()
+        for record in [record for record in self.records if record.number == number]:
+            self.records.remove(record)
+            (self.folder / record.file).unlink()
+        self.forget_look()
+        await self.read_columns()
+
+    @property
+    def size(self) -> int:
+        """Bytes of all records."""
+        return sum(record.size for record in self.records)
+
+    def forget_look(self) -> None:
+        """Forget what was seen of other files."""
+        self.looked, self.result, self.message, self.running = False, None, "", None
+
+    async def read_columns(self) -> None:
+        """Read what the files' columns are called, and guess which is which."""
+        self.columns, self.mapping = None, {}
+        if self.model is not None and self.records:
+            self.columns = await self.ask({"do": "columns", "files": self.files})
+            self.mapping = self.columns["guess"]
+
+    @property
+    def files(self) -> list[dict]:
+        """The files, as the process takes them."""
+        return [record.to_dict() for record in self.records]
+
+    # -- what is done ------------------------------------------------------------------------------
+
+    async def ask(self, command: dict) -> dict:
+        """Have something short done."""
+        try:
+            async with asyncio.timeout(PATIENCE):
+                return await self.worker.ask(command, lambda _: None)
+        except TimeoutError:
+            await self.worker.end()
+            raise Refused(f"This took longer than {PATIENCE:g} s and was ended.") from None
+        except Ended:
+            raise Refused("The process that worked on it ended; was the memory enough?") from None
+
+    def begin(self, what: str, mapping: dict, options: dict) -> None:
+        """Begin a look or a diagnosis; it goes on by itself."""
+        self.check_idle()
+        if self.columns is None:
+            raise Refused("Expected a model and records first.")
+        self.mapping, self.message, self.result = mapping, "", None
+        self.running = Stages(what)
+        command = {"do": what, "files": self.files, "mapping": mapping, "options": options}
+        self._task = asyncio.create_task(self._work(command, self.running))
+
+    async def _work(self, command: dict, running: Stages) -> None:
+        """Wait for what is being done; what has given way to something else is nobody's."""
+        found, message = None, ""
+        try:
+            found = await self.worker.ask(command, running.step)
+        except Refused as refused:
+            message = str(refused)
+        except Ended:
+            message = "The process that worked on it ended; was the memory enough?"
+        if self.running is not running:
+            return
+        self.running, self.message, self.result = None, message, found or None
+        if running.what == "look":
+            self.looked = not message
+
+    async def stop(self) -> None:
+        """Stop what is being done."""
+        if self.running is not None:
+            self.running, self.message = None, "Stopped."
+            await self.worker.end()
+
+    async def close(self) -> None:
+        """End the process and remove the folder."""
+        self.running = None
+        await self.worker.end()
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+
+def _record(number: int, label: str, content: bytes) -> RecordFile:
+    return RecordFile(number, label, len(content), hashlib.sha256(content).hexdigest())
+
+
+def shown_name(name: str) -> str:
+    r"""Return the name of a file as it is shown: its last part, printable, not too long.
+
+    Examples
+    --------
+    >>> shown_name("C:\\rig\\run 1.csv"), shown_name("../../etc/passwd"), shown_name("")
+    ('run 1.csv', 'passwd', 'file')
+    """
+    last = name.replace("\\", "/").rsplit("/", 1)[-1]
+    return "".join(sign for sign in last if sign.isprintable())[-NAME:].strip() or "file"

@@ -1,0 +1,109 @@
+"""The process that works for a visitor: asked in lines of JSON, ended to cancel."""
+
+import asyncio
+import contextlib
+import json
+import os
+import signal
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+MODULE = "sklearn_pgnn.cli.app.worker"
+#: longest line that the process may answer [byte]
+LINE = 4_000_000
+
+
+class Refused(Exception):
+    """What was asked for cannot be done; says why, for the visitor."""
+
+
+class Ended(Exception):
+    """The process ended before it answered."""
+
+
+class Worker:
+    """A process that reads, simulates and diagnoses in a folder; it starts when it is asked.
+
+    Parameters
+    ----------
+    folder : Path
+        Where its files are.
+    """
+
+    def __init__(self, folder: Path):
+        self.folder = folder
+        self._process: asyncio.subprocess.Process | None = None
+        self._turn = asyncio.Lock()
+
+    async def start(self) -> asyncio.subprocess.Process:
+        """Return the process, started if there is none."""
+        if self._process is None or self._process.returncode is not None:
+            self._process = await asyncio.create_subprocess_exec(
+                sys.executable,
+                "-m",
+                MODULE,
+                cwd=self.folder,
+                env=_environment(),
+                stdin=asyncio.subprocess.PIPE,
+                stdout=asyncio.subprocess.PIPE,
+                limit=LINE,
+                start_new_session=True,
+            )
+        return self._process
+
+    async def ask(self, command: Mapping, progress: Callable[[dict], object]) -> dict:
+        """Have something done.
+
+        Parameters
+        ----------
+        command : mapping
+            Plain data; ``do`` says what.
+        progress : callable
+            Called with every step that the process reports.
+
+        Returns
+        -------
+        dict
+            What came out.
+
+        Raises
+        ------
+        Refused
+            If it cannot be done.
+        Ended
+            If the process ended before.
+        """
+        async with self._turn:
+            process = await self.start()
+            assert process.stdin is not None
+            assert process.stdout is not None
+            with contextlib.suppress(ConnectionError):
+                process.stdin.write(json.dumps(command).encode() + b"\n")
+                await process.stdin.drain()
+            while line := await process.stdout.readline():
+                told = json.loads(line)
+                if "refused" in told:
+                    raise Refused(told["refused"])
+                if "done" in told:
+                    return told["done"]
+                progress(told)
+            await process.wait()
+            raise Ended
+
+    async def end(self) -> None:
+        """End the process and all that it started."""
+        process, self._process = self._process, None
+        if process is None or process.returncode is not None:
+            return
+        with contextlib.suppress(ProcessLookupError):
+            if hasattr(os, "killpg"):
+                os.killpg(process.pid, signal.SIGKILL)
+            else:
+                process.kill()
+        await process.wait()
+
+
+def _environment() -> dict[str, str]:
+    """Return the environment of the process, in which Python finds what it finds here."""
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}

@@ -1,0 +1,93 @@
+"""The visitor's process: takes commands as lines of JSON, answers with steps and an end.
+
+Its input closes when the server ends; then it ends, whatever it is doing.
+"""
+
+import json
+import os
+import queue
+import sys
+import threading
+import traceback
+import warnings
+from collections.abc import Callable
+from time import monotonic
+
+from sklearn_pgnn.cli.app.jobs import JOBS
+from sklearn_pgnn.cli.guard import OWN, one_line
+
+#: least time between two steps of a stage that are told [s]
+EVERY = 0.1
+
+
+class Answers:
+    """Writes answers, a line each.
+
+    Parameters
+    ----------
+    stream : text file
+        Where they go.
+    """
+
+    def __init__(self, stream):
+        self.stream = stream
+        self._stage, self._last = "", 0.0
+
+    def write(self, answer: dict) -> None:
+        """Write an answer."""
+        self.stream.write(json.dumps(answer) + "\n")
+        self.stream.flush()
+
+    def progress(self, stage: str, done: int = 0, total: int = 1) -> None:
+        """Write a step, unless one of the same stage was just written."""
+        now = monotonic()
+        if stage != self._stage or now - self._last >= EVERY:
+            self._stage, self._last = stage, now
+            self.write({"stage": stage, "step": done, "steps": total})
+
+
+def answer(command: dict, answers: Answers, jobs: dict[str, Callable] = JOBS) -> None:
+    """Do what a command says, and write what came out.
+
+    Parameters
+    ----------
+    command : dict
+        ``do`` names the job; everything else is handed to it.
+    answers : Answers
+        Takes steps and the end.
+    jobs : dict of str to callable
+        Called as ``job(progress, **command)``.
+    """
+    name = command.pop("do")
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            done = jobs[name](answers.progress, **command)
+    except (*OWN, ModuleNotFoundError) as error:
+        answers.write({"refused": one_line(error)})
+    except Exception as error:
+        traceback.print_exception(error)
+        said = f"A bug of sklearn-pgnn, not of your input: {type(error).__name__}: {error}"
+        answers.write({"refused": one_line(said)})
+    else:
+        answers.write({"done": done})
+
+
+def main() -> None:
+    """Answer commands until the input closes."""
+    answers = Answers(os.fdopen(os.dup(sys.stdout.fileno()), "w", encoding="utf-8"))
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what others print is no answer
+    commands: queue.Queue[str] = queue.Queue()
+    threading.Thread(target=_listen, args=(commands,), daemon=True).start()
+    while True:
+        answer(json.loads(commands.get()), answers)
+
+
+def _listen(commands: queue.Queue) -> None:
+    for line in sys.stdin:
+        commands.put(line)
+    os._exit(0)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,130 @@
+"""The page in a browser, as a person uses it: with a mouse, with keys, on a phone, at night."""
+
+import shutil
+
+import numpy as np
+import pytest
+
+pytest.importorskip("uvicorn")
+pytest.importorskip("starlette")
+playwright = pytest.importorskip("playwright.sync_api")
+
+from served import served  # noqa: E402
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+
+
+@pytest.fixture(scope="module")
+def browser():
+    found = next(filter(None, map(shutil.which, BROWSERS)), None)
+    with playwright.sync_playwright() as tools:
+        try:
+            opened = tools.chromium.launch(executable_path=found, args=["--no-sandbox"])
+        except playwright.Error as error:
+            pytest.skip(f"no Chromium here: {error}")
+        yield opened
+        opened.close()
+
+
+@pytest.fixture(scope="module")
+def url():
+    with served() as port:
+        yield f"http://127.0.0.1:{port}/"
+
+
+@pytest.fixture
+def visit(browser, url):
+    """A function that opens the page; what the browser complains of is an error."""
+    opened, said = [], []
+
+    def open_page(width=1280, scheme="light"):
+        size = {"width": width, "height": 900}
+        context = browser.new_context(viewport=size, color_scheme=scheme)
+        page = context.new_page()
+        page.on("console", lambda message: said.append(message.text))
+        page.on("pageerror", lambda error: said.append(str(error)))
+        page.goto(url)
+        opened.append(context)
+        return page
+
+    yield open_page
+    for context in opened:
+        context.close()
+    assert [text for text in said if "400 (Bad Request)" not in text] == []
+
+
+def fits(page):
+    return page.evaluate("document.documentElement.scrollWidth <= window.innerWidth")
+
+
+def test_the_example_is_diagnosed_with_keys_alone(visit):
+    page = visit()
+    page.wait_for_selector("text=Show me")
+    for _ in range(9):
+        page.keyboard.press("Tab")
+        if page.evaluate("document.activeElement.textContent") == "Show me":
+            break
+    page.keyboard.press("Enter")
+    page.wait_for_selector("#seen figure svg")
+    page.focus("#diagnose")
+    page.keyboard.press("Enter")
+    page.wait_for_selector("#work progress")
+    page.wait_for_selector("#result .verdict", timeout=300_000)
+    assert "Coulomb friction on v" in page.inner_text("#result")
+    with page.context.expect_page() as opening:
+        page.click("#report")
+    assert "Coulomb friction on v" in opening.value.title()
+    with page.expect_download() as coming:
+        page.click("text=extended_model.yaml")
+    assert coming.value.suggested_filename == "extended_model.yaml"
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_the_page_fits_a_phone_from_files_to_the_records(visit, scheme, tmp_path):
+    page = visit(390, scheme)
+    page.wait_for_selector("text=Use it")
+    assert fits(page)
+    page.select_option("#system", "cart-on-spring")
+    page.click("text=Use it")
+    page.wait_for_selector("#record-files", state="attached")
+    t = np.arange(0, 10, 0.01)
+    rows = np.column_stack([t, np.sin(3 * t), 25 * np.sin(2 * t)])
+    path = tmp_path / "a name that is much longer than a phone is wide, and has no end.csv"
+    np.savetxt(path, rows, delimiter=",", header="zeit,kraft [N],x_cm", comments="")
+    page.set_input_files("#record-files", path)
+    page.wait_for_selector("#column-1")
+    page.select_option("#column-1", "zeit")
+    page.select_option("#column-2", "kraft [N]")
+    page.fill("#unit-3", "cm")
+    page.select_option("#column-3", "x_cm")
+    page.wait_for_selector("#seen figure svg")
+    assert page.input_value("#unit-3") == "cm"
+    assert page.input_value("#column-3") == "x_cm"
+    assert fits(page)
+    colour = page.evaluate("getComputedStyle(document.body).backgroundColor")
+    assert (colour == "rgb(255, 255, 255)") == (scheme == "light")
+
+
+def test_a_file_that_cannot_be_used_is_an_alert(visit, tmp_path):
+    page = visit()
+    path = tmp_path / "model.yaml"
+    path.write_text("states: {v: m/s}\nequations: {v: import}\n")
+    with page.expect_response("**/model?*"):
+        page.set_input_files("#model-file", path)
+    page.wait_for_selector("#message:not([hidden])")
+    assert "model.yaml:" in page.inner_text("[role=alert]")
+    page.context.clear_cookies()
+
+
+def test_everything_that_is_filled_in_has_a_name(visit):
+    page = visit()
+    page.click("text=Show me")
+    page.wait_for_selector("#seen figure svg")
+    nameless = page.evaluate(
+        """[...document.querySelectorAll("input, select, button")]
+        .filter((e) => !(e.labels?.length || e.ariaLabel || e.textContent.trim()))
+        .map((e) => e.outerHTML)"""
+    )
+    assert nameless == []
+    ids = page.evaluate('[...document.querySelectorAll("[id]")].map((e) => e.id)')
+    assert len(ids) == len(set(ids))
