@@ -123,8 +123,9 @@ def _tell_parameters(console, diagnosis) -> None:
     if not parameters:
         return
     if not changed:
-        moved = "re-tuned together; " if retuning_counts(diagnosis) else ""
-        heading(console, f"Parameters: {moved}none changed beyond its 95 % interval")
+        moved = retuning_counts(diagnosis) and not diagnosis.causes_
+        together = "re-tuned together; " if moved else ""
+        heading(console, f"Parameters: {together}none changed beyond its 95 % interval")
         return
     heading(console, "Parameters changed (95 % interval)")
     rows = table("", "as given", "re-tuned", "change")

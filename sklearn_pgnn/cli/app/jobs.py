@@ -107,7 +107,7 @@ def look(progress: Callable, files, mapping, options) -> dict:
     return {}
 
 
-def diagnose(progress: Callable, files, mapping, options) -> dict:
+def diagnose(progress: Callable, files, mapping, options, label: str) -> dict:
     """Diagnose, write the files of the result, and return what is shown of it."""
     progress("reading the model and the records")
     model = PhysicsModel.from_yaml(MODEL)
@@ -118,7 +118,7 @@ def diagnose(progress: Callable, files, mapping, options) -> dict:
     RESULT.mkdir(exist_ok=True)
     for file in RESULT.iterdir():
         file.unlink()
-    failed = write_files(RESULT, result_texts(diagnosis, _provenance(files)))
+    failed = write_files(RESULT, result_texts(diagnosis, _provenance(label, files)))
     if broken or failed:
         raise Bug(broken or next(iter(failed.values())))
     return {
@@ -132,8 +132,8 @@ def diagnose(progress: Callable, files, mapping, options) -> dict:
     }
 
 
-def _provenance(files) -> Provenance:
-    model = SourceFile(str(MODEL), SourceFile.read(MODEL).sha256)
+def _provenance(label: str, files) -> Provenance:
+    model = SourceFile(label, SourceFile.read(MODEL).sha256)
     data = tuple(SourceFile(file["label"], file["sha256"]) for file in files)
     return Provenance(model, data, "sklearn-pgnn app")
 

@@ -222,7 +222,9 @@ class Visitor:
             raise Refused("Expected a model and records first.")
         self.mapping, self.message, self.result = mapping, "", None
         self.running = Stages(what)
+        label = self.model["label"] if self.model else ""
         command = {"do": what, "files": self.files, "mapping": mapping, "options": options}
+        command |= {"label": label} if what == "diagnose" else {}
         self._task = asyncio.create_task(self._work(command, self.running))
 
     async def _work(self, command: dict, running: Stages) -> None:

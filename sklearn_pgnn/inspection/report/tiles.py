@@ -188,6 +188,9 @@ def _parameters(diagnosis, facts: ParameterFacts) -> Tile:
 def _unchanged(diagnosis) -> Tile:
     """Return the tile where no single parameter left its interval, whatever all did together."""
     text = "the interval of each holds the given value; none at a limit"
+    if diagnosis.causes_:
+        count = "cause" if len(diagnosis.causes_) == 1 else "causes"
+        return Tile("good", "Parameters", "as given", f"with the {count} in the model, {text}")
     if not retuning_counts(diagnosis):
         return Tile("good", "Parameters", "as given", text)
     errors = together(diagnosis)

@@ -228,6 +228,7 @@ def test_the_example_is_diagnosed_and_its_files_are_there(done, tmp_path):
     report = done.get("/result/report.html")
     assert "Coulomb friction on v" in report.text
     assert "cart_1.csv" in report.text
+    assert "cart-on-spring.yaml" in report.text
     assert report.headers["content-security-policy"].startswith("sandbox")
     (tmp_path / "model.yaml").write_text(done.get("/result/extended_model.yaml").text)
     assert "v" in PhysicsModel.from_yaml(tmp_path / "model.yaml").states

@@ -43,10 +43,14 @@ def test_faults_of_the_records_are_amber():
 
 
 def test_parameters_that_moved_only_together_do_not_contradict_what_that_is_worth():
-    assert make_tiles(situation("adequate"))[3].headline == "as given"
-    moved = make_tiles(situation("ambiguous"))[3]
+    for name in ("adequate", "ambiguous"):
+        assert make_tiles(situation(name))[3].headline == "as given"
+    changed = copy(situation("adequate"))
+    gain = changed.gain_["v"]
+    changed.gain_ = {"v": replace(gain, prior=20.0 * gain.noise, refitted=2.0 * gain.noise)}
+    moved = make_tiles(changed)[3]
     assert moved.headline == "moved together"
-    assert moved.text.startswith("10.8 × → 10.0 × noise; yet the interval of each")
+    assert moved.text.startswith("20.0 × → 2.00 × noise; yet the interval of each")
 
 
 def test_more_than_twice_the_noise_is_amber_and_red_where_it_is_structure():
