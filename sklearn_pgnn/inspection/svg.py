@@ -159,10 +159,17 @@ class Plot:
         """Return the plot as HTML."""
         inner = Markup("").join(self._shapes)
         return Markup(
-            '<div class="plot {}"><svg class="area" role="img" aria-label="{}">{}'
+            '<div class="plot {}"><svg class="area" role="img" aria-label="{}"{}>{}'
             '<svg class="inner" width="100%" height="100%" viewBox="0 0 {s} {s}" '
             'preserveAspectRatio="none">{}</svg></svg></div>'
-        ).format(self.css, self.label, self._axes(), inner, s=SIDE)
+        ).format(self.css, self.label, self._ends(), self._axes(), inner, s=SIDE)
+
+    def _ends(self) -> Markup:
+        """Return the ends of the axes, for a script that makes a part large."""
+        if self.x.log or self.y.log:
+            return Markup("")
+        ends = (f"{scale.low:.9g} {scale.high:.9g}" for scale in (self.x, self.y))
+        return Markup(' data-x="{}" data-y="{}"').format(*ends)
 
     def _axes(self) -> Markup:
         parts = [Markup('<rect class="frame" width="100%" height="100%"/>')]

@@ -102,6 +102,35 @@ def standard_errors(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) ->
     return dict(zip(names, errors.tolist(), strict=True))
 
 
+def correlations(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) -> np.ndarray:
+    r"""Return how the errors of a fit's parameters hang together.
+
+    .. math:: r_{ij} = \mathrm{cov}_{ij} / \sqrt{\mathrm{cov}_{ii}\,\mathrm{cov}_{jj}}
+
+    with the covariance of `standard_errors`.
+
+    Parameters
+    ----------
+    fit : WindowFit
+        The fitted model.
+    expected : ndarray of shape (n_windows, n_states)
+        Expected initial states of the windows.
+    spread : ndarray of shape (n_states,)
+        How uncertain they are.
+
+    Returns
+    -------
+    ndarray of shape (n_parameters, n_parameters)
+        In the order of the fit's freedoms, 1 on the diagonal; NaN where the records say nothing.
+    """
+    n_p = len(fit.freedoms)
+    if not (n_p and fit.usable):
+        return np.full((n_p, n_p), np.nan)
+    found = _curvature(fit, expected, spread)
+    size = np.where(found.flat | ~(found.variances > 0), np.nan, np.sqrt(found.variances))
+    return found.covariance / np.outer(size, size)
+
+
 def overdispersion(
     fit: WindowFit, expected: np.ndarray, spread: np.ndarray, dispersion: float
 ) -> dict[str, float]:
@@ -141,24 +170,29 @@ def overdispersion(
 
 
 class _Curvature(NamedTuple):
-    """The curvature of a fit's objective, and what its blocks' gradients say of the parameters."""
+    """The curvature of a fit's objective, and the parameters' covariance."""
 
     hessian: np.ndarray
     pull: np.ndarray
     inverse: np.ndarray
     flat: np.ndarray
-    variances: np.ndarray
+    covariance: np.ndarray
+
+    @property
+    def variances(self) -> np.ndarray:
+        """Of the parameters."""
+        return np.diag(self.covariance)
 
 
 def _curvature(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) -> _Curvature:
-    """Return the curvature at a fit, and its parameters' variances robust to coloured residuals."""
+    """Return the curvature at a fit, and a covariance that is robust to coloured residuals."""
     normal = project(fit.evaluation.gram, len(fit.freedoms), 1.0 / spread**2, fit.x0 - expected)
     pull = np.diag([1.0 / freedom.spread**2 for freedom in fit.freedoms])
     hessian, scores = normal.hessian.sum(axis=0), _block_scores(fit, normal)
     inverse, flat = _invert(hessian + pull)
     factor = len(scores) / max(len(scores) - len(fit.freedoms), 1)
-    variances = np.diag(inverse @ (scores.T @ scores * factor + pull) @ inverse)
-    return _Curvature(hessian, pull, inverse, flat, variances)
+    covariance = inverse @ (scores.T @ scores * factor + pull) @ inverse
+    return _Curvature(hessian, pull, inverse, flat, covariance)
 
 
 def errors_by_held(

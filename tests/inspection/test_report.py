@@ -102,13 +102,14 @@ class Reader(HTMLParser):
 def test_the_report_needs_nothing_else(report):
     read = Reader(report)
     assert not read.sources
-    assert not {"script", "link", "iframe", "object", "img"} & set(read.tags)
+    assert not {"link", "iframe", "object", "img"} & set(read.tags)
+    assert read.tags.count("script") == 1
     assert "url(" not in report
     assert "@import" not in report
 
 
 def test_names_of_the_model_are_escaped(report):
-    assert "<script" not in report
+    assert "alert(1)</script>" not in report
     for text in ("cart &lt;script&gt;alert(1)&lt;/script&gt;", "kg&lt;script&gt;"):
         assert text in report
 

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from sklearn_pgnn.simulation.uncertainty import overdispersion, standard_errors
+from sklearn_pgnn.simulation.uncertainty import correlations, overdispersion, standard_errors
 from sklearn_pgnn.simulation.window_fit import ParameterPrior
 from sklearn_pgnn.simulation.windows import Evaluation
 
@@ -70,3 +70,23 @@ def test_what_could_not_be_fitted_has_no_errors():
     fit.usable = False
     assert standard_errors(fit, *expected) == {"p": np.inf}
     assert overdispersion(fit, *expected, 1.0) == {"p": 1.0}
+
+
+def test_slopes_that_are_excited_alike_are_as_correlated_as_the_known_formula_says():
+    rng = np.random.default_rng(0)
+    one = rng.normal(size=(WINDOWS, SAMPLES))
+    alike = 0.8
+    other = alike * one + np.sqrt(1 - alike**2) * rng.normal(size=one.shape)
+    left = rng.normal(size=one.shape)
+    columns = np.stack([one, other, np.zeros(one.shape), left], axis=-1)
+    gram = np.einsum("wni,wnj->wij", columns, columns)[:, None]
+    free = tuple(ParameterPrior(n, -np.inf, np.inf, 0.0, np.inf, 1.0) for n in "pq")
+    fit = SimpleNamespace(
+        freedoms=free,
+        usable=True,
+        x0=np.zeros((WINDOWS, 1)),
+        evaluation=Evaluation(gram, left.reshape(-1, 1)),
+    )
+    found = correlations(fit, np.zeros((WINDOWS, 1)), np.ones(1))
+    assert np.diag(found) == pytest.approx(1.0)
+    assert found[0, 1] == pytest.approx(-alike, abs=0.05)

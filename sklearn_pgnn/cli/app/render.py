@@ -31,8 +31,14 @@ def source(name: str) -> str:
 @cache
 def style() -> str:
     """Return the style: the report's, and what the page has besides."""
-    report = files("sklearn_pgnn").joinpath("inspection", "report", "templates", "style.css")
-    return f"{report.read_text(encoding='utf-8')}\n{source('app.css')}"
+    return f"{of_report('style.css')}\n{source('app.css')}"
+
+
+@cache
+def of_report(name: str) -> str:
+    """Return a file of the report as it is."""
+    folder = files("sklearn_pgnn").joinpath("inspection", "report", "templates")
+    return folder.joinpath(name).read_text(encoding="utf-8")
 
 
 @cache

@@ -17,7 +17,7 @@ from sklearn_pgnn.cli.app.forms import clean_mapping, clean_options
 from sklearn_pgnn.cli.app.guard import Guard
 from sklearn_pgnn.cli.app.limits import ALL_BYTES, FORM_BYTES, MODEL_BYTES, RECORD_BYTES
 from sklearn_pgnn.cli.app.page import page, sections
-from sklearn_pgnn.cli.app.render import source, style
+from sklearn_pgnn.cli.app.render import of_report, source, style
 from sklearn_pgnn.cli.app.visitor import Visitor
 from sklearn_pgnn.cli.app.visitors import Full, Visitors
 from sklearn_pgnn.cli.app.work import Refused
@@ -69,6 +69,7 @@ class Server:
             Route("/style.css", _style),
             Route("/favicon.ico", _no_icon),
             Route("/app.js", _script),
+            Route("/zoom.js", _zoom),
             Route("/sections", self._seen(_sections)),
             Route("/model.yaml", self._seen(_model_file)),
             Route("/result/{name}", self._seen(_result_file)),
@@ -141,6 +142,10 @@ async def _style(_request: Request) -> Response:
 
 async def _script(_request: Request) -> Response:
     return Response(source("app.js"), media_type="text/javascript")
+
+
+async def _zoom(_request: Request) -> Response:
+    return Response(of_report("zoom.js"), media_type="text/javascript")
 
 
 async def _no_icon(_request: Request) -> Response:

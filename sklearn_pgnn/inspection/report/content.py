@@ -7,6 +7,7 @@ from sklearn_pgnn.inspection.equations import equations_of
 from sklearn_pgnn.inspection.numbers import number, times
 from sklearn_pgnn.inspection.report.causes import told_causes
 from sklearn_pgnn.inspection.report.characteristics import characteristics
+from sklearn_pgnn.inspection.report.correlation import correlation
 from sklearn_pgnn.inspection.report.curves_section import curve_sections, keys
 from sklearn_pgnn.inspection.report.dot_plot import dot_plot
 from sklearn_pgnn.inspection.report.finding import leaves_more, title, verdict_line
@@ -33,11 +34,12 @@ from sklearn_pgnn.inspection.yardstick import together
 
 def report_content(diagnosis, provenance: Provenance, detectability=None) -> dict:
     """Return the content of the report: plain text and pictures by the template's variable."""
+    formula = None if diagnosis.discrepancy_ is None else FoundFormula(diagnosis)
     return {
         **_top(diagnosis),
         **_source(diagnosis, provenance),
-        **_story(diagnosis),
-        **_appendix(diagnosis),
+        **_story(diagnosis, formula),
+        **_appendix(diagnosis, formula),
         "smallest": smallest_rows(detectability),
         "power": "" if detectability is None else f"{100 * detectability.power:.0f}",
     }
@@ -68,10 +70,9 @@ def _source(diagnosis, provenance: Provenance) -> dict:
     }
 
 
-def _story(diagnosis) -> dict:
+def _story(diagnosis, formula: FoundFormula | None) -> dict:
     """Return the causes, the formula, and the pictures of both."""
     members = all_members(diagnosis)
-    formula = None if diagnosis.discrepancy_ is None else FoundFormula(diagnosis)
     maps = residual_maps(diagnosis, formula) if formula or leaves_more(diagnosis) else []
     free, windowed, others = curve_sections(diagnosis, formula)
     return {
@@ -91,10 +92,11 @@ def _story(diagnosis) -> dict:
     }
 
 
-def _appendix(diagnosis) -> dict:
+def _appendix(diagnosis, formula: FoundFormula | None) -> dict:
     return {
         "errors": error_rows(diagnosis),
         "forest": forest(diagnosis),
+        "correlation": correlation(diagnosis, formula),
         "equation_blocks": _equation_blocks(diagnosis),
         "unusable": [
             {"name": suspect_name(effect, target), "reason": reason}

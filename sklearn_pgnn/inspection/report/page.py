@@ -81,9 +81,15 @@ def render_report(
     room.filters["capitalize_first"] = lambda text: text[:1].upper() + text[1:]
     room.filters["as_it_is"] = _as_it_is
     content = report_content(diagnosis, provenance or Provenance(), detectability)
-    style = _source("style.css")
-    digest = base64.b64encode(hashlib.sha256(style.encode()).digest()).decode()
-    return room.get_template("report.html.j2").render(**content, style=style, digest=digest)
+    for name in ("style.css", "zoom.js"):
+        text = _source(name)
+        content |= {name.split(".")[0]: text, f"{name.split('.')[0]}_digest": _digest(text)}
+    return room.get_template("report.html.j2").render(**content)
+
+
+def _digest(text: str) -> str:
+    """Return what a page's policy calls a style or a script."""
+    return base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
 
 
 def _source(name: str) -> str:

@@ -1,0 +1,110 @@
+"""How the errors of the parameters hang together: a matrix, and the pairs that hide each other."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from sklearn_pgnn.inspection.report.formula import FoundFormula
+from sklearn_pgnn.simulation.uncertainty import correlations
+from sklearn_pgnn.simulation.window_fit import WindowFit, fit_windows
+
+#: correlation from which on two parameters are named, and shades of a colour
+TIGHT, SHADES = 0.9, 5
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A correlation as it is shown.
+
+    Parameters
+    ----------
+    text : str
+        Its value, empty above the diagonal's place.
+    css : str
+        Its colour.
+    """
+
+    text: str
+    css: str
+
+
+@dataclass(frozen=True)
+class Correlation:
+    """The correlations of the parameters.
+
+    Parameters
+    ----------
+    names : list of str
+        The parameters of the model and of its causes.
+    rows : list of (str, list of Cell)
+        The lower triangle.
+    tight : list of str
+        The pairs that hide each other, in words.
+    """
+
+    names: list[str]
+    rows: list[tuple[str, list[Cell]]]
+    tight: list[str]
+
+
+def correlation(diagnosis, formula: FoundFormula | None = None) -> Correlation | None:
+    """Return the correlations of the parameters; None where there are less than two.
+
+    Parameters
+    ----------
+    diagnosis : ModelDiagnosis
+        A fitted diagnosis.
+    formula : FoundFormula, optional
+        The formula for what has no name: its coefficients are among the parameters then.
+
+    Returns
+    -------
+    Correlation or None
+        Of the extended model, or of that with the formula.
+    """
+    fit = _fitted(diagnosis) if formula is None else formula.fit
+    names = [freedom.name for freedom in fit.freedoms]
+    if len(names) < 2:
+        return None
+    estimate = diagnosis.records_.problem.states.estimate(fit.model)
+    windows = diagnosis.records_.windows
+    found = correlations(fit, estimate.x[windows.starts], estimate.spread)
+    rows = [(names[i], [_cell(found[i, j]) for j in range(i)]) for i in range(1, len(names))]
+    tight = [
+        f"{names[j]} and {names[i]} ({_signed(found[i, j])})"
+        for i in range(len(names))
+        for j in range(i)
+        if abs(found[i, j]) > TIGHT
+    ]
+    return Correlation(names[:-1], rows, tight)
+
+
+def _fitted(diagnosis) -> WindowFit:
+    """Return the extended model with its evaluation where it stands."""
+    records, extended = diagnosis.records_, diagnosis.records_.fits["extended"]
+    estimate = records.problem.states.estimate(extended.model)
+    expected = estimate.x[records.windows.starts]
+    return fit_windows(
+        extended.model, records.windows, extended.freedoms, expected, estimate.spread
+    )
+
+
+def _cell(value: float) -> Cell:
+    if not math.isfinite(value):
+        return Cell("-", "")
+    shade = min(int(SHADES * abs(value)), SHADES - 1)
+    sign = "with" if value > 0 else "against"
+    return Cell(_signed(value), f"{sign} shade-{shade}" if shade else "")
+
+
+def _signed(value: float) -> str:
+    """Return a correlation with two digits and a minus sign.
+
+    Examples
+    --------
+    >>> _signed(-0.954), _signed(0.999), _signed(0.001)
+    ('−0.95', '1.00', '0')
+    """
+    text = f"{np.clip(value, -1.0, 1.0):.2f}".replace("-", "−")
+    return "0" if float(text.replace("−", "-")) == 0 else text

@@ -1,0 +1,77 @@
+"""A report in a browser: parts made large, values told; without scripts all is readable."""
+
+import shutil
+
+import pytest
+
+playwright = pytest.importorskip("playwright.sync_api")
+
+from situations import situation  # noqa: E402
+
+from sklearn_pgnn.inspection.report import write_report  # noqa: E402
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+WHOLE = "0 0 1000 1000"
+
+
+@pytest.fixture(scope="module")
+def browser():
+    found = next(filter(None, map(shutil.which, BROWSERS)), None)
+    with playwright.sync_playwright() as tools:
+        try:
+            opened = tools.chromium.launch(executable_path=found, args=["--no-sandbox"])
+        except playwright.Error as error:
+            pytest.skip(f"no Chromium here: {error}")
+        yield opened
+        opened.close()
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory):
+    path = tmp_path_factory.mktemp("report") / "report.html"
+    write_report(situation("named"), path)
+    return path.as_uri()
+
+
+def test_a_drag_makes_a_part_of_all_plots_of_a_figure_large_and_a_double_click_ends_it(
+    browser, report
+):
+    page, said = browser.new_page(viewport={"width": 1000, "height": 900}), []
+    page.on("console", lambda message: said.append(message.text))
+    page.goto(report)
+    figure = page.locator("section[aria-labelledby=curves] figure").first
+    areas = figure.locator("svg.area")
+    areas.first.scroll_into_view_if_needed()
+    box = areas.first.bounding_box()
+    middle = box["y"] + box["height"] / 2
+    page.mouse.move(box["x"] + 0.25 * box["width"], middle)
+    assert "measured:" in page.inner_text(".tip")
+    assert "t [s]: 2.49" in page.inner_text(".tip")
+    page.mouse.down()
+    page.mouse.move(box["x"] + 0.5 * box["width"], middle, steps=4)
+    page.mouse.up()
+    for k in range(areas.count()):
+        left, _, width, _ = map(float, _view(areas.nth(k)).split())
+        assert (left, width) == (pytest.approx(250, abs=5), pytest.approx(250, abs=5))
+    page.mouse.dblclick(box["x"] + 0.5 * box["width"], middle)
+    assert {_view(areas.nth(k)) for k in range(areas.count())} == {WHOLE}
+    areas.first.focus()
+    page.keyboard.press("+")
+    assert _view(areas.first) == "250 0 500 1000"
+    page.keyboard.press("0")
+    assert _view(areas.first) == WHOLE
+    assert said == []
+    page.close()
+
+
+def _view(area):
+    return area.locator("svg.inner").get_attribute("viewBox")
+
+
+def test_without_scripts_the_curves_are_there_and_nothing_is_promised(browser, report):
+    context = browser.new_context(java_script_enabled=False)
+    page = context.new_page()
+    page.goto(report)
+    assert page.locator("path.line.measured").count() > 0
+    assert not page.locator(".hint").is_visible()
+    context.close()
