@@ -1,6 +1,14 @@
 """Settings of the documentation."""
 
+import os
+import sys
+from pathlib import Path
+
 import sklearn_pgnn
+
+HERE = Path(__file__).parent
+sys.path.insert(0, str(HERE))
+os.environ.setdefault("MPLBACKEND", "Agg")
 
 project = "sklearn_pgnn"
 copyright = "2026, The sklearn-pgnn developers"
@@ -15,10 +23,15 @@ extensions = [
     "sphinx_copybutton",
     "myst_parser",
     "numpydoc",
+    "sphinx_gallery.gen_gallery",
+    "heat",
 ]
 extlinks = {"doi": ("https://doi.org/%s", "doi:%s")}
 templates_path = ["_templates"]
-exclude_patterns = ["_build", "_templates", "tables"]
+exclude_patterns = ["_build", "_extra", "_templates", "tables"]
+html_extra_path = ["_extra"]
+html_static_path = ["_static"]
+html_css_files = ["heat.css"]
 default_role = "py:obj"
 html_theme = "furo"
 html_title = f"{project} {release}"
@@ -37,3 +50,26 @@ autodoc_default_options = {
 }
 autodoc_typehints = "none"  # the docstrings have them
 numpydoc_show_class_members = False
+
+sphinx_gallery_conf = {
+    "examples_dirs": "../examples",
+    "gallery_dirs": "gallery",
+    # the others take minutes: they show what `python docs/run_examples.py` has stored
+    "filename_pattern": "plot_diagnose_two_tanks",
+    "download_all_examples": False,
+    "show_memory": False,
+    "show_signature": False,
+    "remove_config_comments": True,
+}
+
+
+def make_samples(_app):
+    """Make the sample reports that are not there yet."""
+    from make_samples import make_missing
+
+    make_missing()
+
+
+def setup(app):
+    """Make what the pages refer to before they are built."""
+    app.connect("builder-inited", make_samples)

@@ -44,3 +44,11 @@ print(f"error: {gain.prior:.2g} rad, re-tuned {gain.refitted:.2g}, extended {gai
 # %%
 # What the model got wrong, and what the extension makes of it.
 display = diagnosis.plot()
+
+# %%
+# The same robot as ``python docs/make_pictures.py`` draws it:
+#
+# .. image:: /_static/diagnosis_golf_robot.png
+#    :alt: Diagnosis of a golf robot: measured, prior and extended model
+#
+# sphinx_gallery_thumbnail_path = '_static/diagnosis_golf_robot.png'

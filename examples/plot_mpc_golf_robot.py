@@ -14,6 +14,7 @@ itself is simulated with friction that sticks.
 # An optimiser has to differentiate: `to_casadi` rounds the jump of dry friction off over a small
 # speed.
 import casadi
+import matplotlib.pyplot as plt
 import numpy as np
 
 from sklearn_pgnn import effects, systems
@@ -84,6 +85,23 @@ def steer(model):
     return np.array(angles)
 
 
+figure, axes = plt.subplots(figsize=(8, 4), layout="constrained")
+axes.plot(T, WANTED, color="0.7", linewidth=4, label="wanted")
 for name, model in (("the model without stick-slip", prior), ("the mended model", machine)):
-    error = steer(model) - WANTED[: len(T) - AHEAD]
+    angle = steer(model)
+    error = angle - WANTED[: len(T) - AHEAD]
+    axes.plot(T[: len(angle)], angle, label=f"with {name}")
     print(f"with {name}: {1e3 * np.sqrt(np.mean(error**2)):.1f} mrad from the wanted angle")
+axes.set(xlabel="t [s]", ylabel="angle [rad]")
+axes.legend()
+
+# %%
+# What it prints and draws, stored by ``python docs/run_examples.py``:
+#
+# .. literalinclude:: /_static/examples/plot_mpc_golf_robot.txt
+#    :language: none
+#
+# .. image:: /_static/examples/plot_mpc_golf_robot.png
+#    :alt: The wanted angle, and the angle of the robot steered with either model
+#
+# sphinx_gallery_thumbnail_path = '_static/examples/plot_mpc_golf_robot.png'

@@ -80,3 +80,14 @@ above.set_ylabel("angle [rad]")
 below.set(xlabel="time [s]", ylabel="error [mrad]")
 for axes in (above, below):
     axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=4, frameon=False, fontsize="small")
+
+# %%
+# What it prints and draws, stored by ``python docs/run_examples.py``:
+#
+# .. literalinclude:: /_static/examples/plot_pgnnl_golf_robot.txt
+#    :language: none
+#
+# .. image:: /_static/examples/plot_pgnnl_golf_robot.png
+#    :alt: Free runs of the models along a record that none has seen
+#
+# sphinx_gallery_thumbnail_path = '_static/examples/plot_pgnnl_golf_robot.png'

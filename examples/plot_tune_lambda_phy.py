@@ -78,3 +78,14 @@ axes.set(
     ylabel="error of the free run, in spreads of the angle",
 )
 axes.legend()
+
+# %%
+# What it prints and draws, stored by ``python docs/run_examples.py``:
+#
+# .. literalinclude:: /_static/examples/plot_tune_lambda_phy.txt
+#    :language: none
+#
+# .. image:: /_static/examples/plot_tune_lambda_phy.png
+#    :alt: The error over the weight of physics
+#
+# sphinx_gallery_thumbnail_path = '_static/examples/plot_tune_lambda_phy.png'
