@@ -8,6 +8,7 @@ EXTRAS = {
     "app": ("starlette", "uvicorn"),
     "benchmarks": ("nonlinear_benchmarks",),
     "control": ("control",),
+    "dask": ("distributed",),
     "export": ("casadi", "onnx"),
     "files": ("h5py", "openpyxl", "pyarrow"),
     "network": ("skorch", "torch"),

@@ -12,7 +12,7 @@ pytestmark = pytest.mark.core
 
 #: from the bottom; a room imports from lower floors, and rooms on one floor not from each other
 FLOORS = (
-    {"exceptions", "extras", "readings"},
+    {"exceptions", "extras", "readings", "threads"},
     {"__init__"},
     {"physics"},
     {"effects", "systems", "trajectories"},
@@ -34,6 +34,7 @@ NARROWER = {"datasets": {"exceptions", "extras", "physics", "trajectories"}}
 
 #: where a heavy library may be imported: beginnings of paths inside the package
 HOMES = {
+    "llvmlite": ("simulation",),
     "numba": ("simulation",),
     "matplotlib": ("inspection",),
     "pysindy": ("estimators/sindyc",),

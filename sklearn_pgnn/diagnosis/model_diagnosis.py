@@ -50,6 +50,7 @@ from sklearn_pgnn.record_quality.finding import Finding
 from sklearn_pgnn.simulation.finite_run import simulate_quantities
 from sklearn_pgnn.simulation.record_windows import without_gaps
 from sklearn_pgnn.simulation.simulate import HOLDS, hold_of
+from sklearn_pgnn.threads import one_thread_each
 from sklearn_pgnn.trajectories import read_records
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
 from sklearn_pgnn.trajectories.record import Record
@@ -228,6 +229,7 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         tags.regressor_tags.poor_score = True
         return tags
 
+    @one_thread_each()
     def fit(self, X, y):
         """Diagnose the model on records.
 
@@ -600,7 +602,8 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         seed, white = _seed(random_state), noise == "white"
         analysis = PowerAnalysis(self.records_, white, self._criterion(), int(n_repeats), seed)
         catalogue = read_catalogue(self.catalogue if effects is None else effects)
-        rows = detect_all(analysis, possible_causes(self.model, catalogue, targets), power, sizes)
+        suspects = possible_causes(self.model, catalogue, targets)
+        rows = detect_all(analysis, suspects, power, sizes, self.n_jobs)
         if verify:
 
             def diagnose(X, y):

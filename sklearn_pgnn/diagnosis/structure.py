@@ -13,7 +13,6 @@ from itertools import pairwise
 import numpy as np
 from scipy.stats import t as student
 from sklearn.ensemble import HistGradientBoostingRegressor
-from threadpoolctl import threadpool_limits
 
 from sklearn_pgnn.estimation.budgets import LAGS, LEAVES, SAMPLES, STRETCHES, TREES
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
@@ -21,6 +20,7 @@ from sklearn_pgnn.estimation.fitted_records import record_starts
 from sklearn_pgnn.estimation.held_out import record_of, segments
 from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.simulation.state_estimate import free_run
+from sklearn_pgnn.threads import one_thread_each
 
 #: what the time since a window began, and since a record began, are called
 IN_WINDOW, IN_RECORD = "time in window", "time"
@@ -78,7 +78,7 @@ def find_structure(
     significant = False
     level = alpha / len(problem.prior.outputs)
     for column, output in enumerate(problem.prior.outputs):
-        with threadpool_limits(1):  # many small trees: threads would wait for each other
+        with one_thread_each():
             predictions = list(table.predictions(column))
         shares = np.array([share for share, _, _ in predictions])
         skill[output] = float(shares.mean()) if shares.size else 0.0

@@ -32,12 +32,13 @@ from sklearn_pgnn.estimators.network.records import (
     split_for_validation,
 )
 from sklearn_pgnn.estimators.network.stepper import Stepper
-from sklearn_pgnn.estimators.network.trajectory_net import TrajectoryNet, single_threaded
+from sklearn_pgnn.estimators.network.trajectory_net import TrajectoryNet
 from sklearn_pgnn.exceptions import SimulationWarning
 from sklearn_pgnn.extras import needed_by
 from sklearn_pgnn.simulation.free_run import substeps_for
 from sklearn_pgnn.simulation.record_windows import dominant_period
 from sklearn_pgnn.simulation.simulate import hold_of
+from sklearn_pgnn.threads import one_thread_each
 from sklearn_pgnn.trajectories import read_records, rows_in_order
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
 from sklearn_pgnn.trajectories.tables import TIME, as_pandas, as_table
@@ -528,7 +529,7 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         self._check_parameters()
         random = check_random_state(self.random_state)
         train = self._train_on_trajectories if self._has_time(X) else self._train_on_rows
-        with torch.random.fork_rng(devices=[]), single_threaded() as self._threads:
+        with torch.random.fork_rng(devices=[]), one_thread_each() as self._threads:
             self._make_core(1, 1)  # refuses parameters that make none, before any work
             torch.manual_seed(random.randint(2**31 - 1))
             train(X, y, random, anew, **fit_params)

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pandas as pd
+from joblib import Parallel, delayed
 
 from sklearn_pgnn.estimation.budgets import DECADES
 from sklearn_pgnn.exceptions import ModelError
@@ -242,6 +243,7 @@ def detect_all(
     suspects: Sequence[Effect],
     power: float,
     multiples: Sequence[float] = (),
+    n_jobs: int | None = None,
 ) -> tuple[Detectable, ...]:
     """Find the smallest size of every effect that has one and that the model does not hold yet.
 
@@ -255,17 +257,20 @@ def detect_all(
         Wanted chance of naming each.
     multiples : sequence of float, default=()
         Multiples of the smallest sizes at which the power is wanted too.
+    n_jobs : int, optional
+        Effects that are looked at at the same time, by joblib.
 
     Returns
     -------
     tuple of Detectable
         One an effect.
     """
-    return tuple(
-        detect(analysis, cause, power, multiples)
+    found = Parallel(n_jobs, prefer="threads")(
+        delayed(detect)(analysis, cause, power, multiples)
         for cause in suspects
         if _fits(analysis.model, cause)
     )
+    return tuple(found)
 
 
 def _fits(model: PhysicsModel, cause: Effect) -> bool:

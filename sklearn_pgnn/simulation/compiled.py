@@ -3,9 +3,9 @@
 The loops of `stepping`, `kalman` and `network_loop` are compiled once and kept on disk. They take a
 model's function as its address, an integer, and call it by `call`, always with the same arguments:
 what to do, two numbers and the data of eight arrays, see `sklearn_pgnn.simulation.model_function`.
-Nothing is allocated, counted or checked at a call. numba's own function objects and arrays would do,
-too (`PLAIN_CALLS`), and give the same numbers, but what they check at every call takes longer than
-the mathematics.
+Nothing is allocated, counted or checked at a call. numba's own function objects and arrays would
+do, too (`PLAIN_CALLS`), and give the same numbers, but what they check at every call takes longer
+than the mathematics.
 """
 
 import os

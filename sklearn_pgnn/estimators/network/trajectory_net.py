@@ -18,7 +18,6 @@ from skorch.callbacks import (
 )
 from skorch.dataset import Dataset
 from skorch.utils import multi_indexing
-from threadpoolctl import threadpool_limits
 from torch import nn
 
 from sklearn_pgnn.estimators.network import step_setup
@@ -41,24 +40,6 @@ from sklearn_pgnn.estimators.network.structure import corrected_states
 FEW_WEIGHTS = 1000
 #: attributes that are rebuilt from the weights when a pickle is loaded
 _TRAINED = ("module_", "criterion_", "optimizer_", "callbacks_")
-
-
-@contextlib.contextmanager
-def single_threaded():
-    """Restrict torch and BLAS to one thread: a small network does not profit from more.
-
-    Yields
-    ------
-    int
-        Threads that torch had, and gets back.
-    """
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        with threadpool_limits(1):
-            yield threads
-    finally:
-        torch.set_num_threads(threads)
 
 
 @dataclass
