@@ -16,6 +16,7 @@ __version__ = "0.1.0.dev0"
 
 _OBJECTS = {
     "Effect": "sklearn_pgnn.physics",
+    "FleetDiagnosis": "sklearn_pgnn.fleet",
     "ModelDiagnosis": "sklearn_pgnn.diagnosis",
     "PGNNLRegressor": "sklearn_pgnn.estimators.pgnnl",
     "Parameter": "sklearn_pgnn.physics",
@@ -32,6 +33,7 @@ _MODULES = (
     "effects",
     "exceptions",
     "export",
+    "fleet",
     "inspection",
     "model_selection",
     "network",

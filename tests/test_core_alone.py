@@ -78,6 +78,9 @@ def test_what_needs_an_extra_says_which(tmp_path, extra):
             "sklearn_pgnn.datasets.load_cascaded_tanks()",
             "sklearn_pgnn.datasets.load_coupled_drives()",
         ],
+        "dask": [
+            "from sklearn_pgnn.cli.cluster import on_cluster\nwith on_cluster('tcp://x'): pass",
+        ],
         "control": ["sklearn_pgnn.export.to_control(sklearn_pgnn.systems.two_tanks())"],
         "export": ["sklearn_pgnn.export.to_casadi(sklearn_pgnn.systems.two_tanks())"],
         "units": [

@@ -24,7 +24,7 @@ FLOORS = (
     {"experiment_design"},
     {"diagnosis"},
     {"inspection"},
-    {"export", "datasets"},
+    {"export", "datasets", "fleet"},
     {"cli", "__main__"},
 )
 HEIGHT = {room: height for height, rooms in enumerate(FLOORS) for room in rooms}
@@ -47,6 +47,7 @@ HOMES = {
     "casadi": ("export/casadi_function",),
     "onnx": ("export/onnx_",),
     "control": ("export/control_system",),
+    "distributed": ("cli/cluster",),
     "nonlinear_benchmarks": ("datasets/public",),
 }
 
@@ -82,7 +83,7 @@ def objection(path, name):
         return "relative import"
     if library in HOMES:
         return None if path.startswith(HOMES[library]) else f"{library} has no place here"
-    if library != "sklearn_pgnn" or (room == "cli" and rest == ["__version__"]):
+    if library != "sklearn_pgnn" or (room in ("cli", "fleet") and rest == ["__version__"]):
         return None
     if not rest or rest[0] not in HEIGHT:
         return f"{name} is not on a floor"

@@ -6,6 +6,7 @@ from sklearn_pgnn import __version__
 from sklearn_pgnn.cli.commands import app, check, compare, detect, fit, init, simulate
 from sklearn_pgnn.cli.completion import FILE, PROGRAM, SHELLS, completion_script
 from sklearn_pgnn.cli.export import export
+from sklearn_pgnn.cli.fleet import fleet
 from sklearn_pgnn.cli.guard import guarded
 from sklearn_pgnn.cli.options import (
     diagnosis_options,
@@ -40,6 +41,7 @@ class InOrder(click.Group):
         "diagnose",
         "detect",
         "compare",
+        "fleet",
         "export",
         "app",
     )
@@ -115,5 +117,5 @@ def completion(context, shell):
     click.echo(completion_script(context.find_root().command, shell))
 
 
-for command in (init, check, simulate, fit, detect, compare, export, app):
+for command in (init, check, simulate, fit, detect, compare, fleet, export, app):
     main.add_command(command)

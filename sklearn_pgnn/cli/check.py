@@ -6,11 +6,11 @@ from typing import NamedTuple
 
 import click
 
-from sklearn_pgnn.cli.output import as_strict_json
 from sklearn_pgnn.cli.tables import cell, heading, print_table, say, screen, table, warn
 from sklearn_pgnn.exceptions import RecordWarning, UnitWarning
 from sklearn_pgnn.inspection.first_look import FirstLook, first_look
 from sklearn_pgnn.inspection.numbers import number
+from sklearn_pgnn.inspection.strict_json import as_strict_json
 from sklearn_pgnn.physics import PhysicsModel
 from sklearn_pgnn.trajectories.files import open_file, read_files
 

@@ -4,10 +4,11 @@ from pathlib import Path
 
 import click
 
-from sklearn_pgnn.cli.output import as_strict_json, write_file
+from sklearn_pgnn.cli.output import write_file
 from sklearn_pgnn.cli.tables import cell, heading, print_table, say, screen, table
 from sklearn_pgnn.inspection.comparison import DiagnosisComparison
 from sklearn_pgnn.inspection.comparison_report import render_comparison
+from sklearn_pgnn.inspection.strict_json import as_strict_json
 
 
 def write_comparison(found: DiagnosisComparison, output: str, *, force: bool, opens: bool) -> None:

@@ -5,11 +5,11 @@ from collections.abc import Callable
 import click
 
 from sklearn_pgnn.cli.choices import check_suspects, choose_effects, choose_targets, read_noise
-from sklearn_pgnn.cli.output import as_strict_json
 from sklearn_pgnn.cli.records import read_model_and_records
 from sklearn_pgnn.cli.tables import cell, print_table, say, screen, table, warn
 from sklearn_pgnn.diagnosis import Detectability, ModelDiagnosis
 from sklearn_pgnn.inspection.numbers import number
+from sklearn_pgnn.inspection.strict_json import as_strict_json
 from sklearn_pgnn.inspection.words import cause_name
 
 

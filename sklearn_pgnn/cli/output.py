@@ -1,7 +1,5 @@
 """The files that commands write: whole or not at all, and none in place of another unasked."""
 
-import json
-import math
 import os
 import shutil
 import tempfile
@@ -13,26 +11,12 @@ from sklearn_pgnn import __version__
 from sklearn_pgnn.cli.guard import writing
 from sklearn_pgnn.cli.signals import held
 from sklearn_pgnn.exceptions import OptionError
+from sklearn_pgnn.inspection.strict_json import as_strict_json
 
 
 def strict_json(diagnosis) -> str:
     """Return a diagnosis as strict JSON with the package's version; null where not finite."""
     return as_strict_json({**diagnosis.to_dict(), "version": __version__})
-
-
-def as_strict_json(data: Mapping) -> str:
-    """Return plain data as strict JSON; null where a number is not finite."""
-    return json.dumps(_finite(data), indent=2, allow_nan=False, ensure_ascii=False) + "\n"
-
-
-def _finite(value):
-    if isinstance(value, Mapping):
-        return {str(key): _finite(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(item) for item in value]
-    if hasattr(value, "item"):
-        value = value.item()
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 # -- one file --------------------------------------------------------------------------------------

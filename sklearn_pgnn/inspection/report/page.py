@@ -2,9 +2,7 @@
 
 import base64
 import hashlib
-import os
 import re
-import tempfile
 from importlib.resources import files
 from pathlib import Path
 
@@ -13,6 +11,7 @@ from sklearn.utils.validation import check_is_fitted
 from sklearn_pgnn.experiment_design.detectability import Detectability
 from sklearn_pgnn.inspection.report.content import report_content
 from sklearn_pgnn.inspection.report.provenance import Provenance
+from sklearn_pgnn.inspection.whole_file import write_whole
 
 TEMPLATES = "templates"
 #: a hyphen that is a minus: before a number, and neither in a word nor in a range
@@ -43,7 +42,7 @@ def write_report(
         report tells what is at most hidden.
     """
     check_is_fitted(diagnosis)
-    _write_whole(Path(path), render_report(diagnosis, provenance, detectability))
+    write_whole(Path(path), render_report(diagnosis, provenance, detectability))
 
 
 def render_report(
@@ -92,6 +91,11 @@ def _digest(text: str) -> str:
     return base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
 
 
+def style_sheet() -> str:
+    """Return the styles of the report, for other pages that shall look like it."""
+    return _source("style.css")
+
+
 def _source(name: str) -> str:
     folder = files("sklearn_pgnn.inspection.report").joinpath(TEMPLATES)
     return folder.joinpath(name).read_text(encoding="utf-8")
@@ -107,25 +111,3 @@ def _as_it_is(text):
     from markupsafe import escape
 
     return escape(text)
-
-
-# -- where it goes ---------------------------------------------------------------------------------
-
-
-def _write_whole(path: Path, text: str) -> None:
-    """Write beside the file and put it in place in one step."""
-    handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as stream:
-            stream.write(text)
-        os.chmod(name, 0o666 & ~_umask())
-        os.replace(name, path)
-    except BaseException:
-        os.unlink(name)
-        raise
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask

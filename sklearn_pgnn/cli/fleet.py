@@ -1,0 +1,67 @@
+"""The command ``sklearn-pgnn fleet``: many machines, each with a page, and one report of all."""
+
+import click
+
+from sklearn_pgnn.cli.completion import FILE
+from sklearn_pgnn.cli.guard import guarded
+from sklearn_pgnn.cli.options import diagnosis_options, job_options, list_effects
+from sklearn_pgnn.cli.progress import show_progress
+
+EXAMPLE = """\b
+Example:
+  sklearn-pgnn fleet --model pump.yaml march --pattern "{machine}_*.csv" --output march_result
+  sklearn-pgnn fleet --model pump.yaml april --pattern "{machine}_*.csv" --output april_result \\
+      --earlier march_result
+"""
+
+
+@click.command(epilog=EXAMPLE)
+@click.argument("records", metavar="FOLDER", type=FILE)
+@click.option("--model", required=True, metavar="MODEL.yaml", type=FILE, help="The model file.")
+@click.option("--output", required=True, metavar="DIR", type=FILE, help="Where the results go.")
+@click.option(
+    "--pattern",
+    metavar="PATTERN",
+    help="Names of the files below FOLDER, with {machine} for the machine and * for anything, as "
+    "in {machine}/run_*.csv; by default every folder in FOLDER is a machine, and every file.",
+)
+@click.option(
+    "--earlier",
+    metavar="DIR",
+    type=FILE,
+    help="The results of an earlier time, to be told what changed.",
+)
+@click.option(
+    "--sample-time",
+    type=click.FloatRange(min=0, min_open=True),
+    metavar="S",
+    help="Time from sample to sample [s], for files that have no time.",
+)
+@click.option(
+    "--cluster",
+    metavar="ADDRESS",
+    help="Scheduler of a Dask cluster that does the work, as in tcp://10.0.0.1:8786; its workers "
+    "read the same files.",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print JSON, and no words.")
+@click.option("--open", "opens", is_flag=True, help="Open the report when it is written.")
+@diagnosis_options
+@job_options
+@list_effects
+def fleet(model, records, output, quiet, debug, as_json, opens, **options):
+    """Diagnose many machines of one kind on their records.
+
+    Writes DIR/index.html (open it first), a row a machine, DIR/fleet.json, and for every machine
+    the files that diagnose writes. Machines that are finished are kept in DIR: a run that was
+    stopped goes on there, and only machines whose records, model or options are others are
+    diagnosed again.
+    """
+    with guarded(debug):
+        with show_progress(quiet) as progress:
+            progress("loading the libraries")
+            from sklearn_pgnn.cli.fleet_job import FleetJob, tell_fleet
+
+            progress("reading the model")
+            job = FleetJob(model, records, output, options)
+            found = job.run(progress)
+        tell_fleet(found, output, as_json=as_json, quiet=quiet, opens=opens)

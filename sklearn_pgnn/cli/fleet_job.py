@@ -1,0 +1,206 @@
+"""The job of ``sklearn-pgnn fleet``: find the machines' files, diagnose them, tell."""
+
+import re
+from collections import Counter
+from collections.abc import Callable, Mapping
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import click
+
+from sklearn_pgnn.cli.choices import check_suspects, choose_effects, choose_targets, read_noise
+from sklearn_pgnn.cli.cluster import on_cluster
+from sklearn_pgnn.cli.guard import one_line, writing
+from sklearn_pgnn.cli.records import read_model
+from sklearn_pgnn.cli.tables import cell, heading, print_table, say, screen, table
+from sklearn_pgnn.exceptions import OptionError, RecordError
+from sklearn_pgnn.fleet import FleetDiagnosis
+from sklearn_pgnn.fleet.fleet_diagnosis import REPORT
+from sklearn_pgnn.inspection.numbers import chance
+from sklearn_pgnn.inspection.strict_json import as_strict_json
+from sklearn_pgnn.inspection.words import VERDICTS, cause_name
+
+MACHINE = "{machine}"
+#: machines and changes told on the screen; the report has all
+SHOWN = 20
+
+
+@dataclass(frozen=True)
+class FleetJob:
+    """One call of ``sklearn-pgnn fleet``.
+
+    Parameters
+    ----------
+    model : str
+        The model file.
+    records : str
+        The folder of the records.
+    output : str
+        Folder of the results.
+    options : mapping of str to object
+        ``pattern``, ``cluster``, ``earlier``, ``sample_time`` and ``n_jobs``; everything else as
+        `sklearn_pgnn.cli.diagnose.Job` has it.
+    """
+
+    model: str
+    records: str
+    output: str
+    options: Mapping[str, Any]
+
+    def run(self, progress: Callable) -> FleetDiagnosis:
+        """Diagnose the machines, and write what was found.
+
+        Parameters
+        ----------
+        progress : callable
+            Called as ``progress(stage, done, total)``.
+
+        Returns
+        -------
+        FleetDiagnosis
+            The fitted fleet.
+        """
+        model, options = read_model(self.model), dict(self.options)
+        own = {name: options.pop(name) for name in ("earlier", "sample_time", "n_jobs")}
+        machines = machine_files(Path(self.records), options.pop("pattern"))
+        cluster = options.pop("cluster")
+        noise = read_noise(options.pop("noise"), list(model.outputs))
+        effects = choose_effects(options.pop("catalogue"), options.pop("exclude"))
+        targets = choose_targets(options.pop("targets"), model)
+        check_suspects(model, effects, targets)
+        options |= {"noise_std": noise, "catalogue": effects, "targets": targets}
+        if Path(self.output).exists() and not Path(self.output).is_dir():
+            raise OptionError(
+                f"--output: {self.output}: expected a folder for the results, got a file."
+            )
+        fleet = FleetDiagnosis(model, options=options, folder=self.output, progress=progress, **own)
+        try:
+            with writing(self.output), on_cluster(cluster):
+                return fleet.fit(machines)
+        except BrokenProcessPool:
+            raise click.ClickException(
+                f"a process that diagnosed a machine was ended from outside, perhaps for want of "
+                f"memory. Finished machines are kept in {one_line(self.output)}. Remedy: the same "
+                f"command again, with fewer --jobs."
+            ) from None
+
+
+def machine_files(folder: Path, pattern: str | None = None) -> dict[str, list[str]]:
+    """Return the files of every machine below a folder.
+
+    Parameters
+    ----------
+    folder : Path
+        Where the records are.
+    pattern : str, optional
+        Names of files below the folder, with ``{machine}`` for the machine and ``*`` for anything;
+        by default every folder is a machine, with the files in it, and every file is one.
+
+    Returns
+    -------
+    dict of str to list of str
+        The files by machine, both sorted.
+
+    Raises
+    ------
+    OptionError
+        If the pattern has no ``{machine}``.
+    RecordError
+        If there is no such folder, or no file in it.
+    """
+    if not folder.is_dir():
+        raise RecordError(f"{folder}: expected a folder with the records of the machines.")
+    named = _by_place if pattern is None else _reader(pattern)
+    machines: dict[str, list[str]] = {}
+    for file in sorted(path for path in folder.rglob("*") if path.is_file()):
+        place = file.relative_to(folder)
+        name = None if any(part.startswith(".") for part in place.parts) else named(place)
+        if name:
+            machines.setdefault(name, []).append(str(file))
+    if not machines:
+        wanted = "files" if pattern is None else f"files like {pattern}"
+        raise RecordError(
+            f"{folder}: expected {wanted} with the records of the machines, got none."
+        )
+    return dict(sorted(machines.items()))
+
+
+def _by_place(place: Path) -> str | None:
+    return place.stem if len(place.parts) == 1 else place.parts[0]
+
+
+def _reader(pattern: str) -> Callable[[Path], str | None]:
+    """Return what reads a machine's name from the place of its file."""
+    if pattern.count(MACHINE) != 1:
+        raise OptionError(
+            f"--pattern: expected {MACHINE} once, for the part of a name that tells the machine, "
+            f"got {pattern!r}."
+        )
+    words = {MACHINE: "(?P<machine>[^/]+?)", "*": "[^/]*"}
+    parts = re.split(r"(\{machine\}|\*)", pattern)
+    wanted = re.compile("".join(words.get(part, re.escape(part)) for part in parts))
+
+    def read(place: Path) -> str | None:
+        found = wanted.fullmatch(place.as_posix())
+        return None if found is None else found["machine"]
+
+    return read
+
+
+def tell_fleet(fleet: FleetDiagnosis, output: str, *, as_json: bool, quiet: bool, opens: bool):
+    """Print what was found of a fleet.
+
+    Parameters
+    ----------
+    fleet : FleetDiagnosis
+        The fitted fleet.
+    output : str
+        Where its report is.
+    as_json : bool
+        Whether to print it as JSON.
+    quiet : bool
+        Whether to print the count of every verdict only.
+    opens : bool
+        Whether to open the report.
+    """
+    report = Path(output, REPORT)
+    if as_json:
+        click.echo(as_strict_json(fleet.to_dict()), nl=False)
+    else:
+        _tell(fleet, report, quiet)
+    if opens:
+        click.launch(str(report.absolute()))
+
+
+def _tell(fleet: FleetDiagnosis, report: Path, quiet: bool) -> None:
+    console = screen()
+    counts = Counter(machine.verdict for machine in fleet.machines_.values())
+    said = {**VERDICTS, "failed": "Not diagnosed"}
+    told = ", ".join(f"{said[v].lower()} {counts[v]}" for v in said if counts[v])
+    say(console, f"{len(fleet.machines_)} machines: {told}.", "bold")
+    if quiet:
+        return
+    if fleet.changes_:
+        heading(console, "What changed")
+        for change in fleet.changes_[:SHOWN]:
+            say(console, f"- {change.machine}: {change.what}")
+        _more(console, len(fleet.changes_))
+    wrong = [m for m in fleet.machines_.values() if m.verdict != "model_adequate"]
+    if wrong:
+        heading(console, "Machines, the surest first")
+        rows = table("machine", "verdict", "cause", "how sure")
+        for machine in wrong[:SHOWN]:
+            causes = ", ".join(cause_name(*pair) for pair in machine.named) or machine.failed
+            sure = chance(machine.sure) if machine.named else ""
+            rows.add_row(*map(cell, (machine.name, said[machine.verdict], causes, sure)))
+        print_table(console, rows)
+        _more(console, len(wrong))
+    console.print()
+    say(console, f"Report: {one_line(report)}")
+
+
+def _more(console, count: int) -> None:
+    if count > SHOWN:
+        say(console, f"and {count - SHOWN} more in the report.")

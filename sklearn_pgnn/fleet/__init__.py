@@ -1,0 +1,13 @@
+"""Many machines of one kind: which of them has which cause, and what changed since last time.
+
+Every machine is diagnosed alone, as `ModelDiagnosis` would; what is asked of the fleet is asked of
+the results.
+"""
+
+from sklearn_pgnn.fleet.changes import Change
+from sklearn_pgnn.fleet.common_causes import FleetCause
+from sklearn_pgnn.fleet.fleet_diagnosis import FleetDiagnosis
+from sklearn_pgnn.fleet.machine import Machine
+from sklearn_pgnn.fleet.spread import ParameterSpread
+
+__all__ = ["Change", "FleetCause", "FleetDiagnosis", "Machine", "ParameterSpread"]

@@ -1,0 +1,138 @@
+"""What changed on the machines of a fleet since the last time."""
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import norm
+
+from sklearn_pgnn.fleet.machine import Machine, acts
+from sklearn_pgnn.fleet.spread import WIDTH, first_ones
+from sklearn_pgnn.inspection.comparison import Quantity, compare
+from sklearn_pgnn.inspection.numbers import measured
+from sklearn_pgnn.inspection.words import VERDICTS, cause_name
+
+#: what the two times are called
+NAMES = ("before", "now")
+
+
+@dataclass(frozen=True)
+class Change:
+    """What is not on a machine as it was.
+
+    Parameters
+    ----------
+    machine : str
+        The machine.
+    kind : {"cause", "gone", "verdict", "quantity"}
+        A cause that was not there, one that is there no more, another verdict without either, or
+        a parameter or size that differs.
+    what : str
+        The change in a sentence.
+    sure : float
+        Probability that it is none of chance: that the cause acts, or acted, or one minus that of
+        so large a difference between two estimates of the same number; NaN of a verdict alone.
+    """
+
+    machine: str
+    kind: str
+    what: str
+    sure: float
+
+
+def changes_between(
+    before: Mapping[str, Machine], now: Iterable[Machine], rate: float
+) -> tuple[Change, ...]:
+    """Return what changed, the surest first.
+
+    Parameters
+    ----------
+    before : mapping of str to Machine
+        The machines the last time, by name.
+    now : iterable of Machine
+        The machines; those that were not there the last time have not changed.
+    rate : float
+        Share of changes by chance alone among the quantities that are told, at most: with many
+        machines, some estimates always leave their intervals.
+
+    Returns
+    -------
+    tuple of Change
+        The changes.
+    """
+    pairs = [(before[m.name], m) for m in now if m.name in before and m.found is not None]
+    pairs = [(old, new) for old, new in pairs if old.found is not None]
+    found = [change for pair in pairs for change in _of_causes(*pair)]
+    quantities = [
+        (new.name, q) for old, new in pairs for q in compare(old.found, new.found).quantities
+    ]
+    chances = np.array([chance_of(q) for _, q in quantities])
+    for (name, q), chance, chosen in zip(
+        quantities, chances, first_ones(chances, rate), strict=True
+    ):
+        if chosen:
+            found.append(Change(name, "quantity", _sentence(q), float(1.0 - chance)))
+    surest = sorted(found, key=lambda c: (math.isnan(c.sure), -c.sure, c.machine))
+    return tuple(surest)
+
+
+def chance_of(quantity: Quantity) -> float:
+    r"""Return the probability of so large a difference between estimates of one number.
+
+    .. math:: p = 2\,\Phi\!\left(-\frac{|a - b|}{\sqrt{s_a^2 + s_b^2}}\right)
+
+    Parameters
+    ----------
+    quantity : Quantity
+        Value and 95 % interval at two times.
+
+    Returns
+    -------
+    float
+        The probability; NaN where one is not known, or has no interval.
+
+    Examples
+    --------
+    >>> round(chance_of(Quantity("m", "kg", (2.0, 1.9, 2.1), (2.0, 1.8, 2.2))), 3)
+    1.0
+    >>> chance_of(Quantity("m", "kg", (2.0, 1.9, 2.1), (3.0, 2.9, 3.1))) < 1e-9
+    True
+    """
+    if quantity.one is None or quantity.other is None:
+        return math.nan
+    (a, *ends_a), (b, *ends_b) = quantity.one, quantity.other
+    error = math.hypot(*((high - low) / 2 / WIDTH for low, high in (ends_a, ends_b)))
+    if not (math.isfinite(error) and error > 0):
+        return math.nan
+    return float(2 * norm.sf(abs(a - b) / error))
+
+
+def _of_causes(old: Machine, new: Machine) -> list[Change]:
+    """Return which causes came and went, or that the verdict alone is another one."""
+    found = []
+    for kind, here, there in (("cause", new, old), ("gone", old, new)):
+        for pair, cause in here.named.items():
+            if not _has(there, pair, cause):
+                word = "is there now" if kind == "cause" else "is there no more"
+                found.append(Change(new.name, kind, f"{cause_name(*pair)} {word}", acts(cause)))
+    if not found and old.verdict != new.verdict:
+        one, other = VERDICTS[old.verdict].lower(), VERDICTS[new.verdict].lower()
+        found.append(Change(new.name, "verdict", f"{one} before, {other} now", math.nan))
+    return found
+
+
+def _has(machine: Machine, pair, cause: Mapping) -> bool:
+    """Return whether a machine has a cause, or one that it may be confused with."""
+    mine = {pair, *((rival["effect"], rival["target"]) for rival in cause["confused_with"])}
+    for named, other in machine.named.items():
+        theirs = {named, *((r["effect"], r["target"]) for r in other["confused_with"])}
+        if pair in theirs or named in mine:
+            return True
+    return False
+
+
+def _sentence(quantity: Quantity) -> str:
+    both = (quantity.one, quantity.other)
+    one, other = (measured(*found, quantity.unit) for found in both if found is not None)
+    return f"{quantity.name}: {one} before, {other} now"

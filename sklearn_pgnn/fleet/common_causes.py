@@ -1,0 +1,77 @@
+"""Which causes a fleet has, and on how many of its machines."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from scipy.stats import binomtest
+
+from sklearn_pgnn.fleet.machine import Machine
+
+
+@dataclass(frozen=True)
+class FleetCause:
+    """A cause that is named on some machines.
+
+    Parameters
+    ----------
+    effect, target : str
+        Id of the effect in the catalogue, and what it acts on.
+    machines : tuple of str
+        Where it is named, the surest first.
+    possible : tuple of str
+        Where something else is named that it is not refuted against.
+    low, high : float
+        Ends of the 95 % interval (Wilson) of the share of such machines where it is named.
+    """
+
+    effect: str
+    target: str
+    machines: tuple[str, ...]
+    possible: tuple[str, ...]
+    low: float
+    high: float
+
+    @property
+    def is_of_the_model(self) -> bool:
+        """Whether most machines have it, so that it belongs into the model they share."""
+        return self.low > 0.5
+
+
+def common_causes(machines: Iterable[Machine]) -> tuple[FleetCause, ...]:
+    """Return the causes that are named in a fleet, the most frequent first.
+
+    Parameters
+    ----------
+    machines : iterable of Machine
+        The machines, the surest first; those without a diagnosis do not count.
+
+    Returns
+    -------
+    tuple of FleetCause
+        The causes.
+
+    Examples
+    --------
+    >>> found = {"verdict": "cause_named", "gain": {}, "causes": [
+    ...     {"effect": "input_bias", "target": "F", "probability": 1.0, "confused_with": []}]}
+    >>> (bias,) = common_causes([Machine(str(k), found) for k in range(9)])
+    >>> bias.machines, bias.is_of_the_model
+    (('0', '1', '2', '3', '4', '5', '6', '7', '8'), True)
+    """
+    told = [machine for machine in machines if machine.found is not None]
+    pairs = dict.fromkeys(pair for machine in told for pair in machine.named)
+    causes = []
+    for pair in pairs:
+        named = tuple(m.name for m in told if pair in m.named)
+        rivals = tuple(m.name for m in told if pair not in m.named and pair in _rivals(m))
+        share = binomtest(len(named), len(told)).proportion_ci(method="wilson")
+        causes.append(FleetCause(*pair, named, rivals, float(share.low), float(share.high)))
+    return tuple(sorted(causes, key=lambda cause: -len(cause.machines)))
+
+
+def _rivals(machine: Machine) -> set[tuple[str, str]]:
+    return {
+        (rival["effect"], rival["target"])
+        for cause in machine.named.values()
+        for rival in cause["confused_with"]
+    }

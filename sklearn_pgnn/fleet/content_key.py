@@ -1,0 +1,168 @@
+"""What a result depends on, as one hash: the model, the options, the records, the package."""
+
+import hashlib
+import json
+import marshal
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields
+from os import PathLike
+from pathlib import Path
+from types import FunctionType
+
+import numpy as np
+import pandas as pd
+
+from sklearn_pgnn import __version__
+from sklearn_pgnn.exceptions import OptionError
+from sklearn_pgnn.physics.effect import Effect
+from sklearn_pgnn.physics.effects import read_catalogue
+from sklearn_pgnn.trajectories.tables import as_table
+
+#: options that change no result
+HOW = ("n_jobs", "progress")
+#: the modules whose code the package's version tells
+OURS = ("sklearn_pgnn.", "builtins", "abc")
+
+
+def content_key(*parts: str | bytes) -> str:
+    """Return one hash of several parts.
+
+    Parameters
+    ----------
+    *parts : str or bytes
+        What a result depends on.
+
+    Returns
+    -------
+    str
+        Hexadecimal digits.
+
+    Examples
+    --------
+    >>> content_key("ab", "c") == content_key("a", "bc")
+    False
+    """
+    whole = hashlib.sha256()
+    for part in parts:
+        whole.update(hashlib.sha256(part.encode() if isinstance(part, str) else part).digest())
+    return whole.hexdigest()
+
+
+def setting_key(model, options: Mapping) -> str:
+    """Return the hash of what all machines share: model, options and the package's version.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The prior.
+    options : mapping
+        Of `ModelDiagnosis`, by name.
+
+    Returns
+    -------
+    str
+        Hexadecimal digits.
+
+    Raises
+    ------
+    OptionError
+        If an option is neither numbers nor texts, so that it cannot be told from another one.
+    """
+    said = {name: value for name, value in options.items() if name not in HOW}
+    catalogue = said.pop("catalogue", None)
+    effects = () if catalogue is None else map(_effect_key, read_catalogue(catalogue))
+    told = {name: _plain_option(name, value) for name, value in sorted(said.items())}
+    told["catalogue"] = None if catalogue is None else list(effects)
+    return content_key(__version__, model.to_yaml(), json.dumps(told))
+
+
+def records_key(X, y) -> str:
+    """Return the hash of a table of inputs and one of outputs.
+
+    Parameters
+    ----------
+    X, y : DataFrame or array-like
+        As `ModelDiagnosis.fit` takes them.
+
+    Returns
+    -------
+    str
+        Hexadecimal digits.
+
+    Examples
+    --------
+    >>> records_key([[0.0, 1.0]], [2.0]) == records_key(np.array([[0.0, 1.0]]), [2.0])
+    True
+    """
+    return content_key(*_table_bytes(X), *_table_bytes(y))
+
+
+def files_key(paths: Iterable[str | PathLike], sample_time: float | None) -> str:
+    """Return the hash of files of records: their names and what they hold now.
+
+    Parameters
+    ----------
+    paths : iterable of str or path-like
+        The files.
+    sample_time : float or None
+        Time from sample to sample [s] of files without a time.
+
+    Returns
+    -------
+    str
+        Hexadecimal digits.
+
+    Raises
+    ------
+    OSError
+        If a file cannot be read.
+    """
+    contents = (part for path in map(Path, paths) for part in (path.name, path.read_bytes()))
+    return content_key(repr(sample_time), *contents)
+
+
+def _table_bytes(table) -> tuple[bytes, ...]:
+    table = as_table(table)
+    if not isinstance(table, pd.DataFrame | pd.Series):
+        array = np.asarray(table)
+        table = pd.DataFrame(array.reshape(len(array), -1) if array.size else array.reshape(0, 0))
+    frame = table.to_frame() if isinstance(table, pd.Series) else table
+    names = [(str(name), str(kind)) for name, kind in frame.dtypes.items()]
+    rows = pd.util.hash_pandas_object(frame, index=False).to_numpy()
+    return json.dumps(names).encode(), rows.tobytes()
+
+
+def _effect_key(kind: type[Effect]) -> list:
+    """Return what an effect is called and, of one from outside the package, what it says."""
+    own = [base for base in kind.__mro__ if not base.__module__.startswith(OURS)]
+    quantities = [
+        (f.name, repr(f.default), repr(dict(f.metadata))) for f in fields(kind) if f.metadata
+    ]
+    return [kind.__module__, kind.__qualname__, kind.id, quantities, *map(_class_key, own)]
+
+
+def _class_key(kind: type) -> dict[str, str]:
+    """Return what a class says, by name: its constants, and hashes of its methods' code."""
+    said = {}
+    for name, value in vars(kind).items():
+        function = getattr(value, "__func__", value)
+        if isinstance(function, FunctionType):
+            # version 2 of marshal writes equal code as equal bytes
+            said[name] = hashlib.sha256(marshal.dumps(function.__code__, 2)).hexdigest()
+        elif isinstance(value, str | int | float | tuple):
+            said[name] = repr(value)
+    return said
+
+
+def _plain_option(name: str, value):
+    if value is None or isinstance(value, str | bool):
+        return value
+    if isinstance(value, Sequence) and all(isinstance(item, str) for item in value):
+        return list(value)
+    try:
+        return np.asarray(value, dtype=float).tolist()
+    except (TypeError, ValueError):
+        raise OptionError(
+            f"options: {name}: expected numbers or texts, got {value!r}, of which cannot be told "
+            f"whether it is the same next time. Remedy: a seed in place of a generator."
+        ) from None

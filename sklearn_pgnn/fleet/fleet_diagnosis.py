@@ -1,0 +1,333 @@
+"""The diagnosis of many machines as an estimator: spread over processes, kept as they finish."""
+
+import os
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import pandas as pd
+from joblib import Parallel, delayed, effective_n_jobs
+from sklearn.base import BaseEstimator
+from sklearn.utils.validation import check_is_fitted
+
+from sklearn_pgnn.diagnosis import ModelDiagnosis
+from sklearn_pgnn.exceptions import OptionError, RecordError
+from sklearn_pgnn.fleet import frames
+from sklearn_pgnn.fleet.changes import Change, changes_between
+from sklearn_pgnn.fleet.common_causes import common_causes
+from sklearn_pgnn.fleet.content_key import content_key, files_key, records_key, setting_key
+from sklearn_pgnn.fleet.machine import Machine
+from sklearn_pgnn.fleet.one_machine import Job, Outcome
+from sklearn_pgnn.fleet.report import render_fleet
+from sklearn_pgnn.fleet.spread import ParameterSpread, spread_of
+from sklearn_pgnn.fleet.store import Store
+from sklearn_pgnn.inspection.strict_json import as_strict_json
+from sklearn_pgnn.inspection.whole_file import write_whole
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.trajectories.validation import check_model
+
+REPORT, SUMMARY = "index.html", "fleet.json"
+#: machines a process gets at once where a backend returns no results one by one
+AT_ONCE = 4
+
+
+class FleetDiagnosis(BaseEstimator):
+    """Diagnose many machines of one kind with one model.
+
+    The machines share the model's equations; each has its own parameters and causes, exactly as
+    `ModelDiagnosis` finds them alone. What is asked of the fleet is asked of the results: which
+    machine has which cause, which parameters are usual and who is odd, what changed.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The prior of every machine.
+    options : mapping, optional
+        Options of `ModelDiagnosis` by name, the same for all machines; ``time_limit`` is the time
+        of one.
+    folder : path-like, optional
+        Where finished machines and the report are kept; a fit that was killed goes on from there.
+        By default nothing is kept, and there are no reports of single machines.
+    earlier : path-like or FleetDiagnosis, optional
+        The folder of an earlier fit, or the fit, to be compared with.
+    rate : float, default=0.01
+        Share, at most, of those by chance alone among the odd parameters and the changes of
+        parameters and sizes that are told.
+    sample_time : float, optional
+        Time from sample to sample [s] of files without a time.
+    n_jobs : int, optional
+        Machines at once, each in a process of its own; -1 means as many as there are cores. Another
+        backend is chosen by `joblib.parallel_config`, a cluster among them.
+    progress : callable, optional
+        Called as ``progress("machines", done, total)`` when a machine is finished.
+
+    Attributes
+    ----------
+    machines_ : dict of str to Machine
+        The machines by name, the surest causes first, those without a diagnosis last.
+    causes_ : tuple of FleetCause
+        The causes that are named, the most frequent first.
+    parameters_ : dict of str to ParameterSpread
+        Every free parameter over the machines.
+    changes_ : tuple of Change
+        What changed since the earlier fit, the surest first; empty without one.
+    new_, missing_ : tuple of str
+        Machines that were not there the earlier time, and those that are there no more.
+    computed_ : tuple of str
+        The machines that this fit has computed; the others were kept from before.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sklearn_pgnn import PhysicsModel, effects
+    >>> cart = PhysicsModel({"v": "m/s"}, {"v": "(F - d*v)/m"}, {"m": 2.0, "d": 0.5}, {"F": "N"},
+    ...                     inertia={"v": "m"})
+    >>> t = np.arange(0, 40, 0.02)
+    >>> F = 2 * np.sin(0.7 * t) + np.sin(1.9 * t)
+    >>> rng = np.random.default_rng(0)
+    >>> def records(machine):
+    ...     v = machine.simulate(t, F, substeps=5).y
+    ...     return np.column_stack([t, F]), v + 1e-3 * rng.normal(size=v.shape)
+    >>> rigs = {"left": cart, "right": cart + effects.CoulombFriction("v", level=0.4)}
+    >>> fleet = FleetDiagnosis(cart, options={"catalogue": [effects.CoulombFriction]})
+    >>> fleet = fleet.fit({name: records(machine) for name, machine in rigs.items()})
+    >>> {name: machine.verdict for name, machine in fleet.machines_.items()}
+    {'right': 'cause_named', 'left': 'model_adequate'}
+    """
+
+    def __init__(
+        self,
+        model: PhysicsModel,
+        *,
+        options=None,
+        folder=None,
+        earlier=None,
+        rate=0.01,
+        sample_time=None,
+        n_jobs=None,
+        progress=None,
+    ):
+        self.model = model
+        self.options = options
+        self.folder = folder
+        self.earlier = earlier
+        self.rate = rate
+        self.sample_time = sample_time
+        self.n_jobs = n_jobs
+        self.progress = progress
+
+    def fit(self, records, y=None):
+        """Diagnose the machines, or go on where an earlier fit was ended.
+
+        A machine whose records cannot be used is told in `machines_`, and stops no other one.
+
+        Parameters
+        ----------
+        records : mapping
+            By the machine's name its records: a pair (X, y) as `ModelDiagnosis.fit` takes it, a
+            file, or a list of files as `read_files` takes it.
+        y : None
+            Not used; the outputs are part of the records.
+
+        Returns
+        -------
+        self : FleetDiagnosis
+            The fitted fleet.
+
+        Raises
+        ------
+        OptionError
+            If an option is none of `ModelDiagnosis`, or `earlier` is no fleet or this folder.
+        RecordError
+            If there are no machines, or a file is not there.
+        """
+        check_model(self.model)
+        options = self._checked_options()
+        before = self._before()
+        jobs = _as_jobs(records)
+        setting = setting_key(self.model, options)
+        keys = {name: content_key(setting, self._key(name, job)) for name, job in jobs.items()}
+        store = None if self.folder is None else Store(self.folder)
+        kept = {name: store.load(name, key) for name, key in keys.items()} if store else {}
+        machines = {name: machine for name, machine in kept.items() if machine is not None}
+        left = {name: job for name, job in jobs.items() if name not in machines}
+        self._tell(len(machines), len(jobs))
+        self.computed_ = tuple(left)
+        for outcome in self._run(left, options, with_page=store is not None):
+            if store and outcome.is_final:
+                store.save(outcome, keys[outcome.name])
+            machines[outcome.name] = Machine(
+                outcome.name, outcome.found, outcome.failed, outcome.seconds, outcome.warned
+            )
+            self._tell(len(machines), len(jobs))
+        self._conclude(machines, before)
+        if store:
+            write_whole(store.folder / SUMMARY, as_strict_json(self.to_dict()))
+            self.to_html(store.folder / REPORT)
+        return self
+
+    def _checked_options(self) -> dict:
+        options = dict(self.options or {})
+        known = [name for name in ModelDiagnosis(self.model).get_params() if name != "model"]
+        for name in options:
+            if name not in known:
+                raise OptionError(
+                    f"options: expected options of ModelDiagnosis ({', '.join(known)}), got "
+                    f"{name!r}."
+                )
+        if options.get("progress") is not None:
+            raise OptionError(
+                "options: progress: expected none, since machines are diagnosed in processes of "
+                "their own. Remedy: the progress of FleetDiagnosis."
+            )
+        if not 0 < self.rate < 1:
+            raise OptionError(f"rate: expected a number between 0 and 1, got {self.rate!r}.")
+        return options
+
+    def _before(self) -> dict[str, Machine] | None:
+        """Return the machines of the earlier fit, None if there is none to compare with."""
+        if self.earlier is None:
+            return None
+        if isinstance(self.earlier, FleetDiagnosis):
+            check_is_fitted(self.earlier)
+            return dict(self.earlier.machines_)
+        if self.folder is not None and Path(self.earlier).resolve() == Path(self.folder).resolve():
+            raise OptionError(
+                f"earlier: {self.earlier}: expected another folder than that of this fit. Remedy: "
+                f"a folder for every time."
+            )
+        store = Store(self.earlier)
+        found = {name: machine for name in store.names() if (machine := store.load(name))}
+        if not found:
+            raise OptionError(
+                f"earlier: {self.earlier}: expected the folder of an earlier fit, got one without "
+                f"a finished machine."
+            )
+        return found
+
+    def _key(self, name: str, job) -> str:
+        if isinstance(job, tuple):
+            return records_key(*job)
+        try:
+            return files_key(job, self.sample_time)
+        except OSError as error:
+            raise RecordError(
+                f"machine {name!r}: {error.filename}: {error.strerror or error}."
+            ) from None
+
+    def _run(self, jobs: Mapping, options: Mapping, with_page: bool) -> Iterator[Outcome]:
+        """Yield what is found of the machines, as they finish."""
+        run = Job(self.model, options, self.sample_time, with_page).run
+        calls = [delayed(run)(name, records) for name, records in jobs.items()]
+        if not calls:
+            return
+        shared = {"n_jobs": self.n_jobs, "batch_size": 1}
+        try:
+            parallel = Parallel(return_as="generator_unordered", **shared)
+        except ValueError:  # the backend returns all results at once
+            step = AT_ONCE * effective_n_jobs(self.n_jobs)
+            for start in range(0, len(calls), step):
+                yield from Parallel(**shared)(calls[start : start + step])
+        else:
+            yield from parallel(calls)
+
+    def _tell(self, done: int, total: int) -> None:
+        if self.progress is not None:
+            self.progress("machines", done, total)
+
+    def _conclude(self, machines: dict[str, Machine], before: dict[str, Machine] | None) -> None:
+        """Keep the machines in their order, and what they show together."""
+        ranked = sorted(machines.values(), key=lambda machine: machine.rank)
+        self.machines_ = {machine.name: machine for machine in ranked}
+        self.causes_ = common_causes(ranked)
+        self.parameters_ = self._spreads(ranked)
+        self.changes_: tuple[Change, ...] = ()
+        self.new_: tuple[str, ...] = ()
+        self.missing_: tuple[str, ...] = ()
+        if before is not None:
+            self.changes_ = changes_between(before, ranked, self.rate)
+            self.new_ = tuple(name for name in self.machines_ if name not in before)
+            self.missing_ = tuple(name for name in before if name not in self.machines_)
+
+    def _spreads(self, machines) -> dict[str, ParameterSpread]:
+        told = {m.name: m.found["parameters"] for m in machines if m.found is not None}
+        found = {}
+        for name in self.model.free_parameters:
+            by_machine = {m: p[name] for m, p in told.items() if name in p}
+            spread = spread_of(name, by_machine, self.rate)
+            if spread is not None:
+                found[name] = spread
+        return found
+
+    # -- what it says --------------------------------------------------------------------------
+
+    @property
+    def typical_model_(self) -> PhysicsModel:
+        """The prior with what is usual in the fleet as its parameters, for one more machine."""
+        check_is_fitted(self)
+        usual = {name: spread.usual for name, spread in self.parameters_.items()}
+        return self.model.with_parameters(**usual)
+
+    def to_dict(self) -> dict:
+        """Return the fleet as plain data, as ``fleet.json`` holds it.
+
+        Returns
+        -------
+        dict
+            Machines with verdicts and causes, causes and parameters over the fleet, changes.
+        """
+        check_is_fitted(self)
+        return frames.fleet_dict(self)
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return the machines as a DataFrame, a row each, the surest first."""
+        check_is_fitted(self)
+        return frames.machines_frame(self)
+
+    def parameters_frame(self) -> pd.DataFrame:
+        """Return the parameters of all machines as a DataFrame, a row for each of a machine."""
+        check_is_fitted(self)
+        return frames.parameters_frame(self)
+
+    def causes_frame(self) -> pd.DataFrame:
+        """Return the named causes of all machines as a DataFrame, a row for each of a machine."""
+        check_is_fitted(self)
+        return frames.causes_frame(self)
+
+    def changes_frame(self) -> pd.DataFrame:
+        """Return what changed since the earlier fit as a DataFrame, a row a change."""
+        check_is_fitted(self)
+        return frames.changes_frame(self)
+
+    def to_html(self, path) -> None:
+        """Write the report of the fleet, a row a machine.
+
+        Parameters
+        ----------
+        path : str or path-like
+            Where to write. Beside the folder `machines` of a fit that was kept, each row leads to
+            the report of its machine.
+        """
+        check_is_fitted(self)
+        write_whole(Path(path), render_fleet(self, Path(path).parent))
+
+
+def _as_jobs(records) -> dict[str, tuple | list[str]]:
+    """Return by machine its (X, y), or the list of its files."""
+    if not isinstance(records, Mapping) or not records:
+        raise RecordError(
+            f"records: expected a mapping from machines to their records, got {records!r:.60}."
+        )
+    return {str(name): _as_job(str(name), item) for name, item in records.items()}
+
+
+def _as_job(name: str, item) -> tuple | list[str]:
+    if isinstance(item, str | os.PathLike):
+        return [os.fspath(item)]
+    if isinstance(item, list | tuple) and item:
+        if all(isinstance(path, str | os.PathLike) for path in item):
+            return [os.fspath(path) for path in item]
+        if len(item) == 2:
+            return tuple(item)
+    raise RecordError(
+        f"machine {name!r}: expected a pair (X, y), a file or a list of files, got {item!r:.60}."
+    )

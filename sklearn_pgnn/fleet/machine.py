@@ -1,0 +1,90 @@
+"""One machine of a fleet, and how sure it is that something is the matter with it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from sklearn_pgnn.estimation.candidate import Candidate
+
+#: the order of verdicts in a fleet
+ORDER = ("cause_named", "ambiguous", "unexplained", "model_adequate", "failed")
+
+
+@dataclass(frozen=True)
+class Machine:
+    """What was found of one machine.
+
+    Parameters
+    ----------
+    name : str
+        What it is called.
+    found : mapping or None
+        What `ModelDiagnosis.to_dict` gives; None where the records could not be used.
+    failed : str, default=""
+        Why there is no diagnosis.
+    seconds : float, default=0
+        Processor time that the diagnosis took [s].
+    warned : tuple of str, default=()
+        Warnings about the records.
+
+    Examples
+    --------
+    >>> Machine("pump 7", None, "no time in the file").verdict
+    'failed'
+    """
+
+    name: str
+    found: Mapping | None = field(repr=False)
+    failed: str = ""
+    seconds: float = 0.0
+    warned: tuple[str, ...] = ()
+
+    @property
+    def verdict(self) -> str:
+        """What the records say, as `ModelDiagnosis.verdict_`, or ``"failed"``."""
+        return "failed" if self.found is None else self.found["verdict"]
+
+    @property
+    def named(self) -> dict[Candidate, Mapping]:
+        """The named causes, the most telling first: by effect and target what was found."""
+        causes = () if self.found is None else self.found["causes"]
+        return {Candidate(cause["effect"], cause["target"]): cause for cause in causes}
+
+    @property
+    def sure(self) -> float:
+        """Probability that the first cause, or a rival in its place, acts; 0 without a cause."""
+        return max(map(acts, self.named.values()), default=0.0)
+
+    @property
+    def rank(self) -> tuple:
+        """What machines are sorted by, the surest first."""
+        first = next(iter(self.named.values()), None)
+        alone = 0.0 if first is None else first["probability"]
+        return ORDER.index(self.verdict), -self.sure, -alone, -self.explained, self.name
+
+    @property
+    def explained(self) -> float:
+        """Largest share of an output's error power that the extension explains."""
+        gains = () if self.found is None else self.found["gain"].values()
+        return max((gain["explained_share"] or 0.0 for gain in gains), default=0.0)
+
+
+def acts(cause: Mapping) -> float:
+    """Return the probability that a cause, or one that stands in its place, acts.
+
+    Parameters
+    ----------
+    cause : mapping
+        A cause of `ModelDiagnosis.to_dict`.
+
+    Returns
+    -------
+    float
+        From 0 to 1.
+
+    Examples
+    --------
+    >>> acts({"probability": 0.5, "confused_with": [{"probability": 0.25}]})
+    0.75
+    """
+    rivals = cause["confused_with"]
+    return min(1.0, float(cause["probability"] + sum(rival["probability"] for rival in rivals)))

@@ -1,0 +1,98 @@
+"""Finished machines on disk: each whole or not at all, and none of another model or record.
+
+A machine's folder holds ``report.html``, ``extended_model.yaml``, ``diagnosis.json`` and, written
+last, ``finished.json`` with the hash of all that the result depends on.
+"""
+
+import json
+from pathlib import Path
+from urllib.parse import quote
+
+from sklearn_pgnn.fleet.machine import Machine
+from sklearn_pgnn.fleet.one_machine import Outcome
+from sklearn_pgnn.inspection.comparison import FILE
+from sklearn_pgnn.inspection.strict_json import as_strict_json
+from sklearn_pgnn.inspection.whole_file import write_whole
+
+MACHINES, FINISHED, PAGE, MODEL = "machines", "finished.json", "report.html", "extended_model.yaml"
+
+
+class Store:
+    """The folder of a fleet.
+
+    Parameters
+    ----------
+    folder : path-like
+        Where it is.
+
+    Examples
+    --------
+    >>> Store("fleet").place("pump 7/2").as_posix()
+    'fleet/machines/pump 7%2F2'
+    """
+
+    def __init__(self, folder):
+        self.folder = Path(folder)
+
+    def place(self, name: str) -> Path:
+        """Return the folder of a machine; what no file system takes in its name is quoted."""
+        quoted = quote(name, safe=" ()[]+,=@")
+        only_dots = not name.strip(".")
+        return self.folder / MACHINES / (quoted.replace(".", "%2E") if only_dots else quoted)
+
+    def names(self) -> list[str]:
+        """Return the machines that are finished, by name."""
+        files = self.folder.glob(f"{MACHINES}/*/{FINISHED}")
+        return sorted(json.loads(file.read_text(encoding="utf-8"))["machine"] for file in files)
+
+    def load(self, name: str, key: str | None = None) -> Machine | None:
+        """Return a machine that is finished, None if it is not, or depends on something else.
+
+        Parameters
+        ----------
+        name : str
+            The machine.
+        key : str, optional
+            The hash of what its result must depend on; by default anything.
+
+        Returns
+        -------
+        Machine or None
+            The machine.
+        """
+        place = self.place(name)
+        about = _read(place / FINISHED)
+        if about is None or key not in (None, about["key"]):
+            return None
+        found = None if about["failed"] else _read(place / FILE)
+        return Machine(name, found, about["failed"], about["seconds"], tuple(about["warned"]))
+
+    def save(self, outcome: Outcome, key: str) -> None:
+        """Write what was found of a machine; it is finished with the last file.
+
+        Parameters
+        ----------
+        outcome : Outcome
+            What was found.
+        key : str
+            The hash of what it depends on.
+        """
+        place = self.place(outcome.name)
+        place.mkdir(parents=True, exist_ok=True)
+        (place / FINISHED).unlink(missing_ok=True)
+        for name in (PAGE, MODEL, FILE):
+            (place / name).unlink(missing_ok=True)
+        if outcome.found is not None:
+            write_whole(place / PAGE, outcome.page)
+            write_whole(place / MODEL, outcome.extended_model)
+            write_whole(place / FILE, as_strict_json(outcome.found))
+        about = {"machine": outcome.name, "key": key, "seconds": outcome.seconds}
+        about |= {"failed": outcome.failed, "warned": outcome.warned}
+        write_whole(place / FINISHED, as_strict_json(about))
+
+
+def _read(path: Path) -> dict | None:
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return None

@@ -1,0 +1,73 @@
+"""What is usual in a fleet, and who is odd."""
+
+import numpy as np
+import pytest
+
+from sklearn_pgnn.fleet.spread import first_ones, spread_of, standard_error
+
+pytestmark = pytest.mark.core
+
+
+def estimates(values, error):
+    reach = 1.96 * error
+    return {
+        f"m{k}": {"value": v, "low": v - reach, "high": v + reach, "prior": 1.0, "unit": "kg"}
+        for k, v in enumerate(values)
+    }
+
+
+def test_a_common_value_is_shared_and_nobody_is_odd():
+    odd = shared = 0
+    for seed in range(50):
+        values = 2.0 + 0.1 * np.random.default_rng(seed).normal(size=40)
+        found = spread_of("m", estimates(values, 0.1), 0.01)
+        odd, shared = odd + bool(found.odd), shared + found.shared
+    assert odd <= 5
+    assert shared >= 45
+
+
+def test_the_spread_between_machines_is_told_from_the_errors_of_the_estimates():
+    rng = np.random.default_rng(0)
+    values = 2.0 + 0.3 * rng.normal(size=2000) + 0.2 * rng.normal(size=2000)
+    found = spread_of("m", estimates(values, 0.2), 0.01)
+    assert found.spread == pytest.approx(0.3, rel=0.1)
+    assert not found.shared
+
+
+def test_many_odd_machines_do_not_hide_each_other():
+    values = 2.0 + 0.01 * np.random.default_rng(0).normal(size=50)
+    values[:10] += 1.0
+    found = spread_of("m", estimates(values, 0.01), 0.01)
+    assert set(found.odd) == {f"m{k}" for k in range(10)}
+
+
+def test_few_machines_have_no_odd_one():
+    assert spread_of("m", estimates([1.0, 1.0, 9.0], 0.01), 0.01).odd == {}
+
+
+def test_an_open_interval_is_neither_odd_nor_counted():
+    found = estimates([1.0, 1.01, 0.99, 1.0, 1.02, 50.0], 0.01)
+    found["m5"]["high"] = None
+    assert standard_error(found["m5"]) == np.inf
+    spread = spread_of("m", found, 0.01)
+    assert spread.odd == {}
+    assert spread.usual == 1.0
+
+
+def test_no_estimate_is_no_spread():
+    assert spread_of("m", {}, 0.01) is None
+
+
+def test_of_those_chosen_few_are_there_by_chance():
+    rng, wrong = np.random.default_rng(0), []
+    for _ in range(300):
+        chances = np.concatenate([rng.uniform(size=200), np.full(20, 1e-6)])
+        chosen = first_ones(chances, 0.1)
+        wrong.append(chosen[:200].sum() / chosen.sum())
+        assert chosen[200:].all()
+    assert np.mean(wrong) < 0.11
+
+
+def test_what_is_not_known_is_not_chosen():
+    assert first_ones([np.nan, 1e-9], 0.05).tolist() == [False, True]
+    assert first_ones([], 0.05).tolist() == []
