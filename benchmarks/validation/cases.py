@@ -60,6 +60,14 @@ DRAWN_FROM = (
     "wrong_parameter",
     "parameter_drift",
 )
+#: of these, what was known as a special case of what then: such a pair is not drawn
+SPECIAL_CASES = {
+    "stribeck_friction": ("coulomb_friction",),
+    "asymmetric_friction": ("coulomb_friction", "viscous_friction", "constant_load"),
+    "overflow": ("state_limit",),
+    "input_rate_limit": ("actuator_lag",),
+    "input_backlash": ("actuator_lag",),
+}
 #: size of a law beyond the catalogue, and of a disturbance, over the rate's spread; how fast the
 #: disturbance changes, as a share of a record
 LAW, DISTURBANCE, FADES = 0.3, 0.1, 1 / 50
@@ -160,8 +168,9 @@ def _draw_effects(model, count, rng) -> list[str]:
     kinds = [kind for kind in map(effects.by_id, DRAWN_FROM) if kind.targets(model)]
     while True:
         drawn = [kinds[place] for place in rng.choice(len(kinds), count, replace=False)]
-        if not any(a.id in b.generalises for a, b in itertools.permutations(drawn, 2)):
-            return [kind.id for kind in drawn]
+        ids = [kind.id for kind in drawn]
+        if not any(a in SPECIAL_CASES.get(b, ()) for a, b in itertools.permutations(ids, 2)):
+            return ids
 
 
 def _course(model, hidden):

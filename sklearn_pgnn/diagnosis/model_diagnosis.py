@@ -344,7 +344,7 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         errors = parameter_errors(problem, final)
         proposal = found.proposal
         self.discrepancy_ = None if proposal is None else describe(problem, proposal)
-        self.causes_ = name_causes(fitter, result, found.search.criterion, errors)
+        self.causes_ = name_causes(found.search, result, errors)
         self.gain_ = measure_gain(fitter, result, _seed(self.random_state))
         self.parameters_ = retuned_parameters(problem, final.fit, errors)
         self.refitted_model_ = as_judged(problem, result.base.fit)

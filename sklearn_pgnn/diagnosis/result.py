@@ -6,10 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sklearn_pgnn.diagnosis.search import Search
 from sklearn_pgnn.diagnosis.search_result import SearchResult
+from sklearn_pgnn.diagnosis.size import likelihood_interval
 from sklearn_pgnn.estimation.budgets import DRAWS
 from sklearn_pgnn.estimation.candidate import Candidate
-from sklearn_pgnn.estimation.criterion import SelectionCriterion
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
 from sklearn_pgnn.estimation.problem import EstimationProblem
@@ -158,22 +159,21 @@ class Gain:
     free_run_extended: float = math.nan
 
 
-def name_causes(
-    fitter: HypothesisFitter, result: SearchResult, criterion: SelectionCriterion, errors
-) -> tuple[NamedCause, ...]:
+def name_causes(search: Search, result: SearchResult, errors) -> tuple[NamedCause, ...]:
     """Describe the causes of the accepted hypothesis, the most telling first."""
+    fitter = search.fitter
     causes, before = [], result.base
     for step in result.steps:
         cause = step.hypothesis.causes[-1]
         without, with_ = fitter.held_out(before), fitter.held_out(step)
         rivals = result.rivals[cause]
-        evidence = [value for _, value in rivals] + [criterion.evidence(without, with_)]
-        mine, *theirs, _ = criterion.probabilities(evidence)
+        evidence = [value for _, value in rivals] + [search.evidence(before, step)]
+        mine, *theirs, _ = search.criterion.probabilities(evidence)
         causes.append(
             NamedCause(
                 effect=cause.id,
                 target=cause.target,
-                parameters=_estimates(fitter.problem, result.final, cause, errors),
+                parameters=_estimates(fitter, result.final, cause, errors),
                 gain=_gain_percent(without, with_),
                 confused_with=tuple(
                     Rival(other.id, other.target, float(chance))
@@ -188,28 +188,17 @@ def name_causes(
     return tuple(causes)
 
 
-def _estimates(problem, trial: FittedHypothesis, cause, errors) -> dict[str, Estimate]:
-    names = cause.names()
-    taken = trial.hypothesis.taken_over(cause)
-    return {
-        field: _open_at_limits(estimate_of(trial.fit.model, name, errors), trial, name)
-        for field, name in names.items()
-        if field not in taken
-    }
-
-
-def _open_at_limits(estimate: Estimate, trial: FittedHypothesis, name: str) -> Estimate:
-    """Return an estimate whose interval is open where a limit of the fit stopped it.
-
-    A sensor's end that lies at the end of what was measured may be anywhere beyond.
-    """
-    low, high = trial.fit.model.parameters[name].bounds
-    for free in trial.fit.freedoms:
-        if free.name == name and estimate.value <= free.low:
-            estimate = replace(estimate, low=low)
-        if free.name == name and estimate.value >= free.high:
-            estimate = replace(estimate, high=high)
-    return estimate
+def _estimates(fitter, trial: FittedHypothesis, cause, errors) -> dict[str, Estimate]:
+    free = {freedom.name for freedom in trial.fit.freedoms}
+    found = {}
+    for field, name in cause.names().items():
+        if field in trial.hypothesis.taken_over(cause):
+            continue
+        found[field] = estimate_of(trial.fit.model, name, errors)
+        if name in free and trial.fit.usable:
+            low, high = likelihood_interval(fitter, trial, name, errors[name])
+            found[field] = replace(found[field], low=low, high=high)
+    return found
 
 
 def _gain_percent(without: HeldOut, with_: HeldOut) -> float:

@@ -78,7 +78,7 @@ class Search:
         with suppress(TimeIsUp):
             self._take_given()
             while (better := self._next(self.current)) is not None:
-                self.current = better
+                self.current = self._begin_anew(better)
                 if self.find_law(self):
                     break
             self.current = self.fitter.polish(self.current)
@@ -104,10 +104,13 @@ class Search:
         room = self.max_causes - count if self.is_nameable(current) else 0
         if count > 1 or self.given & set(_causes(current)):
             yield self._drop
+        if count > 1:
+            yield self._replace  # what was found alone may have stood for more
         if room >= 1:
             yield self._add
-        if count:
+        if count == 1:
             yield self._replace
+        if count:
             yield self._split
         if room >= 1 and (self._leaves_much(current) or self.has_structure(current)):
             yield self._add_patiently
@@ -117,10 +120,14 @@ class Search:
                 yield self._replace_by_pair
 
     def is_nameable(self, trial: FittedHypothesis) -> bool:
-        """Return whether more than white noise is left, by the smallest share worth a name."""
-        left = self.fitter.held_out(trial).windows
-        white = self.fitter.white_squares(trial)
-        return bool((left.squares - white > self.criterion.smallest_share * left.squares).any())
+        """Return whether more than white noise is left, by the smallest share worth a name.
+
+        It is asked over windows, and in free run where that says anything.
+        """
+        found, white = self.fitter.held_out(trial), self.fitter.white_squares(trial)
+        left = [found.windows, found.free_run][: 1 + found.tells_in_free_run]
+        share = self.criterion.smallest_share
+        return any((each.squares - white > share * each.squares).any() for each in left)
 
     def _leaves_much(self, trial: FittedHypothesis) -> bool:
         """Return whether far more than white noise is left beside the causes, of some output."""
@@ -189,7 +196,7 @@ class Search:
 
     def _is_needed(self, other: FittedHypothesis, current: FittedHypothesis) -> bool:
         """Return whether the cause that a hypothesis has and another one has not is named."""
-        (new,) = set(_causes(other)) - set(_causes(current))
+        (new,) = _own(current, other)
         reduced = self.fitter.reduce(self.fitter.subsample(other), new)
         without = self.fitter.fit_all(reduced, other)
         return not without.fit.usable or self._names(without, other)
@@ -214,6 +221,14 @@ class Search:
                 first = self.fitter.first_fit(self.fitter.subsample(self.current), cause)
                 further = self.fitter.fit_all(self.fitter.converge(first), self.current)
                 self.current = further if further.fit.usable else self.current
+
+    def _begin_anew(self, current: FittedHypothesis) -> FittedHypothesis:
+        """Fit earlier causes from their starts again: they may have stood for the last one too."""
+        ground = self.fitter.subsample(current)
+        for cause in current.hypothesis.causes[:-1]:
+            ground = self.fitter.restart(ground, cause)
+        again = self.fitter.fit_all(ground, current)
+        return again if again.fit.objective < current.fit.objective else current
 
     # -- the ladder ----------------------------------------------------------------------------
 
@@ -317,28 +332,33 @@ class Search:
     # -- the criterion -------------------------------------------------------------------------
 
     def evidence(self, without: FittedHypothesis, with_: FittedHypothesis) -> float:
-        """Return the evidence for the second of two hypotheses over the first."""
+        """Return the evidence for the second of two hypotheses over the first.
+
+        It counts less where residuals are larger along the causes that only the second one has.
+        """
         held_out = self.fitter.held_out
-        return self.criterion.evidence(held_out(without), held_out(with_))
+        evidence = self.criterion.evidence(held_out(without), held_out(with_))
+        return evidence / self._overdispersion(without, with_)
 
     def refutes(self, better: FittedHypothesis, worse: FittedHypothesis) -> bool:
         """Return whether the second of two hypotheses is refuted by the first."""
-        before, after = self.fitter.held_out(worse), self.fitter.held_out(better)
-        if not self.criterion.refutes(after, before):
-            return False
-        causes = set(_causes(better)) - set(_causes(worse))
-        less = overdispersion_along(self.fitter.problem, better, causes, after.windows)
-        return self.criterion.refutes(after, before, less)
+        return self.evidence(worse, better) > self.criterion.to_refute
+
+    def _overdispersion(self, without: FittedHypothesis, with_: FittedHypothesis) -> float:
+        left = self.fitter.held_out(with_).windows
+        if not np.isfinite(left.squares).all():
+            return 1.0
+        return overdispersion_along(self.fitter.problem, with_, _own(without, with_), left)
 
     def _names(self, without, with_, n_causes=1) -> bool:
-        before, after = self.fitter.held_out(without), self.fitter.held_out(with_)
-        causes = set(_causes(with_)) - set(_causes(without))
+        causes, evidence = _own(without, with_), self.evidence(without, with_)
         if causes and causes <= self.given:
-            return self.criterion.evidence(before, after) > 0.0
-        if self.criterion.evidence(before, after) <= n_causes * self.criterion.to_name:
+            return evidence > 0.0
+        if evidence <= n_causes * self.criterion.to_name:
             return False
-        retuned = self.fitter.held_out(self.fitter.base())
-        less = overdispersion_along(self.fitter.problem, with_, causes, after.windows)
+        trials = without, with_, self.fitter.base()
+        before, after, retuned = (self.fitter.held_out(trial) for trial in trials)
+        less = self._overdispersion(without, with_)
         return self.criterion.names(before, after, n_causes, less, retuned)
 
     def _is_preferred(self, other: FittedHypothesis, current: FittedHypothesis) -> bool:
@@ -373,6 +393,11 @@ class Search:
 
 def _causes(trial: FittedHypothesis) -> tuple[Effect, ...]:
     return trial.hypothesis.causes
+
+
+def _own(without: FittedHypothesis, with_: FittedHypothesis) -> set[Effect]:
+    """Return the causes that only the second of two hypotheses has."""
+    return set(_causes(with_)) - set(_causes(without))
 
 
 def _usable(fits: list[SubsampleFit]) -> list[SubsampleFit]:

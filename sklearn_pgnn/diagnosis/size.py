@@ -6,13 +6,16 @@ from collections.abc import Collection
 import numpy as np
 from scipy.stats import t as student
 
+from sklearn_pgnn.estimation.budgets import FINENESS
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
 from sklearn_pgnn.estimation.hypothesis import held_freedoms
 from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.estimation.residuals import Residuals
+from sklearn_pgnn.estimation.window_fitter import WindowFitter
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.simulation.uncertainty import (
     NORMAL_95,
+    curvatures,
     errors_by_held,
     overdispersion,
     standard_errors,
@@ -35,6 +38,50 @@ def parameter_errors(problem: EstimationProblem, trial: FittedHypothesis) -> dic
         return errors
     more = errors_by_held(fit, problem.windows, held, *expected)
     return {name: math.hypot(error, more[name]) for name, error in errors.items()}
+
+
+def likelihood_interval(
+    fitter: WindowFitter, trial: FittedHypothesis, name: str, error: float
+) -> tuple[float, float]:
+    r"""Return the 95 % interval of a parameter, reaching as far as its likelihood does.
+
+    Where the objective is the parabola of its curvature :math:`c` it ends at
+    :math:`\pm 1.96 \sigma`, which costs :math:`c (1.96 \sigma)^2`. A limit that records hardly meet
+    costs less beyond: there the interval reaches on until it costs as much, with all other
+    parameters and the initial states fitted again.
+
+    Parameters
+    ----------
+    fitter : HypothesisFitter
+        What fitted the hypothesis.
+    trial : FittedHypothesis
+        The hypothesis, at its minimum.
+    name : str
+        One of its free parameters.
+    error : float
+        Its standard error :math:`\sigma` [its unit].
+
+    Returns
+    -------
+    tuple of float
+        Lower and upper end, open (at the parameter's bounds) where a limit of the fit is reached.
+    """
+    problem, fit = fitter.problem, trial.fit
+    (free,) = (freedom for freedom in fit.freedoms if freedom.name == name)
+    value, bounds = fit.model.parameters[name].value, fit.model.parameters[name].bounds
+    estimate = problem.states.estimate(fit.model)
+    expected = estimate.x[problem.windows.starts]
+    cost = curvatures(fit, expected, estimate.spread)[name] * (NORMAL_95 * error) ** 2
+    ends = []
+    for side, limit, bound in zip((-1, 1), (free.low, free.high), bounds, strict=True):
+        reach, further = NORMAL_95 * error, 2.0
+        while math.isfinite(reach) and further > 1.0 + FINENESS and side * (limit - value) > reach:
+            rise = fitter.rise(trial, name, value + side * reach, FINENESS * cost)
+            further = math.sqrt(cost / max(rise, cost / 4.0)) if cost > 0.0 else 1.0
+            reach *= max(further, 1.0)
+        is_open = side * (limit - value) <= reach
+        ends.append(bound if is_open else value + side * reach)
+    return min(ends), max(ends)
 
 
 def overdispersion_along(

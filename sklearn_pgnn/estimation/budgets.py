@@ -40,6 +40,9 @@ TOLERANCE, COARSER = 1e-4, 10.0
 #: see. Fewer leave its intervals off
 POLISH_STEPS = 100
 
+#: relative accuracy of an interval's ends. Finer costs fits
+FINENESS = 0.1
+
 # -- windows ---------------------------------------------------------------------------------------
 
 #: error of the re-tuned prior, in units of the noise, above which shorter windows are tried. Larger

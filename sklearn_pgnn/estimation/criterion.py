@@ -117,23 +117,6 @@ class SelectionCriterion:
         ratio = log_likelihood_ratio(without.windows, with_.windows)
         return ratio if np.isinf(ratio) else ratio - (with_.memory_price - without.memory_price)
 
-    def refutes(self, better: HeldOut, worse: HeldOut, overdispersion: float = 1.0) -> bool:
-        r"""Return whether the second of two hypotheses is refuted by the first.
-
-        Parameters
-        ----------
-        better, worse : HeldOut
-            The hypotheses.
-        overdispersion : float, default=1
-            How much less the residuals count along the causes that only the better one has.
-
-        Returns
-        -------
-        bool
-            Whether the evidence for the better one exceeds :math:`\log(1/\alpha)`.
-        """
-        return self.evidence(worse, better) > overdispersion * self.to_refute
-
     def names(
         self,
         without: HeldOut,

@@ -135,6 +135,32 @@ class HypothesisFitter(WindowFitter):
             self._subsamples[key] = found
         return replace(self._subsamples[key], hypothesis=hypothesis)
 
+    def restart(self, subsample: SubsampleFit, cause: Effect) -> SubsampleFit:
+        """Fit a hypothesis again, one of its causes from its starts beside the others.
+
+        What was found before another cause was thought of may have stood for that one too.
+
+        Parameters
+        ----------
+        subsample : SubsampleFit
+            The hypothesis.
+        cause : Effect
+            One of its causes.
+
+        Returns
+        -------
+        SubsampleFit
+            The hypothesis where it leaves least.
+        """
+        without, fits = self.reduce(subsample, cause), [subsample]
+        for hypothesis in self.models.orders(without.hypothesis, cause):
+            key = self.key(hypothesis)
+            known = self._subsamples.pop(key, None)
+            fits.append(self.converge(self._first_fit(without, hypothesis, cause)))
+            if known is not None and not fits[-1].fit.objective < known.fit.objective:
+                self._subsamples[key] = known
+        return min(fits, key=objective_of)
+
     def _from_best_start(
         self, subsample: SubsampleFit, hypothesis: Hypothesis, cause: Effect
     ) -> SubsampleFit:

@@ -279,15 +279,30 @@ def _alike(mine: np.ndarray, theirs: np.ndarray) -> bool:
 
 
 def held_parameters(model: PhysicsModel, cause: Effect) -> tuple[str, ...]:
-    """Name the model's parameters that a cause speaks for: re-tuning both would be one too many.
+    r"""Name the model's parameters that a cause speaks for: re-tuning both would be one too many.
 
-    Friction that differs by direction holds the viscous friction that a model may have: the
-    model's own stays at its prior value, and the cause tells what comes on top.
+    They are those of which :math:`\partial (f, g)/\partial p` is a combination of the derivatives
+    by the cause's own parameters. Friction that differs by direction holds the viscous friction
+    that a model may have: the model's own stays at its prior value, and the cause tells what comes
+    on top.
     """
-    kinds = [kind for kind in CATALOGUE if kind.id in cause.generalises]
-    special = [kind(cause.target) for kind in kinds if cause.target in kind.targets(model)]
-    found = [same_parameter(model, each) for each in special]
-    return tuple(name for name in found if name is not None)
+    names = tuple(cause.names().values())
+    if isinstance(cause, WrongParameter) or len(names) < 2:
+        return ()
+    extended = cause.apply(model)
+    if is_of_other_order(model, extended):
+        return ()
+    own = np.column_stack([slope.ravel() for slope in _derivatives(extended, names).values()])
+    theirs = _derivatives_by_parameters(model)
+    return tuple(name for name, slope in theirs.items() if _is_combined(own, slope.ravel()))
+
+
+def _is_combined(columns: np.ndarray, sought: np.ndarray) -> bool:
+    """Return whether a column that is not zero is a linear combination of others."""
+    known = np.isfinite(columns).all(axis=1) & np.isfinite(sought)
+    columns, sought = columns[known], sought[known]
+    left = sought - columns @ np.linalg.lstsq(columns, sought)[0]
+    return bool(np.linalg.norm(left) < ROUNDING * np.linalg.norm(sought))
 
 
 def held_by(model: PhysicsModel, hypothesis: "Hypothesis") -> set[str]:

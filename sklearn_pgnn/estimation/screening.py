@@ -5,9 +5,9 @@ where neither helps alone. To first order candidates leave
 
 .. math:: \min_{p, x_0, a, b} |r - S_p p - S_x x_0 - E_a a - E_b b|^2
 
-of the residuals :math:`r` of a hypothesis, with the sensitivities :math:`S` to its parameters and
-to every window's initial state, and the changes of the outputs :math:`E` that a candidate brings:
-as it was fitted alone, and by each of its own parameters.
+of the residuals :math:`r` of a hypothesis, with the sensitivities :math:`S` to its parameters that
+are not at a limit and to every window's initial state, and the changes of the outputs :math:`E`
+that a candidate brings: as it was fitted alone, and by each of its own parameters.
 """
 
 from collections.abc import Callable, Sequence
@@ -104,7 +104,7 @@ class Screening:
             Expected sum of squares and the candidates, the most promising first.
         """
         view = _View(self.windows, ground.fit, self.tick)
-        tuned = [view.slope(ground.fit, freedom.name) for freedom in ground.fit.freedoms]
+        tuned = [view.slope(ground.fit, name) for name in _within_limits(ground.fit)]
         known = view.without_states(np.column_stack([view.residual, *tuned]))
         blocks = {
             cause: view.without_states(change)
@@ -116,6 +116,12 @@ class Screening:
             for causes in combinations(blocks, count)
         ]
         return sorted(ranked, key=lambda item: item[0])
+
+
+def _within_limits(fit: WindowFit) -> list[str]:
+    """Name the parameters that may still move: one at a limit wants to go beyond."""
+    found = zip(fit.freedoms, fit.values, strict=True)
+    return [free.name for free, value in found if free.low < value < free.high]
 
 
 def _left(table) -> float:

@@ -22,6 +22,8 @@ from sklearn_pgnn.simulation.windows import ShootingWindows
 
 #: what fits for cross-validation are called where they break down
 HELD_OUT = "held out"
+#: and where a parameter is held away from its estimate
+AWAY = "away from the estimate"
 
 
 class WindowFitter:
@@ -165,6 +167,38 @@ class WindowFitter:
             )
             self._keep(FittedHypothesis(trial.hypothesis, fit))
         return self._known(trial.hypothesis)
+
+    def rise(self, trial: FittedHypothesis, name: str, value: float, small: float) -> float:
+        """Return what the objective rises by where a parameter is held, the others following.
+
+        Parameters
+        ----------
+        trial : FittedHypothesis
+            The hypothesis, at its minimum.
+        name : str
+            A free parameter.
+        value : float
+            Where it is held [its unit].
+        small : float
+            Rise that does not matter.
+
+        Returns
+        -------
+        float
+            The rise, in squares of the noise; infinite where nothing can be simulated.
+        """
+        fit = trial.fit
+        held = self.fit_model(
+            self._spare(trial.hypothesis, AWAY),
+            fit.model.with_parameters(**{name: value}),
+            self.problem.windows,
+            tuple(freedom for freedom in fit.freedoms if freedom.name != name),
+            self._start(fit.model),
+            fit.x0,
+            max_steps=STEPS,
+            tolerance=small / fit.objective,
+        )
+        return held.objective - fit.objective
 
     def _keep(self, trial: FittedHypothesis) -> None:
         """Remember a trial unless a better one of the same hypothesis is known."""

@@ -131,6 +131,35 @@ def correlations(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) -> np
     return found.covariance / np.outer(size, size)
 
 
+def curvatures(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) -> dict[str, float]:
+    r"""Return how sharply the objective rises with every parameter, the others following.
+
+    .. math:: c_i = 1 / [H^{-1}]_{ii}
+
+    Parameters
+    ----------
+    fit : WindowFit
+        The fitted model.
+    expected : ndarray of shape (n_windows, n_states)
+        Expected initial states of the windows.
+    spread : ndarray of shape (n_states,)
+        How uncertain they are.
+
+    Returns
+    -------
+    dict of str to float
+        By parameter, so that a change of :math:`\delta` is expected to cost :math:`c \delta^2`.
+    """
+    names = [freedom.name for freedom in fit.freedoms]
+    if not (names and fit.usable):
+        return dict.fromkeys(names, 0.0)
+    found = _curvature(fit, expected, spread)
+    variances = np.diag(found.inverse)
+    seen = ~found.flat & (variances > 0)
+    values = np.where(seen, 1.0 / np.where(seen, variances, 1.0), 0.0)
+    return dict(zip(names, values.tolist(), strict=True))
+
+
 def overdispersion(
     fit: WindowFit, expected: np.ndarray, spread: np.ndarray, dispersion: float
 ) -> dict[str, float]:

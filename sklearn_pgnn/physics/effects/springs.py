@@ -176,6 +176,7 @@ class EndStop(PositionEffect):
     id = "end_stop"
     summary = "The motion runs into a stop, a bumper or a hard bearing at an end of the travel."
     check = "Move slowly to both ends: the force rises steeply where the motion ends."
+    generalises = ("linear_stiffness", "constant_load")
 
     def force(self, v, position, p):
         """Return the stops' force."""
