@@ -77,17 +77,24 @@ class Search:
         self.progress.counts = True
         with suppress(TimeIsUp):
             self._take_given()
-            while (better := self._next(self.current)) is not None:
-                self.current = self._begin_anew(better)
-                if self.find_law(self):
-                    break
-            self.current = self.fitter.polish(self.current)
+            self._climb()
+            while (fewer := self._drop(self.current)) is not None:  # a finer fit may not need all
+                self.current = fewer
+                self._climb()
             return self._result(complete=True)
         return self.so_far()
 
     def so_far(self) -> SearchResult:
         """Return the best hypothesis so far, without what may stand in its causes' places."""
         return self._result(complete=False)
+
+    def _climb(self) -> None:
+        """Go from hypothesis to hypothesis until no move is accepted, or a formula says it all."""
+        while (better := self._next(self.current)) is not None:
+            self.current = self._begin_anew(better)
+            if self.find_law(self):
+                break
+        self.current = self.fitter.polish(self.current)
 
     def _next(self, current: FittedHypothesis) -> FittedHypothesis | None:
         """Return what the cheapest move leads to that the criterion accepts."""
@@ -102,7 +109,7 @@ class Search:
         """Yield the moves, the cheap ones first."""
         count = len(current.hypothesis.causes)
         room = self.max_causes - count if self.is_nameable(current) else 0
-        if count > 1 or self.given & set(_causes(current)):
+        if count:
             yield self._drop
         if count > 1:
             yield self._replace  # what was found alone may have stood for more
@@ -224,8 +231,11 @@ class Search:
 
     def _begin_anew(self, current: FittedHypothesis) -> FittedHypothesis:
         """Fit earlier causes from their starts again: they may have stood for the last one too."""
+        *earlier, _ = current.hypothesis.causes or (None,)
+        if not earlier:
+            return current
         ground = self.fitter.subsample(current)
-        for cause in current.hypothesis.causes[:-1]:
+        for cause in earlier:
             ground = self.fitter.restart(ground, cause)
         again = self.fitter.fit_all(ground, current)
         return again if again.fit.objective < current.fit.objective else current

@@ -69,18 +69,20 @@ def likelihood_interval(
     problem, fit = fitter.problem, trial.fit
     (free,) = (freedom for freedom in fit.freedoms if freedom.name == name)
     value, bounds = fit.model.parameters[name].value, fit.model.parameters[name].bounds
+    if not math.isfinite(error):
+        return bounds
     estimate = problem.states.estimate(fit.model)
     expected = estimate.x[problem.windows.starts]
     cost = curvatures(fit, expected, estimate.spread)[name] * (NORMAL_95 * error) ** 2
     ends = []
     for side, limit, bound in zip((-1, 1), (free.low, free.high), bounds, strict=True):
         reach, further = NORMAL_95 * error, 2.0
-        while math.isfinite(reach) and further > 1.0 + FINENESS and side * (limit - value) > reach:
+        while further > 1.0 + FINENESS and side * (limit - value) > reach:
             rise = fitter.rise(trial, name, value + side * reach, FINENESS * cost)
             further = math.sqrt(cost / max(rise, cost / 4.0)) if cost > 0.0 else 1.0
             reach *= max(further, 1.0)
         is_open = side * (limit - value) <= reach
-        ends.append(bound if is_open else value + side * reach)
+        ends.append(bound if is_open else float(value + side * reach))
     return min(ends), max(ends)
 
 

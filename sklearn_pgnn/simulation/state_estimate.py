@@ -150,7 +150,6 @@ class _SmoothedOutput:
     """
 
     def __init__(self, windows: ShootingWindows, column: int):
-        self._count = len(windows)
         self._records = [
             (windows.t[a:b], windows.y[a:b, column]) for a, b in itertools.pairwise(windows.bounds)
         ]
@@ -180,13 +179,11 @@ class _SmoothedOutput:
     def spreads(self) -> np.ndarray:
         """The spread of value and slope; this costs more than the smoothing.
 
-        They may go as far as a sensor may lie, which is told once and not by every window anew: a
-        window's own samples say where it is.
+        They may go as far as a sensor may lie: a window's own samples say where it is.
         """
         variances = [_halves_differ(t, y, p) for (t, y), p in self._with_penalties()]
         errors = SAFETY * np.sqrt(np.mean(variances, axis=0))
-        wrong = MEASURED_SPREAD * np.std([self.value, self.slope], axis=1)
-        return np.maximum(errors, np.sqrt(self._count) * wrong)
+        return np.maximum(errors, MEASURED_SPREAD * np.std([self.value, self.slope], axis=1))
 
 
 def hidden_states(model: PhysicsModel) -> tuple[str, ...]:
