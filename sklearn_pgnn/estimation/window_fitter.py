@@ -188,17 +188,18 @@ class WindowFitter:
             The rise, in squares of the noise; infinite where nothing can be simulated.
         """
         fit = trial.fit
+        (own,) = (freedom for freedom in fit.freedoms if freedom.name == name)
         held = self.fit_model(
             self._spare(trial.hypothesis, AWAY),
             fit.model.with_parameters(**{name: value}),
             self.problem.windows,
-            tuple(freedom for freedom in fit.freedoms if freedom.name != name),
+            tuple(freedom for freedom in fit.freedoms if freedom is not own),
             self._start(fit.model),
             fit.x0,
             max_steps=STEPS,
             tolerance=small / fit.objective,
         )
-        return held.objective - fit.objective
+        return held.objective + ((value - own.centre) / own.spread) ** 2 - fit.objective
 
     def _keep(self, trial: FittedHypothesis) -> None:
         """Remember a trial unless a better one of the same hypothesis is known."""

@@ -12,7 +12,11 @@ from sledge import SLEDGE, drive
 
 from sklearn_pgnn import effects
 from sklearn_pgnn.diagnosis import size
-from sklearn_pgnn.diagnosis.size import overdispersion_along, parameter_errors
+from sklearn_pgnn.diagnosis.size import (
+    likelihood_interval,
+    overdispersion_along,
+    parameter_errors,
+)
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
 from sklearn_pgnn.estimation.problem import build_problem
 from sklearn_pgnn.estimation.residuals import Residuals
@@ -113,3 +117,29 @@ def test_an_error_scales_with_the_noise():
     louder = replace(trial, fit=replace(trial.fit, evaluation=evaluation))
     more = parameter_errors(fitter.problem, louder)["F0_v"]
     assert errors["F0_v"] < more <= 3.01 * errors["F0_v"]
+
+
+# -- intervals ------------------------------------------------------------------------------------
+
+
+def test_the_interval_of_a_load_is_that_of_its_standard_error():
+    fitter, trial = disturbed(0.0)
+    error = parameter_errors(fitter.problem, trial)["F0_v"]
+    value = trial.fit.model.parameters["F0_v"].value
+    low, high = likelihood_interval(fitter, trial, "F0_v", error)
+    np.testing.assert_allclose([low, high], value + 1.96 * error * np.array([-1, 1]), rtol=0.2)
+    assert likelihood_interval(fitter, trial, "F0_v", np.inf) == (-np.inf, np.inf)
+
+
+def test_the_interval_of_an_end_that_records_do_not_meet_is_open():
+    clipped = SLEDGE + effects.SensorSaturation("v", upper=0.9, lower=-1e9)
+    X, y = drive(clipped)
+    fitter = HypothesisFitter(build_problem(SLEDGE, read_records(SLEDGE, X, y)))
+    base, ends = fitter.base(), effects.SensorSaturation("v")
+    found = fitter.converge(fitter.first_fit(fitter.subsample(base), ends))
+    trial = fitter.polish(fitter.fit_all(found, base))
+    errors = parameter_errors(fitter.problem, trial)
+    upper, lower = (ends.names()[end] for end in ("upper", "lower"))
+    low, high = likelihood_interval(fitter, trial, upper, errors[upper])
+    assert low <= 0.9 <= high < low + 0.02
+    assert likelihood_interval(fitter, trial, lower, errors[lower])[0] == -np.inf

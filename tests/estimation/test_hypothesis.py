@@ -28,6 +28,13 @@ def test_an_effect_that_a_parameter_holds_is_no_suspect():
     assert held_parameters(golf, effects.AsymmetricFriction("omega")) == ("d",)
 
 
+def test_a_cause_holds_what_it_can_stand_for_and_nothing_else():
+    cart = systems.cart_on_spring()
+    assert held_parameters(cart, effects.AsymmetricFriction("v")) == ("d",)
+    assert held_parameters(cart, effects.EndStop("v")) == ()  # a spring without a gap is no stop
+    assert held_parameters(cart, effects.WrongParameter("d")) == ()
+
+
 def test_roots_of_what_may_be_negative_are_no_obstacle():
     rates = {"h": "k4*u - k1*sqrt(h)", "g": "k1*sqrt(h) - k3*sqrt(g)"}
     tanks = PhysicsModel(

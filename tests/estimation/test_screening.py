@@ -133,3 +133,15 @@ def test_the_two_causes_that_explain_most_together_are_foretold():
     left, pair = screening.rank(ground, 2)[0]
     assert {type(cause) for cause in pair} == {effects.QuadraticDrag, effects.ConstantLoad}
     assert left < 0.5 * min(fit.squares for fit in alone)
+
+
+def test_a_parameter_at_its_limit_is_not_re_tuned_but_wrong():
+    heavier = SLEDGE.with_parameters(m=3.0)
+    fitter = HypothesisFitter(build_problem(SLEDGE, read_records(SLEDGE, *drive(heavier))))
+    base = fitter.subsample(fitter.base())
+    assert base.fit.model.parameters["m"].value == pytest.approx(2.2)  # a spread of 10 %
+    candidates = (effects.WrongParameter("m"), effects.WrongParameter("d"))
+    screening = Screening.of(fitter, (*candidates, effects.ConstantLoad("v")))
+    (left, first), *_, (most, _) = screening.rank(base)
+    assert first == candidates[:1]
+    assert left < 0.1 * most
