@@ -123,6 +123,33 @@ def simulate(
     unknown = [name for name in wrt or () if name not in model.parameters]
     if unknown:
         raise ValueError(f"wrt: unknown parameter {unknown[0]!r}.")
+    acting = delayed_inputs(model, t, u, hold == "foh")
+    return simulate_acting(model, t, acting, x0, method, substeps, hold, wrt)
+
+
+def simulate_acting(
+    model: PhysicsModel, t, acting, x0, method="rk4", substeps=1, hold=HOLDS[0], wrt=None
+) -> Simulation:
+    """Simulate a model on inputs as they act, its delays applied already.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    t : ndarray of shape (n_samples,)
+        Time [s], increasing.
+    acting : ndarray of shape (n_samples, n_inputs + n_delays)
+        See `sklearn_pgnn.simulation.inputs.delayed_inputs`.
+    x0 : ndarray of shape (n_states,)
+        Initial state.
+    method, substeps, hold, wrt
+        See `simulate`.
+
+    Returns
+    -------
+    Simulation
+        See `simulate`.
+    """
     function, source = compile_model(model, wrt, method)
     nx, ny, n = len(model.states), len(model.outputs), t.size
     nq = 0 if wrt is None else len(wrt) + nx
@@ -134,7 +161,7 @@ def simulate(
     failed = run_trajectory(
         function,
         t,
-        delayed_inputs(model, t, u, hold == "foh"),
+        acting,
         hold == "foh",
         parameter_values(model),
         x0.copy(),
@@ -148,7 +175,7 @@ def simulate(
     )
     message = "" if failed < 0 else _remedy(model, t, X, failed, substeps)
     if message:
-        warnings.warn(message, SimulationWarning, stacklevel=2)
+        warnings.warn(message, SimulationWarning, stacklevel=3)
     names = () if wrt is None else (*wrt, *(f"{state}(0)" for state in model.states))
     return Simulation(t, X, Y, names, None if wrt is None else SY, message)
 

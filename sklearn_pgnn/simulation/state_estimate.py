@@ -10,7 +10,7 @@ import sympy
 
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.simulate import Simulation, settled_start, simulate
+from sklearn_pgnn.simulation.simulate import Simulation, settled_start, simulate_acting
 from sklearn_pgnn.simulation.windows import ShootingWindows
 from sklearn_pgnn.trajectories.smoothing import FEWEST, Smoothed, choose_penalty, smooth
 
@@ -222,17 +222,15 @@ def unsigned_states(model: PhysicsModel) -> tuple[str, ...]:
 
 
 def free_run(model: PhysicsModel, windows: ShootingWindows, a: int, b: int, x0) -> Simulation:
-    """Simulate samples `a` to `b` of the records; a failure is left to the reader of the result."""
+    """Simulate samples `a` to `b` of the records; a failure is left to the reader of the result.
+
+    What a delayed input did before them is known from the record.
+    """
+    acting = windows.acting_inputs(model)[a:b]
+    options = {"substeps": windows.substeps, "hold": windows.hold}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        return simulate(
-            model,
-            windows.t[a:b],
-            windows.u[a:b],
-            x0,
-            substeps=windows.substeps,
-            hold=windows.hold,
-        )
+        return simulate_acting(model, windows.t[a:b], acting, np.array(x0, dtype=float), **options)
 
 
 def _finite(start: dict) -> dict:

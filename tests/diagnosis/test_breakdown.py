@@ -359,6 +359,7 @@ def test_a_diagnosis_names_its_stages_and_every_step_of_a_fit_is_told(monkeypatc
         "window length",
         "candidates",
         "cause 1",
+        "needless causes",
         "other causes",
         "inputs between samples",
         "held-out error",

@@ -1,0 +1,24 @@
+"""Laws of free runs from within a record."""
+
+import numpy as np
+import pytest
+
+from sklearn_pgnn import PhysicsModel, effects
+from sklearn_pgnn.estimation.problem import build_problem
+from sklearn_pgnn.simulation.state_estimate import free_run
+from sklearn_pgnn.trajectories import read_records
+
+SERVO = PhysicsModel({"x": "m"}, {"x": "K*u - x/T"}, {"K": 0.1, "T": 2.0}, {"u": "V"})
+
+
+@pytest.mark.parametrize("hold", ["zoh", "foh"])
+def test_a_run_from_within_a_record_knows_what_a_delayed_input_did_before(hold):
+    late = SERVO + effects.InputDelay("u", 0.13)
+    t = np.arange(400) / 50
+    u = np.repeat(np.random.default_rng(0).uniform(-3, 3, 20), 20)
+    records = read_records(SERVO, np.c_[t, u], SERVO.simulate(t, u).y)
+    windows = build_problem(SERVO, records, hold=hold).windows
+    whole = free_run(late, windows, 0, 400, [0.2])
+    for a in (3, 100, 210):
+        rest = free_run(late, windows, a, 400, whole.x[a])
+        np.testing.assert_allclose(rest.x, whole.x[a:], rtol=1e-12)
