@@ -137,9 +137,9 @@ class Search:
         return any((each.squares - white > share * each.squares).any() for each in left)
 
     def _leaves_much(self, trial: FittedHypothesis) -> bool:
-        """Return whether far more than white noise is left beside the causes, of some output."""
+        """Return whether far more than white noise is left of some output."""
         left, white = self.fitter.held_out(trial).windows, self.fitter.white_squares(trial)
-        return bool(_causes(trial)) and bool((left.squares > MUCH**2 * white).any())
+        return bool((left.squares > MUCH**2 * white).any())
 
     # -- moves ---------------------------------------------------------------------------------
 
