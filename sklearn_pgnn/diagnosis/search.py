@@ -119,7 +119,7 @@ class Search:
             yield self._replace
         if count:
             yield self._split
-        if room >= 1 and (self._leaves_much(current) or self.has_structure(current)):
+        if room >= 1 and (self.has_structure(current) or self._leaves_much(current)):
             yield self._add_patiently
             if room >= 2:
                 yield self._add_pair
