@@ -63,7 +63,7 @@ sphinx_gallery_conf = {
 }
 
 
-def make_samples(_app):
+def make_samples(_app, _config):
     """Make the sample reports that are not there yet."""
     from make_samples import make_missing
 
@@ -72,4 +72,4 @@ def make_samples(_app):
 
 def setup(app):
     """Make what the pages refer to before they are built."""
-    app.connect("builder-inited", make_samples)
+    app.connect("config-inited", make_samples)  # before the folder is looked for
