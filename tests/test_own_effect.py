@@ -185,6 +185,7 @@ NAMED = {
     "diagnosis/investigation.py": {"SensorSaturation"},  # a record shows clipping by itself
     "datasets/two_tanks.py": {"InputDeadZone"},  # what a rig hides
     "cli/demo.py": {"StribeckFriction"},
+    "cli/app/jobs.py": {"CoulombFriction"},  # what the example hides
 }
 
 

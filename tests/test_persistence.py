@@ -185,6 +185,7 @@ def test_every_public_estimator_is_here():
         if inspect.isclass(getattr(sklearn_pgnn, name))
         and hasattr(getattr(sklearn_pgnn, name), "fit")
     }
+    public.remove("FleetDiagnosis")  # predicts nothing: tests/fleet
     assert public <= {type(each).__name__ for each in ESTIMATORS.values()}
 
 

@@ -351,7 +351,7 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         self.extended_model_ = as_judged(problem, final.fit)
         self.window_ = problem.scales.window
         self.substeps_, self.hold_ = problem.windows.substeps, problem.windows.hold
-        tried = [Tried(c.id, c.target, float(left)) for c, left in result.alone.items()]
+        tried = [Tried(c.id, c.target, *share) for c, share in result.alone.items()]
         self.candidates_ = tuple(sorted(tried, key=lambda candidate: candidate.left))
         names = [record.name for record in investigation.records]
         self.records_ = keep_records(fitter, result.base, final, names)

@@ -48,13 +48,15 @@ class Tried(NamedTuple):
         Id of the effect in the catalogue.
     target : str
         The state in whose rate it acts, or the input, output or parameter.
-    left : float
-        Share of the re-tuned prior's error power that is left.
+    left, low, high : float
+        Share of the re-tuned prior's error power that is left, with its 95 % interval.
     """
 
     effect: str
     target: str
     left: float
+    low: float
+    high: float
 
 
 @dataclass(frozen=True)

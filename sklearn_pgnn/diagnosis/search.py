@@ -16,6 +16,7 @@ from sklearn_pgnn.estimation.hypothesis import same_causes
 from sklearn_pgnn.estimation.hypothesis_models import Key
 from sklearn_pgnn.estimation.progress import TimeIsUp
 from sklearn_pgnn.estimation.screening import Screening
+from sklearn_pgnn.estimation.share_left import ShareLeft, share_left
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects import WrongParameter
 
@@ -62,7 +63,7 @@ class Search:
         self.has_structure, self.find_law = has_structure, find_law
         self.progress = fitter.progress
         self.current = fitter.base()
-        self._alone: dict[Effect, float] = {}
+        self._alone: dict[Effect, ShareLeft] = {}
         self._visited: set[Key] = set()
         self._screening: Screening | None = None
 
@@ -388,8 +389,8 @@ class Search:
             if fit.fit.usable and ground.fit.usable:
                 cause = fit.hypothesis.causes[-1]
                 for same in (cause, *self.same[cause]):
-                    share = fit.squares / ground.squares
-                    self._alone[same] = min(share, self._alone.get(same, share))
+                    left = share_left(*(each.fit.evaluation.squares for each in (ground, fit)))
+                    self._alone[same] = min(left, self._alone.get(same, left))
 
     def _result(self, complete: bool) -> SearchResult:
         base, final = self.fitter.base(), self.current

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field, replace
 
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis, objective_of
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
+from sklearn_pgnn.estimation.share_left import ShareLeft
 from sklearn_pgnn.physics.effect import Effect
 
 
@@ -29,7 +30,7 @@ class SearchResult:
     base: FittedHypothesis
     steps: list[FittedHypothesis]
     rivals: dict[Effect, list[tuple[Effect, float]]]
-    alone: dict[Effect, float] = field(default_factory=dict)
+    alone: dict[Effect, ShareLeft] = field(default_factory=dict)
     complete: bool = True
 
     @property

@@ -22,6 +22,8 @@ class CandidatesDisplay:
         Whether each was named as a cause.
     noise : float, default=0
         Share that white noise alone would leave.
+    ends : sequence of (float, float), optional
+        Ends of the shares' 95 % intervals.
 
     Attributes
     ----------
@@ -31,9 +33,9 @@ class CandidatesDisplay:
         Their figure.
     """
 
-    def __init__(self, names, left, named, *, noise=0.0):
+    def __init__(self, names, left, named, *, noise=0.0, ends=None):
         self.names, self.left, self.named = list(names), list(left), list(named)
-        self.noise = float(noise)
+        self.noise, self.ends = float(noise), None if ends is None else list(ends)
 
     @classmethod
     def from_estimator(cls, diagnosis, *, most=20, ax=None):
@@ -62,6 +64,7 @@ class CandidatesDisplay:
             [c.left for c in shown],
             [(c.effect, c.target) in causes for c in shown],
             noise=ratio(1.0, together(diagnosis).refitted ** 2),
+            ends=[(c.low, c.high) for c in shown],
         ).plot(ax=ax)
 
     def plot(self, *, ax=None):
@@ -81,6 +84,9 @@ class CandidatesDisplay:
         self.figure_, places = self.ax_.figure, np.arange(len(self.names))
         percent = 100 * np.maximum(self.left, 1e-12)
         named = np.array(self.named, dtype=bool)
+        if self.ends is not None:
+            low, high = 100 * np.maximum(np.transpose(self.ends), 1e-12)
+            self.ax_.hlines(places, low, high, color=COLOURS["medians"], linewidth=1.5)
         for chosen, colour, text in (
             (~named, COLOURS["points"], "suspect, alone"),
             (named, COLOURS["extended"], "named as a cause"),

@@ -9,6 +9,7 @@ fit. Of a single output it is :math:`r / w`.
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -75,8 +76,31 @@ def ratio(error: float, noise: float) -> float:
     return error / noise
 
 
-def suspects(diagnosis) -> list[tuple[tuple[str, str], float]]:
-    """Return what every suspect, alone beside re-tuning, leaves in units of the noise.
+class Suspect(NamedTuple):
+    """A suspect, and what it leaves alone beside re-tuning, in units of the noise.
+
+    Parameters
+    ----------
+    effect, target : str
+        What it is.
+    left, low, high : float
+        What is left, with its 95 % interval.
+    """
+
+    effect: str
+    target: str
+    left: float
+    low: float
+    high: float
+
+    @property
+    def name(self) -> tuple[str, str]:
+        """Effect and target."""
+        return self.effect, self.target
+
+
+def suspects(diagnosis) -> list[Suspect]:
+    """Return what every suspect leaves, the best first.
 
     Parameters
     ----------
@@ -85,13 +109,13 @@ def suspects(diagnosis) -> list[tuple[tuple[str, str], float]]:
 
     Returns
     -------
-    list of ((str, str), float)
-        Effect and target, and what is left; the best first.
+    list of Suspect
+        The suspects.
     """
     refitted = together(diagnosis).refitted
     return [
-        ((effect, target), refitted * math.sqrt(max(left, 0.0)))
-        for effect, target, left in diagnosis.candidates_
+        Suspect(effect, target, *(refitted * math.sqrt(max(share, 0.0)) for share in shares))
+        for effect, target, *shares in diagnosis.candidates_
     ]
 
 

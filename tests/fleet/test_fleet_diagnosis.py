@@ -50,6 +50,11 @@ def whole(records, tmp_path_factory):
     return FleetDiagnosis(SLEDGE, options=OPTIONS, folder=folder).fit(records)
 
 
+def test_a_fleet_survives_joblib(whole, tmp_path):
+    joblib.dump(whole, tmp_path / "fleet.joblib")
+    assert joblib.load(tmp_path / "fleet.joblib").to_dict() == whole.to_dict()
+
+
 def without_seconds(fleet):
     said = fleet.to_dict()
     for machine in said["machines"]:

@@ -2,11 +2,12 @@
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from markupsafe import Markup
 
 from sklearn_pgnn.inspection.numbers import times
-from sklearn_pgnn.inspection.svg import Scale, dot, mark, scale_text, span, strip
+from sklearn_pgnn.inspection.svg import Scale, dot, mark, scale_text, span, strip, whisker
 from sklearn_pgnn.inspection.words import cause_name
 from sklearn_pgnn.inspection.yardstick import suspects, together
 
@@ -81,33 +82,53 @@ def dot_plot(diagnosis) -> DotPlot | None:
     if not found or not math.isfinite(errors.refitted):
         return None
     entries = _entries(diagnosis, found, errors)
-    finite = [left for _, left, _ in entries if 0 < left < math.inf]
+    finite = [entry.left for entry in entries if 0 < entry.left < math.inf]
     low = 0.9 * min(1.0, *finite)
     high = max(WORST * errors.refitted, 1.6)
     scale = Scale(low, high, log=True)
-    rows = [_row(scale, errors.refitted, *entry) for entry in entries]
+    rows = [_row(scale, errors.refitted, entry) for entry in entries]
     return DotPlot(rows, scale_text(scale))
 
 
-def _entries(diagnosis, found, errors) -> list[tuple[str, float, bool]]:
+class _Entry(NamedTuple):
+    """What a suspect leaves, in units of the noise, and where its interval ends."""
+
+    name: str
+    left: float
+    named: bool
+    ends: tuple[float, float] | None = None
+
+
+def _entries(diagnosis, found, errors) -> list[_Entry]:
     """Return what every suspect leaves; a single cause as the extended model has it."""
     named = {(cause.effect, cause.target) for cause in diagnosis.causes_}
     entries = []
-    for suspect, left in found:
-        is_named = suspect in named
-        alone = errors.extended if is_named and len(named) == 1 else left
-        entries.append((cause_name(*suspect), alone, is_named))
+    for suspect in found:
+        name, is_named = cause_name(*suspect.name), suspect.name in named
+        if is_named and len(named) == 1:
+            factor = errors.extended / suspect.left if suspect.left > 0 else math.nan
+            ends = factor * suspect.low, factor * suspect.high
+            entries.append(_Entry(name, errors.extended, True, ends))
+        else:
+            entries.append(_Entry(name, suspect.left, is_named, (suspect.low, suspect.high)))
     if len(named) > 1:
-        entries.append(("all named causes together", errors.extended, True))
-    return sorted(entries, key=lambda entry: (round(entry[1], 2), not entry[2]))
+        entries.append(_Entry("all named causes together", errors.extended, True))
+    return sorted(entries, key=lambda entry: (round(entry.left, 2), not entry.named))
 
 
-def _row(scale: Scale, refitted: float, name: str, left: float, named: bool) -> SuspectRow:
-    said = times(left) if left <= WORST * refitted else "makes it worse"
-    at = min(max(float(scale.place(max(left, 1e-300))), 0.0), 1.0)
+def _row(scale: Scale, refitted: float, entry: _Entry) -> SuspectRow:
+    is_worse = not entry.left <= WORST * refitted
+    said = "makes it worse" if is_worse else times(entry.left)
+    at = min(max(float(scale.place(max(entry.left, 1e-300))), 0.0), 1.0)
+    text = f"{entry.name}: {said}"
     shapes = [
         span(0.0, float(scale.place(1.0)), "noise-band", "noise"),
         mark(float(scale.place(refitted)), "retuned-mark", f"re-tuned only: {times(refitted)}"),
-        dot(at, "named" if named else "suspect", f"{name}: {said}"),
     ]
-    return SuspectRow(name, said, named, strip(f"{name}: {said}", shapes))
+    if entry.ends is not None and not is_worse and math.isfinite(sum(entry.ends)):
+        low, high = (max(end, 1e-300) for end in entry.ends)
+        text += f" (95 %: {times(low)} to {times(high)})"
+        first, last = (float(scale.place(end)) for end in (low, high))
+        shapes.append(whisker(first, last, "whisker", text))
+    shapes.append(dot(at, "named" if entry.named else "suspect", text))
+    return SuspectRow(entry.name, said, entry.named, strip(text, shapes))

@@ -141,16 +141,15 @@ def _runner_up(diagnosis) -> str:
     named = {(cause.effect, cause.target) for cause in diagnosis.causes_}
     known = known_effects(diagnosis)
     most = max((count_parameters(known[e](target)) for e, target in named), default=math.inf)
-    for suspect, left in suspects(diagnosis):
-        if suspect not in named:
-            effect, target = suspect
+    for suspect in suspects(diagnosis):
+        if suspect.name not in named:
+            effect, target = suspect.name
             more = count_parameters(known[effect](target)) > most
             with_more = ", which has more parameters," if more else ""
             alone = " alone" if len(named) != 1 else ""
             name = cause_name(effect, target)
-            return (
-                f"the runner-up, {name}{with_more}{'' if more else ','} leaves {times(left)}{alone}"
-            )
+            comma = "" if more else ","
+            return f"the runner-up, {name}{with_more}{comma} leaves {times(suspect.left)}{alone}"
     return ""
 
 

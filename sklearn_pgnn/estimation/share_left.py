@@ -1,0 +1,55 @@
+"""What share of the squares one fit leaves of another's, and how sure that is."""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.stats import t as student
+
+
+class ShareLeft(NamedTuple):
+    """A share of squares with its 95 % interval.
+
+    Parameters
+    ----------
+    left, low, high : float
+        The share, and the ends of its interval.
+    """
+
+    left: float
+    low: float
+    high: float
+
+
+def share_left(before: np.ndarray, after: np.ndarray) -> ShareLeft:
+    r"""Return what share of the squares of windows is left.
+
+    .. math:: s = \frac{\sum_w b_w}{\sum_w a_w}, \qquad
+        \operatorname{se}(\log s)^2 = \frac{W}{W - 1}
+        \frac{\sum_w (b_w - s\,a_w)^2}{(\sum_w b_w)^2}
+
+    The interval is that of Student's distribution on the logarithm, with the windows less one as
+    its degrees of freedom.
+
+    Parameters
+    ----------
+    before, after : ndarray of shape (n_windows,)
+        Squares :math:`a_w` and :math:`b_w` of every window.
+
+    Returns
+    -------
+    ShareLeft
+        The share; its interval has no ends where there is one window only.
+
+    Examples
+    --------
+    >>> print(*(f"{end:.3f}" for end in share_left(np.ones(4), np.array([0.4, 0.6, 0.5, 0.5]))))
+    0.500 0.385 0.649
+    """
+    share = float(after.sum() / before.sum())
+    if after.size < 2:
+        return ShareLeft(share, 0.0, np.inf)
+    if not (np.isfinite(share) and share > 0):
+        return ShareLeft(share, share, share)
+    scatter = np.sum((after - share * before) ** 2) * after.size / (after.size - 1)
+    reach = student.ppf(0.975, after.size - 1) * np.sqrt(scatter) / after.sum()
+    return ShareLeft(share, float(share * np.exp(-reach)), float(share * np.exp(reach)))
