@@ -28,9 +28,10 @@ for cause in diagnosis.causes_:
 print("hidden was:", machine.effect)
 
 # %%
-# What could be the cause, and how much error power each suspect leaves alone:
-for effect, target, left in diagnosis.candidates_:
-    print(f"{effect:20} {target:8} {100 * left:6.1f} %")
+# What could be the cause, and how much error power each suspect leaves alone, with its interval:
+for effect, target, *share in diagnosis.candidates_:
+    left, low, high = (100 * part for part in share)
+    print(f"{effect:20} {target:8} {left:6.1f} % ({low:.1f} to {high:.1f})")
 
 # %%
 # Measured, prior and extended model.

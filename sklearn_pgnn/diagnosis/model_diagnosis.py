@@ -123,7 +123,7 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
     refitted_model_ : PhysicsModel
         The prior, re-tuned only.
     parameters_ : dict of str to RetunedParameter
-        The prior's free parameters in the extended model.
+        The prior's free parameters in the extended model, the formula included if there is one.
     gain_ : dict of str to Gain
         Held-out error of every output before, after re-tuning and after extending, over windows
         and in free run.
@@ -346,7 +346,8 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         self.discrepancy_ = None if proposal is None else describe(problem, proposal)
         self.causes_ = name_causes(found.search, result, errors)
         self.gain_ = measure_gain(fitter, result, _seed(self.random_state))
-        self.parameters_ = retuned_parameters(problem, final.fit, errors)
+        whole = final if proposal is None else proposal.trial
+        self.parameters_ = retuned_parameters(problem, whole.fit, parameter_errors(problem, whole))
         self.refitted_model_ = as_judged(problem, result.base.fit)
         self.extended_model_ = as_judged(problem, final.fit)
         self.window_ = problem.scales.window

@@ -148,6 +148,16 @@ def test_what_has_no_name_is_placed_and_described(friction_that_grows_with_the_d
     assert diagnosis.data_quality_ == ()
 
 
+@pytest.mark.core
+def test_parameters_are_those_of_the_model_with_the_formula(
+    friction_that_grows_with_the_deflection,
+):
+    hidden, diagnosis = friction_that_grows_with_the_deflection
+    for name, found in diagnosis.parameters_.items():
+        assert found.value == diagnosis.discrepancy_.model.parameters[name].value
+        assert found.value == pytest.approx(hidden.truth.parameters[name].value, rel=0.05)
+
+
 def test_its_formula_mends_the_model(friction_that_grows_with_the_deflection):
     hidden, diagnosis = friction_that_grows_with_the_deflection
     mended = ModelDiagnosis(diagnosis.discrepancy_.model).fit(hidden.X, hidden.y)

@@ -47,6 +47,7 @@ def parameter_facts(diagnosis) -> ParameterFacts:
     fit, found = diagnosis.records_.fits["extended"], diagnosis.parameters_
     free = {freedom.name: freedom for freedom in fit.freedoms}
     value = {name: parameter.value for name, parameter in fit.model.parameters.items()}
+    value |= {name: parameter.value for name, parameter in found.items()}
     limited = (n for n, f in free.items() if not f.low < value[n] < f.high)
     unfixed = (n for n, p in found.items() if not math.isfinite(p.high - p.low))
     return ParameterFacts(
