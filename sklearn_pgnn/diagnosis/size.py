@@ -52,7 +52,7 @@ def likelihood_interval(
 
     Parameters
     ----------
-    fitter : HypothesisFitter
+    fitter : WindowFitter
         What fitted the hypothesis.
     trial : FittedHypothesis
         The hypothesis, at its minimum.

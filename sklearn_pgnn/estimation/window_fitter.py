@@ -197,7 +197,7 @@ class WindowFitter:
             self._start(fit.model),
             fit.x0,
             max_steps=STEPS,
-            tolerance=small / fit.objective,
+            tolerance=small / fit.objective if fit.objective > 0 else TOLERANCE,
         )
         return held.objective + ((value - own.centre) / own.spread) ** 2 - fit.objective
 
