@@ -42,8 +42,9 @@ def share_left(before: np.ndarray, after: np.ndarray) -> ShareLeft:
 
     Examples
     --------
+    >>> import numpy as np
     >>> print(*(f"{end:.3f}" for end in share_left(np.ones(4), np.array([0.4, 0.6, 0.5, 0.5]))))
-    0.500 0.385 0.649
+    0.500 0.386 0.648
     """
     share = float(after.sum() / before.sum())
     if after.size < 2:

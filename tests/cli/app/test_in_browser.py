@@ -40,6 +40,7 @@ def visit(browser, url):
     def open_page(width=1280, scheme="light"):
         size = {"width": width, "height": 900}
         context = browser.new_context(viewport=size, color_scheme=scheme)
+        context.set_default_timeout(180_000)  # [ms]; the machine may have other work
         page = context.new_page()
         page.on("console", lambda message: said.append(message.text))
         page.on("pageerror", lambda error: said.append(str(error)))

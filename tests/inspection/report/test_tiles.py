@@ -30,10 +30,19 @@ def test_a_cause_that_records_cannot_tell_is_amber_with_its_rivals():
     assert "input bias of F" in sure.text
 
 
-def test_what_no_one_can_name_is_red_and_a_parameter_at_its_limit_amber():
+def test_what_no_one_can_name_is_red_and_parameters_are_those_beside_the_formula():
     diagnosis = situation("unexplained")
-    assert states(diagnosis) == ["bad", "bad", "good", "look"]
-    assert set(parameter_facts(diagnosis).at_limit) == {"m", "d"}
+    assert states(diagnosis)[:3] == ["bad", "bad", "good"]
+    assert parameter_facts(diagnosis).at_limit == ()
+
+
+def test_a_parameter_at_its_limit_is_amber():
+    diagnosis = copy(situation("adequate"))
+    (free,) = (f for f in diagnosis.records_.fits["extended"].freedoms if f.name == "m")
+    found = replace(diagnosis.parameters_["m"], value=free.high)
+    diagnosis.parameters_ = {**diagnosis.parameters_, "m": found}
+    assert parameter_facts(diagnosis).at_limit == ("m",)
+    assert states(diagnosis)[3] == "look"
 
 
 def test_faults_of_the_records_are_amber():
