@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from itertools import combinations
 
 import numpy as np
 
@@ -336,8 +337,9 @@ class Search:
         held = self.fitter.held(cause)
         special = [c for c in kin if c.id in cause.generalises]
         special += [c for c in others if isinstance(c, WrongParameter) and c.target in held]
-        for parts in [[c] for c in special] + ([special] if len(special) > 1 else []):
-            found.append(self.fitter.exchange(ground, cause, parts))
+        for count in range(1, len(special) + 1):
+            for parts in combinations(special, count):
+                found.append(self.fitter.exchange(ground, cause, list(parts)))
         return found
 
     # -- the criterion -------------------------------------------------------------------------
@@ -373,9 +375,15 @@ class Search:
         return self.criterion.names(before, after, n_causes, less, retuned)
 
     def _is_preferred(self, other: FittedHypothesis, current: FittedHypothesis) -> bool:
-        """Return whether a hypothesis refutes another one, or is simpler and not refuted."""
-        simpler = other.hypothesis.complexity < current.hypothesis.complexity
-        return self.refutes(other, current) or (simpler and not self.refutes(current, other))
+        """Return whether a hypothesis refutes another one, or is simpler and not refuted.
+
+        One that takes more to say pays for the candidates it was chosen from.
+        """
+        more, less = other.hypothesis.complexity, current.hypothesis.complexity
+        needed = self.criterion.to_name if more > less else self.criterion.to_refute
+        if self.evidence(current, other) > needed:
+            return True
+        return more < less and not self.refutes(current, other)
 
     # -- result --------------------------------------------------------------------------------
 
