@@ -1,6 +1,7 @@
 """What several tests share."""
 
 import os
+import shutil
 from pathlib import Path
 
 import hypothesis
@@ -26,3 +27,18 @@ def real_data() -> Path:
     if not folder.is_dir():
         pytest.skip("no measured records here; SKLEARN_PGNN_DATA names their folder")
     return folder
+
+
+@pytest.fixture(scope="module")
+def browser():
+    """Return a headless Chromium, or skip the test where there is none."""
+    playwright = pytest.importorskip("playwright.sync_api")
+    names = "chromium", "chromium-browser", "google-chrome"
+    found = next(filter(None, map(shutil.which, names)), None)
+    with playwright.sync_playwright() as tools:
+        try:
+            opened = tools.chromium.launch(executable_path=found, args=["--no-sandbox"])
+        except playwright.Error as error:
+            pytest.skip(f"no Chromium here: {error}")
+        yield opened
+        opened.close()

@@ -346,8 +346,10 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         self.discrepancy_ = None if proposal is None else describe(problem, proposal)
         self.causes_ = name_causes(found.search, result, errors)
         self.gain_ = measure_gain(fitter, result, _seed(self.random_state))
+        if proposal is not None:  # parameters are those of the model with the formula
+            errors = parameter_errors(problem, proposal.trial)
         whole = final if proposal is None else proposal.trial
-        self.parameters_ = retuned_parameters(problem, whole.fit, parameter_errors(problem, whole))
+        self.parameters_ = retuned_parameters(problem, whole.fit, errors)
         self.refitted_model_ = as_judged(problem, result.base.fit)
         self.extended_model_ = as_judged(problem, final.fit)
         self.window_ = problem.scales.window

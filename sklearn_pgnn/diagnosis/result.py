@@ -8,7 +8,7 @@ import numpy as np
 
 from sklearn_pgnn.diagnosis.search import Search
 from sklearn_pgnn.diagnosis.search_result import SearchResult
-from sklearn_pgnn.diagnosis.size import likelihood_interval
+from sklearn_pgnn.diagnosis.size import likelihood_intervals
 from sklearn_pgnn.estimation.budgets import DRAWS
 from sklearn_pgnn.estimation.candidate import Candidate
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
@@ -192,15 +192,17 @@ def name_causes(search: Search, result: SearchResult, errors) -> tuple[NamedCaus
 
 def _estimates(fitter, trial: FittedHypothesis, cause, errors) -> dict[str, Estimate]:
     free = {freedom.name for freedom in trial.fit.freedoms}
-    found = {}
-    for field, name in cause.names().items():
-        if field in trial.hypothesis.taken_over(cause):
-            continue
-        found[field] = estimate_of(trial.fit.model, name, errors)
-        if name in free and trial.fit.usable:
-            low, high = likelihood_interval(fitter, trial, name, errors[name])
-            found[field] = replace(found[field], low=low, high=high)
-    return found
+    own = {f: n for f, n in cause.names().items() if f not in trial.hypothesis.taken_over(cause)}
+    found = {field: estimate_of(trial.fit.model, name, errors) for field, name in own.items()}
+    if not trial.fit.usable:
+        return found
+    fitted = {name: errors[name] for name in own.values() if name in free}
+    intervals = likelihood_intervals(fitter, trial, fitted)
+    return {
+        field: replace(found[field], low=low, high=high)
+        for field, name in own.items()
+        for low, high in [intervals.get(name, (found[field].low, found[field].high))]
+    }
 
 
 def _gain_percent(without: HeldOut, with_: HeldOut) -> float:

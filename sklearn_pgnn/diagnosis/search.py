@@ -233,7 +233,7 @@ class Search:
 
     def _begin_anew(self, current: FittedHypothesis) -> FittedHypothesis:
         """Fit earlier causes from their starts again: they may have stood for the last one too."""
-        *earlier, _ = current.hypothesis.causes or (None,)
+        earlier = current.hypothesis.causes[:-1]
         if not earlier:
             return current
         ground = self.fitter.subsample(current)
@@ -355,7 +355,12 @@ class Search:
 
     def refutes(self, better: FittedHypothesis, worse: FittedHypothesis) -> bool:
         """Return whether the second of two hypotheses is refuted by the first."""
-        return self.evidence(worse, better) > self.criterion.to_refute
+        return self._exceeds(worse, better, self.criterion.to_refute)
+
+    def _exceeds(self, without: FittedHypothesis, with_: FittedHypothesis, needed: float) -> bool:
+        """Return whether the evidence exceeds a number; the overdispersion only lessens it."""
+        raw = self.criterion.evidence(*map(self.fitter.held_out, (without, with_)))
+        return raw > needed and raw / self._overdispersion(without, with_) > needed
 
     def _overdispersion(self, without: FittedHypothesis, with_: FittedHypothesis) -> float:
         left = self.fitter.held_out(with_).windows
@@ -364,13 +369,13 @@ class Search:
         return overdispersion_along(self.fitter.problem, with_, _own(without, with_), left)
 
     def _names(self, without, with_, n_causes=1) -> bool:
-        causes, evidence = _own(without, with_), self.evidence(without, with_)
-        if causes and causes <= self.given:
-            return evidence > 0.0
-        if evidence <= n_causes * self.criterion.to_name:
-            return False
         trials = without, with_, self.fitter.base()
         before, after, retuned = (self.fitter.held_out(trial) for trial in trials)
+        causes, raw = _own(without, with_), self.criterion.evidence(before, after)
+        if causes and causes <= self.given:
+            return raw > 0.0
+        if raw <= n_causes * self.criterion.to_name:
+            return False
         less = self._overdispersion(without, with_)
         return self.criterion.names(before, after, n_causes, less, retuned)
 
@@ -381,7 +386,7 @@ class Search:
         """
         more, less = other.hypothesis.complexity, current.hypothesis.complexity
         needed = self.criterion.to_name if more > less else self.criterion.to_refute
-        if self.evidence(current, other) > needed:
+        if self._exceeds(current, other, needed):
             return True
         return more < less and not self.refutes(current, other)
 

@@ -1,7 +1,7 @@
 """How well records fix the sizes of causes."""
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 
 import numpy as np
 from scipy.stats import t as student
@@ -28,8 +28,7 @@ def parameter_errors(problem: EstimationProblem, trial: FittedHypothesis) -> dic
     They are scaled so that 1.96 of them make a 95 % interval by Student's t-distribution, the
     blocks less the parameters being its degrees of freedom.
     """
-    fit, estimate = trial.fit, problem.states.estimate(trial.fit.model)
-    expected = estimate.x[problem.windows.starts], estimate.spread
+    fit, expected = trial.fit, _expected_starts(problem, trial)
     blocks = len(problem.windows) * problem.windows.blocks
     wider = student.ppf(0.975, max(blocks - len(fit.freedoms), 1)) / NORMAL_95
     errors = {name: wider * e for name, e in standard_errors(fit, *expected).items()}
@@ -40,12 +39,12 @@ def parameter_errors(problem: EstimationProblem, trial: FittedHypothesis) -> dic
     return {name: math.hypot(error, more[name]) for name, error in errors.items()}
 
 
-def likelihood_interval(
-    fitter: WindowFitter, trial: FittedHypothesis, name: str, error: float
-) -> tuple[float, float]:
-    r"""Return the 95 % interval of a parameter, reaching as far as its likelihood does.
+def likelihood_intervals(
+    fitter: WindowFitter, trial: FittedHypothesis, errors: Mapping[str, float]
+) -> dict[str, tuple[float, float]]:
+    r"""Return the 95 % intervals of parameters, reaching as far as their likelihood does.
 
-    Where the objective is the parabola of its curvature :math:`c` it ends at
+    Where the objective is the parabola of its curvature :math:`c` an interval ends at
     :math:`\pm 1.96 \sigma`, which costs :math:`c (1.96 \sigma)^2`. A limit that records hardly meet
     costs less beyond: there the interval reaches on until it costs as much, with all other
     parameters and the initial states fitted again.
@@ -56,25 +55,30 @@ def likelihood_interval(
         What fitted the hypothesis.
     trial : FittedHypothesis
         The hypothesis, at its minimum.
-    name : str
-        One of its free parameters.
-    error : float
-        Its standard error :math:`\sigma` [its unit].
+    errors : mapping of str to float
+        By free parameter, its standard error :math:`\sigma` [its unit].
 
     Returns
     -------
-    tuple of float
-        Lower and upper end, open (at the parameter's bounds) where a limit of the fit is reached.
+    dict of str to tuple of float
+        By parameter, lower and upper end, open (at its bounds) where a limit of the fit is reached.
     """
-    problem, fit = fitter.problem, trial.fit
+    sharp = curvatures(trial.fit, *_expected_starts(fitter.problem, trial))
+    return {
+        name: _likelihood_interval(fitter, trial, name, error, sharp[name])
+        for name, error in errors.items()
+    }
+
+
+def _likelihood_interval(
+    fitter: WindowFitter, trial: FittedHypothesis, name: str, error: float, curvature: float
+) -> tuple[float, float]:
+    fit = trial.fit
     (free,) = (freedom for freedom in fit.freedoms if freedom.name == name)
     value, bounds = fit.model.parameters[name].value, fit.model.parameters[name].bounds
     if not math.isfinite(error):
         return bounds
-    estimate = problem.states.estimate(fit.model)
-    expected = estimate.x[problem.windows.starts]
-    cost = curvatures(fit, expected, estimate.spread)[name] * (NORMAL_95 * error) ** 2
-    ends = []
+    cost, ends = curvature * (NORMAL_95 * error) ** 2, []
     for side, limit, bound in zip((-1, 1), (free.low, free.high), bounds, strict=True):
         reach, further = NORMAL_95 * error, 2.0
         while further > 1.0 + FINENESS and side * (limit - value) > reach:
@@ -110,9 +114,13 @@ def overdispersion_along(
     float
         The largest mean overdispersion of a cause's parameters, at least 1.
     """
-    estimate, fit = problem.states.estimate(trial.fit.model), trial.fit
     dispersion = float((residuals.squares * residuals.times).sum() / residuals.counts.sum())
-    expected = estimate.x[problem.windows.starts]
-    found = overdispersion(fit, expected, estimate.spread, dispersion)
+    found = overdispersion(trial.fit, *_expected_starts(problem, trial), dispersion)
     ratios = [[found[name] for name in c.names().values() if name in found] for c in causes]
     return max((float(np.mean(ratio)) for ratio in ratios if ratio), default=1.0)
+
+
+def _expected_starts(problem, trial: FittedHypothesis) -> tuple[np.ndarray, np.ndarray]:
+    """Return the expected initial states of the windows, and how uncertain they are."""
+    estimate = problem.states.estimate(trial.fit.model)
+    return estimate.x[problem.windows.starts], estimate.spread

@@ -38,7 +38,7 @@ def delayed_inputs(model: PhysicsModel, t, u, linear_hold: bool = False):
         i = list(model.inputs).index(name)
         acting[:, i], slope = shift(t, u[:, i], model.parameters[delay].value)
         slopes.append(slope)
-    return np.column_stack([acting, *slopes])
+    return np.ascontiguousarray(np.column_stack([acting, *slopes]))
 
 
 def _held(t, u, delay):

@@ -222,15 +222,19 @@ def unsigned_states(model: PhysicsModel) -> tuple[str, ...]:
 
 
 def free_run(model: PhysicsModel, windows: ShootingWindows, a: int, b: int, x0) -> Simulation:
-    """Simulate samples `a` to `b` of the records; a failure is left to the reader of the result.
+    """Simulate samples `a` to `b` of a record; a failure is left to the reader of the result.
 
     What a delayed input did before them is known from the record.
     """
-    acting = windows.acting_inputs(model)[a:b]
+    record = int(np.searchsorted(windows.bounds, a, side="right")) - 1
+    begin = windows.bounds[record]
+    acting = windows.acting_in_record(model, record)[a - begin : b - begin]
     options = {"substeps": windows.substeps, "hold": windows.hold}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        return simulate_acting(model, windows.t[a:b], acting, np.array(x0, dtype=float), **options)
+        return simulate_acting(
+            model, windows.t[a:b], acting, np.asarray(x0, dtype=float), **options
+        )
 
 
 def _finite(start: dict) -> dict:

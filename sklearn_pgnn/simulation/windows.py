@@ -149,11 +149,13 @@ class ShootingWindows:
         """Return the inputs with the model's delays applied, record by record."""
         if not model.delays:
             return self.u
-        blocks = [
-            delayed_inputs(model, self.t[a:b], self.u[a:b], self.hold == "foh")
-            for a, b in zip(self.bounds[:-1], self.bounds[1:], strict=True)
-        ]
-        return np.ascontiguousarray(np.concatenate(blocks))
+        records = range(len(self.bounds) - 1)
+        return np.concatenate([self.acting_in_record(model, record) for record in records])
+
+    def acting_in_record(self, model: PhysicsModel, record: int) -> np.ndarray:
+        """Return one record's inputs with the model's delays applied."""
+        of = slice(*self.bounds[record : record + 2])
+        return delayed_inputs(model, self.t[of], self.u[of], self.hold == "foh")
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from sledge import SLEDGE, drive
 from sklearn_pgnn import effects
 from sklearn_pgnn.diagnosis import size
 from sklearn_pgnn.diagnosis.size import (
-    likelihood_interval,
+    likelihood_intervals,
     overdispersion_along,
     parameter_errors,
 )
@@ -126,9 +126,9 @@ def test_the_interval_of_a_load_is_that_of_its_standard_error():
     fitter, trial = disturbed(0.0)
     error = parameter_errors(fitter.problem, trial)["F0_v"]
     value = trial.fit.model.parameters["F0_v"].value
-    low, high = likelihood_interval(fitter, trial, "F0_v", error)
+    low, high = likelihood_intervals(fitter, trial, {"F0_v": error})["F0_v"]
     np.testing.assert_allclose([low, high], value + 1.96 * error * np.array([-1, 1]), rtol=0.2)
-    assert likelihood_interval(fitter, trial, "F0_v", np.inf) == (-np.inf, np.inf)
+    assert likelihood_intervals(fitter, trial, {"F0_v": np.inf})["F0_v"] == (-np.inf, np.inf)
 
 
 def test_the_interval_of_an_end_that_records_do_not_meet_is_open():
@@ -140,6 +140,6 @@ def test_the_interval_of_an_end_that_records_do_not_meet_is_open():
     trial = fitter.polish(fitter.fit_all(found, base))
     errors = parameter_errors(fitter.problem, trial)
     upper, lower = (ends.names()[end] for end in ("upper", "lower"))
-    low, high = likelihood_interval(fitter, trial, upper, errors[upper])
+    low, high = likelihood_intervals(fitter, trial, {upper: errors[upper]})[upper]
     assert low <= 0.9 <= high < low + 0.02
-    assert likelihood_interval(fitter, trial, lower, errors[lower])[0] == -np.inf
+    assert likelihood_intervals(fitter, trial, {lower: errors[lower]})[lower][0] == -np.inf

@@ -1,29 +1,11 @@
 """The page in a browser, as a person uses it: with a mouse, with keys, on a phone, at night."""
 
-import shutil
-
 import numpy as np
 import pytest
 
 pytest.importorskip("uvicorn")
 pytest.importorskip("starlette")
-playwright = pytest.importorskip("playwright.sync_api")
-
-from served import served  # noqa: E402
-
-BROWSERS = ("chromium", "chromium-browser", "google-chrome")
-
-
-@pytest.fixture(scope="module")
-def browser():
-    found = next(filter(None, map(shutil.which, BROWSERS)), None)
-    with playwright.sync_playwright() as tools:
-        try:
-            opened = tools.chromium.launch(executable_path=found, args=["--no-sandbox"])
-        except playwright.Error as error:
-            pytest.skip(f"no Chromium here: {error}")
-        yield opened
-        opened.close()
+from served import served
 
 
 @pytest.fixture(scope="module")

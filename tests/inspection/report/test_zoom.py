@@ -1,29 +1,11 @@
 """A report in a browser: parts made large, values told; without scripts all is readable."""
 
-import shutil
-
 import pytest
+from situations import situation
 
-playwright = pytest.importorskip("playwright.sync_api")
+from sklearn_pgnn.inspection.report import write_report
 
-from situations import situation  # noqa: E402
-
-from sklearn_pgnn.inspection.report import write_report  # noqa: E402
-
-BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 WHOLE = "0 0 1000 1000"
-
-
-@pytest.fixture(scope="module")
-def browser():
-    found = next(filter(None, map(shutil.which, BROWSERS)), None)
-    with playwright.sync_playwright() as tools:
-        try:
-            opened = tools.chromium.launch(executable_path=found, args=["--no-sandbox"])
-        except playwright.Error as error:
-            pytest.skip(f"no Chromium here: {error}")
-        yield opened
-        opened.close()
 
 
 @pytest.fixture(scope="module")
