@@ -37,6 +37,9 @@ class Outcome:
         Members of the largest group said to be inseparable; 1 for a name without doubt.
     covered, intervals : int
         Intervals of rightly named effects with the truth inside, and all of them.
+    chances : list of (float, bool)
+        Probabilities of the named causes and of what may be in their places, and whether each is
+        what was hidden.
     seconds : float
         Time the diagnosis took [s].
     """
@@ -52,6 +55,7 @@ class Outcome:
     group: int
     covered: int
     intervals: int
+    chances: list
     seconds: float
 
     @property
@@ -74,7 +78,7 @@ def run(case: Case) -> Outcome:
         diagnosis = ModelDiagnosis(hidden.prior, n_jobs=1).fit(hidden.X, hidden.y)
     except Exception as error:
         said = f"{type(error).__name__}: {error}"
-        return Outcome(*_key(case), truth, said, "failed", "", 0, 0, 0, _since(start))
+        return Outcome(*_key(case), truth, said, "failed", "", 0, 0, 0, [], _since(start))
     seconds = _since(start)
     groups = [
         {(c.effect, c.target), *((o.effect, o.target) for o in c.confused_with)}
@@ -91,6 +95,7 @@ def run(case: Case) -> Outcome:
         max(map(len, groups), default=0),
         sum(inside),
         len(inside),
+        _chances(diagnosis, hidden),
         seconds,
     )
 
@@ -117,7 +122,7 @@ def judge(kind, diagnosis, hidden, groups) -> str:
         return "wrong" if groups else "named"
     if kind == "law":
         return _judge_law(diagnosis, hidden)
-    truth = {_as_named(hidden.prior, effect) for effect in hidden.effects}
+    truth = _truth(hidden)
     groups = [group for group in groups if not group & _special_cases(hidden)]
     matched = _matched(groups, truth)
     if matched < len(groups):
@@ -125,6 +130,11 @@ def judge(kind, diagnosis, hidden, groups) -> str:
     if matched < len(truth):
         return "absorbed" if _leaves_noise(diagnosis) else "missed"
     return "named" if max(map(len, groups), default=1) == 1 else "group"
+
+
+def _truth(hidden) -> set[tuple[str, str]]:
+    """Return the names of what was hidden."""
+    return {_as_named(hidden.prior, effect) for effect in hidden.effects}
 
 
 def _special_cases(hidden) -> set[tuple[str, str]]:
@@ -163,6 +173,13 @@ def _matched(groups, truth) -> int:
 def _leaves_noise(diagnosis) -> bool:
     gains = diagnosis.gain_.values()
     return all(g.extended**2 - g.noise**2 < LEFT * g.extended**2 for g in gains)
+
+
+def _chances(diagnosis, hidden) -> list[tuple[float, bool]]:
+    """Return the probabilities of causes and rivals, and whether each is right."""
+    right = _truth(hidden) | _special_cases(hidden)
+    every = [each for cause in diagnosis.causes_ for each in (cause, *cause.confused_with)]
+    return [(float(each.probability), (each.effect, each.target) in right) for each in every]
 
 
 def _inside(diagnosis, hidden) -> list[bool]:
