@@ -7,14 +7,12 @@ import re
 
 from docutils import nodes
 
-COUNTS = re.compile(r"\d+( / (\d+|-)){2,}")
+COUNTS = re.compile(r"\d+( / \d+){3}")
 KINDS = ("named", "absorbed", "missed", "wrong")
-#: the same where nothing is hidden
-OF_NOTHING = ("quiet", "-", "-", "false alarm")
 #: a share up to which a kind does not colour a cell
 SELDOM = 0.05
-#: beginnings of the rows that sum the others up
-TOTALS = ("all effects", "nothing", "intervals")
+#: beginning of the row that sums the others up
+TOTAL = "all effects"
 
 
 def colour(_app, doctree) -> None:
@@ -24,30 +22,27 @@ def colour(_app, doctree) -> None:
             continue
         table["classes"].append("heat")
         for body in table.findall(nodes.tbody):
-            body.children.sort(key=lambda row: not row[0].astext().startswith(TOTALS))
+            body.children.sort(key=lambda row: not row[0].astext().startswith(TOTAL))
             for row in body:
                 _colour_row(row)
 
 
 def _colour_row(row) -> None:
-    name = row[0].astext()
-    if name.startswith(TOTALS):
+    if row[0].astext().startswith(TOTAL):
         row["classes"].append("total")
     for cell in row:
         if COUNTS.fullmatch(cell.astext()):
-            _colour(cell, OF_NOTHING if name.startswith("nothing (") else KINDS)
-    if name.startswith("nothing ("):  # its brackets said in which order the counts stand
-        row[0].children = [nodes.paragraph("", "nothing")]
+            _colour(cell)
 
 
-def _colour(cell, kinds) -> None:
+def _colour(cell) -> None:
     """Give a cell the class of the worst that it counts, and say what it counts in words."""
-    counts = [int(part) if part != "-" else 0 for part in cell.astext().split(" / ")]
-    said = [(count, kind) for count, kind in zip(counts, kinds, strict=False) if count]
+    counts = [int(part) for part in cell.astext().split(" / ")]
+    said = [(count, kind) for count, kind in zip(counts, KINDS, strict=True) if count]
     if not said:
         return
     telling = [kind for count, kind in said if count > SELDOM * sum(counts)]
-    cell["classes"].append(f"heat-{telling[-1].split()[-1]}")
+    cell["classes"].append(f"heat-{telling[-1]}")
     words = [kind if sum(counts) == 1 else f"{count} {kind}" for count, kind in said]
     cell.children = [nodes.paragraph("", word) for word in words]
 

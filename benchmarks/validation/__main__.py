@@ -19,11 +19,11 @@ from tables import ROWS, write
 
 
 def chosen(said):
-    """Return the cases that were asked for."""
+    """Return the cases that were asked for, in an order drawn at random."""
     cases = all_cases(DEVELOPMENT if said.development else FROZEN)
     cases = [case for case in cases if case.kind in said.only]
     random.Random(0).shuffle(cases)
-    return cases[: said.count]
+    return cases
 
 
 def known(path) -> list[Outcome]:
@@ -42,7 +42,8 @@ def main():
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--results", type=Path, default=Path("validation.jsonl"))
     said = parser.parse_args()
-    cases = chosen(said)
+    drawn = chosen(said)
+    cases = drawn[: said.count]
     outcomes = [outcome for outcome in known(said.results) if outcome.case in cases]
     left = [case for case in cases if case not in {outcome.case for outcome in outcomes}]
     with said.results.open("a") as file:
@@ -55,8 +56,8 @@ def main():
             print(f"{len(outcomes)}/{len(cases)}", *outcome.to_dict().values(), flush=True)
     for kind in said.only:
         print(kind, dict(Counter(o.outcome for o in outcomes if o.kind == kind)))
-    if not said.development and said.count is None:
-        write(outcomes)
+    if not said.development:
+        write(outcomes, len(drawn))
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 """The validation as tables of the documentation, with binomial intervals."""
 
 import datetime
+import itertools
 from collections import Counter
 from pathlib import Path
 
@@ -21,14 +22,23 @@ ROWS = {
 }
 
 
-def write(outcomes) -> None:
-    """Write the counts, and every case that was missed, wrong or failed."""
+#: kinds in which what is hidden has a name in the catalogue, or is nothing
+WITH_NAMES = ("single", "pair", "triple", "nothing")
+#: edges of the bins of probabilities
+EDGES = (0.0, 0.05, 0.2, 0.4, 0.6, 0.8, 0.95, 0.99, 1.0)
+
+
+def write(outcomes, drawn) -> None:
+    """Write the counts, the probabilities, and every case that was missed, wrong or failed."""
     date = datetime.date.today().isoformat()
     first = (
-        f"Written on {date} by sklearn-pgnn {sklearn_pgnn.__version__}: {len(outcomes)} cases; "
-        f"the median diagnosis took {np.median([o.seconds for o in outcomes]):.1f} s on one core."
+        f"Written on {date} by sklearn-pgnn {sklearn_pgnn.__version__}: {len(outcomes)} of {drawn} "
+        f"cases; the median diagnosis took {np.median([o.seconds for o in outcomes]):.1f} s on one "
+        f"core."
     )
     _lines("validation.rst", [first, "", *_table(_HEAD, list(_rows(outcomes)))])
+    _lines("validation_effects.rst", _effects([o for o in outcomes if o.kind == "single"]))
+    _lines("validation_chances.rst", _chances([o for o in outcomes if o.kind in WITH_NAMES]))
     bad = [o for o in outcomes if o.outcome in ("missed", "wrong", "failed")]
     rows = [[o.kind, o.machine, o.hidden or o.detail, o.outcome, o.said] for o in bad]
     head = ["kind", "machine", "hidden, or sensor", "", "said"]
@@ -62,6 +72,40 @@ def _row(title, of):
         _share(right, told),
         _share(covered, intervals),
     ]
+
+
+def _effects(outcomes) -> list[str]:
+    """Count what was named, absorbed, missed and wrong by effect and machine."""
+    machines = sorted({o.machine for o in outcomes})
+    rows = [["all effects", *(_counts(outcomes, machine) for machine in (*machines, None))]]
+    for effect in sorted({o.detail for o in outcomes}):
+        of = [o for o in outcomes if o.detail == effect]
+        rows.append([effect, *(_counts(of, machine) for machine in (*machines, None))])
+    return _table(["hidden", *machines, "all"], rows)
+
+
+def _counts(outcomes, machine) -> str:
+    counts = Counter(o.outcome for o in outcomes if machine in (o.machine, None))
+    bad = counts["wrong"] + counts["failed"]
+    found = [counts["named"] + counts["group"], counts["absorbed"], counts["missed"], bad]
+    return " / ".join(map(str, found)) if sum(found) else ""
+
+
+def _chances(outcomes) -> list[str]:
+    """Compare probabilities with how often what has them is right."""
+    said = [(chance, right) for o in outcomes for chance, right in o.chances]
+    chances, rights = np.array([c for c, _ in said]), np.array([r for _, r in said], dtype=bool)
+    bins, rows, error = np.digitize(chances, EDGES[1:-1]), [], 0.0
+    for which, (low, high) in enumerate(itertools.pairwise(EDGES)):
+        of = bins == which
+        if of.any():
+            error += abs(chances[of].mean() - rights[of].mean()) * of.mean()
+            share = _share(int(rights[of].sum()), int(of.sum()))
+            rows.append(
+                [f"{low} to {high}", str(of.sum()), f"{100 * chances[of].mean():.1f}", share]
+            )
+    head = ["probability", "causes and rivals", "mean of it [%]", "right, 95 % interval"]
+    return [f"Mean calibration error: {100 * error:.1f} points.", "", *_table(head, rows)]
 
 
 def _share(count, total) -> str:

@@ -105,7 +105,7 @@ def friction():
     return hidden, diagnose(hidden)
 
 
-#: one of every kind; `benchmarks/diagnosis.py` hides all of them, on four machines
+#: one of every kind; `benchmarks/validation` hides all of them
 HIDDEN = (
     "coulomb_friction",
     "asymmetric_friction",
