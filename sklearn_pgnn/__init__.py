@@ -17,6 +17,7 @@ __version__ = "0.1.0.dev0"
 _OBJECTS = {
     "Effect": "sklearn_pgnn.physics",
     "FleetDiagnosis": "sklearn_pgnn.fleet",
+    "GreyBoxRegressor": "sklearn_pgnn.grey_box",
     "ModelDiagnosis": "sklearn_pgnn.diagnosis",
     "PGNNLRegressor": "sklearn_pgnn.estimators.pgnnl",
     "Parameter": "sklearn_pgnn.physics",

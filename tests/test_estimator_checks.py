@@ -15,6 +15,7 @@ from sklearn.utils.estimator_checks import check_estimator, parametrize_with_che
 from sklearn.utils.validation import check_is_fitted, validate_data
 
 from sklearn_pgnn import (
+    GreyBoxRegressor,
     ModelDiagnosis,
     PGNNLRegressor,
     PhysicsModel,
@@ -32,6 +33,7 @@ ESTIMATORS = [
     ResidualRegressor(LAG),
     SINDYcRegressor(LAG),
     PGNNLRegressor(LAG, max_epochs=2, refine=None),
+    GreyBoxRegressor(LAG, depths=["prior", "fitted"], n_splits=2),
 ]
 #: how the reader refuses columns that the model forbids
 OF_THE_COLUMNS = (

@@ -23,7 +23,7 @@ FLOORS = (
     {"record_quality"},
     {"experiment_design"},
     {"diagnosis"},
-    {"inspection"},
+    {"grey_box", "inspection"},
     {"export", "datasets", "fleet"},
     {"cli", "__main__"},
 )

@@ -16,6 +16,7 @@ from sklearn.base import clone
 
 import sklearn_pgnn
 from sklearn_pgnn import (
+    GreyBoxRegressor,
     ModelDiagnosis,
     PGNNLRegressor,
     PhysicsModelRegressor,
@@ -58,6 +59,7 @@ ESTIMATORS = {
     "ResidualRegressor": ResidualRegressor(CART),
     "SINDYcRegressor": SINDYcRegressor(CART),
     "ModelDiagnosis": ModelDiagnosis(CART, targets=["v", "d"], catalogue=EFFECTS, max_causes=1),
+    "GreyBoxRegressor": GreyBoxRegressor(CART, depths=["prior", "fitted"]),
     "PGNNLRegressor": PGNNLRegressor(CART, structure="correction", **QUICK),
     "PGNNLRegressor with physics": PGNNLRegressor(
         CART, lambda_phy=0.2, structure="increment", horizon=3, rollout_epochs=1,
@@ -132,6 +134,14 @@ TRUSTED = {
         "sklearn_pgnn.simulation.uncertainty.Estimate",
         "sklearn_pgnn.simulation.windows.ShootingWindows",
         *(f"{effect.__module__}.{effect.__name__}" for effect in EFFECTS),
+    },
+    "GreyBoxRegressor": {
+        MODEL,
+        "sklearn_pgnn.estimators.physics_model_regressor.PhysicsModelRegressor",
+        "sklearn_pgnn.grey_box.depth.FittedDepth",
+        "sklearn_pgnn.grey_box.grey_box_regressor.GreyBoxRegressor",
+        "sklearn_pgnn.grey_box.tables.PlainTable",
+        "sklearn_pgnn.simulation.uncertainty.Estimate",
     },
     "PGNNLRegressor": GUIDED | {FEED_FORWARD},
     "PGNNLRegressor with physics": GUIDED

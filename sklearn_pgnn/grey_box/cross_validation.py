@@ -1,0 +1,105 @@
+"""What a depth is worth on records that its fit has not seen."""
+
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from sklearn_pgnn.grey_box.depth import FittedDepth, find_unknown_starts
+from sklearn_pgnn.grey_box.tables import PlainTable
+
+
+@dataclass(frozen=True)
+class FoldResult:
+    """A depth, fitted without what a fold hides, and its errors there.
+
+    Parameters
+    ----------
+    fitted : FittedDepth
+        The depth.
+    errors : list of float
+        Root mean square error in free run of every trajectory with hidden samples, in standard
+        deviations of the outputs.
+    left : ndarray of shape (n_hidden, n_outputs)
+        Magnitude of the errors sample by sample, NaN where nothing was measured.
+    """
+
+    fitted: FittedDepth
+    errors: list[float]
+    left: np.ndarray
+
+
+def judge(
+    fit: Callable[[PlainTable, np.ndarray], FittedDepth],
+    table: PlainTable,
+    hidden: np.ndarray,
+    window: int,
+) -> FoldResult:
+    """Fit a depth without the hidden samples, and compare its free run with these.
+
+    Parameters
+    ----------
+    fit : callable
+        Takes the records and which samples are visible.
+    table : PlainTable
+        The records.
+    hidden : ndarray of bool, shape (n_samples,)
+        What the fit must not see.
+    window : int
+        First samples of wholly hidden trajectories from which an unknown initial state is found;
+        they do not count.
+
+    Returns
+    -------
+    FoldResult
+        The errors.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # the final fit gives them again
+        fitted = fit(table, ~hidden)
+        starts = _starts(fitted, table, hidden, window)
+        left = np.abs(fitted.predict(table, starts) - table.y)
+    unseen = np.repeat(_is_unseen(table, hidden), table.lengths)
+    counts = hidden & ~(unseen & (table.place < window))
+    left = np.where(counts[:, None], left, np.nan)
+    relative = left / output_spread(table.y)
+    with np.errstate(invalid="ignore"):
+        squares = pd.DataFrame(relative**2).groupby(table.X["trajectory"]).mean().mean(axis=1)
+    return FoldResult(fitted, np.sqrt(squares.dropna()).tolist(), left[hidden])
+
+
+def mean_error(results: list[FoldResult]) -> float:
+    """Return the geometric mean of the errors, so that no fold or trajectory decides alone."""
+    errors = np.concatenate([result.errors for result in results])
+    with np.errstate(divide="ignore"):
+        return float(np.exp(np.mean(np.log(errors))))
+
+
+def output_spread(y: np.ndarray) -> np.ndarray:
+    """Return the standard deviation of every output, 1 for a constant one."""
+    spread = np.nanstd(y, axis=0)
+    return np.where(spread > 0, spread, 1.0)
+
+
+def training_error(fitted: FittedDepth, table: PlainTable, visible: np.ndarray) -> np.ndarray:
+    """Return the root mean square error of every output on the visible samples."""
+    left = np.where(visible[:, None], fitted.predict(table, fitted.starts) - table.y, np.nan)
+    return np.maximum(np.sqrt(np.nanmean(left**2, axis=0)), 1e-6 * output_spread(table.y))
+
+
+def _starts(fitted, table, hidden, window) -> pd.DataFrame:
+    unseen = _is_unseen(table, hidden)
+    if not unseen.any():
+        return fitted.starts
+    noise = training_error(fitted, table, ~hidden) if window else np.ones(table.y.shape[1])
+    found = find_unknown_starts(fitted, table, table, window, noise)
+    starts = fitted.starts.copy()
+    starts.loc[unseen] = found.loc[unseen]
+    return starts
+
+
+def _is_unseen(table, hidden) -> np.ndarray:
+    """Return which trajectories are hidden as a whole."""
+    return np.bincount(table.X["trajectory"], weights=~hidden) == 0

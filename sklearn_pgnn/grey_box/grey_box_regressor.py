@@ -1,0 +1,353 @@
+"""The recipe as an estimator: diagnose, fit, learn the rest; cross-validation says how deep."""
+
+from functools import partial
+from numbers import Integral, Real
+
+import numpy as np
+from joblib import Parallel, delayed
+from sklearn.base import BaseEstimator, MultiOutputMixin, RegressorMixin, clone
+from sklearn.utils.validation import check_is_fitted
+
+from sklearn_pgnn.diagnosis import ModelDiagnosis
+from sklearn_pgnn.estimators.progress import teller
+from sklearn_pgnn.exceptions import OptionError
+from sklearn_pgnn.extras import is_installed, needed_by
+from sklearn_pgnn.grey_box.cross_validation import FoldResult, judge, mean_error, training_error
+from sklearn_pgnn.grey_box.depth import FittedDepth, find_unknown_starts, fit_network, fit_physics
+from sklearn_pgnn.grey_box.hidden_parts import WAYS, hidden_parts
+from sklearn_pgnn.grey_box.tables import plain_table, usual_starts
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.trajectories import read_records, rows_in_order
+from sklearn_pgnn.trajectories.lost_units import refuse_standardised
+from sklearn_pgnn.trajectories.validation import check_model, validate_table
+
+#: from the shallowest to the deepest
+DEPTHS = ("prior", "fitted", "extended", "formula", "network")
+
+
+class GreyBoxRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
+    r"""Grey-box model of records: as much physics as they want, and a network only if it helps.
+
+    .. math:: \hat e_d = \exp \frac{1}{n} \sum_{f, r} \log e_{d, f, r}, \qquad
+              d^* = \min \{d : \hat e_d \le (1 + g) \min_{d'} \hat e_{d'}\}
+
+    with the free-run error :math:`e_{d,f,r}` of depth :math:`d`, fitted without what fold
+    :math:`f` hides, on the hidden samples of trajectory :math:`r`, and the `least_gain`
+    :math:`g`. The depths, one after the other, are
+
+    ``"prior"``
+        the model as it is;
+    ``"fitted"``
+        its parameters fitted to whole trajectories in free run;
+    ``"extended"``
+        extended by the causes that `ModelDiagnosis` names, and fitted so;
+    ``"formula"``
+        the formula beside them that it proposes for what has no name in its catalogue;
+    ``"network"``
+        the best of these, and a network trained on what that one leaves.
+
+    The diagnosis is made once, on all training records; the numbers of a fold are fitted without
+    what it hides. Folds hide whole trajectories; where there are fewer trajectories than folds,
+    blocks of time of each, never the first. ``predict`` is the free run from each trajectory's
+    first row.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The prior.
+    depths : sequence of str, optional
+        Depths to choose from; by default all, without the network where its extra is not
+        installed.
+    diagnosis : ModelDiagnosis, optional
+        How to diagnose: its parameters count, its model does not; by default
+        ``ModelDiagnosis(model)``.
+    network : estimator, optional
+        What learns the rest: any regressor with a parameter ``model``, such as `PGNNLRegressor`
+        or `ResidualRegressor`; by default ``PGNNLRegressor(model)``.
+    n_splits : int, default=3
+        Number of folds.
+    by : {"auto", "trajectory", "time"}, default="auto"
+        Whether folds hide whole trajectories or blocks of time.
+    initial_window : int, default=0
+        First samples of a hidden trajectory from which an initial state is found that X does not
+        tell; they do not count. 0 starts it as the model says.
+    least_gain : float, default=0.01
+        Share by which a deeper model must lower the error.
+    time_column : int or str, optional
+        Column of X that holds the time; by default ``"t"``, of an array the first.
+    n_jobs : int, optional
+        Folds that are fitted at once; -1 means as many as there are processors.
+    verbose : int, default=0
+        Whether to print a line for every stage.
+
+    Attributes
+    ----------
+    depth_ : str
+        The depth that was chosen.
+    errors_ : dict of str to float
+        Cross-validated error of every depth that was tried, in standard deviations of the outputs.
+    estimator_ : estimator
+        What predicts: a `PhysicsModelRegressor`, or the network.
+    model_ : PhysicsModel
+        The physical model in it, fitted. It starts where the first trajectory did.
+    parameters_ : dict of str to Estimate
+        Its fitted parameters with their 95 % intervals.
+    diagnosis_ : ModelDiagnosis
+        The diagnosis, where `depths` asks for one.
+    initial_states_ : ndarray of shape (n_trajectories, n_states)
+        State of `model_` at the start of every trajectory.
+    n_features_in_ : int
+        Number of columns of X.
+    feature_names_in_ : ndarray of str
+        Their names, if X has any.
+
+    See Also
+    --------
+    ModelDiagnosis : What is missing, and how sure that is.
+    make_pgnn_pipeline : A network alone.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn import effects
+    >>> cart = PhysicsModel({"v": "m/s"}, {"v": "(F - d*v)/m"}, {"m": 2.0, "d": 0.5}, {"F": "N"},
+    ...                     inertia={"v": "m"})
+    >>> t = np.arange(0, 60, 0.02)
+    >>> F = 2 * np.sin(0.7 * t) + np.sin(1.9 * t)
+    >>> rig = cart + effects.CoulombFriction("v", level=0.4)
+    >>> v = rig.simulate(t, F, substeps=5).y + 1e-3 * np.random.default_rng(0).normal(
+    ...     size=(t.size, 1))
+    >>> grey_box = GreyBoxRegressor(cart, depths=("prior", "fitted", "extended"))
+    >>> grey_box.fit(np.column_stack([t, F]), v).depth_
+    'extended'
+    >>> round(grey_box.model_.parameters["Fc_v"].value, 2)
+    0.4
+    """
+
+    def __init__(
+        self,
+        model,
+        *,
+        depths=None,
+        diagnosis=None,
+        network=None,
+        n_splits=3,
+        by="auto",
+        initial_window=0,
+        least_gain=0.01,
+        time_column=None,
+        n_jobs=None,
+        verbose=0,
+    ):
+        self.model = model
+        self.depths = depths
+        self.diagnosis = diagnosis
+        self.network = network
+        self.n_splits = n_splits
+        self.by = by
+        self.initial_window = initial_window
+        self.least_gain = least_gain
+        self.time_column = time_column
+        self.n_jobs = n_jobs
+        self.verbose = verbose
+
+    def fit(self, X, y):
+        """Diagnose, fit every depth in every fold, and the chosen one to all records.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_samples, n_columns)
+            Time [s], inputs and, where known, the states in each trajectory's first row.
+        y : array-like of shape (n_samples, n_outputs) or (n_samples,)
+            Measured outputs; NaN where there is none.
+
+        Returns
+        -------
+        self : GreyBoxRegressor
+            The fitted regressor.
+
+        Raises
+        ------
+        ValueError
+            If X and y cannot be read as records of the model, or a parameter is none of what it
+            can be.
+        ImportError
+            If the network is asked for and its extra is not installed.
+        """
+        depths = self._check_parameters()
+        if y is None:
+            raise ValueError(
+                f"{type(self).__name__} requires y to be passed, but the target y is None."
+            )
+        table = plain_table(self.model, self._records(validate_table(self, X, reset=True), y))
+        self._single_output = np.asarray(y).ndim == 1
+        folds = hidden_parts(table.lengths, self.n_splits, self.by)
+        candidates = self._candidates(depths, table)
+        results = self._judge_all(candidates, depths, table, folds)
+        self.errors_ = {depth: mean_error(found) for depth, found in results.items()}
+        enough = (1 + self.least_gain) * min(self.errors_.values())
+        self.depth_ = next(d for d, error in self.errors_.items() if error <= enough)
+        self._left = np.sort(np.concatenate([r.left for r in results[self.depth_]]), axis=0)
+        self._fit_chosen(candidates, table)
+        return self
+
+    def predict(self, X):
+        """Simulate every trajectory in free run from its initial state.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_samples, n_columns)
+            As in `fit`; of the states only the first row of a trajectory is read, and those that
+            it does not tell start as `model_` says.
+
+        Returns
+        -------
+        ndarray of shape (n_samples, n_outputs) or (n_samples,)
+            Predicted outputs.
+        """
+        check_is_fitted(self)
+        records = self._records(validate_table(self, X, reset=False))
+        table = plain_table(self.model, records)
+        outputs = rows_in_order(
+            records, self._fitted.predict(table, usual_starts(self.model_, table))
+        )
+        return outputs.ravel() if self._single_output else outputs
+
+    def predict_from(self, X, y):
+        """Simulate every trajectory from a start that fits its first measured samples.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_samples, n_columns)
+            As in `predict`.
+        y : array-like of shape (n_samples, n_outputs) or (n_samples,)
+            Measured outputs; the first `initial_window` samples of every trajectory are read,
+            others may be NaN.
+
+        Returns
+        -------
+        ndarray of shape (n_samples, n_outputs) or (n_samples,)
+            Predicted outputs.
+
+        Raises
+        ------
+        OptionError
+            If `initial_window` is 0.
+        """
+        check_is_fitted(self)
+        if not self.initial_window:
+            raise OptionError(
+                "initial_window: predict_from expects the number of samples from which it may "
+                "find the initial states, got 0. Remedy: set it, and fit again; or use predict."
+            )
+        records = self._records(validate_table(self, X, reset=False), y)
+        table = plain_table(self.model, records)
+        starts = find_unknown_starts(
+            self._fitted, table, self._seen, self.initial_window, self._noise
+        )
+        outputs = rows_in_order(records, self._fitted.predict(table, starts))
+        return outputs.ravel() if self._single_output else outputs
+
+    # -- fitting -----------------------------------------------------------------------------------
+
+    def _check_parameters(self) -> tuple[str, ...]:
+        """Check the parameters, and return the depths in their order."""
+        check_model(self.model)
+        if self.by not in WAYS:
+            raise OptionError(f"by: expected one of {', '.join(WAYS)}, got {self.by!r}.")
+        for name, least in (("n_splits", 2), ("initial_window", 0)):
+            value = getattr(self, name)
+            if not isinstance(value, Integral) or value < least:
+                raise OptionError(f"{name}: expected an integer >= {least}, got {value!r}.")
+        if not isinstance(self.least_gain, Real) or not self.least_gain >= 0:
+            raise OptionError(f"least_gain: expected a share >= 0, got {self.least_gain!r}.")
+        depths = self.depths
+        if depths is None:
+            depths = DEPTHS if is_installed("network") or self.network is not None else DEPTHS[:-1]
+        wrong = [depth for depth in depths if depth not in DEPTHS]
+        if wrong or isinstance(depths, str) or not set(depths) & set(DEPTHS[:-1]):
+            raise OptionError(
+                f"depths: expected some of {', '.join(DEPTHS)}, one at least besides the last, "
+                f"got {self.depths!r}."
+            )
+        return tuple(depth for depth in DEPTHS if depth in depths)
+
+    def _records(self, X, y=None):
+        records = read_records(self.model, X, y, time_column=self.time_column)
+        refuse_standardised(self.model, records)
+        return records
+
+    def _candidates(self, depths, table) -> dict[str, PhysicsModel]:
+        """Return the model of every physical depth, to start its fits from."""
+        models = dict.fromkeys(("prior", "fitted"), self.model)
+        if {"extended", "formula"} & set(depths):
+            teller(self)("diagnosis")
+            diagnosis = ModelDiagnosis(self.model) if self.diagnosis is None else self.diagnosis
+            self.diagnosis_ = clone(diagnosis).set_params(model=self.model, time_column=None)
+            self.diagnosis_.fit(table.starting(table.told), table.y)
+            said = {"hold": self.diagnosis_.hold_, "substeps": self.diagnosis_.substeps_}
+            models["prior"] = self.model.replace(simulation=said)
+            models["fitted"] = self.diagnosis_.refitted_model_
+            if self.diagnosis_.causes_:
+                models["extended"] = self.diagnosis_.extended_model_
+            if self.diagnosis_.discrepancy_ is not None:
+                models["formula"] = self.diagnosis_.discrepancy_.model
+        return {depth: model for depth, model in models.items() if depth in depths}
+
+    def _judge_all(self, candidates, depths, table, folds) -> dict[str, list[FoldResult]]:
+        """Fit every depth in every fold; the network on the best of the others."""
+        results: dict[str, list[FoldResult]] = {}
+        for depth, model in candidates.items():
+            fit = partial(_fit_model, depth, model)
+            results[depth] = self._judge(depth, [fit] * len(folds), table, folds)
+        if "network" in depths:
+            self._base = min(results, key=lambda depth: mean_error(results[depth]))
+            network = self._network()
+            fits = [partial(_fit_on, network, each.fitted) for each in results[self._base]]
+            results["network"] = self._judge("network", fits, table, folds)
+        return results
+
+    def _judge(self, depth, fits, table, folds) -> list[FoldResult]:
+        found = Parallel(n_jobs=self.n_jobs)(
+            delayed(judge)(fit, table, hidden, self.initial_window)
+            for fit, hidden in zip(fits, folds, strict=True)
+        )
+        teller(self)(f"{depth}: cross-validated error {mean_error(found):.4g}")
+        return found
+
+    def _network(self):
+        if self.network is not None:
+            return self.network
+        with needed_by("the depth 'network'"):
+            from sklearn_pgnn.estimators.pgnnl import PGNNLRegressor
+        return PGNNLRegressor()
+
+    def _fit_chosen(self, candidates, table) -> None:
+        """Fit the chosen depth to all records."""
+        everything = np.ones(len(table.X), dtype=bool)
+        base = self._base if self.depth_ == "network" else self.depth_
+        fitted = _fit_model(base, candidates[base], table, everything)
+        if self.depth_ == "network":
+            fitted = fit_network(self._network(), fitted, table, everything)
+        self._fitted, self._seen = fitted, table
+        self._noise = training_error(fitted, table, everything)
+        self.estimator_ = fitted.estimator
+        self.initial_states_ = fitted.starts.to_numpy()
+        self.parameters_ = fitted.physics.parameters_
+        self.model_ = fitted.model
+        teller(self)(f"chosen: {self.depth_}")
+
+    def __sklearn_tags__(self):
+        tags = super().__sklearn_tags__()
+        tags.input_tags.allow_nan = True  # in states, which are read in a trajectory's first row
+        tags.regressor_tags.poor_score = True  # on random numbers
+        return tags
+
+
+def _fit_model(depth, model, table, visible) -> FittedDepth:
+    """Fit a physical depth; of the prior only where the trajectories start."""
+    return fit_physics(model, table, visible, free=() if depth == "prior" else None)
+
+
+def _fit_on(network, physics, table, visible) -> FittedDepth:
+    """Train a network on a physical depth that was fitted to the same samples."""
+    return fit_network(network, physics, table, visible)

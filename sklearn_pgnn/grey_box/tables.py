@@ -1,0 +1,91 @@
+"""Records as one plain table: trajectory after trajectory, states in their first rows only."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from sklearn_pgnn.physics.model import PhysicsModel
+
+
+@dataclass(frozen=True)
+class PlainTable:
+    """Records, laid end to end.
+
+    Parameters
+    ----------
+    X : DataFrame
+        Columns ``trajectory``, ``t`` and the inputs.
+    y : ndarray of shape (n_samples, n_outputs)
+        Measured outputs, NaN where there is none.
+    told : DataFrame
+        Initial states by trajectory, NaN where nothing tells them.
+    """
+
+    X: pd.DataFrame
+    y: np.ndarray
+    told: pd.DataFrame
+
+    @property
+    def lengths(self) -> list[int]:
+        """Samples of every trajectory."""
+        return self.X.groupby("trajectory", sort=False).size().tolist()
+
+    @property
+    def place(self) -> np.ndarray:
+        """Number of every sample in its trajectory."""
+        return self.X.groupby("trajectory", sort=False).cumcount().to_numpy()
+
+    def starting(self, starts: pd.DataFrame, rows=None) -> pd.DataFrame:
+        """Return X, or some whole trajectories of it, with states in every first row."""
+        X = self.X.assign(**dict.fromkeys(starts.columns, np.nan))
+        X.loc[self.place == 0, list(starts.columns)] = starts.to_numpy()
+        return X if rows is None else X[rows].reset_index(drop=True)
+
+
+def plain_table(model: PhysicsModel, records) -> PlainTable:
+    """Lay records end to end.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        Names inputs and states.
+    records : tuple of Record
+        What was read, with outputs or without.
+
+    Returns
+    -------
+    PlainTable
+        The table.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.trajectories import read_records
+    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
+    >>> table = plain_table(lag, read_records(lag, [[0.0, 1.0], [0.1, 1.0], [0.0, 2.0]]))
+    >>> table.starting(table.told)["trajectory"].tolist(), table.lengths
+    ([0, 0, 1], [2, 1])
+    """
+    frames = [
+        pd.DataFrame({"trajectory": i, "t": record.t, **_inputs(model, record)})
+        for i, record in enumerate(records)
+    ]
+    unknown = [np.full((record.t.size, len(model.outputs)), np.nan) for record in records]
+    y = [blank if r.y is None else r.y for r, blank in zip(records, unknown, strict=True)]
+    told = pd.DataFrame([record.x0 for record in records], columns=list(model.states))
+    return PlainTable(pd.concat(frames, ignore_index=True), np.concatenate(y), told)
+
+
+def starts_for(model: PhysicsModel, table: PlainTable) -> pd.DataFrame:
+    """Return the initial states of a model, or of an extension of it, as told; else NaN."""
+    return table.told.reindex(columns=list(model.states))
+
+
+def usual_starts(model: PhysicsModel, table: PlainTable) -> pd.DataFrame:
+    """Return initial states as told, else as the model says; NaN of those that it settles."""
+    usual = model.initial_state.items()
+    return starts_for(model, table).fillna({k: v for k, v in usual if k not in model.settled})
+
+
+def _inputs(model, record) -> dict[str, np.ndarray]:
+    return dict(zip(model.inputs, record.u.T, strict=True))
