@@ -140,7 +140,6 @@ TRUSTED = {
         "sklearn_pgnn.estimators.physics_model_regressor.PhysicsModelRegressor",
         "sklearn_pgnn.grey_box.depth.FittedDepth",
         "sklearn_pgnn.grey_box.grey_box_regressor.GreyBoxRegressor",
-        "sklearn_pgnn.grey_box.tables.PlainTable",
         "sklearn_pgnn.simulation.uncertainty.Estimate",
     },
     "PGNNLRegressor": GUIDED | {FEED_FORWARD},

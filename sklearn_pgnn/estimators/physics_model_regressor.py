@@ -1,6 +1,7 @@
 """A physical model whose parameters are fitted to records."""
 
 import warnings
+from dataclasses import replace
 
 import numpy as np
 from joblib import effective_n_jobs
@@ -16,14 +17,21 @@ from sklearn_pgnn.estimators.parameter_search import (
 from sklearn_pgnn.estimators.progress import teller
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.finite_run import simulate_quantities
+from sklearn_pgnn.simulation.free_run import simulate_record
+from sklearn_pgnn.simulation.intervals import beside, check_coverage, output_variance, quantile_of
 from sklearn_pgnn.simulation.record_windows import (
     WHOLE,
     WindowedRecords,
     window_records,
     without_gaps,
 )
-from sklearn_pgnn.simulation.uncertainty import NORMAL_95, estimate_of, standard_errors
-from sklearn_pgnn.trajectories import read_records
+from sklearn_pgnn.simulation.uncertainty import (
+    NORMAL_95,
+    estimate_of,
+    parameter_covariance,
+    standard_errors,
+)
+from sklearn_pgnn.trajectories import read_records, rows_in_order
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
 from sklearn_pgnn.trajectories.validation import check_model, validate_table
 
@@ -179,6 +187,7 @@ class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
             np.median(windows.t[windows.starts + windows.lengths - 1] - windows.t[windows.starts])
         )
         self._single_output = np.asarray(y).ndim == 1
+        self._keep_errors(found, records)
         return self
 
     def predict(self, X):
@@ -195,13 +204,99 @@ class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
             Simulated outputs. All rows of a trajectory whose simulation leaves the finite numbers
             get the values of the first one, of which a `SimulationWarning` tells.
         """
+        return self._shaped(self._simulate(self._read(X), self.model_.outputs))
+
+    def predict_states(self, X):
+        """Simulate the states of every trajectory in free run from its initial state.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_samples, n_columns)
+            As in `predict`.
+
+        Returns
+        -------
+        ndarray of shape (n_samples, n_states)
+            Simulated states of `model_`.
+        """
+        return self._simulate(self._read(X), self.model_.states)
+
+    def predict_interval(self, X, coverage=0.9):
+        r"""Return between what the measured outputs of a free run are expected.
+
+        .. math:: \hat y_k \pm q \sqrt{J_k C J_k^T + s^2}
+
+        with the slopes :math:`J_k` of the simulation by the parameters, their covariance
+        :math:`C`, the root mean square :math:`s` of what the fitted model leaves of the training
+        records in free run, and the quantile :math:`q` of what it leaves there in units of the
+        root. It holds for machines that are run as in the training records, from initial states
+        that are as well known.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_samples, n_columns)
+            As in `predict`.
+        coverage : float, default=0.9
+            Share of the measurements that shall lie between.
+
+        Returns
+        -------
+        low, high : ndarray of shape (n_samples, n_outputs) or (n_samples,)
+            The interval's ends.
+
+        Raises
+        ------
+        OptionError
+            If `coverage` is no share between 0 and 1.
+
+        Examples
+        --------
+        >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
+        >>> t = np.linspace(0, 40, 801)
+        >>> X = np.column_stack([t, np.sin(t)])
+        >>> y = lag.simulate(t, X[:, 1]).y + 0.1 * np.random.default_rng(0).normal(size=(801, 1))
+        >>> low, high = PhysicsModelRegressor(lag).fit(X, y).predict_interval(X)
+        >>> print(round(float(np.mean((low <= y) & (y <= high))), 2))
+        0.9
+        """
+        check_coverage(coverage)
+        records = self._read(X)
+        predicted = self._simulate(records, self.model_.outputs)
+        variance = rows_in_order(records, self._variance(records))
+        low, high = beside(predicted, quantile_of(self._left, coverage) * np.sqrt(variance))
+        return self._shaped(low), self._shaped(high)
+
+    def _read(self, X):
+        """Read the records of a table."""
         check_is_fitted(self)
-        records = read_records(
-            self.model, validate_table(self, X, reset=False), time_column=self.time_column
-        )
+        X = validate_table(self, X, reset=False)
+        records = read_records(self.model, X, time_column=self.time_column)
         refuse_standardised(self.model, records)
-        outputs = simulate_quantities(self.model_, records, list(self.model_.outputs))
+        return records
+
+    def _simulate(self, records, names) -> np.ndarray:
+        return simulate_quantities(self.model_, records, list(names))
+
+    def _shaped(self, outputs) -> np.ndarray:
         return outputs.ravel() if self._single_output else outputs
+
+    def _variance(self, records) -> np.ndarray:
+        """Return the variance of measurements beside a free run, laid end to end."""
+        names = tuple(self.parameters_)
+        parts = [output_variance(self.model_, each, names, self._covariance) for each in records]
+        return np.concatenate(parts) + self._error**2
+
+    def _keep_errors(self, found, records) -> None:
+        """Keep what the fitted model leaves of its records in free run, for intervals."""
+        self._covariance = parameter_covariance(found.fit, found.expected, found.spread)
+        starts = zip(records, self.initial_states_, strict=True)
+        records = [replace(record, x0=x0) for record, x0 in starts]
+        runs = [simulate_record(self.model_, record) for record in records]
+        with np.errstate(over="ignore", invalid="ignore"):
+            left = np.concatenate([run.y - r.y for run, r in zip(runs, records, strict=True)])
+            square = np.nanmean(left**2, axis=0)
+            self._error = np.sqrt(np.maximum(square, np.finfo(float).tiny))
+            self._left = np.sort(np.abs(left) / np.sqrt(self._variance(records)), axis=0)
 
     def _find(self, records, names) -> tuple[WindowedRecords, ParameterFit]:
         """Cut the records into windows and fit the parameters."""

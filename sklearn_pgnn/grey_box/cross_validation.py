@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from sklearn_pgnn.grey_box.depth import FittedDepth, find_unknown_starts
+from sklearn_pgnn.grey_box.depth import FittedDepth, find_unknown_starts, states_met
 from sklearn_pgnn.grey_box.tables import PlainTable
 
 
@@ -89,15 +89,13 @@ def training_error(fitted: FittedDepth, table: PlainTable, visible: np.ndarray) 
     return np.maximum(np.sqrt(np.nanmean(left**2, axis=0)), 1e-6 * output_spread(table.y))
 
 
-def _starts(fitted, table, hidden, window) -> pd.DataFrame:
+def _starts(fitted, table, hidden, window) -> np.ndarray:
     unseen = _is_unseen(table, hidden)
     if not unseen.any():
         return fitted.starts
-    noise = training_error(fitted, table, ~hidden) if window else np.ones(table.y.shape[1])
-    found = find_unknown_starts(fitted, table, table, window, noise)
-    starts = fitted.starts.copy()
-    starts.loc[unseen] = found.loc[unseen]
-    return starts
+    noise = training_error(fitted, table, ~hidden)
+    found = find_unknown_starts(fitted.model, table, states_met(fitted, table), window, noise)
+    return np.where(unseen[:, None], found, fitted.starts)
 
 
 def _is_unseen(table, hidden) -> np.ndarray:

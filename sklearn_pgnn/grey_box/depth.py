@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from sklearn.base import clone
 
 from sklearn_pgnn.estimators import PhysicsModelRegressor
@@ -13,6 +12,9 @@ from sklearn_pgnn.grey_box.tables import PlainTable, starts_for, usual_starts
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.free_run import simulate_record
 from sklearn_pgnn.trajectories import read_records
+
+#: states of the training that are kept at most, about
+ENOUGH = 2000
 
 
 @dataclass(frozen=True)
@@ -25,24 +27,24 @@ class FittedDepth:
         What predicts.
     physics : PhysicsModelRegressor
         The fitted physical model in it.
-    starts : DataFrame
-        Initial states of the model by trajectory, NaN where the fit saw nothing of it.
+    starts : ndarray of shape (n_trajectories, n_states)
+        Initial states of the model, NaN of a trajectory of which the fit saw nothing.
     """
 
     estimator: Any
     physics: PhysicsModelRegressor
-    starts: pd.DataFrame
+    starts: np.ndarray
 
     @property
     def model(self) -> PhysicsModel:
         """The fitted physical model, which starts where the first trajectory of its fit did."""
         model = self.physics.model_
-        first = self.starts.dropna(how="all").iloc[0].to_dict()
-        return model.replace(initial_state={**model.initial_state, **first})
+        first = self.starts[np.isfinite(self.starts).all(axis=1)][0]
+        return model.replace(initial_state=dict(zip(model.states, first.tolist(), strict=True)))
 
-    def predict(self, table: PlainTable, starts: pd.DataFrame) -> np.ndarray:
+    def predict(self, table: PlainTable, starts: np.ndarray) -> np.ndarray:
         """Simulate in free run from given initial states."""
-        predicted = self.estimator.predict(table.starting(starts))
+        predicted = self.estimator.predict(table.starting(self.physics.model_, starts))
         return np.asarray(predicted).reshape(len(table.X), -1)
 
 
@@ -76,8 +78,8 @@ def fit_physics(
     starts = starts_for(model, table)
     rows = np.repeat(seen, table.lengths)
     y = np.where(visible[:, None], table.y, np.nan)[rows]
-    regressor.fit(table.starting(starts, rows), y)
-    starts.loc[seen] = regressor.initial_states_
+    regressor.fit(table.starting(model, starts, rows), y)
+    starts[seen] = regressor.initial_states_
     return FittedDepth(regressor, regressor, starts)
 
 
@@ -105,23 +107,31 @@ def fit_network(
     rows = np.repeat(_seen(table, visible), table.lengths)
     y = np.where(visible[:, None], table.y, np.nan)[rows]
     trained = clone(network).set_params(model=physics.model)
-    trained.fit(table.starting(physics.starts, rows), y)
+    trained.fit(table.starting(physics.model, physics.starts, rows), y)
     return FittedDepth(trained, physics.physics, physics.starts)
 
 
+def states_met(fitted: FittedDepth, table: PlainTable) -> np.ndarray:
+    """Return the states of a free run of the trajectories of a fit, some of very many."""
+    rows = np.repeat(np.isfinite(fitted.starts).all(axis=1), table.lengths)
+    records = read_records(fitted.model, table.starting(fitted.model, fitted.starts, rows))
+    states = np.concatenate([simulate_record(fitted.model, record).x for record in records])
+    return states[:: max(1, len(states) // ENOUGH)]
+
+
 def find_unknown_starts(
-    fitted: FittedDepth, table: PlainTable, seen: PlainTable, window: int, noise: np.ndarray
-) -> pd.DataFrame:
+    model: PhysicsModel, table: PlainTable, met: np.ndarray, window: int, noise: np.ndarray
+) -> np.ndarray:
     """Return initial states, unknown ones from the first measured samples of a trajectory.
 
     Parameters
     ----------
-    fitted : FittedDepth
-        The model.
+    model : PhysicsModel
+        The fitted model.
     table : PlainTable
         The trajectories, their first samples measured.
-    seen : PlainTable
-        The records of the fit.
+    met : ndarray of shape (n_samples, n_states)
+        States met in training.
     window : int
         How many samples may be looked at; without any a state starts as the model says.
     noise : ndarray of shape (n_outputs,)
@@ -129,21 +139,17 @@ def find_unknown_starts(
 
     Returns
     -------
-    DataFrame
-        Initial states by trajectory.
+    ndarray of shape (n_trajectories, n_states)
+        Initial states.
     """
-    model = fitted.model
     known = starts_for(model, table)
-    if not known.isna().to_numpy().any():
+    if np.isfinite(known).all():
         return known
     if not window:
         return usual_starts(model, table)
-    runs = read_records(model, seen.starting(fitted.starts.dropna(how="all")), None)
-    met = np.concatenate([simulate_record(model, record).x for record in runs])
     first = table.place < window
-    records = read_records(model, table.starting(known)[first], table.y[first])
-    found = [find_initial_state(model, record, met, noise) for record in records]
-    return pd.DataFrame(found, columns=known.columns, index=known.index)
+    records = read_records(model, table.starting(model, known)[first], table.y[first])
+    return np.array([find_initial_state(model, record, met, noise) for record in records])
 
 
 def _seen(table: PlainTable, visible) -> np.ndarray:

@@ -13,10 +13,17 @@ from sklearn_pgnn.estimators.progress import teller
 from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.extras import is_installed, needed_by
 from sklearn_pgnn.grey_box.cross_validation import FoldResult, judge, mean_error, training_error
-from sklearn_pgnn.grey_box.depth import FittedDepth, find_unknown_starts, fit_network, fit_physics
+from sklearn_pgnn.grey_box.depth import (
+    FittedDepth,
+    find_unknown_starts,
+    fit_network,
+    fit_physics,
+    states_met,
+)
 from sklearn_pgnn.grey_box.hidden_parts import WAYS, hidden_parts
 from sklearn_pgnn.grey_box.tables import plain_table, usual_starts
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.intervals import beside, check_coverage, quantile_of
 from sklearn_pgnn.trajectories import read_records, rows_in_order
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
 from sklearn_pgnn.trajectories.validation import check_model, validate_table
@@ -242,10 +249,38 @@ class GreyBoxRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         records = self._records(validate_table(self, X, reset=False), y)
         table = plain_table(self.model, records)
         starts = find_unknown_starts(
-            self._fitted, table, self._seen, self.initial_window, self._noise
+            self.model_, table, self._met, self.initial_window, self._noise
         )
         outputs = rows_in_order(records, self._fitted.predict(table, starts))
         return outputs.ravel() if self._single_output else outputs
+
+    def predict_interval(self, X, coverage=0.9):
+        r"""Return between what the measured outputs of a free run are expected.
+
+        .. math:: \hat y_k \pm q
+
+        with the quantile :math:`q`, for every output, of the errors on what cross-validation hid
+        from the fits. It holds for machines that are run as in the training records.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_samples, n_columns)
+            As in `predict`.
+        coverage : float, default=0.9
+            Share of the measurements that shall lie between.
+
+        Returns
+        -------
+        low, high : ndarray of shape (n_samples, n_outputs) or (n_samples,)
+            The interval's ends.
+
+        Raises
+        ------
+        OptionError
+            If `coverage` is no share between 0 and 1.
+        """
+        check_coverage(coverage)
+        return beside(self.predict(X), quantile_of(self._left, coverage))
 
     # -- fitting -----------------------------------------------------------------------------------
 
@@ -258,7 +293,7 @@ class GreyBoxRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
             value = getattr(self, name)
             if not isinstance(value, Integral) or value < least:
                 raise OptionError(f"{name}: expected an integer >= {least}, got {value!r}.")
-        if not isinstance(self.least_gain, Real) or not self.least_gain >= 0:
+        if not isinstance(self.least_gain, Real) or not float(self.least_gain) >= 0:
             raise OptionError(f"least_gain: expected a share >= 0, got {self.least_gain!r}.")
         depths = self.depths
         if depths is None:
@@ -283,7 +318,7 @@ class GreyBoxRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
             teller(self)("diagnosis")
             diagnosis = ModelDiagnosis(self.model) if self.diagnosis is None else self.diagnosis
             self.diagnosis_ = clone(diagnosis).set_params(model=self.model, time_column=None)
-            self.diagnosis_.fit(table.starting(table.told), table.y)
+            self.diagnosis_.fit(table.starting(self.model, table.told), table.y)
             said = {"hold": self.diagnosis_.hold_, "substeps": self.diagnosis_.substeps_}
             models["prior"] = self.model.replace(simulation=said)
             models["fitted"] = self.diagnosis_.refitted_model_
@@ -328,10 +363,10 @@ class GreyBoxRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         fitted = _fit_model(base, candidates[base], table, everything)
         if self.depth_ == "network":
             fitted = fit_network(self._network(), fitted, table, everything)
-        self._fitted, self._seen = fitted, table
+        self._fitted, self._met = fitted, states_met(fitted, table)
         self._noise = training_error(fitted, table, everything)
         self.estimator_ = fitted.estimator
-        self.initial_states_ = fitted.starts.to_numpy()
+        self.initial_states_ = fitted.starts
         self.parameters_ = fitted.physics.parameters_
         self.model_ = fitted.model
         teller(self)(f"chosen: {self.depth_}")

@@ -54,7 +54,8 @@ def find_initial_state(
     free = ~np.isfinite(told)
     if not free.any():
         return told
-    measured = np.isfinite(record.y)
+    y = np.asarray(record.y)
+    measured = np.isfinite(y)
 
     def state(z) -> np.ndarray:
         x0 = told.copy()
@@ -68,7 +69,7 @@ def find_initial_state(
 
     def left(z) -> np.ndarray:
         run = simulate_record(model, _at(record, state(z)))
-        error = np.where(measured, (run.y - np.nan_to_num(record.y)) / noise, 0.0)
+        error = np.where(measured, (run.y - np.nan_to_num(y)) / noise, 0.0)
         return np.append(np.nan_to_num(error, nan=1e6, posinf=1e6, neginf=-1e6).ravel(), z)
 
     tried = ((met - centre) / spread)[:: max(1, len(met) // TRIED), free]

@@ -18,13 +18,13 @@ class PlainTable:
         Columns ``trajectory``, ``t`` and the inputs.
     y : ndarray of shape (n_samples, n_outputs)
         Measured outputs, NaN where there is none.
-    told : DataFrame
-        Initial states by trajectory, NaN where nothing tells them.
+    told : ndarray of shape (n_trajectories, n_states)
+        Initial states of the prior, NaN where nothing tells them.
     """
 
     X: pd.DataFrame
     y: np.ndarray
-    told: pd.DataFrame
+    told: np.ndarray
 
     @property
     def lengths(self) -> list[int]:
@@ -36,10 +36,10 @@ class PlainTable:
         """Number of every sample in its trajectory."""
         return self.X.groupby("trajectory", sort=False).cumcount().to_numpy()
 
-    def starting(self, starts: pd.DataFrame, rows=None) -> pd.DataFrame:
-        """Return X, or some whole trajectories of it, with states in every first row."""
-        X = self.X.assign(**dict.fromkeys(starts.columns, np.nan))
-        X.loc[self.place == 0, list(starts.columns)] = starts.to_numpy()
+    def starting(self, model: PhysicsModel, starts: np.ndarray, rows=None) -> pd.DataFrame:
+        """Return X, or some whole trajectories of it, with the states in every first row."""
+        X = self.X.assign(**dict.fromkeys(model.states, np.nan))
+        X.loc[self.place == 0, list(model.states)] = starts
         return X if rows is None else X[rows].reset_index(drop=True)
 
 
@@ -63,7 +63,7 @@ def plain_table(model: PhysicsModel, records) -> PlainTable:
     >>> from sklearn_pgnn.trajectories import read_records
     >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
     >>> table = plain_table(lag, read_records(lag, [[0.0, 1.0], [0.1, 1.0], [0.0, 2.0]]))
-    >>> table.starting(table.told)["trajectory"].tolist(), table.lengths
+    >>> table.starting(lag, table.told)["trajectory"].tolist(), table.lengths
     ([0, 0, 1], [2, 1])
     """
     frames = [
@@ -72,19 +72,22 @@ def plain_table(model: PhysicsModel, records) -> PlainTable:
     ]
     unknown = [np.full((record.t.size, len(model.outputs)), np.nan) for record in records]
     y = [blank if r.y is None else r.y for r, blank in zip(records, unknown, strict=True)]
-    told = pd.DataFrame([record.x0 for record in records], columns=list(model.states))
+    told = np.array([record.x0 for record in records])
     return PlainTable(pd.concat(frames, ignore_index=True), np.concatenate(y), told)
 
 
-def starts_for(model: PhysicsModel, table: PlainTable) -> pd.DataFrame:
+def starts_for(model: PhysicsModel, table: PlainTable) -> np.ndarray:
     """Return the initial states of a model, or of an extension of it, as told; else NaN."""
-    return table.told.reindex(columns=list(model.states))
+    starts = np.full((len(table.told), len(model.states)), np.nan)
+    starts[:, : table.told.shape[1]] = table.told  # an extension's own states come last
+    return starts
 
 
-def usual_starts(model: PhysicsModel, table: PlainTable) -> pd.DataFrame:
+def usual_starts(model: PhysicsModel, table: PlainTable) -> np.ndarray:
     """Return initial states as told, else as the model says; NaN of those that it settles."""
-    usual = model.initial_state.items()
-    return starts_for(model, table).fillna({k: v for k, v in usual if k not in model.settled})
+    starts = starts_for(model, table)
+    usual = [np.nan if k in model.settled else v for k, v in model.initial_state.items()]
+    return np.where(np.isfinite(starts), starts, usual)
 
 
 def _inputs(model, record) -> dict[str, np.ndarray]:

@@ -102,6 +102,35 @@ def standard_errors(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) ->
     return dict(zip(names, errors.tolist(), strict=True))
 
 
+def parameter_covariance(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) -> np.ndarray:
+    r"""Return the covariance of the parameters, along what the records tell of them.
+
+    .. math:: C_{ij} = r_{ij} \sigma_i \sigma_j
+
+    with the standard errors of `standard_errors` and the `correlations`; zero in rows and columns
+    of parameters of which the records say nothing: no simulation of such records depends on them.
+
+    Parameters
+    ----------
+    fit : WindowFit
+        The fitted model.
+    expected : ndarray of shape (n_windows, n_states)
+        Expected initial states of the windows.
+    spread : ndarray of shape (n_states,)
+        How uncertain they are.
+
+    Returns
+    -------
+    ndarray of shape (n_parameters, n_parameters)
+        In the order of the fit's freedoms.
+    """
+    errors = np.array(list(standard_errors(fit, expected, spread).values()))
+    related = correlations(fit, expected, spread)
+    seen = np.isfinite(errors) & np.isfinite(np.diag(related))
+    size = np.where(seen, errors, 0.0)
+    return np.where(np.outer(seen, seen), related, 0.0) * np.outer(size, size)
+
+
 def correlations(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) -> np.ndarray:
     r"""Return how the errors of a fit's parameters hang together.
 

@@ -1,0 +1,118 @@
+"""Intervals of predictions: how far outputs may lie beside a free run."""
+
+from numbers import Real
+
+import numpy as np
+
+from sklearn_pgnn.exceptions import OptionError
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.free_run import simulate_record
+
+
+def check_coverage(coverage) -> float:
+    """Return a coverage; raise `OptionError` unless it is a share between 0 and 1.
+
+    Parameters
+    ----------
+    coverage : float
+        Share of the measurements that shall lie in the interval.
+
+    Returns
+    -------
+    float
+        The coverage.
+
+    Examples
+    --------
+    >>> check_coverage(0.9)
+    0.9
+    """
+    if not isinstance(coverage, Real) or not 0 < float(coverage) < 1:
+        raise OptionError(f"coverage: expected a number between 0 and 1, got {coverage!r}.")
+    return float(coverage)
+
+
+def quantile_of(magnitudes: np.ndarray, coverage: float) -> np.ndarray:
+    """Return what a share of the magnitudes does not exceed, for every output.
+
+    Parameters
+    ----------
+    magnitudes : ndarray of shape (n_samples, n_outputs)
+        Of errors; NaN where nothing was measured.
+    coverage : float
+        The share.
+
+    Returns
+    -------
+    ndarray of shape (n_outputs,)
+        The quantiles.
+
+    Examples
+    --------
+    >>> quantile_of(np.arange(1.0, 11.0)[:, None], 0.9).tolist()
+    [9.0]
+    """
+    return np.nanquantile(magnitudes, check_coverage(coverage), axis=0, method="inverted_cdf")
+
+
+def beside(predicted: np.ndarray, half: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the ends of intervals about a prediction.
+
+    Parameters
+    ----------
+    predicted : ndarray of shape (n_samples, n_outputs) or (n_samples,)
+        The prediction.
+    half : ndarray of shape (n_samples, n_outputs) or (n_outputs,)
+        Half the intervals' widths.
+
+    Returns
+    -------
+    low, high : ndarray of the prediction's shape
+        The ends.
+
+    Examples
+    --------
+    >>> beside(np.array([1.0, 2.0]), np.array([0.5]))
+    (array([0.5, 1.5]), array([1.5, 2.5]))
+    """
+    half = np.broadcast_to(half, (len(predicted), np.shape(half)[-1])).reshape(predicted.shape)
+    return predicted - half, predicted + half
+
+
+def output_variance(
+    model: PhysicsModel, record, names: tuple[str, ...], covariance: np.ndarray
+) -> np.ndarray:
+    r"""Return the variance of the simulated outputs that is due to the parameters'.
+
+    .. math:: \sigma_k^2 = \frac{\partial \hat y_k}{\partial p} C
+              \left(\frac{\partial \hat y_k}{\partial p}\right)^T
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The fitted model.
+    record : Record
+        Time, inputs and initial state.
+    names : tuple of str
+        The parameters.
+    covariance : ndarray of shape (n_names, n_names)
+        Their covariance :math:`C`.
+
+    Returns
+    -------
+    ndarray of shape (n_samples, n_outputs)
+        The variance; infinite where the simulation leaves the finite numbers.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.trajectories import read_records
+    >>> gain = PhysicsModel({"y": "V"}, {"y": "K*u"}, {"K": 2.0}, {"u": "V"})
+    >>> (record,) = read_records(gain, [[0.0, 1.0], [1.0, 1.0], [2.0, 1.0]])
+    >>> output_variance(gain, record, ("K",), np.array([[0.01]])).ravel().round(4).tolist()
+    [0.0, 0.01, 0.04]
+    """
+    run = simulate_record(model, record, wrt=names)
+    slopes = np.asarray(run.sensitivities)[:, :, : len(names)]
+    with np.errstate(over="ignore", invalid="ignore"):
+        variance = np.einsum("kop,pq,koq->ko", slopes, covariance, slopes)
+    return np.nan_to_num(variance, nan=np.inf, posinf=np.inf)

@@ -1,0 +1,144 @@
+"""The recipe chooses its depth by the training records alone, and predicts in free run."""
+
+import pickle
+
+import numpy as np
+import pandas as pd
+import pytest
+from sklearn.base import clone
+from sklearn.linear_model import LinearRegression
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import PolynomialFeatures
+
+from sklearn_pgnn import GreyBoxRegressor, ModelDiagnosis, PhysicsModel, ResidualRegressor, effects
+from sklearn_pgnn.exceptions import OptionError
+from sklearn_pgnn.grey_box.hidden_parts import hidden_parts
+
+CART = PhysicsModel(
+    {"v": "m/s"}, {"v": "(F - d*v)/m"}, {"m": 2.0, "d": 0.5}, {"F": "N"}, inertia={"v": "m"}
+)
+DRY = ModelDiagnosis(CART, catalogue=(effects.CoulombFriction,))
+QUICK = {"diagnosis": DRY, "depths": ("prior", "fitted", "extended")}
+
+
+def records(truth, n=4, start=0.0, seed=0):
+    rng = np.random.default_rng(seed)
+    frames, outputs = [], []
+    for i in range(n):
+        t = np.arange(0, 20, 0.05)
+        F = 2 * np.sin((0.5 + 0.2 * i) * t) + np.sin(1.9 * t + i)
+        v = truth.simulate(t, F, [start * (i - 1)], substeps=5).y[:, 0]
+        frames.append(pd.DataFrame({"trajectory": i, "t": t, "F": F}))
+        outputs.append(v + 1e-3 * rng.normal(size=t.size))
+    return pd.concat(frames, ignore_index=True), np.concatenate(outputs)
+
+
+@pytest.fixture(scope="module")
+def with_friction():
+    X, y = records(CART + effects.CoulombFriction("v", level=0.4))
+    return GreyBoxRegressor(CART, **QUICK).fit(X, y), X, y
+
+
+def test_a_missing_effect_is_named_and_fitted(with_friction):
+    grey_box, X, y = with_friction
+    assert grey_box.depth_ == "extended"
+    assert grey_box.parameters_["Fc_v"].value == pytest.approx(0.4, rel=0.02)
+    assert np.std(grey_box.predict(X) - y) < 2e-3
+    assert list(grey_box.errors_) == ["prior", "fitted", "extended"]
+
+
+def test_a_right_model_stays_as_it_is():
+    X, y = records(CART)
+    assert GreyBoxRegressor(CART, **QUICK).fit(X, y).depth_ == "prior"
+
+
+def test_wrong_parameters_are_fitted():
+    X, y = records(CART.with_parameters(m=2.6))
+    grey_box = GreyBoxRegressor(CART, **QUICK).fit(X, y)
+    assert grey_box.depth_ == "fitted"
+    assert grey_box.model_.parameters["m"].value == pytest.approx(2.6, rel=0.01)
+
+
+def test_what_no_physics_explains_is_left_to_the_network():
+    X, y = records(CART)
+    X, y = X.assign(v=0.0), y + 0.3 * X["F"].to_numpy() ** 2
+    network = ResidualRegressor(CART, _squares())
+    grey_box = GreyBoxRegressor(CART, depths=("prior", "network"), network=network, n_splits=2)
+    grey_box.fit(X, y)
+    assert grey_box.depth_ == "network"
+    assert grey_box.errors_["network"] < 0.1 * grey_box.errors_["prior"]
+    assert network.model is CART  # what was given is not changed
+
+
+def _squares():
+    return make_pipeline(PolynomialFeatures(2), LinearRegression())
+
+
+def test_fit_changes_nothing_it_was_given(with_friction):
+    _, X, y = with_friction
+    before, outputs = X.copy(), y.copy()
+    grey_box = clone(GreyBoxRegressor(CART, **QUICK)).fit(X, y)
+    pd.testing.assert_frame_equal(X, before)
+    assert np.array_equal(y, outputs)
+    assert not hasattr(DRY, "verdict_")
+    assert grey_box.get_params()["diagnosis__catalogue"] == (effects.CoulombFriction,)
+
+
+def test_nine_of_ten_measurements_lie_in_the_interval(with_friction):
+    grey_box, *_ = with_friction
+    X, y = records(CART + effects.CoulombFriction("v", level=0.4), seed=1)
+    low, high = grey_box.predict_interval(X)
+    assert 0.86 < np.mean((low <= y) & (y <= high)) < 0.94
+    narrow, _ = grey_box.predict_interval(X, coverage=0.5)
+    assert np.all(narrow > low)
+
+
+def test_a_pickle_predicts_the_same(with_friction):
+    grey_box, X, _ = with_friction
+    assert np.array_equal(pickle.loads(pickle.dumps(grey_box)).predict(X), grey_box.predict(X))
+
+
+def test_trajectories_start_where_their_first_samples_say():
+    X, y = records(CART, start=1.0)
+    grey_box = GreyBoxRegressor(CART, depths=("fitted",), initial_window=10).fit(X, y)
+    assert grey_box.initial_states_[:, 0] == pytest.approx([-1, 0, 1, 2], abs=0.01)
+    hidden = np.where(X.groupby("trajectory").cumcount() < 10, y, np.nan)
+    assert np.std(grey_box.predict_from(X, hidden) - y) < 3e-3
+    assert np.std(grey_box.predict(X) - y) > 0.1
+
+
+def test_without_a_window_nothing_tells_the_start(with_friction):
+    grey_box, X, y = with_friction
+    with pytest.raises(OptionError, match="initial_window"):
+        grey_box.predict_from(X, y)
+
+
+def test_one_record_is_cut_into_blocks_of_time():
+    masks = hidden_parts([40], 3)
+    assert [mask.sum() for mask in masks] == [10, 10, 10]
+    assert not any(mask[:10].any() for mask in masks)
+
+
+def test_every_trajectory_is_hidden_once():
+    masks = hidden_parts([4, 5, 6, 7], 3)
+    assert np.sum(masks, axis=0).tolist() == [1] * 22
+    with pytest.raises(ValueError, match="by='time'"):
+        hidden_parts([4], 3, by="trajectory")
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"depths": ("deep",)},
+        {"depths": "fitted"},
+        {"depths": ("network",)},
+        {"by": "row"},
+        {"n_splits": 1},
+        {"initial_window": -1},
+        {"least_gain": "much"},
+    ],
+)
+def test_wrong_parameters_are_refused(wrong, with_friction):
+    _, X, y = with_friction
+    with pytest.raises(OptionError, match=next(iter(wrong))):
+        GreyBoxRegressor(CART, **wrong).fit(X, y)
