@@ -1,10 +1,10 @@
 """Diagnose a fleet of simulated machines that is killed three times, and see what it took.
 
 Run with ``python benchmarks/fleet.py``, which takes some ten minutes on two cores, or with
-``--machines 30`` for a smaller fleet. Every machine is a golf robot of its own, with parameters up
-to 3 % off and, half of them, with something that the model lacks, on 5 000 samples. The run is
-killed with all its processes (SIGKILL) when a quarter, a half and three quarters of the machines
-are finished. It says whether all machines are finished in the end, how many were computed twice,
+``--machines 30`` for a smaller fleet, ``--samples 600`` for shorter records. Every machine is a
+golf robot of its own, with parameters up to 3 % off and, half of them, with something that the
+model lacks, on two records of 2 500 samples at 250 Hz. The run is killed with all its processes
+(SIGKILL) when a quarter, a half and three quarters of the machines are finished. It says whether all machines are finished in the end, how many were computed twice,
 and how long 1 000 machines would take.
 """
 
@@ -23,6 +23,8 @@ from sklearn_pgnn import FleetDiagnosis, datasets, systems
 from sklearn_pgnn.datasets.hidden_effect import perturb
 
 KILLS = (0.25, 0.5, 0.75)
+#: samples a second
+RATE = 250.0
 HIDDEN = (
     None,
     "coulomb_friction",
@@ -35,8 +37,8 @@ HIDDEN = (
 )
 
 
-def write_records(folder: Path, machines: int) -> None:
-    """Write the records of every machine as a CSV file."""
+def write_records(folder: Path, machines: int, samples: int) -> None:
+    """Write the two records of every machine as a CSV file."""
     folder.mkdir()
     for k in range(machines):
         rng = np.random.RandomState(k)
@@ -45,8 +47,8 @@ def write_records(folder: Path, machines: int) -> None:
             robot,
             HIDDEN[k % len(HIDDEN)],
             n_records=2,
-            duration=10.0,
-            sample_rate=250.0,
+            duration=samples / 2 / RATE,
+            sample_rate=RATE,
             random_state=rng,
         )
         known = made.X[["trajectory", "t", *robot.inputs]]
@@ -80,11 +82,11 @@ def run_and_kill(records: Path, folder: Path, count: int | None) -> float:
     return time.monotonic() - began
 
 
-def main(machines: int) -> None:
+def main(machines: int, samples: int) -> None:
     """Write the records, run and kill, and print what it took."""
     with TemporaryDirectory() as place:
         records, folder = Path(place, "records"), Path(place, "fleet")
-        write_records(records, machines)
+        write_records(records, machines, samples)
         seconds, twice, before = 0.0, 0, {}
         for share in (*KILLS, None):
             seconds += run_and_kill(records, folder, share and round(share * machines))
@@ -103,9 +105,10 @@ def main(machines: int) -> None:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--machines", type=int, default=200)
+    parser.add_argument("--samples", type=int, default=5000, help="of a machine, in both records")
     parser.add_argument("--child", nargs=2, type=Path)
     given = parser.parse_args()
     if given.child:
         diagnose(*given.child)
     else:
-        main(given.machines)
+        main(given.machines, given.samples)

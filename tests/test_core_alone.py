@@ -86,6 +86,8 @@ def test_what_needs_an_extra_says_which(tmp_path, extra):
         "units": [
             "from sklearn_pgnn.physics.units import read_unit; read_unit('mm')",
         ],
+        "mdf": ["from sklearn_pgnn.trajectories import read_file; read_file('run.mf4', None)"],
+        "ros": ["from sklearn_pgnn.trajectories import read_file; read_file('run.bag', None)"],
         "files": [
             "from sklearn_pgnn.trajectories import read_file; read_file('run.xlsx', None)",
             "from sklearn_pgnn.trajectories import read_file; read_file('run.parquet', None)",

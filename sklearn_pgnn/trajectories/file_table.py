@@ -109,10 +109,17 @@ class FileTable(ABC):
     # -- columns -----------------------------------------------------------------------------------
 
     def find(self, name: str) -> int | None:
-        """Find a quantity of the model in the header, by its whole name or without its unit."""
+        """Find a quantity of the model in the header, by its whole name or without its unit.
+
+        Where a column has no unit, the model's `columns` may tell it: ``angle [deg]``.
+        """
         wanted = self.model.columns.get(name, name)
-        for header in (self.header, [_UNIT.sub("", name) for name in self.header]):
-            found = [k for k, text in enumerate(header) if text == wanted]
+        bare = [_UNIT.sub("", text) for text in self.header]
+        tries = [(self.header, wanted), (bare, wanted)]
+        if wanted.endswith("]"):
+            tries.append((self.header, _UNIT.sub("", wanted)))
+        for header, title in tries:
+            found = [k for k, text in enumerate(header) if text == title]
             if len(found) > 1:
                 self.refuse(None, f"expected it once, got it {len(found)} times.", wanted)
             if found:
@@ -182,13 +189,17 @@ class FileTable(ABC):
 
     # -- units -------------------------------------------------------------------------------------
 
+    def given_unit(self, name: str, k: int) -> str:
+        """Return the unit of a column by its header, else by the model's `columns`."""
+        return unit_of(self.header[k]) or unit_of(self.model.columns.get(name, ""))
+
     def conversion(self, name: str, k: int) -> tuple[float, float]:
         """Return factor and offset from a column's unit to the model's, or raise `RecordError`.
 
         What stands in round brackets and is no unit is taken for a remark.
         """
         wanted = "s" if name == TIME else self.model.unit(name)
-        given, title = unit_of(self.header[k]), self.header[k]
+        given, title = self.given_unit(name, k), self.header[k]
         if not (given and wanted):
             return 1.0, 0.0
         if plain_unit(given) == plain_unit(wanted):
@@ -231,7 +242,7 @@ class FileTable(ABC):
             k = self.find(name)
             if k is not None and self.conversion(name, k) != (1.0, 0.0):
                 wanted = "s" if name == TIME else model.unit(name)
-                found[name] = unit_of(self.header[k]), wanted
+                found[name] = self.given_unit(name, k), wanted
         return found
 
     def finite(self, name: str) -> np.ndarray:

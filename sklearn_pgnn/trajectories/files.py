@@ -1,9 +1,9 @@
-"""Files of measured samples by their ending: CSV, MAT, Parquet and Excel."""
+"""Files of measured samples by their ending: CSV, MAT, Parquet, Excel, MDF and ROS bags."""
 
 import os
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from functools import partial
+from functools import cached_property, partial
 from numbers import Real
 from pathlib import Path
 from typing import Any
@@ -14,9 +14,12 @@ import pandas as pd
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.extras import needed_by
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.trajectories.channels import ChannelLog, join_channels
 from sklearn_pgnn.trajectories.csv_file import open_csv
 from sklearn_pgnn.trajectories.file_table import FileTable, read_each
+from sklearn_pgnn.trajectories.mdf_file import MdfLog
 from sklearn_pgnn.trajectories.reader import TIME, TRAJECTORY
+from sklearn_pgnn.trajectories.ros_bag import BagLog, is_bag_folder
 
 #: where the format of MAT files of version 7.3 may begin, and what it begins with
 _HDF5, _STARTS = b"\x89HDF\r\n\x1a\n", (0, 512, 1024, 2048)
@@ -35,16 +38,22 @@ def read_file(
     ``.mat`` holds vectors of one length, in variables of their own or in a struct; versions up to
     7 are read as they are, 7.3 needs h5py. ``.parquet`` needs pyarrow. ``.xlsx`` holds a header and
     samples on its first sheet, and needs openpyxl. All these come with
-    ``pip install "sklearn-pgnn[files]"``. Everything else is a CSV file, see `read_csv`.
+    ``pip install "sklearn-pgnn[files]"``. ``.mf4`` and ``.mdf`` (extra ``mdf``), and bags of ROS
+    (extra ``ros``), a ``.bag``, ``.mcap`` or ``.db3`` or the folder of ROS 2, hold channels with
+    clocks of their own: there is a row wherever an output was measured, NaN in the outputs that
+    were not, and inputs have their mean until the next row. Everything else is a CSV file, see
+    `read_csv`.
 
     Parameters
     ----------
     path : str or path-like
         The file.
     model : PhysicsModel
-        Names the columns; its `columns` say what the file calls them.
+        Names the columns; its `columns` say what the file calls them (a number in a bag
+        ``/topic/field``), and in which unit, where the file does not: ``/joints/position/0 [deg]``.
     sample_time : float, optional
-        Time from sample to sample [s] of a file without a time.
+        Time from sample to sample [s] of a file without a time; channels with clocks of their own
+        are resampled to it, by straight lines between their samples.
 
     Returns
     -------
@@ -94,6 +103,10 @@ def open_file(path, model: PhysicsModel, sample_time: float | None = None) -> Fi
         Its `header` and its columns.
     """
     path = os.fspath(path)
+    log = _LOGS.get(".bag" if is_bag_folder(path) else Path(path).suffix.lower())
+    if log is not None:
+        expected, opened = log
+        return _ChannelTable(opened(path), model, sample_time, expected)
     kind = _KINDS.get(Path(path).suffix.lower())
     if kind is None:
         return open_csv(path, model, sample_time)
@@ -185,15 +198,63 @@ class _FrameTable(FileTable):
         return column if column.dtype.kind in "mM" else None
 
 
+class _ChannelTable(_FrameTable):
+    """A log of channels with clocks of their own, of which those are read that the model needs."""
+
+    def __init__(self, log: ChannelLog, model, sample_time, kind: str):
+        titles = _loaded(log.path, kind, lambda: log.titles)
+        super().__init__(log.path, model, sample_time, "", pd.DataFrame(columns=titles), 0)
+        self.log, self.expected, self.kind = log, kind, kind.split(" ", 1)[1]
+        own = {self.find(name) for name in (TIME, TRAJECTORY)}
+        self.header = [title for k, title in enumerate(self.header) if k not in own]
+        self.header.insert(0, model.columns.get(TIME, TIME))
+
+    @cached_property
+    def joined(self) -> pd.DataFrame:
+        """The channels that the model needs, in one table."""
+        model = self.model
+        measured = [name for name in model.outputs if self.find(name) is not None]
+        inputs = self._titles(model.inputs)
+        outputs = self._titles(measured or [] if inputs else model.outputs)
+        known = [name for name in model.states if self.find(name) is not None]
+        states = [title for title in self._titles(known) if title not in (*inputs, *outputs)]
+        found = _loaded(
+            self.path, self.expected, partial(self.log.load, [*inputs, *states, *outputs])
+        )
+        parts = ({title: found[title] for title in part} for part in (inputs, states, outputs))
+        hold = model.simulation.get("hold", "zoh")
+        return join_channels(self.path, *parts, hold=hold, sample_time=self.sample_time)
+
+    def _titles(self, names: Iterable[str]) -> list[str]:
+        return [self.header[k] for k in dict.fromkeys(self.column(name) for name in names)]
+
+    @property
+    def size(self) -> int:
+        """Number of rows."""
+        return len(self.joined)
+
+    def name_of(self, row: int) -> str:
+        """Return the time of a row."""
+        return f"at {self.joined[TIME].iloc[row]:.9g} s"
+
+    def cells(self, k: int) -> list[Any]:
+        """Return the values of a channel that is read."""
+        return self.joined[self.header[k] if k else TIME].tolist()
+
+    def dates(self, k: int) -> None:
+        """Return None: the clocks of channels count seconds."""
+
+
 # -- files -----------------------------------------------------------------------------------------
 
 
 def _loaded(path: str, kind: str, load) -> Any:
     """Load a file, or raise `RecordError`: a broken file may raise any error in a library."""
     try:
-        Path(path).open("rb").close()
+        if not is_bag_folder(path):
+            Path(path).open("rb").close()
         return load()
-    except ModuleNotFoundError:
+    except (ModuleNotFoundError, RecordError):
         raise
     except OSError as error:
         why = error.strerror or str(error)
@@ -294,6 +355,14 @@ def _leaves(content: Mapping, path: str = "") -> dict[str, np.ndarray]:
     return {name if shared[name] == 1 else full: values for name, full, values in found}
 
 
+#: by ending: what a log of channels is, and what reads it
+_LOGS: dict[str, tuple[str, type[ChannelLog]]] = {
+    ".bag": ("a ROS bag", BagLog),
+    ".db3": ("a ROS bag", BagLog),
+    ".mcap": ("a ROS bag", BagLog),
+    ".mdf": ("an MDF file", MdfLog),
+    ".mf4": ("an MDF file", MdfLog),
+}
 #: by ending: what the file is called, what reads it, and the number of its first sample
 _KINDS = {
     ".mat": ("MAT", _load_mat, 1),

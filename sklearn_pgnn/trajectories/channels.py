@@ -1,0 +1,234 @@
+"""Channels with clocks of their own, put together as one table of samples.
+
+There is a row wherever an output was measured, with NaN in the outputs that were not measured then.
+An input that is held from row to row has its mean over that time, which moves the states as far as
+the input did. With a sample time all channels are resampled.
+"""
+
+import warnings
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from sklearn_pgnn.exceptions import RecordError, RecordWarning
+from sklearn_pgnn.trajectories.reader import TIME
+
+#: times that differ by less than this share of a sample are one
+SAME = 1e-6
+#: samples of an output that may lie outside of what the inputs cover without a word
+AT_THE_ENDS = 0.01
+
+
+class Channel(NamedTuple):
+    """The samples of a channel.
+
+    Parameters
+    ----------
+    t : ndarray of shape (n_samples,)
+        Its own clock [s].
+    values : ndarray of shape (n_samples,)
+        What was measured.
+    """
+
+    t: np.ndarray
+    values: np.ndarray
+
+
+class ChannelLog(ABC):
+    """A file of channels, each with its clock.
+
+    Parameters
+    ----------
+    path : str
+        The file.
+    """
+
+    def __init__(self, path: str):
+        self.path = path
+
+    @property
+    @abstractmethod
+    def titles(self) -> list[str]:
+        """Names of the channels, each with its unit in square brackets where it has one."""
+
+    @abstractmethod
+    def load(self, titles: list[str]) -> dict[str, Channel]:
+        """Return some channels, with the time counted from the beginning of the file."""
+
+
+def join_channels(
+    path: str,
+    inputs: Mapping[str, Channel],
+    states: Mapping[str, Channel],
+    outputs: Mapping[str, Channel],
+    *,
+    hold: str = "zoh",
+    sample_time: float | None = None,
+) -> pd.DataFrame:
+    """Put channels together as one table.
+
+    Parameters
+    ----------
+    path : str
+        The file, for the text of an error.
+    inputs, states, outputs : mapping of str to Channel
+        The channels by title; the states are interpolated.
+    hold : {"zoh", "foh"}, default="zoh"
+        Whether an input keeps its last value until the next one, or runs straight to it.
+    sample_time : float, optional
+        Time from row to row [s]; by default rows are where an output was measured.
+
+    Returns
+    -------
+    DataFrame
+        ``t`` and a column for each channel, over the time that the inputs cover.
+
+    Raises
+    ------
+    RecordError
+        If a channel has no samples, its time does not increase, or inputs and outputs were never
+        recorded at the same time.
+
+    Warns
+    -----
+    RecordWarning
+        If more than a hundredth of what was measured lies where not all inputs were recorded, or
+        outputs were not measured at the same times.
+
+    Examples
+    --------
+    >>> u = Channel(np.array([0.0, 0.5, 1.0, 2.0]), np.array([5.0, 5.0, 6.0, 7.0]))
+    >>> y = Channel(np.array([0.4, 1.0, 1.6]), np.array([0.1, 0.2, 0.3]))
+    >>> join_channels("run.mf4", {"u": u}, {}, {"y": y}).to_numpy().tolist()
+    [[0.4, 5.0, 0.1], [1.0, 6.0, 0.2], [1.6, 6.0, 0.3]]
+    """
+    for title, channel in {**inputs, **states, **outputs}.items():
+        _check(path, title, channel)
+    begin, end = _covered(path, inputs, outputs or states)
+    near = SAME * min(_usual_step(channel) for channel in (*inputs.values(), *outputs.values()))
+    if sample_time is None:
+        t = _rows(outputs or inputs or states, near)
+        t = t[(t >= begin - near) & (t <= end + near)]
+        seen = partial(_at_own_times, near=near)
+    else:
+        t = _grid(begin, end, sample_time)
+        seen = partial(_resampled, sample_time=sample_time)
+    columns = {TIME: t}
+    columns |= {title: _run(channel, t, near, hold) for title, channel in inputs.items()}
+    columns |= {title: _straight(channel, t) for title, channel in states.items()}
+    columns |= {title: seen(channel, t) for title, channel in outputs.items()}
+    _tell_what_is_left_out(path, outputs, begin - near, end + near)
+    if sample_time is None and any(np.isnan(columns[title]).any() for title in outputs):
+        warnings.warn(
+            f"{path}: the outputs have clocks of their own; a row has those that were measured at "
+            f"its time. Remedy, if they share no times at all: a sample time, to resample them "
+            f"(--sample-time).",
+            RecordWarning,
+            stacklevel=2,
+        )
+    return pd.DataFrame(columns)
+
+
+def _check(path: str, title: str, channel: Channel) -> None:
+    if not channel.t.size:
+        raise RecordError(f"{path}: channel {title!r}: expected samples, got none.")
+    still = np.flatnonzero(~(np.diff(channel.t) > 0))
+    if still.size:
+        before, now = channel.t[still[0] : still[0] + 2]
+        raise RecordError(
+            f"{path}: channel {title!r}: expected time to increase, got {now:.9g} s after "
+            f"{before:.9g} s. Remedy: record every channel once, or take out what stands twice."
+        )
+
+
+def _covered(path, inputs, outputs) -> tuple[float, float]:
+    """Return from when to when all inputs were recorded; without inputs, any output."""
+    spans = {title: (channel.t[0], channel.t[-1]) for title, channel in (inputs or outputs).items()}
+    if not inputs:
+        return min(a for a, _ in spans.values()), max(b for _, b in spans.values())
+    late, early = max(spans, key=lambda k: spans[k][0]), min(spans, key=lambda k: spans[k][1])
+    begin, end = spans[late][0], spans[early][1]
+    if begin > end:
+        raise RecordError(
+            f"{path}: expected inputs that were recorded at the same time, but {late!r} begins at "
+            f"{begin:.6g} s, when {early!r} has ended at {end:.6g} s."
+        )
+    for title, channel in outputs.items():
+        if channel.t[0] > end or channel.t[-1] < begin:
+            raise RecordError(
+                f"{path}: channel {title!r}: expected samples between {begin:.6g} s and "
+                f"{end:.6g} s, where the inputs were recorded, got some from {channel.t[0]:.6g} s "
+                f"to {channel.t[-1]:.6g} s."
+            )
+    return begin, end
+
+
+def _tell_what_is_left_out(path, outputs, begin: float, end: float) -> None:
+    for title, channel in outputs.items():
+        outside = float(np.mean((channel.t < begin) | (channel.t > end)))
+        if outside > AT_THE_ENDS:
+            warnings.warn(
+                f"{path}: channel {title!r}: {outside:.0%} of the samples are left out, for not "
+                f"all inputs were recorded then, only from {begin:.6g} s to {end:.6g} s. Remedy: "
+                f"record the inputs as long as the outputs, if only at the beginning and the end.",
+                RecordWarning,
+                stacklevel=3,
+            )
+
+
+def _usual_step(channel: Channel) -> float:
+    return float(np.median(np.diff(channel.t))) if channel.t.size > 1 else np.inf
+
+
+# -- rows ------------------------------------------------------------------------------------------
+
+
+def _rows(channels: Mapping[str, Channel], near: float) -> np.ndarray:
+    """Return all times at which one of the channels was measured."""
+    t = np.unique(np.concatenate([channel.t for channel in channels.values()]))
+    return t[np.append(True, np.diff(t) > near)]
+
+
+def _grid(begin: float, end: float, step: float) -> np.ndarray:
+    """Return even times; the last may lie a rounding error behind the end."""
+    return begin + step * np.arange(int((end - begin) / step + SAME) + 1)
+
+
+# -- values ----------------------------------------------------------------------------------------
+
+
+def _run(channel: Channel, t: np.ndarray, near: float, hold: str) -> np.ndarray:
+    """Return an input at the rows, or where it is held its mean until the next row."""
+    if hold == "foh":
+        return np.interp(t, *channel)
+    place = np.clip(np.searchsorted(channel.t, t + near, side="right") - 1, 0, None)
+    found = channel.values[place]
+    areas = np.concatenate([[0.0], np.cumsum(channel.values[:-1] * np.diff(channel.t))])
+    until_now = areas[place] + found * np.maximum(t - channel.t[place], 0.0)
+    next_place = np.searchsorted(channel.t, t[1:] - near, side="left") - 1
+    changes = np.flatnonzero(next_place > place[:-1])
+    found[changes] = (np.diff(until_now) / np.diff(t))[changes]
+    return found
+
+
+def _straight(channel: Channel, t: np.ndarray) -> np.ndarray:
+    return np.interp(t, *channel, left=np.nan, right=np.nan)
+
+
+def _at_own_times(channel: Channel, t: np.ndarray, near: float) -> np.ndarray:
+    """Return the values at the times at which they were measured, NaN at others."""
+    place = np.clip(np.searchsorted(channel.t, t - near), 0, channel.t.size - 1)
+    return np.where(np.abs(channel.t[place] - t) <= near, channel.values[place], np.nan)
+
+
+def _resampled(channel: Channel, t: np.ndarray, sample_time: float) -> np.ndarray:
+    """Return straight lines between samples, NaN where the channel has a gap."""
+    place = np.clip(np.searchsorted(channel.t, t), 1, max(channel.t.size - 1, 1))
+    steps = np.diff(channel.t, append=np.inf) if channel.t.size == 1 else np.diff(channel.t)
+    gap = steps[place - 1] > 2 * max(_usual_step(channel), sample_time)
+    own = np.isin(t, channel.t)
+    return np.where(gap & ~own, np.nan, _straight(channel, t))

@@ -1,0 +1,108 @@
+"""Bags of ROS 1 and ROS 2: the numbers in the messages of topics."""
+
+from collections.abc import Iterator
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from sklearn_pgnn.extras import needed_by
+from sklearn_pgnn.trajectories.channels import Channel, ChannelLog
+
+#: what makes a folder a bag of ROS 2
+METADATA = "metadata.yaml"
+#: longest array of a message whose numbers are channels, each; longer ones are pictures and scans
+LONGEST = 64
+
+
+class BagLog(ChannelLog):
+    """A bag; a channel is called ``/topic/field``, and of an array ``/topic/field/0``.
+
+    Its clock is the time stamp in the messages' headers where there is one, else the time at which
+    they were received.
+    """
+
+    def __init__(self, path: str):
+        with needed_by("Reading a ROS bag"):
+            import rosbags  # noqa: F401
+        super().__init__(path)
+
+    @cached_property
+    def titles(self) -> list[str]:
+        """Names of the channels, as the first message of every topic tells."""
+        found: list[str] = []
+        with self._open() as bag:
+            for topic in dict.fromkeys(connection.topic for connection in bag.connections):
+                own = [connection for connection in bag.connections if connection.topic == topic]
+                for connection, _, raw in bag.messages(connections=own):
+                    message = bag.deserialize(raw, connection.msgtype)
+                    found += [topic + name for name, _ in numbers(message)]
+                    break
+        return found
+
+    def load(self, titles: list[str]) -> dict[str, Channel]:
+        """Return some channels, in the order of their times."""
+        rows: dict[str, list[tuple[int, float]]] = {title: [] for title in titles}
+        with self._open() as bag:
+            wanted = [
+                c for c in bag.connections if any(t.startswith(f"{c.topic}/") for t in titles)
+            ]
+            for connection, received, raw in bag.messages(connections=wanted):
+                message = bag.deserialize(raw, connection.msgtype)
+                when = _stamp(message) or received
+                for name, value in numbers(message):
+                    title = connection.topic + name
+                    if title in rows:
+                        rows[title].append((when, value))
+            start = bag.start_time
+        return {title: _channel(found, start) for title, found in rows.items()}
+
+    def _open(self):
+        from rosbags.highlevel import AnyReader
+        from rosbags.typesys import Stores, get_typestore
+
+        return AnyReader([Path(self.path)], default_typestore=get_typestore(Stores.LATEST))
+
+
+def is_bag_folder(path) -> bool:
+    """Return whether a path is the folder of a bag of ROS 2."""
+    return Path(path, METADATA).is_file()
+
+
+def numbers(message, path: str = "") -> Iterator[tuple[str, float]]:
+    """Yield the numbers in a message, each with the path of its field.
+
+    Parameters
+    ----------
+    message : object
+        A message, or a part of one.
+    path : str, default=""
+        Its path.
+
+    Yields
+    ------
+    tuple of str and float
+        ``/field`` and its value; the header is none of the measured quantities.
+    """
+    if isinstance(message, bool | int | float | np.number | np.bool_):
+        yield path, float(message)
+    elif isinstance(message, list | tuple | np.ndarray):
+        for k, item in enumerate(message if len(message) <= LONGEST else ()):
+            yield from numbers(item, f"{path}/{k}")
+    else:
+        for name in getattr(message, "__dataclass_fields__", ()):
+            if name not in ("header", "__msgtype__"):
+                yield from numbers(getattr(message, name), f"{path}/{name}")
+
+
+def _stamp(message) -> int:
+    """Return the time stamp of a message's header [ns], 0 where there is none."""
+    stamp = getattr(getattr(message, "header", None), "stamp", None)
+    return 0 if stamp is None else int(stamp.sec) * 10**9 + int(stamp.nanosec)
+
+
+def _channel(rows: list[tuple[int, float]], start: int) -> Channel:
+    when = np.array([time for time, _ in rows], dtype=np.int64)
+    values = np.array([value for _, value in rows], dtype=float)
+    order = np.argsort(when, kind="stable")
+    return Channel((when[order] - start) * 1e-9, values[order])
