@@ -15,6 +15,7 @@ from sklearn_pgnn.extras import is_installed
 __version__ = "0.1.0.dev0"
 
 _OBJECTS = {
+    "ConformalRegressor": "sklearn_pgnn.prediction",
     "Effect": "sklearn_pgnn.physics",
     "FleetDiagnosis": "sklearn_pgnn.fleet",
     "GreyBoxRegressor": "sklearn_pgnn.grey_box",

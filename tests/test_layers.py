@@ -18,7 +18,7 @@ FLOORS = (
     {"effects", "systems", "trajectories"},
     {"simulation"},
     {"preprocessing", "estimators", "model_selection"},
-    {"network", "pipeline"},
+    {"network", "pipeline", "prediction"},
     {"estimation"},
     {"record_quality"},
     {"experiment_design"},

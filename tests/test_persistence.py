@@ -16,6 +16,7 @@ from sklearn.base import clone
 
 import sklearn_pgnn
 from sklearn_pgnn import (
+    ConformalRegressor,
     GreyBoxRegressor,
     ModelDiagnosis,
     PGNNLRegressor,
@@ -59,6 +60,7 @@ ESTIMATORS = {
     "ResidualRegressor": ResidualRegressor(CART),
     "SINDYcRegressor": SINDYcRegressor(CART),
     "ModelDiagnosis": ModelDiagnosis(CART, targets=["v", "d"], catalogue=EFFECTS, max_causes=1),
+    "ConformalRegressor": ConformalRegressor(ResidualRegressor(CART)),
     "GreyBoxRegressor": GreyBoxRegressor(CART, depths=["prior", "fitted"]),
     "PGNNLRegressor": PGNNLRegressor(CART, structure="correction", **QUICK),
     "PGNNLRegressor with physics": PGNNLRegressor(
@@ -134,6 +136,11 @@ TRUSTED = {
         "sklearn_pgnn.simulation.uncertainty.Estimate",
         "sklearn_pgnn.simulation.windows.ShootingWindows",
         *(f"{effect.__module__}.{effect.__name__}" for effect in EFFECTS),
+    },
+    "ConformalRegressor": {
+        MODEL,
+        "sklearn_pgnn.estimators.residual_regressor.ResidualRegressor",
+        "sklearn_pgnn.prediction.conformal_regressor.ConformalRegressor",
     },
     "GreyBoxRegressor": {
         MODEL,

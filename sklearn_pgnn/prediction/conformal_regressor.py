@@ -1,0 +1,172 @@
+"""Intervals of any regressor's free runs, from its errors on held-out trajectories."""
+
+import numpy as np
+from sklearn.base import BaseEstimator, MetaEstimatorMixin, RegressorMixin, clone
+from sklearn.utils import get_tags
+from sklearn.utils.validation import check_is_fitted
+
+from sklearn_pgnn.estimators.progress import teller
+from sklearn_pgnn.model_selection import TrajectoryKFold
+from sklearn_pgnn.model_selection.trajectory_rows import read_pieces
+from sklearn_pgnn.simulation.intervals import beside, check_coverage, quantile_of
+from sklearn_pgnn.trajectories.tables import take_rows
+
+#: folds at most where none are told: every one is a fit
+FOLDS = 6
+
+
+class ConformalRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
+    r"""Give any regressor intervals, from its errors on trajectories that it has not seen.
+
+    .. math:: \hat y_k \pm q_o, \qquad
+              q_o = \text{the } c \text{ quantile of } |y_{ko} - \hat y^{(-f)}_{ko}|
+
+    with the coverage :math:`c`, over all samples :math:`k` of output :math:`o`, each predicted by
+    the fit without its own fold :math:`f` (cross-conformal prediction [1]_, [2]_, with whole
+    trajectories as folds, their samples pooled). It asks nothing of the regressor and nothing of
+    the errors' distribution, but that later trajectories are like those of the training: as long,
+    with such inputs, from initial states that are as well known. The more trajectories, the nearer
+    is the coverage on another one to :math:`c`; with few it scatters.
+
+    Parameters
+    ----------
+    estimator : regressor
+        Any regressor: `SINDYcRegressor`, `PGNNLRegressor`, `ResidualRegressor`, a pipeline.
+    cv : int or cross-validation splitter, optional
+        Folds; a number means `TrajectoryKFold`. By default as many as there are trajectories, but
+        at most 6.
+    verbose : int, default=0
+        Whether to print a line for every fold.
+
+    Attributes
+    ----------
+    estimator_ : regressor
+        Fitted to all trajectories.
+    n_features_in_ : int
+        Number of columns of X.
+    feature_names_in_ : ndarray of str
+        Their names, if X has any.
+
+    See Also
+    --------
+    PhysicsModelRegressor.predict_interval : From the parameters' covariance, without further fits.
+    GreyBoxRegressor.predict_interval : From the folds that chose its depth.
+
+    References
+    ----------
+    .. [1] V. Vovk, "Cross-conformal predictors", Annals of Mathematics and Artificial Intelligence
+       74, 2015, :doi:`10.1007/s10472-013-9368-4`.
+    .. [2] R. F. Barber, E. J. Candes, A. Ramdas, R. J. Tibshirani, "Predictive inference with the
+       jackknife+", Annals of Statistics 49(1), 2021, :doi:`10.1214/20-AOS1965`.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn import PhysicsModel, ResidualRegressor
+    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
+    >>> t = np.tile(np.linspace(0, 20, 401), 4)
+    >>> X = np.column_stack([t, np.repeat([1.0, 2.0, 3.0, 4.0], 401)])
+    >>> noise = 0.1 * np.random.default_rng(0).normal(size=len(X))
+    >>> y = X[:, 1] * (1 - np.exp(-t / 2)) + noise
+    >>> low, high = ConformalRegressor(ResidualRegressor(lag)).fit(X, y).predict_interval(X)
+    >>> print(round(float(np.mean((low <= y) & (y <= high))), 1))
+    0.9
+    """
+
+    def __init__(self, estimator, *, cv=None, verbose=0):
+        self.estimator = estimator
+        self.cv = cv
+        self.verbose = verbose
+
+    def fit(self, X, y):
+        """Fit to all trajectories, and without each fold.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_samples, n_columns)
+            As the regressor takes it.
+        y : array-like of shape (n_samples, n_outputs) or (n_samples,)
+            Measured outputs; NaN where there is none.
+
+        Returns
+        -------
+        self : ConformalRegressor
+            The fitted regressor.
+
+        Raises
+        ------
+        ValueError
+            If there are too few trajectories for folds, or the regressor refuses X or y.
+        """
+        self.estimator_ = clone(self.estimator).fit(X, y)
+        left = []
+        for train, test in self._splitter(X).split(X, y):
+            fitted = clone(self.estimator).fit(take_rows(X, train), take_rows(y, train))
+            predicted = _columns(fitted.predict(take_rows(X, test)))
+            left.append(np.abs(predicted - _columns(take_rows(y, test))))
+            teller(self)(f"fold {len(left)}: largest error {np.nanmax(left[-1]):.4g}")
+        self._left = np.sort(np.concatenate(left), axis=0)
+        for name in ("n_features_in_", "feature_names_in_"):
+            if hasattr(self.estimator_, name):
+                setattr(self, name, getattr(self.estimator_, name))
+        return self
+
+    def predict(self, X):
+        """Predict by the regressor that was fitted to all trajectories.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_samples, n_columns)
+            As in `fit`.
+
+        Returns
+        -------
+        ndarray of shape (n_samples, n_outputs) or (n_samples,)
+            Predicted outputs.
+        """
+        check_is_fitted(self)
+        return self.estimator_.predict(X)
+
+    def predict_interval(self, X, coverage=0.9):
+        """Return between what the measured outputs are expected.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_samples, n_columns)
+            As in `fit`.
+        coverage : float, default=0.9
+            Share of the measurements that shall lie between.
+
+        Returns
+        -------
+        low, high : ndarray of shape (n_samples, n_outputs) or (n_samples,)
+            The interval's ends.
+
+        Raises
+        ------
+        OptionError
+            If `coverage` is no share between 0 and 1.
+        """
+        check_is_fitted(self)
+        check_coverage(coverage)
+        return beside(np.asarray(self.predict(X)), quantile_of(self._left, coverage))
+
+    def _splitter(self, X):
+        if hasattr(self.cv, "split"):
+            return self.cv
+        time_column = getattr(self.estimator, "time_column", None)
+        n_splits = self.cv
+        if n_splits is None:
+            n_splits = max(2, min(FOLDS, len(read_pieces(X, None, time_column))))
+        return TrajectoryKFold(n_splits, time_column=time_column)
+
+    def __sklearn_tags__(self):
+        tags, inner = super().__sklearn_tags__(), get_tags(self.estimator)
+        tags.input_tags = inner.input_tags
+        tags.target_tags = inner.target_tags
+        tags.regressor_tags = inner.regressor_tags
+        return tags
+
+
+def _columns(values) -> np.ndarray:
+    values = np.asarray(values, dtype=float)
+    return values.reshape(len(values), -1)

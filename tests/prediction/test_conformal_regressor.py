@@ -1,0 +1,85 @@
+"""Intervals of any regressor hold on trajectories that it has not seen."""
+
+import pickle
+
+import numpy as np
+import pandas as pd
+import pytest
+from sklearn.base import clone
+from sklearn.linear_model import LinearRegression
+
+from sklearn_pgnn import ConformalRegressor, PhysicsModel, PhysicsModelRegressor, ResidualRegressor
+from sklearn_pgnn.exceptions import OptionError
+
+LAG = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
+
+
+def records(n, seed, noise=0.05):
+    rng = np.random.default_rng(seed)
+    frames, outputs = [], []
+    for i in range(n):
+        t = np.arange(0, 20, 0.1)
+        u = np.repeat(rng.uniform(-1, 1, 10), 20)
+        frames.append(pd.DataFrame({"trajectory": i, "t": t, "u": u, "y": 0.0}))
+        run = LAG.with_parameters(T=2.5).simulate(t, u, [0.0])
+        outputs.append(run.y[:, 0] + noise * rng.normal(size=t.size))
+    return pd.concat(frames, ignore_index=True), np.concatenate(outputs)
+
+
+def covered(estimator, coverage):
+    X, y = records(10, seed=1)
+    low, high = estimator.predict_interval(X, coverage)
+    return np.mean((low <= y) & (y <= high))
+
+
+@pytest.mark.parametrize("coverage", [0.5, 0.9])
+@pytest.mark.parametrize(
+    "estimator",
+    [
+        PhysicsModelRegressor(LAG, search="local"),
+        ConformalRegressor(PhysicsModelRegressor(LAG, search="local")),
+        ConformalRegressor(ResidualRegressor(LAG), cv=3),
+    ],
+    ids=["parameters", "conformal", "conformal residual"],
+)
+def test_the_coverage_is_what_was_asked_for(estimator, coverage):
+    assert covered(clone(estimator).fit(*records(6, seed=0)), coverage) == pytest.approx(
+        coverage, abs=0.04
+    )
+
+
+def test_an_interval_is_wider_where_parameters_decide():
+    X, y = records(2, seed=0, noise=0.0)
+    rough = y + 0.3 * np.random.default_rng(0).normal(size=y.size)
+    regressor = PhysicsModelRegressor(LAG, search="local", window_length="trajectory")
+    low, high = regressor.fit(X, rough).predict_interval(X)
+    width = (high - low)[X["trajectory"] == 0]
+    assert width[1:].max() > width[0]  # where the trajectory starts the parameter does not count
+    assert np.array_equal(regressor.predict(X), (low + high) / 2) or np.allclose(
+        regressor.predict(X), (low + high) / 2
+    )
+
+
+def test_a_copy_gives_the_same_and_what_was_given_stays():
+    inner = ResidualRegressor(LAG)
+    X, y = records(3, seed=0)
+    conformal = ConformalRegressor(inner).fit(X, y)
+    assert not hasattr(inner, "regressor_")
+    again = pickle.loads(pickle.dumps(conformal))
+    assert np.array_equal(again.predict_interval(X), conformal.predict_interval(X))
+    assert conformal.get_params()["estimator__model"] is LAG
+    assert list(conformal.feature_names_in_) == list(X.columns)
+
+
+def test_one_trajectory_is_too_few():
+    with pytest.raises(ValueError, match="one fold a trajectory"):
+        ConformalRegressor(ResidualRegressor(LAG)).fit(*records(1, seed=0))
+
+
+@pytest.mark.parametrize("coverage", [0, 1, "much"])
+def test_a_coverage_is_a_share(coverage):
+    conformal = ConformalRegressor(LinearRegression(), cv=2)
+    X = np.column_stack([np.tile([0.0, 1.0, 2.0], 4), np.arange(12.0)])
+    conformal.fit(X, X[:, 1])
+    with pytest.raises(OptionError, match="coverage"):
+        conformal.predict_interval(X, coverage)
