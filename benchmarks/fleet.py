@@ -1,10 +1,11 @@
 """Diagnose a fleet of simulated machines that is killed three times, and see what it took.
 
 Run with ``python benchmarks/fleet.py``, which takes some ten minutes on two cores, or with
-``--machines 30`` for a smaller fleet, ``--samples 600`` for shorter records. Every machine is a
-golf robot of its own, with parameters up to 3 % off and, half of them, with something that the
-model lacks, on two records of 2 500 samples at 250 Hz. The run is killed with all its processes
-(SIGKILL) when a quarter, a half and three quarters of the machines are finished. It says whether all machines are finished in the end, how many were computed twice,
+``--machines 30`` for a smaller fleet, ``--samples 600`` for shorter records, ``--catalogue`` for
+some effects only. Every machine is a golf robot of its own, with parameters up to 3 % off and, half
+of them, with something that the model lacks, on two records of 2 500 samples at 250 Hz. The run is
+killed with all its processes (SIGKILL) when a quarter, a half and three quarters of the machines
+are finished. It says whether all machines are finished in the end, how many were computed twice,
 and how long 1 000 machines would take.
 """
 
@@ -55,10 +56,12 @@ def write_records(folder: Path, machines: int, samples: int) -> None:
         known.join(made.y).to_csv(folder / f"robot_{k:04d}.csv", index=False)
 
 
-def diagnose(records: Path, folder: Path) -> FleetDiagnosis:
+def diagnose(records: Path, folder: Path, effects: list[str]) -> FleetDiagnosis:
     """Diagnose the fleet, or go on with it."""
     files = {path.stem: path for path in sorted(records.glob("*.csv"))}
-    return FleetDiagnosis(systems.golf_robot(), folder=folder, n_jobs=-1).fit(files)
+    options = {"catalogue": effects} if effects else {}
+    fleet = FleetDiagnosis(systems.golf_robot(), options=options, folder=folder, n_jobs=-1)
+    return fleet.fit(files)
 
 
 def finished(folder: Path) -> dict[str, int]:
@@ -69,10 +72,11 @@ def finished(folder: Path) -> dict[str, int]:
     }
 
 
-def run_and_kill(records: Path, folder: Path, count: int | None) -> float:
+def run_and_kill(records: Path, folder: Path, effects: list[str], count: int | None) -> float:
     """Run in a process of its own until some machines are finished, or all; return the time [s]."""
     began = time.monotonic()
     command = [sys.executable, __file__, "--child", str(records), str(folder)]
+    command += ["--catalogue", *effects]
     child = subprocess.Popen(command, start_new_session=True)
     while child.poll() is None:
         time.sleep(0.2)
@@ -82,19 +86,19 @@ def run_and_kill(records: Path, folder: Path, count: int | None) -> float:
     return time.monotonic() - began
 
 
-def main(machines: int, samples: int) -> None:
+def main(machines: int, samples: int, effects: list[str]) -> None:
     """Write the records, run and kill, and print what it took."""
     with TemporaryDirectory() as place:
         records, folder = Path(place, "records"), Path(place, "fleet")
         write_records(records, machines, samples)
         seconds, twice, before = 0.0, 0, {}
         for share in (*KILLS, None):
-            seconds += run_and_kill(records, folder, share and round(share * machines))
+            seconds += run_and_kill(records, folder, effects, share and round(share * machines))
             now = finished(folder)
             twice += sum(now[name] != written for name, written in before.items())
             print(f"finished {len(now)} of {machines}, after {seconds:.0f} s", flush=True)
             before = now
-        whole = diagnose(records, folder)
+        whole = diagnose(records, folder, effects)
     spent = [machine.seconds for machine in whole.machines_.values()]
     each = sum(spent) / len(spent)
     print(f"computed twice: {twice}; left to compute: {len(whole.computed_)}")
@@ -107,8 +111,9 @@ if __name__ == "__main__":
     parser.add_argument("--machines", type=int, default=200)
     parser.add_argument("--samples", type=int, default=5000, help="of a machine, in both records")
     parser.add_argument("--child", nargs=2, type=Path)
+    parser.add_argument("--catalogue", nargs="*", default=[], help="the only effects looked for")
     given = parser.parse_args()
     if given.child:
-        diagnose(*given.child)
+        diagnose(*given.child, given.catalogue)
     else:
-        main(given.machines, given.samples)
+        main(given.machines, given.samples, given.catalogue)

@@ -39,6 +39,7 @@ _MODULES = (
     "inspection",
     "model_selection",
     "network",
+    "priors",
     "simulation",
     "systems",
 )

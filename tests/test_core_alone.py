@@ -81,8 +81,14 @@ def test_what_needs_an_extra_says_which(tmp_path, extra):
         "dask": [
             "from sklearn_pgnn.cli.cluster import on_cluster\nwith on_cluster('tcp://x'): pass",
         ],
-        "control": ["sklearn_pgnn.export.to_control(sklearn_pgnn.systems.two_tanks())"],
-        "export": ["sklearn_pgnn.export.to_casadi(sklearn_pgnn.systems.two_tanks())"],
+        "control": [
+            "sklearn_pgnn.export.to_control(sklearn_pgnn.systems.two_tanks())",
+            "sklearn_pgnn.priors.from_control(None)",
+        ],
+        "export": [
+            "sklearn_pgnn.export.to_casadi(sklearn_pgnn.systems.two_tanks())",
+            "sklearn_pgnn.priors.from_casadi(None, {})",
+        ],
         "units": [
             "from sklearn_pgnn.physics.units import read_unit; read_unit('mm')",
         ],

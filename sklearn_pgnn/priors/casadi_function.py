@@ -1,0 +1,179 @@
+"""A CasADi function as a model: its instructions, one by one."""
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from sklearn_pgnn.exceptions import ModelError
+from sklearn_pgnn.extras import needed_by
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.priors.python_function import from_function
+
+#: what an argument of the function is called
+ARGUMENTS = ("x", "u", "p", "t")
+#: CasADi's instructions by name as functions of numpy
+INSTRUCTIONS: dict[str, Callable] = {
+    "ACOS": np.arccos,
+    "ADD": np.add,
+    "AND": np.logical_and,
+    "ASIN": np.arcsin,
+    "ASSIGN": np.positive,
+    "ATAN": np.arctan,
+    "ATAN2": np.arctan2,
+    "CEIL": np.ceil,
+    "CONSTPOW": np.power,
+    "COS": np.cos,
+    "COSH": np.cosh,
+    "DIV": np.divide,
+    "EXP": np.exp,
+    "EXPM1": np.expm1,
+    "FABS": np.absolute,
+    "FLOOR": np.floor,
+    "FMAX": np.maximum,
+    "FMIN": np.minimum,
+    "HYPOT": np.hypot,
+    "IF_ELSE_ZERO": np.multiply,
+    "INV": np.reciprocal,
+    "LE": np.less_equal,
+    "LOG": np.log,
+    "LOG1P": np.log1p,
+    "LT": np.less,
+    "MUL": np.multiply,
+    "NEG": np.negative,
+    "NOT": np.logical_not,
+    "OR": np.logical_or,
+    "POW": np.power,
+    "SIGN": np.sign,
+    "SIN": np.sin,
+    "SINH": np.sinh,
+    "SQ": np.square,
+    "SQRT": np.sqrt,
+    "SUB": np.subtract,
+    "TAN": np.tan,
+    "TANH": np.tanh,
+    "TWICE": lambda x: x + x,
+}
+
+
+def from_casadi(
+    function,
+    states: Mapping[str, str],
+    *,
+    inputs: Mapping[str, str] | None = None,
+    parameters=None,
+    outputs: Mapping | None = None,
+    **more,
+) -> PhysicsModel:
+    """Return a model whose rates a CasADi function computes.
+
+    Parameters
+    ----------
+    function : casadi.Function
+        Of arguments that are called ``x``, ``u``, ``p`` and ``t``, each where there is one. Its
+        first result are the rates; a second one the outputs, whose names `outputs` has.
+    states : mapping of str to str
+        State names and their units, in the order of ``x``.
+    inputs : mapping of str to str, optional
+        Input names and their units, in the order of ``u``.
+    parameters : mapping, optional
+        The constants as `PhysicsModel` takes them, in the order of ``p``.
+    outputs : mapping or sequence of str, optional
+        Names of the function's outputs; or expressions as `PhysicsModel` takes them.
+    **more
+        What else `PhysicsModel` takes.
+
+    Returns
+    -------
+    PhysicsModel
+        The model.
+
+    Raises
+    ------
+    ModelError
+        If the function has other arguments, or calls what has no equation, as an interpolation.
+
+    Examples
+    --------
+    >>> import casadi
+    >>> x, F = casadi.SX.sym("x", 2), casadi.SX.sym("F")
+    >>> cart = casadi.Function("cart", [x, F], [casadi.vertcat(x[1], F - 0.5*x[1])], ["x", "u"],
+    ...     ["rates"])
+    >>> print(from_casadi(cart, {"x": "m", "v": "m/s"}, inputs={"F": "N"}).to_text())
+    x' = v
+    v' = F - 0.5*v
+    """
+    with needed_by("from_casadi"):
+        import casadi
+    if not isinstance(function, casadi.Function):
+        raise ModelError(f"from_casadi: expected a casadi.Function, got {type(function).__name__}.")
+    program = _expanded(function)
+    _check_arguments(program, (states, inputs or {}, parameters or {}))
+
+    def results(t, x, u, p):
+        given = dict(zip(ARGUMENTS, (x, u, p, [t]), strict=True))
+        return _run(program, [given[name] for name in program.name_in()])
+
+    seen = outputs
+    if outputs is not None and not isinstance(outputs, Mapping):
+        names = list(outputs)
+        if program.n_out() < 2 or program.numel_out(1) != len(names):
+            raise ModelError(
+                f"from_casadi: expected a second result of {len(names)} outputs, "
+                f"{', '.join(names)}, got {program}."
+            )
+        seen = lambda *given: dict(zip(names, results(*given)[1], strict=True))  # noqa: E731
+    return from_function(
+        lambda *given: results(*given)[0],
+        states,
+        inputs=inputs,
+        parameters=parameters,
+        outputs=seen,
+        **{"name": function.name(), **more},
+    )
+
+
+def _expanded(function):
+    """Return a function of scalar instructions."""
+    try:
+        return function if function.is_a("SXFunction") else function.expand()
+    except RuntimeError as error:
+        raise ModelError(
+            f"from_casadi: expected a function of elementary operations, got {function}, which "
+            f"CasADi cannot expand to such: {str(error).splitlines()[-1]}"
+        ) from error
+
+
+def _check_arguments(function, parts) -> None:
+    counts = dict(zip(ARGUMENTS, (*map(len, parts), 1), strict=True))
+    for k, name in enumerate(function.name_in()):
+        if counts.get(name) != function.numel_in(k):
+            raise ModelError(
+                f"from_casadi: expected arguments among x of {counts['x']} states, u of "
+                f"{counts['u']} inputs, p of {counts['p']} parameters and t, got {function}. "
+                f"Remedy: casadi.Function(name, [x, u], [rates], ['x', 'u'], ['rates'])."
+            )
+
+
+def _run(function, arguments) -> list[list]:
+    """Run a function's instructions on quantities of any kind."""
+    import casadi
+
+    named = {getattr(casadi, f"OP_{name}"): does for name, does in INSTRUCTIONS.items()}
+    work: dict[int, object] = {}
+    results = [[0.0] * function.numel_out(k) for k in range(function.n_out())]
+    rows = [function.sparsity_out(k).row() for k in range(function.n_out())]
+    for k in range(function.n_instructions()):
+        code = function.instruction_id(k)
+        read, write = function.instruction_input(k), function.instruction_output(k)
+        if code == casadi.OP_INPUT:
+            work[write[0]] = arguments[read[0]][read[1]]
+        elif code == casadi.OP_OUTPUT:
+            results[write[0]][rows[write[0]][write[1]]] = work[read[0]]
+        elif code == casadi.OP_CONST:
+            work[write[0]] = function.instruction_constant(k)
+        elif code in named:
+            work[write[0]] = named[code](*(work[place] for place in read))
+        else:
+            called = next(n for n in dir(casadi) if n[:3] == "OP_" and getattr(casadi, n) == code)
+            raise ModelError(f"expected elementary operations, got {called[3:].lower()}.")
+    return results
