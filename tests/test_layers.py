@@ -41,7 +41,7 @@ HOMES = {
     "torch": ("estimators/pgnnl", "estimators/network"),
     "skorch": ("estimators/pgnnl", "estimators/network"),
     "pint": ("physics/units",),
-    "skopt": ("model_selection/search_space",),
+    "skopt": ("model_selection/halving_bayes_search", "model_selection/search_space"),
     "starlette": ("cli/app",),
     "uvicorn": ("cli/app",),
     "casadi": ("export/casadi_function", "priors/casadi_function"),

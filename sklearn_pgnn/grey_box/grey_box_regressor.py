@@ -1,5 +1,6 @@
 """The recipe as an estimator: diagnose, fit, learn the rest; cross-validation says how deep."""
 
+import warnings
 from functools import partial
 from numbers import Integral, Real
 
@@ -318,7 +319,7 @@ class GreyBoxRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
             teller(self)("diagnosis")
             diagnosis = ModelDiagnosis(self.model) if self.diagnosis is None else self.diagnosis
             self.diagnosis_ = clone(diagnosis).set_params(model=self.model, time_column=None)
-            self.diagnosis_.fit(table.starting(self.model, table.told), table.y)
+            self._diagnose(table)
             said = {"hold": self.diagnosis_.hold_, "substeps": self.diagnosis_.substeps_}
             models["prior"] = self.model.replace(simulation=said)
             models["fitted"] = self.diagnosis_.refitted_model_
@@ -327,6 +328,20 @@ class GreyBoxRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
             if self.diagnosis_.discrepancy_ is not None:
                 models["formula"] = self.diagnosis_.discrepancy_.model
         return {depth: model for depth, model in models.items() if depth in depths}
+
+    def _diagnose(self, table) -> None:
+        """Diagnose the prior; where that breaks down, take what it had found until then."""
+        try:
+            self.diagnosis_.fit(table.starting(self.model, table.told), table.y)
+        except Exception:
+            if not hasattr(self.diagnosis_, "verdict_"):
+                raise
+            warnings.warn(
+                f"the diagnosis broke off ({self.diagnosis_.stopped_}); the best that it had found "
+                f"is taken. Remedy: a smaller catalogue in diagnosis=ModelDiagnosis(...).",
+                UserWarning,
+                stacklevel=4,
+            )
 
     def _judge_all(self, candidates, depths, table, folds) -> dict[str, list[FoldResult]]:
         """Fit every depth in every fold; the network on the best of the others."""

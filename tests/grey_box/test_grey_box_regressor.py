@@ -11,7 +11,7 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import PolynomialFeatures
 
 from sklearn_pgnn import GreyBoxRegressor, ModelDiagnosis, PhysicsModel, ResidualRegressor, effects
-from sklearn_pgnn.exceptions import OptionError
+from sklearn_pgnn.exceptions import ModelError, OptionError
 from sklearn_pgnn.grey_box.hidden_parts import hidden_parts
 
 CART = PhysicsModel(
@@ -91,6 +91,21 @@ def test_nine_of_ten_measurements_lie_in_the_interval(with_friction):
     assert 0.86 < np.mean((low <= y) & (y <= high)) < 0.94
     narrow, _ = grey_box.predict_interval(X, coverage=0.5)
     assert np.all(narrow > low)
+
+
+class BrokenOff(ModelDiagnosis):
+    def fit(self, X, y):
+        super().fit(X, y)
+        self.stopped_ = "unexpected ModelError"
+        raise ModelError("broken")
+
+
+def test_a_diagnosis_that_breaks_off_is_said(with_friction):
+    _, X, y = with_friction
+    broken = BrokenOff(CART, catalogue=(effects.CoulombFriction,))
+    with pytest.warns(UserWarning, match="the best that it had found is taken"):
+        grey_box = GreyBoxRegressor(CART, diagnosis=broken, depths=("extended",)).fit(X, y)
+    assert grey_box.parameters_["Fc_v"].value == pytest.approx(0.4, rel=0.02)
 
 
 def test_a_pickle_predicts_the_same(with_friction):

@@ -1,0 +1,269 @@
+"""Bayesian search that stops candidates by their first folds."""
+
+import time
+from numbers import Integral
+
+import numpy as np
+from sklearn.base import BaseEstimator, MetaEstimatorMixin, clone
+from sklearn.metrics import check_scoring
+from sklearn.utils import check_random_state, get_tags
+from sklearn.utils.metaestimators import available_if
+from sklearn.utils.validation import check_is_fitted
+
+from sklearn_pgnn.exceptions import OptionError
+from sklearn_pgnn.extras import needed_by
+from sklearn_pgnn.model_selection.trajectory_k_fold import TrajectoryKFold
+from sklearn_pgnn.trajectories.tables import take_rows
+
+
+def _best_has(name):
+    def check(self):
+        return hasattr(getattr(self, "best_estimator_", self.estimator), name)
+
+    return available_if(check)
+
+
+class HalvingBayesSearchCV(MetaEstimatorMixin, BaseEstimator):
+    """Search parameters by a Gaussian process; only the better half goes on after every fold.
+
+    Candidates are drawn one after the other, as by scikit-optimize's `BayesSearchCV`, and scored
+    fold by fold. A candidate whose mean score over its first folds is below the median of all that
+    came so far is stopped there: asynchronous successive halving [1]_, with folds as the resource,
+    since the samples of a trajectory cannot be divided. The best of those that went through all
+    folds is fitted to everything.
+
+    Parameters
+    ----------
+    estimator : estimator
+        What shall be tuned, alone or in a pipeline.
+    search_spaces : dict of str to Dimension
+        What is searched, as from `search_space`.
+    n_iter : int, default=20
+        Number of candidates.
+    cv : int or cross-validation splitter, default=3
+        Folds, in the order in which they are scored; a number means `TrajectoryKFold`.
+    scoring : str or callable, optional
+        As scikit-learn's; by default the estimator's own score.
+    random_state : int, RandomState instance or None, default=None
+        What draws the candidates.
+    verbose : int, default=0
+        Whether to print a line for every candidate.
+
+    Attributes
+    ----------
+    best_estimator_ : estimator
+        The best, fitted to all records.
+    best_params_ : dict
+        Its parameters.
+    best_score_ : float
+        Its mean score over all folds.
+    best_index_ : int
+        Its number among the candidates.
+    cv_results_ : dict of str to list
+        By candidate: ``params``, ``split0_test_score`` and so on (NaN after it was stopped),
+        ``n_folds`` it was scored on, ``mean_test_score`` over these, and ``fit_time`` [s].
+    n_splits_ : int
+        Number of folds.
+
+    See Also
+    --------
+    search_space : Dimensions of the package's estimators.
+
+    References
+    ----------
+    .. [1] L. Li, K. Jamieson, A. Rostamizadeh, E. Gonina, M. Hardt, B. Recht, A. Talwalkar, "A
+       system for massively parallel hyperparameter tuning", MLSys, 2020, arXiv:1810.05934.
+
+    Examples
+    --------
+    >>> from sklearn.linear_model import Ridge
+    >>> X = np.column_stack([np.tile(np.arange(9.0), 4), np.random.default_rng(0).normal(size=36)])
+    >>> search = HalvingBayesSearchCV(
+    ...     Ridge(), {"alpha": (1e-3, 1e5, "log-uniform")}, n_iter=8, cv=4, random_state=0)
+    >>> search = search.fit(X, X[:, 1])
+    >>> search.best_params_["alpha"] < 1, sum(search.cv_results_["n_folds"]) < 8 * 4
+    (True, True)
+    """
+
+    def __init__(
+        self,
+        estimator,
+        search_spaces,
+        *,
+        n_iter=20,
+        cv=3,
+        scoring=None,
+        random_state=None,
+        verbose=0,
+    ):
+        self.estimator = estimator
+        self.search_spaces = search_spaces
+        self.n_iter = n_iter
+        self.cv = cv
+        self.scoring = scoring
+        self.random_state = random_state
+        self.verbose = verbose
+
+    def fit(self, X, y):
+        """Search, and fit the best to all records.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_samples, n_columns)
+            As the estimator takes it.
+        y : array-like of shape (n_samples, n_outputs) or (n_samples,)
+            Measured outputs.
+
+        Returns
+        -------
+        self : HalvingBayesSearchCV
+            The fitted search.
+
+        Raises
+        ------
+        ValueError
+            If a parameter is none of what it can be, or the estimator refuses a candidate.
+        ImportError
+            If scikit-optimize is not installed.
+        """
+        if not isinstance(self.n_iter, Integral) or self.n_iter < 1:
+            raise OptionError(f"n_iter: expected an integer >= 1, got {self.n_iter!r}.")
+        if not self.search_spaces:
+            raise OptionError(
+                "search_spaces: expected at least one dimension, got none. Remedy: "
+                "search_space(estimator) has those of the package's estimators."
+            )
+        splitter = self.cv if hasattr(self.cv, "split") else TrajectoryKFold(self.cv)
+        folds = list(splitter.split(X, y))
+        self.n_splits_ = len(folds)
+        scores = np.full((self.n_iter, len(folds)), np.nan)
+        candidates, seconds = [], []
+        optimizer, as_dict = self._optimizer()
+        for i in range(self.n_iter):
+            point = optimizer.ask()
+            candidates.append(as_dict(point))
+            start = time.perf_counter()
+            self._race(candidates[i], X, y, folds, scores, i)
+            seconds.append(time.perf_counter() - start)
+            optimizer.tell(point, -float(np.nanmean(scores[i])))
+            self._show(i, scores, seconds[i])
+        self._keep(candidates, scores, seconds)
+        self.best_estimator_ = clone(self.estimator).set_params(**self.best_params_).fit(X, y)
+        return self
+
+    def _optimizer(self):
+        """Return what asks for points, and what names their coordinates."""
+        with needed_by("HalvingBayesSearchCV"):
+            from skopt import Optimizer
+            from skopt.utils import dimensions_aslist, point_asdict
+        seed = check_random_state(self.random_state).randint(2**31 - 1)
+        first = min(10, max(1, self.n_iter // 2))
+        spaces = dict(self.search_spaces)
+        optimizer = Optimizer(dimensions_aslist(spaces), n_initial_points=first, random_state=seed)
+        return optimizer, lambda point: dict(point_asdict(spaces, point))
+
+    def _race(self, params, X, y, folds, scores, i) -> None:
+        """Score a candidate fold by fold, as long as it is among the better half."""
+        for k, (train, test) in enumerate(folds):
+            fitted = clone(self.estimator).set_params(**params)
+            fitted.fit(take_rows(X, train), take_rows(y, train))
+            score = check_scoring(fitted, self.scoring)
+            scores[i, k] = score(fitted, take_rows(X, test), take_rows(y, test))
+            if not np.isfinite(scores[i, k]):
+                raise ValueError(
+                    f"the score of {params} in fold {k} is {scores[i, k]}; expected a finite "
+                    f"number. Remedy: another scoring, or a narrower search space."
+                )
+            means = scores[: i + 1, : k + 1].mean(axis=1)  # NaN of those stopped before
+            if means[i] < np.nanmedian(means):
+                break
+
+    def _show(self, i, scores, seconds) -> None:
+        if self.verbose:
+            n_folds = int(np.isfinite(scores[i]).sum())
+            whole = scores[np.isfinite(scores).all(axis=1)]
+            print(
+                f"[{type(self).__name__}] candidate {i + 1} of {self.n_iter}: score "
+                f"{np.nanmean(scores[i]):.4g} over {n_folds} of {self.n_splits_} folds, "
+                f"{seconds:.1f} s; best {whole.mean(axis=1).max():.4g}",
+                flush=True,
+            )
+
+    def _keep(self, candidates, scores, seconds) -> None:
+        whole = np.where(np.isfinite(scores).all(axis=1), scores.mean(axis=1), -np.inf)
+        self.best_index_ = int(np.argmax(whole))
+        self.best_score_ = float(whole[self.best_index_])
+        self.best_params_ = candidates[self.best_index_]
+        splits = {f"split{k}_test_score": column.tolist() for k, column in enumerate(scores.T)}
+        self.cv_results_ = {
+            "params": candidates,
+            **splits,
+            "n_folds": np.isfinite(scores).sum(axis=1).tolist(),
+            "mean_test_score": np.nanmean(scores, axis=1).tolist(),
+            "fit_time": seconds,
+        }
+
+    @_best_has("predict")
+    def predict(self, X):
+        """Predict by the best estimator.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_samples, n_columns)
+            As in `fit`.
+
+        Returns
+        -------
+        ndarray of shape (n_samples, n_outputs) or (n_samples,)
+            Predicted outputs.
+        """
+        check_is_fitted(self)
+        return self.best_estimator_.predict(X)
+
+    @_best_has("predict_interval")
+    def predict_interval(self, X, coverage=0.9):
+        """Return intervals by the best estimator, if it has such.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_samples, n_columns)
+            As in `fit`.
+        coverage : float, default=0.9
+            Share of the measurements that shall lie between.
+
+        Returns
+        -------
+        low, high : ndarray of shape (n_samples, n_outputs) or (n_samples,)
+            The interval's ends.
+        """
+        check_is_fitted(self)
+        return self.best_estimator_.predict_interval(X, coverage)
+
+    def score(self, X, y):
+        """Return the score of the best estimator.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_samples, n_columns)
+            As in `fit`.
+        y : array-like of shape (n_samples, n_outputs) or (n_samples,)
+            Measured outputs.
+
+        Returns
+        -------
+        float
+            The score, by `scoring`.
+        """
+        check_is_fitted(self)
+        return float(check_scoring(self.best_estimator_, self.scoring)(self.best_estimator_, X, y))
+
+    def __sklearn_is_fitted__(self):
+        """Return whether the search is over."""
+        return hasattr(self, "best_estimator_")
+
+    def __sklearn_tags__(self):
+        tags, inner = super().__sklearn_tags__(), get_tags(self.estimator)
+        tags.estimator_type = inner.estimator_type
+        tags.input_tags, tags.target_tags = inner.input_tags, inner.target_tags
+        tags.regressor_tags = inner.regressor_tags
+        return tags

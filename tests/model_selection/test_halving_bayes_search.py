@@ -1,0 +1,83 @@
+"""A search that stops candidates by their first folds finds what the whole search finds."""
+
+import pickle
+
+import numpy as np
+import pytest
+from sklearn.base import BaseEstimator, RegressorMixin, clone
+from sklearn.linear_model import Ridge
+
+from sklearn_pgnn.exceptions import OptionError
+from sklearn_pgnn.model_selection import HalvingBayesSearchCV
+
+RNG = np.random.default_rng(0)
+X = np.column_stack([np.tile(np.arange(20.0), 6), RNG.normal(size=(120, 3))])
+Y = X[:, 1] - 2 * X[:, 2] + 0.1 * RNG.normal(size=120)
+SPACE = {"alpha": (1e-3, 1e5, "log-uniform")}
+
+
+def search(**options):
+    return HalvingBayesSearchCV(Ridge(), SPACE, **{"n_iter": 10, "random_state": 0, **options})
+
+
+def test_the_best_went_through_all_folds():
+    found = search().fit(X, Y)
+    results = found.cv_results_
+    assert results["n_folds"][found.best_index_] == found.n_splits_ == 3
+    whole = np.array(results["n_folds"]) == 3
+    assert found.best_score_ == np.array(results["mean_test_score"])[whole].max()
+    assert found.best_params_["alpha"] < 100
+    assert found.score(X, Y) > 0.99
+
+
+def test_poor_candidates_are_stopped():
+    results = search().fit(X, Y).cv_results_
+    assert sum(results["n_folds"]) < 30
+    for i, n in enumerate(results["n_folds"]):
+        column = np.array(results[f"split{n - 1}_test_score"][: i + 1])
+        assert n == 3 or not np.isnan(column[i])
+        assert n == 3 or np.isnan(results[f"split{n}_test_score"][i])
+
+
+def test_it_is_repeatable_and_survives():
+    found = search().fit(X, Y)
+    again = clone(found).fit(X, Y)
+    assert again.cv_results_["params"] == found.cv_results_["params"]
+    loaded = pickle.loads(pickle.dumps(found))
+    assert np.array_equal(loaded.predict(X), found.predict(X))
+    assert not hasattr(found, "predict_interval")
+
+
+def test_progress_is_shown(capsys):
+    search(n_iter=2, verbose=1).fit(X, Y)
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split(":")[0] for line in lines] == [
+        "[HalvingBayesSearchCV] candidate 1 of 2",
+        "[HalvingBayesSearchCV] candidate 2 of 2",
+    ]
+
+
+class Diverging(RegressorMixin, BaseEstimator):
+    def __init__(self, alpha=1.0):
+        self.alpha = alpha
+
+    def fit(self, X, y):
+        self.fitted_ = True
+        return self
+
+    def score(self, X, y):
+        return np.nan
+
+
+def test_a_score_that_is_none_is_named():
+    with pytest.raises(ValueError, match="Remedy: another scoring"):
+        HalvingBayesSearchCV(Diverging(), SPACE).fit(X, Y)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "what"),
+    [({"n_iter": 0}, "n_iter"), ({"search_spaces": {}}, "search_spaces")],
+)
+def test_wrong_parameters_are_refused(wrong, what):
+    with pytest.raises(OptionError, match=what):
+        search().set_params(**wrong).fit(X, Y)
