@@ -365,6 +365,33 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
             )
         return y.ravel() if self._single_output else y
 
+    def predict_states(self, X):
+        """Simulate the states of every trajectory in free run from its initial state.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_samples, n_columns)
+            As in `predict`.
+
+        Returns
+        -------
+        ndarray of shape (n_samples, n_states)
+            States of `model_`.
+
+        Raises
+        ------
+        ValueError
+            If it was fitted to independent rows, which have no states.
+        """
+        check_is_fitted(self)
+        if self.model_ is None:
+            raise ValueError(
+                "predict_states: expected an estimator that was fitted to trajectories; "
+                "independent rows have no states."
+            )
+        runs = self._free_runs(X)
+        return rows_in_order(runs.records, np.concatenate(runs.x))
+
     @property
     def predict_proba(self):
         """Not available: a regressor has no probabilities."""

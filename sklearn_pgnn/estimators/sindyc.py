@@ -238,6 +238,32 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         outputs = self._predict_rows(X) if self.model_ is None else self._predict_records(X)
         return outputs.ravel() if self._single_output else outputs
 
+    def predict_states(self, X):
+        """Simulate the states of every trajectory in free run from its initial state.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_samples, n_columns)
+            As in `predict`.
+
+        Returns
+        -------
+        ndarray of shape (n_samples, n_states)
+            States of `model_`.
+
+        Raises
+        ------
+        ValueError
+            If it was fitted to independent rows, which have no states.
+        """
+        check_is_fitted(self)
+        if self.model_ is None:
+            raise ValueError(
+                "predict_states: expected an estimator that was fitted to trajectories; "
+                "independent rows have no states."
+            )
+        return self._predict_records(X, "x")
+
     # -- samples in time ---------------------------------------------------------------------------
 
     def _fit_records(self, X, y):
@@ -284,7 +310,8 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         with np.errstate(all="ignore"):  # a diverging map diverges here as well
             return substeps_for(self.model_, records, self.substeps, hold=self.hold_)
 
-    def _predict_records(self, X):
+    def _predict_records(self, X, which="y"):
+        """Return the simulated outputs, or the states (``"x"``)."""
         records = read_records(
             self.model_, validate_table(self, X, reset=False), time_column=self.time_column
         )
@@ -292,15 +319,17 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
             refuse_standardised(self.model, records)
         if self._interval is not None:
             records = on_even_clock(records, self._interval)
-        return rows_in_order(records, np.concatenate(list(map(self._simulate, records))))
+        runs = [self._simulate(record, which) for record in records]
+        return rows_in_order(records, np.concatenate(runs))
 
-    def _simulate(self, record) -> np.ndarray:
+    def _simulate(self, record, which) -> np.ndarray:
         """Simulate one trajectory; repeat its first row where it diverges."""
         method = "rk4" if self._interval is None else "euler"
         run = simulate_record(self.model_, record, method=method)
         away = ~(np.abs(run.y) <= self._limit).all(axis=1)
+        values = getattr(run, which)
         if not away.any():
-            return run.y
+            return values
         warnings.warn(
             f"trajectory {record.name!r}: the identified model runs away; at "
             f"t = {record.t[np.argmax(away)]:g} s its outputs are no longer within {RUNAWAY:g} "
@@ -309,7 +338,7 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
             SimulationWarning,
             stacklevel=4,
         )
-        return np.nan_to_num(np.repeat(run.y[:1], len(run.y), axis=0), posinf=0.0, neginf=0.0)
+        return np.nan_to_num(np.repeat(values[:1], len(values), axis=0), posinf=0.0, neginf=0.0)
 
     # -- independent rows --------------------------------------------------------------------------
 

@@ -220,6 +220,30 @@ class GreyBoxRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         )
         return outputs.ravel() if self._single_output else outputs
 
+    def predict_states(self, X):
+        """Simulate the states of every trajectory in free run from its initial state.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_samples, n_columns)
+            As in `predict`.
+
+        Returns
+        -------
+        ndarray of shape (n_samples, n_states)
+            States of `model_`.
+
+        Raises
+        ------
+        AttributeError
+            If a `network` of one's own was chosen that has no ``predict_states``.
+        """
+        check_is_fitted(self)
+        records = self._records(validate_table(self, X, reset=False))
+        table = plain_table(self.model, records)
+        started = table.starting(self.model_, usual_starts(self.model_, table))
+        return rows_in_order(records, self.estimator_.predict_states(started))
+
     def predict_from(self, X, y):
         """Simulate every trajectory from a start that fits its first measured samples.
 
