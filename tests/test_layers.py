@@ -44,9 +44,9 @@ HOMES = {
     "skopt": ("model_selection/halving_bayes_search", "model_selection/search_space"),
     "starlette": ("cli/app",),
     "uvicorn": ("cli/app",),
-    "casadi": ("export/casadi_function", "priors/casadi_function"),
+    "casadi": ("export/casadi_function", "priors/casadi_program"),
     "onnx": ("export/onnx_",),
-    "control": ("export/control_system", "priors/control_system"),
+    "control": ("export/control_system", "priors/nlsys"),
     "distributed": ("cli/cluster",),
     "nonlinear_benchmarks": ("datasets/public",),
 }

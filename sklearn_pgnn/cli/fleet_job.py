@@ -18,9 +18,10 @@ from sklearn_pgnn.cli.tables import cell, heading, print_table, say, screen, tab
 from sklearn_pgnn.exceptions import OptionError, RecordError
 from sklearn_pgnn.fleet import FleetDiagnosis
 from sklearn_pgnn.fleet.fleet_diagnosis import REPORT
+from sklearn_pgnn.fleet.machine import SAID
 from sklearn_pgnn.inspection.numbers import chance
 from sklearn_pgnn.inspection.strict_json import as_strict_json
-from sklearn_pgnn.inspection.words import VERDICTS, cause_name
+from sklearn_pgnn.inspection.words import cause_name
 
 MACHINE = "{machine}"
 #: machines and changes told on the screen; the report has all
@@ -177,8 +178,7 @@ def tell_fleet(fleet: FleetDiagnosis, output: str, *, as_json: bool, quiet: bool
 def _tell(fleet: FleetDiagnosis, report: Path, quiet: bool) -> None:
     console = screen()
     counts = Counter(machine.verdict for machine in fleet.machines_.values())
-    said = {**VERDICTS, "failed": "Not diagnosed"}
-    told = ", ".join(f"{said[v].lower()} {counts[v]}" for v in said if counts[v])
+    told = ", ".join(f"{SAID[v].lower()} {counts[v]}" for v in SAID if counts[v])
     say(console, f"{len(fleet.machines_)} machines: {told}.", "bold")
     if quiet:
         return
@@ -194,7 +194,7 @@ def _tell(fleet: FleetDiagnosis, report: Path, quiet: bool) -> None:
         for machine in wrong[:SHOWN]:
             causes = ", ".join(cause_name(*pair) for pair in machine.named) or machine.failed
             sure = chance(machine.sure) if machine.named else ""
-            rows.add_row(*map(cell, (machine.name, said[machine.verdict], causes, sure)))
+            rows.add_row(*map(cell, (machine.name, SAID[machine.verdict], causes, sure)))
         print_table(console, rows)
         _more(console, len(wrong))
     console.print()

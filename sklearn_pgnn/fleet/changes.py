@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import norm
 
+from sklearn_pgnn.estimation.candidate import Candidate
 from sklearn_pgnn.fleet.machine import Machine, acts
-from sklearn_pgnn.fleet.spread import WIDTH, first_ones
+from sklearn_pgnn.fleet.spread import first_ones, standard_error
 from sklearn_pgnn.inspection.comparison import Quantity, compare
 from sklearn_pgnn.inspection.numbers import measured
 from sklearn_pgnn.inspection.words import VERDICTS, cause_name
@@ -102,7 +103,7 @@ def chance_of(quantity: Quantity) -> float:
     if quantity.one is None or quantity.other is None:
         return math.nan
     (a, *ends_a), (b, *ends_b) = quantity.one, quantity.other
-    error = math.hypot(*((high - low) / 2 / WIDTH for low, high in (ends_a, ends_b)))
+    error = math.hypot(standard_error(*ends_a), standard_error(*ends_b))
     if not (math.isfinite(error) and error > 0):
         return math.nan
     return float(2 * norm.sf(abs(a - b) / error))
@@ -113,7 +114,7 @@ def _of_causes(old: Machine, new: Machine) -> list[Change]:
     found = []
     for kind, here, there in (("cause", new, old), ("gone", old, new)):
         for pair, cause in here.named.items():
-            if not _has(there, pair, cause):
+            if not _has(there, pair, here.alike[pair]):
                 word = "is there now" if kind == "cause" else "is there no more"
                 found.append(Change(new.name, kind, f"{cause_name(*pair)} {word}", acts(cause)))
     if not found and old.verdict != new.verdict:
@@ -122,14 +123,9 @@ def _of_causes(old: Machine, new: Machine) -> list[Change]:
     return found
 
 
-def _has(machine: Machine, pair, cause: Mapping) -> bool:
+def _has(machine: Machine, pair: Candidate, alike: set[Candidate]) -> bool:
     """Return whether a machine has a cause, or one that it may be confused with."""
-    mine = {pair, *((rival["effect"], rival["target"]) for rival in cause["confused_with"])}
-    for named, other in machine.named.items():
-        theirs = {named, *((r["effect"], r["target"]) for r in other["confused_with"])}
-        if pair in theirs or named in mine:
-            return True
-    return False
+    return any(pair in theirs or named in alike for named, theirs in machine.alike.items())
 
 
 def _sentence(quantity: Quantity) -> str:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from scipy.stats import binomtest
 
+from sklearn_pgnn.estimation.candidate import Candidate
 from sklearn_pgnn.fleet.machine import Machine
 
 
@@ -63,15 +64,11 @@ def common_causes(machines: Iterable[Machine]) -> tuple[FleetCause, ...]:
     causes = []
     for pair in pairs:
         named = tuple(m.name for m in told if pair in m.named)
-        rivals = tuple(m.name for m in told if pair not in m.named and pair in _rivals(m))
+        rivals = tuple(m.name for m in told if pair not in m.named and _may_have(m, pair))
         share = binomtest(len(named), len(told)).proportion_ci(method="wilson")
         causes.append(FleetCause(*pair, named, rivals, float(share.low), float(share.high)))
     return tuple(sorted(causes, key=lambda cause: -len(cause.machines)))
 
 
-def _rivals(machine: Machine) -> set[tuple[str, str]]:
-    return {
-        (rival["effect"], rival["target"])
-        for cause in machine.named.values()
-        for rival in cause["confused_with"]
-    }
+def _may_have(machine: Machine, pair: Candidate) -> bool:
+    return any(pair in alike for alike in machine.alike.values())

@@ -4,7 +4,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from sklearn_pgnn.estimation.candidate import Candidate
+from sklearn_pgnn.inspection.words import VERDICTS
 
+#: the verdicts in words, with what stands where there is none
+SAID = {**VERDICTS, "failed": "Not diagnosed"}
 #: the order of verdicts in a fleet
 ORDER = ("cause_named", "ambiguous", "unexplained", "model_adequate", "failed")
 
@@ -48,6 +51,14 @@ class Machine:
         """The named causes, the most telling first: by effect and target what was found."""
         causes = () if self.found is None else self.found["causes"]
         return {Candidate(cause["effect"], cause["target"]): cause for cause in causes}
+
+    @property
+    def alike(self) -> dict[Candidate, set[Candidate]]:
+        """By named cause itself and those that the records do not tell from it."""
+        return {
+            pair: {pair, *(Candidate(r["effect"], r["target"]) for r in cause["confused_with"])}
+            for pair, cause in self.named.items()
+        }
 
     @property
     def sure(self) -> float:

@@ -2,33 +2,24 @@
 
 import math
 from collections import Counter
-from html import escape
+from importlib.resources import files
 from pathlib import Path
 from urllib.parse import quote
 
 import numpy as np
+from markupsafe import Markup
 
-from sklearn_pgnn.fleet.machine import Machine
+from sklearn_pgnn.fleet.machine import SAID, Machine
 from sklearn_pgnn.fleet.spread import ParameterSpread
 from sklearn_pgnn.fleet.store import PAGE, Store
 from sklearn_pgnn.inspection.numbers import chance, measured, number, percent, sized
-from sklearn_pgnn.inspection.report.page import style_sheet
+from sklearn_pgnn.inspection.report.page import digest, render, style_sheet
 from sklearn_pgnn.inspection.svg import Scale, dot, mark, scale_text, strip
-from sklearn_pgnn.inspection.words import VERDICTS, cause_name
+from sklearn_pgnn.inspection.words import cause_name
 
-#: a verdict's words and its colour in the table
-SAID = {**VERDICTS, "failed": "Not diagnosed"}
-COLOUR = {"model_adequate": "good", "failed": "bad", "unexplained": "look"}
-_STYLE = """
-body { max-width: 78rem; }
-.badge { white-space: nowrap; border-left: .3rem solid var(--blue); padding-left: .45rem; }
-.badge.good { border-color: var(--good-bar); } .badge.look { border-color: var(--look-bar); }
-.badge.bad { border-color: var(--bad-bar); }
-.machines td { min-width: 6rem; overflow-wrap: anywhere; }
-.tiles { grid-template-columns: repeat(auto-fit, minmax(9rem, 1fr)); }
-circle.like { fill: var(--gray); } circle.odd { fill: var(--orange); }
-line.usual { stroke: var(--blue); stroke-width: 2; }
-"""
+#: a verdict's colour
+COLOUR = {"model_adequate": "good", "failed": "bad"}
+HEADERS = ("Machine", "Verdict", "Causes", "How sure", "Explained", "Unlike the others", "Records")
 
 
 def render_fleet(fleet, folder: Path) -> str:
@@ -47,86 +38,68 @@ def render_fleet(fleet, folder: Path) -> str:
         The HTML text, which loads nothing else.
     """
     machines = list(fleet.machines_.values())
-    title = f"{fleet.model.name}: {_count(len(machines), 'machine')}"
-    return (
-        f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
-        f'<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{escape(title)}</title><style>{style_sheet()}{_STYLE}</style></head><body><main>"
-        f"<h1>{escape(title)}</h1>{_tiles(machines)}{_changes(fleet)}{_table(fleet, folder)}"
-        f"{_causes(fleet)}{_parameters(fleet)}</main></body></html>\n"
-    )
+    style = style_sheet() + _source("fleet.css")
+    content = {
+        "title": f"{fleet.model.name}: {_count(len(machines), 'machine')}",
+        "style": style,
+        "style_digest": digest(style),
+        "tiles": _tiles(machines),
+        "changes": _changes(fleet),
+        "rate": percent(fleet.rate),
+        "headers": HEADERS,
+        "machines": [_row(machine, fleet, folder) for machine in machines],
+        "causes": list(map(_cause, fleet.causes_)),
+        "parameters": list(map(_parameter, fleet.parameters_.values())),
+    }
+    return render(_source, "fleet.html.j2", content)
 
 
-def _tiles(machines: list[Machine]) -> str:
+def _source(name: str) -> str:
+    return files("sklearn_pgnn.fleet").joinpath("templates", name).read_text(encoding="utf-8")
+
+
+def _tiles(machines: list[Machine]) -> list[dict]:
     counts = Counter(machine.verdict for machine in machines)
-    tiles = (
-        f'<li class="tile {COLOUR.get(verdict, "look")}"><h3>{escape(said)}</h3>'
-        f"<strong>{counts[verdict]}</strong></li>"
+    return [
+        {"css": COLOUR.get(verdict, "look"), "said": said, "count": counts[verdict]}
         for verdict, said in SAID.items()
         if counts[verdict]
-    )
-    return f'<ul class="tiles">{"".join(tiles)}</ul>'
-
-
-# -- what changed ----------------------------------------------------------------------------------
-
-
-def _changes(fleet) -> str:
-    if fleet.earlier is None:
-        return ""
-    rows = [
-        (escape(c.machine), escape(c.what), "" if math.isnan(c.sure) else chance(c.sure))
-        for c in fleet.changes_
     ]
-    rows += [(escape(name), "was not there before", "") for name in fleet.new_]
-    rows += [(escape(name), "is not there now", "") for name in fleet.missing_]
-    if not rows:
-        return "<h2>What changed</h2><p>Nothing that would stand out of chance.</p>"
-    note = (
-        f"<p class=soft>Of the parameters and sizes that are told, at most "
-        f"{percent(fleet.rate)} differ by chance alone.</p>"
-    )
-    return f"<h2>What changed</h2>{note}{_rows(('Machine', 'What', 'How sure'), rows)}"
+
+
+def _changes(fleet) -> list[dict] | None:
+    """Return what changed; None where there is no earlier time."""
+    if fleet.earlier is None:
+        return None
+    told = [
+        (c.machine, c.what, "" if math.isnan(c.sure) else chance(c.sure)) for c in fleet.changes_
+    ]
+    told += [(name, "was not there before", "") for name in fleet.new_]
+    told += [(name, "is not there now", "") for name in fleet.missing_]
+    return [dict(zip(("machine", "what", "sure"), row, strict=True)) for row in told]
 
 
 # -- a row a machine -------------------------------------------------------------------------------
 
 
-def _table(fleet, folder: Path) -> str:
-    odd: dict[str, list[str]] = {}
-    for spread in fleet.parameters_.values():
-        for name in spread.odd:
-            odd.setdefault(name, []).append(_odd(spread, name))
-    rows = [
-        (
-            _link(machine, folder),
-            f'<span class="badge {COLOUR.get(machine.verdict, "")}">{SAID[machine.verdict]}</span>',
-            _named(machine) or escape(machine.failed),
-            chance(machine.sure) if machine.named else "",
-            percent(machine.explained) if machine.named else "",
-            "; ".join(odd.get(machine.name, ())),
-            _faults(machine),
-        )
-        for machine in fleet.machines_.values()
-    ]
-    headers = (
-        "Machine", "Verdict", "Causes", "How sure", "Explained", "Unlike the others", "Records",
-    )  # fmt: skip
-    note = (
-        "<p class=soft>How sure: the probability that the cause, or one that the records do not "
-        "tell from it, acts. Explained: share of the prior's error power above the noise.</p>"
-    )
-    return f"<h2>The machines, the surest first</h2>{note}{_rows(headers, rows, 'machines')}"
-
-
-def _link(machine: Machine, folder: Path) -> str:
+def _row(machine: Machine, fleet, folder: Path) -> dict:
     page = Store(folder).place(machine.name) / PAGE
-    if machine.found is None or not page.exists():
-        return escape(machine.name)
-    return f'<a href="{quote(page.relative_to(folder).as_posix())}">{escape(machine.name)}</a>'
+    told = machine.found is not None and page.exists()
+    odd = [_odd(s, machine.name) for s in fleet.parameters_.values() if machine.name in s.odd]
+    return {
+        "name": machine.name,
+        "page": quote(page.relative_to(folder).as_posix()) if told else "",
+        "css": COLOUR.get(machine.verdict, "look"),
+        "said": SAID[machine.verdict],
+        "causes": _named(machine) or ([machine.failed] if machine.failed else []),
+        "sure": chance(machine.sure) if machine.named else "",
+        "explained": percent(machine.explained) if machine.named else "",
+        "odd": "; ".join(odd),
+        "faults": _faults(machine),
+    }
 
 
-def _named(machine: Machine) -> str:
+def _named(machine: Machine) -> list[str]:
     said = []
     for pair, cause in machine.named.items():
         sizes = (
@@ -134,9 +107,8 @@ def _named(machine: Machine) -> str:
             for name, size in cause["parameters"].items()
             if size["value"] is not None
         )
-        said.append(escape(f"{cause_name(*pair)} ({chance(cause['probability'])}): ")
-                    + escape(", ".join(sizes)))  # fmt: skip
-    return "<br>".join(said)
+        said.append(f"{cause_name(*pair)} ({chance(cause['probability'])}): {', '.join(sizes)}")
+    return said
 
 
 def _ends(size) -> tuple[float, float, float]:
@@ -146,7 +118,7 @@ def _ends(size) -> tuple[float, float, float]:
 
 def _odd(spread: ParameterSpread, name: str) -> str:
     value = measured(*spread.values[name], spread.unit)
-    return escape(f"{spread.name} {value}, usually {number(spread.usual, 3)}")
+    return f"{spread.name} {value}, usually {number(spread.usual, 3)}"
 
 
 def _faults(machine: Machine) -> str:
@@ -156,73 +128,44 @@ def _faults(machine: Machine) -> str:
     said = [kind.replace("_", " ") for kind in kinds]
     if machine.found["stopped"]:
         said.append(f"stopped: {machine.found['stopped']}")
-    return escape("; ".join(said))
+    return "; ".join(said)
 
 
 # -- what the machines show together ---------------------------------------------------------------
 
 
-def _causes(fleet) -> str:
-    if not fleet.causes_:
-        return ""
-    rows = [
-        (
-            escape(cause_name(cause.effect, cause.target)),
-            str(len(cause.machines)),
-            str(len(cause.possible)),
-            f"{percent(cause.low)} to {percent(cause.high)}",
-            "belongs into the model that all share" if cause.is_of_the_model else "",
-        )
-        for cause in fleet.causes_
-    ]
-    headers = ("Cause", "Named on", "Possible on", "Of all such machines (95 %)", "")
-    return f"<h2>Causes over the fleet</h2>{_rows(headers, rows)}"
+def _cause(cause) -> dict:
+    return {
+        "name": cause_name(cause.effect, cause.target),
+        "named": len(cause.machines),
+        "possible": len(cause.possible),
+        "share": f"{percent(cause.low)} to {percent(cause.high)}",
+        "remark": "belongs into the model that all share" if cause.is_of_the_model else "",
+    }
 
 
-def _parameters(fleet) -> str:
-    if not fleet.parameters_:
-        return ""
-    rows = [
-        (
-            escape(spread.name),
-            escape(f"{number(spread.prior)} {spread.unit}"),
-            escape(f"{number(spread.usual)} {spread.unit}"),
-            "the same on all" if spread.shared else escape(f"± {number(spread.spread, 2)}"),
-            _strip(spread),
-        )
-        for spread in fleet.parameters_.values()
-    ]
-    note = (
-        "<p class=soft>Every machine as a dot; the line is the median, orange is unlike the "
-        "others.</p>"
-    )
-    headers = ("Parameter", "Given", "Usual", "Between machines", "")
-    return f"<h2>Parameters over the fleet</h2>{note}{_rows(headers, rows)}"
-
-
-def _strip(spread: ParameterSpread) -> str:
+def _parameter(spread: ParameterSpread) -> dict:
     values = np.array([value for value, _, _ in spread.values.values()])
     scale = Scale.over(values)
+    return {
+        "name": spread.name,
+        "given": f"{number(spread.prior)} {spread.unit}",
+        "usual": f"{number(spread.usual)} {spread.unit}",
+        "between": "the same on all" if spread.shared else f"± {number(spread.spread, 2)}",
+        "strip": _strip(spread, scale, values),
+        "scale": scale_text(scale),
+    }
+
+
+def _strip(spread: ParameterSpread, scale: Scale, values: np.ndarray) -> Markup:
+    """Return a strip with a dot a machine; the odd ones lie on top."""
     shapes = [mark(float(scale.place(spread.usual)), "usual", "median")]
-    for (name, (value, low, high)), at in zip(
-        spread.values.items(), scale.place(values), strict=True
-    ):
+    places = dict(zip(spread.values, scale.place(values), strict=True))
+    for name in sorted(places, key=spread.odd.__contains__):
         css = "odd" if name in spread.odd else "like"
-        shapes.append(dot(float(at), css, f"{name}: {measured(value, low, high, spread.unit)}"))
-    return f"{strip(spread.name, shapes)}{scale_text(scale)}"
-
-
-# -- HTML ------------------------------------------------------------------------------------------
-
-
-def _rows(headers, rows, css: str = "") -> str:
-    """Return a table; its cells are HTML already."""
-    head = "".join(f'<th scope="col">{escape(text)}</th>' for text in headers)
-    body = "".join(f"<tr>{''.join(f'<td>{cell}</td>' for cell in row)}</tr>" for row in rows)
-    return (
-        f'<div class="wide"><table class="{css}"><thead><tr>{head}</tr></thead>'
-        f"<tbody>{body}</tbody></table></div>"
-    )
+        told = f"{name}: {measured(*spread.values[name], spread.unit)}"
+        shapes.append(dot(float(places[name]), css, told))
+    return strip(spread.name, shapes)
 
 
 def _count(number: int, what: str) -> str:

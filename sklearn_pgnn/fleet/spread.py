@@ -79,7 +79,7 @@ def spread_of(name: str, found: Mapping[str, Mapping], rate: float) -> Parameter
         return None
     first = next(iter(told.values()))
     values = np.array([e["value"] for e in told.values()], dtype=float)
-    errors = np.array([standard_error(e) for e in told.values()])
+    errors = np.array([standard_error(e["low"], e["high"]) for e in told.values()])
     known = np.isfinite(errors)
     usual = float(np.median(values[known] if known.any() else values))
     apart = values - usual
@@ -100,15 +100,14 @@ def spread_of(name: str, found: Mapping[str, Mapping], rate: float) -> Parameter
     )
 
 
-def standard_error(estimate: Mapping) -> float:
+def standard_error(low: float | None, high: float | None) -> float:
     """Return the standard error behind a 95 % interval; infinite where an end of it is open.
 
     Examples
     --------
-    >>> round(standard_error({"low": -1.96, "high": 1.96}), 3)
+    >>> round(standard_error(-1.96, 1.96), 3)
     1.0
     """
-    low, high = estimate["low"], estimate["high"]
     return math.inf if low is None or high is None else (high - low) / 2 / WIDTH
 
 

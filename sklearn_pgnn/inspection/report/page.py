@@ -3,6 +3,7 @@
 import base64
 import hashlib
 import re
+from collections.abc import Callable, Mapping
 from importlib.resources import files
 from pathlib import Path
 
@@ -67,6 +68,30 @@ def render_report(
     str
         The HTML text; names and units of the model are escaped.
     """
+    content = report_content(diagnosis, provenance or Provenance(), detectability)
+    for name in ("style.css", "zoom.js"):
+        text = _source(name)
+        content |= {name.split(".")[0]: text, f"{name.split('.')[0]}_digest": digest(text)}
+    return render(_source, "report.html.j2", content)
+
+
+def render(source: Callable[[str], str], name: str, content: Mapping) -> str:
+    """Render a template.
+
+    Parameters
+    ----------
+    source : callable
+        Returns the text of a template by its name.
+    name : str
+        The template.
+    content : mapping
+        What it shows; texts are escaped, and get minus signs in place of hyphens before numbers.
+
+    Returns
+    -------
+    str
+        The page.
+    """
     from jinja2 import Environment, FunctionLoader, StrictUndefined
 
     room = Environment(
@@ -74,19 +99,15 @@ def render_report(
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
-        loader=FunctionLoader(_source),
+        loader=FunctionLoader(source),
         finalize=_with_minus_signs,
     )
     room.filters["capitalize_first"] = lambda text: text[:1].upper() + text[1:]
     room.filters["as_it_is"] = _as_it_is
-    content = report_content(diagnosis, provenance or Provenance(), detectability)
-    for name in ("style.css", "zoom.js"):
-        text = _source(name)
-        content |= {name.split(".")[0]: text, f"{name.split('.')[0]}_digest": _digest(text)}
-    return room.get_template("report.html.j2").render(**content)
+    return room.get_template(name).render(**content)
 
 
-def _digest(text: str) -> str:
+def digest(text: str) -> str:
     """Return what a page's policy calls a style or a script."""
     return base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
 
