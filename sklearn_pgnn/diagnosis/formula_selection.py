@@ -9,6 +9,7 @@ from sklearn_pgnn.diagnosis.unexplained import (
     channels,
     library_size,
     propose,
+    propose_again,
 )
 from sklearn_pgnn.estimation.criterion import SelectionCriterion, explained_share
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
@@ -68,6 +69,29 @@ class FormulaSelection:
             return result, self._best(search, final)
         return result, None
 
+    @staticmethod
+    def on_other_records(search: Search, ground: FittedHypothesis, proposal: Proposal):
+        """Return a formula as other records have it, or None where they do not name it.
+
+        Parameters
+        ----------
+        search : Search
+            The search, on these records.
+        ground : FittedHypothesis
+            What it stands beside.
+        proposal : Proposal
+            The formula.
+
+        Returns
+        -------
+        Proposal or None
+            The formula.
+        """
+        fitter = search.fitter
+        fitter.progress.begin("formula")
+        again = propose_again(fitter.problem, ground, proposal, fitter.progress.tick)
+        return again if again is not None and _is_named(search, ground, again) else None
+
     def _alone(self, search: Search) -> Proposal | None:
         """Return the best formula for what the re-tuned prior lacks."""
         return self._best(search, search.fitter.base())
@@ -98,8 +122,14 @@ def _best_formula(search: Search, ground: FittedHypothesis) -> Proposal | None:
         return evidence - len(proposal.effect.terms) * criterion.to_name
 
     best = max(found, key=score)
-    terms = len(best.effect.terms)
-    return best if criterion.names(held_out(ground), held_out(best.trial), terms) else None
+    return best if _is_named(search, ground, best) else None
+
+
+def _is_named(search: Search, ground: FittedHypothesis, proposal: Proposal) -> bool:
+    """Return whether the rule is met by a formula's terms, the library being paid for."""
+    criterion = _with_library(search, len(channels(search.fitter.problem.prior)))
+    trials = map(search.fitter.held_out, (ground, proposal.trial))
+    return criterion.names(*trials, len(proposal.effect.terms))
 
 
 def _with_library(search: Search, n_places: int) -> SelectionCriterion:

@@ -15,8 +15,9 @@ from sklearn_pgnn.estimation.criterion import SelectionCriterion
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
 from sklearn_pgnn.estimation.hypothesis_models import Key
-from sklearn_pgnn.estimation.problem import build_problem, with_hold
+from sklearn_pgnn.estimation.problem import EstimationProblem, build_problem, recut, with_hold
 from sklearn_pgnn.estimation.progress import Progress, TimeIsUp
+from sklearn_pgnn.estimation.stretches import is_long, on_stretches
 from sklearn_pgnn.estimation.window_selection import check_prior, select_windows
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects import SensorSaturation
@@ -90,6 +91,7 @@ class Investigation:
     options: Mapping[str, Any]
     found: Findings | None = None
     search: Search | None = None
+    whole: EstimationProblem | None = None
 
     def run(self, hold: str, is_told: bool) -> Findings:
         """Search with inputs that are held, or not, and the other way if the records speak for it.
@@ -110,7 +112,7 @@ class Investigation:
         self.found = self._search(fitter)
         with suppress(TimeIsUp):
             if not is_told and self.progress.ended is None:
-                self._try_slopes(self.found)
+                self._try_slopes(self.found, fitter)
         return self.found
 
     def so_far(self) -> Findings:
@@ -124,12 +126,28 @@ class Investigation:
     def _fitter(self, hold: str) -> HypothesisFitter:
         """Return the fitter on windows as long as the user or the records say."""
         self.progress.begin("reading the records")
-        problem = build_problem(self.model, self.records, hold=hold, **self.options)
+        problem, records = (
+            build_problem(self.model, self.records, hold=hold, **self.options),
+            self.records,
+        )
+        if is_long(problem):
+            self.whole = problem
+            problem, records = on_stretches(problem, records, self.options)
         self.progress.begin("window length")
         if self.options.get("window_length") is None:
             fitter = select_windows(problem, self.progress)
         else:
             fitter = HypothesisFitter(problem, self.progress)
+        check_prior(fitter, [record.name for record in records])
+        return fitter
+
+    def _on_all_records(self, problem: EstimationProblem) -> HypothesisFitter:
+        """Return the fitter on all records, in windows as long as those that were searched."""
+        whole = self.whole
+        if problem.windows.hold != whole.windows.hold:
+            whole = with_hold(whole, problem.windows.hold)
+        whole = recut(whole, problem.scales.window) or whole
+        fitter = HypothesisFitter(whole, self.progress)
         check_prior(fitter, [record.name for record in self.records])
         return fitter
 
@@ -156,9 +174,26 @@ class Investigation:
                 has_structure = left and asked.has_structure(result.final)
                 result, proposal = formulas.choose(search, result, has_structure)
                 structure = asked.of(result.final) if left or proposal else None
+        found = Findings(search, result, proposal, structure)
+        return found if self.whole is None else self._judge_on_all(found)
+
+    def _judge_on_all(self, found: Findings) -> Findings:
+        """Judge what was found on stretches of the records on all of them."""
+        search, proposal, structure = found.search, None, None
+        fitter = self._on_all_records(search.fitter.problem)
+        asked = _Structures(fitter, search.criterion)
+        result = search.judge_on(found.result, fitter, asked.has_structure)
+        with suppress(TimeIsUp):
+            if self.progress.ended is None:
+                if found.proposal is not None:
+                    proposal = FormulaSelection.on_other_records(
+                        search, result.final, found.proposal
+                    )
+                if search.is_nameable(result.final) or proposal:
+                    structure = asked.of(result.final)
         return Findings(search, result, proposal, structure)
 
-    def _try_slopes(self, held: Findings) -> None:
+    def _try_slopes(self, held: Findings, searched: HypothesisFitter) -> None:
         """Search again with inputs that run straight between samples if that is refuted less."""
         fitter, final = held.search.fitter, held.result.final
         has_structure = held.structure is not None and held.structure.is_significant
@@ -169,6 +204,8 @@ class Investigation:
         criterion, before = held.search.criterion, fitter.held_out(final)
         if not criterion.names(before, sloped.held_out(sloped.refit(final))):
             return
+        if self.whole is not None:
+            sloped = HypothesisFitter(with_hold(searched.problem, "foh"), self.progress)
         again = self._search(sloped)
         if criterion.evidence(before, sloped.held_out(again.result.final)) > 0.0:
             self.found = again

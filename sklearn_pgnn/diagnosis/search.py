@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -89,6 +90,43 @@ class Search:
     def so_far(self) -> SearchResult:
         """Return the best hypothesis so far, without what may stand in its causes' places."""
         return self._result(complete=False)
+
+    def judge_on(
+        self,
+        found: SearchResult,
+        fitter: HypothesisFitter,
+        has_structure: Callable[[FittedHypothesis], bool],
+    ) -> SearchResult:
+        """Fit what was found, and what may stand in its place, on other records.
+
+        Parameters
+        ----------
+        found : SearchResult
+            What was found.
+        fitter : HypothesisFitter
+            Fits hypotheses on these records.
+        has_structure : callable
+            As above, of these records.
+
+        Returns
+        -------
+        SearchResult
+            The causes that these records name; complete if all was, and the time suffices.
+        """
+        complete = self.progress.ended is None
+        rivals = {other for others in found.rivals.values() for other, _ in others}
+        likely = rivals.union(found.final.hypothesis.causes)
+        self.candidates = tuple(cause for cause in self.candidates if cause in likely)
+        self.progress.counts = False  # a result there must be
+        self.progress.begin("all records")
+        self.fitter, self.has_structure, self._screening = fitter, has_structure, None
+        self.current = fitter.polish(fitter.refit(found.final, same_windows=False))
+        self.progress.counts = True
+        with suppress(TimeIsUp):
+            while complete and (fewer := self._drop(self.current)) is not None:
+                self.current = fewer
+            return replace(self._result(complete), alone=found.alone)
+        return replace(self.so_far(), alone=found.alone)
 
     def _climb(self) -> None:
         """Go from hypothesis to hypothesis until no move is accepted, or a formula says it all."""

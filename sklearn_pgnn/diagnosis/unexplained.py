@@ -154,19 +154,7 @@ def propose(
     SimulationError
         If the responses to the terms leave the finite numbers.
     """
-    model, scales = base.fit.model, problem.scales
-    estimate = problem.states.estimate(model)
-    size = scales.rate[channel] if channel in scales.rate else scales.typical[channel]
-    hidden = find_hidden_input(
-        model,
-        problem.windows,
-        channel,
-        estimate.x,
-        estimate.spread,
-        size,
-        problem.period,
-        each_step,
-    )
+    model, hidden = base.fit.model, _hidden_input(problem, base, channel, each_step)
     if not np.all(np.isfinite(hidden.values)):
         return []
     table = _samples(problem, model, hidden)
@@ -177,14 +165,62 @@ def propose(
     formulas = [
         _formula(model, channel, terms, c) for c in _telling_terms(problem, base, channel, columns)
     ]
-    fitted = [(formula, _fit(problem, base, formula, each_step)) for formula in formulas]
-    return [
-        Proposal(
-            hidden, _at_fit(formula, fit), FittedHypothesis(base.hypothesis.plus(formula), fit)
-        )
-        for formula, fit in fitted
-        if fit.usable
-    ]
+    fitted = [_proposal(problem, base, hidden, formula, each_step) for formula in formulas]
+    return [proposal for proposal in fitted if proposal.trial.fit.usable]
+
+
+def propose_again(
+    problem: EstimationProblem,
+    base: FittedHypothesis,
+    proposal: Proposal,
+    each_step: Callable[[], None] | None = None,
+) -> Proposal | None:
+    """Fit a formula that was found on other records.
+
+    Parameters
+    ----------
+    problem : EstimationProblem
+        The problem.
+    base : FittedHypothesis
+        The model without it.
+    proposal : Proposal
+        The formula.
+    each_step : callable, optional
+        As in `propose`.
+
+    Returns
+    -------
+    Proposal or None
+        None where it cannot be fitted on these records.
+    """
+    effect = proposal.effect
+    hidden = _hidden_input(problem, base, effect.target, each_step)
+    again = _proposal(problem, base, hidden, effect, each_step)
+    return again if again.trial.fit.usable and np.all(np.isfinite(hidden.values)) else None
+
+
+def _hidden_input(problem, base, channel, each_step) -> HiddenInput:
+    """Smooth what acts at a channel and is not in the model."""
+    model, scales = base.fit.model, problem.scales
+    estimate = problem.states.estimate(model)
+    size = scales.rate[channel] if channel in scales.rate else scales.typical[channel]
+    return find_hidden_input(
+        model,
+        problem.windows,
+        channel,
+        estimate.x,
+        estimate.spread,
+        size,
+        problem.period,
+        each_step,
+    )
+
+
+def _proposal(problem, base, hidden: HiddenInput, formula: Formula, each_step) -> Proposal:
+    """Fit a formula beside a model."""
+    fit = _fit(problem, base, formula, each_step)
+    found = _at_fit(formula, fit) if fit.usable else formula
+    return Proposal(hidden, found, FittedHypothesis(base.hypothesis.plus(formula), fit))
 
 
 def describe(problem: EstimationProblem, proposal: Proposal) -> MissingPart:

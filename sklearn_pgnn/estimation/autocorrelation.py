@@ -1,6 +1,7 @@
 """How long residuals remember themselves."""
 
 import numpy as np
+from scipy.fft import irfft, next_fast_len, rfft
 
 from sklearn_pgnn.estimation.budgets import FORGOTTEN
 
@@ -45,13 +46,22 @@ def _autocorrelation_time(values: np.ndarray, segment: np.ndarray) -> float:
         power = float(values @ values) / max(known.sum(), 1.0)
     if not 0.0 < power < np.inf:
         return 1.0
-    time = 1.0
-    for lag in range(1, values.size):
-        same = segment[lag:] == segment[:-lag]
-        pairs = float((known[lag:] * known[:-lag]) @ same)
-        if pairs == 0.0:
-            break
-        time += 2.0 * float((values[lag:] * values[:-lag]) @ same) / pairs / power
-        if lag >= FORGOTTEN * time:  # Sokal's window
-            break
-    return max(time, 1.0)
+    products, pairs = _sum_over_lags(values, segment), np.rint(_sum_over_lags(known, segment))
+    apart = np.flatnonzero(np.append(pairs, 0.0) == 0)[0]  # no two values are so far apart
+    times = 1.0 + 2.0 * np.cumsum(products[1:apart] / pairs[1:apart]) / power
+    enough = np.flatnonzero(np.arange(1, apart) >= FORGOTTEN * times)  # Sokal's window
+    last = times[enough[:1]] if enough.size else times[-1:]
+    return float(np.max(last, initial=1.0))
+
+
+def _sum_over_lags(values: np.ndarray, segment: np.ndarray) -> np.ndarray:
+    """Return the sum of the products of all values of a segment so many samples apart."""
+    edges = np.flatnonzero(np.diff(segment, prepend=np.nan, append=np.nan))
+    lengths = np.diff(edges)
+    found = np.zeros(lengths.max())
+    for length in np.unique(lengths):
+        first = edges[:-1][lengths == length]
+        padded = next_fast_len(2 * int(length), real=True)
+        spectrum = rfft(values[first[:, None] + np.arange(length)], padded, axis=1)
+        found[:length] += irfft((np.abs(spectrum) ** 2).sum(axis=0), padded)[:length]
+    return found

@@ -18,6 +18,9 @@ MOST_HELD_OUT = 2 / 3
 
 # -- the ladder of fits ----------------------------------------------------------------------------
 
+#: samples that a search works on; of longer records it takes stretches, and what it accepts is
+#: judged on all. More cost time in proportion; fewer may leave out what happens seldom
+LONG = 50_000
 #: samples of a first fit, of a regression and of a spectrum. More cost time in proportion; fewer
 #: see less of a rare event
 SAMPLES = 6000

@@ -145,9 +145,10 @@ class WindowFitter:
         """Return the re-tuned prior's error in units of the noise."""
         return float(np.sqrt(self.base().squares / self.problem.n_samples))
 
-    def refit(self, trial: FittedHypothesis) -> FittedHypothesis:
+    def refit(self, trial: FittedHypothesis, same_windows: bool = True) -> FittedHypothesis:
         """Fit a hypothesis that was fitted on another problem, from its numbers."""
-        self._keep(self._fit(trial.hypothesis, trial.fit.model, trial.fit))
+        beside = trial.fit if same_windows else None
+        self._keep(self._fit(trial.hypothesis, trial.fit.model, beside))
         return self._known(trial.hypothesis)
 
     def polish(self, trial: FittedHypothesis) -> FittedHypothesis:

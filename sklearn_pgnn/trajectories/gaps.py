@@ -44,13 +44,14 @@ def _pieces(record: Record, longest: float, samples: int) -> list[Record]:
     if len(edges) == 2:
         return [record]
     spans = [slice(a, b) for a, b in pairwise(edges)]
-    pieces = [_piece(record, span) for span in spans]
+    pieces = [piece_of(record, span) for span in spans]
     return [
         p for p in pieces if p.t.size >= MIN_SAMPLES and (p.y is None or np.isfinite(p.y).any())
     ]
 
 
-def _piece(record: Record, span: slice) -> Record:
+def piece_of(record: Record, span: slice) -> Record:
+    """Return a piece of a record; one that is not its beginning begins at an unknown state."""
     start = span.start
     return replace(
         record,

@@ -1,0 +1,138 @@
+"""Stretches of long records: those that tell most, for a search."""
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from sklearn_pgnn.estimation.budgets import LONG, STRETCHES
+from sklearn_pgnn.estimation.problem import EstimationProblem, build_problem
+from sklearn_pgnn.simulation.record_windows import MIN_WINDOWS
+from sklearn_pgnn.simulation.windows import evaluate
+from sklearn_pgnn.trajectories.gaps import piece_of
+from sklearn_pgnn.trajectories.record import Record
+
+
+def is_long(problem: EstimationProblem) -> bool:
+    """Return whether records have more samples than a search works on."""
+    return int(problem.windows.lengths.sum()) > LONG
+
+
+def on_stretches(
+    whole: EstimationProblem, records: tuple[Record, ...], options: Mapping[str, Any]
+) -> tuple[EstimationProblem, tuple[Record, ...]]:
+    """Return the problem that the telling stretches of long records make, and the stretches.
+
+    Parameters
+    ----------
+    whole : EstimationProblem
+        The problem that all records make.
+    records : tuple of Record
+        The records.
+    options : mapping
+        Of `build_problem`; the noise is that of all records.
+
+    Returns
+    -------
+    problem : EstimationProblem
+        The smaller problem.
+    stretches : tuple of Record
+        See `telling_stretches`.
+    """
+    stretches, factor = telling_stretches(whole, records)
+    substeps = options.get("substeps")
+    options = {
+        **options,
+        "hold": whole.windows.hold,
+        "noise_std": whole.windows.scale,
+        "substeps": None if substeps is None else factor * substeps,
+    }
+    return build_problem(whole.prior, stretches, **options), stretches
+
+
+def telling_stretches(
+    problem: EstimationProblem, records: tuple[Record, ...]
+) -> tuple[tuple[Record, ...], int]:
+    """Return about `LONG` samples of long records, in stretches, and of how many one is kept.
+
+    Half of the stretches are those in which the prior errs most, window by window; the others are
+    spread evenly over the rest. Where samples are so dense that a stretch would hold few windows
+    they are thinned.
+
+    Parameters
+    ----------
+    problem : EstimationProblem
+        The problem that all records make.
+    records : tuple of Record
+        The records.
+
+    Returns
+    -------
+    stretches : tuple of Record
+        The stretches, each a record that keeps its clock, in the order of the records.
+    factor : int
+        One sample of so many is kept.
+    """
+    size = LONG // STRETCHES
+    in_window = float(np.median(problem.windows.lengths))
+    factor = math.ceil(MIN_WINDOWS * in_window / size)
+    spans = list(_spans([record.t.size for record in records], factor * size))
+    errors = _errors(problem)
+    offsets = problem.windows.bounds
+    told = [_mean_of(errors, offsets[r] + a, offsets[r] + b) for r, a, b in spans]
+    lengths = np.array([b - a for _, a, b in spans]) / factor
+    chosen = np.sort(_choose(np.array(told), lengths))
+    hold = problem.windows.hold
+    pieces = [piece_of(records[r], slice(a, b)) for r, a, b in (spans[i] for i in chosen)]
+    return tuple(_thin(piece, factor, hold) for piece in pieces), factor
+
+
+def _spans(sizes, length: int) -> Iterator[tuple[int, int, int]]:
+    """Yield record, first sample and end of stretches of about a length that fill the records."""
+    for record, size in enumerate(sizes):
+        edges = np.linspace(0, size, max(1, size // length) + 1).astype(int)
+        yield from ((record, int(a), int(b)) for a, b in pairwise(edges))
+
+
+def _errors(problem: EstimationProblem) -> np.ndarray:
+    """Return the logarithm of the prior's squares a sample in every window, sample by sample."""
+    windows, model = problem.windows, problem.prior
+    x0 = problem.states.estimate(model).x[windows.starts]
+    squares = evaluate(model, windows, x0, ()).squares / windows.lengths
+    large = np.log1p(np.where(np.isfinite(squares), squares, np.inf).clip(max=1e300))
+    return np.repeat(large, windows.lengths)
+
+
+def _mean_of(errors: np.ndarray, a: int, b: int) -> float:
+    return float(errors[a:b].mean()) if errors[a:b].size else 0.0
+
+
+def _choose(told: np.ndarray, lengths: np.ndarray) -> np.ndarray:
+    """Return the stretches that tell most, up to half of the budget, and some of the others."""
+    if lengths.sum() <= LONG:
+        return np.arange(told.size)
+    order = np.argsort(-told, kind="stable")
+    first = order[: max(1, np.searchsorted(np.cumsum(lengths[order]), LONG / 2))]
+    rest = np.setdiff1d(np.arange(told.size), first)
+    count = round((LONG - lengths[first].sum()) / lengths[rest].mean())
+    spread = (np.arange(count) + 0.5) * rest.size / max(count, 1)
+    return np.concatenate([first, rest[np.unique(spread.astype(int))]])
+
+
+def _thin(record: Record, factor: int, hold: str) -> Record:
+    """Keep one sample of so many; held inputs are averaged in between."""
+    if factor == 1:
+        return record
+    kept = np.arange(0, record.t.size, factor)
+    width = np.diff(record.t, append=2 * record.t[-1] - record.t[-2])[:, None]
+    mean = np.add.reduceat(width * record.u, kept) / np.add.reduceat(width, kept)
+    return replace(
+        record,
+        t=record.t[kept],
+        u=record.u[kept] if hold == "foh" else mean,
+        y=record.y[kept],
+        rows=record.rows[kept],
+    )
