@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from sklearn_pgnn.diagnosis.formula_selection import FormulaSelection
@@ -12,10 +12,17 @@ from sklearn_pgnn.diagnosis.structure import Structure, find_structure
 from sklearn_pgnn.diagnosis.unexplained import Proposal
 from sklearn_pgnn.diagnosis.verdict import Remaining, describe_remaining, verdict_of
 from sklearn_pgnn.estimation.criterion import SelectionCriterion
+from sklearn_pgnn.estimation.fine_steps import fine_substeps
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
 from sklearn_pgnn.estimation.hypothesis_models import Key
-from sklearn_pgnn.estimation.problem import EstimationProblem, build_problem, recut, with_hold
+from sklearn_pgnn.estimation.problem import (
+    EstimationProblem,
+    build_problem,
+    recut,
+    with_hold,
+    with_substeps,
+)
 from sklearn_pgnn.estimation.progress import Progress, TimeIsUp
 from sklearn_pgnn.estimation.stretches import is_long, on_stretches
 from sklearn_pgnn.estimation.window_selection import check_prior, select_windows
@@ -113,6 +120,8 @@ class Investigation:
         with suppress(TimeIsUp):
             if not is_told and self.progress.ended is None:
                 self._try_slopes(self.found, fitter)
+            if self.options.get("substeps") is None and "substeps" not in self.model.simulation:
+                self.found = self._in_fine_steps(self.found)
         return self.found
 
     def so_far(self) -> Findings:
@@ -192,6 +201,18 @@ class Investigation:
                 if search.is_nameable(result.final) or proposal:
                     structure = asked.of(result.final)
         return Findings(search, result, proposal, structure)
+
+    def _in_fine_steps(self, found: Findings) -> Findings:
+        """Fit the causes in integration steps so fine that no parameter depends on them."""
+        fitter, result = found.search.fitter, found.result
+        if not result.steps or found.proposal is not None:
+            return found
+        self.progress.begin("integration steps")
+        substeps = fine_substeps(fitter, result.final)
+        if substeps == fitter.problem.windows.substeps:
+            return found
+        finer = HypothesisFitter(with_substeps(fitter.problem, substeps), self.progress)
+        return replace(found, result=found.search.in_steps_of(finer, result))
 
     def _try_slopes(self, held: Findings, searched: HypothesisFitter) -> None:
         """Search again with inputs that run straight between samples if that is refuted less."""

@@ -128,6 +128,13 @@ class Search:
             return replace(self._result(complete), alone=found.alone)
         return replace(self.so_far(), alone=found.alone)
 
+    def in_steps_of(self, fitter: HypothesisFitter, found: SearchResult) -> SearchResult:
+        """Fit what was found in other integration steps; what may stand in its place stays."""
+        base, final = fitter.base(), fitter.polish(fitter.refit(found.final))
+        steps = in_order(fitter, base, final)
+        self.fitter, self.current, self._screening = fitter, final, None
+        return replace(found, base=base, steps=steps)
+
     def _climb(self) -> None:
         """Go from hypothesis to hypothesis until no move is accepted, or a formula says it all."""
         while (better := self._next(self.current)) is not None:

@@ -64,7 +64,7 @@ SHORTEST = 1 / 24
 
 #: finest error that counts, as a share of a signal's ups and downs: simulations are no finer
 RESOLUTION = 1e-5
-#: change of the outputs, in units of the noise, that is small but no rounding
+#: change of the outputs in units of the noise, or of a parameter in standard errors, that is small
 SMALL_CHANGE = 0.1
 #: relative size below which a direction is rounding
 ROUNDING = 1e-9

@@ -181,8 +181,17 @@ def with_hold(problem: EstimationProblem, hold: str) -> EstimationProblem:
     EstimationProblem
         The same windows.
     """
+    return _simulated(problem, hold=hold)
+
+
+def with_substeps(problem: EstimationProblem, substeps: int) -> EstimationProblem:
+    """Return the problem with so many integration steps from sample to sample."""
+    return _simulated(problem, substeps=substeps)
+
+
+def _simulated(problem: EstimationProblem, **options) -> EstimationProblem:
     states = copy(problem.states)
-    states.windows = windows = replace(problem.windows, hold=hold)
+    states.windows = windows = replace(problem.windows, **options)
     return replace(problem, windows=windows, states=states)
 
 

@@ -151,6 +151,21 @@ class WindowFitter:
         self._keep(self._fit(trial.hypothesis, trial.fit.model, beside))
         return self._known(trial.hypothesis)
 
+    def moved_from(self, trial: FittedHypothesis) -> FittedHypothesis:
+        """Return where two steps lead from a hypothesis at the minimum of another problem."""
+        fit = trial.fit
+        moved = self.fit_model(
+            self._spare(trial.hypothesis),
+            fit.model,
+            self.problem.windows,
+            fit.freedoms,
+            self._start(fit.model),
+            fit.x0,
+            min_steps=2,
+            max_steps=2,
+        )
+        return FittedHypothesis(trial.hypothesis, moved)
+
     def polish(self, trial: FittedHypothesis) -> FittedHypothesis:
         """Fit a hypothesis on to its minimum, also along directions that records hardly see."""
         model, start = trial.fit.model, self._start(trial.fit.model)

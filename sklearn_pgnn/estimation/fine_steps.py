@@ -1,0 +1,52 @@
+"""Integration steps so fine that no parameter depends on them."""
+
+import numpy as np
+
+from sklearn_pgnn.estimation.budgets import SMALL_CHANGE
+from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
+from sklearn_pgnn.estimation.fitting import HypothesisFitter
+from sklearn_pgnn.estimation.problem import EstimationProblem, with_substeps
+from sklearn_pgnn.estimation.window_fitter import WindowFitter
+from sklearn_pgnn.simulation.record_windows import MAX_SUBSTEPS
+from sklearn_pgnn.simulation.uncertainty import standard_errors
+
+
+def fine_substeps(fitter: WindowFitter, trial: FittedHypothesis) -> int:
+    """Return the substeps at which twice as many move no parameter by a tenth of its error.
+
+    The steps of a search are so fine that the outputs change by little of the noise. Many samples
+    tell a parameter more finely than that, and a step over dry friction or a limit errs more than
+    one over the smooth prior.
+
+    Parameters
+    ----------
+    fitter : WindowFitter
+        What fitted the hypothesis.
+    trial : FittedHypothesis
+        The hypothesis, at its minimum.
+
+    Returns
+    -------
+    int
+        Integration steps from sample to sample, at most `MAX_SUBSTEPS`.
+    """
+    problem = fitter.problem
+    substeps = problem.windows.substeps
+    while 2 * substeps <= MAX_SUBSTEPS:
+        finer = HypothesisFitter(with_substeps(problem, 2 * substeps), fitter.progress)
+        moved = finer.moved_from(trial)
+        if not moved.fit.usable or _moves_little(problem, trial, moved):
+            break
+        trial, substeps = moved, 2 * substeps
+    return substeps
+
+
+def _moves_little(
+    problem: EstimationProblem, before: FittedHypothesis, after: FittedHypothesis
+) -> bool:
+    """Return whether no parameter has moved by a tenth of its standard error."""
+    estimate = problem.states.estimate(before.fit.model)
+    errors = standard_errors(before.fit, estimate.x[problem.windows.starts], estimate.spread)
+    old, new = before.fit.model.parameters, after.fit.model.parameters
+    shares = [abs(new[name].value - old[name].value) / error for name, error in errors.items()]
+    return bool(np.nanmax(shares, initial=0.0) <= SMALL_CHANGE)
