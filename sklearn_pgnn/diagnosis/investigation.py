@@ -115,12 +115,13 @@ class Investigation:
         Findings
             What was found.
         """
-        fitter = self._fitter(hold)
-        self.found = self._search(fitter)
+        found = self._search(self._fitter(hold))
         with suppress(TimeIsUp):
             if not is_told and self.progress.ended is None:
-                self._try_slopes(self.found, fitter)
-            if self.options.get("substeps") is None and "substeps" not in self.model.simulation:
+                found = self._try_slopes(found)
+        self.found = self._judge_on_all(found)
+        with suppress(TimeIsUp):
+            if self.progress.ended is None:
                 self.found = self._in_fine_steps(self.found)
         return self.found
 
@@ -129,7 +130,8 @@ class Investigation:
         if self.found is None:
             if self.search is None:
                 raise LookupError("no search has begun")
-            self.found = Findings(self.search, self.search.so_far(), None, None)
+            found = Findings(self.search, self.search.so_far(), None, None)
+            self.found = self._judge_on_all(found)
         return self.found
 
     def _fitter(self, hold: str) -> HypothesisFitter:
@@ -183,11 +185,12 @@ class Investigation:
                 has_structure = left and asked.has_structure(result.final)
                 result, proposal = formulas.choose(search, result, has_structure)
                 structure = asked.of(result.final) if left or proposal else None
-        found = Findings(search, result, proposal, structure)
-        return found if self.whole is None else self._judge_on_all(found)
+        return Findings(search, result, proposal, structure)
 
     def _judge_on_all(self, found: Findings) -> Findings:
-        """Judge what was found on stretches of the records on all of them."""
+        """Judge on all records what was found on stretches of them."""
+        if self.whole is None:
+            return found
         search, proposal, structure = found.search, None, None
         fitter = self._on_all_records(search.fitter.problem)
         asked = _Structures(fitter, search.criterion)
@@ -205,7 +208,8 @@ class Investigation:
     def _in_fine_steps(self, found: Findings) -> Findings:
         """Fit the causes in integration steps so fine that no parameter depends on them."""
         fitter, result = found.search.fitter, found.result
-        if not result.steps or found.proposal is not None:
+        is_told = self.options.get("substeps") or self.model.simulation.get("substeps")
+        if is_told or not result.steps or found.proposal is not None:
             return found
         self.progress.begin("integration steps")
         substeps = fine_substeps(fitter, result.final)
@@ -214,22 +218,20 @@ class Investigation:
         finer = HypothesisFitter(with_substeps(fitter.problem, substeps), self.progress)
         return replace(found, result=found.search.in_steps_of(finer, result))
 
-    def _try_slopes(self, held: Findings, searched: HypothesisFitter) -> None:
+    def _try_slopes(self, held: Findings) -> Findings:
         """Search again with inputs that run straight between samples if that is refuted less."""
         fitter, final = held.search.fitter, held.result.final
         has_structure = held.structure is not None and held.structure.is_significant
         if not (held.result.steps or has_structure):
-            return
+            return held
         self.progress.begin("inputs between samples")
         sloped = HypothesisFitter(with_hold(fitter.problem, "foh"), self.progress)
         criterion, before = held.search.criterion, fitter.held_out(final)
         if not criterion.names(before, sloped.held_out(sloped.refit(final))):
-            return
-        if self.whole is not None:
-            sloped = HypothesisFitter(with_hold(searched.problem, "foh"), self.progress)
+            return held
         again = self._search(sloped)
-        if criterion.evidence(before, sloped.held_out(again.result.final)) > 0.0:
-            self.found = again
+        better = criterion.evidence(before, sloped.held_out(again.result.final)) > 0.0
+        return again if better else held
 
 
 class _Structures:

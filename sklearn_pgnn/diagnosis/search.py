@@ -120,7 +120,7 @@ class Search:
         self.progress.counts = False  # a result there must be
         self.progress.begin("all records")
         self.fitter, self.has_structure, self._screening = fitter, has_structure, None
-        self.current = fitter.polish(fitter.refit(found.final, same_windows=False))
+        self.current = fitter.refit_elsewhere(found.final)
         self.progress.counts = True
         with suppress(TimeIsUp):
             while complete and (fewer := self._drop(self.current)) is not None:

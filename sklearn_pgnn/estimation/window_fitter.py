@@ -5,7 +5,14 @@ from functools import cached_property
 
 import numpy as np
 
-from sklearn_pgnn.estimation.budgets import COARSER, POLISH_STEPS, ROUNDING, STEPS, TOLERANCE
+from sklearn_pgnn.estimation.budgets import (
+    COARSER,
+    POLISH_STEPS,
+    ROUNDING,
+    SMALL_CHANGE,
+    STEPS,
+    TOLERANCE,
+)
 from sklearn_pgnn.estimation.criterion import HeldOut, log_likelihood_ratio
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis, Start, carry_over
 from sklearn_pgnn.estimation.held_out import CrossValidation, make_folds, where_inputs_lead
@@ -145,10 +152,15 @@ class WindowFitter:
         """Return the re-tuned prior's error in units of the noise."""
         return float(np.sqrt(self.base().squares / self.problem.n_samples))
 
-    def refit(self, trial: FittedHypothesis, same_windows: bool = True) -> FittedHypothesis:
-        """Fit a hypothesis that was fitted on another problem, from its numbers."""
-        beside = trial.fit if same_windows else None
-        self._keep(self._fit(trial.hypothesis, trial.fit.model, beside))
+    def refit(self, trial: FittedHypothesis) -> FittedHypothesis:
+        """Fit a hypothesis that was fitted in the same windows of another problem."""
+        self._keep(self._fit(trial.hypothesis, trial.fit.model, trial.fit))
+        return self._known(trial.hypothesis)
+
+    def refit_elsewhere(self, trial: FittedHypothesis) -> FittedHypothesis:
+        """Fit a hypothesis that was fitted on other records, until no parameter moves further."""
+        tolerance = SMALL_CHANGE**2 / self.problem.n_samples
+        self._keep(self._fit(trial.hypothesis, trial.fit.model, tolerance=tolerance))
         return self._known(trial.hypothesis)
 
     def moved_from(self, trial: FittedHypothesis) -> FittedHypothesis:
@@ -233,6 +245,7 @@ class WindowFitter:
         model: PhysicsModel,
         beside: WindowFit | None = None,
         known: tuple[np.ndarray, np.ndarray] | None = None,
+        tolerance: float = TOLERANCE,
     ) -> FittedHypothesis:
         """Fit a model, its initial states beginning where another's are, or those of some windows.
 
@@ -252,9 +265,9 @@ class WindowFitter:
             start,
             x0,
             states_first=known is not None,
-            tolerance=TOLERANCE,
+            tolerance=tolerance,
         )
-        fit = self._turn(hypothesis, fit, windows, start, TOLERANCE)
+        fit = self._turn(hypothesis, fit, windows, start, tolerance)
         return FittedHypothesis(hypothesis, self._noted(hypothesis, fit))
 
     def _start(self, model: PhysicsModel) -> Start:
