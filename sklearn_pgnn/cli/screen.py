@@ -18,13 +18,13 @@ from sklearn_pgnn.cli.tables import (
 from sklearn_pgnn.inspection.model_files import described_models
 from sklearn_pgnn.inspection.numbers import chance, free_run_error, measured, number, share
 from sklearn_pgnn.inspection.words import (
-    VERDICTS,
     cause_name,
     remaining_sentence,
     rivals,
     separation_sentence,
     unusable_sentence,
     verdict_sentence,
+    verdict_title,
 )
 from sklearn_pgnn.inspection.yardstick import retuning_counts
 
@@ -80,7 +80,7 @@ def tell(diagnosis, output: Path, *, quiet: bool) -> None:
 
 
 def _say_verdict(console, diagnosis) -> None:
-    title = f"{VERDICTS[diagnosis.verdict_]}. "
+    title = f"{verdict_title(diagnosis)}. "
     sentence = one_line(verdict_sentence(diagnosis))
     colour = f"bold {COLOURS[diagnosis.verdict_]}"
     print_trimmed(console, Text.assemble((title, colour), (sentence, "bold")))

@@ -10,7 +10,7 @@ from sklearn_pgnn.inspection.numbers import number
 from sklearn_pgnn.inspection.start_runs import run_from_starts
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.free_run import simulate_record
-from sklearn_pgnn.simulation.record_windows import window_records
+from sklearn_pgnn.simulation.record_windows import MIN_SAMPLES, window_records
 from sklearn_pgnn.trajectories import read_records
 
 #: factors between two units of a quantity: the prefix of the file's, where that is known
@@ -174,7 +174,12 @@ def first_look(model: PhysicsModel, X, y) -> FirstLook:
         tuple(map(_seen, records)),
         quantities,
         outputs,
-        (*_constant(quantities), *failed, *_odd(model, records, windows, outputs)),
+        (
+            *_constant(quantities),
+            *_gaps(records),
+            *failed,
+            *_odd(model, records, windows, outputs),
+        ),
     )
 
 
@@ -225,6 +230,22 @@ def _constant(quantities) -> list[str]:
         for q in quantities
         if q.low == q.high
     ]
+
+
+def _gaps(records) -> list[str]:
+    """Return remarks on times without a sample, the longest of every record."""
+    said = []
+    for record in records:
+        steps = np.diff(record.t)
+        usual, longest = np.median(steps), int(np.argmax(steps))
+        if steps[longest] > MIN_SAMPLES * usual:
+            said.append(
+                f"record {record.name!r}: no sample for {number(steps[longest])} s from "
+                f"t = {number(record.t[longest])} s on, where others are {number(usual)} s apart; "
+                f"what the inputs did there is unknown. Remedy: none is needed, a diagnosis cuts a "
+                f"record at long gaps."
+            )
+    return said
 
 
 def _odd(model, records, windows, outputs) -> list[str]:

@@ -15,11 +15,11 @@ from sklearn_pgnn.inspection.numbers import (
     typeset_unit,
 )
 from sklearn_pgnn.inspection.words import (
-    VERDICTS,
     cause_name,
     remaining_sentence,
     rivals,
     verdict_sentence,
+    verdict_title,
 )
 from sklearn_pgnn.physics.effects import find_effect
 
@@ -176,7 +176,7 @@ def diagnosis_html(diagnosis) -> str:
     if not hasattr(diagnosis, "verdict_"):
         return BaseEstimator._html_repr(diagnosis)
     head = (
-        f"<b>{VERDICTS[diagnosis.verdict_]}.</b> {escape(verdict_sentence(diagnosis))}"
+        f"<b>{verdict_title(diagnosis)}.</b> {escape(verdict_sentence(diagnosis))}"
         f"<div>{escape(remaining_sentence(diagnosis))}</div>"
     )
     causes = "".join(map(cause_html, diagnosis.causes_))

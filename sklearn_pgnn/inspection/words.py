@@ -21,6 +21,24 @@ VERDICTS = {
 }
 
 
+def verdict_title(diagnosis) -> str:
+    """Return the verdict in a word or two; that there is none where the search ended before it.
+
+    Parameters
+    ----------
+    diagnosis : ModelDiagnosis
+        A fitted diagnosis.
+
+    Returns
+    -------
+    str
+        As in "Cause named".
+    """
+    if not diagnosis.complete_ and diagnosis.verdict_ == "unexplained":
+        return "Unfinished"
+    return VERDICTS[diagnosis.verdict_]
+
+
 def rivals(cause) -> str:
     """Return what a cause is confused with, each with its probability; empty if it is nothing.
 

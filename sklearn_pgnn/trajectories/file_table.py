@@ -21,6 +21,8 @@ from sklearn_pgnn.trajectories.reader import MIN_SAMPLES, TIME, TRAJECTORY, spli
 from sklearn_pgnn.trajectories.tables import read_clock
 
 _UNIT = re.compile(r"\s*(\[[^]]*\]|\([^)]*\))$")
+#: units of time, other than the second, that a column's name may end in
+TIMES = ("ms", "us", "ns", "min", "h")
 #: remedy for a file without a time
 NO_TIME = (
     "Or, if it has no time, say how much of it lies between samples: sample_time=0.01 [s] "
@@ -153,7 +155,7 @@ class FileTable(ABC):
             without = "." if name == TIME else ", or take it out of the model."
             return f"add it to the file{without}{last}"
         first = {name: near.pop(name), **near}
-        columns = ", ".join(f"{own}: {theirs}" for own, theirs in first.items())
+        columns = ", ".join(f"{own}: {self.with_unit(own, first[own])}" for own in first)
         return (
             f"say in the model file what the {self.kind} calls it, as in "
             f"columns: {{{columns}}}.{last}"
@@ -176,9 +178,29 @@ class FileTable(ABC):
                 near[own] = theirs
         return near
 
+    def with_unit(self, name: str, title: str) -> str:
+        """Return a column's title as the model's `columns` would say it, with its unit."""
+        unit = self.unit_in_name(name, title)
+        return f'"{title} [{unit}]"' if unit else title
+
+    def unit_in_name(self, name: str, title: str) -> str:
+        """Return the unit that a title such as time_ms ends in, where it is not the model's."""
+        wanted, (_, _, last) = self.wanted_unit(name), title.rpartition("_")
+        if unit_of(title) or last == title or not wanted or plain_unit(last) == plain_unit(wanted):
+            return ""
+        if name == TIME:
+            return last if last in TIMES else ""
+        found = conversion(last, wanted) if is_installed("units") else None
+        return last if found not in (None, (1.0, 0.0)) else ""
+
+    def wanted_unit(self, name: str) -> str:
+        """Return the unit that the model has for a quantity."""
+        return "s" if name == TIME else self.model.unit(name)
+
     def numbers(self, name: str) -> np.ndarray:
         """Read a column; NaN where it is empty."""
         k = self.column(name)
+        self.warn_of_unit(name, k)
         cells = self.cells(k)
         values = [self.number(cell) for cell in cells]
         for row, value in enumerate(values):
@@ -193,12 +215,25 @@ class FileTable(ABC):
         """Return the unit of a column by its header, else by the model's `columns`."""
         return unit_of(self.header[k]) or unit_of(self.model.columns.get(name, ""))
 
+    def warn_of_unit(self, name: str, k: int) -> None:
+        """Warn where a column's name ends in another unit than the one it is read in."""
+        title, unit = self.header[k], self.unit_in_name(name, self.header[k])
+        if unit and not self.given_unit(name, k):
+            wanted = self.wanted_unit(name)
+            warnings.warn(
+                f"{self.path}{self.place(None)}: column {title!r} is read as {name} in {wanted}, "
+                f"but its name ends in {unit!r}. Remedy: say which it is in the model file: "
+                f'columns: {{{name}: "{title} [{unit}]"}}, or "{title} [{wanted}]".',
+                RecordWarning,
+                stacklevel=2,
+            )
+
     def conversion(self, name: str, k: int) -> tuple[float, float]:
         """Return factor and offset from a column's unit to the model's, or raise `RecordError`.
 
         What stands in round brackets and is no unit is taken for a remark.
         """
-        wanted = "s" if name == TIME else self.model.unit(name)
+        wanted = self.wanted_unit(name)
         given, title = self.given_unit(name, k), self.header[k]
         if not (given and wanted):
             return 1.0, 0.0
@@ -241,8 +276,7 @@ class FileTable(ABC):
         for name in (TIME, *model.inputs, *model.states, *(model.outputs or ())):
             k = self.find(name)
             if k is not None and self.conversion(name, k) != (1.0, 0.0):
-                wanted = "s" if name == TIME else model.unit(name)
-                found[name] = self.given_unit(name, k), wanted
+                found[name] = self.given_unit(name, k), self.wanted_unit(name)
         return found
 
     def finite(self, name: str) -> np.ndarray:

@@ -33,6 +33,14 @@ def test_ranges_and_what_is_missing_are_counted():
     assert (speed.role, speed.missing) == ("output", 5)
 
 
+def test_a_gap_is_told_with_its_place():
+    X, y = drive(SLEDGE, n_records=1)
+    X.loc[300:, "t"] += 1.5
+    (said,) = first_look(SLEDGE, X, y).warnings
+    assert "record '0': no sample for 1.52 s from t = 5.98 s on, where others are 0.02 s" in said
+    assert "Remedy: " in said
+
+
 @pytest.mark.parametrize("scale", [1e-3, 1e-2, 3.6, 100, 1000])
 def test_another_unit_is_recognised_though_the_model_misses_something(scale):
     _, X, y = rough_sledge()

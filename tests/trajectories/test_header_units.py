@@ -3,7 +3,7 @@
 import pytest
 from blocked import run_without
 
-from sklearn_pgnn.exceptions import RecordError
+from sklearn_pgnn.exceptions import RecordError, RecordWarning
 from sklearn_pgnn.physics import PhysicsModel
 from sklearn_pgnn.trajectories.csv_file import read_csv
 
@@ -75,3 +75,28 @@ except ValueError as error:
     assert "'filtered' is taken for a remark" in remark
     assert "expected the unit 'N' of the model, got 'kN'" in unit
     assert 'pip install "sklearn-pgnn[units]"' in unit
+
+
+@pytest.mark.core
+def test_a_time_whose_name_ends_in_milliseconds_is_asked_about(tmp_path):
+    path = write(tmp_path, "time_ms,F,speed")
+    with pytest.raises(RecordError, match=r'columns: \{t: "time_ms \[ms\]"\}'):
+        read_csv(path, MODEL)
+    with pytest.warns(RecordWarning, match=r"read as t in s, but its name ends in 'ms'. Remedy: "):
+        X, _ = read_csv(path, MODEL.replace(columns={"t": "time_ms"}))
+    assert X["t"].to_numpy() == pytest.approx([0, 1, 2, 3])
+
+
+def test_a_unit_in_the_models_columns_converts_and_asks_no_more(tmp_path, recwarn):
+    pytest.importorskip("pint")
+    columns = {"t": "time_ms [ms]", "speed": "speed_mm [m/s]"}
+    X, y = read_csv(write(tmp_path, "time_ms,F,speed_mm"), MODEL.replace(columns=columns))
+    assert X["t"].to_numpy() == pytest.approx([0, 1e-3, 2e-3, 3e-3])
+    assert y["speed"].to_numpy() == pytest.approx([2, 3, 4, 5])
+    assert not recwarn.list
+
+
+@pytest.mark.parametrize("title", ["F_d", "F_2", "F_l", "F_N"])
+def test_a_letter_at_the_end_of_a_name_is_no_unit_of_another_kind(tmp_path, recwarn, title):
+    read_csv(write(tmp_path, f"t,{title},speed"), MODEL.replace(columns={"F": title}))
+    assert not recwarn.list

@@ -2,7 +2,7 @@
 
 from sklearn_pgnn.inspection.numbers import sized, times, typeset_unit
 from sklearn_pgnn.inspection.report.parameter_facts import parameter_facts
-from sklearn_pgnn.inspection.words import VERDICTS, cause_name, listed, missing_place
+from sklearn_pgnn.inspection.words import cause_name, listed, missing_place, verdict_title
 from sklearn_pgnn.inspection.yardstick import is_adequate_as_given, leaves_much, over_windows
 from sklearn_pgnn.physics.model import PhysicsModel
 
@@ -37,7 +37,7 @@ def verdict_line(diagnosis) -> str:
     str
         As in "Cause named, in part".
     """
-    said = VERDICTS[diagnosis.verdict_]
+    said = verdict_title(diagnosis)
     if diagnosis.verdict_ == "model_adequate":
         said += ", as given" if is_adequate_as_given(diagnosis) else ", after re-tuning"
         said += "; more than noise is left" if leaves_much(diagnosis) else ""

@@ -99,6 +99,19 @@ def test_a_file_that_cannot_be_used_is_an_alert(visit, tmp_path):
     page.context.clear_cookies()
 
 
+def test_a_model_file_brings_its_records_along(visit, tmp_path):
+    page = visit()
+    model, run = tmp_path / "model.yaml", tmp_path / "run.csv"
+    model.write_text(
+        "states: {v: m/s}\nequations: {v: (F - d*v)/m}\ninputs: {F: N}\n"
+        "parameters: {m: 2.0, d: 0.5}\n"
+    )
+    run.write_text("t,F,v\n" + "".join(f"{k / 10},1,{k % 7}\n" for k in range(100)))
+    page.set_input_files("#model-file", [run, model])
+    page.wait_for_selector("text=run.csv")
+    assert page.locator("#message").is_hidden()
+
+
 def test_everything_that_is_filled_in_has_a_name(visit):
     page = visit()
     page.click("text=Show me")

@@ -137,7 +137,7 @@ document.addEventListener("click", async (event) => {
 
 document.addEventListener("change", (event) => {
   const drop = event.target.closest("[data-to]");
-  if (drop) bring(drop.dataset.to, [...event.target.files]);
+  if (drop) bringTo(drop.dataset.to, [...event.target.files]);
   else if (event.target.closest("#mapping")) isWhole() ? look() : remap(event.target);
 });
 
@@ -161,10 +161,14 @@ document.addEventListener("drop", (event) => {
   document.querySelectorAll(".over").forEach((each) => each.classList.remove("over"));
   const files = [...event.dataTransfer.files];
   if (!files.length) return;
-  const isModel = (file) => /\.ya?ml$/i.test(file.name);
-  if (drop) bring(drop.dataset.to, files);
-  else bringAll(files.filter(isModel), files.filter((file) => !isModel(file)));
+  bringTo(drop?.dataset.to, files);
 });
+
+function bringTo(place, files) {
+  const isModel = (file) => /\.ya?ml$/i.test(file.name);
+  if (place === "records" || (place === "model" && !files.some(isModel))) bring(place, files);
+  else bringAll(files.filter(isModel), files.filter((file) => !isModel(file)));
+}
 
 async function bringAll(models, records) {
   if (models.length) await bring("model", models.slice(0, 1));
