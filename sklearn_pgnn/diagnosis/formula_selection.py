@@ -128,8 +128,8 @@ def _best_formula(search: Search, ground: FittedHypothesis) -> Proposal | None:
 def _is_named(search: Search, ground: FittedHypothesis, proposal: Proposal) -> bool:
     """Return whether the rule is met by a formula's terms, the library being paid for."""
     criterion = _with_library(search, len(channels(search.fitter.problem.prior)))
-    trials = map(search.fitter.held_out, (ground, proposal.trial))
-    return criterion.names(*trials, len(proposal.effect.terms))
+    before, after = (search.fitter.held_out(trial) for trial in (ground, proposal.trial))
+    return criterion.names(before, after, len(proposal.effect.terms))
 
 
 def _with_library(search: Search, n_places: int) -> SelectionCriterion:

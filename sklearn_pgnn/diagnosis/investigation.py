@@ -137,10 +137,8 @@ class Investigation:
     def _fitter(self, hold: str) -> HypothesisFitter:
         """Return the fitter on windows as long as the user or the records say."""
         self.progress.begin("reading the records")
-        problem, records = (
-            build_problem(self.model, self.records, hold=hold, **self.options),
-            self.records,
-        )
+        problem = build_problem(self.model, self.records, hold=hold, **self.options)
+        records = self.records
         if is_long(problem):
             self.whole = problem
             problem, records = on_stretches(problem, records, self.options)
@@ -152,9 +150,8 @@ class Investigation:
         check_prior(fitter, [record.name for record in records])
         return fitter
 
-    def _on_all_records(self, problem: EstimationProblem) -> HypothesisFitter:
+    def _like(self, problem: EstimationProblem, whole: EstimationProblem) -> HypothesisFitter:
         """Return the fitter on all records, in windows as long as those that were searched."""
-        whole = self.whole
         if problem.windows.hold != whole.windows.hold:
             whole = with_hold(whole, problem.windows.hold)
         whole = recut(whole, problem.scales.window) or whole
@@ -192,7 +189,7 @@ class Investigation:
         if self.whole is None:
             return found
         search, proposal, structure = found.search, None, None
-        fitter = self._on_all_records(search.fitter.problem)
+        fitter = self._like(search.fitter.problem, self.whole)
         asked = _Structures(fitter, search.criterion)
         result = search.judge_on(found.result, fitter, asked.has_structure)
         with suppress(TimeIsUp):

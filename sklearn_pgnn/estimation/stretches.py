@@ -133,6 +133,6 @@ def _thin(record: Record, factor: int, hold: str) -> Record:
         record,
         t=record.t[kept],
         u=record.u[kept] if hold == "foh" else mean,
-        y=record.y[kept],
+        y=None if record.y is None else record.y[kept],
         rows=record.rows[kept],
     )

@@ -362,6 +362,7 @@ def test_a_diagnosis_names_its_stages_and_every_step_of_a_fit_is_told(monkeypatc
         "needless causes",
         "other causes",
         "inputs between samples",
+        "integration steps",
         "held-out error",
         "quality of the records",
         "experiments that separate",
