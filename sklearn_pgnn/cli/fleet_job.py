@@ -2,7 +2,7 @@
 
 import re
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +22,7 @@ from sklearn_pgnn.fleet.machine import SAID
 from sklearn_pgnn.inspection.numbers import chance
 from sklearn_pgnn.inspection.strict_json import as_strict_json
 from sklearn_pgnn.inspection.words import cause_name
+from sklearn_pgnn.trajectories.ros_bag import METADATA
 
 MACHINE = "{machine}"
 #: machines and changes told on the screen; the report has all
@@ -115,7 +116,7 @@ def machine_files(folder: Path, pattern: str | None = None) -> dict[str, list[st
         raise RecordError(f"{folder}: expected a folder with the records of the machines.")
     named = _by_place if pattern is None else _reader(pattern)
     machines: dict[str, list[str]] = {}
-    for file in sorted(path for path in folder.rglob("*") if path.is_file()):
+    for file in sorted(_records(folder)):
         place = file.relative_to(folder)
         name = None if any(part.startswith(".") for part in place.parts) else named(place)
         if name:
@@ -126,6 +127,14 @@ def machine_files(folder: Path, pattern: str | None = None) -> dict[str, list[st
             f"{folder}: expected {wanted} with the records of the machines, got none."
         )
     return dict(sorted(machines.items()))
+
+
+def _records(folder: Path) -> Iterator[Path]:
+    """Yield the files below a folder; a ROS bag's own folder is one record."""
+    bags = {path.parent for path in folder.rglob(METADATA)}
+    for path in folder.rglob("*"):
+        if path in bags or (path.is_file() and path.parent not in bags):
+            yield path
 
 
 def _by_place(place: Path) -> str | None:

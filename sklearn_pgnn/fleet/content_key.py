@@ -3,7 +3,7 @@
 import hashlib
 import json
 import marshal
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields
 from os import PathLike
 from pathlib import Path
@@ -117,8 +117,15 @@ def files_key(paths: Iterable[str | PathLike], sample_time: float | None) -> str
     OSError
         If a file cannot be read.
     """
-    contents = (part for path in map(Path, paths) for part in (path.name, path.read_bytes()))
+    contents = (part for path in map(Path, paths) for part in _contents(path))
     return content_key(repr(sample_time), *contents)
+
+
+def _contents(path: Path) -> Iterator[str | bytes]:
+    """Yield a record's name and what it holds: a file, or the files of a folder."""
+    yield path.name
+    for file in sorted(path.iterdir()) if path.is_dir() else (path,):
+        yield file.read_bytes()
 
 
 def _table_bytes(table) -> tuple[bytes, ...]:

@@ -13,6 +13,7 @@ from sklearn_pgnn.cli import main
 from sklearn_pgnn.cli.cluster import on_cluster
 from sklearn_pgnn.cli.fleet_job import machine_files
 from sklearn_pgnn.exceptions import OptionError, RecordError
+from sklearn_pgnn.fleet.content_key import files_key
 
 RIGS = {"a": SLEDGE, "b": SLEDGE + effects.CoulombFriction("v", level=0.4)}
 QUICK = ("--catalogue", "coulomb_friction", "--window", "1", "--jobs", "1")
@@ -141,3 +142,18 @@ def test_a_cluster_of_dask_does_the_work():
     assert [machine.verdict for machine in fleet.machines_.values()] == [
         *("cause_named", "model_adequate")
     ]
+
+
+def test_the_folder_of_a_bag_is_one_record(tmp_path):
+    for place in ("a/run_1", "a/run_2", "b"):
+        (tmp_path / place).mkdir(parents=True)
+        (tmp_path / place / "metadata.yaml").write_text("")
+        (tmp_path / place / "data.mcap").write_text(place)
+    found = machine_files(tmp_path)
+    assert found == {
+        "a": [str(tmp_path / "a" / "run_1"), str(tmp_path / "a" / "run_2")],
+        "b": [str(tmp_path / "b")],
+    }
+    before = files_key(found["b"], None)
+    (tmp_path / "b" / "data.mcap").write_text("another")
+    assert files_key(found["b"], None) != before
