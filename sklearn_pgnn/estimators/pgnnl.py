@@ -15,6 +15,7 @@ from sklearn_pgnn.estimators.network import step_setup
 from sklearn_pgnn.estimators.network.balance import ADAPTIVE, check_lambda
 from sklearn_pgnn.estimators.network.batches import TensorBatches
 from sklearn_pgnn.estimators.network.cores import FeedForward
+from sklearn_pgnn.estimators.network.free_parameters import names_of
 from sklearn_pgnn.estimators.network.free_run import run_core
 from sklearn_pgnn.estimators.network.physics_loss import PhysicsLoss, as_terms
 from sklearn_pgnn.estimators.network.plain_model import plain_model
@@ -31,6 +32,7 @@ from sklearn_pgnn.estimators.network.records import (
     prepare,
     split_for_validation,
 )
+from sklearn_pgnn.estimators.network.sight import check_sight
 from sklearn_pgnn.estimators.network.stepper import Stepper
 from sklearn_pgnn.estimators.network.trajectory_net import TrajectoryNet
 from sklearn_pgnn.exceptions import SimulationWarning
@@ -110,6 +112,20 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         the balance.
     physics_loss : PhysicsTerm, callable or list of them, optional
         The physical terms; by default the model's energy balance.
+    free : sequence of str or "all", optional
+        Parameters of the model that are trained with the network, inside their spread and bounds;
+        ``"all"`` are those that are not fixed. By default the model is taken as it is.
+    overlap : float, default=0.1
+        What it may cost, as a share of the error, that the network leaves to the free parameters
+        what they can express [3]_: the weight of the part of its output over the training rows
+        that lies in the column space of the model's derivatives by the parameters. Small, it only
+        decides between values that fit equally well; with 0 nothing decides.
+    corrects : sequence of str, optional
+        Of a correction the only states whose rates the network corrects.
+    sees : sequence of str, optional
+        The only states, inputs and further columns that the network sees, with the model's terms
+        of these. What the network cannot say, only the parameters can: a network that corrects the
+        speed and sees the speed leaves the inertia to the model.
     horizon : int, default=1
         Steps of the rollouts; 1 for none: with the last phase they add nothing, without it 20
         steps cost 4.4 (1.0 to 27) where none cost 5 (1.0 to 31).
@@ -176,6 +192,12 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
 
     Attributes
     ----------
+    model_ : PhysicsModel
+        The model with the parameters that were trained.
+    parameters_ : dict of str to Estimate
+        Value, 95 % interval and unit of every parameter that was trained with the network. A
+        parameter that the records do not tell from what the network learns is at the value at which
+        the network says least of what the model could say; its interval holds for that value.
     structure_ : str
         The structure that was used.
     lambda_phy_ : float
@@ -210,6 +232,8 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
     .. [2] S. Wang, Y. Teng, P. Perdikaris, "Understanding and mitigating gradient flow pathologies
        in physics-informed neural networks", SIAM Journal on Scientific Computing 43(5), 2021,
        :doi:`10.1137/20M1318043`.
+    .. [3] B. M. Gyoerok, J. H. Hoekstra, J. Kon, T. Peni, M. Schoukens, R. Toth, "Orthogonal
+       projection-based regularization for efficient model augmentation", 2025, arXiv:2501.05842.
 
     Examples
     --------
@@ -232,6 +256,10 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         guide="auto",
         lambda_phy=0.0,
         physics_loss=None,
+        free=None,
+        overlap=0.1,
+        corrects=None,
+        sees=None,
         horizon=1,
         rollout_epochs=20,
         refine="auto",
@@ -275,6 +303,10 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         self.guide = guide
         self.lambda_phy = lambda_phy
         self.physics_loss = physics_loss
+        self.free = free
+        self.overlap = overlap
+        self.corrects = corrects
+        self.sees = sees
         self.horizon = horizon
         self.rollout_epochs = rollout_epochs
         self.refine = refine
@@ -431,6 +463,7 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
                 torch.as_tensor(x)[None],
                 torch.as_tensor(ready.u[:-1])[None],
                 torch.as_tensor(ready.t)[None],
+                {name: torch.tensor(each.value) for name, each in self.parameters_.items()},
             )
             for j, h in enumerate(parts):
                 h = h[0].numpy()
@@ -566,6 +599,9 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         check_model(self.model, optional=True)
         check_lambda(self.lambda_phy)
         step_setup.check_structure(self.structure, self.guide, self.model is not None)
+        self._free_names = names_of(self.model, self.free)
+        if not isinstance(self.overlap, int | float) or not 0 <= self.overlap < np.inf:
+            raise ValueError(f"overlap: expected a number >= 0, got {self.overlap!r}.")
         if self.refine not in REFINEMENTS:
             raise ValueError(f"refine: expected one of {REFINEMENTS}, got {self.refine!r}.")
         if not isinstance(self.horizon, Integral) or self.horizon < 1:
@@ -587,6 +623,7 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         self._single_output = y.ndim == 1
         y = y.reshape(len(y), -1).astype(float)
         self.model_, self._rows, self.lambda_phy_ = None, (X, y), 0.0
+        self.parameters_ = {}
         self._validation, self._phase, self._physics = [], None, None
         if anew:
             self.initialize()
@@ -609,7 +646,8 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         if anew:
             self.initialize()
         self._check_callbacks()
-        self.module_.samples = windows.samples
+        self._free_parameters(windows)
+        self.module_.samples, self.module_.free = windows.samples, self._free
         self.notify("on_train_begin", X=X, y=y)
         with contextlib.suppress(KeyboardInterrupt):
             with self._one_phase("single steps"):
@@ -622,6 +660,7 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         self._restore_best()
         self.notify("on_train_end", X=X, y=y)
         self.free_run_error_ = self._validation_error() if self._validation else np.nan
+        self._settle_parameters(training)
         self.module_.samples, self._phase, self._validation, self._shown = {}, None, [], {}
 
     def _prepare_training(self, X, y, random, anew):
@@ -630,7 +669,7 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         y = as_pandas(y)
         outputs = y if hasattr(y, "iloc") else np.asarray(y)
         self._single_output = np.asarray(y).ndim == 1
-        self.model_ = self.model
+        self.model_ = self.model if anew else self.model_
         if self.model is None:
             X, y = self._with_time_name(X), np.asarray(y)  # y names nothing that a model knows
             self.model_ = plain_model(X, y, self._time_name, self.states)
@@ -662,11 +701,21 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
             self.model_,
             needs_prior=self.structure_ == "correction" or self._guide == "step",
             needs_terms=self._guide == "terms",
+            terms_from=self.model,
+            middle=self._middle,
             **options,
         )
         if anew:
             self.step_ = step_setup.make_step(
-                self.model_, windows, self.structure_, self._guide, **options
+                self.model_,
+                windows,
+                self.structure_,
+                self._guide,
+                corrects=self.corrects,
+                sees=self.sees,
+                further=self.further_columns_,
+                middle=self._middle,
+                **options,
             )
         self._settle_physics(windows)
         self._spread = _positive(np.nanstd(np.concatenate([r.y for r in records]), axis=0))
@@ -675,7 +724,9 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
     def _settle_structure(self, records, states, options) -> None:
         plain = self.model is None
         self.structure_ = self.structure
-        if self.structure == "auto":
+        if self.structure == "auto" and (self._free_names or self.corrects is not None):
+            self.structure_ = "correction"
+        elif self.structure == "auto":
             self.structure_ = (
                 "increment"
                 if plain
@@ -684,7 +735,20 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         self._guide = self.guide
         if self.guide == "auto":
             by_structure = "terms" if self.structure_ == "correction" else "simulation"
-            self._guide = None if plain else by_structure
+            unseen = plain or (self.sees is not None and by_structure == "simulation")
+            self._guide = None if unseen else by_structure
+        with_parameters = bool(self._free_names) and self.structure_ == "correction"
+        self._middle = with_parameters and self._guide != "step"
+        check_sight(
+            self.model_, self.structure_, self._guide, self.corrects, self.sees,
+            self.further_columns_,
+        )  # fmt: skip
+        if self._free_names and self.structure_ != "correction" and self.lambda_phy == 0:
+            raise ValueError(
+                f"free={self.free!r}: the loss does not depend on the model's parameters where "
+                f"structure={self.structure_!r} and lambda_phy=0. Remedy: structure='correction', "
+                f"or weigh an energy balance that holds them (lambda_phy=0.01)."
+            )
 
     def _settle_physics(self, windows) -> None:
         """Bind the physical terms, where there are any or where they weigh."""

@@ -68,6 +68,7 @@ def network_content(network, interval, *, precision: str, name: str | None) -> d
         "terms": terms,
         "guide": step.guide,
         "base": step.base,
+        "middle": step.middle,
         "uses_time": uses_time,
         "time": machine.time() if uses_time else "0",
         "features": len(network.further_columns_),

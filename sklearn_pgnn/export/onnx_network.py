@@ -166,7 +166,9 @@ class _Step(Graph):
 
     def _seen(self, x, u, u_next, prior) -> Value:
         """Return the features, before they are standardised."""
-        step, seen = self.step, [x]
+        step = self.step
+        at = (x + prior) / 2.0 if step.middle else x
+        seen = [at]
         if u is not None:
             seen.append(u if u is u_next else (u + u_next) / 2.0)
         if step.guide == "simulation":
@@ -176,7 +178,7 @@ class _Step(Graph):
         elif step.guide == "step":
             seen.append((prior - x) / self.interval)
         elif step.guide == "terms":
-            seen += self._terms(x, u)
+            seen += self._terms(at, u)
         if self.network.further_columns_:
             seen.append(self.take("features", len(self.network.further_columns_)))
         return self.add("Concat", *seen, axis=1)

@@ -135,11 +135,11 @@ def _recur(theta, sizes, z, hidden, gates, out):
 
 
 @njit(**INNER)
-def _features(k, x, prior, dt, u, simulated, features, guide, terms, mean, scale, z):
-    """Fill the standardised features of sample k."""
+def _features(k, x, at, prior, dt, u, simulated, features, guide, terms, mean, scale, z):
+    """Fill the standardised features of sample k, where the network sees the state ``at``."""
     nx, nu, nf = x.size, u.shape[1], features.shape[1]
     for i in range(nx):
-        z[i] = x[i]
+        z[i] = at[i]
     for i in range(nu):
         z[nx + i] = u[k, i]
     place = nx + nu
@@ -191,13 +191,14 @@ def _prior_step(
 @njit(
     int64(
         FUNCTION, FUNCTION, _F1, _F2, boolean, _F2, _F2, _F2, _F1, _B1, int64, int64,
-        int64, int64, int64, _F1, _F3, _F1, _F1, _F2, _I1, int64, int64, _F1, _F1, _F1, _F2,
+        int64, int64, int64, boolean, _F1, _F3, _F1, _F1, _F2, _I1, int64, int64, _F1, _F1, _F1,
+        _F2,
     ),
     **OPTIONS,
 )  # fmt: skip
 def run(
     function, terms, t, acting, linear_hold, u, simulated, features, p, dry, substeps,
-    size, n_terms, base, guide, offset, gain, mean, scale, reach, sizes, core, activation,
+    size, n_terms, base, guide, middle, offset, gain, mean, scale, reach, sizes, core, activation,
     theta, x, hidden, X,
 ):  # fmt: skip
     """Run a network along one trajectory into X; return the first sample out of reach, or -1."""
@@ -205,7 +206,7 @@ def run(
     widest = sizes.max()
     before, after = np.zeros((sizes.size, widest)), np.zeros((sizes.size, widest))
     gates, out, z = np.zeros(3 * widest), np.zeros(n_out), np.zeros(widest)
-    prior, nothing = np.zeros(nx), np.zeros((nx, 0))
+    prior, at, nothing = np.zeros(nx), np.zeros(nx), np.zeros((nx, 0))
     step_out, old = workspace(nx, 0, acting.shape[1], size)
     seen, turned = np.zeros(n_terms), _by_input(theta, sizes) if core == 0 else theta
     s, stuck = np.zeros(nx), np.zeros(nx, dtype=np.bool_)
@@ -220,9 +221,12 @@ def run(
                 function, t[k], dt, prior, nothing, acting[k], u_end, p, s, stuck, dry, substeps,
                 step_out, old, u_from, u_to,
             )  # fmt: skip
+        at[:] = x
+        if middle:
+            at += (prior - x) / 2.0
         if guide == 3:
-            evaluate(terms, OUTPUTS, t[k], x, nothing, acting[k], p, s, stuck, seen)
-        _features(k, x, prior, dt, u, simulated, features, guide, seen, mean, scale, z)
+            evaluate(terms, OUTPUTS, t[k], at, nothing, acting[k], p, s, stuck, seen)
+        _features(k, x, at, prior, dt, u, simulated, features, guide, seen, mean, scale, z)
         if core == 0:
             after[0] = z
             _forward(turned, sizes, activation, before, after)
@@ -242,6 +246,21 @@ def run(
             return k + 1
         X[k + 1] = x
     return -1
+
+
+@njit(**INNER)
+def _through_the_middle(by_z, by_at, step_S, by_free):
+    """Turn derivatives by the middle of the model's step into those by its start, in place."""
+    nx, n_free = by_z.size, by_free.size
+    for j in range(nx):
+        by_at[j] = by_z[j]
+    for i in range(nx):
+        for q in range(n_free):
+            by_free[q] += by_at[i] * step_S[i, q] / 2.0
+    for j in range(nx):
+        by_z[j] = by_at[j] / 2.0
+        for i in range(nx):
+            by_z[j] += by_at[i] * step_S[i, n_free + j] / 2.0
 
 
 @njit(**INNER)
@@ -269,28 +288,33 @@ def _carry(M, S, S_old, gain, by_theta):
 @njit(
     void(
         FUNCTION, FUNCTION, _F1, _F2, boolean, _F2, _F2, _F2, _F1, _B1, int64, int64,
-        int64, int64, int64, _F1, _F3, _F1, _F1, _F2, _I1, int64, int64, _F1, _F1, _F2, int64,
-        _I1, _F2, _F3,
+        int64, int64, int64, boolean, _F1, _F3, _F1, _F1, _F2, _I1, int64, int64, _F1, _F1, _F2,
+        int64, _I1, _F2, _F3,
     ),
     **OPTIONS,
 )  # fmt: skip
 def run_sensitive(
     function, terms, t, acting, linear_hold, u, simulated, features, p, dry, substeps,
-    size, n_terms, base, guide, offset, gain, mean, scale, reach, sizes, core, activation,
+    size, n_terms, base, guide, middle, offset, gain, mean, scale, reach, sizes, core, activation,
     theta, x, S, begin, wanted, X, SX,
 ):  # fmt: skip
-    """Run on from sample ``begin``, x and S in place; those wanted go into X and SX."""
+    """Run on from sample ``begin``, x and S in place; those wanted go into X and SX.
+
+    The last columns of S, which the weights leave over, are for parameters of the model.
+    """
     nx, n_out, n_weights = x.size, gain.shape[2], theta.size
+    n_free = S.shape[1] - n_weights
     widest = sizes.max()
     before, after = np.zeros((sizes.size, widest)), np.zeros((sizes.size, widest))
     z, delta, lower = np.zeros(widest), np.zeros(widest), np.zeros(widest)
-    by_theta, by_z = np.zeros((n_out, n_weights)), np.zeros((n_out, nx))
-    prior, step_S = np.zeros(nx), np.zeros((nx, nx))
-    step_out, old = workspace(nx, nx, acting.shape[1], size)
+    by_theta, by_z = np.zeros((n_out, S.shape[1])), np.zeros((n_out, nx))
+    prior, at, by_at = np.zeros(nx), np.zeros(nx), np.zeros(nx)
+    step_S = np.zeros((nx, n_free + nx))
+    step_out, old = workspace(nx, n_free + nx, acting.shape[1], size)
     seen, turned = np.zeros(n_terms), _by_input(theta, sizes)
     s, stuck = np.zeros(nx), np.zeros(nx, dtype=np.bool_)
     u_from, u_to = np.zeros(acting.shape[1]), np.zeros(acting.shape[1])
-    gain_k, M, S_old = np.zeros((nx, n_out)), np.zeros((nx, nx)), np.zeros((nx, n_weights))
+    gain_k, M, S_old = np.zeros((nx, n_out)), np.zeros((nx, nx)), np.zeros(S.shape)
     row = 0
     if wanted[0] == begin:
         X[0], SX[0] = x, S
@@ -300,16 +324,19 @@ def run_sensitive(
         prior[:] = x
         step_S[:, :] = 0.0
         for i in range(nx):
-            step_S[i, i] = 1.0
+            step_S[i, n_free + i] = 1.0
         if base == 2 or guide == 2:
             u_end = acting[k + 1] if linear_hold else acting[k]
             _prior_step(
                 function, t[k], dt, prior, step_S, acting[k], u_end, p, s, stuck, dry, substeps,
                 step_out, old, u_from, u_to,
             )  # fmt: skip
+        at[:] = x
+        if middle:
+            at += (prior - x) / 2.0
         if guide == 3:
-            evaluate(terms, OUTPUTS, t[k], x, step_S, acting[k], p, s, stuck, seen)
-        _features(k, x, prior, dt, u, simulated, features, guide, seen, mean, scale, z)
+            evaluate(terms, OUTPUTS, t[k], at, step_S, acting[k], p, s, stuck, seen)
+        _features(k, x, at, prior, dt, u, simulated, features, guide, seen, mean, scale, z)
         after[0] = z
         _forward(turned, sizes, activation, before, after)
         for o in range(n_out):
@@ -319,15 +346,22 @@ def run_sensitive(
                 if guide == 2:
                     for i in range(nx):
                         place = nx + u.shape[1] + i
-                        slope = step_S[i, j] - (1.0 if i == j else 0.0)
+                        slope = step_S[i, n_free + j] - (1.0 if i == j else 0.0)
                         by_z[o, j] += delta[place] / scale[place] * slope / dt
                 elif guide == 3:
                     first = nx + u.shape[1]
                     n_seen = mean.size - first - features.shape[1]
-                    slopes = nx + n_seen + nx * nx
+                    slopes = nx + n_seen + nx * (nx + n_free)
                     for i in range(n_seen):
                         slope = seen[slopes + i * nx + j]
                         by_z[o, j] += delta[first + i] / scale[first + i] * slope
+            for q in range(n_free):
+                by_theta[o, n_weights + q] = 0.0
+                for i in range(nx if guide == 2 else 0):
+                    place = nx + u.shape[1] + i
+                    by_theta[o, n_weights + q] += delta[place] / scale[place] * step_S[i, q] / dt
+            if middle:
+                _through_the_middle(by_z[o], by_at, step_S, by_theta[o, n_weights:])
         for i in range(nx):
             for o in range(n_out):
                 gain_k[i, o] = gain[0, i, o] + dt * (gain[1, i, o] + dt * gain[2, i, o])
@@ -341,12 +375,16 @@ def run_sensitive(
             for j in range(nx):
                 M[i, j] = 0.0
                 if base == 2:
-                    M[i, j] = step_S[i, j]
+                    M[i, j] = step_S[i, n_free + j]
                 elif base == 1 and i == j:
                     M[i, j] = 1.0
                 for o in range(n_out):
                     M[i, j] += gain_k[i, o] * by_z[o, j]
         _carry(M, S, S_old, gain_k, by_theta)
+        if base == 2:
+            for i in range(nx):
+                for q in range(n_free):
+                    S[i, n_weights + q] += step_S[i, q]
         if _out_of_reach(x, reach):
             X[row:] = np.inf
             SX[row:] = 0.0
@@ -364,16 +402,16 @@ def run_sensitive(
     **OPTIONS,
 )  # fmt: skip
 def run_prior_steps(function, t, dt, u, u_next, p, dry, substeps, size, X, J):
-    """Advance every row of X by its own step, in place."""
-    nx = X.shape[1]
-    step_out, old = workspace(nx, nx, u.shape[1], size)
+    """Advance every row of X by its own step, in place; J gets the slopes by parameters and X."""
+    nx, n_free = X.shape[1], J.shape[2] - X.shape[1]
+    step_out, old = workspace(nx, n_free + nx, u.shape[1], size)
     s, stuck = np.zeros(nx), np.zeros(nx, dtype=np.bool_)
     u_from, u_to = np.zeros(u.shape[1]), np.zeros(u.shape[1])
-    S = np.zeros((nx, nx))
+    S = np.zeros((nx, n_free + nx))
     for k in range(t.size):
         S[:, :] = 0.0
         for i in range(nx):
-            S[i, i] = 1.0
+            S[i, n_free + i] = 1.0
         stuck[:] = False
         _prior_step(
             function, t[k], dt[k], X[k], S, u[k], u_next[k], p, s, stuck, dry, substeps,

@@ -64,6 +64,15 @@ class NetworkStep:
         Integration steps of the model from sample to sample.
     hold : {"zoh", "foh"}
         How the inputs run between two samples.
+    spread : ndarray of shape (n_states,), optional
+        Standard deviations of the states, for the terms that guide; by default from `scale`.
+    guide_model : PhysicsModel, optional
+        The model whose terms guide; by default `model`, unless that was tuned since.
+    free : tuple of str
+        Parameters of the model whose relative changes stand behind the weights.
+    middle : bool
+        Whether the network sees the state in the middle of the model's own step, not at its start:
+        what it gives is then right to the second order of the step.
     """
 
     model: PhysicsModel
@@ -79,11 +88,25 @@ class NetworkStep:
     activation: str = "tanh"
     substeps: int = 1
     hold: str = "zoh"
+    spread: np.ndarray | None = None
+    guide_model: PhysicsModel | None = None
+    free: tuple[str, ...] = ()
+    middle: bool = False
+
+    @property
+    def terms_from(self) -> PhysicsModel:
+        """The model whose terms guide."""
+        return self.guide_model or self.model
+
+    @property
+    def state_spread(self) -> np.ndarray:
+        """Standard deviations of the states."""
+        return self.scale[: len(self.model.states)] if self.spread is None else self.spread
 
     @property
     def needs_prior(self) -> bool:
         """Whether a step simulates the model from the state that is fed back."""
-        return self.base == "prior" or self.guide == "step"
+        return self.base == "prior" or self.guide == "step" or self.middle
 
     @property
     def n_network_outputs(self) -> int:
@@ -173,8 +196,8 @@ def run_network(step: NetworkStep, theta: np.ndarray, record: NetworkRecord, hid
     ----------
     step : NetworkStep
         What a step is made of.
-    theta : ndarray of shape (n_weights,)
-        The network's weights.
+    theta : ndarray of shape (n_weights + n_free,)
+        The network's weights, and the relative changes of the step's free parameters.
     record : NetworkRecord
         The trajectory.
     hidden : ndarray of shape (n_hidden,), optional
@@ -200,14 +223,15 @@ class NetworkSensitivities:
     ----------
     step : NetworkStep
         What a step is made of; its core is feed-forward.
-    theta : ndarray of shape (n_weights,)
-        The network's weights.
+    theta : ndarray of shape (n_weights + n_free,)
+        The network's weights, and the relative changes of the step's free parameters.
     record : NetworkRecord
         The trajectory.
     """
 
     def __init__(self, step: NetworkStep, theta: np.ndarray, record: NetworkRecord):
-        self._common = _common(step, theta, record, ())
+        self._common = _common(step, theta, record, step.free)
+        self._unit = parameter_units(step.model, step.free)
         self._x, self._S = record.x0.copy(), np.zeros((record.x0.size, theta.size))
         self._place = 0
 
@@ -227,20 +251,26 @@ class NetworkSensitivities:
             The samples of the piece.
         x : ndarray of shape (n, n_states)
             The states; infinite once they have left the reach.
-        S : ndarray of shape (n, n_states, n_weights)
-            Their derivatives by the weights.
+        S : ndarray of shape (n, n_states, n_weights + n_free)
+            Their derivatives by the weights and the changes.
         """
         nx, n_weights = self._S.shape
         for start in range(0, max(1, len(samples) - 1), length):
             wanted = np.array(samples[start : start + length + 1], dtype=np.int64)
             x, S = np.empty((len(wanted), nx)), np.empty((len(wanted), nx, n_weights))
             run_sensitive(*self._common, self._x, self._S, self._place, wanted, x, S)
+            S[:, :, n_weights - self._unit.size :] *= self._unit
             yield wanted, x, S
             self._place = wanted[-1]
 
 
-def prior_steps(model: PhysicsModel, substeps: int, hold: str, t, dt, x, u, u_next):
-    """Simulate many samples of a model by one step each, with the derivatives by the state.
+def parameter_units(model: PhysicsModel, names: tuple[str, ...]) -> np.ndarray:
+    """Return what a relative change of 1 is, of every parameter: its magnitude, or 1 of a zero."""
+    return np.array([abs(model.parameters[name].value) or 1.0 for name in names])
+
+
+def prior_steps(model: PhysicsModel, substeps: int, hold: str, t, dt, x, u, u_next, free=()):
+    """Simulate many samples of a model by one step each, with the derivatives.
 
     Parameters
     ----------
@@ -256,17 +286,19 @@ def prior_steps(model: PhysicsModel, substeps: int, hold: str, t, dt, x, u, u_ne
         States.
     u, u_next : ndarray of shape (n_samples, n_inputs + n_delays)
         Inputs as they act at the beginning and at the end of the step.
+    free : tuple of str
+        Parameters to differentiate by, besides the states.
 
     Returns
     -------
     x_next : ndarray of shape (n_samples, n_states)
         States one step later.
-    jacobian : ndarray of shape (n_samples, n_states, n_states)
-        Their derivatives.
+    jacobian : ndarray of shape (n_samples, n_states, n_free + n_states)
+        Their derivatives by the parameters and the states.
     """
-    function, source = compile_model(model, ())
+    function, source = compile_model(model, free)
     x_next = np.array(x, dtype=float, order="C")
-    jacobian = np.empty((*x_next.shape, x_next.shape[1]))
+    jacobian = np.empty((*x_next.shape, len(free) + x_next.shape[1]))
     run_prior_steps(
         function,
         t,
@@ -316,6 +348,12 @@ def term_values(model: PhysicsModel, t, x, u, spread):
     return values, jacobian
 
 
+def names_in_terms(model: PhysicsModel) -> list[set[str]]:
+    """Return for every term that can guide a network the quantities that stand in it."""
+    made_up = {str(_spread(name)) for name in model.states}
+    return [{str(s) for s in term.free_symbols} - made_up for term in _seen_terms(model)]
+
+
 @lru_cache(maxsize=64)
 def _seen_terms(model: PhysicsModel) -> tuple:
     """Return the terms of a model's rates that are neither a state nor an input.
@@ -362,10 +400,13 @@ def terms_model(step: NetworkStep) -> PhysicsModel:
     PhysicsModel
         A model with further parameters, after its own; the model itself where no terms guide.
     """
-    if step.guide != "terms" or not _seen_terms(step.model):
+    if step.guide != "terms" or not _seen_terms(step.terms_from):
         return step.model
-    spread = step.scale[: len(step.model.states)]
-    return _with_terms(step.model, tuple(float(value) for value in spread))
+    model = _with_terms(step.terms_from, tuple(float(value) for value in step.state_spread))
+    if step.guide_model is None:
+        return model
+    values = {name: parameter.value for name, parameter in step.model.parameters.items()}
+    return model.with_parameters(**values)
 
 
 def _own(values) -> np.ndarray:
@@ -382,6 +423,11 @@ def _common(step, theta, record, wrt=None):
     with_terms = terms_model(step)
     function, source = compile_model(step.model, wrt)
     terms, of_terms = compile_model(with_terms, wrt)
+    parameters = parameter_values(with_terms)  # the model's own come first
+    if step.free:
+        theta, changes = np.split(theta, [-len(step.free)])
+        places = [list(step.model.parameters).index(name) for name in step.free]
+        parameters[places] += parameter_units(step.model, step.free) * changes
     return (
         function,
         terms,
@@ -391,13 +437,14 @@ def _common(step, theta, record, wrt=None):
         record.u,
         record.simulated,
         record.features,
-        parameter_values(with_terms),  # the model's own come first
+        parameters,
         np.array(source.dry),
         step.substeps,
         source.size,
         of_terms.size,
         BASES.index(step.base),
         GUIDES.index(step.guide),
+        step.middle,
         # copies, for a model that was loaded as a map of its file is read-only
         *(
             np.array(part, order="C")

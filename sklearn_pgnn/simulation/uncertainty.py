@@ -247,7 +247,7 @@ def _curvature(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) -> _Cur
     normal = project(fit.evaluation.gram, len(fit.freedoms), 1.0 / spread**2, fit.x0 - expected)
     pull = np.diag([1.0 / freedom.spread**2 for freedom in fit.freedoms])
     hessian, scores = normal.hessian.sum(axis=0), _block_scores(fit, normal)
-    inverse, flat = _invert(hessian + pull)
+    inverse, flat = invert(hessian + pull)
     factor = len(scores) / max(len(scores) - len(fit.freedoms), 1)
     covariance = inverse @ (scores.T @ scores * factor + pull) @ inverse
     return _Curvature(hessian, pull, inverse, flat, covariance)
@@ -290,7 +290,7 @@ def errors_by_held(
         return dict.fromkeys(names, np.inf)
     hessian = project(there.gram, len(wrt), 1.0 / spread**2, fit.x0 - expected).hessian.sum(axis=0)
     pull = np.diag([1.0 / freedom.spread**2 for freedom in fit.freedoms])
-    inverse, _ = _invert(hessian[:n_p, :n_p] + pull)
+    inverse, _ = invert(hessian[:n_p, :n_p] + pull)
     moved = inverse @ hessian[:n_p, n_p:] * np.array([freedom.spread for freedom in held])
     return dict(zip(names, np.sqrt((moved**2).sum(axis=1)).tolist(), strict=True))
 
@@ -304,8 +304,21 @@ def _block_scores(fit: WindowFit, normal: Normal) -> np.ndarray:
     return scores - scores.mean(axis=0)
 
 
-def _invert(hessian: np.ndarray):
-    """Invert a Hessian where it is not flat, and tell which parameters lie in flat directions."""
+def invert(hessian: np.ndarray):
+    """Invert a Hessian where it is not flat, and name the parameters that lie where it is.
+
+    Parameters
+    ----------
+    hessian : ndarray of shape (n, n)
+        The Hessian.
+
+    Returns
+    -------
+    inverse : ndarray of shape (n, n)
+        Its inverse, zero along flat directions.
+    flat : ndarray of shape (n,)
+        For every parameter whether it lies in one.
+    """
     blind = ~(np.diag(hessian) > 0)
     size = np.sqrt(np.where(blind, 1.0, np.diag(hessian)))
     values, vectors = np.linalg.eigh(hessian / np.outer(size, size))

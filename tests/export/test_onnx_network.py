@@ -68,6 +68,14 @@ def test_every_step_is_that_of_the_free_run(name, structure, guide):
     assert np.allclose(run(to_onnx(network), given)[0], x[1:], rtol=0, atol=1e-12)
 
 
+def test_parameters_that_were_trained_with_the_network():
+    model, X, y = fitted("cart")
+    network = PGNNLRegressor(model, free="all", sees=["v"], **BRIEF).fit(X, y)
+    _, x, given = steps(network, X)
+    (found,) = run(to_onnx(network), given)
+    assert np.abs(found - x[1:]).max() < 1e-12
+
+
 @pytest.mark.parametrize("activation", ["relu", "silu", "sigmoid", "identity"])
 def test_every_activation_and_straight_inputs(activation):
     model, X, y = fitted("cart")

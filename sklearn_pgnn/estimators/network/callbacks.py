@@ -85,10 +85,10 @@ class BestFreeRun(Callback):
         self.waited_ += 1
         if error < self.best_:
             self.best_, self.waited_ = error, 0
-            self.weights_ = copy.deepcopy(net.module_.core.state_dict())
+            self.weights_ = copy.deepcopy(net.module_.state_dict())
 
     def restore(self, net) -> None:
         """Restore the best weights, and reset the count of epochs without progress."""
         if self.weights_ is not None:
-            net.module_.core.load_state_dict(self.weights_)
+            net.module_.load_state_dict(self.weights_)
         self.waited_ = 0

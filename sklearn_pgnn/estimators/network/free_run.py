@@ -10,7 +10,12 @@ from sklearn_pgnn.estimators.network.cores import FeedForward, Recurrent
 from sklearn_pgnn.estimators.network.step_network import StepNetwork
 from sklearn_pgnn.estimators.network.torch_functions import torch_value
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.network_run import NetworkRecord, NetworkStep, run_network
+from sklearn_pgnn.simulation.network_run import (
+    NetworkRecord,
+    NetworkStep,
+    parameter_units,
+    run_network,
+)
 
 
 def is_compiled(core: nn.Module) -> bool:
@@ -27,12 +32,23 @@ def step_with(core: nn.Module, step: NetworkStep) -> NetworkStep:
     return step
 
 
+def tuned(step: NetworkStep, changes: np.ndarray) -> NetworkStep:
+    """Return a step whose free parameters are set to their values; what guides stays the same."""
+    units = parameter_units(step.model, step.free)
+    values = {
+        name: step.model.parameters[name].value + float(unit * change)
+        for name, unit, change in zip(step.free, units, changes, strict=True)
+    }
+    model = step.model.with_parameters(**values)
+    return replace(step, model=model, guide_model=step.terms_from, free=())
+
+
 def weights_of(core: nn.Module) -> np.ndarray:
     """Return all weights of a core in one array."""
     return nn.utils.parameters_to_vector(core.parameters()).detach().cpu().numpy().astype(float)
 
 
-def run_core(core: nn.Module, step: NetworkStep, record: NetworkRecord):
+def run_core(core: nn.Module, step: NetworkStep, record: NetworkRecord, changes=None):
     """Run a network in free run along a trajectory.
 
     Parameters
@@ -43,6 +59,8 @@ def run_core(core: nn.Module, step: NetworkStep, record: NetworkRecord):
         What a step is made of.
     record : NetworkRecord
         The trajectory.
+    changes : ndarray of shape (n_free,), optional
+        Relative changes of the step's free parameters.
 
     Returns
     -------
@@ -52,7 +70,10 @@ def run_core(core: nn.Module, step: NetworkStep, record: NetworkRecord):
         The first sample out of reach, -1 if there is none.
     """
     if is_compiled(core):
-        return run_network(step_with(core, step), weights_of(core), record)
+        theta = weights_of(core) if changes is None else np.append(weights_of(core), changes)
+        return run_network(step_with(core, step), theta, record)
+    if changes is not None:
+        step = tuned(step, changes)
     x = record.x0[None] if len(record.t) == 1 else _run_torch(core, step, record)
     inside = np.all((step.reach[0] <= x) & (x <= step.reach[1]), axis=1)
     failed = -1 if inside.all() else int(np.argmin(inside))
@@ -91,7 +112,7 @@ def _run_torch(core, step, record):
     return np.vstack([record.x0[None], x.cpu().numpy()])
 
 
-def outputs_of(model: PhysicsModel, x: torch.Tensor, u: torch.Tensor, t: torch.Tensor):
+def outputs_of(model: PhysicsModel, x: torch.Tensor, u: torch.Tensor, t: torch.Tensor, tuned=None):
     """Return the outputs of states.
 
     Parameters
@@ -104,6 +125,8 @@ def outputs_of(model: PhysicsModel, x: torch.Tensor, u: torch.Tensor, t: torch.T
         Inputs.
     t : Tensor of shape (...)
         Times [s].
+    tuned : dict of str to Tensor or float, optional
+        Values of parameters in place of the model's.
 
     Returns
     -------
@@ -114,4 +137,5 @@ def outputs_of(model: PhysicsModel, x: torch.Tensor, u: torch.Tensor, t: torch.T
     values |= {name: x[..., i] for i, name in enumerate(model.states)}
     values |= {name: u[..., i] for i, name in enumerate(model.inputs)}
     values |= {name: parameter.value for name, parameter in model.parameters.items()}
+    values |= tuned or {}
     return torch.stack([torch_value(g, values) for g in model.outputs.values()], dim=-1)

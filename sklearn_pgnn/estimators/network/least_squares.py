@@ -12,12 +12,17 @@ import numpy as np
 import torch
 from joblib import Parallel, delayed
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
-from scipy.optimize import minimize
+from scipy.optimize import Bounds, minimize
 
 from sklearn_pgnn.estimators.network.free_run import outputs_of
 from sklearn_pgnn.estimators.network.physics_loss import PhysicsLoss
 from sklearn_pgnn.estimators.network.records import TrainingRecord
-from sklearn_pgnn.simulation.network_run import NetworkSensitivities, NetworkStep, run_network
+from sklearn_pgnn.simulation.network_run import (
+    NetworkSensitivities,
+    NetworkStep,
+    parameter_units,
+    run_network,
+)
 
 #: damping to begin with, and its largest value
 DAMPING, MOST_DAMPING = 1e-3, 1e12
@@ -43,6 +48,13 @@ class Sums:
     def is_finite(self) -> bool:
         """Whether cost, gradient and curvature are numbers that a step can be made of."""
         return all(np.isfinite(part).all() for part in (self.cost, self.gradient, self.curvature))
+
+    def without(self, held) -> "Sums":
+        """Return the sums as if some weights did not matter."""
+        if not held.any():
+            return self
+        free = ~held
+        return Sums(self.cost, self.gradient * free, self.curvature * np.outer(free, free))
 
     def add(self, residual, jacobian, factor: float) -> None:
         """Add ``factor`` times the squares of residuals."""
@@ -79,6 +91,8 @@ class SimulationObjective:
         Every so many samples errors and physical residuals are taken.
     threads : int, default=1
         Threads to simulate on.
+    overlap : OverlapCost, optional
+        What the network's output costs that the model's free parameters could express.
     """
 
     def __init__(
@@ -90,11 +104,12 @@ class SimulationObjective:
         lambda_phy: float,
         stride: int = 1,
         threads: int = 1,
+        overlap: "OverlapCost | None" = None,
     ):
         self.step, self.records, self.scale, self.stride = step, records, scale, stride
-        self.threads = threads
+        self.threads, self.overlap = threads, overlap
         self.physics, self.lambda_phy = physics, lambda_phy if physics else 0.0
-        self._n_errors = sum(int(np.isfinite(r.y[stride::stride]).sum()) for r in records)
+        self.n_errors = sum(int(np.isfinite(r.y[stride::stride]).sum()) for r in records)
         self._n_steps = sum(len(range(0, len(record.x) - 1, stride)) for record in records)
 
     def __call__(self, theta: np.ndarray) -> Sums:
@@ -110,12 +125,61 @@ class SimulationObjective:
         Sums
             The sums.
         """
-        parts = self._each(self._sums_of, theta)
+        parts = self.parts(theta)
         return Sums(
             sum(part.cost for part in parts),
             sum(part.gradient for part in parts),
             sum(part.curvature for part in parts),
         )
+
+    def parts(self, theta: np.ndarray) -> list[Sums]:
+        """Return the sums of every record, and last, where it costs, of the overlap.
+
+        Parameters
+        ----------
+        theta : ndarray of shape (n_weights,)
+            The weights.
+
+        Returns
+        -------
+        list of Sums
+            The sums.
+        """
+        parts = self._each(self._sums_of, theta)
+        return parts if self.overlap is None else [*parts, self.overlap(theta)]
+
+    def error(self, theta: np.ndarray) -> float:
+        """Return the cost without that of the overlap.
+
+        Parameters
+        ----------
+        theta : ndarray of shape (n_weights,)
+            The weights.
+
+        Returns
+        -------
+        float
+            The cost; infinite where a simulation diverges.
+        """
+        return float(sum(self._each(self._cost_of, theta)))
+
+    def weigh_overlap(self, theta: np.ndarray) -> float:
+        """Weigh the overlap by the present error, which is returned.
+
+        Parameters
+        ----------
+        theta : ndarray of shape (n_weights,)
+            The weights.
+
+        Returns
+        -------
+        float
+            The error.
+        """
+        error = self.error(theta)
+        if self.overlap is not None:
+            self.overlap.error = error if np.isfinite(error) else 0.0
+        return error
 
     def cost(self, theta: np.ndarray) -> float:
         """Return the cost alone, which is much cheaper.
@@ -130,7 +194,8 @@ class SimulationObjective:
         float
             The cost; infinite where a simulation diverges.
         """
-        return float(sum(self._each(self._cost_of, theta)))
+        cost = self.error(theta)
+        return cost if self.overlap is None else cost + self.overlap(theta).cost
 
     def _each(self, task, theta) -> list:
         """Apply a task to every record, in parallel."""
@@ -143,9 +208,12 @@ class SimulationObjective:
         x, failed = run_network(self.step, theta, record.record)
         if failed >= 0:
             return np.inf
-        nothing, samples = Sums(0.0, np.zeros(0), np.zeros((0, 0))), self._samples(record)
-        self._add(nothing, record, samples, x[samples], np.zeros((len(samples), x.shape[1], 0)))
-        return nothing.cost
+        n, samples = len(self.step.free), self._samples(record)
+        changes = theta[theta.size - n :]
+        only = Sums(0.0, np.zeros(n), np.zeros((n, n)))
+        still = np.zeros((len(samples), x.shape[1], n))
+        self._add(only, record, samples, x[samples], still, changes)
+        return only.cost
 
     def _sums_of(self, record, theta) -> Sums:
         n = theta.size
@@ -154,7 +222,7 @@ class SimulationObjective:
         for samples, x, S in run.pieces(self._samples(record)):
             if not np.isfinite(x).all():
                 return Sums(np.inf, sums.gradient, sums.curvature)
-            self._add(sums, record, samples, x, S)
+            self._add(sums, record, samples, x, S, theta[n - len(self.step.free) :])
         return sums
 
     def _samples(self, record) -> np.ndarray:
@@ -164,51 +232,120 @@ class SimulationObjective:
             return every
         return np.union1d(every, every[every + 1 < len(record.x)] + 1)
 
-    def _add(self, sums, record, samples, x, S) -> None:
+    def _add(self, sums, record, samples, x, S, changes) -> None:
         """Add a piece; its first sample is the last of the piece before."""
-        self._add_errors(sums, record, samples, x, S)
+        self._add_errors(sums, record, samples, x, S, changes)
         if self.lambda_phy:
-            self._add_physics(sums, record, samples, x, S)
+            self._add_physics(sums, record, samples, x, S, changes)
 
-    def _add_errors(self, sums, record, samples, x, S):
+    def _add_errors(self, sums, record, samples, x, S, changes):
         rows = 1 + np.flatnonzero(samples[1:] % self.stride == 0)
         after, S = samples[rows], S[rows]
         states = torch.as_tensor(x[rows]).requires_grad_()
         u = torch.as_tensor(record.record.acting[after, : record.record.u.shape[1]])
-        outputs = outputs_of(self.step.model, states, u, torch.as_tensor(record.record.t[after]))
-        factor = (1.0 - self.lambda_phy) / self._n_errors
+        parameters = self._parameters(changes, len(rows))
+        outputs = outputs_of(
+            self.step.model, states, u, torch.as_tensor(record.record.t[after]),
+            self._values(parameters),
+        )  # fmt: skip
+        factor = (1.0 - self.lambda_phy) / self.n_errors
         for i, scale in enumerate(self.scale):
-            slope = _slope(outputs[:, i], states)
+            slope, by_parameter = _slopes(outputs[:, i], states, parameters)
             error = outputs[:, i].detach().numpy() - record.y[after, i]
             seen = np.isfinite(error)
             jacobian = np.einsum("nj,njw->nw", slope[seen], S[seen])
+            _add_last(jacobian, by_parameter[seen])
             sums.add(error[seen] / scale, jacobian / scale, factor)
 
-    def _add_physics(self, sums, record, samples, x, S):
+    def _add_physics(self, sums, record, samples, x, S, changes):
         before = np.flatnonzero((samples[:-1] % self.stride == 0) & (np.diff(samples) == 1))
         after, k = before + 1, samples[before]
         ends = torch.as_tensor(np.stack([x[before], x[after]], axis=1)).requires_grad_()
         u = torch.as_tensor(record.record.u[k, None])
         times = torch.as_tensor(np.stack([record.record.t[k], record.record.t[k + 1]], axis=1))
-        found = self.physics.residuals(ends, u, times)
+        parameters = self._parameters(changes, len(k))
+        values = {name: each[:, None] for name, each in self._values(parameters).items()}
+        found = self.physics.residuals(ends, u, times, values)
         for term, h in zip(self.physics.terms, found, strict=True):
             factor = self.lambda_phy * term.weight / (self._n_steps * h.shape[2])
             for column in range(h.shape[2]):
-                slope = _slope(h[:, 0, column], ends)
+                slope, by_parameter = _slopes(h[:, 0, column], ends, parameters)
                 jacobian = np.einsum("nj,njw->nw", slope[:, 0], S[before])
                 jacobian += np.einsum("nj,njw->nw", slope[:, 1], S[after])
+                _add_last(jacobian, by_parameter)
                 add = sums.add_linear if term.kind == "inequality" else sums.add
                 add(h[:, 0, column].detach().numpy(), jacobian, factor)
 
+    def _parameters(self, changes, n: int) -> torch.Tensor:
+        """Return the changes of the free parameters for every one of n samples."""
+        return torch.tensor(np.tile(changes, (n, 1))).requires_grad_()
 
-def _slope(values, by) -> np.ndarray:
+    def _values(self, parameters) -> dict:
+        """Return the free parameters' values for every sample."""
+        units = parameter_units(self.step.model, self.step.free)
+        return {
+            name: self.step.model.parameters[name].value + unit * parameters[:, i]
+            for i, (name, unit) in enumerate(zip(self.step.free, units, strict=True))
+        }
+
+
+class OverlapCost:
+    """The weighted overlap as sums over the weights and the free parameters.
+
+    Parameters
+    ----------
+    overlap : Overlap
+        The overlap.
+    core : Module
+        The network.
+    weight : float
+        What a whole overlap costs, as a share of the error.
+    """
+
+    def __init__(self, overlap, core, weight: float):
+        self.overlap, self.core, self.weight, self.error = overlap, core, weight, 0.0
+
+    def __call__(self, theta: np.ndarray) -> Sums:
+        """Return cost, gradient and curvature.
+
+        Parameters
+        ----------
+        theta : ndarray of shape (n_weights + n_free,)
+            The weights, and the changes of the parameters.
+
+        Returns
+        -------
+        Sums
+            The sums.
+        """
+        n_weights = sum(part.numel() for part in self.core.parameters())
+        found, slopes = self.overlap.with_slopes(self.core, theta[:n_weights])
+        jacobian = np.zeros((len(found), theta.size))
+        jacobian[:, :n_weights] = slopes
+        sums = Sums(0.0, np.zeros(theta.size), np.zeros((theta.size, theta.size)))
+        sums.add(found, jacobian, self.weight * self.error)
+        return sums
+
+
+def _add_last(jacobian, by_parameter) -> None:
+    """Add derivatives by the free parameters, which stand last, in place."""
+    jacobian[:, jacobian.shape[1] - by_parameter.shape[1] :] += by_parameter
+
+
+def _slopes(values, *by) -> list[np.ndarray]:
     """Differentiate values, each of its own sample."""
     if not values.requires_grad:
-        return np.zeros(by.shape)
-    return torch.autograd.grad(values.sum(), by, retain_graph=True)[0].numpy()
+        return [np.zeros(each.shape) for each in by]
+    found = torch.autograd.grad(values.sum(), by, retain_graph=True, allow_unused=True)
+    return [
+        np.zeros(each.shape) if slope is None else slope.numpy()
+        for each, slope in zip(by, found, strict=True)
+    ]
 
 
-def levenberg_marquardt(objective, theta: np.ndarray, iterations: int, on_step) -> np.ndarray:
+def levenberg_marquardt(
+    objective, theta: np.ndarray, iterations: int, on_step, bounds=(-np.inf, np.inf)
+) -> np.ndarray:
     """Minimise by damped Gauss-Newton steps.
 
     Parameters
@@ -221,6 +358,8 @@ def levenberg_marquardt(objective, theta: np.ndarray, iterations: int, on_step) 
         Most steps that lower the cost; those that are tried in vain are not counted.
     on_step : callable
         Is told of every accepted step, ``on_step(theta, cost)``; True ends the search.
+    bounds : (ndarray, ndarray), optional
+        Least and largest values; what would be pushed beyond is held, and a step ends there.
 
     Returns
     -------
@@ -240,7 +379,7 @@ def levenberg_marquardt(objective, theta: np.ndarray, iterations: int, on_step) 
     size, costs = np.diag(now.curvature).copy(), [now.cost]
     for _ in range(iterations):
         size = np.maximum(size, np.diag(now.curvature))
-        found = _next_step(objective, theta, now, damping, size)
+        found = _next_step(objective, theta, now, damping, size, bounds)
         if found is None:
             break
         theta, now, damping = found
@@ -250,17 +389,20 @@ def levenberg_marquardt(objective, theta: np.ndarray, iterations: int, on_step) 
     return theta
 
 
-def _next_step(objective, theta, now: Sums, damping: float, size: np.ndarray):
+def _next_step(objective, theta, now: Sums, damping: float, size: np.ndarray, bounds):
     """Stiffen the damping until a step lowers the cost; None where even the shortest does not.
 
     A step into a divergence, of the simulation or of its sensitivities, is one that does not.
     """
-    stiffen = 2.0
+    stiffen, (low, high) = 2.0, bounds
+    moves = ~((theta <= low) & (now.gradient > 0) | (theta >= high) & (now.gradient < 0))
+    held = now.without(~moves)
     while damping <= MOST_DAMPING:
-        step = _damped_step(now, damping * np.maximum(size, 1e-12 * size.max()))
+        step = _damped_step(held, damping * np.maximum(size, 1e-12 * size.max()))
+        step = np.clip(theta + step * moves, low, high) - theta
         cost = objective.cost(theta + step)
         if cost < now.cost and (after := objective(theta + step)).is_finite:
-            share = (now.cost - cost) / max(_expected_gain(now, step), TINY)
+            share = min((now.cost - cost) / max(_expected_gain(now, step), TINY), 1.0)
             return theta + step, after, damping * max(1 / 3, 1 - (2 * share - 1) ** 3)
         damping, stiffen = damping * stiffen, 2 * stiffen
     return None
@@ -286,12 +428,14 @@ def _damped_step(sums: Sums, damping: np.ndarray) -> np.ndarray:
     return -sums.gradient / damping
 
 
-def l_bfgs(objective, theta: np.ndarray, iterations: int, on_step) -> np.ndarray:
+def l_bfgs(
+    objective, theta: np.ndarray, iterations: int, on_step, bounds=(-np.inf, np.inf)
+) -> np.ndarray:
     """Minimise by the limited-memory method of Broyden, Fletcher, Goldfarb and Shanno.
 
     Parameters
     ----------
-    objective, theta, iterations, on_step
+    objective, theta, iterations, on_step, bounds
         As for `levenberg_marquardt`.
 
     Returns
@@ -317,4 +461,7 @@ def l_bfgs(objective, theta: np.ndarray, iterations: int, on_step) -> np.ndarray
         "ftol": 0.0,  # `_has_settled` decides when to stop
         "gtol": 0.0,
     }
-    return minimize(both, theta, jac=True, method="L-BFGS-B", callback=told, options=options).x
+    return minimize(
+        both, theta, jac=True, method="L-BFGS-B", bounds=Bounds(*bounds), callback=told,
+        options=options,
+    ).x  # fmt: skip

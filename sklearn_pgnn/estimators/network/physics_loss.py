@@ -45,6 +45,9 @@ class PhysicsTerm(BaseEstimator):
     'inequality'
     """
 
+    #: whether the residual takes values of the model's parameters that are trained
+    knows_parameters = False
+
     def __init__(self, residual=None, *, kind="equality", weight=1.0):
         self.residual = residual
         self.kind = kind
@@ -99,6 +102,8 @@ class EnergyBalance(PhysicsTerm):
     'equality'
     """
 
+    knows_parameters = True
+
     def __init__(self, weight=1.0):
         super().__init__(None, kind="equality", weight=weight)
 
@@ -125,6 +130,8 @@ class Passivity(PhysicsTerm):
     >>> Passivity().kind
     'inequality'
     """
+
+    knows_parameters = True
 
     def __init__(self, weight=1.0):
         super().__init__(None, kind="inequality", weight=weight)
@@ -221,7 +228,7 @@ class PhysicsLoss:
         self.terms = terms
         self._residuals = [term.bind(model, motion) for term in terms]
 
-    def residuals(self, x, u, t) -> list[torch.Tensor]:
+    def residuals(self, x, u, t, tuned=None) -> list[torch.Tensor]:
         """Return every term's residual, each of shape (n, length, m).
 
         Parameters
@@ -232,6 +239,8 @@ class PhysicsLoss:
             Inputs.
         t : Tensor of shape (n, length + 1)
             Times [s].
+        tuned : dict of str to Tensor, optional
+            Values of parameters, each of shape (n, 1) or (), in place of the model's.
 
         Returns
         -------
@@ -245,7 +254,7 @@ class PhysicsLoss:
         """
         found = []
         for term, residual in zip(self.terms, self._residuals, strict=True):
-            h = residual(x, u, t)
+            h = residual(x, u, t, tuned=tuned) if term.knows_parameters else residual(x, u, t)
             if tuple(h.shape[:2]) != tuple(u.shape[:2]):
                 raise ValueError(
                     f"physics_loss: {type(term).__name__} gave shape {tuple(h.shape)}; expected "
@@ -261,11 +270,11 @@ class PhysicsLoss:
             found.append(torch.relu(h) if term.kind == "inequality" else h)
         return found
 
-    def __call__(self, x, u, t) -> torch.Tensor:
+    def __call__(self, x, u, t, tuned=None) -> torch.Tensor:
         """Return the weighted mean cost of all terms."""
         costs = [
             term.weight * (h.mean() if term.kind == "inequality" else (h**2).mean())
-            for term, h in zip(self.terms, self.residuals(x, u, t), strict=True)
+            for term, h in zip(self.terms, self.residuals(x, u, t, tuned), strict=True)
         ]
         return torch.stack(costs).sum()
 
@@ -336,25 +345,26 @@ class _Energy:
         rms = [float(torch.sqrt(torch.mean(power**2))) for power in (supplied, change)]
         self.reference = rms[0] or rms[1] or 1.0
 
-    def surplus(self, x, u, t, *, dissipates: bool):
+    def surplus(self, x, u, t, *, dissipates: bool, tuned=None):
         """Return the growth of the stored energy beyond the supplied power, over the scale."""
         middle = _middle(x, u, t)
-        change = torch.diff(self._stored(x, u, t), dim=1) / torch.diff(t, dim=1)
-        surplus = change - self._power("supplied", *middle)
+        change = torch.diff(self._stored(x, u, t, tuned), dim=1) / torch.diff(t, dim=1)
+        surplus = change - self._power("supplied", *middle, tuned)
         if dissipates:
-            surplus = surplus + self._power("dissipated", *middle)
+            surplus = surplus + self._power("dissipated", *middle, tuned)
         return surplus / self.reference
 
-    def _stored(self, x, u, t):
-        return self._power("stored", x, torch.cat([u, u[:, -1:]], dim=1), t)
+    def _stored(self, x, u, t, tuned=None):
+        return self._power("stored", x, torch.cat([u, u[:, -1:]], dim=1), t, tuned)
 
-    def _power(self, part, x, u, t):
+    def _power(self, part, x, u, t, tuned=None):
         if part not in self.model.energy:
             return torch.zeros_like(t)
         values = {"t": t}
         values |= {name: x[..., i] for i, name in enumerate(self.model.states)}
         values |= {name: u[..., i] for i, name in enumerate(self.model.inputs)}
         values |= {name: parameter.value for name, parameter in self.model.parameters.items()}
+        values |= tuned or {}
         return torch_value(self.model.energy[part], values)
 
 

@@ -197,11 +197,16 @@ class TrainingWindows:
         Whether the model's step from every measured state is needed.
     needs_terms : bool
         Whether the model's terms at every measured state are needed.
+    terms_from : PhysicsModel, optional
+        The model whose terms are meant; by default `model`.
+    middle : bool, default=False
+        Whether the network sees the states, and the terms, in the middle of the model's steps.
     """
 
     def __init__(
-        self, records: list[TrainingRecord], model, *, hold, substeps, needs_prior, needs_terms
-    ):
+        self, records: list[TrainingRecord], model, *, hold, substeps, needs_prior, needs_terms,
+        terms_from=None, middle=False,
+    ):  # fmt: skip
         parts = [each.record for each in records]
         self.lengths = [len(part.t) for part in parts]
         self.x = np.concatenate([each.x for each in records])
@@ -218,17 +223,19 @@ class TrainingWindows:
             "acting_next": np.vstack([acting[1:], acting[-1:]]),
         }
         self.pairs = self.starts(1, 1)
-        self.terms = np.zeros((len(self.t), 0))
-        if needs_terms:
-            spread = spread_of(self.x[self.pairs])
-            self.terms = term_values(model, self.t, self.x, acting, spread)[0]
-        self.prior = np.full_like(self.x, np.nan)
+        self.prior, k = np.full_like(self.x, np.nan), self.pairs
         if needs_prior:
-            k = self.pairs
             self.prior[k] = prior_steps(
                 model, substeps, hold, self.t[k], self.samples["dt"][k], self.x[k], acting[k],
                 self.samples["acting_next"][k],
             )[0]  # fmt: skip
+        self.seen = self.x.copy()
+        if middle:
+            self.seen[k] = (self.x[k] + self.prior[k]) / 2
+        self.terms = np.zeros((len(self.t), 0))
+        if needs_terms:
+            spread = spread_of(self.seen[k])
+            self.terms = term_values(terms_from or model, self.t, self.seen, acting, spread)[0]
 
     def starts(self, length: int, stride: int) -> np.ndarray:
         """Return the first samples of windows of `length` steps, `stride` samples apart."""

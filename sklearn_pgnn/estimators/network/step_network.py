@@ -1,8 +1,10 @@
 """The network in feedback as a torch module: the compiled loop's step, differentiable."""
 
+import numpy as np
 import torch
 from torch import nn
 
+from sklearn_pgnn.estimators.network.free_parameters import FreeParameters
 from sklearn_pgnn.simulation.network_run import NetworkStep, prior_steps, term_values
 
 
@@ -19,15 +21,21 @@ class StepNetwork(nn.Module):
     samples : dict of str to ndarray
         Time ``t``, step ``dt``, acting inputs ``acting`` and ``acting_next`` of every training
         sample, which the model's own step needs.
+    n_free : int, default=0
+        Parameters of the model that are trained, too.
 
     Notes
     -----
     ``teacher_forcing`` feeds back what was measured; otherwise what was predicted is fed back.
+    ``changes`` are the relative changes of the parameters ``free``, which are kept in their range.
     """
 
-    def __init__(self, core: nn.Module, step: NetworkStep, samples: dict):
+    free: FreeParameters | None = None
+
+    def __init__(self, core: nn.Module, step: NetworkStep, samples: dict, n_free: int = 0):
         super().__init__()
         self.core, self.step, self.samples = core, step, samples
+        self.changes = nn.Parameter(torch.zeros(n_free)) if n_free else None
         self.teacher_forcing = True
         self.gain_is_used = [bool(matrix.any()) for matrix in step.gain]
         for name in ("offset", "gain", "mean", "scale"):
@@ -60,6 +68,7 @@ class StepNetwork(nn.Module):
         Tensor of shape (n, length, n_states)
             Predicted states of the samples after the first.
         """
+        self._keep_in_range()
         hidden = self.core.at_rest(len(x)) if hasattr(self.core, "at_rest") else None
         dt, state, predicted = torch.diff(t, dim=1), x[:, 0], []
         for k in range(u.shape[1]):
@@ -74,15 +83,28 @@ class StepNetwork(nn.Module):
             predicted.append(state)
         return torch.stack(predicted, dim=1)
 
+    def _keep_in_range(self) -> None:
+        if self.free is not None:
+            low, high = (self.changes.new_tensor(end) for end in (self.free.low, self.free.high))
+            with torch.no_grad():
+                self.changes.clamp_(low, high)
+
+    def _prior(self, x, index):
+        """Return the model's own step, with the parameters as they are now."""
+        if self.free is None:
+            return _PriorStep.apply(x, index, self)
+        return _PriorStep.apply(x, index, self, self.changes)
+
     def _advance(self, x, u, dt, index, prior, terms, further, hidden):
         step = self.step
         if step.needs_prior and prior is None:
-            prior = _PriorStep.apply(x, index, self)
-        seen = [x, u]
+            prior = self._prior(x, index)
+        at = (x + prior) / 2 if step.middle else x
+        seen = [at, u]
         if step.guide == "step":
             seen.append((prior - x) / dt)
         elif step.guide == "terms":
-            seen.append(_Terms.apply(x, index, self) if terms is None else terms)
+            seen.append(_Terms.apply(at, index, self) if terms is None else terms)
         z = (torch.cat([*seen, *further], dim=1) - self.mean) / self.scale
         if hidden is None:
             output = self.core(z)
@@ -100,10 +122,14 @@ class _PriorStep(torch.autograd.Function):
     """The model's own step, compiled, with its Jacobian as the backward pass."""
 
     @staticmethod
-    def forward(ctx, x, index, network):
+    def forward(ctx, x, index, network, changes=None):
         rows, samples, step = index.cpu().numpy(), network.samples, network.step
+        model, free, unit = step.model, (), np.zeros(0)
+        if changes is not None:
+            free, unit = network.free.names, network.free.unit
+            model = model.with_parameters(**network.free.values(changes.detach().cpu().numpy()))
         x_next, jacobian = prior_steps(
-            step.model,
+            model,
             step.substeps,
             step.hold,
             samples["t"][rows],
@@ -111,14 +137,18 @@ class _PriorStep(torch.autograd.Function):
             x.detach().cpu().numpy(),
             samples["acting"][rows],
             samples["acting_next"][rows],
+            free,
         )
+        jacobian[:, :, : len(free)] *= unit
         ctx.save_for_backward(torch.as_tensor(jacobian, device=x.device))
         return torch.as_tensor(x_next, device=x.device)
 
     @staticmethod
     def backward(ctx, grad):
         (jacobian,) = ctx.saved_tensors
-        return torch.einsum("ni,nij->nj", grad, jacobian), None, None
+        slopes = torch.einsum("ni,nij->nj", grad, jacobian)
+        n_free = slopes.shape[1] - grad.shape[1]
+        return slopes[:, n_free:], None, None, slopes[:, :n_free].sum(dim=0) if n_free else None
 
 
 class _Terms(torch.autograd.Function):
@@ -128,11 +158,11 @@ class _Terms(torch.autograd.Function):
     def forward(ctx, x, index, network):
         rows, samples, step = index.cpu().numpy(), network.samples, network.step
         values, jacobian = term_values(
-            step.model,
+            step.terms_from,
             samples["t"][rows],
             x.detach().cpu().numpy(),
             samples["acting"][rows],
-            step.scale[: x.shape[1]],
+            step.state_spread,
         )
         ctx.save_for_backward(torch.as_tensor(jacobian, device=x.device))
         return torch.as_tensor(values, device=x.device)

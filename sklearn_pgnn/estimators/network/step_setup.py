@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from sklearn_pgnn.estimators.network.records import TrainingRecord, TrainingWindows, spread_of
+from sklearn_pgnn.estimators.network.sight import scale_of_seen
 from sklearn_pgnn.estimators.network.structure import (
     STRUCTURES,
     TRIAL_SHARE,
@@ -94,6 +95,10 @@ def make_step(
     *,
     hold: str,
     substeps: int,
+    corrects=None,
+    sees=None,
+    further=(),
+    middle=False,
 ) -> NetworkStep:
     """Scale what the network sees and gives by the training data.
 
@@ -111,6 +116,14 @@ def make_step(
         How the inputs run between two samples.
     substeps : int
         Integration steps from sample to sample.
+    corrects : sequence of str, optional
+        The only states whose rates are corrected.
+    sees : sequence of str, optional
+        The only quantities that the network sees.
+    further : sequence of str
+        Names of the further columns.
+    middle : bool, default=False
+        Whether the network sees the state in the middle of the model's step.
 
     Returns
     -------
@@ -120,7 +133,7 @@ def make_step(
     now = windows.pairs
     after, dt = now + 1, windows.samples["dt"][now]
     x, prior = windows.x[now], windows.prior[now]
-    seen = [x, windows.u[now]]
+    seen = [windows.seen[now], windows.u[now]]
     if guide == "simulation":
         seen.append(windows.simulated[after])
     elif guide == "step":
@@ -134,12 +147,14 @@ def make_step(
         base_of(structure),
         guide,
         windows.x[after].mean(axis=0),
-        gain_of(model, structure, x, windows.x[after], prior, dt),
+        gain_of(model, structure, x, windows.x[after], prior, dt, corrects),
         z.mean(axis=0),
-        spread_of(z),
+        scale_of_seen(model, guide, spread_of(z), sees, further),
         mean + REACH * np.array([[-1.0], [1.0]]) * spread,
         substeps=substeps,
         hold=hold,
+        spread=spread_of(windows.seen[now]),
+        middle=middle,
     )
 
 

@@ -42,7 +42,7 @@ def corrected_states(model: PhysicsModel, structure: str) -> list[int]:
     return [i for i, state in enumerate(model.states) if state not in positions]
 
 
-def gain_of(model: PhysicsModel, structure: str, x, x_next, prior, dt) -> np.ndarray:
+def gain_of(model: PhysicsModel, structure: str, x, x_next, prior, dt, corrects=None) -> np.ndarray:
     """Scale the network's outputs by what they have to explain.
 
     Parameters
@@ -57,6 +57,8 @@ def gain_of(model: PhysicsModel, structure: str, x, x_next, prior, dt) -> np.nda
         The model's step from the measured states.
     dt : ndarray of shape (n,)
         Steps [s].
+    corrects : sequence of str, optional
+        The only states whose rates are corrected.
 
     Returns
     -------
@@ -65,6 +67,8 @@ def gain_of(model: PhysicsModel, structure: str, x, x_next, prior, dt) -> np.nda
     """
     states = list(model.states)
     own = corrected_states(model, structure)
+    if corrects is not None:
+        own = [i for i in own if states[i] in corrects]
     gain = np.zeros((3, len(states), len(own)))
     if structure == "output":
         size = np.std(x_next, axis=0)

@@ -2,7 +2,8 @@
 
 import contextlib
 import copy
-from dataclasses import dataclass
+import warnings
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -24,20 +25,34 @@ from sklearn_pgnn.estimators.network import step_setup
 from sklearn_pgnn.estimators.network.balance import ADAPTIVE, balanced_lambda
 from sklearn_pgnn.estimators.network.callbacks import BestFreeRun, CosineDecay, EnoughTraining
 from sklearn_pgnn.estimators.network.cores import FeedForward
-from sklearn_pgnn.estimators.network.free_run import outputs_of, run_core, step_with, weights_of
+from sklearn_pgnn.estimators.network.free_parameters import FreeParameters
+from sklearn_pgnn.estimators.network.free_run import (
+    outputs_of,
+    run_core,
+    step_with,
+    tuned,
+    weights_of,
+)
 from sklearn_pgnn.estimators.network.least_squares import (
+    OverlapCost,
     SimulationObjective,
     l_bfgs,
     levenberg_marquardt,
 )
+from sklearn_pgnn.estimators.network.overlap import Overlap
+from sklearn_pgnn.estimators.network.parameter_errors import parameter_errors
 from sklearn_pgnn.estimators.network.physics_loss import NotFinite, PhysicsLoss
 from sklearn_pgnn.estimators.network.records import TrainingRecord, TrainingWindows
 from sklearn_pgnn.estimators.network.row_network import RowNetwork
 from sklearn_pgnn.estimators.network.step_network import StepNetwork
 from sklearn_pgnn.estimators.network.structure import corrected_states
+from sklearn_pgnn.simulation.network_run import NetworkStep
+from sklearn_pgnn.simulation.uncertainty import NORMAL_95, Estimate
 
 #: "auto" refines by Levenberg and Marquardt's steps up to so many weights
 FEW_WEIGHTS = 1000
+#: the overlap is weighed anew until the error falls by less than this share, at most so often
+SETTLED, ROUNDS = 0.8, 5
 #: attributes that are rebuilt from the weights when a pickle is loaded
 _TRAINED = ("module_", "criterion_", "optimizer_", "callbacks_")
 
@@ -61,6 +76,9 @@ class TrajectoryNet(NeuralNetRegressor):
     _physics: PhysicsLoss | None
     _validation: list[TrainingRecord]
     _shown: dict[str, Dataset | None]
+    _free_names: tuple[str, ...] = ()
+    _free: FreeParameters | None = None  # while they are trained
+    _overlap: Overlap | None = None
     model_: Any  # a PhysicsModel; None where the rows have no time
 
     def _get_param_names(self):
@@ -161,6 +179,9 @@ class TrajectoryNet(NeuralNetRegressor):
         scale = torch.as_tensor(_positive(scale), device=self.device)
         self._phase = _Phase(epochs, length, windows, scale, rate)
         batch = windows.cut(length, self.step_, teacher=self.module_.teacher_forcing)
+        if self._free is not None:
+            for part in ("prior", "terms"):
+                batch.pop(part, None)  # they move with the parameters
         self.fit_loop(batch, target, epochs=epochs, **fit_params)
 
     def _base_error(self, training, length) -> np.ndarray:
@@ -182,19 +203,83 @@ class TrajectoryNet(NeuralNetRegressor):
                 f"refine={method!r} needs the core FeedForward, got {type(core).__name__}. "
                 f"Remedy: refine=None."
             )
-        objective = SimulationObjective(
-            step_with(core, self.step_),
+        self._is_enough, bounds = False, (-np.inf, np.inf)
+        if self._free is not None:
+            unbounded = np.full(theta.size, np.inf)
+            theta = np.append(theta, self._changes())
+            bounds = np.append(-unbounded, self._free.low), np.append(unbounded, self._free.high)
+        minimise = levenberg_marquardt if method == "lm" else l_bfgs
+        self._phase = None
+        objective = self._objective(training)
+        with self._resting_optimizer():
+            for _ in range(ROUNDS if objective.overlap else 1):
+                before = objective.weigh_overlap(theta)
+                begun = len(self.history)
+                theta = minimise(objective, theta, self.refine_max_iter, self._on_step, bounds)
+                settled = objective.error(theta) > SETTLED * before
+                if settled or self._is_enough or len(self.history) == begun:
+                    break
+
+    def _objective(self, training) -> SimulationObjective:
+        """Return the loss of whole trajectories."""
+        weighs = self._overlap is not None and self.overlap > 0
+        return SimulationObjective(
+            self._free_step(),
             training,
             self._base_error(training, None),
             self._physics,
             self.lambda_phy_,
             self._stride,
             self._threads,
+            OverlapCost(self._overlap, self.module_.core, self.overlap) if weighs else None,
         )
-        minimise = levenberg_marquardt if method == "lm" else l_bfgs
-        self._phase = None
-        with self._resting_optimizer():
-            minimise(objective, theta, self.refine_max_iter, self._on_step)
+
+    def _free_step(self) -> NetworkStep:
+        """Return the step with the core's sizes and, while they are trained, the parameters."""
+        step = step_with(self.module_.core, self.step_)
+        return step if self._free is None else replace(step, free=self._free.names)
+
+    # -- the model's parameters --------------------------------------------------------------------
+
+    def _free_parameters(self, windows) -> None:
+        """Let the model's parameters be trained, from their present values."""
+        self._free, self._overlap = None, None
+        if self._free_names:
+            self._free = FreeParameters.of(self.model, self.model_, self._free_names)
+            if self.structure_ == "correction":
+                self._overlap = Overlap(self.step_, self._free, windows)
+
+    def _changes(self) -> np.ndarray | None:
+        """Return the present relative changes of the parameters."""
+        if self._free is None:
+            return None
+        changes = self.module_.changes.detach().cpu().numpy()
+        return np.clip(changes, self._free.low, self._free.high)
+
+    def _tuned(self) -> dict:
+        """Return the present values of the parameters, as tensors."""
+        return {} if self._free is None else self._free.values(self.module_.changes)
+
+    def _settle_parameters(self, training) -> None:
+        """Give the model the parameters' last values, and note how sure they are."""
+        self.parameters_: dict[str, Estimate] = {}
+        if self._free is None:
+            return
+        free, changes = self._free, self._changes()
+        reach = np.full(len(free.names), np.inf)
+        if type(self.module_.core) is FeedForward:
+            objective = self._objective(training)
+            objective.lambda_phy, objective.overlap = 0.0, None
+            theta = np.append(weights_of(self.module_.core), changes)
+            reach = NORMAL_95 * parameter_errors(objective, theta)
+        self.parameters_ = free.estimates(self.model_, changes, reach)
+        self.step_ = tuned(replace(self.step_, free=free.names), changes)
+        self.model_ = self.step_.model
+        self.module_.step = self.step_
+        self._free = self._overlap = self.module_.free = None
+        with torch.no_grad():
+            self.module_.changes.zero_()
+        _warn_of_ends(free.at_the_end(changes))
 
     @contextlib.contextmanager
     def _resting_optimizer(self):
@@ -216,18 +301,23 @@ class TrajectoryNet(NeuralNetRegressor):
         try:
             self.notify("on_epoch_end", dataset_train=None, dataset_valid=None)
         except EnoughTraining:
-            return True
-        return False
+            self._is_enough = True
+        return self._is_enough
 
     def _set_weights(self, theta) -> None:
+        if self._free is not None:
+            theta, changes = np.split(theta, [-len(self._free.names)])
+            with torch.no_grad():
+                self.module_.changes.copy_(torch.as_tensor(changes))
         weights = torch.as_tensor(theta, device=self.device)
         nn.utils.vector_to_parameters(weights, self.module_.core.parameters())
 
     def _validation_error(self) -> float:
         """Return the free-run error of the held-out trajectories, in deviations of the outputs."""
-        errors = []
+        errors, changes = [], self._changes()
+        step = self._free_step()
         for each in self._validation:
-            x, failed = run_core(self.module_.core, self.step_, each.record)
+            x, failed = run_core(self.module_.core, step, each.record, changes)
             if failed >= 0:
                 return np.inf
             errors.append(
@@ -260,7 +350,7 @@ class TrajectoryNet(NeuralNetRegressor):
             self.module_ = RowNetwork(core, X, y).double()
         else:
             core = self._make_core(len(self.step_.mean), self.step_.n_network_outputs)
-            self.module_ = StepNetwork(core, self.step_, {}).double()
+            self.module_ = StepNetwork(core, self.step_, {}, len(self._free_names)).double()
         return self
 
     def _make_core(self, n_inputs, n_outputs):
@@ -305,10 +395,13 @@ class TrajectoryNet(NeuralNetRegressor):
         error = self._error_loss(y_pred, y_true, X)
         if not torch.isfinite(error):
             raise NotFinite(self._why_not_finite(error))
+        if training and self._overlap is not None and self.overlap:
+            share = (self._overlap(self.module_.core) ** 2).sum()
+            error = error + self.overlap * error.detach() * share
         if self.lambda_phy == 0:
             return error
         states = torch.cat([X["x"][:, :1], y_pred], dim=1)
-        physics = self._physics(states, X["u"], X["t"])
+        physics = self._physics(states, X["u"], X["t"], self._tuned())
         if training and self.lambda_phy == ADAPTIVE:
             weights = list(self.module_.core.parameters())
             before = self.lambda_phy_ or None
@@ -334,7 +427,9 @@ class TrajectoryNet(NeuralNetRegressor):
             own = torch.as_tensor(corrected_states(self.model_, self.structure_))
             compared = y_pred.index_select(-1, own.to(y_pred.device))
         else:
-            compared = outputs_of(self.model_, y_pred, self._inputs_after(X), X["t"][:, 1:])
+            compared = outputs_of(
+                self.model_, y_pred, self._inputs_after(X), X["t"][:, 1:], self._tuned()
+            )
         compared, y_true = compared / self._phase.scale, y_true / self._phase.scale
         seen = torch.isfinite(y_true)
         if not seen.any():
@@ -371,7 +466,20 @@ class TrajectoryNet(NeuralNetRegressor):
     def _outputs(self, ready, x) -> np.ndarray:
         u = ready.acting[:, : len(self.model_.inputs)]
         parts = (torch.as_tensor(part) for part in (x, u, ready.t))
-        return outputs_of(self.model_, *parts).numpy()
+        with torch.no_grad():
+            return outputs_of(self.model_, *parts, self._tuned()).numpy()
+
+
+def _warn_of_ends(names) -> None:
+    """Warn of parameters at an end of their range."""
+    if names:
+        warnings.warn(
+            f"{', '.join(names)} went to the end of what spread or bounds allow. Remedy: a larger "
+            f"spread in the model; 'corrects' and 'sees', where it is known what the missing part "
+            f"acts and depends on; or leave it out of 'free'.",
+            UserWarning,
+            stacklevel=6,
+        )
 
 
 def _positive(values) -> np.ndarray:

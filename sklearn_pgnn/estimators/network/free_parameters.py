@@ -1,0 +1,163 @@
+"""The parameters of a model that are trained with the network, inside their spread."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.network_run import parameter_units
+from sklearn_pgnn.simulation.uncertainty import Estimate
+
+#: every parameter of the model that is not fixed
+ALL = "all"
+#: a parameter this close to the end of its range, as a share of the range, is at its end
+AT_THE_END = 1e-6
+
+
+@dataclass(frozen=True)
+class FreeParameters:
+    """Parameters as relative changes of the values that a training begins with.
+
+    Parameters
+    ----------
+    names : tuple of str
+        The parameters.
+    start, unit : ndarray of shape (n_free,)
+        Value at the beginning, and what a relative change of 1 is.
+    low, high : ndarray of shape (n_free,)
+        Least and largest relative change.
+    """
+
+    names: tuple[str, ...]
+    start: np.ndarray
+    unit: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+
+    @classmethod
+    def of(cls, prior: PhysicsModel, start: PhysicsModel, names) -> "FreeParameters":
+        """Let parameters go as far as the prior's spread and bounds allow.
+
+        Parameters
+        ----------
+        prior : PhysicsModel
+            The model that says how far.
+        start : PhysicsModel
+            The model at the values to begin with.
+        names : sequence of str
+            The parameters.
+
+        Returns
+        -------
+        FreeParameters
+            The parameters.
+        """
+        names = tuple(names)
+        given = [prior.parameters[name] for name in names]
+        now = np.array([start.parameters[name].value for name in names])
+        unit = parameter_units(start, names)
+        low = np.array([max(p.bounds[0], p.value - p.reach) for p in given])
+        high = np.array([min(p.bounds[1], p.value + p.reach) for p in given])
+        return cls(names, now, unit, (low - now) / unit, (high - now) / unit)
+
+    def values(self, changes) -> dict:
+        """Return the parameters' values by name, as numbers or tensors like the changes.
+
+        Parameters
+        ----------
+        changes : ndarray or Tensor of shape (..., n_free)
+            Relative changes.
+
+        Returns
+        -------
+        dict of str to float, ndarray or Tensor
+            The values.
+        """
+        known = zip(self.names, self.start.tolist(), self.unit.tolist(), strict=True)
+        return {name: a + b * changes[..., i] for i, (name, a, b) in enumerate(known)}
+
+    def estimates(self, model: PhysicsModel, changes, reach) -> dict[str, Estimate]:
+        """Return the parameters' values with intervals, kept within their range.
+
+        Parameters
+        ----------
+        model : PhysicsModel
+            Names the units.
+        changes, reach : ndarray of shape (n_free,)
+            Relative changes, and half the width of their intervals.
+
+        Returns
+        -------
+        dict of str to Estimate
+            The estimates.
+        """
+        ends = np.clip(changes - reach, self.low, self.high), changes, changes + reach
+        low, value, high = (self.values(np.minimum(each, self.high)) for each in ends)
+        return {
+            name: Estimate(
+                float(value[name]), float(low[name]), float(high[name]), model.parameters[name].unit
+            )
+            for name in self.names
+        }
+
+    def at_the_end(self, changes: np.ndarray) -> list[str]:
+        """Name the parameters that went to an end of their range.
+
+        Parameters
+        ----------
+        changes : ndarray of shape (n_free,)
+            Relative changes.
+
+        Returns
+        -------
+        list of str
+            The parameters.
+        """
+        near = np.minimum(changes - self.low, self.high - changes)
+        reached = near <= AT_THE_END * np.minimum(self.high - self.low, 1.0)
+        return [name for name, is_at in zip(self.names, reached, strict=True) if is_at]
+
+
+def names_of(model: PhysicsModel | None, free) -> tuple[str, ...]:
+    """Read the parameter ``free``.
+
+    Parameters
+    ----------
+    model : PhysicsModel or None
+        The model.
+    free : None, "all" or sequence of str
+        What the user gave; None means no parameter.
+
+    Returns
+    -------
+    tuple of str
+        The parameters to train.
+
+    Raises
+    ------
+    ValueError
+        If there is no model, or it has no such parameter.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn import systems
+    >>> names_of(systems.cart_on_spring(), ["d", "k"])
+    ('d', 'k')
+    """
+    if free is None:
+        return ()
+    if model is None:
+        raise ValueError(f"free={free!r} needs a model, got none. Remedy: give model=.")
+    if isinstance(free, str):
+        if free == ALL:
+            return tuple(model.free_parameters)
+        raise ValueError(
+            f"free: expected {ALL!r}, or a sequence of parameters among "
+            f"{', '.join(model.parameters)}, got {free!r}. Remedy: free=[{free!r}]."
+        )
+    unknown = [name for name in free if name not in model.parameters]
+    if unknown:
+        raise ValueError(
+            f"free: expected parameters among {', '.join(model.parameters)}, got {unknown[0]!r}."
+        )
+    return tuple(free)

@@ -1,0 +1,86 @@
+"""Which rates a network corrects, and which quantities it sees."""
+
+import numpy as np
+
+from sklearn_pgnn.estimators.network.structure import corrected_states
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.network_run import names_in_terms
+
+#: scale of a feature that the network shall not see: what is left of it is below rounding
+UNSEEN = 1e30
+
+
+def check_sight(model: PhysicsModel, structure, guide, corrects, sees, further=()) -> None:
+    """Refuse what a network shall correct or see where it cannot.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    structure : {"output", "increment", "correction"}
+        What the network's output means.
+    guide : {None, "simulation", "step", "terms"}
+        What of the model the network sees.
+    corrects, sees : sequence of str or None
+        The parameters.
+    further : sequence of str
+        Further columns that the network could see.
+
+    Raises
+    ------
+    ValueError
+        If so.
+    """
+    own = [list(model.states)[i] for i in corrected_states(model, structure)]
+    _check_names("corrects", corrects, own)
+    _check_names("sees", sees, (*model.states, *model.inputs, *further))
+    if corrects is not None and structure != "correction":
+        raise ValueError(
+            f"corrects={corrects!r} needs structure='correction', got {structure!r}: any other "
+            f"network has an output for every state. Remedy: structure='correction', or "
+            f"corrects=None."
+        )
+    if sees is not None and guide in ("simulation", "step"):
+        raise ValueError(
+            f"sees={sees!r} does not go with guide={guide!r}, which depends on all quantities. "
+            f"Remedy: guide='terms' or guide=None."
+        )
+
+
+def _check_names(name, given, expected) -> None:
+    if given is None:
+        return
+    if isinstance(given, str) or not list(given) or not set(given) <= set(expected):
+        raise ValueError(
+            f"{name}: expected a list of names among {', '.join(map(str, expected))}, "
+            f"got {given!r}."
+        )
+
+
+def scale_of_seen(model: PhysicsModel, guide, scale, sees, further) -> np.ndarray:
+    """Return what the features are divided by: so much, where they are not seen, that 0 is left.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    guide : {None, "simulation", "step", "terms"}
+        What of the model the network sees.
+    scale : ndarray of shape (n_features,)
+        Standard deviations of the features.
+    sees : sequence of str or None
+        The quantities that the network sees; None for all.
+    further : sequence of str
+        Names of the further columns.
+
+    Returns
+    -------
+    ndarray of shape (n_features,)
+        The divisors.
+    """
+    if sees is None:
+        return scale
+    names = [{name} for name in (*model.states, *model.inputs)]
+    names += names_in_terms(model) if guide == "terms" else []
+    names += [{name} for name in further]
+    return np.where([each <= set(sees) for each in names], scale, UNSEEN)
