@@ -59,8 +59,7 @@ def quick():
 
 @pytest.mark.filterwarnings("ignore:k went to the end")
 def test_what_the_network_cannot_say_the_parameters_do():
-    small = {"max_epochs": 20, "module__neurons": 5, "module__layers": 1}
-    net = PGNNLRegressor(OFF, free="all", corrects=["v"], sees=["x"], **small).fit(X, Y)
+    net = PGNNLRegressor(OFF, free="all", corrects=["v"], sees=["x"], module__neurons=5).fit(X, Y)
     for name in ("m", "d"):
         found, truth = net.parameters_[name], MASS.parameters[name].value
         assert found.value == pytest.approx(truth, rel=0.03)

@@ -48,7 +48,7 @@ def weights_of(core: nn.Module) -> np.ndarray:
     return nn.utils.parameters_to_vector(core.parameters()).detach().cpu().numpy().astype(float)
 
 
-def run_core(core: nn.Module, step: NetworkStep, record: NetworkRecord, changes=None):
+def run_core(core: nn.Module, step: NetworkStep, record: NetworkRecord, changes=()):
     """Run a network in free run along a trajectory.
 
     Parameters
@@ -70,9 +70,9 @@ def run_core(core: nn.Module, step: NetworkStep, record: NetworkRecord, changes=
         The first sample out of reach, -1 if there is none.
     """
     if is_compiled(core):
-        theta = weights_of(core) if changes is None else np.append(weights_of(core), changes)
+        theta = np.append(weights_of(core), changes)
         return run_network(step_with(core, step), theta, record)
-    if changes is not None:
+    if step.free:
         step = tuned(step, changes)
     x = record.x0[None] if len(record.t) == 1 else _run_torch(core, step, record)
     inside = np.all((step.reach[0] <= x) & (x <= step.reach[1]), axis=1)

@@ -128,8 +128,8 @@ class SimulationObjective:
         parts = self.parts(theta)
         return Sums(
             sum(part.cost for part in parts),
-            sum(part.gradient for part in parts),
-            sum(part.curvature for part in parts),
+            np.sum([part.gradient for part in parts], axis=0),
+            np.sum([part.curvature for part in parts], axis=0),
         )
 
     def parts(self, theta: np.ndarray) -> list[Sums]:

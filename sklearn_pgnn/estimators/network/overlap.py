@@ -71,8 +71,8 @@ class Overlap:
             The overlap, in what the model alone leaves of a step.
         """
         seen = self._seen.to(next(core.parameters()).device)
-        recurs = hasattr(core, "at_rest")
-        output = core(seen, core.at_rest(len(seen)))[0] if recurs else core(seen)
+        at_rest = getattr(core, "at_rest", None)
+        output = core(seen) if at_rest is None else core(seen, at_rest(len(seen)))[0]
         said = torch.einsum("nso,no->ns", self._gain.to(output.device), output).reshape(-1)
         return self._basis.to(output.device).T @ said
 

@@ -32,7 +32,7 @@ def parameter_errors(objective: SimulationObjective, theta: np.ndarray) -> np.nd
     parts = objective.parts(theta)
     if not all(part.is_finite for part in parts):
         return np.full(n_free, np.inf)
-    hessian = sum(part.curvature for part in parts)
+    hessian = np.sum([part.curvature for part in parts], axis=0)
     following = _following(hessian, n_free)
     schur = hessian[-n_free:, -n_free:] - following @ hessian[:-n_free, -n_free:]
     inverse, flat = invert(schur)

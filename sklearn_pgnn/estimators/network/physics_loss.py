@@ -347,11 +347,11 @@ class _Energy:
 
     def surplus(self, x, u, t, *, dissipates: bool, tuned=None):
         """Return the growth of the stored energy beyond the supplied power, over the scale."""
-        middle = _middle(x, u, t)
+        x_middle, u_middle, t_middle = _middle(x, u, t)
         change = torch.diff(self._stored(x, u, t, tuned), dim=1) / torch.diff(t, dim=1)
-        surplus = change - self._power("supplied", *middle, tuned)
+        surplus = change - self._power("supplied", x_middle, u_middle, t_middle, tuned)
         if dissipates:
-            surplus = surplus + self._power("dissipated", *middle, tuned)
+            surplus = surplus + self._power("dissipated", x_middle, u_middle, t_middle, tuned)
         return surplus / self.reference
 
     def _stored(self, x, u, t, tuned=None):

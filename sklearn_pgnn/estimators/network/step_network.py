@@ -84,7 +84,7 @@ class StepNetwork(nn.Module):
         return torch.stack(predicted, dim=1)
 
     def _keep_in_range(self) -> None:
-        if self.free is not None:
+        if self.free is not None and self.changes is not None:
             low, high = (self.changes.new_tensor(end) for end in (self.free.low, self.free.high))
             with torch.no_grad():
                 self.changes.clamp_(low, high)

@@ -79,6 +79,7 @@ class TrajectoryNet(NeuralNetRegressor):
     _free_names: tuple[str, ...] = ()
     _free: FreeParameters | None = None  # while they are trained
     _overlap: Overlap | None = None
+    step_: NetworkStep
     model_: Any  # a PhysicsModel; None where the rows have no time
 
     def _get_param_names(self):
@@ -203,7 +204,8 @@ class TrajectoryNet(NeuralNetRegressor):
                 f"refine={method!r} needs the core FeedForward, got {type(core).__name__}. "
                 f"Remedy: refine=None."
             )
-        self._is_enough, bounds = False, (-np.inf, np.inf)
+        self._is_enough = False
+        bounds: tuple = (-np.inf, np.inf)
         if self._free is not None:
             unbounded = np.full(theta.size, np.inf)
             theta = np.append(theta, self._changes())
@@ -249,10 +251,10 @@ class TrajectoryNet(NeuralNetRegressor):
             if self.structure_ == "correction":
                 self._overlap = Overlap(self.step_, self._free, windows)
 
-    def _changes(self) -> np.ndarray | None:
+    def _changes(self) -> np.ndarray:
         """Return the present relative changes of the parameters."""
         if self._free is None:
-            return None
+            return np.zeros(0)
         changes = self.module_.changes.detach().cpu().numpy()
         return np.clip(changes, self._free.low, self._free.high)
 
@@ -465,9 +467,9 @@ class TrajectoryNet(NeuralNetRegressor):
 
     def _outputs(self, ready, x) -> np.ndarray:
         u = ready.acting[:, : len(self.model_.inputs)]
-        parts = (torch.as_tensor(part) for part in (x, u, ready.t))
+        x, u, t = (torch.as_tensor(part) for part in (x, u, ready.t))
         with torch.no_grad():
-            return outputs_of(self.model_, *parts, self._tuned()).numpy()
+            return outputs_of(self.model_, x, u, t, self._tuned()).numpy()
 
 
 def _warn_of_ends(names) -> None:
