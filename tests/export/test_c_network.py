@@ -56,6 +56,7 @@ def test_every_structure_and_guide(structure, guide, tmp_path):
     assert differ(network, X, tmp_path) < 1e-12
 
 
+@pytest.mark.filterwarnings("ignore:.*went to the end")
 def test_parameters_that_were_trained_with_the_network(tmp_path):
     X, y = robot_records()
     network = PGNNLRegressor(ROBOT, free="all", sees=["omega"], **BRIEF).fit(X, y)
