@@ -11,7 +11,7 @@ def autocorrelation_times(residual: np.ndarray, segment: np.ndarray) -> np.ndarr
 
     .. math:: \tau = 1 + 2 \sum_{k=1}^{K} \rho_k, \qquad K \ge 5 \tau,
 
-    over pairs of samples of the same segment; never below 1.
+    over pairs of samples of the same segment, counted among those that are known; never below 1.
 
     Parameters
     ----------
@@ -40,13 +40,14 @@ def autocorrelation_times(residual: np.ndarray, segment: np.ndarray) -> np.ndarr
 
 
 def _autocorrelation_time(values: np.ndarray, segment: np.ndarray) -> float:
-    known = np.isfinite(values).astype(float)
-    values = np.where(known > 0, values, 0.0)
+    known = np.isfinite(values)
+    values, segment = values[known], segment[known]
     with np.errstate(over="ignore"):
-        power = float(values @ values) / max(known.sum(), 1.0)
+        power = float(values @ values) / max(values.size, 1)
     if not 0.0 < power < np.inf:
         return 1.0
-    products, pairs = _sum_over_lags(values, segment), np.rint(_sum_over_lags(known, segment))
+    products = _sum_over_lags(values, segment)
+    pairs = np.rint(_sum_over_lags(np.ones_like(values), segment))
     apart = np.flatnonzero(np.append(pairs, 0.0) == 0)[0]  # no two values are so far apart
     times = 1.0 + 2.0 * np.cumsum(products[1:apart] / pairs[1:apart]) / power
     enough = np.flatnonzero(np.arange(1, apart) >= FORGOTTEN * times)  # Sokal's window
@@ -65,3 +66,39 @@ def _sum_over_lags(values: np.ndarray, segment: np.ndarray) -> np.ndarray:
         spectrum = rfft(values[first[:, None] + np.arange(length)], padded, axis=1)
         found[:length] += irfft((np.abs(spectrum) ** 2).sum(axis=0), padded)[:length]
     return found
+
+
+def white_power(residual: np.ndarray, starts: np.ndarray) -> np.ndarray:
+    r"""Return the power of the white part of residuals, from what neighbours differ by.
+
+    .. math:: \tfrac12\, \mathrm{mean}\,(r_{k+1} - r_k)^2,
+
+    over neighbours among the known samples of a window: an output may be measured more rarely than
+    others.
+
+    Parameters
+    ----------
+    residual : ndarray of shape (n_samples, n_outputs)
+        Residuals; NaN where there is none.
+    starts : ndarray of shape (n_windows,)
+        First sample of every window.
+
+    Returns
+    -------
+    ndarray of shape (n_outputs,)
+        The power; 0 where no window has two samples.
+
+    Examples
+    --------
+    >>> rest = np.array([[1.0], [np.nan], [-1.0], [np.nan]])
+    >>> white_power(rest, np.array([0]))
+    array([2.])
+    """
+    return np.array([_white_power(column, starts) for column in residual.T])
+
+
+def _white_power(values: np.ndarray, starts: np.ndarray) -> float:
+    known = np.flatnonzero(np.isfinite(values))
+    window = np.searchsorted(starts, known, side="right")
+    steps = np.diff(values[known])[np.diff(window) == 0]
+    return float(np.mean(steps**2)) / 2.0 if steps.size else 0.0

@@ -5,6 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
+from sklearn_pgnn.estimation.autocorrelation import white_power
 from sklearn_pgnn.estimation.budgets import (
     COARSER,
     POLISH_STEPS,
@@ -328,10 +329,8 @@ class WindowFitter:
         """
         windows = self.problem.windows
         residual = trial.fit.evaluation.residual / windows.scale
-        step = np.diff(residual, axis=0)
-        step[windows.starts[1:] - 1] = np.nan
         counts = np.isfinite(residual).sum(axis=0)
-        white = np.nanmean(step**2, axis=0) / 2.0
+        white = white_power(residual, windows.starts)
         return counts * np.maximum(white, self.problem.resolution**2)
 
     def _cross_validate(self, hypothesis: Hypothesis, fit: WindowFit) -> HeldOut:

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.stats import norm
 
+from sklearn_pgnn.estimation.autocorrelation import white_power
 from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.record_quality.finding import Finding
 from sklearn_pgnn.record_quality.improvement import is_better
@@ -95,11 +96,9 @@ def _put_together(base, alone, groups) -> WindowFit:
 def _removes_most(problem, final, together) -> bool:
     """Return whether fits of single records leave less than half of what is above the noise."""
     rest = together.evaluation.residual / problem.windows.scale
-    steps = np.diff(rest, axis=0)
-    steps[problem.windows.starts[1:] - 1] = np.nan
     counts = np.isfinite(rest).sum(axis=0)
     least = FINE * np.nanstd(problem.windows.y, axis=0) / problem.windows.scale
-    noise = np.maximum(np.nanmean(steps**2, axis=0) / 2, least**2)
+    noise = np.maximum(white_power(rest, problem.windows.starts), least**2)
     floor = float((noise * counts).sum())
     return TWICE * (together.squares - floor) < max(final.squares - floor, 0.0)
 

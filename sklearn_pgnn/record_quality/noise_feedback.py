@@ -67,7 +67,7 @@ def _loop(output, source, correlation) -> Finding:
 
 def _excess(rest: Signal) -> float:
     """Return the share of the left power that is more than white noise."""
-    steps = np.concatenate([np.diff(piece) for piece in rest.pieces])
+    steps = np.concatenate([np.diff(piece[np.isfinite(piece)]) for piece in rest.pieces])
     return float(1 - np.nanmean(steps**2) / 2 / np.nanmean(rest.values**2))
 
 
