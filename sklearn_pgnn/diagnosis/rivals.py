@@ -44,7 +44,7 @@ def find_rivals(search, final: FittedHypothesis, cause: Effect) -> list[tuple[Ef
             found[other] = evidence
     problem, rest = search.fitter.problem, final.hypothesis.without(cause)
     for other in search.candidates:
-        if other != cause and other not in found and rest.allows(other):
+        if other != cause and other not in found and search.fitter.models.allows(rest, other):
             same = _is_same(search.fitter, rest, cause, other)
             if same or resemble(problem, final.fit.model, cause, other):
                 found[other] = 0.0

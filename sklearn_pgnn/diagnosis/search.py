@@ -216,7 +216,8 @@ class Search:
         self.progress.begin("pairs", 2 * PAIRS)
         ground, fits = self.fitter.subsample(current), []
         ranked = self._screen().rank(ground, 2)
-        allowed = [pair for _, pair in ranked if ground.hypothesis.plus(pair[0]).allows(pair[1])]
+        models = self.fitter.models
+        allowed = [(a, b) for _, (a, b) in ranked if models.allows(ground.hypothesis.plus(a), b)]
         for pair in allowed[:PAIRS]:
             alone = _usable([self.fitter.first_fit(ground, cause) for cause in pair])
             if len(alone) == 2:
@@ -311,7 +312,7 @@ class Search:
 
     def _first_fits(self, current: FittedHypothesis, candidates) -> list[SubsampleFit]:
         """Fit candidates beside the causes on some samples for some steps, nearest first."""
-        allowed = [c for c in candidates if current.hypothesis.allows(c)]
+        allowed = [c for c in candidates if self.fitter.models.allows(current.hypothesis, c)]
         self.progress.begin(f"cause {len(current.hypothesis.causes) + 1}", 2 * len(allowed))
         ground = self.fitter.subsample(current)
         fits = []
@@ -365,7 +366,9 @@ class Search:
         """Return what may stand in a cause's place, fitted on all windows."""
         without = self.fitter.reduce(self.fitter.subsample(current), cause)
         likely = self._promising(without)
-        others = [c for c in likely if c != cause and without.hypothesis.allows(c)]
+        others = [
+            c for c in likely if c != cause and self.fitter.models.allows(without.hypothesis, c)
+        ]
         self.progress.begin("other causes", 2 * len(others))
         fits = _usable([self._step(self.fitter.first_fit(without, other)) for other in others])
         limit = self._limit(current, self.fitter.subsample(current).squares)

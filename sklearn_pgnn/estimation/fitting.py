@@ -127,13 +127,17 @@ class HypothesisFitter(WindowFitter):
     ) -> SubsampleFit:
         key = self.key(hypothesis)
         if key not in self._subsamples:
-            known = subsample.fit
-            lost = lost_fit(known.model, self.rough.windows, known.freedoms, known.x0)
-            found = SubsampleFit(hypothesis, lost, subsample.start)
+            found = self._lost(hypothesis, subsample)
             with self._spare(hypothesis):
                 found = self._from_best_start(subsample, hypothesis, cause)
             self._subsamples[key] = found
         return replace(self._subsamples[key], hypothesis=hypothesis)
+
+    def _lost(self, hypothesis: Hypothesis, beside: SubsampleFit) -> SubsampleFit:
+        """Return what stands for a hypothesis that cannot be fitted."""
+        known = beside.fit
+        lost = lost_fit(known.model, self.rough.windows, known.freedoms, known.x0)
+        return SubsampleFit(hypothesis, lost, beside.start)
 
     def restart(self, subsample: SubsampleFit, cause: Effect) -> SubsampleFit:
         """Fit a hypothesis again, one of its causes from its starts beside the others.
@@ -221,6 +225,8 @@ class HypothesisFitter(WindowFitter):
 
     def _derive(self, subsample: SubsampleFit, hypothesis: Hypothesis, **values) -> SubsampleFit:
         """Fit a hypothesis from the numbers of another; keep what was known if that is better."""
+        if not self.models.is_possible(hypothesis):
+            return self._lost(hypothesis, subsample)
         model = self.models.extend(hypothesis, subsample.fit.model).with_parameters(**values)
         found, key = self._from(subsample, hypothesis, model), self.key(hypothesis)
         known = self._subsamples.get(key)

@@ -31,6 +31,7 @@ class HypothesisModels:
         self.problem = problem
         self._held: dict[Effect, tuple[str, ...]] = {}
         self._commuting: dict[frozenset, bool] = {}
+        self._possible: dict[tuple[Effect, ...], bool] = {}
 
     def key(self, hypothesis: Hypothesis) -> Key:
         """Return what tells hypotheses apart: the causes, and their order where it matters.
@@ -67,13 +68,33 @@ class HypothesisModels:
         Returns
         -------
         list of Hypothesis
-            The cause last, then before others.
+            The cause last, then before others; empty where it can act at no place, for another one
+            has changed its target's equation.
         """
         found: dict[Key, Hypothesis] = {}
         for at in reversed(range(len(hypothesis.order) + 1)):
             placed = hypothesis.plus(cause, at)
-            found.setdefault(self.key(placed), placed)
+            if self.is_possible(placed):
+                found.setdefault(self.key(placed), placed)
         return list(found.values())
+
+    def allows(self, hypothesis: Hypothesis, cause: Effect) -> bool:
+        """Return whether one more cause may stand, and can act, beside others."""
+        return hypothesis.allows(cause) and bool(self.orders(hypothesis, cause))
+
+    def is_possible(self, hypothesis: Hypothesis) -> bool:
+        """Return whether every cause can act on the model that those before it make."""
+        if hypothesis.order not in self._possible:
+            self._possible[hypothesis.order] = self._can_act(hypothesis.order)
+        return self._possible[hypothesis.order]
+
+    def _can_act(self, causes: tuple[Effect, ...]) -> bool:
+        model = self.problem.prior
+        for cause in causes:
+            if not cause.can_act(cause.target, model):
+                return False
+            model = cause.proposals(model, self.problem.scales)[0].apply(model)
+        return True
 
     def held(self, cause: Effect) -> tuple[str, ...]:
         """Return the names of the prior's parameters that a cause speaks for.
