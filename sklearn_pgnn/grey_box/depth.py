@@ -88,6 +88,9 @@ def fit_network(
 ) -> FittedDepth:
     """Train a network, or another regressor with a model, on what a fitted model leaves.
 
+    What follows a trajectory's last visible measurement is left out: it teaches nothing, and a
+    network that holds out the end of its records to know when to stop would find nothing there.
+
     Parameters
     ----------
     network : estimator
@@ -104,7 +107,7 @@ def fit_network(
     FittedDepth
         The trained network.
     """
-    rows = np.repeat(_seen(table, visible), table.lengths)
+    rows = _until_last_seen(table, visible)
     y = np.where(visible[:, None], table.y, np.nan)[rows]
     trained = clone(network).set_params(model=physics.model)
     trained.fit(table.starting(physics.model, physics.starts, rows), y)
@@ -154,5 +157,17 @@ def find_unknown_starts(
 
 def _seen(table: PlainTable, visible) -> np.ndarray:
     """Return which trajectories have a visible measurement."""
+    return _last_seen(table, visible) >= 0
+
+
+def _until_last_seen(table: PlainTable, visible) -> np.ndarray:
+    """Return the rows up to the last visible measurement of every trajectory."""
+    return table.place <= _last_seen(table, visible)[table.X["trajectory"]]
+
+
+def _last_seen(table: PlainTable, visible) -> np.ndarray:
+    """Return the place of the last visible measurement of every trajectory, -1 without any."""
     some = visible & np.isfinite(table.y).any(axis=1)
-    return np.bincount(table.X["trajectory"], weights=some) > 0
+    last = np.full(len(table.lengths), -1)
+    np.maximum.at(last, table.X["trajectory"][some], table.place[some])
+    return last

@@ -37,7 +37,7 @@ class PlainTable:
         return self.X.groupby("trajectory", sort=False).cumcount().to_numpy()
 
     def starting(self, model: PhysicsModel, starts: np.ndarray, rows=None) -> pd.DataFrame:
-        """Return X, or some whole trajectories of it, with the states in every first row."""
+        """Return X, or the beginnings of some trajectories, with the states in every first row."""
         X = self.X.assign(**dict.fromkeys(model.states, np.nan))
         X.loc[self.place == 0, list(model.states)] = starts
         return X if rows is None else X[rows].reset_index(drop=True)
