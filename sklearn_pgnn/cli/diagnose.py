@@ -156,6 +156,13 @@ def fit_kept(diagnosis: ModelDiagnosis, X, y) -> tuple[Exception | None, list[st
             diagnosis.fit(X, y)
         except OWN:
             raise
+        except SystemExit:
+            click.echo(
+                "Nothing of the search is kept. Remedy: --time-limit SECONDS ends one with the "
+                "best so far.",
+                err=True,
+            )
+            raise
         except Exception as error:
             if not hasattr(diagnosis, "verdict_"):
                 raise

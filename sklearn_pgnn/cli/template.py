@@ -1,5 +1,7 @@
 """The job of ``sklearn-pgnn init``: a model file to begin with, commented."""
 
+from collections.abc import Mapping, Sequence
+
 import click
 
 from sklearn_pgnn.cli.guard import one_line
@@ -39,7 +41,7 @@ COMMENTS = {
 OPTIONAL = {
     "initial_state": "where a record starts that does not tell; zero if nothing is said",
     "columns": "what the files call a quantity, where that is not its name",
-    "delays": "for an input that acts late, the parameter that holds its delay [s]",
+    "delays": "for an input that acts late, the parameter of its delay [s]: a new one, such as tau",
     "simulation": "hold: zoh or foh (inputs held, or straight from sample to sample); substeps",
 }
 
@@ -68,8 +70,12 @@ def write_template(
         If the file is there already.
     """
     model = SYSTEMS[like]()
-    header = [] if records is None else open_file(records, model).header
-    write_file(path, commented(model, path, header), force=force)
+    header, columns = [], {}
+    if records is not None:
+        file = open_file(records, model)
+        header = file.header
+        columns = {name: file.with_unit(name, near) for name, near in file.nearest().items()}
+    write_file(path, commented(model, path, header, columns), force=force)
     if not quiet:
         then = f"sklearn-pgnn check --model {one_line(path)} {one_line(records or 'record.csv')}"
         click.echo(
@@ -78,7 +84,12 @@ def write_template(
         )
 
 
-def commented(model: PhysicsModel, path: str = "model.yaml", header=()) -> str:
+def commented(
+    model: PhysicsModel,
+    path: str = "model.yaml",
+    header: Sequence[str] = (),
+    columns: Mapping[str, str] | None = None,
+) -> str:
     """Return a model as a model file with a comment at every part.
 
     Parameters
@@ -89,6 +100,8 @@ def commented(model: PhysicsModel, path: str = "model.yaml", header=()) -> str:
         What the file will be called.
     header : sequence of str, default=()
         The columns of a file of records, to be listed.
+    columns : mapping of str to str, optional
+        By quantity, the column of that file which is most like it.
 
     Returns
     -------
@@ -104,19 +117,20 @@ def commented(model: PhysicsModel, path: str = "model.yaml", header=()) -> str:
             lines += ["", *(f"# {text}" for text in COMMENTS[part].split("\n"))]
         lines.append(line)
     lines += ["", "# Optional parts: take the sign away from those you need."]
-    examples = _examples(model)
+    examples = _examples(model, columns)
     for part, what in OPTIONAL.items():
         if part not in model.to_dict():
             lines += [f"# {part}: {examples[part]}  # {what}"]
     return "\n".join(lines) + "\n"
 
 
-def _examples(model: PhysicsModel) -> dict[str, str]:
+def _examples(model: PhysicsModel, columns: Mapping[str, str] | None) -> dict[str, str]:
     """Return an example of every optional part, in the model's own names."""
     (state, *_), (driven, *_), (output, *_) = model.states, model.inputs, model.outputs
+    columns = columns or {"t": "time", driven: f"{driven}_command", output: f"{output}_sensor"}
     return {
         "initial_state": f"{{{state}: 0.5}}",
-        "columns": f"{{t: time, {driven}: {driven}_command, {output}: {output}_sensor}}",
+        "columns": f"{{{', '.join(f'{name}: {near}' for name, near in columns.items())}}}",
         "delays": f"{{{driven}: {next(iter(model.parameters))}}}",
         "simulation": "{hold: foh, substeps: 4}",
     }

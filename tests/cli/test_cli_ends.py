@@ -162,6 +162,7 @@ def test_a_signal_leaves_nothing_behind(tmp_path, number, at):
     assert job.returncode == 128 + number
     assert out == ""
     assert err.splitlines()[-1] == f"Stopped by {number.name}."
+    assert ("--time-limit SECONDS" in err) == (at == "cause 1")
     assert "Traceback" not in err
     assert sorted(tmp_path.rglob("*")) == before
 

@@ -65,7 +65,9 @@ def test_the_optional_parts_of_a_template_can_be_taken_in(tmp_path):
 def test_a_template_lists_the_columns_of_a_file_and_replaces_nothing_unasked(files):
     path = files / "mine.yaml"
     run("init", path, "--records", files / "a.csv")
-    assert "# The columns of your file: t, F, speed." in path.read_text()
+    text = path.read_text()
+    assert "# The columns of your file: t, F, speed." in text
+    assert "# columns: {force: F, position: speed}" in text
     path.write_text("mine")
     assert "expected no such file" in run("init", path, code=2).stderr
     assert path.read_text() == "mine"
