@@ -22,6 +22,7 @@ ROWS = {
 }
 
 
+NBSP = ".. |nbsp| unicode:: 0xA0"
 #: kinds in which what is hidden has a name in the catalogue, or is nothing
 WITH_NAMES = ("single", "pair", "triple", "nothing")
 #: edges of the bins of probabilities
@@ -36,7 +37,7 @@ def write(outcomes, drawn) -> None:
         f"cases; the median diagnosis took {np.median([o.seconds for o in outcomes]):.1f} s on one "
         f"core."
     )
-    _lines("validation.rst", [first, "", *_table(_HEAD, list(_rows(outcomes)))])
+    _lines("validation.rst", [first, "", NBSP, "", *_table(_HEAD, list(_rows(outcomes)))])
     _lines("validation_effects.rst", _effects([o for o in outcomes if o.kind == "single"]))
     _lines("validation_chances.rst", _chances([o for o in outcomes if o.kind in WITH_NAMES]))
     bad = [o for o in outcomes if o.outcome in ("missed", "wrong", "failed")]
@@ -119,7 +120,7 @@ def _share(count, total) -> str:
 def _table(head, rows) -> list[str]:
     if not rows:
         return ["There was no such case."]
-    lines = [".. |nbsp| unicode:: 0xA0", "", ".. list-table::", "   :header-rows: 1", ""]
+    lines = [".. list-table::", "   :header-rows: 1", ""]
     for row in [head, *rows]:
         cells = [f"- {cell}".rstrip() for cell in row]
         lines += [f"   * {cells[0]}", *(f"     {cell}" for cell in cells[1:])]
