@@ -93,7 +93,7 @@ class HypothesisModels:
         for cause in causes:
             if not cause.can_act(cause.target, model):
                 return False
-            model = cause.proposals(model, self.problem.scales)[0].apply(model)
+            model = cause.apply(model)
         return True
 
     def held(self, cause: Effect) -> tuple[str, ...]:
