@@ -11,7 +11,7 @@ def _is_same(fitter: HypothesisFitter, rest: Hypothesis, cause: Effect, other: E
     """Return whether two causes of one parameter are the same in the equations beside others."""
     if not count_parameters(other) == count_parameters(cause) == 1:
         return False
-    if any(len(fitter.models.orders(rest, each)) > 1 for each in (cause, other)):
+    if any(fitter.models.orders(rest, each) != [rest.plus(each)] for each in (cause, other)):
         return False
     return are_equivalent(fitter.models.extend(rest), cause, other, retuned=False)
 
@@ -44,7 +44,7 @@ def find_rivals(search, final: FittedHypothesis, cause: Effect) -> list[tuple[Ef
             found[other] = evidence
     problem, rest = search.fitter.problem, final.hypothesis.without(cause)
     for other in search.candidates:
-        if other != cause and other not in found and search.fitter.models.allows(rest, other):
+        if other != cause and other not in found and rest.allows(other):
             same = _is_same(search.fitter, rest, cause, other)
             if same or resemble(problem, final.fit.model, cause, other):
                 found[other] = 0.0

@@ -216,8 +216,7 @@ class Search:
         self.progress.begin("pairs", 2 * PAIRS)
         ground, fits = self.fitter.subsample(current), []
         ranked = self._screen().rank(ground, 2)
-        models = self.fitter.models
-        allowed = [(a, b) for _, (a, b) in ranked if models.allows(ground.hypothesis.plus(a), b)]
+        allowed = [pair for _, pair in ranked if ground.hypothesis.plus(pair[0]).allows(pair[1])]
         for pair in allowed[:PAIRS]:
             alone = _usable([self.fitter.first_fit(ground, cause) for cause in pair])
             if len(alone) == 2:
@@ -312,7 +311,7 @@ class Search:
 
     def _first_fits(self, current: FittedHypothesis, candidates) -> list[SubsampleFit]:
         """Fit candidates beside the causes on some samples for some steps, nearest first."""
-        allowed = [c for c in candidates if self.fitter.models.allows(current.hypothesis, c)]
+        allowed = [c for c in candidates if current.hypothesis.allows(c)]
         self.progress.begin(f"cause {len(current.hypothesis.causes) + 1}", 2 * len(allowed))
         ground = self.fitter.subsample(current)
         fits = []
@@ -366,9 +365,7 @@ class Search:
         """Return what may stand in a cause's place, fitted on all windows."""
         without = self.fitter.reduce(self.fitter.subsample(current), cause)
         likely = self._promising(without)
-        others = [
-            c for c in likely if c != cause and self.fitter.models.allows(without.hypothesis, c)
-        ]
+        others = [c for c in likely if c != cause and without.hypothesis.allows(c)]
         self.progress.begin("other causes", 2 * len(others))
         fits = _usable([self._step(self.fitter.first_fit(without, other)) for other in others])
         limit = self._limit(current, self.fitter.subsample(current).squares)

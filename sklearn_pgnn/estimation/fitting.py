@@ -117,10 +117,12 @@ class HypothesisFitter(WindowFitter):
         Returns
         -------
         SubsampleFit
-            The hypothesis with it.
+            The hypothesis with it; lost where it can act at no place.
         """
         orders = self.models.orders(subsample.hypothesis, cause)
-        return min((self._first_fit(subsample, order, cause) for order in orders), key=objective_of)
+        fits = [self._first_fit(subsample, order, cause) for order in orders]
+        lost = self._lost(subsample.hypothesis.plus(cause), subsample)
+        return min(fits, key=objective_of, default=lost)
 
     def _first_fit(
         self, subsample: SubsampleFit, hypothesis: Hypothesis, cause: Effect

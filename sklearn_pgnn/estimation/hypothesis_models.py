@@ -78,10 +78,6 @@ class HypothesisModels:
                 found.setdefault(self.key(placed), placed)
         return list(found.values())
 
-    def allows(self, hypothesis: Hypothesis, cause: Effect) -> bool:
-        """Return whether one more cause may stand, and can act, beside others."""
-        return hypothesis.allows(cause) and bool(self.orders(hypothesis, cause))
-
     def is_possible(self, hypothesis: Hypothesis) -> bool:
         """Return whether every cause can act on the model that those before it make."""
         if hypothesis.order not in self._possible:

@@ -10,6 +10,7 @@ import numpy as np
 
 from sklearn_pgnn.estimation.budgets import LONG, STRETCHES
 from sklearn_pgnn.estimation.problem import EstimationProblem, build_problem
+from sklearn_pgnn.simulation.inputs import mean_inputs
 from sklearn_pgnn.simulation.record_windows import MIN_WINDOWS
 from sklearn_pgnn.simulation.windows import evaluate
 from sklearn_pgnn.trajectories.gaps import piece_of
@@ -127,12 +128,11 @@ def _thin(record: Record, factor: int, hold: str) -> Record:
     if factor == 1:
         return record
     kept = np.arange(0, record.t.size, factor)
-    width = np.diff(record.t, append=2 * record.t[-1] - record.t[-2])[:, None]
-    mean = np.add.reduceat(width * record.u, kept) / np.add.reduceat(width, kept)
+    bounds = [0, record.t.size]
     return replace(
         record,
         t=record.t[kept],
-        u=record.u[kept] if hold == "foh" else mean,
+        u=mean_inputs(record.t, record.u, kept, bounds) if hold == "zoh" else record.u[kept],
         y=None if record.y is None else record.y[kept],
         rows=record.rows[kept],
     )

@@ -41,6 +41,32 @@ def delayed_inputs(model: PhysicsModel, t, u, linear_hold: bool = False):
     return np.ascontiguousarray(np.column_stack([acting, *slopes]))
 
 
+def mean_inputs(t, u, kept, bounds):
+    """Average held inputs from every kept sample to the next.
+
+    Parameters
+    ----------
+    t : ndarray of shape (n_samples,)
+        Time [s] of records, one after the other.
+    u : ndarray of shape (n_samples, n_inputs)
+        Inputs.
+    kept : ndarray of int
+        The samples that stay, the first of every record among them.
+    bounds : ndarray of shape (n_records + 1,)
+        Where each record begins, and the end.
+
+    Returns
+    -------
+    ndarray of shape (n_kept, n_inputs)
+        The means.
+    """
+    width = np.diff(t, append=t[-1:])
+    last = np.asarray(bounds)[1:] - 1
+    width[last] = width[np.maximum(last - 1, 0)]
+    area = np.add.reduceat(width[:, None] * u, kept)
+    return area / np.add.reduceat(width, kept)[:, None]
+
+
 def _held(t, u, delay):
     """Average a held input over every interval, and differentiate by the delay."""
     end = t[-1] + (t[-1] - t[-2] if t.size > 1 else 1.0)

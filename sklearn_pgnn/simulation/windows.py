@@ -15,7 +15,7 @@ import numpy as np
 
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.compiled import compile_model
-from sklearn_pgnn.simulation.inputs import delayed_inputs
+from sklearn_pgnn.simulation.inputs import delayed_inputs, mean_inputs
 from sklearn_pgnn.simulation.simulate import parameter_values
 from sklearn_pgnn.simulation.stepping import run_windows
 
@@ -127,23 +127,16 @@ class ShootingWindows:
         spans = zip(self.starts, self.lengths, strict=True)
         kept = np.concatenate([np.arange(a, a + n, factor) for a, n in spans])
         lengths = -(-self.lengths // factor)
+        is_held = self.hold == "zoh"
         return replace(
             self,
             t=self.t[kept],
-            u=self.u[kept] if self.hold == "foh" else self._mean_inputs(kept),
+            u=mean_inputs(self.t, self.u, kept, self.bounds) if is_held else self.u[kept],
             y=self.y[kept],
             bounds=np.searchsorted(kept, self.bounds),
             starts=np.cumsum(lengths) - lengths,
             lengths=lengths,
         )
-
-    def _mean_inputs(self, kept) -> np.ndarray:
-        """Average the held inputs from every kept sample to the next."""
-        width = np.diff(self.t, append=self.t[-1:])
-        last = self.bounds[1:] - 1
-        width[last] = width[np.maximum(last - 1, 0)]
-        area = np.add.reduceat(width[:, None] * self.u, kept)
-        return area / np.add.reduceat(width, kept)[:, None]
 
     def acting_inputs(self, model: PhysicsModel) -> np.ndarray:
         """Return the inputs with the model's delays applied, record by record."""

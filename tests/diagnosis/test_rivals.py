@@ -35,7 +35,7 @@ def rivals_of(evidence, resembling=(), beside=(), equal=()):
         in_place=lambda final, cause: list(trials.values()),
         evidence=lambda trial, final: over[id(trial)],
         criterion=CRITERION,
-        fitter=SimpleNamespace(problem=None, models=SimpleNamespace(allows=Hypothesis.allows)),
+        fitter=SimpleNamespace(problem=None),
         candidates=(CAUSE, LIKE, DRAG, DEARER),
         same={CAUSE: (SAME,), LIKE: (SAME,), DRAG: (), DEARER: ()},
     )
