@@ -61,7 +61,7 @@ def search_result(rivals, complete=True):
 KINDS = ("noise", "disturbance", "structure")
 
 
-@pytest.mark.parametrize(("kind", "has_formula"), itertools.product(KINDS, (False, True)))
+@pytest.mark.parametrize(("kind", "has_formula"), [*itertools.product(KINDS, (False, True))])
 def test_what_is_named_is_said_however_much_is_left(kind, has_formula):
     remaining = Remaining(kind, {})
     assert verdict_of(search_result([[]]), remaining, has_formula) == "cause_named"

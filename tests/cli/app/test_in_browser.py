@@ -88,6 +88,30 @@ def test_the_page_fits_a_phone_from_files_to_the_records(visit, scheme, tmp_path
     assert (colour == "rgb(255, 255, 255)") == (scheme == "light")
 
 
+def test_what_is_filled_in_while_the_server_answers_stays(visit, tmp_path):
+    page = visit()
+    page.wait_for_selector("text=Use it")
+    page.select_option("#system", "cart-on-spring")
+    page.click("text=Use it")
+    page.wait_for_selector("#record-files", state="attached")
+    path = tmp_path / "run.csv"
+    path.write_text("zeit,kraft [N],x_cm\n" + "".join(f"{k / 10},1,{k % 7}\n" for k in range(100)))
+    page.set_input_files("#record-files", path)
+    page.wait_for_selector("#column-1")
+    waiting = []
+    page.route("**/look", lambda route: waiting.append(route))
+    with page.expect_response("**/look"):
+        page.select_option("#column-1", "zeit")
+        page.select_option("#column-2", "kraft [N]")
+        page.fill("#unit-3", "cm")
+        while not waiting:
+            page.wait_for_timeout(10)
+        waiting[0].continue_()
+    page.wait_for_selector("body:not(.busy)")  # the answer is on the page
+    filled = [page.input_value(at) for at in ("#column-1", "#column-2", "#unit-3")]
+    assert filled == ["zeit", "kraft [N]", "cm"]
+
+
 def test_a_file_that_cannot_be_used_is_an_alert(visit, tmp_path):
     page = visit()
     path = tmp_path / "model.yaml"

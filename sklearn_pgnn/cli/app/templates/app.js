@@ -6,12 +6,15 @@ const shown = {};
 const message = document.getElementById("message");
 const told = document.getElementById("told");
 let polling = null;
+let asked = 0; // requests so far
+const edited = {}; // by field, the requests before it was filled in
 
 async function send(method, path, body) {
   document.body.classList.add("busy");
+  const number = ++asked;
   try {
     const answer = await fetch(path, { method, body, headers: { "X-Token": token } });
-    await show(answer);
+    await show(answer, number);
     return answer.ok;
   } catch (error) {
     say("The server does not answer. Is it still running?");
@@ -21,11 +24,11 @@ async function send(method, path, body) {
   }
 }
 
-async function show(answer) {
+async function show(answer, number) {
   const kind = answer.headers.get("content-type") || "";
   const state = kind.includes("json") ? await answer.json() : { message: await answer.text() };
   say(state.message || "");
-  for (const [name, html] of Object.entries(state.sections || {})) put(name, html);
+  for (const [name, html] of Object.entries(state.sections || {})) put(name, html, number);
   if (state.busy) poll();
   return state;
 }
@@ -36,7 +39,7 @@ function say(text) {
   message.hidden = !text;
 }
 
-function put(name, html) {
+function put(name, html, number) {
   if (shown[name] === html) return;
   const section = document.getElementById(name);
   const focused = section.contains(document.activeElement) ? document.activeElement.id : "";
@@ -47,7 +50,7 @@ function put(name, html) {
   if (name === "seen" || name === "work") {
     section.querySelectorAll("details").forEach((d, k) => { if (open.has(k)) d.open = open.get(k); });
   }
-  if (name === "work") restore(section, fields);
+  restore(section, fields, name === "work" ? 0 : number);
   if (focused) document.getElementById(focused)?.focus();
   shown[name] = html;
   if (name === "result" && html.trim() && isNew) {
@@ -61,16 +64,20 @@ function keep(section) {
   return new Map([...section.querySelectorAll("form [id]")].map((f) => [f.id, f.value]));
 }
 
-function restore(section, fields) {
-  section.querySelectorAll("form [id]").forEach((f) => { if (fields.has(f.id)) f.value = fields.get(f.id); });
+// what was filled in after the request was sent is not what its answer knows
+function restore(section, fields, number) {
+  section.querySelectorAll("form [id]").forEach((f) => {
+    if (fields.has(f.id) && (edited[f.id] ?? 0) >= number) f.value = fields.get(f.id);
+  });
 }
 
 function poll() {
   if (polling !== null) return;
   polling = setTimeout(async () => {
     polling = null;
+    const number = ++asked;
     try {
-      await show(await fetch("/sections"));
+      await show(await fetch("/sections"), number);
     } catch (error) {
       say("The server does not answer. Is it still running?");
     }
@@ -139,6 +146,10 @@ document.addEventListener("change", (event) => {
   const drop = event.target.closest("[data-to]");
   if (drop) bringTo(drop.dataset.to, [...event.target.files]);
   else if (event.target.closest("#mapping")) isWhole() ? look() : remap(event.target);
+});
+
+document.addEventListener("input", (event) => {
+  if (event.target.closest("form")) edited[event.target.id] = asked;
 });
 
 // without a column for the time there is a field for the sample time: the server draws it
