@@ -4,8 +4,9 @@ import math
 import re
 import warnings
 from abc import ABC, abstractmethod
+from collections import Counter
 from collections.abc import Sequence
-from difflib import SequenceMatcher
+from itertools import product
 from numbers import Real
 from pathlib import Path
 from typing import Any, NoReturn
@@ -17,12 +18,15 @@ from sklearn_pgnn.exceptions import RecordError, RecordWarning
 from sklearn_pgnn.extras import is_installed
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.units import conversion, plain_unit, read_unit
+from sklearn_pgnn.trajectories.alike import likeness, names_alike, units_alike
 from sklearn_pgnn.trajectories.reader import MIN_SAMPLES, TIME, TRAJECTORY, split_rows
 from sklearn_pgnn.trajectories.tables import read_clock
 
 _UNIT = re.compile(r"\s*(\[[^]]*\]|\([^)]*\))$")
 #: units of time, other than the second, that a column's name may end in
 TIMES = ("ms", "us", "ns", "min", "h")
+#: what files call the time where they do not call it t
+TIME_NAME = "time"
 #: remedy for a file without a time
 NO_TIME = (
     "Or, if it has no time, say how much of it lies between samples: sample_time=0.01 [s] "
@@ -148,9 +152,14 @@ class FileTable(ABC):
         return {_UNIT.sub("", text): unit_of(text) for text in free}
 
     def remedy(self, name: str) -> str:
-        """Return the remedy for a missing column: the most similar ones that are not used."""
+        """Return the remedy for a missing column: of those that are not used, what is like it."""
         last = f" {NO_TIME}" if name == TIME else ""
         near = self.nearest()
+        if name not in near and (free := self.unused()):
+            return (
+                f"say in the model file what the {self.kind} calls it, in columns: "
+                f"{{{name}: ...}}; not used so far: {', '.join(free)}.{last}"
+            )
         if name not in near:
             without = "." if name == TIME else ", or take it out of the model."
             return f"add it to the file{without}{last}"
@@ -162,21 +171,45 @@ class FileTable(ABC):
         )
 
     def nearest(self) -> dict[str, str]:
-        """Return for every quantity that is missing the most similar column that is not used."""
-        model = self.model
+        """Return for quantities that are missing the most similar column that is not used.
+
+        Their names are alike, or no other column, and no other quantity, has a unit like theirs.
+        """
         near: dict[str, str] = {}
-        time = {} if self.sample_time is not None else {TIME: "s"}
-        units = time | {n: model.unit(n) for n in (*model.inputs, *(model.outputs or ()))}
-        likeness = {
-            (own, theirs): _likeness(model.columns.get(own, own), unit, theirs, their_unit)
-            for own, unit in units.items()
-            if self.find(own) is None
-            for theirs, their_unit in self.unused().items()
+        free, missing = self.unused(), self.missing()
+        of_one_kind = [
+            (own, theirs)
+            for own, unit in missing.items()
+            for theirs, their_unit in free.items()
+            if units_alike(unit, their_unit)
+        ]
+        owns, others = Counter(own for own, _ in of_one_kind), Counter(t for _, t in of_one_kind)
+        pairs = {
+            (own, theirs): (units_alike(missing[own], free[theirs]), *self.likeness(own, theirs))
+            for own, theirs in product(missing, free)
+            if any(names_alike(name, theirs) for name in self.called(own))
+            or ((own, theirs) in of_one_kind and owns[own] == others[theirs] == 1)
         }
-        for own, theirs in sorted(likeness, key=likeness.__getitem__, reverse=True):
+        for own, theirs in sorted(pairs, key=pairs.__getitem__, reverse=True):
             if own not in near and theirs not in near.values():
                 near[own] = theirs
         return near
+
+    def missing(self) -> dict[str, str]:
+        """Return the time, inputs and outputs that have no column, each with its unit."""
+        names = (*self.model.inputs, *(self.model.outputs or ()))
+        if self.sample_time is None:
+            names = (TIME, *names)
+        return {name: self.wanted_unit(name) for name in names if self.find(name) is None}
+
+    def called(self, name: str) -> tuple[str, ...]:
+        """Return what a quantity may be called in a file."""
+        said = _UNIT.sub("", self.model.columns.get(name, name))
+        return (said, name, TIME_NAME) if name == TIME else (said, name)
+
+    def likeness(self, own: str, theirs: str) -> tuple[int, float]:
+        """Return how like a column's name is to what a quantity may be called."""
+        return max(likeness(name, theirs) for name in self.called(own))
 
     def with_unit(self, name: str, title: str) -> str:
         """Return a column's title as the model's `columns` would say it, with its unit."""
@@ -380,13 +413,6 @@ def unit_of(title: str) -> str:
     """
     found = _UNIT.search(title)
     return "" if found is None else found[1][1:-1].strip()
-
-
-def _likeness(own: str, unit: str, theirs: str, their_unit: str) -> tuple[bool, int, float]:
-    """Return how like two columns are: by their units, words and letters."""
-    words, their_words = (set(re.findall("[a-z0-9]+", n.lower())) for n in (own, theirs))
-    letters = SequenceMatcher(None, own.lower(), theirs.lower()).ratio()
-    return bool(unit) and unit == their_unit, len(words & their_words), letters
 
 
 def read_each(read, paths, model: PhysicsModel, sample_time) -> tuple[pd.DataFrame, pd.DataFrame]:

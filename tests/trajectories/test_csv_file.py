@@ -213,7 +213,7 @@ SORT = "Remedy: sort the record, or tell several apart by a column 'trajectory'.
         (
             RUN.replace("F", "torque"),
             "1: column 'F': missing; the file has t, torque, position. Remedy: say in the model "
-            "file what the CSV calls it, as in columns: {F: torque}.",
+            "file what the CSV calls it, in columns: {F: ...}; not used so far: torque.",
         ),
         ("# rig\n\n" + RUN.replace("position", "pos"), "3: column 'position': missing; the file "),
         (RUN.replace("t,F", "time,F"), "1: column 't': missing; the file has time, F, position."),
@@ -282,6 +282,9 @@ def test_a_missing_column_is_called_what_the_model_calls_it(file):
     [
         ("t,temperature,force [N],position", "as in columns: {F: force}."),
         ("t,position", "Remedy: add it to the file, or take it out of the model."),
+        ("t,weg,position", "in columns: {F: ...}; not used so far: weg."),
+        ("t,weg,kraft [kN],position", "as in columns: {F: kraft}."),
+        ("t,left [N],right [N],position", "{F: ...}; not used so far: left, right."),
     ],
 )
 def test_the_remedy_for_a_missing_column_is_one_that_nothing_else_needs(file, header, remedy):

@@ -245,10 +245,10 @@ def test_a_text_among_numbers_has_its_row(tmp_path, kind):
 
 @every_kind
 def test_a_missing_column_has_a_remedy(tmp_path, kind):
-    path = write(tmp_path, kind, RUN.rename(columns={"force": "power"}))
+    path = write(tmp_path, kind, RUN.rename(columns={"force": "force_act"}))
     message = refusal(path)
     name = {"csv": "CSV", "parquet": "Parquet file", "excel": "Excel file"}.get(kind, "MAT file")
-    assert f"what the {name} calls it, as in columns: {{F: power}}." in message
+    assert f"what the {name} calls it, as in columns: {{F: force_act}}." in message
 
 
 @pytest.mark.parametrize("ending", ["mat", "parquet", "xlsx"])

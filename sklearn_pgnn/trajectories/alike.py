@@ -1,0 +1,59 @@
+"""Which names and units of columns are like those of a model."""
+
+import re
+from difflib import SequenceMatcher
+
+from sklearn_pgnn.extras import is_installed
+from sklearn_pgnn.physics.units import conversion, plain_unit
+
+#: how many of their letters two names share, in their order, that are alike
+LETTERS = 0.75
+#: letters that the shorter name has at least where the longer one begins with it
+BEGINNING = 3
+
+
+def likeness(own: str, theirs: str) -> tuple[int, float]:
+    """Return how many words two names share, and what share of their letters, for a ranking.
+
+    Examples
+    --------
+    >>> likeness("motor_force", "Force (raw)")
+    (1, 0.454...)
+    """
+    letters = SequenceMatcher(None, own.lower(), theirs.lower()).ratio()
+    return len(_words(own) & _words(theirs)), letters
+
+
+def names_alike(own: str, theirs: str) -> bool:
+    """Whether two names share a word or most of their letters, or one begins the other.
+
+    Examples
+    --------
+    >>> names_alike("force_N", "force"), names_alike("position", "pos"), names_alike("speed", "spd")
+    (True, True, True)
+    >>> names_alike("force", "weg"), names_alike("force_1", "level_1")
+    (False, False)
+    """
+    words, letters = likeness(own, theirs)
+    short, long = sorted((own.lower(), theirs.lower()), key=len)
+    begins = len(short) >= BEGINNING and long.startswith(short)
+    return words > 0 or begins or letters >= LETTERS
+
+
+def units_alike(own: str, theirs: str) -> bool:
+    """Whether two units are known to measure the same; False where either is not said.
+
+    Examples
+    --------
+    >>> units_alike("N", "N"), units_alike("s", "ms"), units_alike("N", "m"), units_alike("", "")
+    (True, True, False, False)
+    """
+    if not (own and theirs):
+        return False
+    same = plain_unit(own) == plain_unit(theirs)
+    return same or (is_installed("units") and conversion(theirs, own) is not None)
+
+
+def _words(name: str) -> set[str]:
+    """Return the words of a name; a number alone is none."""
+    return set(re.findall(r"[^\W\d_]+", name.lower()))
