@@ -9,7 +9,7 @@ import click
 from sklearn_pgnn.cli.tables import cell, heading, print_table, say, screen, table, warn
 from sklearn_pgnn.exceptions import RecordWarning, UnitWarning
 from sklearn_pgnn.inspection.first_look import FirstLook, first_look
-from sklearn_pgnn.inspection.numbers import number
+from sklearn_pgnn.inspection.numbers import fit_text, number
 from sklearn_pgnn.inspection.strict_json import as_strict_json
 from sklearn_pgnn.physics import PhysicsModel
 from sklearn_pgnn.trajectories.files import open_file, read_files
@@ -93,9 +93,13 @@ def _summary(look: FirstLook) -> str:
 
 def _tell_records(console, look) -> None:
     heading(console, "Records")
-    rows = table("", "samples", "duration", "sample time")
+    outputs = look.outputs if len(look.records) > 1 else ()  # of one record, the last table tells
+    fits = [f"fit of {cell(o.output)}" for o in outputs]
+    rows = table("", "samples", "duration", "sample time", *fits)
     for r in look.records:
-        rows.add_row(cell(r.name), str(r.samples), f"{r.duration:.4g} s", f"{r.sample_time:.4g} s")
+        times = f"{r.duration:.4g} s", f"{r.sample_time:.4g} s"
+        fit = [fit_text(r.fit[o.output]) for o in outputs]
+        rows.add_row(cell(r.name), str(r.samples), *times, *fit)
     print_table(console, rows)
 
 
@@ -118,9 +122,12 @@ def _tell_fit(console, look) -> None:
     heading(console, "First simulation of the model as given, in free run")
     rows = table("", "fit", "error (rms)", "noise", "")
     for o in look.outputs:
-        fit = f"{o.fit:.0f} %" if o.fit > -1000 else "runs away"
         rows.add_row(
-            cell(o.output), fit, number(o.error, 3), number(o.noise, 3), cell(o.unit or "-")
+            cell(o.output),
+            fit_text(o.fit),
+            number(o.error, 3),
+            number(o.noise, 3),
+            cell(o.unit or "-"),
         )
     print_table(console, rows)
     say(console, "A fit of 100 % is perfect, 0 % no better than the mean of the records.", "dim")

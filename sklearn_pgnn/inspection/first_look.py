@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import asdict, dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -24,6 +25,8 @@ OTHERS = {
 }
 #: how near to such a factor a scale must be, and the share of the power that it must then explain
 NEAR, TELLING = 1.3, 0.5
+#: how near it is where the model follows so badly that there is no such share
+ROUGHLY = 5.0
 
 
 @dataclass(frozen=True)
@@ -38,12 +41,15 @@ class SeenRecord:
         Number of samples.
     duration, sample_time : float
         From the first to the last sample, and the median from sample to sample [s].
+    fit : dict of str to float
+        By output, how the model as given follows this record; see `fit_percentage`.
     """
 
     name: str
     samples: int
     duration: float
     sample_time: float
+    fit: dict[str, float]
 
 
 @dataclass(frozen=True)
@@ -171,7 +177,7 @@ def first_look(model: PhysicsModel, X, y) -> FirstLook:
     ]
     return FirstLook(
         model,
-        tuple(map(_seen, records)),
+        _seen(model, records, windows, runs),
         quantities,
         outputs,
         (
@@ -186,9 +192,14 @@ def first_look(model: PhysicsModel, X, y) -> FirstLook:
 # -- what is there ---------------------------------------------------------------------------------
 
 
-def _seen(record) -> SeenRecord:
-    t = record.t
-    return SeenRecord(record.name, t.size, float(t[-1] - t[0]), float(np.median(np.diff(t))))
+def _seen(model, records, windows, runs) -> tuple[SeenRecord, ...]:
+    seen = []
+    for record, (a, b), run in zip(records, pairwise(windows.bounds), runs, strict=True):
+        t, fit = record.t, fit_percentage(windows.y[a:b], run.y)
+        times = t.size, float(t[-1] - t[0]), float(np.median(np.diff(t)))
+        by_output = zip(model.outputs, map(float, fit), strict=True)
+        seen.append(SeenRecord(record.name, *times, dict(by_output)))
+    return tuple(seen)
 
 
 def _quantities(model, u, y) -> tuple[SeenQuantity, ...]:
@@ -262,7 +273,8 @@ def _odd(model, records, windows, outputs) -> list[str]:
         seen = np.isfinite(y[:, i]) & np.isfinite(simulated[:, i])
         if seen.any():
             scale, share = _scale(y[seen, i], simulated[seen, i])
-            said += _about(model, output, scale, share)
+            spread = _spread(y[seen, i], simulated[seen, i])
+            said += _about(model, output, scale, share, spread)
     return said
 
 
@@ -275,7 +287,13 @@ def _scale(y, simulated) -> tuple[float, float]:
     return both / power, both**2 / (power * float(y @ y))
 
 
-def _about(model, output, scale, share) -> list[str]:
+def _spread(y, simulated) -> float:
+    """Return how many times as much as a simulation an output varies."""
+    theirs = float(np.std(simulated))
+    return float(np.std(y)) / theirs if 0 < theirs < math.inf else 1.0
+
+
+def _about(model, output, scale, share, spread) -> list[str]:
     name, expression = output.output, model.outputs[output.output]
     if share > TELLING and scale < 0:
         return [
@@ -289,6 +307,13 @@ def _about(model, output, scale, share) -> list[str]:
             f"{name!r} is {number(scale)} times what the model simulates{recorded}. Remedy: "
             f"convert the column, or say in the model file outputs: "
             f'{{{name}: "{number(factor, 6)}*({expression})"}}.'
+        ]
+    if output.fit < 0 and (unit := _perhaps(output.unit, spread)):
+        title = model.columns.get(name, name).split(" [")[0]
+        return [
+            f"{name!r} varies {number(spread, 3)} times as much as the simulation: is it recorded "
+            f"in {unit}? Remedy: if so, say it in the model file, columns: "
+            f'{{{name}: "{title} [{unit}]"}}; else check the values.'
         ]
     if output.fit < 0:
         return [
@@ -313,3 +338,15 @@ def _unit_factor(unit: str, scale: float) -> tuple[float, str]:
         if 1 / NEAR < scale / factor < NEAR:
             return factor, recorded
     return 1.0, ""
+
+
+def _perhaps(unit: str, spread: float) -> str:
+    """Return the unit with the prefix that a spread roughly speaks for; empty where none is.
+
+    Examples
+    --------
+    >>> _perhaps("m", 400.0), _perhaps("m", 20.0), _perhaps("", 1000.0)
+    ('mm', '', '')
+    """
+    near = (p for factor, p in PREFIXES.items() if 1 / ROUGHLY < spread / factor < ROUGHLY)
+    return f"{prefix}{unit}" if unit and (prefix := next(near, "")) else ""

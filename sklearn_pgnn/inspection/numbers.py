@@ -158,3 +158,16 @@ def share(gain) -> str:
         return "> 99.9 %"
     places = 1 if low > 98.5 else 0
     return f"{100 * gain.explained_share:.{places}f} % ({low:.{places}f} to {high:.{places}f} %)"
+
+
+def fit_text(fit: float) -> str:
+    """Return the fit of a simulation [%] as it is told.
+
+    Examples
+    --------
+    >>> fit_text(98.4), fit_text(-math.inf), fit_text(math.nan)
+    ('98 %', 'runs away', 'nothing moves')
+    """
+    if math.isnan(fit):
+        return "nothing moves"
+    return f"{fit:.0f} %" if fit > -1000 else "runs away"

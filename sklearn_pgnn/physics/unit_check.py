@@ -15,6 +15,8 @@ _OF_NUMBERS = (
     *(sympy.sin, sympy.cos, sympy.tan, sympy.asin, sympy.acos, sympy.atan),
     *(sympy.sinh, sympy.cosh, sympy.tanh, sympy.exp, sympy.log, sympy.floor, sympy.ceiling),
 )
+#: said of a term with a number in front
+_NUMBER = " (a number has no unit: make one that has, such as 9.81 m/s^2, a fixed parameter)"
 
 
 def check_units(model: PhysicsModel) -> tuple[str, ...]:
@@ -124,13 +126,13 @@ class _Check:
             return
         scale = expected.factor / got.factor
         if not got.is_like(expected):
-            why = ""
+            why = "" if _is_bare(term) else _NUMBER
         elif _is_bare(term) and abs(scale - 1) > 1e-6:
             why = f" (a factor of {1 / scale:.4g})"
         else:
             return
         self.said.append(
-            f"{where}: the term {to_text(term)} is in {got.to_text()}, expected "
+            f"{where}: the term {_short(term)} is in {got.to_text()}, expected "
             f"{expected.to_text()}{why}."
         )
 
@@ -156,6 +158,11 @@ class _Check:
         if expression.exp.is_number:
             return base ** float(expression.exp)
         return _PLAIN if base == _PLAIN else None
+
+
+def _short(term) -> str:
+    """Return a term with four digits of every number."""
+    return to_text(term.xreplace({n: sympy.Float(f"{n:.4g}") for n in term.atoms(sympy.Float)}))
 
 
 def _is_bare(term) -> bool:

@@ -64,10 +64,11 @@ def test_the_optional_parts_of_a_template_can_be_taken_in(tmp_path):
 
 def test_a_template_lists_the_columns_of_a_file_and_replaces_nothing_unasked(files):
     path = files / "mine.yaml"
-    run("init", path, "--records", files / "a.csv")
+    table(0).rename(columns={"F": "force_act"}).to_csv(files / "rig.csv", index=False)
+    run("init", path, "--records", files / "rig.csv")
     text = path.read_text()
-    assert "# The columns of your file: t, F, speed." in text
-    assert "# columns: {force: F, position: speed}" in text
+    assert "# The columns of your file: t, force_act, speed." in text
+    assert "# columns: {force: force_act}" in text  # a speed is not like a position
     path.write_text("mine")
     assert "expected no such file" in run("init", path, code=2).stderr
     assert path.read_text() == "mine"
@@ -102,6 +103,16 @@ def test_a_check_says_what_looks_wrong(files, change, said):
     result = run("check", *given(files, "odd.csv"), "--quiet")
     assert "look odd" in " ".join(result.stdout.split())
     assert said in result.stdout
+
+
+def test_a_check_of_several_records_tells_the_fit_of_each(files):
+    table(1).assign(speed=lambda run: -run["speed"]).to_csv(files / "wrong.csv", index=False)
+    said = run("check", *given(files, "a.csv", "wrong.csv")).stdout
+    rows = {line.split()[0]: line for line in said.splitlines() if line.strip()}
+    assert "fit of speed" in said
+    assert int(rows["a"].split()[-2]) > 90
+    assert int(rows["wrong"].split()[-2]) < 0
+    assert "fit of speed" not in run("check", *given(files, "a.csv")).stdout
 
 
 def test_a_check_names_what_is_not_used_and_every_column_that_is_missing(files):

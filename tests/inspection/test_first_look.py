@@ -17,6 +17,7 @@ def test_a_model_that_fits_has_no_warning():
     assert look.warnings == ()
     assert [record.samples for record in look.records] == [500] * 4
     assert [record.duration for record in look.records] == pytest.approx([9.98] * 4)
+    assert min(record.fit["v"] for record in look.records) > 99
     (output,) = look.outputs
     assert output.fit > 99
     assert NOISE < output.error < 2 * NOISE
@@ -64,3 +65,18 @@ def test_a_run_that_diverges_is_said_so():
     X, y = drive(SLEDGE, n_records=1)
     said = " ".join(first_look(model, X, y).warnings)
     assert "left the finite numbers" in said
+
+
+def test_the_record_that_the_model_does_not_follow_is_seen():
+    X, y = drive(SLEDGE)
+    y.loc[X["trajectory"] == X["trajectory"].iloc[-1], "v"] *= -1
+    *good, bad = first_look(SLEDGE, X, y).records
+    assert min(record.fit["v"] for record in good) > 99
+    assert bad.fit["v"] < 0
+
+
+def test_a_unit_is_asked_for_though_the_model_follows_nothing():
+    X, y = drive(SLEDGE)
+    (said,) = first_look(SLEDGE, X, 300 * y.iloc[::-1].reset_index(drop=True)).warnings
+    assert "is it recorded in mm/s?" in said
+    assert 'columns: {v: "v [mm/s]"}' in said

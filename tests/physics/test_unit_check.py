@@ -58,6 +58,12 @@ def test_another_scale_has_its_factor():
     assert said == "equations.v: the term F is in 1000 N, expected N (a factor of 1000)."
 
 
+def test_a_number_in_front_of_another_kind_is_no_gravity():
+    (said,) = check_units(one_state("-a*sqrt(2*9.81*x)/x", a="m/s"))
+    assert "-4.429*a" in said
+    assert "make one that has, such as 9.81 m/s^2, a fixed parameter" in said
+
+
 def one_state(rate, unit="m", **parameters):
     values = {name: {"value": 1.0, "unit": unit} for name, unit in parameters.items()}
     return PhysicsModel({"x": unit}, {"x": rate}, values)

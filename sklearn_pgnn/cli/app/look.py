@@ -5,7 +5,7 @@ from markupsafe import Markup
 
 from sklearn_pgnn.cli.app.render import render
 from sklearn_pgnn.inspection.first_look import first_look
-from sklearn_pgnn.inspection.numbers import number, typeset_unit
+from sklearn_pgnn.inspection.numbers import fit_text, number, typeset_unit
 from sklearn_pgnn.inspection.start_runs import run_records
 from sklearn_pgnn.inspection.style import label
 from sklearn_pgnn.inspection.svg import Plot, Scale
@@ -40,7 +40,7 @@ def draw_look(model: PhysicsModel, X, y) -> str:
         fits=[
             {
                 "name": o.output,
-                "fit": f"{o.fit:.0f} %" if o.fit > -1000 else "runs away",
+                "fit": fit_text(o.fit),
                 "error": number(o.error, 3),
                 "noise": number(o.noise, 3),
                 "unit": typeset_unit(o.unit) or "-",
@@ -50,12 +50,20 @@ def draw_look(model: PhysicsModel, X, y) -> str:
         records=[
             {
                 "name": r.name,
-                "about": f"{r.samples} samples, {number(r.duration, 3)} s",
+                "about": f"{r.samples} samples, {number(r.duration, 3)} s{_fits(r, seen)}",
                 "plots": _plots(model, record, run),
             }
             for r, record, run in zip(seen.records, records, runs, strict=True)
         ],
     )
+
+
+def _fits(record, seen) -> str:
+    """Return the fit of one record among several, by output; of one, the table tells."""
+    if len(seen.records) == 1:
+        return ""
+    fits = ", ".join(f"{fit_text(fit)} of {name}" for name, fit in record.fit.items())
+    return f", fit {fits}"
 
 
 def _plots(model: PhysicsModel, record, run) -> list[tuple[str, Markup]]:
