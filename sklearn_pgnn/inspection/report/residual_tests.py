@@ -62,12 +62,12 @@ def residual_tests(diagnosis, formula=None) -> dict[str, list[ResidualTest]]:
 def _tests(display: ResidualDisplay, residual, output: str) -> list[ResidualTest]:
     title = f"autocorrelation of what is left of {output}"
     auto = _stems(display, display.autocorrelation_, title, display.lags_[display.lags_ > 0])
-    later = "by how many samples it comes later"
-    tests = [ResidualTest("With itself", later, auto)]
+    lag = "lag [samples]"
+    tests = [ResidualTest("Autocorrelation", lag, auto)]
     for name, values in display.cross_correlation_.items():
         title = f"correlation of what is left of {output} with {name}"
         plot = _stems(display, values, title, display.lags_)
-        tests.append(ResidualTest(f"With {name}", later, plot))
+        tests.append(ResidualTest(f"Cross-correlation with {name}", lag, plot))
     return [
         *tests,
         ResidualTest("Histogram", "in standard deviations", _histogram(residual, output)),

@@ -15,7 +15,7 @@ pytestmark = [pytest.mark.core, pytest.mark.filterwarnings("ignore:.*the term:Us
 def test_the_matrix_has_every_parameter_and_the_report_shows_it(name):
     diagnosis = situation(name)
     text = render_report(diagnosis)
-    shown = text[text.index("How their errors hang together") :]
+    shown = text[text.index("Correlation of the parameters") :]
     for parameter in diagnosis.parameters_:
         assert f"<code>{parameter}</code>" in shown
     assert "Beyond ±0.9" in shown or "None is beyond ±0.9" in shown
