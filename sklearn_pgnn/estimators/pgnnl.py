@@ -8,6 +8,7 @@ from numbers import Integral
 import numpy as np
 import pandas as pd
 from sklearn.base import MultiOutputMixin
+from sklearn.metrics import r2_score
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted, validate_data
 
@@ -31,11 +32,13 @@ from sklearn_pgnn.estimators.network.records import (
     estimate_states,
     prepare,
     split_for_validation,
+    told_samples,
+    unmeasured_record,
 )
 from sklearn_pgnn.estimators.network.sight import check_sight
 from sklearn_pgnn.estimators.network.stepper import Stepper
 from sklearn_pgnn.estimators.network.trajectory_net import TrajectoryNet
-from sklearn_pgnn.exceptions import SimulationWarning
+from sklearn_pgnn.exceptions import RecordError, SimulationWarning
 from sklearn_pgnn.extras import needed_by
 from sklearn_pgnn.simulation.free_run import substeps_for
 from sklearn_pgnn.simulation.record_windows import dominant_period
@@ -330,7 +333,8 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
             Time [s], inputs, where known the states in each trajectory's first row, and whatever
             else the network shall see; without a model and a time, any features.
         y : array-like of shape (n_samples, n_outputs) or (n_samples,)
-            Measured outputs; NaN where there is none.
+            Measured outputs; NaN where there is none. Trajectories without any count in the
+            physical loss only, and for nothing where `lambda_phy` is 0.
         **fit_params
             Of skorch.
 
@@ -396,6 +400,28 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
                 ),
             )
         return y.ravel() if self._single_output else y
+
+    def score(self, X, y, sample_weight=None):
+        """Return the coefficient of determination of `predict`, of the rows that have a y.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_samples, n_columns)
+            As in `predict`.
+        y : array-like of shape (n_samples, n_outputs) or (n_samples,)
+            Measured outputs; rows with a NaN are left out.
+        sample_weight : array-like of shape (n_samples,), optional
+            Weights of the rows.
+
+        Returns
+        -------
+        float
+            1 at best; the mean over the outputs.
+        """
+        measured = np.asarray(y, dtype=float)
+        seen = ~np.isnan(measured.reshape(len(measured), -1)).any(axis=1)
+        weight = None if sample_weight is None else np.asarray(sample_weight)[seen]
+        return r2_score(measured[seen], self.predict(X)[seen], sample_weight=weight)
 
     def predict_states(self, X):
         """Simulate the states of every trajectory in free run from its initial state.
@@ -662,6 +688,7 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         self.free_run_error_ = self._validation_error() if self._validation else np.nan
         self._settle_parameters(training)
         self.module_.samples, self._phase, self._validation, self._shown = {}, None, [], {}
+        self._unmeasured = []
 
     def _prepare_training(self, X, y, random, anew):
         """Read the records, estimate their states, and settle what a step is made of."""
@@ -674,37 +701,26 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
             X, y = self._with_time_name(X), np.asarray(y)  # y names nothing that a model knows
             self.model_ = plain_model(X, y, self._time_name, self.states)
         X, time_column = self._named(X)
-        records = read_records(self.model_, X, y, time_column=time_column)
+        given = read_records(self.model_, X, y, time_column=time_column, allow_unmeasured=True)
+        records = tuple(record for record in given if record.is_measured)
         if self.model is not None:
-            refuse_standardised(self.model, records, energies=self.lambda_phy != 0)
-        self.hold_ = hold_of(self.model_, self.hold)
-        self.substeps_ = substeps_for(self.model_, records, self.substeps, hold=self.hold_)
-        options = {"hold": self.hold_, "substeps": self.substeps_}
+            refuse_standardised(self.model, given, energies=self.lambda_phy != 0)
+        options = self._settle_clock(records)
         self.further_columns_ = further_columns(self.model_, X, time_column)
-        self.interval_ = float(np.median(np.concatenate([np.diff(r.t) for r in records])))
-        self._stride = max(1, int(dominant_period(records) / self.interval_ / PER_PERIOD))
-        if any(np.isnan(record.y).any() for record in records):
-            self._stride = 1  # else those that were measured may be skipped
         states = estimate_states(self.model_, records, **options)
         if anew:
             self._settle_structure(records, states, options)
         ready = self._prepare(X, records)
         self.guide_line_ = self._find_guide_line(X, records, ready)
+        told = told_samples(records)
         whole = [
-            TrainingRecord(each, x, record.y)
-            for each, x, record in zip(ready, states, records, strict=True)
+            TrainingRecord(each, x, record.y, told=by_y)
+            for each, x, record, by_y in zip(ready, states, records, told, strict=True)
         ]
         training, self._validation = split_for_validation(whole, self.validation_fraction, random)
         self._show(table, outputs, records, whole)
-        windows = TrainingWindows(
-            training,
-            self.model_,
-            needs_prior=self.structure_ == "correction" or self._guide == "step",
-            needs_terms=self._guide == "terms",
-            terms_from=self.model,
-            middle=self._middle,
-            **options,
-        )
+        self._unmeasured = self._prepare_unmeasured(X, given, options)
+        windows = self._cut_windows([*training, *self._unmeasured], options)
         if anew:
             self.step_ = step_setup.make_step(
                 self.model_,
@@ -720,6 +736,43 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         self._settle_physics(windows)
         self._spread = _positive(np.nanstd(np.concatenate([r.y for r in records]), axis=0))
         return training, windows
+
+    def _settle_clock(self, records) -> dict:
+        """Settle how the records are simulated and compared, and return the former."""
+        self.hold_ = hold_of(self.model_, self.hold)
+        self.substeps_ = substeps_for(self.model_, records, self.substeps, hold=self.hold_)
+        self.interval_ = float(np.median(np.concatenate([np.diff(r.t) for r in records])))
+        self._stride = max(1, int(dominant_period(records) / self.interval_ / PER_PERIOD))
+        if any(np.isnan(record.y).any() for record in records):
+            self._stride = 1  # else those that were measured may be skipped
+        return {"hold": self.hold_, "substeps": self.substeps_}
+
+    def _cut_windows(self, records, options) -> TrainingWindows:
+        windows = TrainingWindows(
+            records,
+            self.model_,
+            needs_prior=self.structure_ == "correction" or self._guide == "step",
+            needs_terms=self._guide == "terms",
+            terms_from=self.model,
+            middle=self._middle,
+            **options,
+        )
+        if not len(windows.pairs):
+            raise RecordError(
+                "y: expected two samples one after the other with a measured output, or with "
+                "measured ones near on both sides; got none in the trajectories to train on."
+            )
+        return windows
+
+    def _prepare_unmeasured(self, X, records, options) -> list[TrainingRecord]:
+        """Make the trajectories without any output ready, where a physical loss asks for them."""
+        blind = [record for record in records if not record.is_measured]
+        if self.lambda_phy == 0 or not blind:
+            return []
+        return [
+            unmeasured_record(self.model_, record, ready, **options)
+            for record, ready in zip(blind, self._prepare(X, blind), strict=True)
+        ]
 
     def _settle_structure(self, records, states, options) -> None:
         plain = self.model is None

@@ -65,7 +65,8 @@ class TrajectoryKFold(BaseCrossValidator):
         X : DataFrame or array-like of shape (n_samples, n_columns)
             The table, as the estimators read it.
         y : array-like of shape (n_samples, n_outputs), optional
-            Not read.
+            Measured outputs. Trajectories without any (NaN) are in every training set and in no
+            test set; the rest is not read.
         groups : array-like of shape (n_samples,), optional
             Trajectory of every row; overrules what X tells.
 
@@ -100,8 +101,8 @@ class TrajectoryKFold(BaseCrossValidator):
 
     def _iter_test_indices(self, X=None, y=None, groups=None):
         pieces = read_pieces(X, groups, self.time_column)
-        self._check(len(pieces))
-        order = np.arange(len(pieces))
+        order = np.flatnonzero(_are_measured(pieces, y))
+        self._check(len(order))
         if self.shuffle:
             check_random_state(self.random_state).shuffle(order)
         lengths = [len(pieces[i]) for i in order]
@@ -121,3 +122,13 @@ class TrajectoryKFold(BaseCrossValidator):
                 f"{n_trajectories} trajectories. Remedy: n_splits={max(n_trajectories, 2)}, or "
                 f"more records; a long one may be cut (train_validation_test_split, by='time')."
             )
+
+
+def _are_measured(pieces, y) -> np.ndarray:
+    """Return for every trajectory whether some of its outputs are not NaN."""
+    if y is None:
+        return np.ones(len(pieces), dtype=bool)
+    y = np.asarray(y)
+    if y.dtype.kind != "f":
+        return np.ones(len(pieces), dtype=bool)
+    return np.array([not np.isnan(y[rows]).all() for rows in pieces])

@@ -24,7 +24,9 @@ MIN_SAMPLES = 4
 TRAJECTORY = "trajectory"
 
 
-def read_records(model: PhysicsModel, X, y=None, *, time_column=None) -> tuple[Record, ...]:
+def read_records(
+    model: PhysicsModel, X, y=None, *, time_column=None, allow_unmeasured=False
+) -> tuple[Record, ...]:
     """Read a table of samples as records of a model.
 
     Parameters
@@ -38,6 +40,8 @@ def read_records(model: PhysicsModel, X, y=None, *, time_column=None) -> tuple[R
         Measured outputs; NaN where there is none.
     time_column : int or str, optional
         Column of the time; by default ``"t"``, of an array the first.
+    allow_unmeasured : bool, default=False
+        Whether some trajectories, but not all, may have no measured output at all.
 
     Returns
     -------
@@ -75,7 +79,7 @@ def read_records(model: PhysicsModel, X, y=None, *, time_column=None) -> tuple[R
         if not (tick or model.is_autonomous):
             own, origin = t[rows], 0.0
         records.append(Record(own, u[rows], measured, x0, name, rows, origin))
-        _check_outputs(records[-1])
+    _check_outputs(records, allow_unmeasured)
     return tuple(records)
 
 
@@ -305,6 +309,10 @@ def _check_clock(name: str, t: np.ndarray, rows: np.ndarray, needs_outputs: bool
         )
 
 
-def _check_outputs(record: Record) -> None:
-    if record.y is not None and not np.any(np.isfinite(record.y)):
-        raise RecordError(f"y: trajectory {record.name!r} has no measured output at all.")
+def _check_outputs(records: list[Record], allow_unmeasured: bool) -> None:
+    blind = [record.name for record in records if not record.is_measured]
+    if records[0].y is None or not blind or (allow_unmeasured and len(blind) < len(records)):
+        return
+    if allow_unmeasured:
+        raise RecordError("y: no trajectory has a measured output at all.")
+    raise RecordError(f"y: trajectory {blind[0]!r} has no measured output at all.")

@@ -34,3 +34,8 @@ class Record:
     name: str
     rows: np.ndarray
     origin: float = 0.0
+
+    @property
+    def is_measured(self) -> bool:
+        """Whether any output was measured."""
+        return self.y is not None and bool(np.isfinite(self.y).any())

@@ -1,7 +1,7 @@
 """Records as a network trains on them: states estimated, the model simulated, windows cut."""
 
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from threading import Lock
 
 import numpy as np
@@ -19,7 +19,12 @@ from sklearn_pgnn.simulation.network_run import (
     prior_steps,
     term_values,
 )
-from sklearn_pgnn.simulation.record_windows import window_records
+from sklearn_pgnn.simulation.record_windows import (
+    MIN_SAMPLES,
+    WINDOW_SHARE,
+    dominant_period,
+    window_records,
+)
 from sklearn_pgnn.simulation.simulate import start_of
 
 #: state estimates that are kept
@@ -43,17 +48,28 @@ class TrainingRecord:
         Measured outputs, NaN where there is none.
     scored_from : int
         The first sample that counts.
+    told : ndarray of bool, shape (n_samples,), optional
+        Whether measurements tell the states of a sample; by default they do.
     """
 
     record: NetworkRecord
     x: np.ndarray
     y: np.ndarray
     scored_from: int = 0
+    told: np.ndarray | None = None
+
+    @property
+    def is_told(self) -> np.ndarray:
+        """Whether measurements tell the states, sample by sample."""
+        return np.ones(len(self.x), dtype=bool) if self.told is None else self.told
 
     def first(self, n_samples: int) -> "TrainingRecord":
         """Return the trajectory's first samples."""
         return TrainingRecord(
-            self.record.piece(0, n_samples), self.x[:n_samples], self.y[:n_samples]
+            self.record.piece(0, n_samples),
+            self.x[:n_samples],
+            self.y[:n_samples],
+            told=self.is_told[:n_samples],
         )
 
 
@@ -140,6 +156,58 @@ def estimate_states(model: PhysicsModel, records, *, hold: str, substeps: int) -
     return [part.copy() for part in np.split(x, edges)]
 
 
+def told_samples(records) -> list[np.ndarray]:
+    """Find the samples whose states the measured outputs tell, by a short way across gaps.
+
+    Parameters
+    ----------
+    records : tuple of Record
+        Trajectories with outputs.
+
+    Returns
+    -------
+    list of ndarray of bool, shape (n_samples,)
+        False before a record's first measured sample, after its last one, and in gaps longer than
+        both a window and as many of the usual intervals of its measurements as a window has.
+    """
+    window = WINDOW_SHARE * dominant_period(records)
+    return [_told(record.t, np.isfinite(record.y).any(axis=1), window) for record in records]
+
+
+def _told(t: np.ndarray, measured: np.ndarray, window: float) -> np.ndarray:
+    seen = np.flatnonzero(measured)
+    if len(seen) < 2:
+        return measured
+    bridged = max(window, MIN_SAMPLES * float(np.median(np.diff(t[seen]))))
+    place = np.arange(len(t))
+    before = seen[np.clip(np.searchsorted(seen, place, side="right") - 1, 0, None)]
+    after = seen[np.clip(np.searchsorted(seen, place), None, len(seen) - 1)]
+    return measured | ((before < place) & (place < after) & (t[after] - t[before] <= bridged))
+
+
+def unmeasured_record(model: PhysicsModel, record, ready: NetworkRecord, **options):
+    """Return a trajectory without measurements: the model's own simulation stands for the states.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    record : Record
+        The trajectory.
+    ready : NetworkRecord
+        What the network sees of it.
+    **options
+        Of the simulation.
+
+    Returns
+    -------
+    TrainingRecord
+        The trajectory, from which no error is taken.
+    """
+    x = open_loop(model, record, **options)
+    return TrainingRecord(ready, x, record.y, told=np.zeros(len(x), dtype=bool))
+
+
 def split_for_validation(records: list[TrainingRecord], share: float, random):
     """Hold out whole trajectories, or the end of every trajectory where there are few.
 
@@ -165,13 +233,18 @@ def split_for_validation(records: list[TrainingRecord], share: float, random):
         held = set(random.permutation(len(records))[:n].tolist())
         training = [record for i, record in enumerate(records) if i not in held]
         return training, [records[i] for i in sorted(held)]
-    cuts = [max(2, round((1 - share) * len(record.x))) for record in records]
+    cuts = [_cut_of(record, share) for record in records]
     training = [record.first(cut) for record, cut in zip(records, cuts, strict=True)]
     validation = [
-        TrainingRecord(record.record, record.x, record.y, cut)
-        for record, cut in zip(records, cuts, strict=True)
+        replace(record, scored_from=cut) for record, cut in zip(records, cuts, strict=True)
     ]
-    return training, [record for record in validation if len(record.y) > record.scored_from]
+    return training, [r for r in validation if np.isfinite(r.y[r.scored_from :]).any()]
+
+
+def _cut_of(record: TrainingRecord, share: float) -> int:
+    """Return the sample behind which a share of the measured ones lies."""
+    measured = np.flatnonzero(np.isfinite(record.y).any(axis=1))
+    return max(2, int(measured[max(0, round((1 - share) * len(measured)) - 1)]) + 1)
 
 
 def spread_of(values: np.ndarray) -> np.ndarray:
@@ -201,6 +274,11 @@ class TrainingWindows:
         The model whose terms are meant; by default `model`.
     middle : bool, default=False
         Whether the network sees the states, and the terms, in the middle of the model's steps.
+
+    Attributes
+    ----------
+    pairs : ndarray of int
+        First samples of the steps between samples whose states measurements tell.
     """
 
     def __init__(
@@ -222,8 +300,12 @@ class TrainingWindows:
             "acting": acting,
             "acting_next": np.vstack([acting[1:], acting[-1:]]),
         }
-        self.pairs = self.starts(1, 1)
-        self.prior, k = np.full_like(self.x, np.nan), self.pairs
+        told = np.concatenate([each.is_told for each in records])
+        k = self.starts(1, 1)
+        self.pairs = k[told[k] & told[k + 1]]
+        self._told = np.zeros(len(self.t), dtype=bool)
+        self._told[self.pairs + 1] = True
+        self.prior = np.full_like(self.x, np.nan)
         if needs_prior:
             self.prior[k] = prior_steps(
                 model, substeps, hold, self.t[k], self.samples["dt"][k], self.x[k], acting[k],
@@ -234,7 +316,7 @@ class TrainingWindows:
             self.seen[k] = (self.x[k] + self.prior[k]) / 2
         self.terms = np.zeros((len(self.t), 0))
         if needs_terms:
-            spread = spread_of(self.seen[k])
+            spread = spread_of(self.seen[self.pairs])
             self.terms = term_values(terms_from or model, self.t, self.seen, acting, spread)[0]
 
     def starts(self, length: int, stride: int) -> np.ndarray:
@@ -249,6 +331,11 @@ class TrainingWindows:
         k = self.pairs
         ends = k[:, None] + [0, 1]
         return Motion(self.x[ends], self.u[k][:, None], self.t[ends])
+
+    @property
+    def told_x(self) -> np.ndarray:
+        """The states at the ends of steps that measurements tell; NaN at other samples."""
+        return np.where(self._told[:, None], self.x, np.nan)
 
     def cut(self, length: int, step: NetworkStep, *, teacher: bool) -> dict[str, np.ndarray]:
         """Cut windows as the module takes them.

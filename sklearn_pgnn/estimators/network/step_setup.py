@@ -141,7 +141,7 @@ def make_step(
     elif guide == "terms":
         seen.append(windows.terms[now])
     z = np.hstack([*seen, windows.features[after]])
-    mean, spread = windows.x.mean(axis=0), spread_of(windows.x)
+    mean, spread = x.mean(axis=0), spread_of(x)
     return NetworkStep(
         model,
         base_of(structure),

@@ -46,6 +46,7 @@ from sklearn_pgnn.estimators.network.records import TrainingRecord, TrainingWind
 from sklearn_pgnn.estimators.network.row_network import RowNetwork
 from sklearn_pgnn.estimators.network.step_network import StepNetwork
 from sklearn_pgnn.estimators.network.structure import corrected_states
+from sklearn_pgnn.exceptions import SimulationWarning
 from sklearn_pgnn.simulation.network_run import NetworkStep
 from sklearn_pgnn.simulation.uncertainty import NORMAL_95, Estimate
 
@@ -75,6 +76,7 @@ class TrajectoryNet(NeuralNetRegressor):
     _phase: _Phase | None
     _physics: PhysicsLoss | None
     _validation: list[TrainingRecord]
+    _unmeasured: list[TrainingRecord]
     _shown: dict[str, Dataset | None]
     _free_names: tuple[str, ...] = ()
     _free: FreeParameters | None = None  # while they are trained
@@ -165,7 +167,7 @@ class TrajectoryNet(NeuralNetRegressor):
         )
         left = np.sqrt(np.mean((windows.x[after] - base) ** 2, axis=0))[own]
         self.module_.teacher_forcing = True
-        target = windows.at_ends(windows.x[:, own], length)
+        target = windows.at_ends(windows.told_x[:, own], length)
         self._run_phase(windows, length, target, left, 1.0, self.max_epochs, **fit_params)
 
     def _train_rollouts(self, training, windows, **fit_params) -> None:
@@ -188,6 +190,22 @@ class TrajectoryNet(NeuralNetRegressor):
     def _base_error(self, training, length) -> np.ndarray:
         error = step_setup.base_error(self.step_, training, self._outputs, length)
         return np.minimum(_positive(error), self._spread)
+
+    def _in_reach(self) -> list[TrainingRecord]:
+        """Return the unmeasured trajectories that the network, as it is, can run along."""
+        step, changes = self._free_step(), self._changes()
+        runs = [run_core(self.module_.core, step, r.record, changes)[1] for r in self._unmeasured]
+        found = [each for each, failed in zip(self._unmeasured, runs, strict=True) if failed < 0]
+        if len(found) < len(runs):
+            warnings.warn(
+                f"in {len(runs) - len(found)} of {len(runs)} trajectories without y the network's "
+                f"free run left the reach of the training data a thousandfold; its last phase is "
+                f"trained without them. Remedy: rollouts (horizon=50), or inputs nearer to those "
+                f"that were measured.",
+                SimulationWarning,
+                stacklevel=6,
+            )
+        return found
 
     def _train_simulation(self, training) -> None:
         """Train on the free run of whole trajectories, all weights at once."""
@@ -212,7 +230,7 @@ class TrajectoryNet(NeuralNetRegressor):
             bounds = np.append(-unbounded, self._free.low), np.append(unbounded, self._free.high)
         minimise = levenberg_marquardt if method == "lm" else l_bfgs
         self._phase = None
-        objective = self._objective(training)
+        objective = self._objective([*training, *self._in_reach()])
         with self._resting_optimizer():
             for _ in range(ROUNDS if objective.overlap else 1):
                 before = objective.weigh_overlap(theta)
@@ -448,7 +466,8 @@ class TrajectoryNet(NeuralNetRegressor):
 
     def __getstate__(self):
         state = {name: part for name, part in self.__dict__.items() if name not in _TRAINED}
-        state |= {"_phase": None, "_validation": [], "_shown": {}}  # of a training that is going on
+        # of a training that is going on
+        state |= {"_phase": None, "_validation": [], "_unmeasured": [], "_shown": {}}
         if self.initialized_:
             weights = self.module_.state_dict()
             state["_weights"] = {name: part.cpu().numpy() for name, part in weights.items()}
