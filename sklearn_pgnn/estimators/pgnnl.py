@@ -3,6 +3,7 @@
 import contextlib
 import warnings
 from dataclasses import dataclass
+from functools import partial
 from numbers import Integral
 
 import numpy as np
@@ -40,6 +41,7 @@ from sklearn_pgnn.estimators.network.stepper import Stepper
 from sklearn_pgnn.estimators.network.trajectory_net import TrajectoryNet
 from sklearn_pgnn.exceptions import RecordError, SimulationWarning
 from sklearn_pgnn.extras import needed_by
+from sklearn_pgnn.simulation.ahead import Machine, predict_ahead
 from sklearn_pgnn.simulation.free_run import substeps_for
 from sklearn_pgnn.simulation.record_windows import dominant_period
 from sklearn_pgnn.simulation.simulate import hold_of
@@ -450,6 +452,56 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         runs = self._free_runs(X)
         return rows_in_order(runs.records, np.concatenate(runs.x))
 
+    def predict_ahead(self, X, y, steps=1):
+        """Predict every sample from the outputs up to so many samples before it.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_samples, n_columns)
+            As in `predict`.
+        y : array-like of shape (n_samples, n_outputs) or (n_samples,)
+            Measured outputs, NaN where there is none; the state is estimated from them by a
+            Kalman filter.
+        steps : int, default=1
+            Samples ahead. The first `steps` rows of a trajectory are the free run's.
+
+        Returns
+        -------
+        ndarray of shape (n_samples, n_outputs) or (n_samples,)
+            Predicted outputs.
+
+        Raises
+        ------
+        OptionError
+            If `steps` is no integer from 1 on.
+        ValueError
+            If it was fitted to independent rows, or with a core whose hidden state no output tells.
+        """
+        check_is_fitted(self)
+        if self.model_ is None:
+            raise ValueError(
+                "predict_ahead: expected an estimator that was fitted to trajectories; "
+                "independent rows have no states."
+            )
+        if hasattr(self.module_.core, "at_rest"):
+            raise ValueError(
+                f"predict_ahead: expected a core without a hidden state, got "
+                f"{type(self.module_.core).__name__}. Remedy: module=FeedForward."
+            )
+        runs = self._read_ready(X, y)
+        machines = [
+            Machine(record, ready.x0, partial(self._run_piece, ready))
+            for record, ready in zip(runs.records, runs.ready, strict=True)
+        ]
+        outputs = predict_ahead(machines, steps)[1]
+        return outputs.ravel() if self._single_output else outputs
+
+    def _run_piece(self, ready, a, b, x):
+        """Run from a state along part of a trajectory."""
+        piece = ready.piece(a, b + 1, x)
+        states = run_core(self.module_.core, self.step_, piece)[0]
+        return states, self._outputs(piece, states)
+
     @property
     def predict_proba(self):
         """Not available: a regressor has no probabilities."""
@@ -565,11 +617,11 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         named = with_names(self.model, X, self.time_column)
         return named, self.time_column if named is X else None
 
-    def _read_ready(self, X):
+    def _read_ready(self, X, y=None):
         """Read X as trajectories that the loop can run along."""
         X = validate_table(self, X, reset=False)
         X, time_column = self._named(X)
-        records = read_records(self.model_, X, time_column=time_column)
+        records = read_records(self.model_, X, y, time_column=time_column)
         if self.model is not None:
             refuse_standardised(self.model, records)
         return _Runs(records, self._prepare(X, records), [])

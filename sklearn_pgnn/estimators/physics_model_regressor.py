@@ -16,6 +16,7 @@ from sklearn_pgnn.estimators.parameter_search import (
 )
 from sklearn_pgnn.estimators.progress import teller
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.ahead import model_machine, predict_ahead
 from sklearn_pgnn.simulation.finite_run import simulate_quantities
 from sklearn_pgnn.simulation.free_run import simulate_record
 from sklearn_pgnn.simulation.intervals import beside, check_coverage, output_variance, quantile_of
@@ -221,6 +222,43 @@ class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         """
         return self._simulate(self._read(X), self.model_.states)
 
+    def predict_ahead(self, X, y, steps=1):
+        """Predict every sample from the outputs up to so many samples before it.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_samples, n_columns)
+            As in `predict`.
+        y : array-like of shape (n_samples, n_outputs) or (n_samples,)
+            Measured outputs, NaN where there is none; the state is estimated from them by a
+            Kalman filter.
+        steps : int, default=1
+            Samples ahead. The first `steps` rows of a trajectory are the free run's.
+
+        Returns
+        -------
+        ndarray of shape (n_samples, n_outputs) or (n_samples,)
+            Predicted outputs.
+
+        Raises
+        ------
+        OptionError
+            If `steps` is no integer from 1 on.
+
+        Examples
+        --------
+        >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
+        >>> t = np.linspace(0, 20, 401)
+        >>> X = np.column_stack([t, np.sin(t)])
+        >>> y = lag.with_parameters(T=3.0).simulate(t, X[:, 1]).y
+        >>> ahead = PhysicsModelRegressor(lag).fit(X, y).predict_ahead(X, y + 1.0, steps=20)
+        >>> print(np.round((ahead - y)[[0, 400], 0], 1))  # the estimate believes the offset
+        [0.  0.9]
+        """
+        records = self._read(X, y)
+        machines = [model_machine(self.model_, record) for record in records]
+        return self._shaped(predict_ahead(machines, steps)[1])
+
     def predict_interval(self, X, coverage=0.9):
         r"""Return between what the measured outputs of a free run are expected.
 
@@ -266,11 +304,11 @@ class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         low, high = beside(predicted, quantile_of(self._left, coverage) * np.sqrt(variance))
         return self._shaped(low), self._shaped(high)
 
-    def _read(self, X):
+    def _read(self, X, y=None):
         """Read the records of a table."""
         check_is_fitted(self)
         X = validate_table(self, X, reset=False)
-        records = read_records(self.model, X, time_column=self.time_column)
+        records = read_records(self.model, X, y, time_column=self.time_column)
         refuse_standardised(self.model, records)
         return records
 

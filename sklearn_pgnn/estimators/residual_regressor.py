@@ -1,5 +1,7 @@
 """Residual modelling: a physical model, and a regressor of its error."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 from sklearn.base import BaseEstimator, MultiOutputMixin, RegressorMixin, clone
@@ -9,6 +11,7 @@ from sklearn.preprocessing import StandardScaler
 from sklearn.utils import check_array, check_consistent_length, get_tags
 from sklearn.utils.validation import check_is_fitted
 
+from sklearn_pgnn.simulation.ahead import model_machine, predict_ahead
 from sklearn_pgnn.simulation.finite_run import quantities_of, simulate_quantities
 from sklearn_pgnn.simulation.free_run import substeps_for
 from sklearn_pgnn.simulation.simulate import hold_of
@@ -182,6 +185,53 @@ class ResidualRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
             outputs = simulated + self.regressor_.predict(features).reshape(simulated.shape)
         return outputs.ravel() if self._single_output else outputs.reshape(len(outputs), -1)
 
+    def predict_ahead(self, X, y, steps=1):
+        """Predict every sample from the outputs up to so many samples before it.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_samples, n_columns)
+            As in `predict`.
+        y : array-like of shape (n_samples, n_outputs) or (n_samples,)
+            Measured outputs, NaN where there is none; the model's state is estimated by a
+            Kalman filter from what the error that is expected in free run leaves of them.
+        steps : int, default=1
+            Samples ahead. The first `steps` rows of a trajectory are the free run's.
+
+        Returns
+        -------
+        ndarray of shape (n_samples, n_outputs) or (n_samples,)
+            Predicted outputs.
+
+        Raises
+        ------
+        OptionError
+            If `steps` is no integer from 1 on.
+        ValueError
+            If there is no model, and so no state.
+        """
+        check_is_fitted(self)
+        if self.model is None:
+            raise ValueError("predict_ahead: expected a regressor with a model, got none.")
+        X = validate_table(self, X, reset=False)
+        records = read_records(self.model, X, y, time_column=self.time_column)
+        refuse_standardised(self.model, records)
+        features, simulated = self._simulate(records)
+        expected = self.regressor_.predict(features).reshape(simulated.shape)
+        machines = [
+            model_machine(
+                self.model,
+                replace(record, y=record.y - expected[record.rows]),
+                hold=self.hold_,
+                substeps=self.substeps_,
+            )
+            for record in records
+        ]
+        states, ahead = predict_ahead(machines, steps)
+        features = self._features(records, np.column_stack([states, ahead]))
+        outputs = ahead + self.regressor_.predict(features).reshape(ahead.shape)
+        return outputs.ravel() if self._single_output else outputs
+
     def _simulate_and_compare(self, X, y) -> tuple[pd.DataFrame, np.ndarray]:
         """Return the features and the model's error."""
         records = read_records(self.model, X, y, time_column=self.time_column)
@@ -194,14 +244,23 @@ class ResidualRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
 
     def _simulate(self, records) -> tuple[pd.DataFrame, np.ndarray]:
         """Return the features (inputs, simulated states and outputs) and the simulated outputs."""
-        names = quantities_of(self.model)
         values = simulate_quantities(
-            self.model, records, names, hold=self.hold_, substeps=self.substeps_
+            self.model,
+            records,
+            [*self.model.states, *self.model.outputs],
+            hold=self.hold_,
+            substeps=self.substeps_,
         )
+        return self._features(records, values), values[:, len(self.model.states) :]
+
+    def _features(self, records, values) -> pd.DataFrame:
+        """Return the inputs, and of all states and outputs every quantity once."""
+        names = quantities_of(self.model)
+        place = {x: i for i, x in enumerate([*self.model.states, *self.model.outputs])}
         inputs = rows_in_order(records, np.concatenate([record.u for record in records]))
         columns = [*self.model.inputs, *(name + SUFFIX for name in names)]
-        features = pd.DataFrame(np.column_stack([inputs, values]), columns=columns)
-        return features, values[:, [names.index(output) for output in self.model.outputs]]
+        once = values[:, [place[name] for name in names]]
+        return pd.DataFrame(np.column_stack([inputs, once]), columns=columns)
 
     def _plain(self, X):
         """Return all columns of X but time and trajectory."""

@@ -27,6 +27,7 @@ from sklearn_pgnn.estimators.sindyc_regression import sparse_coefficients, stepw
 from sklearn_pgnn.exceptions import SimulationWarning
 from sklearn_pgnn.physics.expressions import parse_expression
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.ahead import model_machine, predict_ahead
 from sklearn_pgnn.simulation.free_run import simulate_record, substeps_for
 from sklearn_pgnn.simulation.simulate import HOLDS, hold_of
 from sklearn_pgnn.trajectories import read_records, rows_in_order
@@ -264,6 +265,43 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
             )
         return self._predict_records(X, "x")
 
+    def predict_ahead(self, X, y, steps=1):
+        """Predict every sample from the outputs up to so many samples before it.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_samples, n_columns)
+            As in `predict`.
+        y : array-like of shape (n_samples, n_outputs) or (n_samples,)
+            Measured outputs, NaN where there is none; the state is estimated from them by a
+            Kalman filter.
+        steps : int, default=1
+            Samples ahead. The first `steps` rows of a trajectory are the free run's.
+
+        Returns
+        -------
+        ndarray of shape (n_samples, n_outputs) or (n_samples,)
+            Predicted outputs.
+
+        Raises
+        ------
+        OptionError
+            If `steps` is no integer from 1 on.
+        ValueError
+            If it was fitted to independent rows, which have no states.
+        """
+        check_is_fitted(self)
+        if self.model_ is None:
+            raise ValueError(
+                "predict_ahead: expected an estimator that was fitted to trajectories; "
+                "independent rows have no states."
+            )
+        method = "rk4" if self._interval is None else "euler"
+        records = self._read(X, y)
+        machines = [model_machine(self.model_, record, method=method) for record in records]
+        outputs = predict_ahead(machines, steps)[1]
+        return outputs.ravel() if self._single_output else outputs
+
     # -- samples in time ---------------------------------------------------------------------------
 
     def _fit_records(self, X, y):
@@ -312,15 +350,17 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
 
     def _predict_records(self, X, which="y"):
         """Return the simulated outputs, or the states (``"x"``)."""
-        records = read_records(
-            self.model_, validate_table(self, X, reset=False), time_column=self.time_column
-        )
-        if self.model is not None:
-            refuse_standardised(self.model, records)
-        if self._interval is not None:
-            records = on_even_clock(records, self._interval)
+        records = self._read(X)
         runs = [self._simulate(record, which) for record in records]
         return rows_in_order(records, np.concatenate(runs))
+
+    def _read(self, X, y=None):
+        """Read the records of a table."""
+        X = validate_table(self, X, reset=False)
+        records = read_records(self.model_, X, y, time_column=self.time_column)
+        if self.model is not None:
+            refuse_standardised(self.model, records)
+        return records if self._interval is None else on_even_clock(records, self._interval)
 
     def _simulate(self, record, which) -> np.ndarray:
         """Simulate one trajectory; repeat its first row where it diverges."""

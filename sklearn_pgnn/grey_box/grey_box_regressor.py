@@ -244,6 +244,39 @@ class GreyBoxRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         started = table.starting(self.model_, usual_starts(self.model_, table))
         return rows_in_order(records, self.estimator_.predict_states(started))
 
+    def predict_ahead(self, X, y, steps=1):
+        """Predict every sample from the outputs up to so many samples before it.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_samples, n_columns)
+            As in `predict`.
+        y : array-like of shape (n_samples, n_outputs) or (n_samples,)
+            Measured outputs, NaN where there is none; the state is estimated from them by a
+            Kalman filter.
+        steps : int, default=1
+            Samples ahead. The first `steps` rows of a trajectory are the free run's.
+
+        Returns
+        -------
+        ndarray of shape (n_samples, n_outputs) or (n_samples,)
+            Predicted outputs.
+
+        Raises
+        ------
+        OptionError
+            If `steps` is no integer from 1 on.
+        AttributeError
+            If a `network` of one's own was chosen that has no ``predict_ahead``.
+        """
+        check_is_fitted(self)
+        records = self._records(validate_table(self, X, reset=False), y)
+        table = plain_table(self.model, records)
+        started = table.starting(self.model_, usual_starts(self.model_, table))
+        ahead = self.estimator_.predict_ahead(started, table.y, steps)
+        outputs = rows_in_order(records, np.asarray(ahead).reshape(table.y.shape))
+        return outputs.ravel() if self._single_output else outputs
+
     def predict_from(self, X, y):
         """Simulate every trajectory from a start that fits its first measured samples.
 

@@ -1,0 +1,240 @@
+r"""Predictions some samples ahead: the state is estimated from the outputs up to a sample.
+
+The estimate is an extended Kalman filter's, with central differences along the covariance's axes in
+place of derivatives [1]_, so that anything will do that steps from a state to the next. How much
+the model is trusted is not known beforehand: several filters run side by side, each with another
+process noise, and the estimate is that of the one that has foretold the outputs up to now best.
+
+References
+----------
+.. [1] M. Norgaard, N. K. Poulsen, O. Ravn, "New developments in state estimation for nonlinear
+   systems", Automatica 36(11), 2000, :doi:`10.1016/S0005-1098(00)00089-3`.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from numbers import Integral
+
+import numpy as np
+
+from sklearn_pgnn.exceptions import OptionError
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.inputs import delayed_inputs
+from sklearn_pgnn.simulation.record_windows import output_noise
+from sklearn_pgnn.simulation.simulate import hold_of, simulate_acting, start_of
+from sklearn_pgnn.trajectories import rows_in_order
+from sklearn_pgnn.trajectories.record import Record
+
+#: variances that the process noise of a filter adds a sample, as shares of the states' variances
+PROCESS_NOISE = (0.0, 1e-8, 1e-6, 1e-4, 1e-2)
+
+
+@dataclass(frozen=True)
+class Machine:
+    """What runs along one record.
+
+    Parameters
+    ----------
+    record : Record
+        The record, with outputs.
+    x0 : ndarray of shape (n_states,)
+        Initial state.
+    run : callable
+        ``run(a, b, x)`` gives states and outputs of the samples ``a`` to ``b``, ``b`` included,
+        from the state ``x`` at ``a``.
+    """
+
+    record: Record
+    x0: np.ndarray
+    run: Callable
+
+
+def check_steps(steps) -> None:
+    """Raise `OptionError` unless predictions can be so many samples ahead.
+
+    Parameters
+    ----------
+    steps : int
+        The number.
+
+    Raises
+    ------
+    OptionError
+        If it is no integer from 1 on.
+
+    Examples
+    --------
+    >>> check_steps(1)
+    """
+    if not isinstance(steps, Integral) or steps < 1:
+        raise OptionError(f"steps: expected an integer >= 1, got {steps!r}.")
+
+
+def model_machine(model: PhysicsModel, record, *, method: str = "rk4", **options) -> Machine:
+    """Return a model as what runs along a record.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    record : Record
+        The record, with outputs.
+    method : {"rk4", "euler"}, default="rk4"
+        Scheme of a step.
+    **options
+        ``hold`` and ``substeps``, by default as the model says.
+
+    Returns
+    -------
+    Machine
+        The machine.
+    """
+    hold = hold_of(model, options.get("hold"))
+    substeps = options.get("substeps") or model.simulation.get("substeps", 1)
+    acting = delayed_inputs(model, record.t, record.u, hold == "foh")
+
+    def run(a, b, x):
+        part = slice(a, b + 1)
+        found = simulate_acting(model, record.t[part], acting[part], x, method, substeps, hold)
+        return found.x, found.y
+
+    return Machine(record, np.array(start_of(model, record), dtype=float), run)
+
+
+def predict_ahead(machines: list[Machine], steps: int):
+    """Predict states and outputs so many samples ahead of the outputs that are known.
+
+    Parameters
+    ----------
+    machines : list of Machine
+        One a record.
+    steps : int
+        How far ahead. A row less than that behind its record's first one is the free run's.
+
+    Returns
+    -------
+    states : ndarray of shape (n_samples, n_states)
+        In the order of the table's rows.
+    outputs : ndarray of shape (n_samples, n_outputs)
+        In the order of the table's rows.
+
+    Raises
+    ------
+    OptionError
+        If `steps` is no integer from 1 on.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.trajectories import read_records
+    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
+    >>> X = np.column_stack([np.arange(50.0), np.ones(50)])
+    >>> y = lag.simulate(X[:, 0], X[:, 1], [3.0], substeps=8).y
+    >>> machines = [model_machine(lag, r, substeps=8) for r in read_records(lag, X, y)]
+    >>> abs(predict_ahead(machines, 5)[1] - y)[[0, 10, 49]].round(2).ravel().tolist()
+    [3.0, 0.0, 0.0]
+    """
+    check_steps(steps)
+    records = tuple(machine.record for machine in machines)
+    noise = output_noise(records) ** 2
+    with np.errstate(all="ignore"):
+        free = [each.run(0, len(each.record.t) - 1, each.x0) for each in machines]
+        spread = _spread_of([x for x, _ in free])
+        pairs = [
+            _ahead(machine, run, noise, spread, steps)
+            for machine, run in zip(machines, free, strict=True)
+        ]
+    return tuple(rows_in_order(records, np.concatenate(part)) for part in zip(*pairs, strict=True))
+
+
+def _ahead(machine, free, noise, spread, steps):
+    """Predict along one record; what does not stay finite is the free run's."""
+    x, y = free[0].copy(), free[1].copy()
+    n = len(x)
+    if steps >= n:
+        return x, y
+    estimates = _estimate(machine, free[0], noise, spread, n - steps)
+    for k, start in enumerate(estimates):
+        states, outputs = machine.run(k, k + steps, start)
+        if np.isfinite(states[-1]).all() and np.isfinite(outputs[-1]).all():
+            x[k + steps], y[k + steps] = states[-1], outputs[-1]
+    return x, y
+
+
+def _estimate(machine, free, noise, spread, n) -> np.ndarray:
+    """Estimate the states of the first samples, each from the outputs up to it."""
+    known = machine.record.x0
+    told = np.zeros(len(spread), dtype=bool)
+    told[: len(known)] = np.isfinite(known)
+    start = np.diag(np.where(told, 0.0, spread**2))
+    filters = [_Filter(machine, noise, share * spread**2, start.copy()) for share in PROCESS_NOISE]
+    found = np.empty((n, len(spread)))
+    for k in range(n):
+        for each in filters:
+            each.take(k)
+        best = max(filters, key=lambda each: each.likelihood)
+        found[k] = best.x if np.isfinite(best.likelihood) else free[k]
+    return found
+
+
+class _Filter:
+    """A filter along one record.
+
+    Parameters
+    ----------
+    machine : Machine
+        What steps.
+    noise : ndarray of shape (n_outputs,)
+        Variances of the measurement noise.
+    process : ndarray of shape (n_states,)
+        Variances that a step adds.
+    covariance : ndarray of shape (n_states, n_states)
+        Of the initial state.
+    """
+
+    def __init__(self, machine: Machine, noise, process, covariance):
+        self.machine, self.noise, self.process = machine, noise, np.diag(process)
+        self.x, self.P, self.likelihood = machine.x0.copy(), covariance, 0.0
+
+    def take(self, k: int) -> None:
+        """Step to sample k, and take its outputs in."""
+        if not np.isfinite(self.likelihood):
+            return
+        before = max(k - 1, 0)
+        root = _root(self.P + self.process if k else self.P)
+        x, y = self._run(before, k, self.x)
+        up = [self._run(before, k, self.x + column) for column in root.T]
+        down = [self._run(before, k, self.x - column) for column in root.T]
+        by_x, by_y = (
+            np.array([(a[i] - b[i]) / 2 for a, b in zip(up, down, strict=True)]) for i in (0, 1)
+        )
+        self.x, self.P = x, by_x.T @ by_x
+        if not all(np.isfinite(part).all() for part in (x, y, by_x, by_y)):
+            self.likelihood = -np.inf
+            return
+        seen = np.isfinite(self.machine.record.y[k])
+        self._correct((self.machine.record.y[k] - y)[seen], by_x, by_y[:, seen], self.noise[seen])
+
+    def _run(self, a, b, x):
+        states, outputs = self.machine.run(a, b, x)
+        return states[-1], outputs[-1]
+
+    def _correct(self, surprise, by_x, by_y, noise) -> None:
+        """Correct the state by what the outputs are more than was expected."""
+        expected = by_y.T @ by_y + np.diag(noise)
+        gain = np.linalg.solve(expected, by_y.T @ by_x).T
+        weighed = np.linalg.solve(expected, surprise)
+        self.likelihood -= 0.5 * (surprise @ weighed + np.linalg.slogdet(expected)[1])
+        self.x = self.x + gain @ surprise
+        self.P = self.P - gain @ expected @ gain.T
+
+
+def _root(covariance: np.ndarray) -> np.ndarray:
+    """Return a square root of a covariance that may be singular."""
+    values, vectors = np.linalg.eigh((covariance + covariance.T) / 2)
+    return vectors * np.sqrt(np.maximum(values, 0.0))
+
+
+def _spread_of(runs) -> np.ndarray:
+    """Return the standard deviations of the states over free runs, 1 where nothing moves."""
+    spread = np.nanstd(np.where(np.isfinite(x := np.concatenate(runs)), x, np.nan), axis=0)
+    return np.where(spread > 0, spread, 1.0)

@@ -1,0 +1,85 @@
+"""Predictions some samples ahead, from every estimator of trajectories."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from sklearn_pgnn import (
+    GreyBoxRegressor,
+    PGNNLRegressor,
+    PhysicsModel,
+    PhysicsModelRegressor,
+    ResidualRegressor,
+    SINDYcRegressor,
+    network,
+)
+
+CART = PhysicsModel(
+    {"x": "m", "v": "m/s"},
+    {"x": "v", "v": "force - 9*x - d*v"},
+    {"d": 0.5},
+    {"force": "N"},
+    outputs={"position": "x"},
+)
+QUICK = {"module__neurons": 3, "max_epochs": 2, "refine": None, "substeps": 1}
+
+
+def records(n=2, size=4.0):
+    frames, outputs = [], []
+    for i in range(n):
+        t = 0.06 * np.arange(50)
+        force = size * np.sin((i + 1) * t**2 / 3)
+        outputs.append(CART.simulate(t, force, [0.1 * i, 0.0]).y[:, 0])
+        frames.append(pd.DataFrame({"trajectory": i, "t": t, "force": force, "x": 0.1 * i, "v": 0}))
+    order = np.random.default_rng(0).permutation(n * t.size)  # rows of trajectories interleaved
+    order = order[np.lexsort((np.tile(t, n)[order],))]
+    return pd.concat(frames, ignore_index=True).iloc[order], np.concatenate(outputs)[order]
+
+
+X, Y = records()
+FIRSTS = X.groupby("trajectory").cumcount().to_numpy()
+
+
+@pytest.mark.parametrize(
+    "estimator",
+    [
+        PhysicsModelRegressor(CART, search="local"),
+        GreyBoxRegressor(CART, depths=("fitted",), n_splits=2),
+        ResidualRegressor(CART),
+        SINDYcRegressor(CART, degree=1),
+        SINDYcRegressor(CART, degree=1, discrete=True),
+        PGNNLRegressor(CART, **QUICK),
+        PGNNLRegressor(CART, structure="increment", **QUICK),
+    ],
+    ids=lambda each: type(each).__name__,
+)
+def test_far_ahead_is_the_free_run_and_near_ahead_is_near(estimator):
+    free = estimator.fit(X, Y).predict(X)
+    assert np.allclose(estimator.predict_ahead(X, Y, steps=100), free, atol=1e-12)
+    found = estimator.predict_ahead(X, Y, steps=10)
+    assert np.allclose(found[FIRSTS < 10], free[FIRSTS < 10], atol=1e-12)
+    moved = Y + 0.5  # another plant: what is measured matters
+    errors = [
+        np.sqrt(np.mean((each - moved)[FIRSTS > 20] ** 2))
+        for each in (estimator.predict_ahead(X, moved), free)
+    ]
+    assert errors[0] < 0.5 * errors[1]
+
+
+@pytest.mark.parametrize("estimator", [SINDYcRegressor(), PGNNLRegressor(max_epochs=2)])
+def test_independent_rows_have_no_state(estimator):
+    A = np.random.default_rng(0).normal(size=(60, 3))
+    with pytest.raises(ValueError, match="have no states"):
+        estimator.fit(A, A[:, :1] ** 2).predict_ahead(A, A[:, :1])
+
+
+def test_a_hidden_state_is_refused():
+    net = PGNNLRegressor(CART, module=network.Recurrent, **QUICK).fit(X, Y)
+    with pytest.raises(ValueError, match="without a hidden state, got Recurrent"):
+        net.predict_ahead(X, Y)
+
+
+def test_a_residual_needs_a_model():
+    A = np.random.default_rng(0).normal(size=(60, 3))
+    with pytest.raises(ValueError, match="expected a regressor with a model"):
+        ResidualRegressor().fit(A, A[:, 0]).predict_ahead(A, A[:, 0])
