@@ -10,6 +10,15 @@ class ModelError(ValueError):
         What was expected, what came, and where.
     where : tuple of str, default=()
         Which entry of the model is meant, e.g. ``("equations", "omega")``.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn import PhysicsModel
+    >>> try:
+    ...     PhysicsModel({"x": "m"}, {"x": "-x/T"})
+    ... except ModelError as error:
+    ...     print(error)
+    equations.x: unknown name 'T'; known names are x ...
     """
 
     def __init__(self, message, where=()):
@@ -18,7 +27,17 @@ class ModelError(ValueError):
 
 
 class RecordError(ValueError):
-    """A record (a table of samples, a CSV file) cannot be used."""
+    """A record (a table of samples, a CSV file) cannot be used.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn import systems, trajectories
+    >>> try:
+    ...     trajectories.read_csv("forgotten.csv", systems.cart_on_spring())
+    ... except RecordError as error:
+    ...     print(error)
+    forgotten.csv:1: expected a CSV file, got: No such file...
+    """
 
 
 class OptionError(ValueError):

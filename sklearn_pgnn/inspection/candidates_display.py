@@ -31,6 +31,12 @@ class CandidatesDisplay:
         The axes, once drawn.
     figure_ : matplotlib.figure.Figure
         Their figure.
+
+    Examples
+    --------
+    >>> shown = CandidatesDisplay(["friction", "cogging"], left=[0.01, 0.8], named=[True, False])
+    >>> [name for name, named in zip(shown.names, shown.named, strict=True) if named]
+    ['friction']
     """
 
     def __init__(self, names, left, named, *, noise=0.0, ends=None):

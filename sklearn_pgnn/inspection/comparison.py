@@ -90,6 +90,11 @@ class DiagnosisComparison:
         The sizes of the causes, then the parameters.
     tables : tuple of Table
         Verdicts, causes, parameters and errors of both.
+
+    Examples
+    --------
+    >>> DiagnosisComparison(("before", "after"), (), (), ()).summary
+    'before and after say the same, within their 95 % intervals.'
     """
 
     names: tuple[str, str]

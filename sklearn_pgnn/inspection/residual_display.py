@@ -212,5 +212,13 @@ def resid(estimator, X=None, y=None, **options) -> ResidualDisplay:
     -------
     ResidualDisplay
         The picture, drawn.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn import datasets, systems
+    >>> hidden = datasets.make_cart(1, duration=5.0, random_state=0)
+    >>> display = resid(systems.cart_on_spring(), hidden.X, hidden.y)
+    >>> len(display.lags_) == len(display.cross_correlation_["force"])
+    True
     """
     return ResidualDisplay.from_estimator(estimator, X, y, **options)

@@ -17,6 +17,13 @@ class SourceFile:
         Its path, as it was given.
     sha256 : str
         Hash of its bytes, in hexadecimal digits.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> _ = Path("run.csv").write_text("t,force,position")
+    >>> SourceFile.read("run.csv").sha256[:8]
+    'c037ddee'
     """
 
     name: str
