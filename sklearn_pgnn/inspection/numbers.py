@@ -29,8 +29,12 @@ def free_run_error(value: float) -> str:
 def measured(value: float, low: float, high: float, unit: str = "") -> str:
     """Write a value with its interval, no finer than the interval makes sense.
 
+    Where zero is not inside, nothing but zero is rounded to it.
+
     Examples
     --------
+    >>> measured(0.0478, 0.01, 1.0, "m^2")
+    '0.048 (0.010 to 1.0) m^2'
     >>> measured(0.0804999, 0.07912, 0.08188, "N m")
     '0.0805 (0.0791 to 0.0819) N m'
     >>> measured(2.0, 2.0, 2.0)
@@ -39,10 +43,11 @@ def measured(value: float, low: float, high: float, unit: str = "") -> str:
     if not (math.isfinite(low) and math.isfinite(high)) or low == high:
         return f"{number(value)} {unit}".rstrip()
     places = _places(value, (high - low) / 2)
-    text = " ".join(
-        (_rounded(value, places), f"({_rounded(low, places)} to {_rounded(high, places)})", unit)
+    inside = low < 0 < high
+    here, start, end = (
+        _rounded(x, places if inside else _kept(x, places)) for x in (value, low, high)
     )
-    return text.rstrip()
+    return f"{here} ({start} to {end}) {unit}".rstrip()
 
 
 def sized(value: float, low: float, high: float, unit: str = "") -> str:
@@ -77,6 +82,13 @@ def _places(value: float, half_width: float) -> int:
     places = -math.floor(math.log10(half_width / 3))
     if value:
         places = min(places, 5 - math.floor(math.log10(abs(value))))
+    return places
+
+
+def _kept(value: float, places: int) -> int:
+    """Return decimals with which a value is not rounded to zero: then two of its digits."""
+    if value and round(value, places) == 0:
+        return 1 - math.floor(math.log10(abs(value)))
     return places
 
 
