@@ -30,6 +30,14 @@ MOTOR = PhysicsModel(
     equations={"w": "(K*i - d*w)/J", "i": "(U - R*i - K*w)/L"},
     inertia={"w": "J"},
 )
+OVEN = PhysicsModel(
+    name="oven",
+    states={"T": "K"},
+    inputs={"P": "W", "T_room": "K"},
+    outputs={"temperature": "T"},
+    parameters={"C": {"value": 80.0, "unit": "J/K", "bounds": [1, 1e4]}},
+    equations={"T": "P/C"},
+)
 #: the machines in which an effect is looked for, and how their records are made
 MACHINES = (
     (systems.cart_on_spring(), {"n_records": 4, "sample_rate": 100.0, "noise": 1e-3}),
@@ -38,6 +46,7 @@ MACHINES = (
         systems.two_tanks(),
         {"n_records": 4, "duration": 600.0, "sample_rate": 1.0, "amplitude": 2.7, "noise": 1e-2},
     ),
+    (OVEN, {"n_records": 4, "duration": 600.0, "sample_rate": 1.0, "noise": 1e-2}),
 )
 #: kinds of targets in the order of the page, and their headings
 KINDS = {
@@ -107,7 +116,8 @@ def kind_of(effect) -> str:
     for machine, _ in MACHINES:
         for target in effect.targets(machine):
             places = {"state": machine.states, "input": machine.inputs, "output": machine.outputs}
-            return next((kind for kind, names in places.items() if target in names), "parameter")
+            name = target.split("(")[0]  # as in T(T_room)
+            return next((kind for kind, names in places.items() if name in names), "parameter")
     return "state"
 
 
