@@ -3,6 +3,7 @@
 Imports nothing heavy, so that the first word comes before the libraries are loaded.
 """
 
+import math
 from collections.abc import Callable
 from contextlib import contextmanager
 from time import monotonic
@@ -12,6 +13,7 @@ from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn
 from rich.text import Text
 
 from sklearn_pgnn.cli.signals import check
+from sklearn_pgnn.cli.stages import in_words
 
 #: seconds between two lines of one stage in a pipe
 EVERY = 5.0
@@ -45,11 +47,11 @@ def show_progress(quiet: bool):
 
 
 def _checked(show: Callable) -> Callable:
-    """Check for signals at every step; a stage of a single step shows no count."""
+    """Check for signals at every step; stages are in words, a single step is not counted."""
 
     def progress(stage: str, done: int = 0, total: int | None = None) -> None:
         check()
-        show(stage, done, None if total == 1 else total)
+        show(in_words(stage), done, None if total == 1 else total)
 
     return progress
 
@@ -112,7 +114,7 @@ class _Live:
 
 
 class Lines:
-    """A line when a stage begins, and one every few seconds while it goes on.
+    """A line when a stage begins, and one every few seconds while it goes on, with the time so far.
 
     Parameters
     ----------
@@ -125,7 +127,7 @@ class Lines:
     def __init__(self, write: Callable[[str], object], clock: Callable[[], float] = monotonic):
         self.write, self.clock = write, clock
         self.seen: set[str] = set()
-        self.last = -EVERY
+        self.began, self.last = clock(), -math.inf
 
     def __call__(self, stage: str, done: int, total: int | None) -> None:
         """Show a step, unless the last line was just now."""
@@ -134,4 +136,6 @@ class Lines:
             return
         self.seen.add(stage)
         self.last = now
-        self.write(f"{stage} ..." if total is None else f"{stage}: {done} of {total} ...")
+        step = "" if total is None else f": {done} of {total}"
+        since = int(now - self.began)
+        self.write(f"{stage}{step}, {since} s ..." if since else f"{stage}{step} ...")

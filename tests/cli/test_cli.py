@@ -88,7 +88,7 @@ def test_it_says_what_was_found_and_where_it_is(done):
     assert "What is left is white noise." in text
     assert all(str(out / name) in result.stdout for name in FILES)
     assert not any(line != line.rstrip() for line in result.stdout.splitlines() if line.strip())
-    assert "cause 1: 0 of" in result.stderr
+    assert "cause 1, fitting the suspects: 0 of" in result.stderr
     assert "of 1 ..." not in result.stderr
 
 

@@ -274,8 +274,10 @@ def test_a_pipe_gets_a_line_a_stage_and_no_flood():
         show("folds", step % 3, 3)
     assert lines[:3] == ["reading ...", "cause 1: 0 of 1000 ...", "folds: 0 of 3 ..."]
     assert 3 < len(lines) <= 3 + 10 / EVERY
+    assert ", 5 s ..." in lines[3]  # how long it has been, where nothing else moves
     assert all(
-        re.fullmatch(r"cause 1: \d+ of 1000 \.\.\.|folds: \d of 3 \.\.\.", x) for x in lines[1:]
+        re.fullmatch(r"(cause 1: \d+ of 1000|folds: \d of 3)(, \d+ s)? \.\.\.", x)
+        for x in lines[1:]
     )
 
 

@@ -11,6 +11,7 @@ from time import monotonic
 
 from sklearn_pgnn.cli.app.limits import NAME, PATIENCE, RECORDS
 from sklearn_pgnn.cli.app.work import Ended, Refused, Worker
+from sklearn_pgnn.cli.stages import in_words
 
 
 @dataclass(frozen=True)
@@ -68,11 +69,12 @@ class Stages:
 
     def step(self, told: dict) -> None:
         """Note a step of the process."""
-        if told["stage"] != self.stage:
+        stage = in_words(told["stage"])
+        if stage != self.stage:
             now = monotonic()
             self.past.append((self.stage, now - self._stage_began))
             self._stage_began = now
-        self.stage, self.done, self.total = told["stage"], told["step"], told["steps"]
+        self.stage, self.done, self.total = stage, told["step"], told["steps"]
 
     @property
     def seconds(self) -> float:
