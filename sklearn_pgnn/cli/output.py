@@ -23,7 +23,7 @@ def strict_json(diagnosis) -> str:
 
 
 def refuse_existing(path, *, force: bool) -> None:
-    """Refuse to replace a file, unless that is wanted.
+    """Refuse to replace a file, unless that is wanted, and a folder that is not there.
 
     Parameters
     ----------
@@ -35,8 +35,10 @@ def refuse_existing(path, *, force: bool) -> None:
     Raises
     ------
     OptionError
-        If it is there already.
+        If it is there already, or its folder is not.
     """
+    if not Path(path).absolute().parent.is_dir():
+        raise OptionError(f"{path}: expected its folder to be there. Remedy: make it first.")
     if Path(path).exists() and not force:
         raise OptionError(
             f"{path}: expected no such file, got one. Remedy: another name, or --force to "

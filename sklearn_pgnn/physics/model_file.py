@@ -26,6 +26,8 @@ from sklearn_pgnn.physics.unit_check import check_units
 
 #: largest model file [byte]
 MAX_BYTES = 1_000_000
+#: letters of a text that an error shows
+SHOWN = 60
 _PLAIN_TAGS = {
     f"tag:yaml.org,2002:{name}"
     for name in ("map", "seq", "str", "int", "float", "bool", "null", "timestamp")
@@ -355,6 +357,8 @@ def _shown(node: Node) -> str:
         return "a list"
     if isinstance(node, MappingNode):
         return "names and values"
+    if len(node.value) > SHOWN:  # a whole file, perhaps, that is no model
+        return repr(f"{node.value[:SHOWN]} ...")
     return repr(node.value) if node.value else "nothing"
 
 

@@ -115,6 +115,12 @@ def test_a_check_of_several_records_tells_the_fit_of_each(files):
     assert "fit of speed" not in run("check", *given(files, "a.csv")).stdout
 
 
+def test_a_file_whose_folder_is_missing_is_refused_before_anything_is_simulated(files):
+    said = run("simulate", *given(files), "--output", files / "no" / "run.csv", code=2).stderr
+    assert "expected its folder to be there. Remedy: make it first." in said
+    assert "simulating" not in said
+
+
 def test_a_check_names_what_is_not_used_and_every_column_that_is_missing(files):
     table(0).assign(temperature=20).to_csv(files / "more.csv", index=False)
     assert "Not used: temperature." in run("check", *given(files, "more.csv")).stdout

@@ -301,6 +301,7 @@ def test_an_error_has_its_line_and_column(file, old, new, said):
         ("", "1:1: expected a model, got an empty file."),
         ("# nothing\n", "1:1: expected a model, got an empty file."),
         ("3\n", "1:1: expected a model, got '3'."),
+        ("t,F\n" + "0.1,2\n" * 99, "1:1: expected a model, got 't,F " + "0.1,2 " * 9 + "0. ...'."),
         ("- a\n", "1:1: expected a model, got a list."),
         ("a: b\n---\nc: d\n", "2:1: expected YAML: but found another document."),
         ("a: [b\n", "2:1: expected YAML: "),
@@ -310,7 +311,7 @@ def test_an_error_has_its_line_and_column(file, old, new, said):
         ("&a [*a]\n", "1:1: expected a model, got a list."),
         ("a: 1\n#" + MAX_BYTES * "-", f"1:1: expected at most {MAX_BYTES} bytes, got more."),
     ],
-    ids=range(11),
+    ids=range(12),
 )
 def test_what_is_no_model_file_is_refused(file, text, said):
     assert refusal(file, text) == said or refusal(file, text).startswith(said)
