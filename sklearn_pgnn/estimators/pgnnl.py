@@ -19,7 +19,12 @@ from sklearn_pgnn.estimators.network.batches import TensorBatches
 from sklearn_pgnn.estimators.network.cores import FeedForward
 from sklearn_pgnn.estimators.network.free_parameters import names_of
 from sklearn_pgnn.estimators.network.free_run import run_core
-from sklearn_pgnn.estimators.network.physics_loss import PhysicsLoss, as_terms
+from sklearn_pgnn.estimators.network.physics_loss import (
+    PhysicsLoss,
+    as_terms,
+    own_parameters,
+    with_dissipation,
+)
 from sklearn_pgnn.estimators.network.plain_model import plain_model
 from sklearn_pgnn.estimators.network.reading import (
     feature_values,
@@ -117,6 +122,11 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         the balance.
     physics_loss : PhysicsTerm, callable or list of them, optional
         The physical terms; by default the model's energy balance.
+    scaled : bool, default=True
+        Whether both losses are free of units. With False they are the paper's, so that a
+        `lambda_phy` compares with one of [1]_: :math:`L_{error}` is the mean over the samples of
+        the summed squares of the errors, of states in single steps and of outputs later, and
+        :math:`L_{phy}` the mean square of the energy that a step lacks [J].
     free : sequence of str or "all", optional
         Parameters of the model that are trained with the network, inside their spread and bounds;
         ``"all"`` are those that are not fixed. By default the model is taken as it is.
@@ -203,6 +213,8 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         Value, 95 % interval and unit of every parameter that was trained with the network. A
         parameter that the records do not tell from what the network learns is at the value at which
         the network says least of what the model could say; its interval holds for that value.
+    dissipation_ : dict of str to float
+        Value of every parameter of an `EnergyBalance` of one's own that was trained.
     structure_ : str
         The structure that was used.
     lambda_phy_ : float
@@ -261,6 +273,7 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         guide="auto",
         lambda_phy=0.0,
         physics_loss=None,
+        scaled=True,
         free=None,
         overlap=0.1,
         corrects=None,
@@ -308,6 +321,7 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         self.guide = guide
         self.lambda_phy = lambda_phy
         self.physics_loss = physics_loss
+        self.scaled = scaled
         self.free = free
         self.overlap = overlap
         self.corrects = corrects
@@ -520,7 +534,8 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         Returns
         -------
         ndarray of shape (n_samples, n_terms)
-            The terms' dimensionless residuals of the step that ends in each row (of an inequality
+            The terms' residuals of the step that ends in each row, of energies dimensionless or,
+            with ``scaled=False``, in joules (of an inequality
             what is above zero; of a term with several columns their root mean square); NaN in the
             first row of a trajectory.
 
@@ -533,6 +548,8 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         loss = self._bound_loss()
         runs = self._free_runs(X) if states is None else self._read_ready(X)
         given = None if states is None else self._check_states(X, states)
+        trained = {name: each.value for name, each in self.parameters_.items()}
+        trained |= self.dissipation_
         found = []
         for i, (record, ready) in enumerate(zip(runs.records, runs.ready, strict=True)):
             x = runs.x[i] if given is None else given[record.rows]
@@ -541,7 +558,7 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
                 torch.as_tensor(x)[None],
                 torch.as_tensor(ready.u[:-1])[None],
                 torch.as_tensor(ready.t)[None],
-                {name: torch.tensor(each.value) for name, each in self.parameters_.items()},
+                {name: torch.tensor(value) for name, value in trained.items()},
             )
             for j, h in enumerate(parts):
                 h = h[0].numpy()
@@ -684,6 +701,8 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
             raise ValueError(f"refine: expected one of {REFINEMENTS}, got {self.refine!r}.")
         if not isinstance(self.horizon, Integral) or self.horizon < 1:
             raise ValueError(f"horizon: expected an integer >= 1, got {self.horizon!r}.")
+        if not isinstance(self.scaled, bool | np.bool_):
+            raise ValueError(f"scaled: expected True or False, got {self.scaled!r}.")
         share = self.validation_fraction
         if not isinstance(share, int | float) or not 0 <= share < 1:
             raise ValueError(
@@ -701,7 +720,7 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         self._single_output = y.ndim == 1
         y = y.reshape(len(y), -1).astype(float)
         self.model_, self._rows, self.lambda_phy_ = None, (X, y), 0.0
-        self.parameters_ = {}
+        self.parameters_, self.dissipation_ = {}, {}
         self._validation, self._phase, self._physics = [], None, None
         if anew:
             self.initialize()
@@ -752,6 +771,7 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         if self.model is None:
             X, y = self._with_time_name(X), np.asarray(y)  # y names nothing that a model knows
             self.model_ = plain_model(X, y, self._time_name, self.states)
+        self._settle_dissipation()
         X, time_column = self._named(X)
         given = read_records(self.model_, X, y, time_column=time_column, allow_unmeasured=True)
         records = tuple(record for record in given if record.is_measured)
@@ -788,6 +808,13 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         self._settle_physics(windows)
         self._spread = _positive(np.nanstd(np.concatenate([r.y for r in records]), axis=0))
         return training, windows
+
+    def _settle_dissipation(self) -> None:
+        """Let the model lose its energy as a balance says that is weighted."""
+        terms = as_terms(self.physics_loss, self.model) if self.lambda_phy != 0 else []
+        self._balance_names = own_parameters(self.model, terms)
+        self._prior = with_dissipation(self.model, terms)
+        self.model_ = with_dissipation(self.model_, terms)
 
     def _settle_clock(self, records) -> dict:
         """Settle how the records are simulated and compared, and return the former."""
@@ -861,7 +888,7 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         wanted = self.lambda_phy != 0 or self.physics_loss is not None
         if wanted or "stored" in self.model_.energy:
             terms = as_terms(self.physics_loss, self.model)
-            self._physics = PhysicsLoss(terms, self.model_, windows.motion())
+            self._physics = PhysicsLoss(terms, self.model_, windows.motion(), self.scaled)
         if self.lambda_phy != ADAPTIVE:
             self.lambda_phy_ = float(self.lambda_phy)
 

@@ -193,6 +193,7 @@ class _Filter:
 
     def __init__(self, machine: Machine, noise, process, covariance):
         self.machine, self.noise, self.process = machine, noise, np.diag(process)
+        self.y = np.asarray(machine.record.y)
         self.x, self.P, self.likelihood = machine.x0.copy(), covariance, 0.0
 
     def take(self, k: int) -> None:
@@ -211,8 +212,8 @@ class _Filter:
         if not all(np.isfinite(part).all() for part in (x, y, by_x, by_y)):
             self.likelihood = -np.inf
             return
-        seen = np.isfinite(self.machine.record.y[k])
-        self._correct((self.machine.record.y[k] - y)[seen], by_x, by_y[:, seen], self.noise[seen])
+        seen = np.isfinite(self.y[k])
+        self._correct((self.y[k] - y)[seen], by_x, by_y[:, seen], self.noise[seen])
 
     def _run(self, a, b, x):
         states, outputs = self.machine.run(a, b, x)

@@ -15,6 +15,7 @@ from sklearn.base import BaseEstimator
 
 from sklearn_pgnn.estimators.network.torch_functions import torch_value
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.parameter import Parameter
 
 KINDS = ("equality", "inequality")
 
@@ -45,8 +46,8 @@ class PhysicsTerm(BaseEstimator):
     'inequality'
     """
 
-    #: whether the residual takes values of the model's parameters that are trained
-    knows_parameters = False
+    #: whether it is one of energies: in joules unless scaled, by the parameters that are trained
+    is_energy = False
 
     def __init__(self, residual=None, *, kind="equality", weight=1.0):
         self.residual = residual
@@ -86,10 +87,19 @@ class EnergyBalance(PhysicsTerm):
     supplied power of the training data (of the change of the stored energy, where nothing is
     supplied), so that the residual does not depend on the units.
 
+    What is dissipated is the prior's, which may lack what is to be learnt. Where its form is known,
+    `dissipated` takes its place, with parameters that are trained with the network.
+
     Parameters
     ----------
     weight : float, default=1
         Weight among several terms.
+    dissipated : str, optional
+        Power that is lost [W], as an expression of the model's quantities and of `parameters`; by
+        default as in the model's energy.
+    parameters : mapping of str to float, optional
+        Numbers in `dissipated` that the model does not have, with the values that their training
+        begins with; they are kept from becoming negative.
 
     References
     ----------
@@ -98,18 +108,56 @@ class EnergyBalance(PhysicsTerm):
 
     Examples
     --------
-    >>> EnergyBalance().kind
+    >>> EnergyBalance(dissipated="d*v**2 + Fc*abs(v)", parameters={"Fc": 0.1}).kind
     'equality'
     """
 
-    knows_parameters = True
+    is_energy = True
 
-    def __init__(self, weight=1.0):
+    def __init__(self, weight=1.0, *, dissipated=None, parameters=None):
         super().__init__(None, kind="equality", weight=weight)
+        self.dissipated = dissipated
+        self.parameters = parameters
 
-    def bind(self, model, motion):
-        """Get ready for a model and the motion it is trained on; see `PhysicsTerm.bind`."""
-        return partial(_Energy(model, motion).surplus, dissipates=True)
+    def with_dissipation(self, model: PhysicsModel) -> PhysicsModel:
+        """Return a model whose energy is dissipated as this balance says.
+
+        Parameters
+        ----------
+        model : PhysicsModel
+            The model.
+
+        Returns
+        -------
+        PhysicsModel
+            The same machine; parameters that it has already keep their values.
+
+        Raises
+        ------
+        ValueError
+            If there are `parameters`, but no `dissipated` that holds them.
+        """
+        own = dict(self.parameters or {})
+        if self.dissipated is None:
+            if own:
+                raise ValueError(
+                    f"EnergyBalance: expected 'dissipated' with {', '.join(own)} in it, got none."
+                )
+            return model
+        added = [
+            Parameter(name, value, bounds=(0.0, np.inf), spread=np.inf)
+            for name, value in own.items()
+            if name not in model.parameters
+        ]
+        return model.replace(
+            parameters=[*model.parameters.values(), *added],
+            energy={**model.energy, "dissipated": self.dissipated},
+        )
+
+    def bind(self, model, motion, scaled=True):
+        """Get ready for a model and its motion, see `PhysicsTerm.bind`; not scaled in joules."""
+        energy = _Energy(self.with_dissipation(model), motion, scaled)
+        return partial(energy.surplus, dissipates=True)
 
 
 class Passivity(PhysicsTerm):
@@ -131,14 +179,14 @@ class Passivity(PhysicsTerm):
     'inequality'
     """
 
-    knows_parameters = True
+    is_energy = True
 
     def __init__(self, weight=1.0):
         super().__init__(None, kind="inequality", weight=weight)
 
-    def bind(self, model, motion):
-        """Get ready for a model and the motion it is trained on; see `PhysicsTerm.bind`."""
-        return partial(_Energy(model, motion).surplus, dissipates=False)
+    def bind(self, model, motion, scaled=True):
+        """Get ready for a model and its motion, see `PhysicsTerm.bind`; not scaled in joules."""
+        return partial(_Energy(model, motion, scaled).surplus, dissipates=False)
 
 
 class Bounds(PhysicsTerm):
@@ -222,11 +270,16 @@ class PhysicsLoss:
         Names the states and inputs.
     motion : Motion
         The training data.
+    scaled : bool, default=True
+        Whether residuals of energies are shares of a power, or else in joules.
     """
 
-    def __init__(self, terms, model: PhysicsModel, motion: Motion):
+    def __init__(self, terms, model: PhysicsModel, motion: Motion, scaled: bool = True):
         self.terms = terms
-        self._residuals = [term.bind(model, motion) for term in terms]
+        self._residuals = [
+            term.bind(model, motion, scaled) if term.is_energy else term.bind(model, motion)
+            for term in terms
+        ]
 
     def residuals(self, x, u, t, tuned=None) -> list[torch.Tensor]:
         """Return every term's residual, each of shape (n, length, m).
@@ -254,7 +307,7 @@ class PhysicsLoss:
         """
         found = []
         for term, residual in zip(self.terms, self._residuals, strict=True):
-            h = residual(x, u, t, tuned=tuned) if term.knows_parameters else residual(x, u, t)
+            h = residual(x, u, t, tuned=tuned) if term.is_energy else residual(x, u, t)
             if tuple(h.shape[:2]) != tuple(u.shape[:2]):
                 raise ValueError(
                     f"physics_loss: {type(term).__name__} gave shape {tuple(h.shape)}; expected "
@@ -326,10 +379,62 @@ def as_terms(physics_loss, model: PhysicsModel | None) -> list[PhysicsTerm]:
     return terms
 
 
+def with_dissipation(model: PhysicsModel, terms) -> PhysicsModel:
+    """Return a model whose energy is dissipated as a balance among the terms says.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    terms : list of PhysicsTerm
+        The terms.
+
+    Returns
+    -------
+    PhysicsModel
+        The same machine, with the parameters of those balances.
+    """
+    for term in terms:
+        if isinstance(term, EnergyBalance):
+            model = term.with_dissipation(model)
+    return model
+
+
+def own_parameters(model: PhysicsModel, terms) -> tuple[str, ...]:
+    """Name the parameters that balances have besides the model's.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model that the user gave.
+    terms : list of PhysicsTerm
+        The terms.
+
+    Returns
+    -------
+    tuple of str
+        The names, each once.
+
+    Raises
+    ------
+    ValueError
+        If the model has a parameter of that name.
+    """
+    balances = [term for term in terms if isinstance(term, EnergyBalance)]
+    names = tuple(dict.fromkeys(name for each in balances for name in each.parameters or {}))
+    taken = [name for name in names if name in model.parameters]
+    if taken:
+        raise ValueError(
+            f"EnergyBalance: expected parameters that {model.name!r} does not have, got "
+            f"{taken[0]!r}. Remedy: free=[{taken[0]!r}] trains the model's own."
+        )
+    return names
+
+
 class _Energy:
     """The energy of a model's motion."""
 
-    def __init__(self, model: PhysicsModel, motion: Motion):
+    def __init__(self, model: PhysicsModel, motion: Motion, scaled: bool):
         if "stored" not in model.energy:
             raise ValueError(
                 f"the energy of {model.name!r} is not known: expected the model's 'energy' with "
@@ -337,7 +442,7 @@ class _Energy:
                 f"{', '.join(model.energy) or 'nothing'}. Remedy: give the model its energy, set "
                 f"lambda_phy=0, or name another physics_loss."
             )
-        self.model = model
+        self.model, self.scaled = model, scaled
         x, u, t = (torch.as_tensor(part) for part in (motion.x, motion.u, motion.t))
         supplied = self._power("supplied", *_middle(x, u, t))
         stored = self._stored(x, u, t)
@@ -346,13 +451,13 @@ class _Energy:
         self.reference = rms[0] or rms[1] or 1.0
 
     def surplus(self, x, u, t, *, dissipates: bool, tuned=None):
-        """Return the growth of the stored energy beyond the supplied power, over the scale."""
+        """Return the growth of the stored energy beyond what was supplied, over the scale."""
         x_middle, u_middle, t_middle = _middle(x, u, t)
         change = torch.diff(self._stored(x, u, t, tuned), dim=1) / torch.diff(t, dim=1)
         surplus = change - self._power("supplied", x_middle, u_middle, t_middle, tuned)
         if dissipates:
             surplus = surplus + self._power("dissipated", x_middle, u_middle, t_middle, tuned)
-        return surplus / self.reference
+        return surplus / self.reference if self.scaled else surplus * torch.diff(t, dim=1)
 
     def _stored(self, x, u, t, tuned=None):
         return self._power("stored", x, torch.cat([u, u[:, -1:]], dim=1), t, tuned)

@@ -78,7 +78,8 @@ class TrajectoryNet(NeuralNetRegressor):
     _validation: list[TrainingRecord]
     _unmeasured: list[TrainingRecord]
     _shown: dict[str, Dataset | None]
-    _free_names: tuple[str, ...] = ()
+    _free_names: tuple[str, ...] = ()  # of the model
+    _balance_names: tuple[str, ...] = ()  # of the physical loss alone
     _free: FreeParameters | None = None  # while they are trained
     _overlap: Overlap | None = None
     step_: NetworkStep
@@ -179,13 +180,17 @@ class TrajectoryNet(NeuralNetRegressor):
         self._run_phase(windows, length, target, left, 0.1, self.rollout_epochs, **fit_params)
 
     def _run_phase(self, windows, length, target, scale, rate, epochs, **fit_params) -> None:
-        scale = torch.as_tensor(_positive(scale), device=self.device)
+        scale = torch.as_tensor(self._measure(_positive(scale)), device=self.device)
         self._phase = _Phase(epochs, length, windows, scale, rate)
         batch = windows.cut(length, self.step_, teacher=self.module_.teacher_forcing)
-        if self._free is not None:
+        if self._free_names:
             for part in ("prior", "terms"):
                 batch.pop(part, None)  # they move with the parameters
         self.fit_loop(batch, target, epochs=epochs, **fit_params)
+
+    def _measure(self, left) -> np.ndarray:
+        """Return what errors are measured by: what is left to explain, or that of their sum."""
+        return left if self.scaled else np.full(left.shape, left.size**-0.5)
 
     def _base_error(self, training, length) -> np.ndarray:
         error = step_setup.base_error(self.step_, training, self._outputs, length)
@@ -246,7 +251,7 @@ class TrajectoryNet(NeuralNetRegressor):
         return SimulationObjective(
             self._free_step(),
             training,
-            self._base_error(training, None),
+            self._measure(self._base_error(training, None)),
             self._physics,
             self.lambda_phy_,
             self._stride,
@@ -264,9 +269,10 @@ class TrajectoryNet(NeuralNetRegressor):
     def _free_parameters(self, windows) -> None:
         """Let the model's parameters be trained, from their present values."""
         self._free, self._overlap = None, None
-        if self._free_names:
-            self._free = FreeParameters.of(self.model, self.model_, self._free_names)
-            if self.structure_ == "correction":
+        names = self._free_names + self._balance_names
+        if names:
+            self._free = FreeParameters.of(self._prior, self.model_, names)
+            if self._free_names and self.structure_ == "correction":
                 self._overlap = Overlap(self.step_, self._free, windows)
 
     def _changes(self) -> np.ndarray:
@@ -283,6 +289,7 @@ class TrajectoryNet(NeuralNetRegressor):
     def _settle_parameters(self, training) -> None:
         """Give the model the parameters' last values, and note how sure they are."""
         self.parameters_: dict[str, Estimate] = {}
+        self.dissipation_: dict[str, float] = {}
         if self._free is None:
             return
         free, changes = self._free, self._changes()
@@ -292,14 +299,16 @@ class TrajectoryNet(NeuralNetRegressor):
             objective.lambda_phy, objective.overlap = 0.0, None
             theta = np.append(weights_of(self.module_.core), changes)
             reach = NORMAL_95 * parameter_errors(objective, theta)
-        self.parameters_ = free.estimates(self.model_, changes, reach)
+        found = free.estimates(self.model_, changes, reach)
+        self.parameters_ = {name: found[name] for name in self._free_names}
+        self.dissipation_ = {name: found[name].value for name in self._balance_names}
         self.step_ = tuned(replace(self.step_, free=free.names), changes)
         self.model_ = self.step_.model
         self.module_.step = self.step_
         self._free = self._overlap = self.module_.free = None
         with torch.no_grad():
             self.module_.changes.zero_()
-        _warn_of_ends(free.at_the_end(changes))
+        _warn_of_ends([each for each in free.at_the_end(changes) if each in self._free_names])
 
     @contextlib.contextmanager
     def _resting_optimizer(self):
@@ -370,7 +379,8 @@ class TrajectoryNet(NeuralNetRegressor):
             self.module_ = RowNetwork(core, X, y).double()
         else:
             core = self._make_core(len(self.step_.mean), self.step_.n_network_outputs)
-            self.module_ = StepNetwork(core, self.step_, {}, len(self._free_names)).double()
+            n_free = len(self._free_names + self._balance_names)
+            self.module_ = StepNetwork(core, self.step_, {}, n_free).double()
         return self
 
     def _make_core(self, n_inputs, n_outputs):
