@@ -370,7 +370,8 @@ class Search:
         fits = _usable([self._step(self.fitter.first_fit(without, other)) for other in others])
         limit = self._limit(current, self.fitter.subsample(current).squares)
         near = [self._step(self.fitter.converge(fit, limit)) for fit in fits]
-        near = [fit for fit in _usable(near) if fit.squares <= limit]
+        known = self.fitter.is_known
+        near = [f for f in _usable(near) if f.squares <= limit or known(f.hypothesis)]
         trials = [self.fitter.fit_all(fit, current) for fit in near[: 2 * KEPT]]
         return [trial for trial in trials if trial.fit.usable]
 

@@ -80,17 +80,23 @@ def objective_of(trial: FittedHypothesis) -> float:
     return trial.fit.objective
 
 
-def carry_over(fit: WindowFit, model: PhysicsModel, expected: np.ndarray) -> np.ndarray:
+def carry_over(
+    fit: WindowFit, before: np.ndarray, model: PhysicsModel, expected: np.ndarray
+) -> np.ndarray:
     """Return initial states of another model: fitted ones where it has the same state.
+
+    What an output shows otherwise keeps its distance from what is expected.
 
     Parameters
     ----------
     fit : WindowFit
         A fit.
+    before : ndarray of shape (n_windows, n_states)
+        Its expected initial states.
     model : PhysicsModel
         The other model.
     expected : ndarray of shape (n_windows, n_states)
-        Its expected initial states.
+        Those of the other model.
 
     Returns
     -------
@@ -99,7 +105,19 @@ def carry_over(fit: WindowFit, model: PhysicsModel, expected: np.ndarray) -> np.
     """
     start, names = expected.copy(), list(fit.model.states)
     turned = set(unsigned_states(model)) ^ set(unsigned_states(fit.model))
+    otherwise = _shown_otherwise(fit.model, model)
     for i, state in enumerate(model.states):
         if state in names and state not in turned:
-            start[:, i] = fit.x0[:, names.index(state)]
+            place = names.index(state)
+            start[:, i] = fit.x0[:, place]
+            if state in otherwise:
+                start[:, i] += expected[:, i] - before[:, place]
     return start
+
+
+def _shown_otherwise(one: PhysicsModel, other: PhysicsModel) -> set[str]:
+    """Return the states that two models show in different outputs, with their velocities."""
+    changed = [name for name in one.outputs if one.outputs[name] != other.outputs[name]]
+    shown = [model.outputs[name].free_symbols for model in (one, other) for name in changed]
+    states = set(map(str, set().union(*shown)))
+    return states | {v for v, position in one.slope_pairs.items() if position in states}

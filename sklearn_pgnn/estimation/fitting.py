@@ -82,6 +82,7 @@ class HypothesisFitter(WindowFitter):
             self._begun[key] = objective
             known = self.rough.which, subsample.fit.x0
             self._keep(self._fit(hypothesis, model, beside.fit, known))
+            return self.released(self._known(hypothesis))
         return self._known(hypothesis)
 
     def retry(self, trial: FittedHypothesis, better: FittedHypothesis) -> FittedHypothesis:
@@ -241,7 +242,7 @@ class HypothesisFitter(WindowFitter):
     ) -> SubsampleFit:
         """Fit a model, its initial states beginning where another hypothesis' are."""
         start = self.start_beside(model, beside)
-        x0 = carry_over(beside.fit, model, start.x0)
+        x0 = carry_over(beside.fit, beside.start.x0, model, start.x0)
         return self._to_end(hypothesis, model, x0, start, **options)
 
     def _to_end(
@@ -260,12 +261,14 @@ class HypothesisFitter(WindowFitter):
             prune_above=prune_above,
             **options,
         )
-        fit = self._turn(hypothesis, fit, windows, start, tolerance)
-        converged = "max_steps" not in options and fit.objective <= prune_above
+        is_whole = "max_steps" not in options
+        if is_whole or unsigned_states(model):
+            fit = self._refit_poor(hypothesis, fit, windows, start, tolerance)
+        converged = is_whole and fit.objective <= prune_above
         return SubsampleFit(hypothesis, self._noted(hypothesis, fit), start, converged)
 
     def start_beside(self, model: PhysicsModel, beside: SubsampleFit) -> Start:
-        """Return the expected initial states of a model; another one's, if they are the same.
+        """Return the expected initial states of a model; another one's, if they are shown the same.
 
         Parameters
         ----------
@@ -281,7 +284,7 @@ class HypothesisFitter(WindowFitter):
         """
         other = beside.fit.model
         same = tuple(model.states) == tuple(other.states)
-        same = same and unsigned_states(model) == unsigned_states(other)
+        same = same and model.outputs == other.outputs
         return beside.start if same else self._rough_start(model)
 
     def _rough_start(self, model: PhysicsModel) -> Start:

@@ -83,7 +83,7 @@ class CrossValidation:
         """
         windows = self.problem.windows
         over_windows, over_runs = (np.full(windows.y.shape, np.nan) for _ in range(2))
-        grams, x0 = [], fit.x0.copy()
+        grams, models, x0 = [], [], fit.x0.copy()
         for fold in np.unique(folds):
             inside = folds == fold
             learned = learn(~inside)
@@ -93,6 +93,7 @@ class CrossValidation:
             rows = _rows(windows.select(inside))
             over_windows[rows] = judged.evaluation.residual[rows]
             x0[inside] = judged.x0
+            models.append(learned.model)
             grams.append(judged.evaluation.gram)
             for a, b, first in stretches(windows, inside):
                 run = free_run(learned.model, windows, a, b, x0[first])
@@ -109,6 +110,8 @@ class CrossValidation:
             block_squares=windows.sum_blocks((over_windows / windows.scale) ** 2),
             n_added=len(fit.model.states) - len(self.problem.prior.states),
             tells_in_free_run=bool((free.squares < free.counts * self._power()).any()),
+            learned=tuple(models),
+            x0=x0,
         )
 
     def _power(self) -> np.ndarray:

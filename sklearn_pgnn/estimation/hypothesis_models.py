@@ -31,7 +31,8 @@ class HypothesisModels:
         self.problem = problem
         self._held: dict[Effect, tuple[str, ...]] = {}
         self._commuting: dict[frozenset, bool] = {}
-        self._possible: dict[tuple[Effect, ...], bool] = {}
+        self._equations: dict[tuple[Effect, ...], PhysicsModel | None] = {(): problem.prior}
+        self._begun: dict[tuple[Effect, ...], PhysicsModel] = {(): problem.prior}
 
     def key(self, hypothesis: Hypothesis) -> Key:
         """Return what tells hypotheses apart: the causes, and their order where it matters.
@@ -80,17 +81,16 @@ class HypothesisModels:
 
     def is_possible(self, hypothesis: Hypothesis) -> bool:
         """Return whether every cause can act on the model that those before it make."""
-        if hypothesis.order not in self._possible:
-            self._possible[hypothesis.order] = self._can_act(hypothesis.order)
-        return self._possible[hypothesis.order]
+        return self._with_equations_of(hypothesis.order) is not None
 
-    def _can_act(self, causes: tuple[Effect, ...]) -> bool:
-        model = self.problem.prior
-        for cause in causes:
-            if not cause.can_act(cause.target, model):
-                return False
-            model = cause.apply(model)
-        return True
+    def _with_equations_of(self, causes: tuple[Effect, ...]) -> PhysicsModel | None:
+        """Return the prior with what causes write; None where one of them cannot act."""
+        if causes not in self._equations:
+            before, last = self._with_equations_of(causes[:-1]), causes[-1]
+            self._equations[causes] = None
+            if before is not None and last.can_act(last.target, before):
+                self._equations[causes] = last.apply(before)
+        return self._equations[causes]
 
     def held(self, cause: Effect) -> tuple[str, ...]:
         """Return the names of the prior's parameters that a cause speaks for.
@@ -124,12 +124,17 @@ class HypothesisModels:
         PhysicsModel
             The extended model; new parameters are at the first start of their effect.
         """
-        model = self.problem.prior
-        for cause in hypothesis.order:
-            model = cause.proposals(model, self.problem.scales)[0].apply(model)
+        model = self._at_first_starts(hypothesis.order)
         values = {} if values_of is None else values_of.parameters
         known = {name: p.value for name, p in values.items() if name in model.parameters}
         return model.with_parameters(**known)
+
+    def _at_first_starts(self, causes: tuple[Effect, ...]) -> PhysicsModel:
+        if causes not in self._begun:
+            before = self._at_first_starts(causes[:-1])
+            first = causes[-1].proposals(before, self.problem.scales)[0]
+            self._begun[causes] = first.apply(before)
+        return self._begun[causes]
 
     def free(
         self, hypothesis: Hypothesis, model: PhysicsModel

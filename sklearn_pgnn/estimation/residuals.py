@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sklearn_pgnn.physics.model import PhysicsModel
+
 
 @dataclass(frozen=True)
 class Residuals:
@@ -49,6 +51,10 @@ class HeldOut:
     tells_in_free_run : bool, default=True
         Whether the free run is nearer to the records than their mean is; that of a chaotic or
         unstable machine is not, and says nothing.
+    learned : tuple of PhysicsModel, default=()
+        The model of every fold, with what the other windows have taught.
+    x0 : ndarray of shape (n_windows, n_states), optional
+        The windows' initial states, fitted with these models.
     """
 
     windows: Residuals
@@ -57,3 +63,5 @@ class HeldOut:
     block_squares: np.ndarray
     n_added: int = 0
     tells_in_free_run: bool = True
+    learned: tuple[PhysicsModel, ...] = ()
+    x0: np.ndarray | None = None

@@ -90,7 +90,7 @@ class _Few:
             fitter.windows_of(model).select(which),
             tuple(freedom for freedom in free if freedom.name not in held),
             start,
-            carry_over(self.beside.fit, model, whole.x0)[which],
+            carry_over(self.beside.fit, self.beside.start.x0, model, whole.x0)[which],
             max_steps=steps,
             tolerance=COARSER**2 * TOLERANCE,
         )

@@ -19,9 +19,9 @@ from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis, Start, c
 from sklearn_pgnn.estimation.held_out import CrossValidation, make_folds, where_inputs_lead
 from sklearn_pgnn.estimation.hypothesis import Hypothesis
 from sklearn_pgnn.estimation.hypothesis_models import HypothesisModels, Key
+from sklearn_pgnn.estimation.poor_windows import refit_poor_windows
 from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.estimation.progress import Progress
-from sklearn_pgnn.estimation.sign_ambiguity import turn_poor_windows
 from sklearn_pgnn.estimation.unusable import Ledger, Unusable
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.model import PhysicsModel
@@ -113,10 +113,12 @@ class WindowFitter:
             )
         return fit
 
-    def _turn(self, hypothesis, fit: WindowFit, windows: ShootingWindows, start: Start, tolerance):
-        """Return the better of a fit and one whose states have other signs in poor windows."""
+    def _refit_poor(
+        self, hypothesis, fit: WindowFit, windows: ShootingWindows, start: Start, tolerance
+    ):
+        """Return the better of a fit and one begun elsewhere in windows that may be stuck."""
         with self._spare(hypothesis):
-            fit = turn_poor_windows(fit, windows, *start, tolerance, self.progress.tick)
+            fit = refit_poor_windows(fit, windows, *start, tolerance, self.progress.tick)
         return fit
 
     def _spare(self, hypothesis: Hypothesis, *what: str) -> AbstractContextManager:
@@ -197,6 +199,10 @@ class WindowFitter:
             self._keep(FittedHypothesis(trial.hypothesis, fit))
         return self._known(trial.hypothesis)
 
+    def is_known(self, hypothesis: Hypothesis) -> bool:
+        """Return whether a hypothesis was fitted on all windows."""
+        return self.key(hypothesis) in self._trials
+
     def rise(self, trial: FittedHypothesis, name: str, value: float, small: float) -> float:
         """Return what the objective rises by where a parameter is held, the others following.
 
@@ -254,7 +260,9 @@ class WindowFitter:
         """
         model, free = self.models.free(hypothesis, model)
         start, windows = self._start(model), self.problem.windows
-        x0 = start.x0.copy() if beside is None else carry_over(beside, model, start.x0)
+        x0 = start.x0.copy()
+        if beside is not None:
+            x0 = carry_over(beside, self._start(beside.model).x0, model, start.x0)
         if known is not None:
             which, there = known
             x0[which] = there
@@ -268,7 +276,7 @@ class WindowFitter:
             states_first=known is not None,
             tolerance=tolerance,
         )
-        fit = self._turn(hypothesis, fit, windows, start, tolerance)
+        fit = self._refit_poor(hypothesis, fit, windows, start, tolerance)
         return FittedHypothesis(hypothesis, self._noted(hypothesis, fit))
 
     def _start(self, model: PhysicsModel) -> Start:
@@ -307,6 +315,30 @@ class WindowFitter:
                 known = found
             self._held_out[key] = trial.fit, known
         return known
+
+    def released(self, trial: FittedHypothesis) -> FittedHypothesis:
+        """Return a better fit of a hypothesis where its held-out fits show that it got stuck.
+
+        What other windows have taught leaves no less than what is fitted to all of them, unless
+        that is not the least there is.
+
+        Parameters
+        ----------
+        trial : FittedHypothesis
+            The hypothesis, fitted on all windows.
+
+        Returns
+        -------
+        FittedHypothesis
+            The hypothesis.
+        """
+        found, left = self.held_out(trial), self.squares_by_output(trial).sum()
+        if found.x0 is None or found.windows.squares.sum() > (1 - COARSER * TOLERANCE) * left:
+            return trial
+        known = np.arange(len(found.x0)), found.x0
+        for model in found.learned:
+            self._keep(self._fit(trial.hypothesis, model, known=known))
+        return self._known(trial.hypothesis)
 
     def squares_by_output(self, trial: FittedHypothesis) -> np.ndarray:
         """Return the squares that a hypothesis leaves of every output, in units of the noise."""

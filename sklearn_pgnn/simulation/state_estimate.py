@@ -10,6 +10,7 @@ import sympy
 
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.output_inverse import gain_and_offset
 from sklearn_pgnn.simulation.simulate import Simulation, settled_start, simulate_acting
 from sklearn_pgnn.simulation.windows import ShootingWindows
 from sklearn_pgnn.trajectories.smoothing import FEWEST, Smoothed, choose_penalty, smooth
@@ -63,16 +64,20 @@ class StateEstimator:
         #: what is measured: values by state name
         self.known: dict[str, np.ndarray] = {}
         self._from: dict[str, tuple[_SmoothedOutput, int]] = {}
+        #: by state, the output it is taken from, and the state that this shows
+        self._shown: dict[str, tuple[str, str]] = {}
         self._smooth_outputs(model)
 
     def _smooth_outputs(self, model) -> None:
         """Smooth what is measured."""
-        for column, output in enumerate(model.outputs.values()):
+        for column, (name, output) in enumerate(model.outputs.items()):
             for state, velocity in _shown_by(model, output):
                 smoothed = _SmoothedOutput(self.windows, column)
                 self.known[state], self._from[state] = smoothed.value, (smoothed, 0)
+                self._shown[state] = name, state
                 if velocity is not None and velocity not in self.known:
                     self.known[velocity], self._from[velocity] = smoothed.slope, (smoothed, 1)
+                    self._shown[velocity] = name, state
 
     def hidden(self, model: PhysicsModel) -> tuple[str, ...]:
         """Name the states of a model that no output shows, alone or as a slope."""
@@ -116,8 +121,9 @@ class StateEstimator:
         """
         names = list(model.states)
         x = np.empty((self.windows.t.size, len(names)))
+        known = self._known(model)
         for i, state in enumerate(names):
-            x[:, i] = self.known.get(state, np.nan)
+            x[:, i] = known.get(state, np.nan)
         unknown = [names.index(state) for state in self.hidden(model)]
         unsigned = [names.index(state) for state in unsigned_states(model) if state in self.known]
         if unknown or unsigned:
@@ -126,12 +132,23 @@ class StateEstimator:
             x[:, unsigned] *= np.where(run[:, unsigned[:1]] < 0, -1.0, 1.0)
         return x
 
+    def _known(self, model) -> dict[str, np.ndarray]:
+        """Return what is measured, behind the model's sensors."""
+        known = dict(self.known)
+        for state, (_, derivative) in self._from.items():
+            output, shown = self._shown[state]
+            gain, offset = gain_and_offset(model, output, shown)
+            if (gain, offset) != (1.0, 0.0):
+                shift = offset if derivative == 0 else 0.0
+                known[state] = (known[state] - shift) / gain
+        return known
+
     def _simulate(self, model) -> np.ndarray:
         """Simulate every record in free run; where that fails the state stays at its start."""
-        windows, runs = self.windows, []
+        windows, runs, behind = self.windows, [], self._known(model)
         for r, (a, b) in enumerate(zip(windows.bounds[:-1], windows.bounds[1:], strict=True)):
             start = {**settled_start(model, windows.u[a]), **_finite(self.starts[r])}
-            known = {s: v[a] for s, v in self.known.items()}
+            known = {s: v[a] for s, v in behind.items()}
             x0 = np.array([{**start, **known}[state] for state in model.states])
             run = free_run(model, windows, a, b, x0).x
             runs.append(np.where(np.abs(run) < ENDLESS, run, x0))

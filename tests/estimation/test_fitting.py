@@ -1,9 +1,12 @@
 """Laws of the fits of hypotheses: none is worse for having been begun anew."""
 
+from contextlib import nullcontext
+
 import pytest
 from sledge import SLEDGE, drive
 
 from sklearn_pgnn import effects
+from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis, Start
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
 from sklearn_pgnn.estimation.problem import build_problem
 from sklearn_pgnn.trajectories import read_records
@@ -31,3 +34,23 @@ def test_to_hold_a_parameter_elsewhere_costs_what_its_curvature_says():
     assert fitter.rise(trial, "m", mass, small=1e-6) == pytest.approx(0.0, abs=0.1)
     near, far = (fitter.rise(trial, "m", mass * (1 - f), small=1e-3) for f in (0.005, 0.01))
     assert far == pytest.approx(4.0 * near, rel=0.1)
+
+
+def test_a_fit_that_got_stuck_is_released_by_what_other_windows_teach():
+    fitter = fitter_of(SLEDGE)
+    base = fitter.base()
+    wrong = base.fit.model.with_parameters(m=1.05 * base.fit.model.parameters["m"].value)
+    start = fitter.problem.states.estimate(wrong)
+    stuck = fitter.fit_model(
+        nullcontext(),
+        wrong,
+        fitter.problem.windows,
+        base.fit.freedoms,
+        Start(start.x[fitter.problem.windows.starts], start.spread),
+        base.fit.x0,
+        max_steps=0,
+    )
+    assert fitter.released(base) is base
+    released = fitter_of(SLEDGE).released(FittedHypothesis(base.hypothesis, stuck))
+    assert released.fit.objective == pytest.approx(base.fit.objective, rel=1e-3)
+    assert stuck.objective > 1.1 * base.fit.objective

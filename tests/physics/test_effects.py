@@ -6,6 +6,7 @@ import pytest
 from sklearn_pgnn import PhysicsModel, effects, systems
 from sklearn_pgnn.estimation.problem import build_problem
 from sklearn_pgnn.estimation.spectral_lines import find_lines
+from sklearn_pgnn.physics.scales import Scales
 from sklearn_pgnn.trajectories import read_records
 
 pytestmark = pytest.mark.core
@@ -42,6 +43,15 @@ def test_a_state_limit_is_never_passed():
     limited = lag() + effects.StateLimit("y", limit=1.2, steepness=20.0)
     y = limited.simulate(T, 2 * np.sign(np.sin(T)), substeps=4).y[:, 0]
     assert np.abs(y).max() == pytest.approx(1.2, rel=1e-3)
+
+
+def test_a_limit_beyond_the_peak_still_slows_a_level_down():
+    soft = lag() + effects.StateLimit("y", limit=1.2, steepness=2.0)
+    y = soft.simulate(T, 2 * np.sign(np.sin(T))).y[:, 0]
+    peak, rate = np.abs(y).max(), np.sqrt(np.mean(np.gradient(y, T) ** 2))
+    scales = Scales({}, {"y": peak}, {"y": rate}, 0.01, 2.0)
+    low, high = effects.StateLimit.limits("y", soft, scales)["limit"]
+    assert low < peak < 1.2 < high
 
 
 def test_a_leak_empties_exponentially():

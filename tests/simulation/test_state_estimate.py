@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sklearn_pgnn import PhysicsModel, effects
+from sklearn_pgnn import PhysicsModel, effects, systems
 from sklearn_pgnn.estimation.problem import build_problem
 from sklearn_pgnn.simulation.state_estimate import free_run
 from sklearn_pgnn.trajectories import read_records
@@ -22,3 +22,18 @@ def test_a_run_from_within_a_record_knows_what_a_delayed_input_did_before(hold):
     for a in (3, 100, 210):
         rest = free_run(late, windows, a, 400, whole.x[a])
         np.testing.assert_allclose(rest.x, whole.x[a:], rtol=1e-12)
+
+
+def test_states_are_estimated_behind_a_sensor_that_enlarges_and_shifts_them():
+    cart = systems.cart_on_spring()
+    seen = cart + effects.SensorGain("position", error=0.25) + effects.SensorBias("position", 0.1)
+    t = np.arange(400) / 50
+    run = seen.simulate(t, 10 * np.sin(2 * t), x0=[0.1, 0.2])
+    noise = 1e-6 * np.random.default_rng(0).normal(size=run.y.shape)
+    records = read_records(cart, np.c_[t, 10 * np.sin(2 * t)], run.y + noise)
+    states = build_problem(cart, records).states
+    inner = slice(5, -5)
+    np.testing.assert_allclose(states.values(seen)[inner], run.x[inner], atol=1e-3)
+    np.testing.assert_allclose(
+        states.values(cart)[inner], run.x[inner] * 1.25 + [0.1, 0.0], atol=1e-3
+    )

@@ -150,7 +150,17 @@ class StateLimit(StateEffect):
     def limits(cls, target, model, scales):
         """Bound something, and come to rest no faster than the samples show."""
         steepness = (1.0 / scales.window, 1.0 / scales.sample_time)
-        return {"limit": (0.1 * scales.peak[target], scales.peak[target]), "steepness": steepness}
+        return {"limit": limits_of_a_level(target, scales), "steepness": steepness}
+
+
+def limits_of_a_level(target: str, scales) -> tuple[float, float]:
+    """Return how small and large a limit may be that a level is slowed down towards.
+
+    A level that flows in comes to rest before its limit, and still at its peak it is slowed down
+    by a limit beyond.
+    """
+    peak = scales.peak[target]
+    return 0.1 * peak, peak + scales.rate[target] * scales.window
 
 
 @dataclass(frozen=True)

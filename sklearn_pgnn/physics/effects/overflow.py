@@ -5,7 +5,12 @@ from dataclasses import dataclass
 import sympy
 
 from sklearn_pgnn.physics.effect import quantity
-from sklearn_pgnn.physics.effects.levels import StateEffect, StateLimit, first_order_states
+from sklearn_pgnn.physics.effects.levels import (
+    StateEffect,
+    StateLimit,
+    first_order_states,
+    limits_of_a_level,
+)
 from sklearn_pgnn.physics.expressions import symbol
 
 
@@ -73,7 +78,7 @@ class Overflow(StateEffect):
         """Spill something, at rest within a tenth of a window, no faster than samples show."""
         fastest = 1.0 / scales.sample_time
         return {
-            "limit": (0.1 * scales.peak[target], scales.peak[target]),
+            "limit": limits_of_a_level(target, scales),
             "steepness": (min(10.0 / scales.window, fastest), fastest),
             "share": (0.0, 2.0),
         }
