@@ -48,6 +48,10 @@ class RecordWarning(UserWarning):
     """A record is used with a change or a reservation, which the message gives with its remedy."""
 
 
+class ModelWarning(UserWarning):
+    """A model is used with a reservation, which the message gives with its remedy."""
+
+
 class UnitWarning(UserWarning):
     """An equation of a model file does not fit its units; the message names the term."""
 

@@ -8,6 +8,7 @@ import ast
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from sklearn_pgnn.physics.external import require_equations
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.source import write_source
 
@@ -82,6 +83,7 @@ def outputs_of(model: PhysicsModel) -> Assignments:
 
 def _wanted(model: PhysicsModel, which: range) -> Assignments:
     """Keep of a model's function what some of its entries need."""
+    require_equations(model, "export")
     places, shared, results = {}, {}, {}
     for line in ast.parse(write_source(model).text).body:
         (target,), value = line.targets, line.value  # type: ignore[attr-defined]

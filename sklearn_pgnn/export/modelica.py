@@ -6,6 +6,7 @@ from sympy.printing.str import StrPrinter
 from sklearn_pgnn.exceptions import ModelError, OptionError
 from sklearn_pgnn.export.c_names import c_name, c_names
 from sklearn_pgnn.physics.expressions import TIME, symbol
+from sklearn_pgnn.physics.external import require_equations
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.source import dry_states
 
@@ -69,6 +70,7 @@ def to_modelica(
     """
     if not isinstance(model, PhysicsModel):
         raise OptionError(f"to_modelica: expected a PhysicsModel, got {type(model).__name__}.")
+    require_equations(model, "to_modelica")
     _check_dry(model, friction_width)
     names = _names(model)
     write = _Writer(model, names, friction_width)

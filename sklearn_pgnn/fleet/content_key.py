@@ -73,7 +73,8 @@ def setting_key(model, options: Mapping) -> str:
     effects = () if catalogue is None else map(_effect_key, read_catalogue(catalogue))
     told = {name: _plain_option(name, value) for name, value in sorted(said.items())}
     told["catalogue"] = None if catalogue is None else list(effects)
-    return content_key(__version__, model.to_yaml(), json.dumps(told))
+    said = model.content() if model.opaque_functions else model.to_yaml()
+    return content_key(__version__, said, json.dumps(told))
 
 
 def records_key(X, y) -> str:

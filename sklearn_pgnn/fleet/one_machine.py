@@ -15,6 +15,7 @@ from sklearn_pgnn.exceptions import (
     RecordWarning,
     SimulationError,
 )
+from sklearn_pgnn.inspection.model_files import file_of
 from sklearn_pgnn.inspection.report import Provenance, render_report
 from sklearn_pgnn.inspection.strict_json import finite
 from sklearn_pgnn.physics.model import PhysicsModel
@@ -111,6 +112,6 @@ class Job:
         X, y = read_files(files, self.model, self.sample_time) if files else records
         diagnosis = ModelDiagnosis(self.model, **{**self.options, "n_jobs": 1}).fit(X, y)
         page = render_report(diagnosis, Provenance.of_files(None, files)) if self.with_page else ""
-        model = diagnosis.extended_model_.to_yaml() if self.with_page else ""
+        model = file_of(diagnosis.extended_model_) if self.with_page else ""
         found = finite({**diagnosis.to_dict(), "version": __version__})
         return {"found": found, "extended_model": model, "page": page}

@@ -19,6 +19,11 @@ def model_with_all(diagnosis) -> PhysicsModel:
     return diagnosis.extended_model_ if part is None else part.model
 
 
+def file_of(model: PhysicsModel) -> str:
+    """Return a model as the text of a model file; empty where it calls what has no equation."""
+    return "" if model.opaque_functions else model.to_yaml()
+
+
 def model_files(diagnosis) -> dict[str, Callable[[], str]]:
     """Return what gives the text of every model file, by file name.
 
@@ -30,8 +35,11 @@ def model_files(diagnosis) -> dict[str, Callable[[], str]]:
     Returns
     -------
     dict of str to callable
-        The extended model first, then one with each rival in the place of its cause.
+        The extended model first, then one with each rival in the place of its cause; none where
+        the model calls functions that have no equation.
     """
+    if diagnosis.model.opaque_functions:
+        return {}
     members = cache(lambda: all_members(diagnosis))
 
     def with_rival(cause: int, rival: int):
@@ -48,6 +56,8 @@ def model_files(diagnosis) -> dict[str, Callable[[], str]]:
 
 def described_models(diagnosis) -> dict[str, str]:
     """Return what every model file holds, by file name."""
+    if diagnosis.model.opaque_functions:
+        return {}
     held = "re-tuned and extended by what was named" if diagnosis.causes_ else "re-tuned"
     if diagnosis.discrepancy_ is not None:
         held += ", with the formula for what has no name"

@@ -9,14 +9,16 @@ import ast
 import math
 import operator
 import unicodedata
-from collections.abc import Collection
+from collections.abc import Callable, Collection, Mapping
 from functools import lru_cache
+from types import MappingProxyType
 from typing import NoReturn
 
 import sympy
 from sympy.printing.str import StrPrinter
 
 from sklearn_pgnn.exceptions import ModelError
+from sklearn_pgnn.physics.external import External
 
 #: the functions an equation may use
 FUNCTIONS = {
@@ -72,7 +74,12 @@ def symbol(name: str) -> sympy.Symbol:
     return sympy.Symbol(name, real=True)
 
 
-def parse_expression(text: str | float, names: Collection[str], where: str = "expression"):
+def parse_expression(
+    text: str | float,
+    names: Collection[str],
+    where: str = "expression",
+    external: Mapping[str, type[External]] = MappingProxyType({}),
+):
     """Turn the text of an equation into a SymPy expression.
 
     Parameters
@@ -83,6 +90,8 @@ def parse_expression(text: str | float, names: Collection[str], where: str = "ex
         The states, inputs and parameters that may appear; ``t`` (time) and ``pi`` always may.
     where : str
         What is parsed, for the error's text.
+    external : mapping of str to type, default={}
+        Further functions by name, see `sklearn_pgnn.physics.external`.
 
     Returns
     -------
@@ -111,7 +120,7 @@ def parse_expression(text: str | float, names: Collection[str], where: str = "ex
             f"{where}: {_short(text)} is not an arithmetic expression (column {column})."
         ) from None
     try:
-        return _Translator(text, names, where).expression(tree.body)
+        return _Translator(text, names, where, external).expression(tree.body)
     except RecursionError:
         raise ModelError(f"{where}: {_short(text)} is nested too deeply.") from None
 
@@ -145,7 +154,8 @@ def standard_form(expression: sympy.Expr, names: tuple[str, ...], where: str = "
     >>> standard_form(x + 1, ("x",)) == symbol("x") + 1
     True
     """
-    return parse_expression(to_text(expression), names, where)
+    external = {call.func.__name__: call.func for call in expression.atoms(External)}
+    return parse_expression(_RereadPrinter().doprint(expression), names, where, external)
 
 
 def same_name(name: str) -> str:
@@ -183,8 +193,9 @@ def _about_operator(operation: ast.operator) -> str:
 class _Translator:
     """Walk the syntax tree and build the expression node by node."""
 
-    def __init__(self, text: str, names: Collection[str], where: str):
+    def __init__(self, text: str, names: Collection[str], where: str, external=()):
         self.text = text
+        self.functions: dict[str, Callable] = {**FUNCTIONS, **dict(external)}
         self.names = {same_name(name): name for name in names}
         self.where = where
 
@@ -296,17 +307,24 @@ class _Translator:
 
     def call(self, node, depth):
         name = node.func.id if isinstance(node.func, ast.Name) else None
-        if name not in FUNCTIONS or node.keywords:
+        if name not in self.functions or node.keywords:
             self.refuse(
                 node,
                 f"{self.quote(node.func)} is not one of the functions "
                 f"{', '.join(sorted(FUNCTIONS))}",
             )
-        low, high = _SEVERAL_ARGUMENTS.get(name, (1, 1))
+        low, high = self.numbers_of_arguments(name)
         if not low <= len(node.args) <= high:
             wanted = str(low) if low == high else f"{low} to {high}"
             self.refuse(node, f"{name} takes {wanted} argument(s), got {len(node.args)}")
-        return FUNCTIONS[name](*(self.translate(argument, depth) for argument in node.args))
+        return self.functions[name](*(self.translate(argument, depth) for argument in node.args))
+
+    def numbers_of_arguments(self, name) -> tuple[int, int]:
+        """Return how many arguments a function takes at least and at most."""
+        if name in FUNCTIONS:
+            return _SEVERAL_ARGUMENTS.get(name, (1, 1))
+        count = len(self.functions[name].places)  # type: ignore[attr-defined]
+        return count, count
 
     def name(self, node, depth):
         if node.id in CONSTANTS:
@@ -351,8 +369,16 @@ class _TextPrinter(StrPrinter):
         return "exp(1)"
 
 
+class _RereadPrinter(_TextPrinter):
+    """The text in which a call of an external function has a name that can be read back."""
+
+    printmethod = "_pythoncode"
+
+
 def to_text(expression) -> str:
     """Write an expression as text that `parse_expression` reads back to the same value.
+
+    A call of an external function is text to read only, for it has no equation.
 
     Parameters
     ----------

@@ -23,6 +23,7 @@ from sklearn_pgnn.physics.expressions import (
     symbol,
     to_text,
 )
+from sklearn_pgnn.physics.external import external_functions, require_equations
 from sklearn_pgnn.physics.parameter import Parameter, check_name
 from sklearn_pgnn.readings import reading
 
@@ -325,6 +326,22 @@ class PhysicsModel:
         return not any(expression.has(TIME) for expression in expressions)
 
     @property
+    def opaque_functions(self) -> tuple[str, ...]:
+        """Names of the functions that the model calls, for they have no equation.
+
+        Examples
+        --------
+        >>> PhysicsModel({"y": "V"}, {"y": "-y"}).opaque_functions
+        ()
+        """
+        return tuple(dict.fromkeys(function.name for function in self._external))
+
+    @property
+    def _external(self):
+        parts = (self.equations, self.outputs, self.inertia, self.energy)
+        return external_functions(one for part in parts for one in part.values())
+
+    @property
     def free_parameters(self) -> tuple[str, ...]:
         """Names of the parameters that may be re-tuned."""
         return tuple(name for name, p in self.parameters.items() if not p.fixed)
@@ -449,7 +466,23 @@ class PhysicsModel:
         return "\\begin{aligned}\n" + " \\\\\n".join(lines) + "\n\\end{aligned}"
 
     def to_dict(self) -> dict:
-        """Write the whole model as plain data, as a model file holds it."""
+        """Write the whole model as plain data, as a model file holds it.
+
+        Returns
+        -------
+        dict
+            What `from_dict` takes.
+
+        Raises
+        ------
+        ModelError
+            If it calls a function without an equation.
+        """
+        require_equations(self, "to_dict")
+        return self._parts()
+
+    def _parts(self) -> dict:
+        """Return everything the model states, its expressions as text."""
 
         def texts(items):
             return {key: to_text(item) for key, item in items.items()}
@@ -564,7 +597,10 @@ class PhysicsModel:
     # -- a value ---------------------------------------------------------------------------------
 
     def __getstate__(self):
-        return self.to_dict()
+        if not self._external:
+            return self._parts()
+        called = ("equations", "outputs", "inertia", "energy")
+        return self._parts() | {part: dict(getattr(self, part)) for part in called}
 
     def __setstate__(self, state):
         self.__init__(**state)
@@ -572,15 +608,28 @@ class PhysicsModel:
     def __eq__(self, other):
         if not isinstance(other, PhysicsModel):
             return NotImplemented
-        return self._content() == other._content()
+        return self.content() == other.content()
 
     def __hash__(self):
-        return hash(self._content())
+        return hash(self.content())
 
-    def _content(self) -> str:
-        """Return everything the model states, in its order, which arrays follow; cached."""
+    def content(self) -> str:
+        """Return everything the model states, in its order, which arrays follow; cached.
+
+        Returns
+        -------
+        str
+            Two models are equal whose content is; a function without an equation stands for its
+            code and what that holds.
+
+        Examples
+        --------
+        >>> PhysicsModel({"y": "V"}, {"y": "-y"}).content()
+        "{'name': 'model', 'states': {'y': 'V'}, 'outputs': {'y': 'y'}, 'equations': {'y': '-y'}}"
+        """
         if "_written" not in self.__dict__:
-            object.__setattr__(self, "_written", repr(self.to_dict()))
+            tokens = "".join(function.token for function in self._external)
+            object.__setattr__(self, "_written", repr(self._parts()) + tokens)
         return self.__dict__["_written"]
 
     def __repr__(self):

@@ -5,6 +5,7 @@ from collections import Counter
 import sympy
 
 from sklearn_pgnn.physics.expressions import TIME, to_text
+from sklearn_pgnn.physics.external import External
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.units import Measure, product, read_unit
 
@@ -148,7 +149,7 @@ class _Check:
             return self.power(expression)
         if isinstance(expression, sympy.Add | sympy.Max | sympy.Min | sympy.Abs):
             return next(filter(None, map(self.measure, expression.args)), None)
-        return _PLAIN
+        return None if isinstance(expression, External) else _PLAIN
 
     def power(self, expression) -> Measure | None:
         """Return what a power measures."""

@@ -1,21 +1,28 @@
-"""A function in Python as a model: it is called once with symbols, which write its equations."""
+"""A function in Python as a model: it is called once with symbols, which write its equations.
+
+Where it cannot be followed, the model calls it.
+"""
 
 import math
-import traceback
+import warnings
 from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 import sympy
 
-from sklearn_pgnn.exceptions import ModelError
+from sklearn_pgnn.exceptions import ModelError, ModelWarning, OptionError
 from sklearn_pgnn.physics.expressions import TIME, symbol
+from sklearn_pgnn.physics.external import line_of
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.priors.called_function import by_name, called_function
 from sklearn_pgnn.priors.traced import Quantities, Traced, expression_of
 
 _REMEDY = "Remedy: arithmetic and functions of numpy on the elements of x, u and p."
 #: points at which the equations are held against the function, and how near they must be
 POINTS, NEAR = 8, 1e-8
+#: how long a written equation takes at most, in order of magnitude [s]
+WRITTEN = 1e-7
 
 
 def from_function(
@@ -25,6 +32,7 @@ def from_function(
     inputs: Mapping[str, str] | None = None,
     parameters=None,
     outputs: Callable | Mapping | None = None,
+    trace: str | bool = "auto",
     **more,
 ) -> PhysicsModel:
     r"""Return a model whose equations a function in Python computes.
@@ -34,6 +42,13 @@ def from_function(
     The functions are called once, with symbols in place of numbers, and the model has the equations
     that they compute: it is compiled, extended and exported like any other. At some points the
     equations are held against the functions.
+
+    A function that branches on a value, interpolates or calls what cannot be followed becomes a
+    model that calls it at every step. Such a model is simulated, fitted and diagnosed like any
+    other, effects included, and takes hundreds of times as long; derivatives are difference
+    quotients (`sklearn_pgnn.physics.external`); a jump in the function is stepped over, so that dry
+    friction in it does not stick, and it cannot be exported or written to a model file. Which
+    arguments each rate depends on is asked at 256 points.
 
     Parameters
     ----------
@@ -50,6 +65,9 @@ def from_function(
     outputs : callable or mapping, optional
         ``g(t, x, u, p)``, which returns a dict of values by output name, or texts as `PhysicsModel`
         takes them; by default every state under its own name.
+    trace : {"auto", True, False}, default="auto"
+        Whether the functions are followed: where they can be, else called with a `ModelWarning`;
+        in any case, with an error where they cannot be; or never.
     **more
         What else `PhysicsModel` takes: ``name``, ``inertia``, ``simulation`` and so on.
 
@@ -61,8 +79,11 @@ def from_function(
     Raises
     ------
     ModelError
-        If a function branches on a value, calls what cannot be followed (``math.sin``, an
-        interpolation, a solver), or does not compute the same each time; with the line.
+        If a function fails, does not compute the same each time, or, with ``trace=True``, branches
+        on a value or calls what cannot be followed (``math.sin``, an interpolation, a solver);
+        with the line.
+    OptionError
+        If `trace` is none of what it can be.
 
     Examples
     --------
@@ -74,57 +95,63 @@ def from_function(
     >>> print(model.to_text())
     phi' = omega
     omega' = -9.81*sin(phi) + (-d*omega + torque)/J
+
+    >>> table = [0.0, 1.0, 10.0], [0.0, 2.0, 5.0]
+    >>> def spring(t, x, u, p):
+    ...     return [x[1], -np.interp(x[0], *table) / p["m"]]
+    >>> model = from_function(spring, {"x": "m", "v": "m/s"}, parameters={"m": 2.0}, trace=False)
+    >>> print(model.to_text())
+    x' = v
+    v' = spring[v](x; m)
     """
+    if trace not in ("auto", True, False):
+        raise OptionError(f"trace: expected 'auto', True or False, got {trace!r}.")
     inputs, parameters = dict(inputs or {}), parameters or {}
     named = PhysicsModel(states, dict.fromkeys(states, 0), parameters, inputs)
-    equations = _trace(rates, "rates", named, list(states))
-    _check(rates, "rates", named, equations)
+    equations = _equations(rates, "rates", named, list(states), trace)
     seen: Mapping = {}
     if callable(outputs):
-        seen = _trace(outputs, "outputs", named, None)
-        _check(outputs, "outputs", named, seen)
+        seen = _equations(outputs, "outputs", named, None, trace)
     elif outputs is not None:
         seen = outputs
     return PhysicsModel(states, equations, parameters, inputs, seen, **more)
 
 
+def _equations(function: Callable, what: str, named: PhysicsModel, names, trace):
+    """Return the equations that a function computes, or those that call it."""
+    if trace is False:
+        return called_function(function, what, named, names).equations
+    try:
+        equations = _trace(function, what, named, names)
+        _check(function, what, named, equations)
+        return equations
+    except ModelError as error:
+        if trace is True:
+            raise
+        called = called_function(function, what, named, names)
+        warnings.warn(
+            f"{error} Till then the model calls the function: {1e6 * called.seconds:.2g} us each "
+            f"time, where an equation takes about {1e6 * WRITTEN:.1g} us. trace=False says that "
+            f"this is wanted.",
+            ModelWarning,
+            stacklevel=3,
+        )
+        return called.equations
+
+
 def _trace(function: Callable, what: str, named: PhysicsModel, names) -> dict[str, sympy.Expr]:
     quantities = (Quantities.traced(list(part)) for part in _parts(named))
     try:
-        found = _by_name(function(Traced(TIME), *quantities), names)
+        found = by_name(function(Traced(TIME), *quantities), names)
         return {name: expression_of(value) for name, value in found.items()}
     except Exception as error:
         remedy = "" if isinstance(error, ModelError) else f" {_REMEDY}"
         said = " ".join(str(error).split()) or type(error).__name__
-        raise ModelError(f"{what}{_line(function, error)}: {said}{remedy}", (what,)) from error
-
-
-def _line(function: Callable, error: Exception) -> str:
-    """Return the line of the function's file in which an error came up."""
-    code = getattr(function, "__code__", None)
-    frames = traceback.extract_tb(error.__traceback__)
-    lines = [f.lineno for f in frames if code is not None and f.filename == code.co_filename]
-    return f", line {lines[-1]}" if lines else ""
+        raise ModelError(f"{what}{line_of(function, error)}: {said}{remedy}", (what,)) from error
 
 
 def _parts(named: PhysicsModel) -> tuple[Mapping[str, Any], ...]:
     return named.states, named.inputs, named.parameters
-
-
-def _by_name(found, names) -> dict:
-    """Return what a function computes by name; without names it must say them itself."""
-    if isinstance(found, Mapping):
-        if names is not None and set(found) != set(names):
-            raise ModelError(f"expected {', '.join(names)}, got {', '.join(map(str, found))}.")
-        return {name: found[name] for name in names or found}
-    if names is None:
-        raise ModelError(f"expected a dict of outputs by name, got {type(found).__name__}.")
-    values = np.ravel(np.asarray(found, dtype=object))
-    if len(values) != len(names):
-        raise ModelError(
-            f"expected {len(names)} rates, of {', '.join(names)}, got {len(values)} values."
-        )
-    return dict(zip(names, values, strict=True))
 
 
 def _check(function: Callable, what: str, named: PhysicsModel, equations: Mapping) -> None:
@@ -133,7 +160,7 @@ def _check(function: Callable, what: str, named: PhysicsModel, equations: Mappin
     for point in range(POINTS):
         t, numbers = float(rng.uniform()), _numbers(named, rng, positive=point % 2 == 0)
         with np.errstate(all="ignore"):
-            found = _by_name(function(t, *numbers), list(equations))
+            found = by_name(function(t, *numbers), list(equations))
         names = [name for part in numbers for name in part.names]
         values = {symbol(n): sympy.Float(v) for n, v in zip(names, np.hstack(numbers), strict=True)}
         for name, value in found.items():

@@ -16,6 +16,7 @@ from numba import types
 from numba.extending import intrinsic
 
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.callbacks import report_calls
 from sklearn_pgnn.simulation.machine_code import SIGNATURE, machine_code
 from sklearn_pgnn.simulation.model_function import emit_model_function
 from sklearn_pgnn.simulation.source import Source, write_source
@@ -49,6 +50,7 @@ def compile_model(model: PhysicsModel, wrt: tuple[str, ...] | None = None, metho
     source : Source
         What was compiled.
     """
+    report_calls()  # a loop that was stopped from outside may have been followed by nothing else
     source = write_source(model, wrt)
     return _compile(source, method), source
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from sklearn_pgnn.exceptions import SimulationError, SimulationWarning
 from sklearn_pgnn.physics.model import HOLDS, PhysicsModel
+from sklearn_pgnn.simulation.callbacks import report_calls
 from sklearn_pgnn.simulation.compiled import compile_model
 from sklearn_pgnn.simulation.inputs import delayed_inputs
 from sklearn_pgnn.simulation.model_function import METHODS
@@ -173,6 +174,7 @@ def simulate_acting(
         Y,
         SY,
     )
+    report_calls()
     message = "" if failed < 0 else _remedy(model, t, X, failed, substeps)
     if message:
         warnings.warn(message, SimulationWarning, stacklevel=3)

@@ -12,6 +12,8 @@ from functools import reduce
 
 from llvmlite import ir
 
+from sklearn_pgnn.simulation.callbacks import address_of
+
 FLOAT, INT = ir.DoubleType(), ir.IntType(64)
 _OPERATIONS = {ast.Add: "fadd", ast.Sub: "fsub", ast.Mult: "fmul", ast.Div: "fdiv"}
 _COMPARISONS = {
@@ -168,6 +170,8 @@ class _Emitter:
             return self._call(node.func.attr, values)
         if node.func.id == "abs":
             return self._call("fabs", values)
+        if node.func.id not in ("min", "max"):
+            return self._call_outside(node.func.id, values)
         sign = {"min": "<", "max": ">"}[node.func.id]
         return reduce(lambda a, b: self._choose(self._compare(sign, b, a), b, a), values)
 
@@ -177,6 +181,11 @@ class _Emitter:
             known = module.declare_intrinsic(f"llvm.{name}", [FLOAT], ir.FunctionType(FLOAT, kinds))
             return self.builder.call(known, values)
         return self.builder.call(_of_the_c_library(module, name, kinds), values)
+
+    def _call_outside(self, name, values):
+        """Call an external function; what it does to the world is not known."""
+        kind = ir.FunctionType(FLOAT, [FLOAT] * len(values)).as_pointer()
+        return self.builder.call(self.builder.inttoptr(INT(address_of(name)), kind), values)
 
     def _IfExp(self, node):
         return self._choose(

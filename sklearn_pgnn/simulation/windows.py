@@ -14,6 +14,7 @@ from itertools import pairwise
 import numpy as np
 
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.callbacks import report_calls
 from sklearn_pgnn.simulation.compiled import compile_model
 from sklearn_pgnn.simulation.inputs import delayed_inputs, mean_inputs
 from sklearn_pgnn.simulation.simulate import parameter_values
@@ -283,6 +284,7 @@ def evaluate(model: PhysicsModel, windows: ShootingWindows, x0, wrt: tuple[str, 
         run(parts[0])
     else:
         list(_pool(windows.threads).map(run, parts))
+    report_calls()
     lower = np.tril_indices(q + 1, -1)
     gram[..., lower[0], lower[1]] = gram[..., lower[1], lower[0]]
     values = [model.parameters[name].value for name in wrt]

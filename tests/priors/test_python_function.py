@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sklearn_pgnn import PhysicsModel, effects
-from sklearn_pgnn.exceptions import ModelError
+from sklearn_pgnn.exceptions import ModelError, ModelWarning, OptionError
 from sklearn_pgnn.priors import from_function
 
 pytestmark = pytest.mark.core
@@ -120,4 +120,30 @@ def remembers(t, x, u, p, calls=[]):  # noqa: B006
 )
 def test_what_is_no_equation_is_refused_with_its_line(rates, said):
     with pytest.raises(ModelError, match=said):
-        model(rates)
+        model(rates, trace=True)
+
+
+@pytest.mark.parametrize("rates", [branches, needs_numbers, interpolates])
+def test_what_cannot_be_followed_is_called_with_a_warning(rates):
+    with pytest.warns(ModelWarning, match=r"rates, line \d+: .* the model calls the function"):
+        found = model(rates)
+    assert found.opaque_functions == (rates.__name__,)
+
+
+@pytest.mark.parametrize(
+    ("rates", "said"),
+    [
+        (too_few, r"rates: expected 2 rates, of phi, omega, got 1"),
+        (remembers, r"computes the same at every call, but 'omega'"),
+        (lambda t, x, u, p: [x[1], p["mass"]], r"expected one of J, d, got 'mass'"),
+    ],
+)
+def test_what_computes_nothing_is_refused_whether_followed_or_called(rates, said):
+    for trace in ("auto", False):
+        with pytest.raises(ModelError, match=said):
+            model(rates, trace=trace)
+
+
+def test_an_unknown_way_is_refused():
+    with pytest.raises(OptionError, match="'auto', True or False"):
+        model(pendulum, trace="never")

@@ -1,6 +1,7 @@
 """What a report tells of every cause."""
 
 from sklearn_pgnn.inspection.case import known_effects
+from sklearn_pgnn.inspection.model_files import file_of
 from sklearn_pgnn.inspection.numbers import chance, measured, number, times, typeset_unit
 from sklearn_pgnn.inspection.report.members import Member
 from sklearn_pgnn.inspection.report.next_step import expectation
@@ -65,5 +66,5 @@ def _member(member: Member) -> dict:
         "sizes": listed(size.strip() for size in sizes),
         "left": times(member.left),
         "check": member.effect.check,
-        "file": member.model.to_yaml(),
+        "file": file_of(member.model),
     }

@@ -10,6 +10,7 @@ from sklearn_pgnn.diagnosis.model_diagnosis import ModelDiagnosis
 from sklearn_pgnn.estimation.fitted_records import DiagnosisRecords, FittedWindows
 from sklearn_pgnn.inspection.balance import Samples
 from sklearn_pgnn.inspection.mathml import mathml_of
+from sklearn_pgnn.inspection.model_files import file_of
 from sklearn_pgnn.inspection.numbers import measured, number, percent, times, typeset_unit
 from sklearn_pgnn.inspection.words import listed, missing_place
 from sklearn_pgnn.inspection.yardstick import formula_error
@@ -188,5 +189,5 @@ def told_formula(formula: FoundFormula) -> dict:
             }
             for term in formula.terms
         ],
-        "file": formula.model.to_yaml(),
+        "file": file_of(formula.model),
     }

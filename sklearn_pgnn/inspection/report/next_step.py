@@ -71,7 +71,8 @@ def _use(diagnosis) -> str:
         return "Go on with the model as it is."
     facts = parameter_facts(diagnosis)
     names = listed(facts.changed) or "the parameters"
-    return f"Take over the new values of {names} (extended_model.yaml)."
+    where = "" if diagnosis.model.opaque_functions else " (extended_model.yaml)"
+    return f"Take over the new values of {names}{where}."
 
 
 def _look(diagnosis) -> str:

@@ -1,0 +1,402 @@
+r"""Functions that equations call where nothing can be written: of Python, or of another tool.
+
+A call is an atom of SymPy, so a model may hold it wherever it holds an expression. Its derivative
+is another such atom, the slope :math:`(f(a + h) - f(a - h))/2h` with
+:math:`h = \sqrt[3]{\varepsilon}\max(|a|, 0.01)` and the rounding :math:`\varepsilon` of a double;
+the derivative of order :math:`n` nests them, with the root of order :math:`n + 2`. Where the
+slopes on both sides differ by more than a factor of ten the function has a jump or a kink between
+them, and the smaller one is taken: jumps contribute nothing, as for equations.
+"""
+
+import hashlib
+import io
+import marshal
+import math
+import pickle
+import sys
+import traceback
+from collections.abc import Callable, Sequence
+from functools import cache
+from itertools import count
+from pathlib import Path
+from types import FunctionType
+from typing import ClassVar
+from uuid import uuid4
+
+import numpy as np
+import sympy
+
+from sklearn_pgnn.exceptions import ModelError
+
+#: least size of an argument that a step of a difference quotient is measured by
+SMALL = 1e-2
+#: slopes of two sides that differ by more than this factor are those of a jump or a kink
+JUMP = 10.0
+#: results that a function keeps: those of one point and of the steps beside it
+KEPT = 256
+#: what an argument is that a function does not depend on
+UNUSED = math.nan
+
+_FUNCTIONS: dict[str, "ExternalFunction"] = {}
+_CLASSES: dict[str, type["External"]] = {}
+_NUMBERS = count()
+_FAILURES: dict[str, None] = {}
+
+
+class ExternalFunction:
+    """A function of numbers without an equation, which computes several results at once.
+
+    Parameters
+    ----------
+    call : callable
+        Takes a tuple of numbers, one an argument, and returns a sequence of numbers, one a result.
+        It can be pickled where the model shall be.
+    name : str
+        What it is called in the text of equations.
+    arguments : sequence of str
+        Names of the arguments.
+    results : sequence of str
+        Names of the results.
+    n_parameters : int
+        How many of the last arguments are parameters.
+    token : str
+        What it is told from other functions by, in every process; `external_function` chooses it.
+    """
+
+    def __init__(self, call, name, arguments, results, n_parameters, token):
+        self.call, self.name, self.token = call, name, token
+        self.arguments, self.results = tuple(arguments), tuple(results)
+        self.n_parameters = n_parameters
+        self._known: dict[tuple, tuple[float, ...]] = {}
+        self._nothing = (math.nan,) * len(self.results)
+
+    def at(self, point: tuple[float, ...]) -> tuple[float, ...]:
+        """Return the results at a point; NaN where the function raises, which is noted.
+
+        Parameters
+        ----------
+        point : tuple of float
+            The arguments; `UNUSED` where a result does not depend on one.
+
+        Returns
+        -------
+        tuple of float
+            The results. Those of the last points are kept: they are computed once.
+        """
+        found = self._known.get(point)
+        if found is None:
+            if len(self._known) >= KEPT:
+                self._known.clear()
+            found = self._known[point] = self._compute(point)
+        return found
+
+    def _compute(self, point):
+        try:
+            return tuple(map(float, self.call(point)))
+        except Exception as error:
+            _FAILURES.setdefault(f"{self.name}{line_of(self.call, error)}: {said_by(error)}")
+            return self._nothing
+
+    def __reduce__(self):
+        return _restored, (
+            self.call, self.name, self.arguments, self.results, self.n_parameters, self.token,
+        )  # fmt: skip
+
+
+def external_function(
+    call: Callable,
+    name: str,
+    arguments: Sequence[str],
+    results: Sequence[str],
+    n_parameters: int = 0,
+    token: str | None = None,
+) -> ExternalFunction:
+    """Return a function for equations to call; the same one for the same callable.
+
+    Parameters
+    ----------
+    call, name, arguments, results, n_parameters
+        See `ExternalFunction`.
+    token : str, optional
+        What stands for the content of `call`; by default its pickled content does.
+
+    Returns
+    -------
+    ExternalFunction
+        The function.
+
+    Examples
+    --------
+    >>> square = external_function(lambda point: (point[0] ** 2,), "f", ["x"], ["y"])
+    >>> square.at((3.0,))
+    (9.0,)
+    """
+    parts = (name, tuple(arguments), tuple(results), n_parameters, token or _content_of(call))
+    key = hashlib.sha256(repr(parts).encode()).hexdigest()
+    while key in _FUNCTIONS and _FUNCTIONS[key].call != call:
+        key += "+"
+    return _restored(call, name, arguments, results, n_parameters, key)
+
+
+def _restored(call, name, arguments, results, n_parameters, token) -> ExternalFunction:
+    """Return the function of a token, which another process may have chosen."""
+    if token not in _FUNCTIONS:
+        _FUNCTIONS[token] = ExternalFunction(call, name, arguments, results, n_parameters, token)
+    return _FUNCTIONS[token]
+
+
+def _content_of(call) -> str:
+    """Return a hash of a callable's code and of what it holds; a random one if it has none."""
+    content = io.BytesIO()
+    try:
+        _Content(content, 4).dump(call)
+    except Exception:  # whatever cannot be pickled is told from others all the same
+        return uuid4().hex
+    return hashlib.sha256(content.getvalue()).hexdigest()
+
+
+class _Content(pickle.Pickler):
+    """Writes functions with their code, and the numbers that they read from outside."""
+
+    def reducer_override(self, thing):
+        if not isinstance(thing, FunctionType):
+            return NotImplemented
+        code, around = thing.__code__, thing.__globals__
+        read = {name: around[name] for name in code.co_names if isinstance(around.get(name), _DATA)}
+        held = [cell.cell_contents for cell in thing.__closure__ or ()]
+        bound = thing.__defaults__, thing.__kwdefaults__
+        return tuple, ((marshal.dumps(code, 2), *bound, read, held),)
+
+
+_DATA = (bool, int, float, complex, str, bytes, tuple, list, dict, np.ndarray)
+
+
+# -- in equations ----------------------------------------------------------------------------------
+
+
+class External(sympy.Function):
+    """A call of one result of an external function, or of a slope of it, in an equation.
+
+    `external` makes a class of it for every result. The arguments are those of the function at
+    `places`; the others are `UNUSED`.
+    """
+
+    function: ClassVar[ExternalFunction]
+    result: ClassVar[int]
+    places: ClassVar[tuple[int, ...]]
+    by: ClassVar[tuple[int, ...]]
+
+    is_real = True
+
+    def fdiff(self, argindex=1):
+        """Return the slope by one argument."""
+        by = tuple(sorted((*self.by, argindex - 1)))
+        return external(self.function, self.result, self.places, by)(*self.args)
+
+    @classmethod
+    def number(cls, *values: float) -> float:
+        """Return the value for numbers; NaN where one of them is not finite."""
+        if not all(map(math.isfinite, values)):
+            return math.nan
+        return cls._slope(values, cls.by)
+
+    @classmethod
+    def _slope(cls, values, by) -> float:
+        if not by:
+            return cls._value(values)
+        *rest, i = by
+        step = sys.float_info.epsilon ** (1 / (2 + len(cls.by))) * max(abs(values[i]), SMALL)
+        low, high = values[i] - step, values[i] + step
+        before, here, behind = (
+            cls._slope((*values[:i], at, *values[i + 1 :]), rest) for at in (low, values[i], high)
+        )
+        left, right = (here - before) / (values[i] - low), (behind - here) / (high - values[i])
+        if abs(right - left) > JUMP * min(abs(left), abs(right)):
+            return min(left, right, key=abs)
+        return (behind - before) / (high - low)
+
+    @classmethod
+    def _value(cls, values) -> float:
+        point = [UNUSED] * len(cls.function.arguments)
+        for place, value in zip(cls.places, values, strict=True):
+            point[place] = value
+        return cls.function.at(tuple(point))[cls.result]
+
+    @classmethod
+    def label(cls) -> str:
+        """Return what stands before the brackets in an equation's text."""
+        function = cls.function
+        label = f"{function.name}[{function.results[cls.result]}]"
+        for i in cls.by:
+            label = f"d({label})/d({function.arguments[cls.places[i]]})"
+        return label
+
+    def _split(self):
+        """Return the arguments, and those that are parameters."""
+        function = self.function
+        first = len(function.arguments) - function.n_parameters
+        n = sum(place < first for place in self.places)
+        return self.args[:n], self.args[n:]
+
+    # SymPy's printers ask an expression for these
+
+    def _pythoncode(self, printer):
+        return f"{type(self).__name__}({', '.join(map(printer._print, self.args))})"
+
+    _numpycode = _pythoncode
+
+    def _mathml_presentation(self, printer):
+        row = printer.dom.createElement("mrow")
+        label = printer.dom.createElement("mi")
+        label.appendChild(printer.dom.createTextNode(self.label()))
+        row.appendChild(label)
+        row.appendChild(printer._print(sympy.Tuple(*self.args)))
+        return row
+
+    def _sympystr(self, printer):
+        parts = (", ".join(map(printer._print, part)) for part in self._split())
+        return f"{self.label()}({'; '.join(filter(None, parts))})"
+
+    def _latex(self, printer, exp=None):
+        parts = (", ".join(map(printer._print, part)) for part in self._split())
+        label = rf"\mathtt{{\text{{{self.label()}}}}}".replace("_", r"\_")
+        power = "" if exp is None else f"^{{{exp}}}"
+        return rf"{label}{power}\left({'; '.join(filter(None, parts))}\right)"
+
+    def __reduce_ex__(self, protocol):
+        return _called, (self.function, self.result, self.places, self.by, self.args)
+
+
+def external(
+    function: ExternalFunction, result: int, places: tuple[int, ...], by: tuple[int, ...] = ()
+) -> type[External]:
+    """Return the class of calls of one result of a function.
+
+    Parameters
+    ----------
+    function : ExternalFunction
+        The function.
+    result : int
+        Which of its results.
+    places : tuple of int
+        The arguments that the result depends on.
+    by : tuple of int, default=()
+        The ones among these that it is differentiated by.
+
+    Returns
+    -------
+    type
+        To be called with expressions, one for each of `places`.
+
+    Examples
+    --------
+    >>> square = external_function(lambda point: (point[0] ** 2,), "f", ["x"], ["y"])
+    >>> call = external(square, 0, (0,))
+    >>> x = sympy.Symbol("x")
+    >>> call(x), sympy.diff(call(x), x), round(call(x).diff(x).func.number(3.0), 6)
+    (f[y](x), d(f[y])/d(x)(x), 6.0)
+    """
+    return _class(function, result, tuple(places), tuple(by))
+
+
+@cache
+def _class(function, result, places, by):
+    name = f"_external_{next(_NUMBERS)}"
+    made = type(External)(
+        name, (External,), {"function": function, "result": result, "places": places, "by": by}
+    )
+    made._imp_ = staticmethod(_over_arrays(made))
+    _CLASSES[name] = made
+    return made
+
+
+def _called(function, result, places, by, arguments):
+    """Return a call again from what it was pickled as."""
+    return external(function, result, places, by)(*arguments)
+
+
+def _over_arrays(made):
+    """Return what NumPy calls in place of the class, number by number."""
+
+    def over(*values):
+        found = np.frompyfunc(lambda *one: made.number(*map(float, one)), len(values), 1)(*values)
+        return np.asarray(found, dtype=float)[()]
+
+    return over
+
+
+def class_of(name: str) -> type[External] | None:
+    """Return the class of calls that has a name in this process, if there is one."""
+    return _CLASSES.get(name)
+
+
+def external_functions(expressions) -> tuple[ExternalFunction, ...]:
+    """Return the external functions that expressions call.
+
+    Parameters
+    ----------
+    expressions : iterable of sympy.Expr
+        The expressions.
+
+    Returns
+    -------
+    tuple of ExternalFunction
+        Each once.
+    """
+    calls = (call for expression in expressions for call in expression.atoms(External))
+    found = dict.fromkeys(call.function for call in calls)
+    return tuple(sorted(found, key=lambda function: function.token))
+
+
+def require_equations(model, what: str) -> None:
+    """Raise `ModelError` if a model calls functions that have no equations.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    what : str
+        What needs the equations.
+
+    Raises
+    ------
+    ModelError
+        With the functions' names.
+    """
+    if model.opaque_functions:
+        raise ModelError(
+            f"{what}: expected a model of equations, got {model.name!r}, which calls "
+            f"{', '.join(model.opaque_functions)}, a function without one. Remedy: equations as "
+            f"text, or a function of numpy that from_function(..., trace=True) can follow."
+        )
+
+
+# -- what went wrong in a call ---------------------------------------------------------------------
+
+
+def take_failures() -> tuple[str, ...]:
+    """Return what calls have failed with since this was asked last."""
+    if not _FAILURES:
+        return ()
+    failures = tuple(_FAILURES)
+    _FAILURES.clear()
+    return failures
+
+
+def line_of(function, error: BaseException) -> str:
+    """Return the line of a function's file in which an error came up."""
+    inner = getattr(function, "function", function)
+    code = getattr(inner, "__code__", None)
+    frames = traceback.extract_tb(error.__traceback__)
+    ours = [f for f in frames if code is not None and f.filename == code.co_filename]
+    ours = ours or [f for f in frames if not Path(f.filename).is_relative_to(_HERE)]
+    return f", line {ours[-1].lineno}" if ours else ""
+
+
+def said_by(error: BaseException) -> str:
+    """Return an error's message in one line, with its kind."""
+    said = " ".join(str(error).split())
+    return f"{type(error).__name__}: {said}" if said else type(error).__name__
+
+
+_HERE = Path(__file__).parents[1]
