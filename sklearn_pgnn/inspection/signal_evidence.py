@@ -26,9 +26,9 @@ def _over_command(case: Case, name: str, state: str, felt) -> Evidence:
     u = case.samples.mean(symbol(name))
     grid, unit = even_grid(u), case.full.unit(name)
     return Evidence(
-        title=f"What the machine feels of {name}",
+        title=f"Effective {name}",
         x_label=label(f"{name} as commanded", unit),
-        y_label=label(f"{name} as felt", unit),
+        y_label=label(f"effective {name}", unit),
         points=(u, felt),
         lines=(
             Line(grid, grid, "prior", "as the model has it"),
