@@ -1,6 +1,8 @@
 """The options of the command line: what they say to a diagnosis, and how they are refused."""
 
 import json
+import subprocess
+import sys
 import warnings
 
 import pytest
@@ -184,6 +186,13 @@ def test_effects_can_be_listed():
 
 def test_the_version_has_a_short_name():
     assert __version__ in CliRunner().invoke(main, ["-V"]).stdout
+
+
+def test_the_package_is_a_program_too():
+    run = subprocess.run(
+        [sys.executable, "-m", "sklearn_pgnn", "-V"], capture_output=True, text=True
+    )
+    assert run.stdout == f"sklearn-pgnn, version {__version__}\n"
 
 
 def test_an_unknown_target_is_refused_by_the_diagnosis_itself():

@@ -44,10 +44,22 @@ def seen_columns(model: PhysicsModel, files: Sequence[Mapping]) -> dict:
     dict
         ``columns``; ``quantities`` with role and unit; and ``guess``, by quantity a ``column``,
         empty where none is like it, and its ``unit``.
+
+    Raises
+    ------
+    RecordError
+        If a file cannot be read, or has no column of those before.
     """
     tables = [_open(file, model) for file in files]
-    first = tables[0]
-    shared = [title for title in first.header if all(title in t.header for t in tables)]
+    first, shared = tables[0], list(tables[0].header)
+    for file, table in zip(files, tables, strict=True):
+        if not any(title in shared for title in table.header):
+            raise RecordError(
+                f"{file['label']}: expected columns as in {files[0]['label']}, "
+                f"{', '.join(filter(None, shared))}, got {', '.join(filter(None, table.header))}. "
+                "Remedy: name them alike in all files."
+            )
+        shared = [title for title in shared if title in table.header]
     needed = quantities(model)
     return {
         "columns": [title for title in dict.fromkeys(shared) if title],

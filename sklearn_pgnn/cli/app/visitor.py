@@ -193,11 +193,19 @@ class Visitor:
         self.looked, self.result, self.message, self.running = False, None, "", None
 
     async def read_columns(self) -> None:
-        """Read what the files' columns are called, and guess which is which."""
-        self.columns, self.mapping = None, {}
-        if self.model is not None and self.records:
-            self.columns = await self.ask({"do": "columns", "files": self.files})
-            self.mapping = self.columns["guess"]
+        """Read what the files' columns are called, and guess which is which.
+
+        What was chosen stays where the files still have that column.
+        """
+        self.columns = None
+        if self.model is None or not self.records:
+            self.mapping = {}
+            return
+        self.columns = await self.ask({"do": "columns", "files": self.files})
+        guess, there = self.columns["guess"], self.columns["columns"]
+        chosen = {name: self.mapping[name] for name in guess if name in self.mapping}
+        kept = {name: said for name, said in chosen.items() if said["column"] in there}
+        self.mapping = {**guess, **kept}
 
     @property
     def files(self) -> list[dict]:

@@ -258,6 +258,26 @@ def test_columns_of_other_names_and_units_are_mapped(port):
     assert "'Zeit', which is 't' already" in client.wait()["message"]
 
 
+def test_what_was_chosen_outlives_a_file_that_cannot_be_used(port):
+    client = Client(port)
+    client.bring("model", "sledge.yaml", MODEL)
+    client.bring("records", "fahrt.csv", run(header="Zeit,Kraft,Tempo", scales=(1, 1, 3.6)))
+    mapping = {
+        "t": {"column": "Zeit", "unit": "s"},
+        "F": {"column": "Kraft", "unit": "N"},
+        "speed": {"column": "Tempo", "unit": "km/h"},
+    }
+    client.ask("/look", mapping=mapping)
+    client.wait()
+    assert "noise.csv:1:" in client.bring("records", "noise.csv", "\x00\x01").message
+    other = client.bring("records", "other.csv", run(header="a,b,c"))
+    assert other.message.startswith("other.csv: expected columns as in fahrt.csv, Zeit, Kraft")
+    columns = other.sections["columns"]
+    assert 'value="km/h"' in columns
+    for title in ("Zeit", "Kraft", "Tempo"):
+        assert f"<option selected>{title}</option>" in columns
+
+
 def test_files_without_a_time_have_a_sample_time(port):
     client = Client(port)
     client.bring("model", "sledge.yaml", MODEL)

@@ -1,0 +1,5 @@
+"""The command line as ``python -m sklearn_pgnn``."""
+
+from sklearn_pgnn.cli import main
+
+main(prog_name="sklearn-pgnn")
