@@ -199,7 +199,8 @@ def test_faults_of_the_records_are_told_before_the_verdict(tmp_path, monkeypatch
 )
 def test_the_model_file_is_called_what_it_is(causes, missing, said):
     named = causes * (NamedCause("input_bias", "F", {}, 90.0, ()),)
-    diagnosis = SimpleNamespace(causes_=named, discrepancy_=missing)
+    plain = SimpleNamespace(opaque_functions=())
+    diagnosis = SimpleNamespace(causes_=named, discrepancy_=missing, model=plain)
     assert described_files(diagnosis)["extended_model.yaml"].startswith(said)
 
 

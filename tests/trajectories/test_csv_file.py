@@ -283,7 +283,7 @@ def test_a_missing_column_is_called_what_the_model_calls_it(file):
         ("t,temperature,force [N],position", "as in columns: {F: force}."),
         ("t,position", "Remedy: add it to the file, or take it out of the model."),
         ("t,weg,position", "in columns: {F: ...}; not used so far: weg."),
-        ("t,weg,kraft [kN],position", "as in columns: {F: kraft}."),
+        ("t,weg,kraft [N],position", "as in columns: {F: kraft}."),
         ("t,left [N],right [N],position", "{F: ...}; not used so far: left, right."),
     ],
 )
