@@ -25,7 +25,8 @@ FLOORS = (
     {"diagnosis"},
     {"grey_box", "inspection"},
     {"export", "datasets", "fleet"},
-    {"cli", "__main__"},
+    {"cli"},
+    {"__main__"},
 )
 HEIGHT = {room: height for height, rooms in enumerate(FLOORS) for room in rooms}
 
