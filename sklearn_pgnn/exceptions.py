@@ -41,15 +41,40 @@ class RecordError(ValueError):
 
 
 class OptionError(ValueError):
-    """An option (a keyword of an estimator or of the command line) is not valid."""
+    """An option (a keyword of an estimator or of the command line) is not valid.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn import ModelDiagnosis, systems
+    >>> cart = systems.cart_on_spring()
+    >>> try:
+    ...     ModelDiagnosis(cart, hold="soh").fit([[0.0, 0.0]], [0.0])
+    ... except OptionError as error:
+    ...     print(error)
+    hold: expected one of auto, zoh, foh, got 'soh'.
+    """
 
 
 class RecordWarning(UserWarning):
-    """A record is used with a change or a reservation, which the message gives with its remedy."""
+    """A record is used with a change or a reservation, which the message gives with its remedy.
+
+    Examples
+    --------
+    >>> import warnings
+    >>> with warnings.catch_warnings():
+    ...     warnings.simplefilter("error", RecordWarning)  # a reservation ends what is done here
+    """
 
 
 class ModelWarning(UserWarning):
-    """A model is used with a reservation, which the message gives with its remedy."""
+    """A model is used with a reservation, which the message gives with its remedy.
+
+    Examples
+    --------
+    >>> import warnings
+    >>> with warnings.catch_warnings():
+    ...     warnings.simplefilter("ignore", ModelWarning)  # it was read, and is wanted
+    """
 
 
 class UnitWarning(UserWarning):

@@ -37,6 +37,15 @@ class HiddenEffect:
         The machine.
     effects : tuple of Effect
         What is hidden; empty if nothing is.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn import datasets, systems
+    >>> rig = datasets.make_hidden_effect(
+    ...     systems.cart_on_spring(), "coulomb_friction", n_records=1, duration=1.0, random_state=0
+    ... )
+    >>> [effect.id for effect in rig.effects], len(rig.X) == len(rig.y)
+    (['coulomb_friction'], True)
     """
 
     X: pd.DataFrame

@@ -22,6 +22,12 @@ class FreeRunError:
     tells : bool, default=True
         Whether the re-tuned prior or the extended model is nearer to the records than their mean
         is. The free run of a chaotic or unstable machine is not, and says nothing.
+
+    Examples
+    --------
+    >>> error = FreeRunError(prior=2.4, refitted=1.9, extended=0.2)
+    >>> error.tells and error.extended < error.refitted
+    True
     """
 
     prior: float

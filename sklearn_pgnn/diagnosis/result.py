@@ -32,6 +32,11 @@ class Rival(NamedTuple):
         What it acts on.
     probability : float
         Probability that it is the cause.
+
+    Examples
+    --------
+    >>> Rival("sensor_bias", "position", 0.2).probability
+    0.2
     """
 
     effect: str
@@ -50,6 +55,12 @@ class Tried(NamedTuple):
         The state in whose rate it acts, or the input, output or parameter.
     left, low, high : float
         Share of the re-tuned prior's error power that is left, with its 95 % interval.
+
+    Examples
+    --------
+    >>> tried = [Tried("leak", "h", 4.0, 3.8, 4.2), Tried("input_gain", "pump", 1.1, 1.0, 1.2)]
+    >>> min(tried, key=lambda one: one.left).effect
+    'input_gain'
     """
 
     effect: str
@@ -81,6 +92,13 @@ class NamedCause:
         Those among `confused_with` that are the same in the equations: no record separates them.
     probability : float
         Probability that it is the cause, rather than another one of the catalogue or none.
+
+    Examples
+    --------
+    >>> size = Estimate(0.40, 0.38, 0.42, "N")
+    >>> cause = NamedCause("coulomb_friction", "v", {"level": size}, 3.5, ())
+    >>> cause
+    <NamedCause coulomb_friction on v: level 0.4 N, probability 1>
     """
 
     effect: str
@@ -119,6 +137,12 @@ class RetunedParameter:
         Its unit.
     changed : bool
         Whether the interval leaves the prior value out.
+
+    Examples
+    --------
+    >>> mass = RetunedParameter(prior=2.0, value=2.2, low=2.1, high=2.3, unit="kg", changed=True)
+    >>> print(f"{mass.prior:g} to {mass.value:g} {mass.unit}")
+    2 to 2.2 kg
     """
 
     prior: float
@@ -147,6 +171,12 @@ class Gain:
     free_run_refitted, free_run_extended : float
         Root mean square error in free run, over records that the parameters have not seen, or
         over the stretches that were held out.
+
+    Examples
+    --------
+    >>> gain = Gain(0.5, 0.3, 0.1, 0.1, explained_share=1.0, low=0.98, high=1.0, unit="m")
+    >>> gain.extended / gain.noise
+    1.0
     """
 
     prior: float

@@ -23,6 +23,11 @@ class Remaining:
         What is left of every output over held-out windows, as a multiple of its white part.
     depends_on : tuple of str
         States, inputs and the time that structure depends on, the most telling first.
+
+    Examples
+    --------
+    >>> Remaining("structure", {"position": 3.2}, depends_on=("v",)).kind
+    'structure'
     """
 
     kind: str

@@ -12,6 +12,11 @@ class Candidate(NamedTuple):
         Id of the effect in the catalogue.
     target : str
         The state in whose rate it acts, or the input, output or parameter.
+
+    Examples
+    --------
+    >>> Candidate("coulomb_friction", "omega").target
+    'omega'
     """
 
     effect: str

@@ -66,6 +66,13 @@ def explained_share(worse: Residuals, better: Residuals) -> float:
     -------
     float
         At most 1; negative where no output comes nearer.
+
+    Examples
+    --------
+    >>> one = np.ones(1)
+    >>> before, after = (Residuals(squares * one, 100 * one, one) for squares in (400.0, 100.0))
+    >>> explained_share(before, after)
+    0.75
     """
     if not np.isfinite(better.squares).all():
         return -np.inf
@@ -95,6 +102,14 @@ class SelectionCriterion:
         Smallest share of an output's squares worth a name.
     n_candidates : int
         Candidates that are looked at, :math:`N`.
+
+    Examples
+    --------
+    >>> rule = SelectionCriterion(alpha=0.01, smallest_share=0.05, n_candidates=40)
+    >>> round(rule.to_name, 2), round(rule.to_refute, 2)
+    (8.29, 4.61)
+    >>> rule.probabilities([2.0, 30.0]).round(2)  # the cause, its rival, none
+    array([0.88, 0.12, 0.  ])
     """
 
     alpha: float

@@ -23,6 +23,12 @@ class Residuals:
         The residuals, NaN where there is none.
     segment : ndarray of shape (n_samples,), optional
         What they were simulated in, counted from 0, -1 where nothing was.
+
+    Examples
+    --------
+    >>> left = Residuals(np.array([120.0]), np.array([100.0]), times=np.array([1.0]))
+    >>> np.sqrt(left.squares / left.counts).round(2)  # times the noise
+    array([1.1])
     """
 
     squares: np.ndarray

@@ -34,6 +34,12 @@ class Change:
     sure : float
         Probability that it is none of chance: that the cause acts, or acted, or one minus that of
         so large a difference between two estimates of the same number; NaN of a verdict alone.
+
+    Examples
+    --------
+    >>> change = Change("robot 12", "cause", "Coulomb friction on omega is new.", sure=0.98)
+    >>> change.machine
+    'robot 12'
     """
 
     machine: str

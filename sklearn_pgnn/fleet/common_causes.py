@@ -23,6 +23,12 @@ class FleetCause:
         Where something else is named that it is not refuted against.
     low, high : float
         Ends of the 95 % interval (Wilson) of the share of such machines where it is named.
+
+    Examples
+    --------
+    >>> cause = FleetCause("leak", "h", ("tank 3", "tank 7"), ("tank 1",), low=0.01, high=0.03)
+    >>> len(cause.machines), len(cause.possible)
+    (2, 1)
     """
 
     effect: str

@@ -32,6 +32,13 @@ class Simulation:
         Derivatives of the outputs.
     message : str
         Empty, or where and when the simulation failed and what to do.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn import PhysicsModel
+    >>> run = PhysicsModel({"y": "V"}, {"y": "-y"}).simulate([0.0, 0.5, 1.0], x0=[1.0])
+    >>> run.y[:, 0].round(3)
+    array([1.   , 0.607, 0.368])
     """
 
     t: np.ndarray

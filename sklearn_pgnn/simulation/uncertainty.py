@@ -27,6 +27,12 @@ class Estimate:
         Estimate and interval [unit].
     unit : str
         Its unit.
+
+    Examples
+    --------
+    >>> friction = Estimate(0.031, 0.028, 0.034, "N m")
+    >>> friction.low < 0.03 < friction.high
+    True
     """
 
     value: float
