@@ -56,7 +56,9 @@ def test_the_example_is_diagnosed_with_keys_alone(visit):
     assert "Coulomb friction on v" in page.inner_text("#result")
     with page.context.expect_page() as opening:
         page.click("#report")
-    assert "Coulomb friction on v" in opening.value.title()
+    report = opening.value
+    report.wait_for_selector("h1")
+    assert "Coulomb friction on v" in report.title()
     with page.expect_download() as coming:
         page.click("text=extended_model.yaml")
     assert coming.value.suggested_filename == "extended_model.yaml"
