@@ -10,22 +10,17 @@ Run ``python benchmarks/network_together.py --seeds 5``; the table in the docume
 anew after every seed.
 """
 
-import argparse
-import datetime
 import warnings
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
-from joblib import Parallel, delayed
 from plants import PLANTS, Plant
+from seed_table import cell, run_seeds, write_table
 
-import sklearn_pgnn
 from sklearn_pgnn import PGNNLRegressor, PhysicsModelRegressor
 
 #: how far off every parameter is, and how far the model says it may be
 OFF, SPREAD = 0.2, 0.5
-TABLE = Path(__file__).parents[1] / "docs" / "tables" / "network_together.rst"
 
 
 @dataclass(frozen=True)
@@ -124,11 +119,6 @@ def measure(name, way, seed):
     return float(np.sqrt(np.mean((error / plant.noise) ** 2))), 100 * float(np.max(np.abs(off)))
 
 
-def cell(numbers):
-    """Write median and range."""
-    return f"{np.median(numbers):.3g} ({min(numbers):.3g} to {max(numbers):.3g})"
-
-
 def write(found, seeds):
     """Write the table into the documentation."""
     head = ["way"]
@@ -138,33 +128,8 @@ def write(found, seeds):
     for way in WAYS:
         errors = [zip(*found[name, way], strict=True) for name in CASES]
         lines.append([way, *(cell(column) for pair in errors for column in pair)])
-    text = (
-        f".. list-table:: Written by ``python benchmarks/network_together.py`` on "
-        f"{datetime.date.today()} with sklearn_pgnn {sklearn_pgnn.__version__}; seeds 0 to "
-        f"{seeds - 1}: median and range.\n   :header-rows: 1\n\n"
-    )
-    for line in lines:
-        text += "   * - " + "\n     - ".join(line) + "\n"
-    TABLE.write_text(text, encoding="utf-8")
-
-
-def main():
-    """Go through all plants and ways, seed by seed."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seeds", type=int, default=3)
-    parser.add_argument("--jobs", type=int, default=1)
-    arguments = parser.parse_args()
-    pairs = [(name, way) for name in CASES for way in WAYS]
-    found = {pair: [] for pair in pairs}
-    for seed in range(arguments.seeds):
-        results = Parallel(arguments.jobs, return_as="generator")(
-            delayed(measure)(*pair, seed) for pair in pairs
-        )
-        for pair, result in zip(pairs, results, strict=True):
-            found[pair].append(result)
-            print(seed, *pair, *(f"{number:.4g}" for number in result), flush=True)
-        write(found, seed + 1)
+    write_table("network_together", lines, seeds)
 
 
 if __name__ == "__main__":
-    main()
+    run_seeds(__doc__, 3, [(name, way) for name in CASES for way in WAYS], measure, write)

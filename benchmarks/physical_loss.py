@@ -10,23 +10,18 @@ Run ``python benchmarks/physical_loss.py --seeds 5``; the table in the documenta
 after every seed.
 """
 
-import argparse
-import datetime
 import warnings
-from pathlib import Path
 
 import numpy as np
-from joblib import Parallel, delayed
 from plants import PLANTS
+from seed_table import cell, run_seeds, write_table
 
-import sklearn_pgnn
 from sklearn_pgnn import PGNNLRegressor
 from sklearn_pgnn.network import EnergyBalance
 
 WEIGHTS = (0.0, 0.03, 0.3)
 #: measured records; share of a record that counts as its transient; and how much noise is large
 MEASURED, TRANSIENT, NOISY = 2, 0.2, 10.0
-TABLE = Path(__file__).parents[1] / "docs" / "tables" / "physical_loss.rst"
 
 
 def few_labels(X, y, plant, random):
@@ -105,11 +100,6 @@ def measure(setting, plant, seed):
     return found
 
 
-def cell(numbers):
-    """Write median and range."""
-    return f"{np.median(numbers):.3g} ({min(numbers):.3g} to {max(numbers):.3g})"
-
-
 def write(found, seeds):
     """Write the table into the documentation."""
     head = ["plant", "measured", "without"]
@@ -125,33 +115,9 @@ def write(found, seeds):
             line += [cell(errors), ", ".join(f"{w:g}" for w in weights)]
             line.append(", ".join(str(int((signs == sign).sum())) for sign in (-1, 0, 1)))
         lines.append(line)
-    text = (
-        f".. list-table:: Written by ``python benchmarks/physical_loss.py`` on "
-        f"{datetime.date.today()} with sklearn_pgnn {sklearn_pgnn.__version__}; seeds 0 to "
-        f"{seeds - 1}: median and range.\n   :header-rows: 1\n\n"
-    )
-    for line in lines:
-        text += "   * - " + "\n     - ".join(line) + "\n"
-    TABLE.write_text(text, encoding="utf-8")
-
-
-def main():
-    """Go through all settings and plants, seed by seed."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seeds", type=int, default=5)
-    parser.add_argument("--jobs", type=int, default=1)
-    arguments = parser.parse_args()
-    cases = [(setting, plant) for plant in KNOWN for setting in SETTINGS]
-    found = {case: [] for case in cases}
-    for seed in range(arguments.seeds):
-        results = Parallel(arguments.jobs, return_as="generator")(
-            delayed(measure)(*case, seed) for case in cases
-        )
-        for case, result in zip(cases, results, strict=True):
-            found[case].append(result)
-            print(seed, *case, result, flush=True)
-        write(found, seed + 1)
+    write_table("physical_loss", lines, seeds)
 
 
 if __name__ == "__main__":
-    main()
+    CASES = [(setting, plant) for plant in KNOWN for setting in SETTINGS]
+    run_seeds(__doc__, 5, CASES, measure, write)

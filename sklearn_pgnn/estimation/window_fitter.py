@@ -262,7 +262,9 @@ class WindowFitter:
         start, windows = self._start(model), self.problem.windows
         x0 = start.x0.copy()
         if beside is not None:
-            x0 = carry_over(beside, self._start(beside.model).x0, model, start.x0)
+            shows_the_same = beside.model.outputs == model.outputs  # no distance is kept then
+            before = start if shows_the_same else self._start(beside.model)
+            x0 = carry_over(beside, before.x0, model, start.x0)
         if known is not None:
             which, there = known
             x0[which] = there

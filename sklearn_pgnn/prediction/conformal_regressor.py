@@ -16,7 +16,7 @@ FOLDS = 6
 
 
 class ConformalRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
-    r"""Give any regressor intervals, from its errors on trajectories that it has not seen.
+    r"""Intervals for any regressor, from its errors on trajectories that it has not seen.
 
     .. math:: \hat y_k \pm q_o, \qquad
               q_o = \text{the } c \text{ quantile of } |y_{ko} - \hat y^{(-f)}_{ko}|

@@ -15,12 +15,12 @@ from sklearn_pgnn.exceptions import ModelError, ModelWarning, OptionError
 from sklearn_pgnn.physics.expressions import TIME, symbol
 from sklearn_pgnn.physics.external import line_of
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.priors.called_function import by_name, called_function
+from sklearn_pgnn.priors.called_function import NEAR, by_name, called_function
 from sklearn_pgnn.priors.traced import Quantities, Traced, expression_of
 
 _REMEDY = "Remedy: arithmetic and functions of numpy on the elements of x, u and p."
-#: points at which the equations are held against the function, and how near they must be
-POINTS, NEAR = 8, 1e-8
+#: points at which the equations are held against the function
+POINTS = 8
 #: how long a written equation takes at most, in order of magnitude [s]
 WRITTEN = 1e-7
 

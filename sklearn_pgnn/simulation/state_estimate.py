@@ -127,7 +127,7 @@ class StateEstimator:
         unknown = [names.index(state) for state in self.hidden(model)]
         unsigned = [names.index(state) for state in unsigned_states(model) if state in self.known]
         if unknown or unsigned:
-            run = self._simulate(model)
+            run = self._simulate(model, known)
             x[:, unknown] = run[:, unknown]
             x[:, unsigned] *= np.where(run[:, unsigned[:1]] < 0, -1.0, 1.0)
         return x
@@ -143,13 +143,13 @@ class StateEstimator:
                 known[state] = (known[state] - shift) / gain
         return known
 
-    def _simulate(self, model) -> np.ndarray:
+    def _simulate(self, model, known) -> np.ndarray:
         """Simulate every record in free run; where that fails the state stays at its start."""
-        windows, runs, behind = self.windows, [], self._known(model)
+        windows, runs = self.windows, []
         for r, (a, b) in enumerate(zip(windows.bounds[:-1], windows.bounds[1:], strict=True)):
             start = {**settled_start(model, windows.u[a]), **_finite(self.starts[r])}
-            known = {s: v[a] for s, v in behind.items()}
-            x0 = np.array([{**start, **known}[state] for state in model.states])
+            start |= {state: values[a] for state, values in known.items()}
+            x0 = np.array([start[state] for state in model.states])
             run = free_run(model, windows, a, b, x0).x
             runs.append(np.where(np.abs(run) < ENDLESS, run, x0))
         return np.concatenate(runs)

@@ -287,7 +287,7 @@ class TrajectoryNet(NeuralNetRegressor):
         return {} if self._free is None else self._free.values(self.module_.changes)
 
     def _settle_parameters(self, training) -> None:
-        """Give the model the parameters' last values, and note how sure they are."""
+        """Set the model's parameters to their last values, and note how sure they are."""
         self.parameters_: dict[str, Estimate] = {}
         self.dissipation_: dict[str, float] = {}
         if self._free is None:
