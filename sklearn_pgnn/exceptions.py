@@ -78,12 +78,44 @@ class ModelWarning(UserWarning):
 
 
 class UnitWarning(UserWarning):
-    """An equation of a model file does not fit its units; the message names the term."""
+    """An equation of a model file does not fit its units; the message names the term.
+
+    Examples
+    --------
+    >>> import warnings
+    >>> from sklearn_pgnn import PhysicsModel
+    >>> _ = PhysicsModel({"v": "m/s"}, {"v": "F"}, inputs={"F": "N"}).to_yaml("cart.yaml")
+    >>> with warnings.catch_warnings():
+    ...     warnings.simplefilter("error", UnitWarning)
+    ...     try:
+    ...         model = PhysicsModel.from_yaml("cart.yaml")
+    ...     except UnitWarning as warning:
+    ...         print(warning)
+    cart.yaml:6:3: equations.v: the term F is in N, expected m/s^2. Remedy: ...
+    """
 
 
 class SimulationError(RuntimeError):
-    """A simulation left the finite numbers; the message says where, when and the remedy."""
+    """A simulation left the finite numbers; the message says where, when and the remedy.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn import PhysicsModel
+    >>> explosion = PhysicsModel({"x": "m"}, {"x": "x**2"}, initial_state={"x": 1.0})
+    >>> try:
+    ...     explosion.simulate([0, 1, 2, 3, 4]).check()
+    ... except SimulationError as error:
+    ...     print(error)
+    the simulation of 'model' left the finite numbers at t = 4 s (sample 4; before: ...
+    """
 
 
 class SimulationWarning(RuntimeWarning):
-    """A simulation left the finite numbers and its remaining samples are NaN."""
+    """A simulation left the finite numbers and its remaining samples are NaN.
+
+    Examples
+    --------
+    >>> import warnings
+    >>> with warnings.catch_warnings():
+    ...     warnings.simplefilter("error", SimulationWarning)  # end where one runs away
+    """

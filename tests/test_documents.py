@@ -123,6 +123,18 @@ def test_every_public_name_is_in_the_pages_of_the_api():
         assert set(names) <= listed
 
 
+def listed_names():
+    """Return the names on the pages of the API."""
+    pages = (ROOT / "docs" / "api.rst").read_text(encoding="utf-8")
+    return re.findall(r"^   ([A-Za-z_][\w.]*)$", pages, re.MULTILINE)
+
+
+@pytest.mark.parametrize("name", listed_names())
+def test_every_name_in_the_pages_of_the_api_has_an_example(name):
+    value = pkgutil.resolve_name(f"sklearn_pgnn.{name}")
+    assert ">>> " in inspect.getdoc(value)
+
+
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.name)
 def test_example_runs(path, tmp_path):
     result = run(path, folder=tmp_path)

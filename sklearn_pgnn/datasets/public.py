@@ -33,6 +33,16 @@ class PublicBenchmark:
         they do not count in the error.
     prior : PhysicsModel
         The usual prior.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sklearn_pgnn import systems
+    >>> X = pd.DataFrame({"trajectory": 0, "t": np.arange(200.0), "pump": 1.0})
+    >>> y = pd.DataFrame({"level": np.ones(200)})
+    >>> tanks = PublicBenchmark(X[:100], X[100:], y[:100], y[100:], 5, systems.two_tanks())
+    >>> len(tanks.y_test) - tanks.initial_window  # samples that count in the error
+    95
     """
 
     X_train: pd.DataFrame

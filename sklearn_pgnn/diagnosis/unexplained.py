@@ -54,6 +54,14 @@ class MissingPart:
         The model with the terms, fitted together.
     course : ndarray of shape (n_samples,)
         Its smoothed course [unit of the target; per second for a state].
+
+    Examples
+    --------
+    >>> from sklearn_pgnn import effects, systems
+    >>> cart, drag = systems.cart_on_spring(), effects.Formula("v", ("v*x**2",), (-24.0,))
+    >>> part = MissingPart("v", ("v", "x"), 0.98, drag, 1.1, cart + drag, np.zeros(3))
+    >>> part.formula
+    '-24*v*x**2'
     """
 
     target: str

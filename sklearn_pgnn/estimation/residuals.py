@@ -61,6 +61,13 @@ class HeldOut:
         The model of every fold, with what the other windows have taught.
     x0 : ndarray of shape (n_windows, n_states), optional
         The windows' initial states, fitted with these models.
+
+    Examples
+    --------
+    >>> left = Residuals(np.array([120.0]), np.array([100.0]), times=np.array([1.0]))
+    >>> found = HeldOut(left, left, memory_price=0.0, block_squares=np.full((10, 1, 1), 12.0))
+    >>> found.windows.squares.sum() == found.block_squares.sum()
+    np.True_
     """
 
     windows: Residuals

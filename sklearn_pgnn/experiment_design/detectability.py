@@ -42,6 +42,13 @@ class Detectable:
         Whether the diagnosis itself found it at the smallest size, if that was tried.
     at_smallest : Effect or None
         The effect of the smallest size.
+
+    Examples
+    --------
+    >>> curve = ((0.0, 0.0), (0.02, 0.1), (0.05, 0.9), (0.5, 1.0))
+    >>> row = Detectable("coulomb_friction", "v", "level", "N", smallest=0.05, curve=curve)
+    >>> row.smallest, row.unit
+    (0.05, 'N')
     """
 
     effect: str
@@ -67,6 +74,16 @@ class Detectability:
         Chance with which the smallest size is found.
     sizes : tuple of float
         Multiples of the smallest size at which `to_frame` tells the power.
+
+    Examples
+    --------
+    >>> curve = ((0.0, 0.0), (0.02, 0.1), (0.05, 0.9), (0.5, 1.0))
+    >>> seen = Detectable("coulomb_friction", "v", "level", "N", smallest=0.05, curve=curve)
+    >>> found = Detectability((seen,), power=0.9, sizes=(1.0, 2.0))
+    >>> found
+    <Detectability: 1 of 1 effects, power 0.9>
+    >>> found.to_frame()["power at 2x"].round(2).tolist()
+    [0.93]
     """
 
     rows: tuple[Detectable, ...]

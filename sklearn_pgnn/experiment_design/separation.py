@@ -59,6 +59,14 @@ class Experiment:
     repeats : float
         How often it must be recorded, beside the old records, so that the diagnosis tells the two
         apart in nine cases of ten; infinite where ten times are not enough.
+
+    Examples
+    --------
+    >>> pulse = Experiment("F", "one pulse, then a long rest", amplitude=2.0, offset=0.5, unit="N",
+    ...                    duration=10.0, period=1.0, reached={"v": 0.8}, difference=3.0,
+    ...                    evidence=9.0, repeats=1.0)
+    >>> pulse.signal([0.0, 1.0, 5.0, 10.0])
+    array([0.5, 2.5, 0.5, 0.5])
     """
 
     input: str
@@ -103,6 +111,13 @@ class Separation:
         separates them.
     experiments : tuple of Experiment
         The experiments, the most telling first.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.diagnosis import Candidate
+    >>> bias, load = Candidate("input_bias", "F"), Candidate("constant_load", "v")
+    >>> Separation(bias, load, equivalent=True).separable
+    False
     """
 
     cause: Candidate

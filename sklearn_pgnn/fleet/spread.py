@@ -36,6 +36,15 @@ class ParameterSpread:
     odd : dict of str to float
         The machines that are not like the others, each with the probability of a value so far off
         in a machine that is like them.
+
+    Examples
+    --------
+    >>> def kg(value):
+    ...     return dict(value=value, low=value - 0.1, high=value + 0.1, prior=2.0, unit="kg")
+    >>> masses = {"a": 2.0, "b": 2.02, "c": 1.98, "d": 2.01, "e": 2.9, "f": 1.99}
+    >>> mass = spread_of("m", {name: kg(value) for name, value in masses.items()}, 0.01)
+    >>> mass.usual, mass.unit, list(mass.odd)
+    (2.005, 'kg', ['e'])
     """
 
     name: str

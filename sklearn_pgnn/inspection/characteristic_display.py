@@ -21,6 +21,16 @@ class CharacteristicDisplay:
         The axes, once drawn.
     figure_ : matplotlib.figure.Figure
         Their figure.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sklearn_pgnn.inspection.curves import Evidence, Line
+    >>> v = np.linspace(-1, 1, 51)
+    >>> law = Line(v, np.sign(v), "extended", "Coulomb friction")
+    >>> evidence = Evidence("missing force", "v [m/s]", "force [N]", (v, np.sign(v)), (law,), "")
+    >>> CharacteristicDisplay(evidence).plot().ax_.get_xlabel()
+    'v [m/s]'
     """
 
     def __init__(self, evidence):

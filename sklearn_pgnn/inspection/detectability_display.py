@@ -22,6 +22,15 @@ class DetectabilityDisplay:
     axes_ : matplotlib.axes.Axes
         One line an effect: from pale to dark as the power goes from 0 to 1, with a mark at the
         smallest size that is found.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.diagnosis import Detectability, Detectable
+    >>> curve = ((0.0, 0.0), (0.02, 0.1), (0.05, 0.9), (0.5, 1.0))
+    >>> seen = Detectable("coulomb_friction", "v", "level", "N", smallest=0.05, curve=curve)
+    >>> shown = DetectabilityDisplay(Detectability((seen,), 0.9, (1.0, 2.0))).plot()
+    >>> [label.get_text() for label in shown.axes_.get_yticklabels()]
+    ['Coulomb friction on v']
     """
 
     def __init__(self, detectability):
@@ -100,5 +109,14 @@ def plot_detectability(detectability, **options) -> DetectabilityDisplay:
     -------
     DetectabilityDisplay
         The picture, drawn.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.diagnosis import Detectability, Detectable
+    >>> curve = ((0.0, 0.0), (0.02, 0.1), (0.05, 0.9), (0.5, 1.0))
+    >>> seen = Detectable("coulomb_friction", "v", "level", "N", smallest=0.05, curve=curve)
+    >>> shown = plot_detectability(Detectability((seen,), 0.9, (1.0, 2.0)))
+    >>> [label.get_text() for label in shown.axes_.get_yticklabels()]
+    ['Coulomb friction on v']
     """
     return DetectabilityDisplay(detectability).plot(**options)

@@ -61,6 +61,14 @@ class DiagnosisDisplay:
         The figure, once drawn.
     axes_ : ndarray of matplotlib.axes.Axes
         For every output its curves and its errors, then the evidence.
+
+    Examples
+    --------
+    >>> t = np.linspace(0, 10, 101)
+    >>> runs = {"prior": 0.8 * np.sin(t)[:, None], "extended": np.sin(t)[:, None]}
+    >>> seen = Comparison("record 1, free run", t, {"v": "m/s"}, np.sin(t)[:, None], runs)
+    >>> len(DiagnosisDisplay(seen).plot().axes_)  # curves, and errors below
+    2
     """
 
     def __init__(self, comparison: Comparison, evidence=()):
@@ -133,6 +141,16 @@ def plot_diagnosis(diagnosis) -> DiagnosisDisplay:
     -------
     DiagnosisDisplay
         The picture, drawn.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn import ModelDiagnosis, datasets, effects
+    >>> friction = effects.CoulombFriction("v", level=1.0)
+    >>> hidden = datasets.make_cart(3, effect=friction, sample_rate=50)
+    >>> diagnosis = ModelDiagnosis(hidden.prior, catalogue=["coulomb_friction"], window_length=0.5)
+    >>> _ = diagnosis.fit(hidden.X, hidden.y)
+    >>> plot_diagnosis(diagnosis).axes_[-1].get_xlabel()
+    'v [m/s]'
     """
     return DiagnosisDisplay.from_estimator(diagnosis)
 

@@ -111,6 +111,15 @@ class FirstLook:
         How the model as given follows them.
     warnings : tuple of str
         What looks wrong, each with its remedy.
+
+    Examples
+    --------
+    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
+    >>> t = np.linspace(0, 20, 401)
+    >>> run = lag.simulate(t, np.sin(t)).y
+    >>> look = first_look(lag, np.column_stack([t, np.sin(t)]), run)
+    >>> look
+    <FirstLook at ...: fit y 100 %; warnings: 0>
     """
 
     model: PhysicsModel

@@ -25,6 +25,15 @@ class ParametersDisplay:
         calibrated.
     figure_ : matplotlib.figure.Figure
         Their figure.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn import systems
+    >>> from sklearn_pgnn.simulation import Estimate
+    >>> mass = Estimate(2.1, 2.05, 2.15, "kg")
+    >>> shown = ParametersDisplay(systems.cart_on_spring(), {"m": mass}).plot()
+    >>> [label.get_text() for label in shown.ax_.get_yticklabels()]
+    ['m = 2.10 (2.05 to 2.15) kg']
     """
 
     def __init__(self, model, estimates):

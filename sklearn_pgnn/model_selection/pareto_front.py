@@ -72,6 +72,17 @@ def pareto_front(
     ----------
     .. [1] F. M. Rohrhofer, S. Posch, B. C. Geiger, "On the Pareto Front of Physics-Informed Neural
        Networks", 2021, arXiv:2105.00862.
+
+    Examples
+    --------
+    >>> from sklearn.linear_model import Ridge
+    >>> class Level(Ridge):
+    ...     def physics_residual(self, X):
+    ...         return np.diff(self.predict(X), prepend=0.0)  # physics: it hardly rises
+    >>> X = np.arange(8.0)[:, None]
+    >>> front = pareto_front(Level(), X, X, lambdas=(0.0, 10.0), X_test=X, y_test=X, param="alpha")
+    >>> front["on_front"].tolist()
+    [True, True]
     """
     sets = _test_sets(X, y, X_test, y_test, cv)
     name = _full_name(estimator, param)

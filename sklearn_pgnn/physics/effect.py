@@ -78,6 +78,15 @@ class Effect(ABC):
     target : str
         The state, input, output or parameter the effect acts on; two of them, as in ``"k(x)"``,
         where one depends on the other.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn import effects, systems
+    >>> friction = effects.CoulombFriction("v", level=1.0)
+    >>> isinstance(friction, Effect)
+    True
+    >>> print((systems.cart_on_spring() + friction).equations["v"])
+    (-Fc_v*sign(v) - d*v + force - k*x)/m
     """
 
     target: str

@@ -41,6 +41,17 @@ def write_report(
     detectability : Detectability, optional
         What the records can show, see `ModelDiagnosis.detectability`: where nothing was named, the
         report tells what is at most hidden.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn import ModelDiagnosis, datasets, effects
+    >>> friction = effects.CoulombFriction("v", level=1.0)
+    >>> hidden = datasets.make_cart(3, effect=friction, sample_rate=50)
+    >>> diagnosis = ModelDiagnosis(hidden.prior, catalogue=["coulomb_friction"], window_length=0.5)
+    >>> _ = diagnosis.fit(hidden.X, hidden.y)
+    >>> write_report(diagnosis, "report.html")
+    >>> "Coulomb friction on v" in Path("report.html").read_text(encoding="utf-8")
+    True
     """
     check_is_fitted(diagnosis)
     write_whole(Path(path), render_report(diagnosis, provenance, detectability))
@@ -67,6 +78,16 @@ def render_report(
     -------
     str
         The HTML text; names and units of the model are escaped.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn import ModelDiagnosis, datasets, effects
+    >>> friction = effects.CoulombFriction("v", level=1.0)
+    >>> hidden = datasets.make_cart(3, effect=friction, sample_rate=50)
+    >>> diagnosis = ModelDiagnosis(hidden.prior, catalogue=["coulomb_friction"], window_length=0.5)
+    >>> _ = diagnosis.fit(hidden.X, hidden.y)
+    >>> "Coulomb friction on v" in render_report(diagnosis)
+    True
     """
     content = report_content(diagnosis, provenance or Provenance(), detectability)
     for name in ("style.css", "zoom.js"):
