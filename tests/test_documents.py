@@ -131,7 +131,8 @@ def listed_names():
 
 @pytest.mark.parametrize("name", listed_names())
 def test_every_name_in_the_pages_of_the_api_has_an_example(name):
-    value = pkgutil.resolve_name(f"sklearn_pgnn.{name}")
+    module, _, last = f"sklearn_pgnn.{name}".rpartition(".")
+    value = getattr(pkgutil.resolve_name(module), last)
     assert ">>> " in inspect.getdoc(value)
 
 
