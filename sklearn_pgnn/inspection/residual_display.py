@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy.stats import binom, norm
 
+from sklearn_pgnn.inspection.absorbed_noise import expected_autocorrelation
 from sklearn_pgnn.inspection.estimator_runs import run_estimators
 from sklearn_pgnn.inspection.panels import panels
 from sklearn_pgnn.inspection.simulation_display import output_column
@@ -69,6 +70,9 @@ class ResidualDisplay:
         The output.
     n_lags : int, default=25
         Samples up to which it is looked.
+    expected : array-like of shape (n_lags,), optional
+        Autocorrelation of white residuals from a lag of 1 on; by default zero. It is below zero
+        where a fit took a part of the noise.
 
     Attributes
     ----------
@@ -79,8 +83,11 @@ class ResidualDisplay:
     cross_correlation_ : dict of str to ndarray of shape (2 * n_lags + 1,)
         Of every input with the residuals. At lags above zero it means dynamics that the model
         lacks, below zero feedback.
+    expected_ : ndarray of shape (2 * n_lags + 1,)
+        Autocorrelation of white residuals.
     band_ : float
-        White residuals lie within plus and minus this with a chance of 99 %.
+        White residuals lie within plus and minus this of it, or of zero for an input, with a
+        chance of 99 %.
     axes_ : ndarray of matplotlib.axes.Axes
         The autocorrelation, then an input each; once drawn.
     figure_ : matplotlib.figure.Figure
@@ -94,11 +101,13 @@ class ResidualDisplay:
     True
     """
 
-    def __init__(self, residuals, inputs: Mapping, *, output="", n_lags=25):
+    def __init__(self, residuals, inputs: Mapping, *, output="", n_lags=25, expected=None):
         self.residuals, self.inputs = list(residuals), dict(inputs)
         self.output, self.n_lags = output, int(n_lags)
         self.lags_ = np.arange(-self.n_lags, self.n_lags + 1)
         self.autocorrelation_ = correlation(self.residuals, self.residuals, self.lags_)
+        later = np.zeros(self.n_lags) if expected is None else np.asarray(expected, dtype=float)
+        self.expected_ = np.concatenate([later[::-1], [1.0], later])
         self.cross_correlation_ = {
             name: correlation(signal, self.residuals, self.lags_)
             for name, signal in self.inputs.items()
@@ -142,13 +151,14 @@ class ResidualDisplay:
             found = estimator.records_
             left = found.fits["extended"].residual[:, column]
             residuals = np.split(left, found.windows.bounds[1:-1])
+            expected = expected_autocorrelation(found, found.fits["extended"], n_lags)[:, column]
         else:
             (simulated,) = runs.simulated.values()
             pairs = zip(runs.measured, simulated, strict=True)
-            residuals = [(y - yhat)[:, column] for y, yhat in pairs]
+            residuals, expected = [(y - yhat)[:, column] for y, yhat in pairs], None
         inputs = {name: [u[:, i] for u in runs.u] for i, name in enumerate(runs.model.inputs)}
-        display = cls(residuals, inputs, output=list(runs.model.outputs)[column], n_lags=n_lags)
-        return display.plot(ax=ax)
+        about = {"output": list(runs.model.outputs)[column], "n_lags": n_lags}
+        return cls(residuals, inputs, expected=expected, **about).plot(ax=ax)
 
     def is_white(self) -> bool:
         """Return whether as few autocorrelations leave the band as those of white residuals may.
@@ -158,9 +168,9 @@ class ResidualDisplay:
         bool
             Whether no more leave it than in 99 of 100 white residuals.
         """
-        later = self.autocorrelation_[self.n_lags + 1 :]
-        most = binom.ppf(INSIDE, later.size, 1 - INSIDE)
-        return bool((np.abs(later) > self.band_).sum() <= most)
+        off = (self.autocorrelation_ - self.expected_)[self.n_lags + 1 :]
+        most = binom.ppf(INSIDE, off.size, 1 - INSIDE)
+        return bool((np.abs(off) > self.band_).sum() <= most)
 
     def plot(self, *, ax=None):
         """Draw the picture.
@@ -178,7 +188,8 @@ class ResidualDisplay:
         self.axes_ = panels(ax, 1 + len(self.inputs), 8.0, 2.4)
         self.figure_ = self.axes_[0].figure
         about = plain(self.output or "the output")
-        self._stems(self.axes_[0], self.autocorrelation_, f"residuals of {about}: autocorrelation")
+        title = f"residuals of {about}: autocorrelation"
+        self._stems(self.axes_[0], self.autocorrelation_, title, self.expected_)
         for axes, (name, values) in zip(
             self.axes_[1:], self.cross_correlation_.items(), strict=True
         ):
@@ -186,8 +197,9 @@ class ResidualDisplay:
         self.axes_[-1].set_xlabel("lag [samples]")
         return self
 
-    def _stems(self, axes, values, title: str) -> None:
-        axes.axhspan(-self.band_, self.band_, color=COLOURS["measured"], alpha=0.35, linewidth=0)
+    def _stems(self, axes, values, title: str, about=0.0) -> None:
+        low, high = (np.broadcast_to(about + b, values.shape) for b in (-self.band_, self.band_))
+        axes.fill_between(self.lags_, low, high, color=COLOURS["measured"], alpha=0.35, linewidth=0)
         axes.vlines(self.lags_, 0.0, values, color=COLOURS["extended"], linewidth=1.2)
         axes.plot(self.lags_, values, "o", color=COLOURS["extended"], markersize=3)
         axes.axhline(0.0, color=COLOURS["medians"], linewidth=0.6)

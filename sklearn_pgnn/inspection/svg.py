@@ -63,7 +63,12 @@ class Scale:
     def _round_steps(self, most: int) -> list[float]:
         rough = (self.high - self.low) / most
         power = 10.0 ** math.floor(math.log10(rough))
-        step = next(m * power for m in (1, 2, 5, 10) if m * power >= rough * (1 - 1e-9))
+        round_ones = (0.5, 1, 2, 5, 10)
+        place = next(i for i in (1, 2, 3, 4) if round_ones[i] * power >= rough * (1 - 1e-9))
+        found = self._multiples(round_ones[place] * power)
+        return found if len(found) > 1 else self._multiples(round_ones[place - 1] * power)
+
+    def _multiples(self, step: float) -> list[float]:
         first, last = math.ceil(self.low / step), math.floor(self.high / step)
         return [round(k * step, 12 - math.floor(math.log10(step))) for k in range(first, last + 1)]
 
@@ -142,6 +147,12 @@ class Plot:
         """Shade from one ordinate to another."""
         a, b = np.clip(self.y.place([low, high]), 0.0, 1.0)
         self._rectangle(0.0, 1.0 - b, 1.0, b - a, css, title)
+
+    def between(self, x, low, high, css: str, title: str = "") -> None:
+        """Shade between two curves."""
+        there, back = self._on_picture(x, low), self._on_picture(x[::-1], high[::-1])
+        outline = (np.concatenate(pair) for pair in zip(there, back, strict=True))
+        self._path(_polyline(*outline) + "z", css, title)
 
     def cells(self, x, y, width: float, height: float, css: str, opacity: float = 1.0) -> None:
         """Draw equal cells of one colour, told by their lower left corners."""

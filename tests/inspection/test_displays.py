@@ -135,6 +135,14 @@ def test_white_noise_is_white_and_a_random_walk_is_not():
     assert not ResidualDisplay([np.cumsum(r) for r in records], {}).is_white()
 
 
+def test_white_noise_is_white_after_a_level_was_fitted_to_short_windows_of_it():
+    rng, n = np.random.default_rng(1), 12
+    windows = [noise - noise.mean() for noise in rng.normal(size=(400, n))]
+    expected = [-(n - k) / n / (n - 1) for k in range(1, 6)]
+    assert not ResidualDisplay(windows, {}, n_lags=5).is_white()
+    assert ResidualDisplay(windows, {}, n_lags=5, expected=expected).is_white()
+
+
 def test_a_correlation_is_at_its_lag_and_never_spans_records():
     rng = np.random.default_rng(2)
     u = [rng.normal(size=500) for _ in range(2)]

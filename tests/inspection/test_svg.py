@@ -22,6 +22,10 @@ def test_ticks_are_few_round_and_on_the_axis(ends):
     assert np.allclose(np.diff(ticks), ticks[1] - ticks[0])
 
 
+def test_a_low_picture_has_more_than_one_tick():
+    assert Scale(-0.0047, 0.0047).ticks(4) == [-0.004, -0.002, 0.0, 0.002, 0.004]
+
+
 @given(st.floats(1e-3, 1e3), st.floats(1.7, 1e5))
 def test_ticks_of_a_logarithmic_axis_lie_on_it(low, factor):
     ticks = Scale(low, low * factor, log=True).ticks()

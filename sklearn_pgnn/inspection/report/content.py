@@ -4,7 +4,7 @@ from datetime import date
 from itertools import pairwise
 
 from sklearn_pgnn.inspection.equations import equations_of
-from sklearn_pgnn.inspection.numbers import number, times
+from sklearn_pgnn.inspection.numbers import number, percent, times
 from sklearn_pgnn.inspection.report.causes import told_causes
 from sklearn_pgnn.inspection.report.characteristics import characteristics
 from sklearn_pgnn.inspection.report.correlation import correlation
@@ -89,6 +89,7 @@ def _story(diagnosis, formula: FoundFormula | None) -> dict:
         "suspects": dot_plot(diagnosis),
         "retuned_only": times(together(diagnosis).refitted),
         "tests": residual_tests(diagnosis, formula),
+        "smallest_share": percent(diagnosis.smallest_share),
     }
 
 

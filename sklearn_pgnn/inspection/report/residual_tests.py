@@ -6,6 +6,7 @@ import numpy as np
 from markupsafe import Markup
 from scipy.stats import norm
 
+from sklearn_pgnn.inspection.absorbed_noise import expected_autocorrelation
 from sklearn_pgnn.inspection.residual_display import ResidualDisplay
 from sklearn_pgnn.inspection.svg import Plot, Scale
 
@@ -47,26 +48,33 @@ def residual_tests(diagnosis, formula=None) -> dict[str, list[ResidualTest]]:
     """
     records = diagnosis.records_
     windows = records.windows
-    left = (records.fits["extended"] if formula is None else formula.windows).residual
+    fit = records.fits["extended"] if formula is None else formula.windows
     rows = [slice(a, a + n) for a, n in zip(windows.starts, windows.lengths, strict=True)]
     lags = int(min(25, np.median(windows.lengths) // 3))
     inputs = {n: [windows.u[r, i] for r in rows] for i, n in enumerate(diagnosis.model.inputs)}
-    found = {}
+    expected, found = expected_autocorrelation(records, fit, lags), {}
     for column, output in enumerate(diagnosis.model.outputs):
-        residuals = [left[r, column] for r in rows]
-        display = ResidualDisplay(residuals, inputs, output=output, n_lags=lags)
+        residuals, about = [fit.residual[r, column] for r in rows], expected[:, column]
+        display = ResidualDisplay(residuals, inputs, output=output, n_lags=lags, expected=about)
         found[output] = _tests(display, np.concatenate(residuals), output)
     return found
 
 
 def _tests(display: ResidualDisplay, residual, output: str) -> list[ResidualTest]:
     title = f"autocorrelation of what is left of {output}"
-    auto = _stems(display, display.autocorrelation_, title, display.lags_[display.lags_ > 0])
+    later = display.lags_ > 0
+    auto = _stems(
+        display,
+        display.autocorrelation_[later],
+        title,
+        display.lags_[later],
+        display.expected_[later],
+    )
     lag = "lag [samples]"
     tests = [ResidualTest("Autocorrelation", lag, auto)]
     for name, values in display.cross_correlation_.items():
         title = f"correlation of what is left of {output} with {name}"
-        plot = _stems(display, values, title, display.lags_)
+        plot = _stems(display, values, title, display.lags_, np.zeros(values.size))
         tests.append(ResidualTest(f"Cross-correlation with {name}", lag, plot))
     return [
         *tests,
@@ -74,11 +82,11 @@ def _tests(display: ResidualDisplay, residual, output: str) -> list[ResidualTest
     ]
 
 
-def _stems(display: ResidualDisplay, values, label: str, lags) -> Markup:
-    values = values[np.isin(display.lags_, lags)]
-    reach = 1.1 * max(float(np.max(np.abs(values), initial=0.0)), 2.0 * display.band_)
+def _stems(display: ResidualDisplay, values, label: str, lags, expected) -> Markup:
+    low, high = expected - display.band_, expected + display.band_
+    reach = 1.1 * float(max(np.abs([values, low, high]).max(initial=0.0), 2.0 * display.band_))
     plot = Plot(Scale.over(lags, room=0.02), Scale(-reach, reach), label, "low small")
-    plot.band(-display.band_, display.band_, "noise-band", "white noise stays within")
+    plot.between(lags, low, high, "noise-band", "white noise stays within")
     plot.stems(lags, values, "extended")
     return plot.html()
 

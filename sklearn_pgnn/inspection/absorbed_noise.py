@@ -1,0 +1,93 @@
+"""What the fitted initial states of windows take of white noise: its autocorrelation then."""
+
+import numpy as np
+
+from sklearn_pgnn.estimation.fitted_records import DiagnosisRecords, FittedWindows
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.simulate import simulate_acting
+from sklearn_pgnn.simulation.windows import ShootingWindows
+
+#: windows that are looked at; more would say the same
+MOST = 100
+
+
+def expected_autocorrelation(
+    records: DiagnosisRecords, fit: FittedWindows, lags: int
+) -> np.ndarray:
+    """Return the autocorrelation that a model leaves over windows if it leaves white noise only.
+
+    Parameters
+    ----------
+    records : DiagnosisRecords
+        The records of a diagnosis.
+    fit : FittedWindows
+        The model on its windows.
+    lags : int
+        Largest lag [samples].
+
+    Returns
+    -------
+    ndarray of shape (lags, n_outputs)
+        By lag, from 1 on.
+    """
+    spread = records.problem.states.estimate(fit.model).spread
+    return absorbed_autocorrelation(records.windows, fit.model, fit.x0, spread, lags)
+
+
+def absorbed_autocorrelation(
+    windows: ShootingWindows, model: PhysicsModel, x0, spread, lags: int
+) -> np.ndarray:
+    r"""Return the autocorrelation of white noise of which fitted initial states took a part.
+
+    .. math:: \rho_k = -\frac{\sum_{w,t} H_w[t, t + k]}{\sum_{w,t} (1 - H_w[t, t])}, \qquad
+        H_w = S_w (S_w^T S_w + \Lambda)^{-1} S_w^T
+
+    with the slopes :math:`S_w` of the outputs by the initial state, in units of the noise, and the
+    inverse variances :math:`\Lambda` of what is expected of it.
+
+    Parameters
+    ----------
+    windows : ShootingWindows
+        The windows.
+    model : PhysicsModel
+        The fitted model.
+    x0 : ndarray of shape (n_windows, n_states)
+        Its fitted initial states.
+    spread : ndarray of shape (n_states,)
+        How far each may be off what is expected.
+    lags : int
+        Largest lag [samples].
+
+    Returns
+    -------
+    ndarray of shape (lags, n_outputs)
+        By lag, from 1 on.
+    """
+    acting, sums = windows.acting_inputs(model), 0.0
+    for w in np.unique(np.linspace(0, len(windows) - 1, MOST).astype(int)):
+        rows = slice(windows.starts[w], windows.starts[w] + windows.lengths[w])
+        run = simulate_acting(
+            model,
+            windows.t[rows],
+            acting[rows],
+            x0[w],
+            substeps=windows.substeps,
+            hold=windows.hold,
+            wrt=(),
+        )
+        known = np.isfinite(windows.y[rows]) & np.isfinite(run.y)
+        sums = sums + _sums(run.sensitivities / windows.scale[:, None], known, spread, lags)
+    return -sums[1:] / sums[0]
+
+
+def _sums(slopes, known, spread, lags: int) -> np.ndarray:
+    """Return, by output, how many samples a window leaves free, and the sums of the lags."""
+    S = np.where(known[:, :, None], slopes, 0.0)
+    columns = S.reshape(-1, S.shape[2])
+    inverse = np.linalg.pinv(columns.T @ columns + np.diag(spread**-2.0), hermitian=True)
+    taken = np.einsum("toi,ij,toj->o", S, inverse, S)
+    sums = [known.sum(axis=0) - taken]
+    for lag in range(1, lags + 1):
+        earlier, later = S[: len(S) - lag], S[lag:]
+        sums.append(np.einsum("toi,ij,toj->o", earlier, inverse, later))
+    return np.array(sums)
