@@ -97,7 +97,7 @@ def _tell_records(console, look) -> None:
     fits = [f"fit of {cell(o.output)}" for o in outputs]
     rows = table("", "samples", "duration", "sample time", *fits)
     for r in look.records:
-        times = f"{r.duration:.4g} s", f"{r.sample_time:.4g} s"
+        times = f"{number(r.duration)} s", f"{number(r.sample_time)} s"
         fit = [fit_text(r.fit[o.output]) for o in outputs]
         rows.add_row(cell(r.name), str(r.samples), *times, *fit)
     print_table(console, rows)

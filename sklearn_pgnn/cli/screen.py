@@ -136,7 +136,9 @@ def _tell_parameters(console, diagnosis) -> None:
 
 
 def _tell_gain(console, diagnosis) -> None:
-    heading(console, f"Error on held-out windows of {diagnosis.window_:.3g} s (root mean square)")
+    heading(
+        console, f"Error on held-out windows of {number(diagnosis.window_, 3)} s (root mean square)"
+    )
     rows = table("", "as given", "re-tuned", "extended", "noise", "", "explained")
     for output, gain in diagnosis.gain_.items():
         errors = (gain.prior, gain.refitted, gain.extended, gain.noise)

@@ -373,9 +373,9 @@ class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         loose = [name for name, error in errors.items() if self._is_loose(name, error)]
         if loose:
             warnings.warn(
-                f"the records do not fix {', '.join(loose)}: other values fit as well. Remedy: "
-                f"fix what is known (fixed=True, or leave it out of 'free'), or excite the machine "
-                f"so that they show.",
+                f"the records do not determine {', '.join(loose)}: other values fit as well. "
+                f"Remedy: hold what is known fixed, and leave it out of what is free; or excite "
+                f"the machine so that they show.",
                 UserWarning,
                 stacklevel=3,
             )

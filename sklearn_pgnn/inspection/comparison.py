@@ -13,6 +13,13 @@ from sklearn_pgnn.inspection.words import VERDICTS, cause_name, listed
 
 #: the file of a diagnosis, in the folder that the command line writes
 FILE = "diagnosis.json"
+#: by suffix, what else somebody may give
+OTHER_FILES = {
+    ".yaml": "a model file",
+    ".yml": "a model file",
+    ".csv": "a file of records",
+    ".html": "a report",
+}
 _NEEDED = ("verdict", "causes", "parameters", "gain", "free_run", "remaining", "data_quality")
 
 _MODELS = {"prior": "as given", "refitted": "re-tuned", "extended": "extended"}
@@ -162,7 +169,7 @@ def compare(one, other, *, names: Sequence[str] | None = None) -> DiagnosisCompa
     Raises
     ------
     OptionError
-        If one of the two is no diagnosis.
+        If one of the two is no diagnosis, or they have no output and no parameter in common.
 
     Examples
     --------
@@ -177,6 +184,7 @@ def compare(one, other, *, names: Sequence[str] | None = None) -> DiagnosisCompa
     called = tuple(names or _names(one, other))
     if len(called) != 2:
         raise OptionError(f"names: expected two, got {len(called)}.")
+    _check_related(pair, called)
     sizes, parameters = _sizes(pair), _parameters(pair)
     said = (
         *_of_verdicts(pair, called),
@@ -210,7 +218,28 @@ def _read(source) -> Mapping:
     return data
 
 
+def _check_related(pair, names) -> None:
+    """Refuse diagnoses that have nothing in common that could be compared."""
+    known = [{*data["gain"], *data["parameters"]} for data in pair]
+    if all(known) and known[0].isdisjoint(known[1]):
+        has = " and ".join(
+            f"{name} has the outputs {listed(data['gain']) or 'none'}"
+            for name, data in zip(names, pair, strict=True)
+        )
+        raise OptionError(
+            f"compare: expected two diagnoses of machines of one kind, got {has}, and no parameter "
+            f"is in both. Remedy: compare diagnoses whose models name their outputs alike, such as "
+            f"before and after a repair."
+        )
+
+
 def _loaded(path: Path) -> Mapping:
+    if path.suffix.lower() in OTHER_FILES and path.is_file():
+        raise OptionError(
+            f"{path}: expected a diagnosis (a folder, or the {FILE} in it), got "
+            f"{OTHER_FILES[path.suffix.lower()]}. Remedy: run sklearn-pgnn diagnose first, with "
+            f"another --output for each, and compare what it has written."
+        )
     file = path / FILE if path.is_dir() else path
     try:
         data = json.loads(file.read_text(encoding="utf-8"))

@@ -9,6 +9,7 @@ from sklearn.utils.validation import check_is_fitted
 from sklearn_pgnn.diagnosis.free_run import free_runs
 from sklearn_pgnn.inspection.curves import Evidence
 from sklearn_pgnn.inspection.evidence import find_evidence
+from sklearn_pgnn.inspection.numbers import number
 from sklearn_pgnn.inspection.style import COLOURS, LABELS, label, plain, shown_figure, tidy
 from sklearn_pgnn.simulation.simulate import simulate_records
 from sklearn_pgnn.trajectories import read_records
@@ -199,7 +200,7 @@ def _of_fit(diagnosis, kind, record) -> Comparison:
     else:
         simulated = {which: free_runs(records, which)[record].y for which in MODELS}
     how = (
-        f"restarted from the record every {diagnosis.window_:.3g} s"
+        f"restarted from the record every {number(diagnosis.window_, 3)} s"
         if kind == "windows"
         else "free run"
     )

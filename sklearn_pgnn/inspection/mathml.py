@@ -8,8 +8,11 @@ from sympy.printing.mathml import MathMLPresentationPrinter
 from sympy.printing.precedence import PRECEDENCE
 
 from sklearn_pgnn.inspection.cases import cases_of
+from sklearn_pgnn.inspection.numbers import number
 from sklearn_pgnn.physics.expressions import to_text
 
+#: digits of a number in an equation; as text it has all
+DIGITS = 6
 #: beyond so many operations an equation is shown as text only
 MAX_OPERATIONS = 400
 #: characters, as text, beyond which a sum may be broken between its terms
@@ -52,6 +55,13 @@ class Printer(MathMLPresentationPrinter):
                 row.appendChild(self._operator("\u00b7"))
             row.appendChild(self.parenthesize(factor, PRECEDENCE["Mul"]))
         return row
+
+    def _print_Float(self, expr):
+        if not 1e-4 <= abs(expr) < 1e6:
+            return super()._print_Float(expr)
+        written = self.dom.createElement("mn")
+        written.appendChild(self.dom.createTextNode(number(float(expr), DIGITS)))
+        return written
 
     def _rank(self, factor) -> int:
         if factor.is_number or not self.moving:

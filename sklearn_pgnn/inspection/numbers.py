@@ -5,14 +5,19 @@ import re
 
 
 def number(value: float, digits: int = 4) -> str:
-    """Write a number with some significant digits.
+    """Write a number with some significant digits, without an exponent up to a million.
 
     Examples
     --------
     >>> number(0.0804999), number(float("nan")), number(12345678.0)
     ('0.0805', '-', '1.235e+07')
+    >>> number(1200.0, 2), number(999999.0)
+    ('1200', '1e+06')
     """
-    return f"{value:.{digits}g}" if math.isfinite(value) else "-"
+    if not math.isfinite(value):
+        return "-"
+    text = f"{value:.{digits}g}"
+    return f"{float(text):.0f}" if "e+" in text and abs(float(text)) < 1e6 else text
 
 
 def free_run_error(value: float) -> str:

@@ -51,6 +51,19 @@ def test_a_diagnosis_does_not_differ_from_itself(before):
     assert found.summary == "A and B say the same, within their 95 % intervals."
 
 
+def test_machines_that_have_nothing_in_common_are_not_compared(before):
+    other = {**before, "gain": {"level": before["gain"]["v"]}, "parameters": {}}
+    with pytest.raises(OptionError, match="A has the outputs v and B has the outputs level"):
+        compare(before, other)
+
+
+def test_a_model_file_is_no_diagnosis(before, tmp_path):
+    path = tmp_path / "model.yaml"
+    path.write_text("name: sledge")
+    with pytest.raises(OptionError, match="got a model file. Remedy: run sklearn-pgnn diagnose"):
+        compare(before, path)
+
+
 def test_what_differs_is_said(before, after):
     found = compare(before, after, names=("old", "new"))
     size, flaws = found.differences

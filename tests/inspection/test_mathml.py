@@ -58,6 +58,11 @@ def test_only_what_was_added_is_marked():
     assert all('class="added"' not in e.mathml for e in equations_of(CART, rig, marks=False))
 
 
+def test_a_number_in_an_equation_has_no_more_digits_than_are_read():
+    assert "<mn>4.42945</mn>" in mathml_of(sympy.sqrt(sympy.Float(2 * 9.81)))
+    assert "<mn>101325</mn>" in mathml_of(sympy.Float(101325.0))
+
+
 def test_numbers_stand_beside_their_symbols():
     rig = CART + effects.CoulombFriction("v", level=1.25)
     _, v = equations_of(rig, CART)

@@ -84,7 +84,7 @@ def _story(diagnosis, formula: FoundFormula | None) -> dict:
         "curve_keys": keys(diagnosis, formula),
         "free_run": free,
         "windowed": windowed,
-        "window": f"{diagnosis.window_:.3g} s",
+        "window": f"{number(diagnosis.window_, 3)} s",
         "other_records": others,
         "suspects": dot_plot(diagnosis),
         "retuned_only": times(together(diagnosis).refitted),

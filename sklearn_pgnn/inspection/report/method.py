@@ -4,7 +4,7 @@ import platform
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 
-from sklearn_pgnn.inspection.numbers import percent
+from sklearn_pgnn.inspection.numbers import number, percent
 
 LIBRARIES = ("numpy", "scipy", "sympy", "numba", "scikit-learn")
 
@@ -26,7 +26,7 @@ def method(diagnosis) -> str:
     count, samples = len(records.names), records.windows.t.size
     return (
         f"{samples} samples in {count} {'record' if count == 1 else 'records'} were cut into "
-        f"{len(records.windows)} windows of about {window:.3g} s, each with an initial state of "
+        f"{len(records.windows)} windows of about {number(window, 3)} s, each with an initial state of "
         f"its own. Every candidate was fitted together with the model's free parameters and these "
         f"initial states. A cause is named only if a likelihood ratio on windows its parameters "
         f"were not fitted to speaks for it, at a rate of false names of {diagnosis.alpha:g}; if it "
