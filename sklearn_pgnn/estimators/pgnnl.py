@@ -43,6 +43,7 @@ from sklearn_pgnn.estimators.network.records import (
 )
 from sklearn_pgnn.estimators.network.sight import check_sight
 from sklearn_pgnn.estimators.network.stepper import Stepper
+from sklearn_pgnn.estimators.network.structure import ON_THE_MODEL, lossy_states
 from sklearn_pgnn.estimators.network.trajectory_net import TrajectoryNet
 from sklearn_pgnn.exceptions import RecordError, SimulationWarning
 from sklearn_pgnn.extras import needed_by
@@ -77,7 +78,10 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
     .. math::
         \text{output:}\quad x_{k+1} &= n(u_k, x_k, x_{phy,k+1}) \\
         \text{increment:}\quad x_{k+1} &= x_k + \Delta t\,n(u_k, x_k, x_{phy,k+1}) \\
-        \text{correction:}\quad x_{k+1} &= \Phi(x_k, u_k) + \Delta t\,n(u_k, x_k)
+        \text{correction:}\quad x_{k+1} &= \Phi(x_k, u_k) + \Delta t\,n(u_k, x_k) \\
+        \text{dissipative:}\quad x_{k+1} &= \bar x
+            - \Delta t\,R\,\nabla E(x_{k+1}),\quad
+            R = L L^T,\; L = n(u_k, \bar x),\; \bar x = \Phi(x_k, u_k)
 
     with the model's simulation :math:`x_{phy}` and its own step :math:`\Phi` from the state that is
     fed back. The network is trained on single steps (teacher forcing), then on rollouts with its
@@ -102,12 +106,15 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
     model : PhysicsModel, optional
         The model that guides. Without it, and with a time, the network is plain; without a time
         too, the rows are independent of each other.
-    structure : {"auto", "output", "increment", "correction"}, default="auto"
+    structure : {"auto", "output", "increment", "correction", "dissipative"}, default="auto"
         What the network's output means. ``"auto"`` corrects the model's step where the model
         foretells more than half of how the measured states change, a tenth of their dominant
         period ahead (of the squares, against persistence), and is ``"increment"`` where not. The
         paper's ``"output"`` costs 2.6 (1.1 to 180); the wrong one of the other two costs 4 to 10
-        where it matters.
+        where it matters. ``"dissipative"`` is passive by construction [4]_: whatever its weights,
+        the network brings no energy into the states that the model's stored energy depends on,
+        :math:`E(x_{k+1}) \le E(\Phi(x_k, u_k))`. Its outputs are the lower triangle of L, beside
+        a unit diagonal in which the network takes out what the model leaves.
     guide : {"auto", "simulation", "step", "terms", None}, default="auto"
         What of the model the network sees: its open-loop simulation at the next sample, the rate
         :math:`(\Phi(x_k, u_k) - x_k)/\Delta t`, the terms that the model's rates are sums of (a
@@ -136,7 +143,8 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         that lies in the column space of the model's derivatives by the parameters. Small, it only
         decides between values that fit equally well; with 0 nothing decides.
     corrects : sequence of str, optional
-        Of a correction the only states whose rates the network corrects.
+        Of a correction the only states whose rates the network corrects; of a dissipative network
+        the only ones that it takes energy out of.
     sees : sequence of str, optional
         The only states, inputs and further columns that the network sees, with the model's terms
         of these. What the network cannot say, only the parameters can: a network that corrects the
@@ -251,6 +259,9 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
        :doi:`10.1137/20M1318043`.
     .. [3] B. M. Gyoerok, J. H. Hoekstra, J. Kon, T. Peni, M. Schoukens, R. Toth, "Orthogonal
        projection-based regularization for efficient model augmentation", 2025, arXiv:2501.05842.
+    .. [4] A. van der Schaft, D. Jeltsema, "Port-Hamiltonian Systems Theory: An Introductory
+       Overview", Foundations and Trends in Systems and Control 1(2-3), 2014,
+       :doi:`10.1561/2600000002`.
 
     Examples
     --------
@@ -830,10 +841,10 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         windows = TrainingWindows(
             records,
             self.model_,
-            needs_prior=self.structure_ == "correction" or self._guide == "step",
+            needs_prior=self.structure_ in ON_THE_MODEL or self._guide == "step",
             needs_terms=self._guide == "terms",
             terms_from=self.model,
-            middle=self._middle,
+            seen_at=1.0 if self.structure_ == "dissipative" else 0.5 * self._middle,
             **options,
         )
         if not len(windows.pairs):
@@ -866,7 +877,7 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
             )
         self._guide = self.guide
         if self.guide == "auto":
-            by_structure = "terms" if self.structure_ == "correction" else "simulation"
+            by_structure = "terms" if self.structure_ in ON_THE_MODEL else "simulation"
             unseen = plain or (self.sees is not None and by_structure == "simulation")
             self._guide = None if unseen else by_structure
         with_parameters = bool(self._free_names) and self.structure_ == "correction"
@@ -875,7 +886,9 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
             self.model_, self.structure_, self._guide, self.corrects, self.sees,
             self.further_columns_,
         )  # fmt: skip
-        if self._free_names and self.structure_ != "correction" and self.lambda_phy == 0:
+        if self.structure_ == "dissipative":
+            lossy_states(self.model_, self.corrects, self._free_names)
+        if self._free_names and self.structure_ not in ON_THE_MODEL and self.lambda_phy == 0:
             raise ValueError(
                 f"free={self.free!r}: the loss does not depend on the model's parameters where "
                 f"structure={self.structure_!r} and lambda_phy=0. Remedy: structure='correction', "

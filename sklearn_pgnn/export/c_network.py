@@ -94,7 +94,7 @@ def exportable_step(network, what: str) -> NetworkStep:
     Raises
     ------
     ModelError
-        If the network is not trained on trajectories, or has a core of one's own.
+        If the network is not trained on trajectories, is dissipative, or has a core of one's own.
     """
     if getattr(network, "model_", None) is None or not hasattr(network, "step_"):
         raise ModelError(
@@ -106,6 +106,11 @@ def exportable_step(network, what: str) -> NetworkStep:
         raise ModelError(
             f"{what}: the core {type(core).__name__} has no form there. Remedy: train with "
             f"module=FeedForward or module=Recurrent."
+        )
+    if network.step_.loss:
+        raise ModelError(
+            f"{what}: the step of structure='dissipative' has no form there. Remedy: train with "
+            f"structure='correction', or take the network itself as a step, network.stepper()."
         )
     return step_with(core, network.step_)
 

@@ -6,6 +6,7 @@ import numpy as np
 from numba import boolean, int64, njit, types, void
 
 from sklearn_pgnn.simulation.compiled import FUNCTION
+from sklearn_pgnn.simulation.dissipation_loop import lose, lose_slopes, loss_workspace
 from sklearn_pgnn.simulation.model_function import OUTPUTS
 from sklearn_pgnn.simulation.stepping import INNER, OPTIONS, advance, evaluate, workspace
 
@@ -190,15 +191,16 @@ def _prior_step(
 
 @njit(
     int64(
-        FUNCTION, FUNCTION, _F1, _F2, boolean, _F2, _F2, _F2, _F1, _B1, int64, int64,
-        int64, int64, int64, boolean, _F1, _F3, _F1, _F1, _F2, _I1, int64, int64, _F1, _F1, _F1,
-        _F2,
+        FUNCTION, FUNCTION, FUNCTION, _F1, _F2, boolean, _F2, _F2, _F2, _F1, _B1, int64, int64,
+        int64, int64, int64, int64, _F, _F1, _F3, _I1, _F1, _F1, _F1, _F2, _I1, int64, int64, _F1,
+        _F1, _F1, _F2,
     ),
     **OPTIONS,
 )  # fmt: skip
 def run(
-    function, terms, t, acting, linear_hold, u, simulated, features, p, dry, substeps,
-    size, n_terms, base, guide, middle, offset, gain, mean, scale, reach, sizes, core, activation,
+    function, terms, energy, t, acting, linear_hold, u, simulated, features, p, dry, substeps,
+    size, n_terms, n_parts, base, guide, seen_at, offset, gain, lossy, root, mean, scale, reach,
+    sizes, core, activation,
     theta, x, hidden, X,
 ):  # fmt: skip
     """Run a network along one trajectory into X; return the first sample out of reach, or -1."""
@@ -209,6 +211,7 @@ def run(
     prior, at, nothing = np.zeros(nx), np.zeros(nx), np.zeros((nx, 0))
     step_out, old = workspace(nx, 0, acting.shape[1], size)
     seen, turned = np.zeros(n_terms), _by_input(theta, sizes) if core == 0 else theta
+    parts, (matrices, vectors) = np.zeros(n_parts), loss_workspace(lossy.size)
     s, stuck = np.zeros(nx), np.zeros(nx, dtype=np.bool_)
     u_from, u_to = np.zeros(acting.shape[1]), np.zeros(acting.shape[1])
     X[0] = x
@@ -222,8 +225,8 @@ def run(
                 step_out, old, u_from, u_to,
             )  # fmt: skip
         at[:] = x
-        if middle:
-            at += (prior - x) / 2.0
+        if seen_at > 0.0:
+            at += seen_at * (prior - x)
         if guide == 3:
             evaluate(terms, OUTPUTS, t[k], at, nothing, acting[k], p, s, stuck, seen)
         _features(k, x, at, prior, dt, u, simulated, features, guide, seen, mean, scale, z)
@@ -240,6 +243,11 @@ def run(
                 x[i] = prior[i]
             for o in range(n_out):
                 x[i] += (gain[0, i, o] + dt * (gain[1, i, o] + dt * gain[2, i, o])) * out[o]
+        if lossy.size:
+            evaluate(energy, OUTPUTS, t[k], prior, nothing, acting[k], p, s, stuck, parts)
+            lose(out, parts[nx:], root, dt, matrices, vectors)
+            for i in range(lossy.size):
+                x[lossy[i]] += vectors[3, i]
         if _out_of_reach(x, reach):
             for m in range(k + 1, t.size):
                 X[m] = X[k]
@@ -249,18 +257,28 @@ def run(
 
 
 @njit(**INNER)
-def _through_the_middle(by_z, by_at, step_S, by_free):
-    """Turn derivatives by the middle of the model's step into those by its start, in place."""
+def _along_the_step(seen_at, by_z, by_at, step_S, by_free):
+    """Turn derivatives by the state along the model's step into those by its start, in place."""
     nx, n_free = by_z.size, by_free.size
     for j in range(nx):
         by_at[j] = by_z[j]
     for i in range(nx):
         for q in range(n_free):
-            by_free[q] += by_at[i] * step_S[i, q] / 2.0
+            by_free[q] += seen_at * by_at[i] * step_S[i, q]
     for j in range(nx):
-        by_z[j] = by_at[j] / 2.0
+        by_z[j] = (1.0 - seen_at) * by_at[j]
         for i in range(nx):
-            by_z[j] += by_at[i] * step_S[i, n_free + j] / 2.0
+            by_z[j] += seen_at * by_at[i] * step_S[i, n_free + j]
+
+
+@njit(**INNER)
+def _carry_loss(lossy, change, by_prior, step_S, n_free, x, M):
+    """Add to x what a network loses, and to M how that follows the model's step, in place."""
+    for i in range(lossy.size):
+        x[lossy[i]] += change[i]
+        for q in range(M.shape[0]):
+            for j in range(M.shape[0]):
+                M[lossy[i], q] += by_prior[i, j] * step_S[j, n_free + q]
 
 
 @njit(**INNER)
@@ -287,15 +305,16 @@ def _carry(M, S, S_old, gain, by_theta):
 
 @njit(
     void(
-        FUNCTION, FUNCTION, _F1, _F2, boolean, _F2, _F2, _F2, _F1, _B1, int64, int64,
-        int64, int64, int64, boolean, _F1, _F3, _F1, _F1, _F2, _I1, int64, int64, _F1, _F1, _F2,
-        int64, _I1, _F2, _F3,
+        FUNCTION, FUNCTION, FUNCTION, _F1, _F2, boolean, _F2, _F2, _F2, _F1, _B1, int64, int64,
+        int64, int64, int64, int64, _F, _F1, _F3, _I1, _F1, _F1, _F1, _F2, _I1, int64, int64, _F1,
+        _F1, _F2, int64, _I1, _F2, _F3,
     ),
     **OPTIONS,
 )  # fmt: skip
 def run_sensitive(
-    function, terms, t, acting, linear_hold, u, simulated, features, p, dry, substeps,
-    size, n_terms, base, guide, middle, offset, gain, mean, scale, reach, sizes, core, activation,
+    function, terms, energy, t, acting, linear_hold, u, simulated, features, p, dry, substeps,
+    size, n_terms, n_parts, base, guide, seen_at, offset, gain, lossy, root, mean, scale, reach,
+    sizes, core, activation,
     theta, x, S, begin, wanted, X, SX,
 ):  # fmt: skip
     """Run on from sample ``begin``, x and S in place; those wanted go into X and SX.
@@ -312,6 +331,8 @@ def run_sensitive(
     step_S = np.zeros((nx, n_free + nx))
     step_out, old = workspace(nx, n_free + nx, acting.shape[1], size)
     seen, turned = np.zeros(n_terms), _by_input(theta, sizes)
+    parts, (matrices, vectors) = np.zeros(n_parts), loss_workspace(lossy.size)
+    by_out, by_prior = np.zeros((lossy.size, n_out)), np.zeros((lossy.size, nx))
     s, stuck = np.zeros(nx), np.zeros(nx, dtype=np.bool_)
     u_from, u_to = np.zeros(acting.shape[1]), np.zeros(acting.shape[1])
     gain_k, M, S_old = np.zeros((nx, n_out)), np.zeros((nx, nx)), np.zeros(S.shape)
@@ -332,8 +353,8 @@ def run_sensitive(
                 step_out, old, u_from, u_to,
             )  # fmt: skip
         at[:] = x
-        if middle:
-            at += (prior - x) / 2.0
+        if seen_at > 0.0:
+            at += seen_at * (prior - x)
         if guide == 3:
             evaluate(terms, OUTPUTS, t[k], at, step_S, acting[k], p, s, stuck, seen)
         _features(k, x, at, prior, dt, u, simulated, features, guide, seen, mean, scale, z)
@@ -360,17 +381,26 @@ def run_sensitive(
                 for i in range(nx if guide == 2 else 0):
                     place = nx + u.shape[1] + i
                     by_theta[o, n_weights + q] += delta[place] / scale[place] * step_S[i, q] / dt
-            if middle:
-                _through_the_middle(by_z[o], by_at, step_S, by_theta[o, n_weights:])
+            if seen_at > 0.0:
+                _along_the_step(seen_at, by_z[o], by_at, step_S, by_theta[o, n_weights:])
         for i in range(nx):
             for o in range(n_out):
                 gain_k[i, o] = gain[0, i, o] + dt * (gain[1, i, o] + dt * gain[2, i, o])
+        if lossy.size:
+            evaluate(energy, OUTPUTS, t[k], prior, step_S, acting[k], p, s, stuck, parts)
+            lose(after[sizes.size - 1], parts[nx:], root, dt, matrices, vectors)
+            slopes = nx + lossy.size * (1 + lossy.size) + nx * (nx + n_free)
+            lose_slopes(
+                parts[nx:], parts[slopes:], root, dt, matrices, vectors, by_out, by_prior,
+            )  # fmt: skip
+            for i in range(lossy.size):
+                gain_k[lossy[i]] = by_out[i]
         for i in range(nx):
             if base == 0:
                 x[i] = offset[i]
             elif base == 2:
                 x[i] = prior[i]
-            for o in range(n_out):
+            for o in range(n_out if lossy.size == 0 else 0):
                 x[i] += gain_k[i, o] * after[sizes.size - 1, o]
             for j in range(nx):
                 M[i, j] = 0.0
@@ -380,11 +410,16 @@ def run_sensitive(
                     M[i, j] = 1.0
                 for o in range(n_out):
                     M[i, j] += gain_k[i, o] * by_z[o, j]
+        _carry_loss(lossy, vectors[3], by_prior, step_S, n_free, x, M)
         _carry(M, S, S_old, gain_k, by_theta)
         if base == 2:
             for i in range(nx):
                 for q in range(n_free):
                     S[i, n_weights + q] += step_S[i, q]
+        for i in range(lossy.size):
+            for j in range(nx):
+                for q in range(n_free):
+                    S[lossy[i], n_weights + q] += by_prior[i, j] * step_S[j, q]
         if _out_of_reach(x, reach):
             X[row:] = np.inf
             SX[row:] = 0.0

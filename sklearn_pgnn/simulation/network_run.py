@@ -7,7 +7,8 @@ One step from sample k to k + 1 is
 with the base :math:`b_k` a constant, the state :math:`x_k`, or the model's own step
 :math:`\Phi(x_k, u_k)`, and the standardised features :math:`z_k` of state, input, guide and further
 columns. The guide is nothing, the model's open-loop simulation at k + 1, the rate
-:math:`(\Phi(x_k, u_k) - x_k)/\Delta t`, or the terms that the model's rates are sums of. The
+:math:`(\Phi(x_k, u_k) - x_k)/\Delta t`, or the terms that the model's rates are sums of. In place
+of the matrices the network may take energy out, see `sklearn_pgnn.simulation.dissipation`. The
 sensitivities :math:`S = \partial x/\partial\theta` follow the same loop.
 """
 
@@ -22,6 +23,7 @@ from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.parameter import Parameter
 from sklearn_pgnn.physics.terms import model_terms
 from sklearn_pgnn.simulation.compiled import compile_model
+from sklearn_pgnn.simulation.dissipation import Dissipation, energy_model
 from sklearn_pgnn.simulation.inputs import delayed_inputs
 from sklearn_pgnn.simulation.network_loop import run, run_prior_steps, run_sensitive, run_terms
 from sklearn_pgnn.simulation.simulate import parameter_values
@@ -73,6 +75,9 @@ class NetworkStep:
     middle : bool
         Whether the network sees the state in the middle of the model's own step, not at its start:
         what it gives is then right to the second order of the step.
+    loss : Dissipation, optional
+        The states that the network takes energy out of, at the end of the model's own step, instead
+        of adding its output to them.
     """
 
     model: PhysicsModel
@@ -92,6 +97,12 @@ class NetworkStep:
     guide_model: PhysicsModel | None = None
     free: tuple[str, ...] = ()
     middle: bool = False
+    loss: Dissipation | None = None
+
+    @property
+    def seen_at(self) -> float:
+        """Where along the model's step the network sees the state: 0 at its start, 1 at its end."""
+        return 1.0 if self.loss else 0.5 * self.middle
 
     @property
     def terms_from(self) -> PhysicsModel:
@@ -339,11 +350,42 @@ def term_values(model: PhysicsModel, t, x, u, spread):
         Their derivatives.
     """
     with_terms = _with_terms(model, tuple(float(value) for value in spread))
-    values = np.empty((len(t), len(_seen_terms(model))))
+    return _output_values(with_terms, len(_seen_terms(model)), t, x, u)
+
+
+def energy_values(model: PhysicsModel, states: tuple[str, ...], t, x, u):
+    """Evaluate the slopes and the Hessian of the stored energy, with their derivatives.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        A model whose stored energy is known.
+    states : tuple of str
+        The states to differentiate by.
+    t : ndarray of shape (n_samples,)
+        Time [s].
+    x : ndarray of shape (n_samples, n_states)
+        States.
+    u : ndarray of shape (n_samples, n_inputs + n_delays)
+        Inputs as they act.
+
+    Returns
+    -------
+    values : ndarray of shape (n_samples, n_lossy + n_lossy**2)
+        The slopes, and the Hessian row by row.
+    jacobian : ndarray of shape (n_samples, n_lossy + n_lossy**2, n_states)
+        Their derivatives by all states.
+    """
+    return _output_values(energy_model(model, states), len(states) * (1 + len(states)), t, x, u)
+
+
+def _output_values(model: PhysicsModel, count: int, t, x, u):
+    """Evaluate so many outputs of a model, all or none, with their derivatives by the state."""
+    values = np.empty((len(t), count))
     jacobian = np.empty((*values.shape, x.shape[1]))
     if values.size:
-        function, source = compile_model(with_terms, ())
-        p = parameter_values(with_terms)
+        function, source = compile_model(model, ())
+        p = parameter_values(model)
         run_terms(function, _own(t), _own(x), _own(u), p, source.size, values, jacobian)
     return values, jacobian
 
@@ -423,6 +465,10 @@ def _common(step, theta, record, wrt=None):
     with_terms = terms_model(step)
     function, source = compile_model(step.model, wrt)
     terms, of_terms = compile_model(with_terms, wrt)
+    lossy, root = (step.loss.states, step.loss.root) if step.loss else ((), np.zeros(0))
+    energy, of_energy = function, source
+    if lossy:
+        energy, of_energy = compile_model(energy_model(step.model, lossy), wrt)
     parameters = parameter_values(with_terms)  # the model's own come first
     if step.free:
         theta, changes = np.split(theta, [-len(step.free)])
@@ -431,6 +477,7 @@ def _common(step, theta, record, wrt=None):
     return (
         function,
         terms,
+        energy,
         record.t,
         record.acting,
         step.hold == "foh",
@@ -442,14 +489,15 @@ def _common(step, theta, record, wrt=None):
         step.substeps,
         source.size,
         of_terms.size,
+        of_energy.size,
         BASES.index(step.base),
         GUIDES.index(step.guide),
-        step.middle,
+        step.seen_at,
         # copies, for a model that was loaded as a map of its file is read-only
-        *(
-            np.array(part, order="C")
-            for part in (step.offset, step.gain, step.mean, step.scale, step.reach)
-        ),
+        _own(step.offset),
+        _own(step.gain),
+        np.array([list(step.model.states).index(name) for name in lossy], dtype=np.int64),
+        *(_own(part) for part in (root, step.mean, step.scale, step.reach)),
         np.array(step.sizes, dtype=np.int64),
         CORES.index(step.core),
         ACTIVATIONS.index(step.activation),

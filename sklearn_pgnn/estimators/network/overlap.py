@@ -20,10 +20,11 @@ import numpy as np
 import torch
 from torch import nn
 
+from sklearn_pgnn.estimators.network.dissipation import dissipated
 from sklearn_pgnn.estimators.network.free_parameters import FreeParameters
 from sklearn_pgnn.estimators.network.records import TrainingWindows
 from sklearn_pgnn.estimators.network.structure import corrected_states
-from sklearn_pgnn.simulation.network_run import NetworkStep, prior_steps
+from sklearn_pgnn.simulation.network_run import NetworkStep, energy_values, prior_steps
 
 #: most training rows that are looked at
 ROWS = 1500
@@ -52,6 +53,7 @@ class Overlap:
         dt = windows.samples["dt"][rows, None, None]
         gain = (step.gain[0] + dt * (step.gain[1] + dt * step.gain[2]))[:, own] / left[:, None]
         self._gain = torch.as_tensor(gain)
+        self._loss = _Loss(step, windows, rows, own, left) if step.loss else None
         self._seen = torch.as_tensor(_features(step, windows, rows))
         slopes = _slopes(step, free, windows, rows)[:, own] / left[:, None]
         basis = _basis(slopes.reshape(-1, len(free.names)))
@@ -73,8 +75,10 @@ class Overlap:
         seen = self._seen.to(next(core.parameters()).device)
         at_rest = getattr(core, "at_rest", None)
         output = core(seen) if at_rest is None else core(seen, at_rest(len(seen)))[0]
-        said = torch.einsum("nso,no->ns", self._gain.to(output.device), output).reshape(-1)
-        return self._basis.to(output.device).T @ said
+        said = torch.einsum("nso,no->ns", self._gain.to(output.device), output)
+        if self._loss is not None:
+            said = said + self._loss(output)
+        return self._basis.to(output.device).T @ said.reshape(-1)
 
     def with_slopes(self, core: nn.Module, weights: np.ndarray):
         """Return the overlap and its derivatives by the weights.
@@ -102,6 +106,24 @@ class Overlap:
             for each in overlap
         ]
         return overlap.detach().numpy(), np.array([each.numpy() for each in slopes])
+
+
+class _Loss:
+    """What a dissipative network takes out at the training rows, in what the model leaves there."""
+
+    def __init__(self, step, windows, rows, own, left):
+        places = [list(step.model.states).index(name) for name in step.loss.states]
+        at = windows.samples["t"][rows], windows.prior[rows], windows.samples["acting"][rows]
+        parts = energy_values(step.model, step.loss.states, *at)[0]
+        spread = np.array([[place == i for i in own] for place in places]) / left
+        self._given = [
+            torch.as_tensor(part)
+            for part in (parts, step.loss.root, windows.samples["dt"][rows, None], spread)
+        ]
+
+    def __call__(self, output):
+        parts, root, dt, spread = (part.to(output.device) for part in self._given)
+        return dissipated(output, parts, root, dt) @ spread
 
 
 def _features(step, windows, rows) -> np.ndarray:

@@ -272,8 +272,9 @@ class TrainingWindows:
         Whether the model's terms at every measured state are needed.
     terms_from : PhysicsModel, optional
         The model whose terms are meant; by default `model`.
-    middle : bool, default=False
-        Whether the network sees the states, and the terms, in the middle of the model's steps.
+    seen_at : float, default=0
+        Where along the model's steps the network sees the states, and the terms: 0 at their starts,
+        1 at their ends.
 
     Attributes
     ----------
@@ -283,7 +284,7 @@ class TrainingWindows:
 
     def __init__(
         self, records: list[TrainingRecord], model, *, hold, substeps, needs_prior, needs_terms,
-        terms_from=None, middle=False,
+        terms_from=None, seen_at=0.0,
     ):  # fmt: skip
         parts = [each.record for each in records]
         self.lengths = [len(part.t) for part in parts]
@@ -312,8 +313,8 @@ class TrainingWindows:
                 self.samples["acting_next"][k],
             )[0]  # fmt: skip
         self.seen = self.x.copy()
-        if middle:
-            self.seen[k] = (self.x[k] + self.prior[k]) / 2
+        if seen_at:
+            self.seen[k] += seen_at * (self.prior[k] - self.x[k])
         self.terms = np.zeros((len(self.t), 0))
         if needs_terms:
             spread = spread_of(self.seen[self.pairs])

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sklearn_pgnn.estimators.network.structure import corrected_states
+from sklearn_pgnn.estimators.network.structure import ON_THE_MODEL, corrected_states
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.network_run import names_in_terms
 
@@ -17,7 +17,7 @@ def check_sight(model: PhysicsModel, structure, guide, corrects, sees, further=(
     ----------
     model : PhysicsModel
         The model.
-    structure : {"output", "increment", "correction"}
+    structure : {"output", "increment", "correction", "dissipative"}
         What the network's output means.
     guide : {None, "simulation", "step", "terms"}
         What of the model the network sees.
@@ -34,11 +34,11 @@ def check_sight(model: PhysicsModel, structure, guide, corrects, sees, further=(
     own = [list(model.states)[i] for i in corrected_states(model, structure)]
     _check_names("corrects", corrects, own)
     _check_names("sees", sees, (*model.states, *model.inputs, *further))
-    if corrects is not None and structure != "correction":
+    if corrects is not None and structure not in ON_THE_MODEL:
         raise ValueError(
-            f"corrects={corrects!r} needs structure='correction', got {structure!r}: any other "
-            f"network has an output for every state. Remedy: structure='correction', or "
-            f"corrects=None."
+            f"corrects={corrects!r} needs structure='correction' or 'dissipative', got "
+            f"{structure!r}: any other network has an output for every state. Remedy: "
+            f"structure='correction', or corrects=None."
         )
     if sees is not None and guide in ("simulation", "step"):
         raise ValueError(

@@ -4,8 +4,14 @@ import numpy as np
 import torch
 from torch import nn
 
+from sklearn_pgnn.estimators.network.dissipation import dissipated
 from sklearn_pgnn.estimators.network.free_parameters import FreeParameters
-from sklearn_pgnn.simulation.network_run import NetworkStep, prior_steps, term_values
+from sklearn_pgnn.simulation.network_run import (
+    NetworkStep,
+    energy_values,
+    prior_steps,
+    term_values,
+)
 
 
 class StepNetwork(nn.Module):
@@ -40,6 +46,8 @@ class StepNetwork(nn.Module):
         self.gain_is_used = [bool(matrix.any()) for matrix in step.gain]
         for name in ("offset", "gain", "mean", "scale"):
             self.register_buffer(name, torch.tensor(getattr(step, name)), persistent=False)
+        if step.loss:
+            self.register_buffer("root", torch.tensor(step.loss.root), persistent=False)
 
     def forward(self, x, u, t, index, prior=None, terms=None, simulated=None, features=None):
         """Predict the states of windows.
@@ -99,7 +107,7 @@ class StepNetwork(nn.Module):
         step = self.step
         if step.needs_prior and prior is None:
             prior = self._prior(x, index)
-        at = (x + prior) / 2 if step.middle else x
+        at = x + step.seen_at * (prior - x) if step.seen_at else x
         seen = [at, u]
         if step.guide == "step":
             seen.append((prior - x) / dt)
@@ -111,11 +119,19 @@ class StepNetwork(nn.Module):
         else:
             output, hidden = self.core(z, hidden)
         base = {"constant": self.offset, "state": x, "prior": prior}[step.base]
+        if step.loss:
+            return self._lose(prior, output, dt, index), hidden
         at_once, rate, twice = (
             output @ matrix.T if used else 0.0
             for matrix, used in zip(self.gain, self.gain_is_used, strict=True)
         )
         return base + at_once + dt * (rate + dt * twice), hidden
+
+    def _lose(self, prior, output, dt, index):
+        """Return the states after the network has taken energy out."""
+        change = dissipated(output, _Energy.apply(prior, index, self), self.root, dt)
+        places = [list(self.step.model.states).index(name) for name in self.step.loss.states]
+        return prior.index_add(1, torch.as_tensor(places, device=prior.device), change)
 
 
 class _PriorStep(torch.autograd.Function):
@@ -163,6 +179,25 @@ class _Terms(torch.autograd.Function):
             x.detach().cpu().numpy(),
             samples["acting"][rows],
             step.state_spread,
+        )
+        ctx.save_for_backward(torch.as_tensor(jacobian, device=x.device))
+        return torch.as_tensor(values, device=x.device)
+
+    @staticmethod
+    def backward(ctx, grad):
+        (jacobian,) = ctx.saved_tensors
+        return torch.einsum("ni,nij->nj", grad, jacobian), None, None
+
+
+class _Energy(torch.autograd.Function):
+    """Slopes and Hessian of the stored energy, compiled, with their Jacobian as backward pass."""
+
+    @staticmethod
+    def forward(ctx, x, index, network):
+        rows, samples, step = index.cpu().numpy(), network.samples, network.step
+        t, acting = samples["t"][rows], samples["acting"][rows]
+        values, jacobian = energy_values(
+            step.model, step.loss.states, t, x.detach().cpu().numpy(), acting
         )
         ctx.save_for_backward(torch.as_tensor(jacobian, device=x.device))
         return torch.as_tensor(values, device=x.device)

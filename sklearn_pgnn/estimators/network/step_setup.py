@@ -7,11 +7,14 @@ import numpy as np
 from sklearn_pgnn.estimators.network.records import TrainingRecord, TrainingWindows, spread_of
 from sklearn_pgnn.estimators.network.sight import scale_of_seen
 from sklearn_pgnn.estimators.network.structure import (
+    ON_THE_MODEL,
     STRUCTURES,
     TRIAL_SHARE,
     base_of,
     choose_structure,
+    dissipation_of,
     gain_of,
+    lossy_states,
 )
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.network_run import NetworkStep, run_network
@@ -82,9 +85,14 @@ def check_structure(structure: str, guide, has_model: bool) -> None:
         raise ValueError(
             f"guide: expected 'auto', 'simulation', 'step', 'terms' or None, got {guide!r}."
         )
-    if not has_model and (structure == "correction" or guide not in ("auto", None)):
-        what = "structure='correction'" if structure == "correction" else f"guide={guide!r}"
+    if not has_model and (structure in ON_THE_MODEL or guide not in ("auto", None)):
+        what = f"structure={structure!r}" if structure in ON_THE_MODEL else f"guide={guide!r}"
         raise ValueError(f"{what} needs a model, got none. Remedy: give model=.")
+    if structure == "dissipative" and guide == "step":
+        raise ValueError(
+            "guide='step' does not go with structure='dissipative', whose network sees the end of "
+            "the model's step. Remedy: guide='terms' or guide=None."
+        )
 
 
 def make_step(
@@ -108,7 +116,7 @@ def make_step(
         The model.
     windows : TrainingWindows
         The training data.
-    structure : {"output", "increment", "correction"}
+    structure : {"output", "increment", "correction", "dissipative"}
         What the network's output means.
     guide : {None, "simulation", "step", "terms"}
         What of the model the network sees.
@@ -142,12 +150,19 @@ def make_step(
         seen.append(windows.terms[now])
     z = np.hstack([*seen, windows.features[after]])
     mean, spread = x.mean(axis=0), spread_of(x)
+    if structure == "dissipative":
+        here = {name: part[now] for name, part in windows.samples.items()}
+        states = lossy_states(model, corrects)
+        loss = dissipation_of(model, states, here, windows.x[after], prior)
+        gain = np.zeros((3, x.shape[1], loss.n_outputs))
+    else:
+        loss, gain = None, gain_of(model, structure, x, windows.x[after], prior, dt, corrects)
     return NetworkStep(
         model,
         base_of(structure),
         guide,
         windows.x[after].mean(axis=0),
-        gain_of(model, structure, x, windows.x[after], prior, dt, corrects),
+        gain,
         z.mean(axis=0),
         scale_of_seen(model, guide, spread_of(z), sees, further),
         mean + REACH * np.array([[-1.0], [1.0]]) * spread,
@@ -155,6 +170,7 @@ def make_step(
         hold=hold,
         spread=spread_of(windows.seen[now]),
         middle=middle,
+        loss=loss,
     )
 
 
@@ -178,7 +194,8 @@ def base_error(step: NetworkStep, records: list[TrainingRecord], outputs, length
         The error, positive.
     """
     n_in, n_out = len(step.mean), step.n_network_outputs
-    idle, zero = replace(step, sizes=(n_in, n_out)), np.zeros((n_in + 1) * n_out)
+    idle = replace(step, sizes=(n_in, n_out), loss=None)
+    zero = np.zeros((n_in + 1) * n_out)
     squares = []
     for each in records:
         count = len(each.x) - 1

@@ -4,14 +4,25 @@ r"""The structures of a network's step, and the choice between them.
 - ``increment``: :math:`x_{k+1} = x_k + \Delta t\, n(u_k, x_k, \ldots)`
 - ``correction``: :math:`x_{k+1} = \Phi(x_k, u_k) + \Delta t\, n(u_k, x_k, \ldots)`, where only
   rates that are not just another state are corrected; a position moves by half a step's square.
+- ``dissipative``: :math:`x_{k+1} = \Phi(x_k, u_k) + \delta_n(\Phi(x_k, u_k), u_k, \ldots)`, where
+  :math:`\delta_n` only takes energy out, see `sklearn_pgnn.simulation.dissipation`.
 """
 
 import numpy as np
 
+from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.dissipation import Dissipation, energy_slopes
+from sklearn_pgnn.simulation.network_run import energy_values
 
-STRUCTURES = ("output", "increment", "correction")
-_BASES = {"output": "constant", "increment": "state", "correction": "prior"}
+STRUCTURES = ("output", "increment", "correction", "dissipative")
+#: those that stand on the model's own step
+ON_THE_MODEL = ("correction", "dissipative")
+_BASES = {
+    "output": "constant", "increment": "state", "correction": "prior", "dissipative": "prior",
+}  # fmt: skip
+#: share of the largest eigenvalue of an energy's Hessian that counts as rounding
+ROUNDING = 1e-9
 #: share of the squared change of the states that a model worth a correction leaves, at most
 FORETOLD = 0.5
 #: share of the dominant period of the outputs over which the model is compared with persistence
@@ -30,7 +41,7 @@ def corrected_states(model: PhysicsModel, structure: str) -> list[int]:
     ----------
     model : PhysicsModel
         The model.
-    structure : {"output", "increment", "correction"}
+    structure : {"output", "increment", "correction", "dissipative"}
         What the output means.
 
     Returns
@@ -38,7 +49,7 @@ def corrected_states(model: PhysicsModel, structure: str) -> list[int]:
     list of int
         Their places.
     """
-    positions = set(model.slope_pairs.values()) if structure == "correction" else set()
+    positions = set(model.slope_pairs.values()) if structure in ON_THE_MODEL else set()
     return [i for i, state in enumerate(model.states) if state not in positions]
 
 
@@ -84,6 +95,104 @@ def gain_of(model: PhysicsModel, structure: str, x, x_next, prior, dt, corrects=
         if position is not None:
             gain[2, states.index(position), column] = size[i] / 2
     return gain
+
+
+def lossy_states(model: PhysicsModel, corrects=None, free=()) -> tuple[str, ...]:
+    """Return the states that a network can take energy out of.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    corrects : sequence of str, optional
+        The only states that are meant; by default all that the stored energy depends on, but for
+        positions.
+    free : sequence of str, default=()
+        Parameters that are trained.
+
+    Returns
+    -------
+    tuple of str
+        The states.
+
+    Raises
+    ------
+    ValueError
+        If the stored energy does not depend on one of them, is not quadratic in them together, or
+        depends on them by a parameter that is trained.
+    """
+    what, stored = "structure='dissipative'", model.energy.get("stored")
+    if stored is None:
+        raise ValueError(
+            f"{what}: the energy of {model.name!r} is not known: expected the model's 'energy' "
+            f"with 'stored', got {', '.join(model.energy) or 'nothing'}. Remedy: give the model "
+            f"its energy, or structure='correction'."
+        )
+    own = [list(model.states)[i] for i in corrected_states(model, "dissipative")]
+    states = tuple(
+        name for name in own
+        if (stored.has(symbol(name)) if corrects is None else name in corrects)
+    )  # fmt: skip
+    unknown = [name for name in states if not stored.has(symbol(name))]
+    if unknown or not states:
+        raise ValueError(
+            f"{what}: expected states that the stored energy {stored} depends on, besides "
+            f"positions, got {', '.join(unknown) or 'none'}. Remedy: name others in 'corrects', "
+            f"complete the model's 'energy', or structure='correction'."
+        )
+    parts = energy_slopes(model, states)
+    held = {str(each) for part in parts for each in part.free_symbols}
+    bent = {str(each) for part in parts[len(states) :] for each in part.free_symbols}
+    if bent & set(states):
+        raise ValueError(
+            f"{what}: expected an energy that is quadratic in {', '.join(states)}, got {stored}. "
+            f"Remedy: name fewer states in 'corrects', or structure='correction'."
+        )
+    if held & set(free):
+        raise ValueError(
+            f"{what} with free={sorted(held & set(free))}: what the network may take out is "
+            f"measured by the energy, which these parameters would change. Remedy: leave them out "
+            f"of 'free', or structure='correction'."
+        )
+    return states
+
+
+def dissipation_of(model: PhysicsModel, states, samples, x_next, prior) -> Dissipation:
+    """Scale what a network takes out of some states by what the model leaves there.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    states : tuple of str
+        The states.
+    samples : dict of str to ndarray
+        Time ``t``, step ``dt`` and acting inputs ``acting`` of every step.
+    x_next, prior : ndarray of shape (n, n_states)
+        Measured states at the end of every step, and those of the model's step.
+
+    Returns
+    -------
+    Dissipation
+        The states, with their scales.
+
+    Raises
+    ------
+    ValueError
+        If the energy grows less than linearly along some direction of the states.
+    """
+    parts = energy_values(model, states, samples["t"], prior, samples["acting"])[0]
+    m, places = len(states), [list(model.states).index(name) for name in states]
+    eigenvalues = np.linalg.eigvalsh(parts[:, m:].reshape(-1, m, m))
+    if eigenvalues.min() < -ROUNDING * np.abs(eigenvalues).max():
+        raise ValueError(
+            f"structure='dissipative': expected an energy that no motion of {', '.join(states)} "
+            f"makes negative, got {model.energy['stored']}. Remedy: mend the model's 'energy', or "
+            f"name fewer states in 'corrects'."
+        )
+    left = ((x_next - prior) / samples["dt"][:, None])[:, places]
+    size, slope = (np.sqrt(np.mean(each**2, axis=0)) for each in (left, parts[:, :m]))
+    return Dissipation(states, np.sqrt(size / np.where(slope > 0, slope, 1.0)))
 
 
 def choose_structure(measured, foretold, begun) -> str:

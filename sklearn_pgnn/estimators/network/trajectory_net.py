@@ -45,7 +45,7 @@ from sklearn_pgnn.estimators.network.physics_loss import NotFinite, PhysicsLoss
 from sklearn_pgnn.estimators.network.records import TrainingRecord, TrainingWindows
 from sklearn_pgnn.estimators.network.row_network import RowNetwork
 from sklearn_pgnn.estimators.network.step_network import StepNetwork
-from sklearn_pgnn.estimators.network.structure import corrected_states
+from sklearn_pgnn.estimators.network.structure import ON_THE_MODEL, corrected_states
 from sklearn_pgnn.exceptions import SimulationWarning
 from sklearn_pgnn.simulation.network_run import NetworkStep
 from sklearn_pgnn.simulation.uncertainty import NORMAL_95, Estimate
@@ -272,7 +272,7 @@ class TrajectoryNet(NeuralNetRegressor):
         names = self._free_names + self._balance_names
         if names:
             self._free = FreeParameters.of(self._prior, self.model_, names)
-            if self._free_names and self.structure_ == "correction":
+            if self._free_names and self.structure_ in ON_THE_MODEL:
                 self._overlap = Overlap(self.step_, self._free, windows)
 
     def _changes(self) -> np.ndarray:

@@ -1,0 +1,43 @@
+"""What a network takes out of a model's states, as a differentiable step of torch."""
+
+import torch
+
+
+def dissipated(output, parts, root, dt) -> torch.Tensor:
+    r"""Return the change of some states, see `sklearn_pgnn.simulation.dissipation`.
+
+    .. math:: \delta = -\Delta t\,L\,(1 + \Delta t\,L^T H L)^{-1} L^T e
+
+    Parameters
+    ----------
+    output : Tensor of shape (n, n_lossy * (n_lossy + 1) / 2)
+        What the network gives.
+    parts : Tensor of shape (n, n_lossy + n_lossy**2)
+        Slopes and Hessian of the stored energy.
+    root : Tensor of shape (n_lossy,)
+        What every row of L is measured in.
+    dt : Tensor of shape (n, 1)
+        Steps [s].
+
+    Returns
+    -------
+    Tensor of shape (n, n_lossy)
+        The change.
+
+    Examples
+    --------
+    >>> one = torch.ones(1, 1)
+    >>> dissipated(0 * one, torch.tensor([[6.0, 2.0]]), torch.ones(1), one)  # of 3**2 Joules
+    tensor([[-2.]])
+    """
+    m = len(root)
+    rows, columns = torch.tril_indices(m, m, device=output.device)
+    lower = torch.zeros(len(output), m, m, dtype=output.dtype, device=output.device)
+    lower[:, rows, columns] = output
+    lower = root[:, None] * (lower + torch.eye(m, dtype=output.dtype, device=output.device))
+    hessian, step = parts[:, m:].reshape(-1, m, m), dt[:, :, None]
+    turned = lower.transpose(1, 2)
+    matrix = torch.eye(m, dtype=output.dtype, device=output.device)
+    matrix = matrix + step * (turned @ hessian @ lower)
+    slopes = turned @ parts[:, :m, None]
+    return (-step * (lower @ torch.linalg.solve(matrix, slopes)))[:, :, 0]
