@@ -13,7 +13,7 @@ from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn
 from rich.text import Text
 
 from sklearn_pgnn.cli.signals import check
-from sklearn_pgnn.cli.stages import in_words
+from sklearn_pgnn.cli.stages import BEST, in_words
 
 #: seconds between two lines of one stage in a pipe
 EVERY = 5.0
@@ -94,6 +94,9 @@ class _Live:
         self.began = clock()
 
     def __call__(self, stage: str, done: int, total: int | None) -> None:
+        if stage.startswith(BEST):
+            self.bars.console.print(Text(f"{'':10}{stage}"))
+            return
         if self.now is not None and self.now[0] != stage:
             self.finish()
         if self.now != (stage, total):
@@ -132,6 +135,9 @@ class Lines:
     def __call__(self, stage: str, done: int, total: int | None) -> None:
         """Show a step, unless the last line was just now."""
         now = self.clock()
+        if stage.startswith(BEST):
+            self.write(stage)
+            return
         if stage in self.seen and now - self.last < EVERY:
             return
         self.seen.add(stage)

@@ -22,6 +22,8 @@ from sklearn_pgnn.estimation.share_left import ShareLeft, share_left
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects import WrongParameter
 
+#: share of the least error so far below which a fit is told of
+CLEARLY = 0.9
 Move = Callable[[FittedHypothesis], FittedHypothesis | None]
 
 
@@ -68,6 +70,7 @@ class Search:
         self._alone: dict[Effect, ShareLeft] = {}
         self._visited: set[Key] = set()
         self._screening: Screening | None = None
+        self._least = np.inf
 
     def run(self) -> SearchResult:
         """Find what is missing, or as much of it as the time allows.
@@ -319,7 +322,7 @@ class Search:
             fits.append(self.fitter.first_fit(ground, cause))
             if not current.hypothesis.causes:
                 self._note_alone(ground, fits[-1:])
-            self.progress.step()
+            self._step(fits[-1])
         return _usable(fits)
 
     def _converge(self, current, fits: list[SubsampleFit]) -> list[SubsampleFit]:
@@ -439,8 +442,17 @@ class Search:
     # -- result --------------------------------------------------------------------------------
 
     def _step(self, fit: SubsampleFit) -> SubsampleFit:
+        self._tell_best(fit)
         self.progress.step()
         return fit
+
+    def _tell_best(self, fit: SubsampleFit) -> None:
+        """Tell of a fit that leaves clearly less than any before, in units of the noise."""
+        left = fit.times_noise
+        if left < CLEARLY * self._least:
+            self._least = left
+            names = " and ".join(cause.title(cause.target) for cause in _causes(fit))
+            self.progress.note(f"{left:.2f} times the noise left with {names}")
 
     def _note_alone(self, ground: SubsampleFit, fits: list[SubsampleFit]) -> None:
         """Note the share of the squares that every candidate leaves alone."""

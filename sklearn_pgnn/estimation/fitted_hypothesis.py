@@ -51,6 +51,14 @@ class FittedHypothesis:
         return self.fit.squares if self.fit.usable else np.inf
 
     @property
+    def times_noise(self) -> float:
+        """Root mean square residual in units of the noise; infinite if it cannot be fitted."""
+        if not self.fit.usable:
+            return np.inf
+        evaluation = self.fit.evaluation
+        return float(np.sqrt(evaluation.squares.sum() / np.isfinite(evaluation.residual).sum()))
+
+    @property
     def blocks(self) -> np.ndarray:
         """Sum of squared residuals of every block of every window."""
         return self.fit.evaluation.block_squares

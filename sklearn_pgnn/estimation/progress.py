@@ -3,6 +3,9 @@
 from collections.abc import Callable
 from time import monotonic
 
+#: how a report begins that is no stage, but the best so far
+BEST = "best so far: "
+
 
 class TimeIsUp(Exception):
     """The time that a diagnosis may take is over."""
@@ -14,7 +17,8 @@ class Progress:
     Parameters
     ----------
     report : callable, optional
-        Called as ``report(stage, done, total)``.
+        Called as ``report(stage, done, total)``; where a better hypothesis turns up, a stage in
+        between says so, beginning with `BEST`.
     time_limit : float, optional
         Time [s] from now on.
 
@@ -76,6 +80,17 @@ class Progress:
         if limit is not None and monotonic() - self._begun >= limit:
             self.ended = f"time limit of {limit:g} s, at {self.stage!r}"
             raise TimeIsUp
+
+    def note(self, best: str) -> None:
+        """Tell what is best so far, whatever the stage.
+
+        Parameters
+        ----------
+        best : str
+            What it is, and what it leaves.
+        """
+        if self._report is not None:
+            self._report(f"{BEST}{best}", 0, 1)
 
     def end(self, reason: str) -> None:
         """End early, and report no more.

@@ -63,7 +63,7 @@ def absorbed_autocorrelation(
     ndarray of shape (lags, n_outputs)
         By lag, from 1 on.
     """
-    acting, sums = windows.acting_inputs(model), 0.0
+    acting, parts = windows.acting_inputs(model), []
     for w in np.unique(np.linspace(0, len(windows) - 1, MOST).astype(int)):
         rows = slice(windows.starts[w], windows.starts[w] + windows.lengths[w])
         run = simulate_acting(
@@ -76,7 +76,9 @@ def absorbed_autocorrelation(
             wrt=(),
         )
         known = np.isfinite(windows.y[rows]) & np.isfinite(run.y)
-        sums = sums + _sums(run.sensitivities / windows.scale[:, None], known, spread, lags)
+        slopes = np.asarray(run.sensitivities) / windows.scale[:, None]
+        parts.append(_sums(slopes, known, spread, lags))
+    sums = np.sum(parts, axis=0)
     return -sums[1:] / sums[0]
 
 

@@ -4,13 +4,19 @@ import re
 from pathlib import Path
 
 import sklearn_pgnn
-from sklearn_pgnn.cli.stages import WORDS, in_words
+from sklearn_pgnn.cli.stages import BEST, WORDS, in_words
+from sklearn_pgnn.estimation import progress
 
 
 def test_every_stage_in_the_table_is_one_of_the_package():
     files = Path(sklearn_pgnn.__file__).parent.rglob("*.py")
     sources = "\n".join(path.read_text(encoding="utf-8") for path in files)
     assert [stage for stage in WORDS if len(re.findall(f'"{stage}"', sources)) < 2] == []
+
+
+def test_what_is_best_so_far_begins_as_the_search_begins_it():
+    assert BEST == progress.BEST
+    assert in_words(f"{BEST}drag on v") == f"{BEST}drag on v"
 
 
 def test_the_number_of_a_cause_stays_and_words_are_left_as_they_are():

@@ -1,6 +1,7 @@
 """A suspect whose fit breaks down is left out and named; what was found so far is never lost."""
 
 import json
+import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +11,7 @@ from sklearn.exceptions import NotFittedError
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects
 from sklearn_pgnn.diagnosis import formula_selection, model_diagnosis
 from sklearn_pgnn.estimation import fitting, progress, window_fitter
-from sklearn_pgnn.estimation.progress import Progress, TimeIsUp
+from sklearn_pgnn.estimation.progress import BEST, Progress, TimeIsUp
 from sklearn_pgnn.inspection.report import render_report
 from sklearn_pgnn.inspection.words import unusable_sentence, verdict_sentence
 from sklearn_pgnn.physics.effect import Effect, quantity
@@ -353,7 +354,7 @@ def test_a_diagnosis_names_its_stages_and_every_step_of_a_fit_is_told(monkeypatc
     assert min(fits) >= 1
     assert sum(fits) > len(fits)
     assert all(0 <= done <= total for _, done, total in said)
-    stages = list(dict.fromkeys(stage for stage, _, _ in said))
+    stages = list(dict.fromkeys(stage for stage, _, _ in said if not stage.startswith(BEST)))
     assert [s for s in stages if s not in ("structure of what is left", "pairs", "formula")] == [
         "reading the records",
         "window length",
@@ -369,6 +370,19 @@ def test_a_diagnosis_names_its_stages_and_every_step_of_a_fit_is_told(monkeypatc
     ]
     ends = {stage: (done, total) for stage, done, total in said}
     assert ends["cause 1"] == (3, 4)  # two suspects: a look at each, and the nearer to its end
+
+
+def test_the_best_so_far_is_told_while_the_search_goes_on():
+    said = []
+    diagnosis = diagnose(progress=lambda *args: said.append(args))
+    stages = [stage for stage, _, _ in said]
+    told = [stage for stage in stages if stage.startswith(BEST)]
+    (cause,) = diagnosis.causes_
+    name = effects.by_id(cause.effect).title(cause.target)
+    assert re.fullmatch(rf"{BEST}(0\.9|1\.)\d* times the noise left with {name}", told[-1])
+    assert stages.index("cause 1") < stages.index(told[-1]) < stages.index("held-out error")
+    left = [float(stage.removeprefix(BEST).split()[0]) for stage in told]
+    assert left == sorted(left, reverse=True)
 
 
 def test_the_search_for_more_is_told_too():

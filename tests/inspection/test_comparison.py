@@ -60,7 +60,7 @@ def test_machines_that_have_nothing_in_common_are_not_compared(before):
 def test_a_model_file_is_no_diagnosis(before, tmp_path):
     path = tmp_path / "model.yaml"
     path.write_text("name: sledge")
-    with pytest.raises(OptionError, match="got a model file. Remedy: run sklearn-pgnn diagnose"):
+    with pytest.raises(OptionError, match=r"got a model file\. Remedy: run sklearn-pgnn diagnose"):
         compare(before, path)
 
 

@@ -11,7 +11,7 @@ from time import monotonic
 
 from sklearn_pgnn.cli.app.limits import NAME, PATIENCE, RECORDS
 from sklearn_pgnn.cli.app.work import Ended, Refused, Worker
-from sklearn_pgnn.cli.stages import in_words
+from sklearn_pgnn.cli.stages import BEST, in_words
 
 
 @dataclass(frozen=True)
@@ -63,6 +63,7 @@ class Stages:
     stage: str = "starting"
     done: int = 0
     total: int = 1
+    best: str = ""
 
     def __post_init__(self):
         self._stage_began = self.began
@@ -70,6 +71,9 @@ class Stages:
     def step(self, told: dict) -> None:
         """Note a step of the process."""
         stage = in_words(told["stage"])
+        if stage.startswith(BEST):
+            self.best = stage
+            return
         if stage != self.stage:
             now = monotonic()
             self.past.append((self.stage, now - self._stage_began))

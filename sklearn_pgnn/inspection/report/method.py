@@ -24,9 +24,10 @@ def method(diagnosis) -> str:
     """
     records, window = diagnosis.records_, diagnosis.window_
     count, samples = len(records.names), records.windows.t.size
+    length = f"{number(window, 3)} s"
     return (
         f"{samples} samples in {count} {'record' if count == 1 else 'records'} were cut into "
-        f"{len(records.windows)} windows of about {number(window, 3)} s, each with an initial state of "
+        f"{len(records.windows)} windows of about {length}, each with an initial state of "
         f"its own. Every candidate was fitted together with the model's free parameters and these "
         f"initial states. A cause is named only if a likelihood ratio on windows its parameters "
         f"were not fitted to speaks for it, at a rate of false names of {diagnosis.alpha:g}; if it "
