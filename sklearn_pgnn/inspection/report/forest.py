@@ -78,7 +78,7 @@ def forest(diagnosis) -> Forest:
 
 
 def _row(scale: Scale, name: str, p, freedom, facts: ParameterFacts) -> ParameterRow:
-    change = f"{100 * (p.value / p.prior - 1):+.1f} %" if p.prior else "-"
+    change = f"{round(100 * (p.value / p.prior - 1), 1) or 0.0:+.1f} %" if p.prior else "-"
     state, css = _state(name, facts)
     value = measured(p.value, p.low, p.high, typeset_unit(p.unit))
     picture = _strip(scale, name, p, freedom, css) if p.prior else Markup("")
