@@ -28,6 +28,7 @@ from sklearn_pgnn.physics.effects.rates import is_velocity
 from sklearn_pgnn.physics.expressions import TIME, symbol, to_text
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.hidden_input import HiddenInput, find_hidden_input
+from sklearn_pgnn.simulation.led_states import start_values
 from sklearn_pgnn.simulation.linear_response import linear_responses
 from sklearn_pgnn.simulation.pointwise import evaluate_samples
 from sklearn_pgnn.simulation.window_fit import ParameterPrior, WindowFit, fit_windows
@@ -272,7 +273,7 @@ def _fit(problem, base, effect, each_step) -> WindowFit:
         model,
         problem.windows,
         (*base.fit.freedoms, *free),
-        estimate.x[problem.windows.starts],
+        start_values(model, problem.windows, estimate.x),
         estimate.spread,
         x0_start=base.fit.x0,
         each_step=each_step,
@@ -339,7 +340,7 @@ def _functions(model, name) -> list[sympy.Expr]:
 def _telling_terms(problem, base, channel, columns) -> list[np.ndarray]:
     """Choose the terms by their effect on the outputs, what re-tuning explains projected out."""
     windows, fit = problem.windows, base.fit
-    responses, by_state = linear_responses(fit.model, windows, fit.x0, channel, columns)
+    responses, by_state = linear_responses(fit.model, windows, fit.evaluation.x0, channel, columns)
     tuned = [_slope_by(problem, base, freedom) for freedom in fit.freedoms]
     block = np.concatenate([responses, np.stack(tuned, axis=-1)] if tuned else [responses], axis=-1)
     table = np.concatenate([fit.evaluation.residual[..., None], block], axis=-1)

@@ -9,8 +9,6 @@ from sklearn_pgnn.estimation.autocorrelation import autocorrelation_times
 from sklearn_pgnn.estimation.budgets import FOLDS, MOST_HELD_OUT, STRETCHES
 from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.estimation.residuals import HeldOut, Residuals
-from sklearn_pgnn.physics.expressions import TIME, symbol
-from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.state_estimate import free_run
 from sklearn_pgnn.simulation.window_fit import WindowFit
 from sklearn_pgnn.simulation.windows import ShootingWindows
@@ -83,7 +81,8 @@ class CrossValidation:
         """
         windows = self.problem.windows
         over_windows, over_runs = (np.full(windows.y.shape, np.nan) for _ in range(2))
-        grams, models, x0 = [], [], fit.x0.copy()
+        grams, models = [], []
+        x0, begun = fit.x0.copy(), fit.evaluation.x0.copy()
         for fold in np.unique(folds):
             inside = folds == fold
             learned = learn(~inside)
@@ -92,11 +91,11 @@ class CrossValidation:
                 return self._lost()
             rows = _rows(windows.select(inside))
             over_windows[rows] = judged.evaluation.residual[rows]
-            x0[inside] = judged.x0
+            x0[inside], begun[inside] = judged.x0, judged.evaluation.x0
             models.append(learned.model)
             grams.append(judged.evaluation.gram)
             for a, b, first in stretches(windows, inside):
-                run = free_run(learned.model, windows, a, b, x0[first])
+                run = free_run(learned.model, windows, a, b, begun[first])
                 over_runs[a:b] = windows.y[a:b] - run.y
         seen = self._residuals(over_windows, segments(windows))
         order = np.argsort(folds, kind="stable")
@@ -145,34 +144,24 @@ class CrossValidation:
 
         with :math:`A_w` the Hessian by a window's initial states, :math:`A_{w,cc}` its part of the
         states that the prior has as well, :math:`\sigma_e` the spread of an added state in units
-        of the noise, and :math:`\phi` the power of the residuals in these units. States that only
-        inputs drive are no freedom: the inputs tell them. What their free values have gained is
-        given back,
-
-        .. math:: \frac{1}{2\phi} \sum_w (x_w - \hat x_w)^T
-                  \left(A_{w,dd} - A_{w,dc} A_{w,cc}^{-1} A_{w,cd} + \Sigma_d^{-1}\right)
-                  (x_w - \hat x_w).
+        of the noise, and :math:`\phi` the power of the residuals in these units.
         """
         states = list(fit.model.states)
         prior = set(self.problem.prior.states)
-        driven = _driven_by_inputs(fit.model, set(states) - prior)
         known = [i for i, state in enumerate(states) if state in prior]
-        told = [i for i, state in enumerate(states) if state in driven]
-        added = [i for i in range(len(states)) if i not in known and i not in told]
-        if not (added or told):
+        added = [i for i in range(len(states)) if i not in known]
+        if not added:
             return 0.0
         dispersion = max(float((seen.squares * seen.times).sum() / seen.counts.sum()), 1.0)
         weight = 1.0 / self.spread**2
         hessian = gram[:, : len(states), : len(states)] + np.diag(weight)
         shift = x0 - self.expected[order]
-        price = _given_back(hessian, known + added, told, weight, shift) / dispersion
-        if added:
-            both = known + told
-            whole = np.linalg.slogdet(hessian)[1]
-            shared = np.linalg.slogdet(hessian[:, both][:, :, both])[1]
-            volume = np.maximum(whole - shared - np.log(weight[added]).sum(), 0.0)
-            price += volume.sum() + (weight[added] * shift[:, added] ** 2).sum() / dispersion
-        return float(0.5 * price)
+        whole = np.linalg.slogdet(hessian)[1]
+        shared = np.linalg.slogdet(hessian[:, known][:, :, known])[1]
+        volume = np.maximum(whole - shared - np.log(weight[added]).sum(), 0.0)
+        return float(
+            0.5 * (volume.sum() + (weight[added] * shift[:, added] ** 2).sum() / dispersion)
+        )
 
     def _lost(self) -> HeldOut:
         windows = self.problem.windows
@@ -180,63 +169,6 @@ class CrossValidation:
         none = Residuals(np.full(counts.shape, np.inf), counts, np.ones(counts.shape))
         shape = (len(windows), windows.blocks, windows.y.shape[1])
         return HeldOut(none, none, 0.0, np.full(shape, np.inf))
-
-
-def where_inputs_lead(problem: EstimationProblem, fit: WindowFit, expected) -> np.ndarray:
-    """Return expected initial states, those that inputs drive as the record's start tells them.
-
-    Parameters
-    ----------
-    problem : EstimationProblem
-        The problem.
-    fit : WindowFit
-        The fit on all windows.
-    expected : ndarray of shape (n_windows, n_states)
-        Expected initial states.
-
-    Returns
-    -------
-    ndarray of shape (n_windows, n_states)
-        The same, but for states that inputs drive: these are simulated from the first window on.
-    """
-    states, windows = list(fit.model.states), problem.windows
-    driven = _driven_by_inputs(fit.model, set(states) - set(problem.prior.states))
-    if not driven:
-        return expected
-    led, told = expected.copy(), [states.index(state) for state in driven]
-    for record in np.unique(windows.record):
-        which = np.flatnonzero(windows.record == record)
-        starts = windows.starts[which]
-        run = free_run(fit.model, windows, starts[0], starts[-1] + 1, fit.x0[which[0]])
-        reached = run.x[starts - starts[0]][:, told]
-        place = which[:, None], told
-        led[place] = np.where(np.isfinite(reached), reached, led[place])
-    return led
-
-
-def _given_back(hessian, free, told, weight, shift) -> float:
-    """Return what squares grow by if some initial states are where they are expected."""
-    if not told:
-        return 0.0
-    across = hessian[:, free][:, :, told]
-    inner = hessian[:, told][:, :, told] + np.diag(weight[told])
-    if free:
-        solved = np.linalg.solve(hessian[:, free][:, :, free], across)
-        inner = inner - np.swapaxes(across, 1, 2) @ solved
-    move = shift[:, told]
-    return float(np.einsum("wi,wij,wj", move, inner, move))
-
-
-def _driven_by_inputs(model: PhysicsModel, states: set[str]) -> set[str]:
-    """Return those of some states whose rates hold inputs and one another only."""
-    given = {symbol(name) for name in (*model.inputs, *model.parameters)} | {TIME}
-    driven = states
-    while True:
-        allowed = given | {symbol(state) for state in driven}
-        kept = {s for s in driven if model.equations[s].free_symbols <= allowed}
-        if kept == driven:
-            return driven
-        driven = kept
 
 
 def _rows(windows: ShootingWindows) -> np.ndarray:

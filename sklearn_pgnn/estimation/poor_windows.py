@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from sklearn_pgnn.estimation.budgets import MUCH
+from sklearn_pgnn.simulation.led_states import led_states
 from sklearn_pgnn.simulation.source import dry_states
 from sklearn_pgnn.simulation.state_estimate import free_run, unsigned_states
 from sklearn_pgnn.simulation.window_fit import WindowFit, fit_windows
@@ -118,8 +119,10 @@ class _OtherStarts:
         """Return where the windows before lead; where there is none, what was fitted."""
         fit, windows = self.fit, self.windows
         starts, ends, reached = windows.starts, windows.starts + windows.lengths, fit.x0.copy()
+        own = ~np.isin(list(fit.model.states), led_states(fit.model, windows))
         for w in self.which:
             if starts[w] != windows.bounds[windows.record[w]] and ends[w - 1] == starts[w]:
-                before = free_run(fit.model, windows, starts[w - 1], starts[w] + 1, fit.x0[w - 1])
-                reached[w] = before.x[-1]
+                begun = fit.evaluation.x0[w - 1]
+                before = free_run(fit.model, windows, starts[w - 1], starts[w] + 1, begun)
+                reached[w, own] = before.x[-1, own]
         return reached[self.which]

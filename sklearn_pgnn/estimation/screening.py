@@ -124,6 +124,12 @@ def _within_limits(fit: WindowFit) -> list[str]:
     return [free.name for free, value in found if free.low < value < free.high]
 
 
+def _basis(table) -> np.ndarray:
+    """Return an orthonormal basis of columns, without what is but rounding."""
+    directions, sizes, _ = np.linalg.svd(table, full_matrices=False)
+    return directions[:, sizes > ROUNDING * sizes[0]]
+
+
 def _left(table) -> float:
     """Return the squares of the first column that the others leave."""
     size = np.linalg.norm(table, axis=0)
@@ -179,7 +185,7 @@ class _View:
         fit = self.fit
         moves = 1e-3 * np.maximum(np.std(fit.x0, axis=0), 1e-6) * np.eye(fit.x0.shape[1])
         shifts = np.column_stack([self.change(fit, fit.model, fit.x0 + move) for move in moves])
-        return [np.linalg.qr(part)[0] for part in self.by_window(shifts)]
+        return [_basis(part) for part in self.by_window(shifts)]
 
     def by_window(self, table) -> list[np.ndarray]:
         ends = np.cumsum(self.windows.lengths) * self.windows.y.shape[1]

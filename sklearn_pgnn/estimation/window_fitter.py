@@ -16,7 +16,7 @@ from sklearn_pgnn.estimation.budgets import (
 )
 from sklearn_pgnn.estimation.criterion import HeldOut, log_likelihood_ratio
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis, Start, carry_over
-from sklearn_pgnn.estimation.held_out import CrossValidation, make_folds, where_inputs_lead
+from sklearn_pgnn.estimation.held_out import CrossValidation, make_folds
 from sklearn_pgnn.estimation.hypothesis import Hypothesis
 from sklearn_pgnn.estimation.hypothesis_models import HypothesisModels, Key
 from sklearn_pgnn.estimation.poor_windows import refit_poor_windows
@@ -25,6 +25,7 @@ from sklearn_pgnn.estimation.progress import Progress
 from sklearn_pgnn.estimation.unusable import Ledger, Unusable
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.led_states import start_values
 from sklearn_pgnn.simulation.window_fit import WindowFit, fit_windows, lost_fit
 from sklearn_pgnn.simulation.windows import ShootingWindows
 
@@ -284,7 +285,7 @@ class WindowFitter:
     def _start(self, model: PhysicsModel) -> Start:
         """Return the expected initial states of all windows."""
         estimate = self.problem.states.estimate(model)
-        return Start(estimate.x[self.problem.windows.starts], estimate.spread)
+        return Start(start_values(model, self.problem.windows, estimate.x), estimate.spread)
 
     # -- held out ------------------------------------------------------------------------------
 
@@ -393,8 +394,7 @@ class WindowFitter:
             x0 = np.array([each.x0 for each in fits])[nearest, np.arange(nearest.size)]
             return run(learned.model, which, (), x0, max_steps=0)
 
-        expected = where_inputs_lead(self.problem, fit, start.x0)
-        validation = CrossValidation(self.problem, expected, start.spread)
+        validation = CrossValidation(self.problem, *start)
         return validation.run(fit, self.folds, learn, judge)
 
 

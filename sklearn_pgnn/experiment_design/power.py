@@ -14,6 +14,7 @@ from sklearn_pgnn.estimation.held_out import make_folds, record_of, segments, st
 from sklearn_pgnn.estimation.residuals import HeldOut, Residuals
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.led_states import start_values
 from sklearn_pgnn.simulation.state_estimate import free_run
 from sklearn_pgnn.simulation.window_fit import WindowFit, fit_windows
 from sklearn_pgnn.simulation.windows import Evaluation, ShootingWindows, evaluate
@@ -198,7 +199,7 @@ class PowerAnalysis:
     def start(self, model: PhysicsModel) -> np.ndarray:
         """Return the windows' initial states of an extension of the fitted model."""
         fitted = self.records.fits["extended"]
-        x0 = self.records.problem.states.values(model)[self.windows.starts]
+        x0 = start_values(model, self.windows, self.records.problem.states.values(model))
         for i, name in enumerate(fitted.model.states):
             x0[:, list(model.states).index(name)] = fitted.x0[:, i]
         return x0

@@ -29,6 +29,7 @@ from sklearn_pgnn.estimation.hypothesis import Hypothesis, freedoms, held_by, re
 from sklearn_pgnn.estimation.plain_data import plain
 from sklearn_pgnn.experiment_design.power import Noise
 from sklearn_pgnn.physics.effect import Effect
+from sklearn_pgnn.simulation.led_states import start_values
 from sklearn_pgnn.simulation.record_windows import MIN_SAMPLES, cut
 from sklearn_pgnn.simulation.state_estimate import free_run
 from sklearn_pgnn.simulation.window_fit import fit_windows
@@ -224,7 +225,7 @@ def swap(records: DiagnosisRecords, old: Effect, new: Effect, each_step: Callabl
     def fit(model, max_steps=25):
         estimate = problem.states.estimate(model)
         free = freedoms(problem, hypothesis, model, held)
-        x0 = estimate.x[records.windows.starts]
+        x0 = start_values(model, records.windows, estimate.x)
         return fit_windows(
             model,
             records.windows,
@@ -269,10 +270,11 @@ def _left(records, truth: FittedWindows, rival: FittedWindows, t, u, each_step):
         return None
     windows = cut(replace(whole, y=run.y), records.problem.scales.window, min_windows=1)
     own = free_run(rival.model, whole, 0, t.size, rival.x0[0])
-    x0 = np.nan_to_num(own.x[windows.starts])
+    x = np.nan_to_num(own.x)
     for i, name in enumerate(rival.model.states):
         if name in truth.model.states:
-            x0[:, i] = run.x[windows.starts, list(truth.model.states).index(name)]
+            x[:, i] = run.x[:, list(truth.model.states).index(name)]
+    x0 = start_values(rival.model, windows, x)
     spread = records.problem.states.estimate(rival.model).spread
     free = tuple(replace(f, centre=rival.model.parameters[f.name].value) for f in rival.freedoms)
     fit = fit_windows(

@@ -118,6 +118,7 @@ def window_records(
     windows = replace(windows, substeps=int(substeps))
     states.windows = windows
     find_starts(model, cut(windows, period * WINDOW_SHARE), states)
+    windows = replace(windows, states=tuple(model.states))
     known = np.array(told) if window_length == WHOLE else None
     return WindowedRecords(windows, states, period, known)
 

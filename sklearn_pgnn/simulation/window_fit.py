@@ -68,7 +68,8 @@ class WindowFit:
     freedoms : tuple of ParameterPrior
         What was free.
     x0 : ndarray of shape (n_windows, n_states)
-        Fitted initial states.
+        Fitted initial states, of led ones that of the record, see
+        `sklearn_pgnn.simulation.led_states`.
     evaluation : Evaluation
         Residuals and gradients at the fit.
     objective : float
@@ -219,7 +220,7 @@ def lost_fit(
     size = len(freedoms) + len(model.states) + 1
     gram = np.zeros((len(windows), windows.blocks, size, size))
     gram[..., -1, -1] = np.inf
-    evaluation = Evaluation(gram, np.full(windows.y.shape, np.nan))
+    evaluation = Evaluation(gram, np.full(windows.y.shape, np.nan), x0)
     return WindowFit(model, freedoms, x0, evaluation, np.inf)
 
 

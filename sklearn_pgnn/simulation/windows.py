@@ -17,6 +17,7 @@ from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.callbacks import report_calls
 from sklearn_pgnn.simulation.compiled import compile_model
 from sklearn_pgnn.simulation.inputs import delayed_inputs, mean_inputs
+from sklearn_pgnn.simulation.led_states import lead
 from sklearn_pgnn.simulation.simulate import parameter_values
 from sklearn_pgnn.simulation.stepping import run_windows
 
@@ -52,6 +53,9 @@ class ShootingWindows:
         Threads to simulate on.
     blocks : int
         Blocks of a window whose squares are summed apart, for statistics.
+    states : tuple of str or None
+        States that every window begins anew; others that inputs alone drive are led from the
+        start of the record, see `sklearn_pgnn.simulation.led_states`. None means all.
     """
 
     t: np.ndarray
@@ -65,6 +69,7 @@ class ShootingWindows:
     substeps: int = 1
     threads: int = 1
     blocks: int = 1
+    states: tuple[str, ...] | None = None
 
     def __len__(self):
         return self.starts.size
@@ -123,10 +128,10 @@ class ShootingWindows:
         Returns
         -------
         ShootingWindows
-            The same windows, if these cover the records without a gap.
+            The same windows.
         """
-        spans = zip(self.starts, self.lengths, strict=True)
-        kept = np.concatenate([np.arange(a, a + n, factor) for a, n in spans])
+        edges = np.unique([*self.bounds, *self.starts, *(self.starts + self.lengths)])
+        kept = np.concatenate([np.arange(a, b, factor) for a, b in pairwise(edges)])
         lengths = -(-self.lengths // factor)
         is_held = self.hold == "zoh"
         return replace(
@@ -135,7 +140,7 @@ class ShootingWindows:
             u=mean_inputs(self.t, self.u, kept, self.bounds) if is_held else self.u[kept],
             y=self.y[kept],
             bounds=np.searchsorted(kept, self.bounds),
-            starts=np.cumsum(lengths) - lengths,
+            starts=np.searchsorted(kept, self.starts),
             lengths=lengths,
         )
 
@@ -164,10 +169,13 @@ class Evaluation:
         other products zero.
     residual : ndarray of shape (n_samples, n_outputs)
         Measured minus simulated outputs, NaN outside the windows.
+    x0 : ndarray of shape (n_windows, n_states)
+        Where the windows begin.
     """
 
     block_gram: np.ndarray
     residual: np.ndarray
+    x0: np.ndarray
 
     @property
     def gram(self) -> np.ndarray:
@@ -197,7 +205,7 @@ class Evaluation:
         Evaluation
             Theirs; the residuals are those of all.
         """
-        return Evaluation(self.block_gram[which], self.residual)
+        return Evaluation(self.block_gram[which], self.residual, self.x0[which])
 
     def replaced(self, windows: ShootingWindows, which, other: "Evaluation", part) -> "Evaluation":
         """Return the evaluation with some windows replaced by another's.
@@ -218,11 +226,11 @@ class Evaluation:
         Evaluation
             The evaluation.
         """
-        gram, residual = self.block_gram.copy(), self.residual.copy()
-        gram[which] = other.block_gram[part]
+        gram, residual, x0 = self.block_gram.copy(), self.residual.copy(), self.x0.copy()
+        gram[which], x0[which] = other.block_gram[part], other.x0[part]
         for a, n in zip(windows.starts[which], windows.lengths[which], strict=True):
             residual[a : a + n] = other.residual[a : a + n]
-        return Evaluation(gram, residual)
+        return Evaluation(gram, residual, x0)
 
 
 def evaluate(model: PhysicsModel, windows: ShootingWindows, x0, wrt: tuple[str, ...]) -> Evaluation:
@@ -242,7 +250,8 @@ def evaluate(model: PhysicsModel, windows: ShootingWindows, x0, wrt: tuple[str, 
     windows : ShootingWindows
         The windows.
     x0 : ndarray of shape (n_windows, n_states)
-        Initial state of every window.
+        Initial state of every window, of led states that of its record, see
+        `sklearn_pgnn.simulation.led_states`.
     wrt : tuple of str
         Parameters to differentiate by.
 
@@ -258,6 +267,8 @@ def evaluate(model: PhysicsModel, windows: ShootingWindows, x0, wrt: tuple[str, 
     residual = np.full(windows.y.shape, np.nan)
     dry = np.array(source.dry)
     x0 = np.ascontiguousarray(x0, dtype=float)
+    led = lead(model, windows, wrt)
+    begun = x0 if led is None else led.initial_states(x0)
 
     def run(part):
         run_windows(
@@ -269,7 +280,7 @@ def evaluate(model: PhysicsModel, windows: ShootingWindows, x0, wrt: tuple[str, 
             windows.starts[part],
             windows.lengths[part],
             p,
-            x0[part],
+            begun[part],
             windows.scale,
             dry,
             windows.substeps,
@@ -287,9 +298,12 @@ def evaluate(model: PhysicsModel, windows: ShootingWindows, x0, wrt: tuple[str, 
     report_calls()
     lower = np.tril_indices(q + 1, -1)
     gram[..., lower[0], lower[1]] = gram[..., lower[1], lower[0]]
+    if led is not None:
+        with np.errstate(invalid="ignore"):  # windows that are lost
+            gram = led.chain(gram)
     values = [model.parameters[name].value for name in wrt]
     sizes = np.hstack([np.broadcast_to(values, (len(windows), len(wrt))), x0])
-    return Evaluation(_lose_arbitrary(gram, sizes), residual)
+    return Evaluation(_lose_arbitrary(gram, sizes), residual, begun)
 
 
 def _lose_arbitrary(gram, sizes):

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sklearn_pgnn.inspection.report.formula import FoundFormula
+from sklearn_pgnn.simulation.led_states import start_values
 from sklearn_pgnn.simulation.uncertainty import correlations
 from sklearn_pgnn.simulation.window_fit import WindowFit, fit_windows
 
@@ -68,8 +69,8 @@ def correlation(diagnosis, formula: FoundFormula | None = None) -> Correlation |
     if len(names) < 2:
         return None
     estimate = diagnosis.records_.problem.states.estimate(fit.model)
-    windows = diagnosis.records_.windows
-    found = correlations(fit, estimate.x[windows.starts], estimate.spread)
+    expected = start_values(fit.model, diagnosis.records_.windows, estimate.x)
+    found = correlations(fit, expected, estimate.spread)
     rows = [(names[i], [_cell(found[i, j]) for j in range(i)]) for i in range(1, len(names))]
     tight = [
         f"{names[j]} and {names[i]} ({_signed(found[i, j])})"
@@ -84,7 +85,7 @@ def _fitted(diagnosis) -> WindowFit:
     """Return the extended model with its evaluation where it stands."""
     records, extended = diagnosis.records_, diagnosis.records_.fits["extended"]
     estimate = records.problem.states.estimate(extended.model)
-    expected = estimate.x[records.windows.starts]
+    expected = start_values(extended.model, records.windows, estimate.x)
     return fit_windows(
         extended.model, records.windows, extended.freedoms, expected, estimate.spread
     )

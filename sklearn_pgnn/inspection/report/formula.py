@@ -17,6 +17,7 @@ from sklearn_pgnn.inspection.yardstick import formula_error
 from sklearn_pgnn.physics.effects.rates import force_unit
 from sklearn_pgnn.physics.expressions import TIME, parse_expression, symbol, to_text
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.led_states import start_values
 from sklearn_pgnn.simulation.uncertainty import Estimate, estimate_of, standard_errors
 from sklearn_pgnn.simulation.window_fit import ParameterPrior, WindowFit, fit_windows
 
@@ -90,7 +91,7 @@ class FoundFormula:
         )
         free = (*records.fits["extended"].freedoms, *own)
         estimate = problem.states.estimate(self.model)
-        expected = estimate.x[records.windows.starts]
+        expected = start_values(self.model, records.windows, estimate.x)
         return fit_windows(self.model, records.windows, free, expected, estimate.spread)
 
     @property
@@ -115,7 +116,7 @@ class FoundFormula:
     def terms(self) -> list[Term]:
         """The terms."""
         estimate = self.diagnosis.records_.problem.states.estimate(self.model)
-        expected = estimate.x[self.diagnosis.records_.windows.starts]
+        expected = start_values(self.model, self.records.windows, estimate.x)
         errors = standard_errors(self.fit, expected, estimate.spread)
         known = (*self.model.states, *self.model.inputs)
         found = []

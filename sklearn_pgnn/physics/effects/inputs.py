@@ -421,11 +421,11 @@ class InputRateLimit(ActuatorEffect):
 
     @classmethod
     def limits(cls, target, model, scales):
-        """Bound some of what is commanded, and follow as fast as the samples show."""
-        peak, step = scales.peak[target], scales.sample_time
+        """Bound what is commanded, a step between its extremes at most; follow within samples."""
+        peak, quickest = scales.peak[target], 0.5 * scales.sample_time
         return {
-            "limit": (0.02 * peak / scales.window, peak / step),
-            "time_constant": (0.5 * step, 2.0 * step),
+            "limit": (0.02 * peak / scales.window, 2.0 * peak / quickest),
+            "time_constant": (quickest, 4.0 * quickest),
         }
 
 

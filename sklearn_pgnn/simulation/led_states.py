@@ -1,0 +1,215 @@
+r"""States beside the prior's that inputs alone drive: a record's start leads them to its windows.
+
+The initial state of every window is fitted. For what an actuator remembers that would be a freedom
+that no machine has: its inputs are known from the record's start on. Let :math:`\varphi_w(c, p)` be
+where such states are at the start of window :math:`w` if they begin the record at :math:`c`. From
+where they are settled, :math:`c_0`, they come to
+
+.. math:: x_w = \varphi_w(c_0, p) + \frac{\partial \varphi_w}{\partial c} (c_w - c_0),
+
+and the window fits the record's start as it sees it, :math:`c_w`, in the place of :math:`x_w`. So
+what the states have forgotten is no freedom.
+"""
+
+import warnings
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sklearn_pgnn.physics.expressions import TIME, symbol
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.simulate import settled_start, simulate_acting
+
+if TYPE_CHECKING:
+    from sklearn_pgnn.simulation.windows import ShootingWindows
+
+
+@dataclass(frozen=True)
+class Lead:
+    """How the starts of records lead to the windows.
+
+    Parameters
+    ----------
+    places : list of int
+        Places of the led states among the model's.
+    start : ndarray of shape (n_windows, n_led)
+        Where they are settled at the start of every window's record.
+    reached : ndarray of shape (n_windows, n_led)
+        Where that leads them.
+    slopes : ndarray of shape (n_windows, n_led, n_parameters + n_led)
+        Its derivatives by the parameters, then by the start.
+    """
+
+    places: list[int]
+    start: np.ndarray
+    reached: np.ndarray
+    slopes: np.ndarray
+
+    def initial_states(self, x0: np.ndarray) -> np.ndarray:
+        """Return where windows begin.
+
+        Parameters
+        ----------
+        x0 : ndarray of shape (n_windows, n_states)
+            Initial states, of led ones that of the record.
+
+        Returns
+        -------
+        ndarray of shape (n_windows, n_states)
+            Initial states.
+        """
+        there, n_led = x0.copy(), len(self.places)
+        off = x0[:, self.places] - self.start
+        there[:, self.places] = self.reached + np.einsum(
+            "wij,wj->wi", self.slopes[..., -n_led:], off
+        )
+        return there
+
+    def chain(self, gram: np.ndarray) -> np.ndarray:
+        """Return products of derivatives by the records' starts in the place of the windows'.
+
+        Parameters
+        ----------
+        gram : ndarray of shape (n_windows, n_blocks, q + 1, q + 1)
+            Products of the columns ``[dy/dp, dy/dx0, residual]``.
+
+        Returns
+        -------
+        ndarray of shape (n_windows, n_blocks, q + 1, q + 1)
+            The same, that led states follow the parameters being counted.
+        """
+        n_led = len(self.places)
+        n_p = self.slopes.shape[-1] - n_led
+        places = [n_p + place for place in self.places]
+        by = np.tile(np.eye(gram.shape[-1]), (len(gram), 1, 1, 1))
+        by[:, 0, places, :n_p] = self.slopes[..., :n_p]
+        by[:, :, np.array(places)[:, None], places] = self.slopes[:, None, :, n_p:]
+        return np.swapaxes(by, -1, -2) @ gram @ by
+
+
+def led_states(model: PhysicsModel, windows: "ShootingWindows") -> tuple[str, ...]:
+    """Name the states of a model that the starts of records lead to the windows.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    windows : ShootingWindows
+        The windows; those `states` of theirs that are known are never led.
+
+    Returns
+    -------
+    tuple of str
+        The others of which the rates hold inputs, parameters and one another only.
+    """
+    if windows.states is None or set(model.states) <= set(windows.states):
+        return ()
+    given = frozenset((*model.inputs, *model.parameters))
+    return _driven(tuple(model.equations.items()), given, windows.states)
+
+
+@lru_cache(maxsize=1024)
+def _driven(equations, given, states) -> tuple[str, ...]:
+    rates, symbols = dict(equations), {symbol(name) for name in given} | {TIME}
+    driven = set(rates) - set(states)
+    while True:
+        allowed = symbols | {symbol(state) for state in driven}
+        kept = {state for state in driven if rates[state].free_symbols <= allowed}
+        if kept == driven:
+            return tuple(state for state in rates if state in driven)
+        driven = kept
+
+
+def lead(model: PhysicsModel, windows: "ShootingWindows", wrt: tuple[str, ...]) -> Lead | None:
+    """Simulate the led states from the starts of the records to the windows.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model, at its parameters' values.
+    windows : ShootingWindows
+        The windows.
+    wrt : tuple of str
+        Parameters to differentiate by.
+
+    Returns
+    -------
+    Lead or None
+        Where they come to; None where no state is led.
+    """
+    led = led_states(model, windows)
+    if not led:
+        return None
+    alone = _alone(model, led)
+    own = tuple(name for name in wrt if name in alone.parameters)
+    columns = [wrt.index(name) for name in own] + [len(wrt) + i for i in range(len(led))]
+    start, reached = (np.empty((len(windows), len(led))) for _ in range(2))
+    slopes = np.zeros((len(windows), len(led), len(wrt) + len(led)))
+    record = windows.record
+    for r in np.unique(record):
+        which = np.flatnonzero(record == r)
+        begin, end = windows.bounds[r], windows.starts[which].max() + 1
+        at = windows.starts[which] - begin
+        settled = settled_start(model, windows.u[begin])
+        c = np.array([settled[state] for state in led])
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # windows that begin nowhere are lost
+            run = simulate_acting(
+                alone,
+                windows.t[begin:end],
+                windows.acting_in_record(alone, r)[: end - begin],
+                c,
+                substeps=windows.substeps,
+                hold=windows.hold,
+                wrt=own,
+            )
+        start[which], reached[which] = c, run.x[at]
+        slopes[np.ix_(which, range(len(led)), columns)] = run.sensitivities[at]
+    return Lead([list(model.states).index(state) for state in led], start, reached, slopes)
+
+
+def _alone(model: PhysicsModel, led: tuple[str, ...]) -> PhysicsModel:
+    """Return the model of the led states only."""
+    equations = tuple((state, model.equations[state]) for state in led)
+    alone = _model_of(equations, tuple(model.inputs), tuple(model.delays.items()))
+    return alone.with_parameters(**{n: model.parameters[n].value for n in alone.parameters})
+
+
+@lru_cache(maxsize=256)
+def _model_of(equations, inputs, delays) -> PhysicsModel:
+    held = set().union(*(map(str, rate.free_symbols) for _, rate in equations), dict(delays).values())
+    names = {state for state, _ in equations}
+    numbers = sorted(held - names - set(inputs) - {str(TIME)})
+    return PhysicsModel(
+        dict.fromkeys((state for state, _ in equations), ""),
+        dict(equations),
+        dict.fromkeys(numbers, 1.0),
+        dict.fromkeys(inputs, ""),
+        delays=dict(delays),
+    )
+
+
+def start_values(model: PhysicsModel, windows: "ShootingWindows", x: np.ndarray) -> np.ndarray:
+    """Return the initial states of windows, of led ones that of the record.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    windows : ShootingWindows
+        The windows.
+    x : ndarray of shape (n_samples, n_states)
+        States at every sample.
+
+    Returns
+    -------
+    ndarray of shape (n_windows, n_states)
+        The initial states that `sklearn_pgnn.simulation.windows.evaluate` takes.
+    """
+    x0, states = x[windows.starts], list(model.states)
+    begun = x[windows.bounds[windows.record]]
+    for place in (states.index(state) for state in led_states(model, windows)):
+        x0[:, place] = begun[:, place]
+    return x0
