@@ -20,6 +20,7 @@ import numpy as np
 
 from sklearn_pgnn.physics.expressions import TIME, symbol
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.parameter import Parameter
 from sklearn_pgnn.simulation.simulate import settled_start, simulate_acting
 
 if TYPE_CHECKING:
@@ -32,17 +33,20 @@ class Lead:
 
     Parameters
     ----------
-    places : list of int
+    states : list of int
         Places of the led states among the model's.
+    numbers : list of int
+        Places of the parameters that their rates hold among those that are differentiated by.
     start : ndarray of shape (n_windows, n_led)
-        Where they are settled at the start of every window's record.
+        Where the states are settled at the start of every window's record.
     reached : ndarray of shape (n_windows, n_led)
         Where that leads them.
-    slopes : ndarray of shape (n_windows, n_led, n_parameters + n_led)
+    slopes : ndarray of shape (n_windows, n_led, n_numbers + n_led)
         Its derivatives by the parameters, then by the start.
     """
 
-    places: list[int]
+    states: list[int]
+    numbers: list[int]
     start: np.ndarray
     reached: np.ndarray
     slopes: np.ndarray
@@ -60,32 +64,29 @@ class Lead:
         ndarray of shape (n_windows, n_states)
             Initial states.
         """
-        there, n_led = x0.copy(), len(self.places)
-        off = x0[:, self.places] - self.start
-        there[:, self.places] = self.reached + np.einsum(
-            "wij,wj->wi", self.slopes[..., -n_led:], off
-        )
+        there, off = x0.copy(), x0[:, self.states] - self.start
+        by_start = self.slopes[..., len(self.numbers) :]
+        there[:, self.states] = self.reached + np.einsum("wij,wj->wi", by_start, off)
         return there
 
-    def chain(self, gram: np.ndarray) -> np.ndarray:
+    def chain(self, gram: np.ndarray, n_p: int) -> np.ndarray:
         """Return products of derivatives by the records' starts in the place of the windows'.
 
         Parameters
         ----------
         gram : ndarray of shape (n_windows, n_blocks, q + 1, q + 1)
             Products of the columns ``[dy/dp, dy/dx0, residual]``.
+        n_p : int
+            Number of parameters.
 
         Returns
         -------
         ndarray of shape (n_windows, n_blocks, q + 1, q + 1)
             The same, that led states follow the parameters being counted.
         """
-        n_led = len(self.places)
-        n_p = self.slopes.shape[-1] - n_led
-        places = [n_p + place for place in self.places]
+        led = n_p + np.array(self.states)
         by = np.tile(np.eye(gram.shape[-1]), (len(gram), 1, 1, 1))
-        by[:, 0, places, :n_p] = self.slopes[..., :n_p]
-        by[:, :, np.array(places)[:, None], places] = self.slopes[:, None, :, n_p:]
+        by[:, 0, led[:, None], [*self.numbers, *led]] = self.slopes
         return np.swapaxes(by, -1, -2) @ gram @ by
 
 
@@ -144,50 +145,57 @@ def lead(model: PhysicsModel, windows: "ShootingWindows", wrt: tuple[str, ...]) 
         return None
     alone = _alone(model, led)
     own = tuple(name for name in wrt if name in alone.parameters)
-    columns = [wrt.index(name) for name in own] + [len(wrt) + i for i in range(len(led))]
     start, reached = (np.empty((len(windows), len(led))) for _ in range(2))
-    slopes = np.zeros((len(windows), len(led), len(wrt) + len(led)))
-    record = windows.record
-    for r in np.unique(record):
-        which = np.flatnonzero(record == r)
-        begin, end = windows.bounds[r], windows.starts[which].max() + 1
-        at = windows.starts[which] - begin
-        settled = settled_start(model, windows.u[begin])
-        c = np.array([settled[state] for state in led])
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # windows that begin nowhere are lost
-            run = simulate_acting(
-                alone,
-                windows.t[begin:end],
-                windows.acting_in_record(alone, r)[: end - begin],
-                c,
-                substeps=windows.substeps,
-                hold=windows.hold,
-                wrt=own,
-            )
-        start[which], reached[which] = c, run.x[at]
-        slopes[np.ix_(which, range(len(led)), columns)] = run.sensitivities[at]
-    return Lead([list(model.states).index(state) for state in led], start, reached, slopes)
+    slopes = np.empty((len(windows), len(led), len(own) + len(led)))
+    for record in np.unique(windows.record):
+        which = np.flatnonzero(windows.record == record)
+        at = windows.starts[which] - windows.bounds[record]
+        run = _run(alone, windows, int(record), at.max() + 1, own)
+        start[which], reached[which], slopes[which] = run.x[0], run.x[at], run.sensitivities[at]
+    states, places = list(model.states), [wrt.index(name) for name in own]
+    return Lead([states.index(state) for state in led], places, start, reached, slopes)
+
+
+def _run(alone: PhysicsModel, windows: "ShootingWindows", record: int, count: int, wrt):
+    """Simulate so many samples of a record from where its first inputs settle the states."""
+    begin = windows.bounds[record]
+    span, settled = slice(begin, begin + count), settled_start(alone, windows.u[begin])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # windows that begin nowhere are lost
+        return simulate_acting(
+            alone,
+            windows.t[span],
+            windows.acting_in_record(alone, record)[:count],
+            np.array(list(settled.values())),
+            substeps=windows.substeps,
+            hold=windows.hold,
+            wrt=wrt,
+        )
 
 
 def _alone(model: PhysicsModel, led: tuple[str, ...]) -> PhysicsModel:
     """Return the model of the led states only."""
     equations = tuple((state, model.equations[state]) for state in led)
-    alone = _model_of(equations, tuple(model.inputs), tuple(model.delays.items()))
+    delays, settled = tuple(model.delays.items()), tuple(model.settled.items())
+    begun = tuple((state, model.initial_state[state]) for state in led)
+    alone = _model_of(equations, tuple(model.inputs), delays, settled, begun)
     return alone.with_parameters(**{n: model.parameters[n].value for n in alone.parameters})
 
 
 @lru_cache(maxsize=256)
-def _model_of(equations, inputs, delays) -> PhysicsModel:
-    held = set().union(*(map(str, rate.free_symbols) for _, rate in equations), dict(delays).values())
-    names = {state for state, _ in equations}
-    numbers = sorted(held - names - set(inputs) - {str(TIME)})
+def _model_of(equations, inputs, delays, settled, begun) -> PhysicsModel:
+    states = dict(equations)
+    held = {str(name) for rate in states.values() for name in rate.free_symbols}
+    held |= set(dict(delays).values())
+    numbers = sorted(held - {*states, *inputs, str(TIME)})
     return PhysicsModel(
-        dict.fromkeys((state for state, _ in equations), ""),
-        dict(equations),
-        dict.fromkeys(numbers, 1.0),
+        dict.fromkeys(states, ""),
+        states,
+        {name: Parameter(name, 1.0) for name in numbers},
         dict.fromkeys(inputs, ""),
         delays=dict(delays),
+        initial_state=dict(begun),
+        settled={state: followed for state, followed in settled if state in states},
     )
 
 

@@ -1,6 +1,5 @@
 """Held out means held out: windows enough to learn from, of the length that was asked for."""
 
-import itertools
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -15,12 +14,7 @@ from sklearn_pgnn.diagnosis.result import measure_gain
 from sklearn_pgnn.estimation import window_fitter
 from sklearn_pgnn.estimation.budgets import FOLDS
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
-from sklearn_pgnn.estimation.held_out import (
-    MOST_HELD_OUT,
-    CrossValidation,
-    make_folds,
-    where_inputs_lead,
-)
+from sklearn_pgnn.estimation.held_out import MOST_HELD_OUT, CrossValidation, make_folds
 from sklearn_pgnn.estimation.problem import build_problem, longer
 from sklearn_pgnn.estimation.residuals import HeldOut, Residuals
 from sklearn_pgnn.estimation.window_selection import select_windows
@@ -154,7 +148,6 @@ def test_the_free_run_of_an_unstable_machine_says_nothing(rate, tells):
 
 PRIOR = PhysicsModel({"v": ""}, {"v": "u - v"}, {}, {"u": ""})
 REMEMBERS = PhysicsModel({"v": "", "z": ""}, {"v": "u - v - z", "z": "v - z"}, {}, {"u": ""})
-DRIVEN = PhysicsModel({"v": "", "z": ""}, {"v": "z - v", "z": "u - z"}, {}, {"u": ""})
 SPREAD = np.array([0.7, 0.3])
 
 
@@ -199,36 +192,6 @@ def test_the_price_knows_no_units(windows, unit):
 def test_the_states_of_the_prior_cost_nothing(windows):
     gram, x0 = windows
     assert price(PRIOR, gram[:, 1:, 1:], x0[:, :1], SPREAD[:1]) == 0.0
-
-
-@given(st.integers(0, 1000))
-def test_what_a_state_gains_that_the_inputs_tell_is_given_back(seed):
-    rng, weight = np.random.default_rng(seed), 1.0 / SPREAD**2
-    slopes, y = rng.normal(size=(20, 2)), rng.normal(size=20)
-    free = np.linalg.solve(slopes.T @ slopes + np.diag(weight), slopes.T @ y)
-    v = slopes[:, 0] @ y / (slopes[:, 0] @ slopes[:, 0] + weight[0])  # with z where inputs tell it
-
-    def left(v, z):
-        return np.sum((y - slopes @ [v, z]) ** 2) + weight[0] * v**2
-
-    table = np.column_stack([slopes, y])
-    found = price(DRIVEN, (table.T @ table)[None], free[None])
-    assert found == pytest.approx((left(v, 0.0) - left(*free)) / 2)
-
-
-def test_what_inputs_drive_is_told_from_where_the_record_begins():
-    problem, lagging = problem_of([300, 300]), CART + effects.ActuatorLag("F", 0.4)
-    windows = problem.windows
-    begun = np.random.default_rng(0).normal(size=(len(windows), 2))
-    fit = SimpleNamespace(model=lagging, x0=begun)
-    led = where_inputs_lead(problem, fit, np.zeros(begun.shape))
-    assert not led[:, 0].any()  # the speed is no input's
-    for record, (a, b) in enumerate(itertools.pairwise(windows.bounds)):
-        own = windows.record == record
-        run = lagging.simulate(
-            windows.t[a:b], windows.u[a:b], begun[own][0], substeps=windows.substeps
-        )
-        np.testing.assert_allclose(led[own, 1], run.x[windows.starts[own] - a, 1])
 
 
 def test_a_memory_that_nothing_shows_and_that_stays_where_it_was_expected_costs_nothing():

@@ -20,3 +20,13 @@ def test_thinned_windows_hold_the_mean_of_the_inputs():
     np.testing.assert_array_equal(thin.starts, [0, 3])
     np.testing.assert_array_equal(thin.bounds, [0, 6])
     np.testing.assert_array_equal(replace(windows, hold="foh").thin(2).u, thin.t[:, None])
+
+
+def test_thinned_records_keep_what_lies_between_windows():
+    t, u = np.arange(12.0), np.arange(12.0)[:, None]
+    bounds = np.array([0, 12])
+    windows = ShootingWindows(t, u, u, bounds, np.array([1, 8]), np.array([4, 4]), np.ones(1))
+    thin = windows.thin(2)
+    np.testing.assert_array_equal(thin.t, [0, 1, 3, 5, 7, 8, 10])
+    np.testing.assert_array_equal(thin.t[thin.starts], t[windows.starts])
+    np.testing.assert_array_equal(thin.lengths, [2, 2])
