@@ -217,7 +217,6 @@ def start_values(model: PhysicsModel, windows: "ShootingWindows", x: np.ndarray)
         The initial states that `sklearn_pgnn.simulation.windows.evaluate` takes.
     """
     x0, states = x[windows.starts], list(model.states)
-    begun = x[windows.bounds[windows.record]]
     for place in (states.index(state) for state in led_states(model, windows)):
-        x0[:, place] = begun[:, place]
+        x0[:, place] = x[windows.bounds[windows.record], place]
     return x0

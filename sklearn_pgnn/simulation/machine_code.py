@@ -60,11 +60,13 @@ def _module(name: str, source: Source, method: str) -> ir.Module:
 
 
 def _optimise(module, machine) -> None:
-    """Optimise a module; unrolled stages would take longer to compile than they ever save."""
-    tuning = llvm.create_pipeline_tuning_options(speed_level=2)
-    tuning.loop_unrolling = False
-    passes = llvm.create_pass_builder(machine, tuning)
-    passes.getModulePassManager().run(module, passes)
+    """Keep the stages' numbers in registers; the source has shared everything else."""
+    passes = llvm.create_new_function_pass_manager()
+    passes.add_sroa_pass()
+    builder = llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options())
+    for function in module.functions:
+        if not function.is_declaration:
+            passes.run(function, builder)
 
 
 @cache
@@ -73,6 +75,6 @@ def _compiler():
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
     machine = llvm.Target.from_triple(llvm.get_process_triple()).create_target_machine(
-        cpu=llvm.get_host_cpu_name(), features=llvm.get_host_cpu_features().flatten(), opt=2
+        cpu=llvm.get_host_cpu_name(), features=llvm.get_host_cpu_features().flatten(), opt=1
     )
     return machine, llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)

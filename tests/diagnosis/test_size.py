@@ -30,9 +30,9 @@ def along(ratios, *causes, residuals=None):
     estimate = SimpleNamespace(x=np.zeros((4, 1)), spread=np.ones(1))
     problem = SimpleNamespace(
         states=SimpleNamespace(estimate=lambda model: estimate),
-        windows=SimpleNamespace(starts=np.arange(2)),
+        windows=SimpleNamespace(starts=np.arange(2), states=None),
     )
-    trial = SimpleNamespace(fit=SimpleNamespace(model=None))
+    trial = SimpleNamespace(fit=SimpleNamespace(model=SLEDGE))
     seen, one = [], np.ones(1)
 
     def overdispersion(fit, expected, spread, dispersion):

@@ -30,7 +30,7 @@ def regression(pushed=0.0, unit=1.0, noise=1.0, seed=0):
         freedoms=(free,),
         usable=True,
         x0=np.zeros((WINDOWS, 1)),
-        evaluation=Evaluation(gram, columns[..., -1].reshape(-1, 1)),
+        evaluation=Evaluation(gram, columns[..., -1].reshape(-1, 1), np.zeros((WINDOWS, 1))),
     )
     return fit, np.zeros((WINDOWS, 1)), np.ones(1)
 
@@ -85,7 +85,7 @@ def test_slopes_that_are_excited_alike_are_as_correlated_as_the_known_formula_sa
         freedoms=free,
         usable=True,
         x0=np.zeros((WINDOWS, 1)),
-        evaluation=Evaluation(gram, left.reshape(-1, 1)),
+        evaluation=Evaluation(gram, left.reshape(-1, 1), np.zeros((WINDOWS, 1))),
     )
     found = correlations(fit, np.zeros((WINDOWS, 1)), np.ones(1))
     assert np.diag(found) == pytest.approx(1.0)
