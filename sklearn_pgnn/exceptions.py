@@ -110,6 +110,17 @@ class SimulationError(RuntimeError):
     """
 
 
+class TrainingError(ValueError):
+    """A network's training left the finite numbers; the message says in which epoch and the remedy.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn import GreyBoxRegressor, PGNNLRegressor, systems
+    >>> wild = PGNNLRegressor(lr=1e300)  # its training diverges, and the recipe does without it
+    >>> grey_box = GreyBoxRegressor(systems.cart_on_spring(), network=wild)
+    """
+
+
 class SimulationWarning(RuntimeWarning):
     """A simulation left the finite numbers and its remaining samples are NaN.
 

@@ -59,6 +59,7 @@ def find_parameters(
     search: str = "auto",
     random_state=None,
     tell: Tell = silence,
+    within_spread: bool = False,
 ) -> ParameterFit:
     """Fit parameters of a model to windows.
 
@@ -77,13 +78,15 @@ def find_parameters(
         What draws the global search.
     tell : callable, optional
         Is told of every stage.
+    within_spread : bool, default=False
+        Whether parameters stay within their spread.
 
     Returns
     -------
     ParameterFit
         The better of the fits.
     """
-    free = tuple(free_between_bounds(model, name) for name in names)
+    free = tuple(freedom_of(model, name, within_spread) for name in names)
     local = fit_locally(model, windowed, free)
     tell(f"fit from the model's values: {_left(local, windowed)}")
     if search == "local" or not names or (search == "auto" and not _is_poor(local, windowed)):
@@ -102,6 +105,7 @@ def find_in_free_run(
     search: str = "auto",
     random_state=None,
     tell: Tell = silence,
+    within_spread: bool = False,
 ) -> ParameterFit:
     """Fit parameters to whole records, from the model's values and from a fit to short windows.
 
@@ -121,6 +125,8 @@ def find_in_free_run(
         What draws the global search.
     tell : callable, optional
         Is told of every stage.
+    within_spread : bool, default=False
+        Whether parameters stay within their spread.
 
     Returns
     -------
@@ -129,20 +135,27 @@ def find_in_free_run(
     """
     near = model
     if names:
-        near = find_parameters(model, short, names, search, random_state, tell).fit.model
-    free = tuple(free_between_bounds(model, name) for name in names)
+        near = find_parameters(
+            model, short, names, search, random_state, tell, within_spread
+        ).fit.model
+    free = tuple(freedom_of(model, name, within_spread) for name in names)
     fits = [fit_locally(start, whole, free) for start in dict.fromkeys((model, near))]
     best = min(fits, key=lambda each: each.fit.objective)
     tell(f"fit to whole trajectories: {_left(best, whole)}")
     return best
 
 
-def free_between_bounds(model: PhysicsModel, name: str) -> ParameterPrior:
-    """Let a parameter go anywhere between its bounds, without a pull to its prior."""
+def freedom_of(model: PhysicsModel, name: str, within_spread: bool) -> ParameterPrior:
+    r"""Let a parameter go anywhere between its bounds, or within its spread.
+
+    The variance of what is anywhere within :math:`\pm r` is :math:`r^2/3`.
+    """
     parameter = model.parameters[name]
-    return ParameterPrior(
-        name, *parameter.bounds, parameter.value, np.inf, abs(parameter.value) or 1.0
-    )
+    value, (low, high), reach = parameter.value, parameter.bounds, parameter.reach
+    if not within_spread or not np.isfinite(reach):
+        return ParameterPrior(name, low, high, value, np.inf, abs(value) or 1.0)
+    low, high = max(low, value - reach), min(high, value + reach)
+    return ParameterPrior(name, low, high, value, reach / np.sqrt(3.0), reach)
 
 
 def fit_locally(

@@ -49,7 +49,7 @@ from sklearn_pgnn.exceptions import RecordError, SimulationWarning
 from sklearn_pgnn.extras import needed_by
 from sklearn_pgnn.simulation.ahead import Machine, predict_ahead
 from sklearn_pgnn.simulation.free_run import substeps_for
-from sklearn_pgnn.simulation.record_windows import dominant_period
+from sklearn_pgnn.simulation.record_windows import dominant_period, output_noise
 from sklearn_pgnn.simulation.simulate import hold_of
 from sklearn_pgnn.threads import one_thread_each
 from sklearn_pgnn.trajectories import read_records, rows_in_order
@@ -233,6 +233,8 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         How the inputs were taken to run between samples.
     substeps_ : int
         Integration steps of the model from sample to sample.
+    noise_ : ndarray of shape (n_outputs,)
+        Standard deviation of the training records' noise, by which `predict_ahead` weighs outputs.
     interval_ : float
         Median time from sample to sample of the training data [s].
     further_columns_ : sequence of str
@@ -518,7 +520,7 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
             Machine(record, ready.x0, partial(self._run_piece, ready))
             for record, ready in zip(runs.records, runs.ready, strict=True)
         ]
-        outputs = predict_ahead(machines, steps)[1]
+        outputs = predict_ahead(machines, steps, self.noise_)[1]
         return outputs.ravel() if self._single_output else outputs
 
     def _run_piece(self, ready, a, b, x):
@@ -788,6 +790,7 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         records = tuple(record for record in given if record.is_measured)
         if self.model is not None:
             refuse_standardised(self.model, given, energies=self.lambda_phy != 0)
+        self.noise_ = output_noise(records)
         options = self._settle_clock(records)
         self.further_columns_ = further_columns(self.model_, X, time_column)
         states = estimate_states(self.model_, records, **options)

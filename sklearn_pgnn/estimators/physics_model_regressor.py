@@ -23,6 +23,7 @@ from sklearn_pgnn.simulation.intervals import beside, check_coverage, output_var
 from sklearn_pgnn.simulation.record_windows import (
     WHOLE,
     WindowedRecords,
+    output_noise,
     window_records,
     without_gaps,
 )
@@ -50,6 +51,9 @@ class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         The model; its values are the start.
     free : sequence of str, optional
         Parameters to fit; by default all that are not fixed.
+    within_spread : bool, default=False
+        Whether parameters stay within their `Parameter.spread`, where any value is as likely, as in
+        a diagnosis and beside a network. By default they go anywhere between their bounds.
     search : {"local", "global", "auto"}, default="auto"
         Whether to start from the model's values only, to search the parameters' bounds first, or
         to do so where the local fit leaves more than three times the noise. A parameter without a
@@ -87,6 +91,8 @@ class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         Fitted state at the start of every trajectory, in the order of their first rows.
     window_ : float
         Median length of the windows [s].
+    noise_ : ndarray of shape (n_outputs,)
+        Standard deviation of the training records' noise, by which `predict_ahead` weighs outputs.
     hold_ : {"zoh", "foh"}
         How the inputs were taken to run between samples.
     substeps_ : int
@@ -120,6 +126,7 @@ class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         model: PhysicsModel,
         *,
         free=None,
+        within_spread=False,
         search="auto",
         window_length=None,
         noise_std=None,
@@ -132,6 +139,7 @@ class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
     ):
         self.model = model
         self.free = free
+        self.within_spread = within_spread
         self.search = search
         self.window_length = window_length
         self.noise_std = noise_std
@@ -180,6 +188,7 @@ class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         said = {"hold": self.hold_, "substeps": self.substeps_}
         self.model_ = found.fit.model.replace(simulation=said)
         self._keep_estimates(found)
+        _warn_of_ends(found.fit.freedoms, self.model_)
         firsts = found.fit.x0[np.searchsorted(windows.starts, windows.bounds[:-1])]
         starts = {piece.rows[0]: x0 for piece, x0 in zip(pieces, firsts, strict=True)}
         unknown = np.full(len(self.model.states), np.nan)
@@ -187,6 +196,8 @@ class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         self.window_ = float(
             np.median(windows.t[windows.starts + windows.lengths - 1] - windows.t[windows.starts])
         )
+        told = self.noise_std
+        self.noise_ = output_noise(records) if told is None else np.array(told, dtype=float)
         self._single_output = np.asarray(y).ndim == 1
         self._keep_errors(found, records)
         return self
@@ -257,7 +268,7 @@ class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         """
         records = self._read(X, y)
         machines = [model_machine(self.model_, record) for record in records]
-        return self._shaped(predict_ahead(machines, steps)[1])
+        return self._shaped(predict_ahead(machines, steps, self.noise_)[1])
 
     def predict_interval(self, X, coverage=0.9):
         r"""Return between what the measured outputs of a free run are expected.
@@ -345,7 +356,7 @@ class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
             "threads": effective_n_jobs(self.n_jobs),
         }
         tell = teller(self)
-        search = self.search, self.random_state, tell
+        search = self.search, self.random_state, tell, bool(self.within_spread)
         windowed = window_records(self.model, records, window_length=self.window_length, **options)
         windows = windowed.windows
         tell(
@@ -365,7 +376,16 @@ class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
                 f"free: expected parameters among {', '.join(self.model.parameters)}, "
                 f"got {unknown[0]!r}."
             )
-        return names
+        if not self.within_spread:
+            return names
+        still = [name for name in names if self.model.parameters[name].reach == 0]
+        if still and self.free is not None:
+            raise ValueError(
+                f"free: expected parameters that their spread lets move, got {still[0]!r}, which "
+                f"is 0, with a spread that is a share of it. Remedy: spread=inf for it in the "
+                f"model, or within_spread=False."
+            )
+        return tuple(name for name in names if name not in still)
 
     def _keep_estimates(self, found: ParameterFit) -> None:
         errors = standard_errors(found.fit, found.expected, found.spread)
@@ -391,3 +411,21 @@ class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         tags.input_tags.allow_nan = True  # in states, which are read in a trajectory's first row
         tags.regressor_tags.poor_score = True  # on random numbers
         return tags
+
+
+def _warn_of_ends(freedoms, model) -> None:
+    """Warn of parameters that went to an end of their spread."""
+    values = {each.name: model.parameters[each.name].value for each in freedoms}
+    ends = [
+        each.name
+        for each in freedoms
+        if np.isfinite(each.spread) and values[each.name] in (each.low, each.high)
+    ]
+    if ends:
+        warnings.warn(
+            f"{', '.join(ends)} went to the end of what spread or bounds allow. Remedy: a larger "
+            f"spread in the model, or within_spread=False; or something is missing that they make "
+            f"up for, which ModelDiagnosis(model) looks for.",
+            UserWarning,
+            stacklevel=3,
+        )

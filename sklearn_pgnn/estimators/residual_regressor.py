@@ -14,6 +14,7 @@ from sklearn.utils.validation import check_is_fitted
 from sklearn_pgnn.simulation.ahead import model_machine, predict_ahead
 from sklearn_pgnn.simulation.finite_run import quantities_of, simulate_quantities
 from sklearn_pgnn.simulation.free_run import substeps_for
+from sklearn_pgnn.simulation.record_windows import output_noise
 from sklearn_pgnn.simulation.simulate import hold_of
 from sklearn_pgnn.trajectories import read_records, rows_in_order
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
@@ -59,6 +60,9 @@ class ResidualRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
     regressor_ : regressor
         The fitted :math:`g`; its features are the inputs, then the simulated states and outputs
         with ``_phy`` added to their names.
+    noise_ : ndarray of shape (n_outputs,)
+        Standard deviation of the training records' noise, by which `predict_ahead` weighs outputs;
+        where there is a model.
     hold_ : {"zoh", "foh"}
         How the inputs were taken to run between samples, where there is a model.
     substeps_ : int
@@ -227,7 +231,7 @@ class ResidualRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
             )
             for record in records
         ]
-        states, ahead = predict_ahead(machines, steps)
+        states, ahead = predict_ahead(machines, steps, self.noise_)
         features = self._features(records, np.column_stack([states, ahead]))
         outputs = ahead + self.regressor_.predict(features).reshape(ahead.shape)
         return outputs.ravel() if self._single_output else outputs
@@ -238,6 +242,7 @@ class ResidualRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         refuse_standardised(self.model, records)
         self.hold_ = hold_of(self.model, self.hold)
         self.substeps_ = substeps_for(self.model, records, self.substeps, hold=self.hold_)
+        self.noise_ = output_noise(records)
         features, simulated = self._simulate(records)
         measured = rows_in_order(records, np.concatenate([record.y for record in records]))
         return features, measured - simulated

@@ -29,6 +29,7 @@ from sklearn_pgnn.physics.expressions import parse_expression
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.ahead import model_machine, predict_ahead
 from sklearn_pgnn.simulation.free_run import simulate_record, substeps_for
+from sklearn_pgnn.simulation.record_windows import output_noise
 from sklearn_pgnn.simulation.simulate import HOLDS, hold_of
 from sklearn_pgnn.trajectories import read_records, rows_in_order
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
@@ -107,6 +108,9 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         The library, term by term.
     equations_ : list of str
         What was found, an equation a state, coefficients rounded to four digits.
+    noise_ : ndarray of shape (n_outputs,)
+        Standard deviation of the training records' noise, by which `predict_ahead` weighs outputs;
+        where rows are samples in time.
     hold_ : {"zoh", "foh"}
         How the inputs were taken to run between samples, where rows are samples in time.
     substeps_ : int
@@ -299,7 +303,7 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         method = "rk4" if self._interval is None else "euler"
         records = self._read(X, y)
         machines = [model_machine(self.model_, record, method=method) for record in records]
-        outputs = predict_ahead(machines, steps)[1]
+        outputs = predict_ahead(machines, steps, self.noise_)[1]
         return outputs.ravel() if self._single_output else outputs
 
     # -- samples in time ---------------------------------------------------------------------------
@@ -309,7 +313,7 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         records = read_records(base, X, y, time_column=self.time_column)
         if self.model is not None:
             refuse_standardised(self.model, records)
-        self.hold_ = hold_of(base, self.hold)
+        self.hold_, self.noise_ = hold_of(base, self.hold), output_noise(records)
         states = measure_states(base, records, hold=self.hold_, substeps=self.substeps)
         tell = teller(self)
         tell(f"{len(records)} trajectories, {len(states.x)} samples: states estimated")

@@ -11,7 +11,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from sklearn_pgnn.diagnosis import ModelDiagnosis
 from sklearn_pgnn.estimators.progress import teller
-from sklearn_pgnn.exceptions import OptionError
+from sklearn_pgnn.exceptions import OptionError, TrainingError
 from sklearn_pgnn.extras import is_installed, needed_by
 from sklearn_pgnn.grey_box.cross_validation import FoldResult, judge, mean_error, training_error
 from sklearn_pgnn.grey_box.depth import (
@@ -93,7 +93,8 @@ class GreyBoxRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
     depth_ : str
         The depth that was chosen.
     errors_ : dict of str to float
-        Cross-validated error of every depth that was tried, in standard deviations of the outputs.
+        Cross-validated error of every depth that was tried, in standard deviations of the outputs;
+        infinite for a network whose training left the finite numbers, of which a warning tells.
     estimator_ : estimator
         What predicts: a `PhysicsModelRegressor`, or the network.
     model_ : PhysicsModel
@@ -194,8 +195,10 @@ class GreyBoxRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         self.errors_ = {depth: mean_error(found) for depth, found in results.items()}
         enough = (1 + self.least_gain) * min(self.errors_.values())
         self.depth_ = next(d for d, error in self.errors_.items() if error <= enough)
-        self._left = np.sort(np.concatenate([r.left for r in results[self.depth_]]), axis=0)
+        if "network" in depths:
+            self.errors_.setdefault("network", np.inf)
         self._fit_chosen(candidates, table)
+        self._left = np.sort(np.concatenate([r.left for r in results[self.depth_]]), axis=0)
         return self
 
     def predict(self, X):
@@ -410,7 +413,10 @@ class GreyBoxRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
             self._base = min(results, key=lambda depth: mean_error(results[depth]))
             network = self._network()
             fits = [partial(_fit_on, network, each.fitted) for each in results[self._base]]
-            results["network"] = self._judge("network", fits, table, folds)
+            try:
+                results["network"] = self._judge("network", fits, table, folds)
+            except TrainingError as error:
+                _warn_of_training(error, self._base)
         return results
 
     def _judge(self, depth, fits, table, folds) -> list[FoldResult]:
@@ -434,7 +440,11 @@ class GreyBoxRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         base = self._base if self.depth_ == "network" else self.depth_
         fitted = _fit_model(base, candidates[base], table, everything)
         if self.depth_ == "network":
-            fitted = fit_network(self._network(), fitted, table, everything)
+            try:
+                fitted = fit_network(self._network(), fitted, table, everything)
+            except TrainingError as error:
+                _warn_of_training(error, base)
+                self.depth_, self.errors_["network"] = base, np.inf
         self._fitted, self._met = fitted, states_met(fitted, table)
         self._noise = training_error(fitted, table, everything)
         self.estimator_ = fitted.estimator
@@ -453,6 +463,16 @@ class GreyBoxRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
 def _fit_model(depth, model, table, visible) -> FittedDepth:
     """Fit a physical depth; of the prior only where the trajectories start."""
     return fit_physics(model, table, visible, free=() if depth == "prior" else None)
+
+
+def _warn_of_training(error, base) -> None:
+    """Warn that the network is left out."""
+    warnings.warn(
+        f"depth 'network': {error} It is left out, the deepest that may be chosen is {base!r}. "
+        f"Remedy: network=PGNNLRegressor(lr=0.003, horizon=20), or depths without 'network'.",
+        UserWarning,
+        stacklevel=4,
+    )
 
 
 def _fit_on(network, physics, table, visible) -> FittedDepth:

@@ -220,6 +220,27 @@ class HalvingBayesSearchCV(MetaEstimatorMixin, BaseEstimator):
         check_is_fitted(self)
         return self.best_estimator_.predict(X)
 
+    @_best_has("predict_ahead")
+    def predict_ahead(self, X, y, steps=1):
+        """Predict every sample from the outputs before it by the best estimator, if it can.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_samples, n_columns)
+            As in `fit`.
+        y : array-like of shape (n_samples, n_outputs) or (n_samples,)
+            Measured outputs, NaN where there is none.
+        steps : int, default=1
+            Samples ahead.
+
+        Returns
+        -------
+        ndarray of shape (n_samples, n_outputs) or (n_samples,)
+            Predicted outputs.
+        """
+        check_is_fitted(self)
+        return self.best_estimator_.predict_ahead(X, y, steps)
+
     @_best_has("predict_interval")
     def predict_interval(self, X, coverage=0.9):
         """Return intervals by the best estimator, if it has such.

@@ -20,7 +20,6 @@ import numpy as np
 from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.inputs import delayed_inputs
-from sklearn_pgnn.simulation.record_windows import output_noise
 from sklearn_pgnn.simulation.simulate import hold_of, simulate_acting, start_of
 from sklearn_pgnn.trajectories import rows_in_order
 from sklearn_pgnn.trajectories.record import Record
@@ -101,7 +100,7 @@ def model_machine(model: PhysicsModel, record, *, method: str = "rk4", **options
     return Machine(record, np.array(start_of(model, record), dtype=float), run)
 
 
-def predict_ahead(machines: list[Machine], steps: int):
+def predict_ahead(machines: list[Machine], steps: int, noise: np.ndarray):
     """Predict states and outputs so many samples ahead of the outputs that are known.
 
     Parameters
@@ -110,6 +109,9 @@ def predict_ahead(machines: list[Machine], steps: int):
         One a record.
     steps : int
         How far ahead. A row less than that behind its record's first one is the free run's.
+    noise : ndarray of shape (n_outputs,)
+        Standard deviation of the measurement noise, known beforehand: taken from the record itself
+        it would tell of samples to come.
 
     Returns
     -------
@@ -130,17 +132,17 @@ def predict_ahead(machines: list[Machine], steps: int):
     >>> X = np.column_stack([np.arange(50.0), np.ones(50)])
     >>> y = lag.simulate(X[:, 0], X[:, 1], [3.0], substeps=8).y
     >>> machines = [model_machine(lag, r, substeps=8) for r in read_records(lag, X, y)]
-    >>> abs(predict_ahead(machines, 5)[1] - y)[[0, 10, 49]].round(2).ravel().tolist()
+    >>> found = predict_ahead(machines, 5, np.array([1e-3]))[1]
+    >>> abs(found - y)[[0, 10, 49]].round(2).ravel().tolist()
     [3.0, 0.0, 0.0]
     """
     check_steps(steps)
     records = tuple(machine.record for machine in machines)
-    noise = output_noise(records) ** 2
     with np.errstate(all="ignore"):
         free = [each.run(0, len(each.record.t) - 1, each.x0) for each in machines]
         spread = _spread_of([x for x, _ in free])
         pairs = [
-            _ahead(machine, run, noise, spread, steps)
+            _ahead(machine, run, noise**2, spread, steps)
             for machine, run in zip(machines, free, strict=True)
         ]
     return tuple(rows_in_order(records, np.concatenate(part)) for part in zip(*pairs, strict=True))

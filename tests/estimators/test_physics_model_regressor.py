@@ -372,3 +372,33 @@ def test_millimetres_by_a_transformed_target():
     )
     scaled.fit(X, 1000 * Y)
     assert scaled.score(X, 1000 * Y) > 0.999
+
+
+# -- within the spread -----------------------------------------------------------------------------
+
+
+def test_parameters_stay_within_their_spread():
+    with pytest.warns(UserWarning, match="k, d went to the end of what spread or bounds allow"):
+        held = PhysicsModelRegressor(CART, within_spread=True, search="local").fit(X, Y)
+    for name, prior in CART.parameters.items():
+        assert abs(held.model_.parameters[name].value - prior.value) <= prior.reach * (1 + 1e-12)
+
+
+def test_an_infinite_spread_is_none(fitted):
+    loose = [parameter.with_spread(np.inf) for parameter in CART.parameters.values()]
+    model = CART.replace(parameters=loose)
+    found = PhysicsModelRegressor(model, within_spread=True).fit(X, Y)
+    for name, each in found.parameters_.items():
+        assert each.value == pytest.approx(fitted.parameters_[name].value, rel=1e-9)
+
+
+def test_what_its_spread_does_not_let_move_is_refused_or_left():
+    still = [*CART.parameters.values(), Parameter("bias", 0.0)]
+    rates = {"x": "v", "v": "(force + bias - d*v - k*x)/m"}
+    model = CART.replace(parameters=still, equations=rates)
+    options = {"within_spread": True, "search": "local"}
+    with pytest.raises(ValueError, match="spread=inf for it in the model"):
+        PhysicsModelRegressor(model, free=["bias"], **options).fit(X, Y)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        assert "bias" not in PhysicsModelRegressor(model, **options).fit(X, Y).parameters_

@@ -83,3 +83,13 @@ def test_a_residual_needs_a_model():
     A = np.random.default_rng(0).normal(size=(60, 3))
     with pytest.raises(ValueError, match="expected a regressor with a model"):
         ResidualRegressor().fit(A, A[:, 0]).predict_ahead(A, A[:, 0])
+
+
+def test_the_noise_is_that_of_the_training():
+    later = Y + 0.5 * np.random.default_rng(0).normal(size=Y.shape) * (FIRSTS > 30)
+    for estimator in (PhysicsModelRegressor(CART, search="local"), ResidualRegressor(CART)):
+        estimator.fit(X, Y)
+        a, b = (estimator.predict_ahead(X, y, steps=5) for y in (Y, later))
+        assert np.array_equal(a[FIRSTS <= 35], b[FIRSTS <= 35])
+    told = PhysicsModelRegressor(CART, search="local", noise_std=[0.2]).fit(X, Y)
+    assert told.noise_ == pytest.approx([0.2])

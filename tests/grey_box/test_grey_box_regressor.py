@@ -11,7 +11,7 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import PolynomialFeatures
 
 from sklearn_pgnn import GreyBoxRegressor, ModelDiagnosis, PhysicsModel, ResidualRegressor, effects
-from sklearn_pgnn.exceptions import ModelError, OptionError
+from sklearn_pgnn.exceptions import ModelError, OptionError, TrainingError
 from sklearn_pgnn.grey_box.hidden_parts import hidden_parts
 
 CART = PhysicsModel(
@@ -68,6 +68,44 @@ def test_what_no_physics_explains_is_left_to_the_network():
     assert grey_box.depth_ == "network"
     assert grey_box.errors_["network"] < 0.1 * grey_box.errors_["prior"]
     assert network.model is CART  # what was given is not changed
+
+
+class Diverging(ResidualRegressor):
+    """A network whose training leaves the finite numbers after so many fits."""
+
+    def __init__(self, model=None, regressor=None, fits=None):
+        super().__init__(model, regressor)
+        self.fits = fits
+
+    def fit(self, X, y):
+        if not self.fits.left:
+            raise TrainingError("the training stopped in epoch 3: nan.")
+        self.fits.left -= 1
+        return super().fit(X, y)
+
+
+class Fits:
+    """How many trainings go well; clones count in the same place."""
+
+    def __init__(self, left):
+        self.left = left
+
+    def __sklearn_clone__(self):
+        return self
+
+
+@pytest.mark.parametrize("left", [1, 2], ids=["in a fold", "at last"])
+def test_a_training_that_diverges_is_said_and_left_out(left):
+    X, y = records(CART)
+    X, y = X.assign(v=0.0), y + 0.3 * X["F"].to_numpy() ** 2
+    network = Diverging(CART, _squares(), Fits(left))
+    grey_box = GreyBoxRegressor(CART, depths=("prior", "network"), network=network, n_splits=2)
+    with pytest.warns(UserWarning, match="'network': the training stopped in epoch 3"):
+        grey_box.fit(X, y)
+    assert grey_box.depth_ == "prior"
+    assert grey_box.errors_["network"] == np.inf
+    low, high = grey_box.predict_interval(X)
+    assert np.all(np.isfinite(low) & (low < high))
 
 
 def _squares():

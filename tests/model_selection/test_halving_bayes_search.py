@@ -16,8 +16,10 @@ Y = X[:, 1] - 2 * X[:, 2] + 0.1 * RNG.normal(size=120)
 SPACE = {"alpha": (1e-3, 1e5, "log-uniform")}
 
 
-def search(**options):
-    return HalvingBayesSearchCV(Ridge(), SPACE, **{"n_iter": 10, "random_state": 0, **options})
+def search(estimator=None, **options):
+    return HalvingBayesSearchCV(
+        estimator or Ridge(), SPACE, **{"n_iter": 10, "random_state": 0, **options}
+    )
 
 
 def test_the_best_went_through_all_folds():
@@ -81,3 +83,14 @@ def test_a_score_that_is_none_is_named():
 def test_wrong_parameters_are_refused(wrong, what):
     with pytest.raises(OptionError, match=what):
         search().set_params(**wrong).fit(X, Y)
+
+
+class Ahead(Ridge):
+    def predict_ahead(self, X, y, steps=1):
+        return self.predict(X) + steps
+
+
+def test_what_the_best_can_do_the_search_can():
+    found = search(estimator=Ahead()).fit(X, Y)
+    assert np.array_equal(found.predict_ahead(X, Y, steps=3), found.predict(X) + 3)
+    assert not hasattr(search().fit(X, Y), "predict_ahead")

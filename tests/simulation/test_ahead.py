@@ -28,7 +28,7 @@ def ahead(plant, steps, *, x0=(0.3, 0.0), told=(0.3, 0.0), noise=0.0, gap=slice(
     X = np.column_stack([T, FORCE, np.full((len(T), 2), np.nan)])
     X[0, 2:] = told
     machines = [model_machine(CART, record) for record in read_records(CART, X, measured)]
-    return predict_ahead(machines, steps)[1], y
+    return predict_ahead(machines, steps, np.array([max(noise, 1e-6)]))[1], y
 
 
 @pytest.mark.parametrize("steps", [1, 7, 60])
@@ -71,4 +71,16 @@ def test_over_a_gap_it_goes_on():
 @pytest.mark.parametrize("steps", [0, 1.5, "1"])
 def test_steps_that_are_none(steps):
     with pytest.raises(OptionError, match="steps: expected an integer >= 1"):
-        predict_ahead([], steps)
+        predict_ahead([], steps, np.ones(1))
+
+
+def test_what_comes_later_changes_nothing():
+    whole, _ = ahead(STIFFER, 5, noise=0.01)
+    X = np.column_stack([T, FORCE, np.full((len(T), 2), np.nan)])
+    X[0, 2:] = 0.3, 0.0
+    y = STIFFER.simulate(T, FORCE, [0.3, 0.0]).y
+    y = y + 0.01 * np.random.default_rng(0).normal(size=y.shape)
+    y[100:] += 3 * np.random.default_rng(1).normal(size=y[100:].shape)
+    machines = [model_machine(CART, record) for record in read_records(CART, X, y)]
+    found = predict_ahead(machines, 5, np.array([0.01]))[1]
+    assert np.array_equal(found[:105], whole[:105])

@@ -46,7 +46,7 @@ from sklearn_pgnn.estimators.network.records import TrainingRecord, TrainingWind
 from sklearn_pgnn.estimators.network.row_network import RowNetwork
 from sklearn_pgnn.estimators.network.step_network import StepNetwork
 from sklearn_pgnn.estimators.network.structure import ON_THE_MODEL, corrected_states
-from sklearn_pgnn.exceptions import SimulationWarning
+from sklearn_pgnn.exceptions import SimulationWarning, TrainingError
 from sklearn_pgnn.simulation.network_run import NetworkStep
 from sklearn_pgnn.simulation.uncertainty import NORMAL_95, Estimate
 
@@ -137,7 +137,7 @@ class TrajectoryNet(NeuralNetRegressor):
             if not any(part.misses_ >= part.patience for part in stopping):
                 raise
         except NotFinite as error:
-            raise ValueError(
+            raise TrainingError(
                 f"the training stopped in epoch {len(self.history)}: {error}"
             ) from None
         for part in stopping:
