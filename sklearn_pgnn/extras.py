@@ -11,6 +11,7 @@ EXTRAS = {
     "dask": ("distributed",),
     "export": ("casadi", "onnx"),
     "files": ("h5py", "openpyxl", "pyarrow"),
+    "fmu": ("fmpy",),
     "mdf": ("asammdf",),
     "network": ("skorch", "torch"),
     "ros": ("rosbags",),

@@ -50,37 +50,56 @@ _STUBS = {
         "SetShiftDecimal": ("PPZP", False),
         "SetShiftFraction": ("PPZPP", False),
         "EvaluateDiscreteStates": ("P", False),
-        "UpdateDiscreteStates": ("PPPPPPP", False),
-        "EnterEventMode": ("P", False),
-        "EnterContinuousTimeMode": ("P", False),
-        "CompletedIntegratorStep": ("PBPP", False),
-        "SetTime": ("PD", False),
-        "SetContinuousStates": ("PPZ", False),
-        "GetContinuousStateDerivatives": ("PPZ", False),
-        "GetEventIndicators": ("PPZ", False),
-        "GetContinuousStates": ("PPZ", False),
-        "GetNominalsOfContinuousStates": ("PPZ", False),
-        "GetNumberOfEventIndicators": ("PP", False),
-        "GetNumberOfContinuousStates": ("PP", False),
         "EnterStepMode": ("P", True),
         "GetOutputDerivatives": ("PPZPPZ", False),
         "ActivateModelPartition": ("PUD", False),
     },
 }  # fmt: skip
-#: instances of kinds that a unit for co-simulation has none of
+#: functions of a unit for model exchange: left out where it is one
+_OF_EXCHANGE = {
+    2: {
+        "EnterEventMode": "P",
+        "NewDiscreteStates": "PP",
+        "EnterContinuousTimeMode": "P",
+        "CompletedIntegratorStep": "PIPP",
+        "SetTime": "PD",
+        "SetContinuousStates": "PPZ",
+        "GetDerivatives": "PPZ",
+        "GetEventIndicators": "PPZ",
+        "GetContinuousStates": "PPZ",
+        "GetNominalsOfContinuousStates": "PPZ",
+    },
+    3: {
+        "EnterEventMode": "P",
+        "UpdateDiscreteStates": "PPPPPPP",
+        "EnterContinuousTimeMode": "P",
+        "CompletedIntegratorStep": "PBPP",
+        "SetTime": "PD",
+        "SetContinuousStates": "PPZ",
+        "GetContinuousStateDerivatives": "PPZ",
+        "GetEventIndicators": "PPZ",
+        "GetContinuousStates": "PPZ",
+        "GetNominalsOfContinuousStates": "PPZ",
+        "GetNumberOfEventIndicators": "PP",
+        "GetNumberOfContinuousStates": "PP",
+    },
+}
+#: instances of kinds that no unit is
 _NO_INSTANCE = {
     2: {},
-    3: {"InstantiateModelExchange": "PPPBBPP", "InstantiateScheduledExecution": "PPPBBPPPPP"},
+    3: {"InstantiateScheduledExecution": "PPPBBPPPPP"},
 }
 
 
-def fmi_stubs(fmi: int) -> list[dict]:
+def fmi_stubs(fmi: int, exchanges: bool = False) -> list[dict]:
     """Return the functions that only say that they are not there.
 
     Parameters
     ----------
     fmi : {2, 3}
         Version of FMI.
+    exchanges : bool, default=False
+        Whether the unit is one for model exchange, too.
 
     Returns
     -------
@@ -96,8 +115,11 @@ def fmi_stubs(fmi: int) -> list[dict]:
         _stub("int", f"fmi{fmi}{name}", arguments, "OK" if succeeds else "FAILED")
         for name, (arguments, succeeds) in _STUBS[fmi].items()
     ]
-    nothing = _NO_INSTANCE[fmi].items()
-    return found + [_stub("void *", f"fmi{fmi}{name}", given, "NULL") for name, given in nothing]
+    nothing = dict(_NO_INSTANCE[fmi])
+    if not exchanges:
+        found += [_stub("int", f"fmi{fmi}{n}", a, "FAILED") for n, a in _OF_EXCHANGE[fmi].items()]
+        nothing |= {"InstantiateModelExchange": "PPPBBPP"} if fmi == 3 else {}
+    return found + [_stub("void *", f"fmi{fmi}{n}", a, "NULL") for n, a in nothing.items()]
 
 
 def _stub(kind: str, name: str, letters: str, returned: str) -> dict:

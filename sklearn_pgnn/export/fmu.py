@@ -1,4 +1,4 @@
-"""Models as functional mock-up units for co-simulation, by FMI 2 or 3, with their C source."""
+"""Models as functional mock-up units, by FMI 2 or 3, with their C source."""
 
 import shutil
 import subprocess
@@ -38,7 +38,7 @@ class Variable:
     unit : str
         Its unit.
     room : str
-        Letter of its kind: ``p``, ``u``, ``y``, ``x`` or ``t``.
+        Letter of its kind: ``p``, ``u``, ``y``, ``x``, ``r`` (a rate) or ``t``.
     place : int
         Where it stands among its kind.
     """
@@ -70,11 +70,15 @@ def to_fmu(
     substeps: int | None = None,
     compiler: str | None = "gcc",
 ) -> Path:
-    r"""Write a model as a functional mock-up unit (FMU) for co-simulation.
+    r"""Write a model as a functional mock-up unit (FMU) for co-simulation and model exchange.
 
     The unit holds the C source of `to_c` and goes on by whole samples of `interval`, with its
     inputs held. Parameters can be changed between steps; initial states are the variables
     ``state.NAME``, to be set before the unit is initialised.
+
+    For model exchange it computes the rates :math:`\dot x = f(t, x, u, p)` for the solver of the
+    importing tool. A model with dry friction or late inputs has more than rates: its unit is one
+    for co-simulation only.
 
     Parameters
     ----------
@@ -129,7 +133,8 @@ def to_fmu(
         "machine_file": f"{identifier}_machine.c",
         "variables": variables,
         "first_state": next(v.reference for v in variables if v.room == "x"),
-        "stubs": fmi_stubs(fmi),
+        "exchanges": exchanges(machine),
+        "stubs": fmi_stubs(fmi, exchanges(machine)),
         "token": token,
         "version": VERSIONS[fmi][0],
         "interval": machine.printer.number(machine.interval),
@@ -163,8 +168,24 @@ def _check(model, fmi, compiler) -> None:
         )
 
 
+def exchanges(machine: Machine) -> bool:
+    """Return whether rates and outputs are all there is, so that any solver can go on with them.
+
+    Parameters
+    ----------
+    machine : Machine
+        The model.
+
+    Returns
+    -------
+    bool
+        Whether it has neither dry friction nor late inputs.
+    """
+    return not any(machine.dry) and not machine.model.delays
+
+
 def _variables(machine: Machine) -> list[Variable]:
-    """Return a unit's variables: outputs, states, inputs, parameters, time."""
+    """Return a unit's variables: outputs, states, inputs, parameters, time, rates."""
     model = machine.model
     found: list[Variable] = []
     taken = {*model.inputs, *model.parameters, "time"}
@@ -186,57 +207,73 @@ def _variables(machine: Machine) -> list[Variable]:
             add(name, "parameter", "tunable", f"parameters.{machine.names[name]}",
                 start=repr(parameter.value), unit=parameter.unit)  # fmt: skip
     add("time", "independent", "continuous", "time", unit="s", room="t")
+    for i, name in enumerate(model.states if exchanges(machine) else ()):
+        add(f"der(state.{name})", "local", "continuous", f"rate[{i}]", room="r", place=i)
     return found
 
 
 def _description_2(machine: Machine, variables: list[Variable], token: str):
     root = _root(machine, "2.0", guid=token)
-    identifier = machine.prefix[:-1]
-    simulation = _add(
-        root, "CoSimulation", modelIdentifier=identifier, canGetAndSetFMUstate="true",
-        canSerializeFMUstate="true", canHandleVariableCommunicationStepSize="true",
-    )  # fmt: skip
-    _add(_add(simulation, "SourceFiles"), "File", name="fmu.c")
+    kept = {"modelIdentifier": machine.prefix[:-1], "canGetAndSetFMUstate": "true",
+            "canSerializeFMUstate": "true"}  # fmt: skip
+    kinds = [_add(root, "ModelExchange", **kept)] if exchanges(machine) else []
+    kinds += [_add(root, "CoSimulation", **kept, canHandleVariableCommunicationStepSize="true")]
+    for kind in kinds:
+        _add(_add(kind, "SourceFiles"), "File", name="fmu.c")
     _add_units(root, variables)
     _add(root, "DefaultExperiment", startTime="0.0", stepSize=repr(machine.interval))
     known = _add(root, "ModelVariables")
     for v in variables:
-        told = {"initial": "exact"} if v.causality in ("local", "parameter") else {}
         scalar = _add(
             known, "ScalarVariable", name=v.name, valueReference=str(v.reference),
-            causality=v.causality, variability=v.variability, **told,
+            causality=v.causality, variability=v.variability, **_initial(v),
         )  # fmt: skip
-        _add(scalar, "Real", **_start_and_unit(v))
-    outputs = [v for v in variables if v.room == "y"]
+        whose = {"derivative": str(_state_of(v, variables) + 1)} if v.room == "r" else {}
+        _add(scalar, "Real", **_start_and_unit(v), **whose)
     structure = _add(root, "ModelStructure")
-    for part in ("Outputs", "InitialUnknowns"):
-        unknowns = _add(structure, part)
-        for v in outputs:
+    for part, rooms in (("Outputs", "y"), ("Derivatives", "r"), ("InitialUnknowns", "yr")):
+        told = [v for v in variables if v.room in rooms]
+        unknowns = _add(structure, part) if told else None
+        for v in told:
             _add(unknowns, "Unknown", index=str(v.reference + 1))
     return root
 
 
 def _description_3(machine: Machine, variables: list[Variable], token: str):
     root = _root(machine, "3.0", instantiationToken=token)
-    _add(
-        root, "CoSimulation", modelIdentifier=machine.prefix[:-1], canGetAndSetFMUState="true",
-        canSerializeFMUState="true", canHandleVariableCommunicationStepSize="true",
-    )  # fmt: skip
+    kept = {"modelIdentifier": machine.prefix[:-1], "canGetAndSetFMUState": "true",
+            "canSerializeFMUState": "true"}  # fmt: skip
+    if exchanges(machine):
+        _add(root, "ModelExchange", **kept)
+    _add(root, "CoSimulation", **kept, canHandleVariableCommunicationStepSize="true")
     _add_units(root, variables)
     _add(root, "DefaultExperiment", startTime="0.0", stepSize=repr(machine.interval))
     known = _add(root, "ModelVariables")
     for v in variables:
-        told = {"initial": "exact"} if v.causality in ("local", "parameter") else {}
+        whose = {"derivative": str(_state_of(v, variables))} if v.room == "r" else {}
         _add(
             known, "Float64", name=v.name, valueReference=str(v.reference), causality=v.causality,
-            variability=v.variability, **told, **_start_and_unit(v),
+            variability=v.variability, **_initial(v), **_start_and_unit(v), **whose,
         )  # fmt: skip
     structure = _add(root, "ModelStructure")
-    for part in ("Output", "InitialUnknown"):
+    for part, rooms in (("Output", "y"), ("ContinuousStateDerivative", "r"),
+                        ("InitialUnknown", "yr")):  # fmt: skip
         for v in variables:
-            if v.room == "y":
+            if v.room in rooms:
                 _add(structure, part, valueReference=str(v.reference))
     return root
+
+
+def _initial(v: Variable) -> dict[str, str]:
+    """Return how a variable gets its first value."""
+    if v.room == "r":
+        return {"initial": "calculated"}
+    return {"initial": "exact"} if v.causality in ("local", "parameter") else {}
+
+
+def _state_of(rate: Variable, variables: list[Variable]) -> int:
+    """Return the number of the state that a rate is the derivative of."""
+    return next(v.reference for v in variables if v.room == "x" and v.place == rate.place)
 
 
 def _build_description(identifier: str):

@@ -1,7 +1,8 @@
-"""Ways in: functions in Python, systems of python-control and CasADi functions as models."""
+"""Ways in: functions in Python, systems of python-control, CasADi functions, FMUs as models."""
 
 from sklearn_pgnn.priors.casadi_program import from_casadi
+from sklearn_pgnn.priors.fmu import from_fmu
 from sklearn_pgnn.priors.nlsys import from_control
 from sklearn_pgnn.priors.python_function import from_function
 
-__all__ = ["from_casadi", "from_control", "from_function"]
+__all__ = ["from_casadi", "from_control", "from_fmu", "from_function"]

@@ -26,7 +26,7 @@ from sklearn_pgnn.priors.traced import Quantities
 #: points at which a function is asked what it depends on, from small numbers to large ones
 POINTS, SMALLEST, LARGEST = 256, 1e-2, 1e3
 #: how often a function is called again at a point, and how near the results must be
-AGAIN, NEAR = 8, 1e-8
+AGAIN, NEAR = 64, 1e-8
 
 
 @dataclass(frozen=True)
@@ -148,15 +148,52 @@ def called_function(
     points = _points(named)
     results = tuple(_first(call, points, what))
     call = NumericFunction(function, parts, results)
+    return calling(call, what, named, results, points, _name(function))
+
+
+def calling(
+    call: Callable, what: str, named: PhysicsModel, results: Sequence[str], points, name: str
+) -> Called:
+    """Return equations that call a function of numbers.
+
+    Parameters
+    ----------
+    call : callable
+        Takes a tuple of numbers, time, states, inputs and parameters, and returns the results; NaN
+        stands for an argument of which it may take any value.
+    what : str
+        What it computes, for an error's text.
+    named : PhysicsModel
+        States, inputs and parameters.
+    results : sequence of str
+        Names of the results, in order.
+    points : sequence of tuple of float
+        Where it is asked which of its arguments each result depends on.
+    name : str
+        What it is called in the equations.
+
+    Returns
+    -------
+    Called
+        The equations.
+
+    Raises
+    ------
+    ModelError
+        If it computes nothing at any of the points, or not the same each time.
+    """
     before = time.perf_counter()
     known = [(point, found) for point in points if (found := _values(call, point)) is not None]
     seconds = (time.perf_counter() - before) / len(points)
+    if not known:
+        raise _nothing(call, points[-1], what)
     _check_again(call, known, what, results)
-    arguments = ("t", *parts[0], *parts[1], *parts[2])
-    outside = external_function(call, _name(function), arguments, results, len(parts[2]))
+    parameters = tuple(named.parameters)
+    arguments = ("t", *named.states, *named.inputs, *parameters)
+    outside = external_function(call, name, arguments, results, len(parameters))
     depends = dependences(call, known, len(arguments), len(results))
     equations = {
-        result: _written(outside, place, depends[place], known, len(parts[0]))
+        result: _written(outside, place, depends[place], known, len(named.states))
         for place, result in enumerate(results)
     }
     return Called(equations, seconds)
@@ -240,6 +277,19 @@ def _first(call: NumericFunction, points, what: str) -> dict[str, Any]:
     raise ModelError(f"{what}{line_of(call, failed)}: {said}", (what,)) from failed
 
 
+def _nothing(call, point, what: str) -> ModelError:
+    """Return what is wrong with a function that computes no finite numbers anywhere."""
+    try:
+        failed = ""
+        list(call(point))
+    except Exception as error:
+        failed = f" {said_by(error)}"
+    return ModelError(
+        f"{what}: expected finite numbers at one of {POINTS} points at least, got none.{failed}",
+        (what,),
+    )
+
+
 def _values(call, point, finite: bool = True) -> list[float] | None:
     """Return the results at a point; None where there are none."""
     try:
@@ -252,7 +302,7 @@ def _values(call, point, finite: bool = True) -> list[float] | None:
 
 def _check_again(call, known, what: str, results) -> None:
     """Raise `ModelError` if a second call at a point gives something else."""
-    for point, values in known[:AGAIN]:
+    for point, values in reversed(known[:AGAIN]):  # behind another point than before
         again = _values(call, point) or [math.nan] * len(results)
         for name, one, other in zip(results, values, again, strict=True):
             if not abs(one - other) <= NEAR * max(1.0, abs(one)):
@@ -267,9 +317,9 @@ def _check_again(call, known, what: str, results) -> None:
 def _written(outside, place, depends, known, n_states):
     """Return the equation of a result: a state or a number, or else a call."""
     for state in range(1, 1 + n_states):
-        if known and all(values[place] == point[state] for point, values in known):
+        if all(values[place] == point[state] for point, values in known):
             return symbol(outside.arguments[state])
-    if known and not depends:
+    if not depends:
         return sympy.Float(known[0][1][place])
     return equation_of(outside, place, depends)
 

@@ -16,6 +16,7 @@ from sklearn_pgnn.export import to_fmu
 STEP, SAMPLES = 1 / 64, 2000
 CART = systems.cart_on_spring()
 ROBOT = systems.golf_robot() + effects.StribeckFriction("omega", 0.1, 0.1, 0.3)
+DELAY = effects.InputDelay("force", 0.05)
 T = np.arange(SAMPLES) * STEP
 U = 0.3 * np.sin(0.7 * T) + 0.1 * np.sin(3.1 * T)
 gcc = pytest.mark.skipif(shutil.which("gcc") is None, reason="no gcc here")
@@ -36,7 +37,7 @@ def run(path, model, **start):
 @pytest.mark.parametrize("fmi", [2, 3])
 @pytest.mark.parametrize(
     "model",
-    [ROBOT, CART, CART + effects.InputDelay("force", 0.05)],
+    [ROBOT, CART, CART + DELAY],
     ids=["robot", "cart", "late"],
 )
 def test_a_unit_is_valid_and_runs_as_the_simulation(model, fmi, tmp_path):
@@ -58,8 +59,9 @@ def test_parameters_and_initial_states_are_set(fmi, tmp_path):
 
 @gcc
 @pytest.mark.parametrize("fmi", [2, 3])
-def test_the_source_compiles_without_a_warning(fmi, tmp_path):
-    path = to_fmu(ROBOT, tmp_path / "unit.fmu", STEP, fmi=fmi, compiler=None)
+@pytest.mark.parametrize("model", [ROBOT, CART], ids=["robot", "cart"])
+def test_the_source_compiles_without_a_warning(model, fmi, tmp_path):
+    path = to_fmu(model, tmp_path / "unit.fmu", STEP, fmi=fmi, compiler=None)
     with zipfile.ZipFile(path) as archive:
         archive.extractall(tmp_path)
         assert not [name for name in archive.namelist() if name.startswith("binaries")]
@@ -94,6 +96,33 @@ def test_a_state_is_kept_and_restored(tmp_path):
         unit.doStep(currentCommunicationPoint=0.0, communicationStepSize=0.4 * STEP)
     unit.terminate()
     unit.freeInstance()
+
+
+@gcc
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_a_solver_outside_goes_on_with_its_rates(fmi, tmp_path):
+    path = to_fmu(CART, tmp_path / "cart.fmu", STEP, fmi=fmi)
+    # under a constant force: CVode is not told that a held one jumps
+    found = fmpy.simulate_fmu(
+        str(path), stop_time=T[-1], output_interval=STEP, relative_tolerance=1e-9,
+        start_values={"state.x": 0.1, "k": 20.0, "force": 0.3}, fmi_type="ModelExchange",
+        output=list(CART.outputs),
+    )  # fmt: skip
+    exact = CART.with_parameters(k=20.0).simulate(T, np.full(SAMPLES, 0.3), [0.1, 0.0], substeps=8)
+    assert np.abs(found[next(iter(CART.outputs))] - exact.y[:, 0]).max() < 1e-6
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+@pytest.mark.parametrize(
+    ("model", "exchanges"), [(CART, True), (ROBOT, False), (CART + DELAY, False)]
+)
+def test_what_sticks_or_is_late_is_for_co_simulation_only(model, exchanges, fmi, tmp_path):
+    path = to_fmu(model, tmp_path / "unit.fmu", STEP, fmi=fmi, compiler=None)
+    description = fmpy.read_model_description(str(path))
+    assert (description.modelExchange is not None) == exchanges
+    assert [rate.variable.derivative.name for rate in description.derivatives] == (
+        ["state.x", "state.v"] if exchanges else []
+    )
 
 
 def test_the_same_model_gives_the_same_bytes(tmp_path):

@@ -1,0 +1,246 @@
+"""A functional mock-up unit for model exchange as a function of numbers.
+
+A unit has states of its own: it is told time, states, inputs and parameters, and asked for rates and
+outputs. What depends on a condition (an event indicator) is settled at every point: the unit enters
+its event mode there, and what it computes is that point's, not the last one's.
+"""
+
+import ctypes
+import io
+import zipfile
+from dataclasses import dataclass
+from functools import cached_property
+from tempfile import TemporaryDirectory
+from threading import RLock
+
+from sklearn_pgnn.exceptions import ModelError
+
+#: how often the discrete part of a unit is computed anew at one point
+SETTLED = 100
+#: the highest status of a call that has succeeded
+WARNING = 1
+_STATUS = ctypes.PYFUNCTYPE(ctypes.c_int)
+
+
+@dataclass(frozen=True)
+class UnitFunction:
+    """Rates and outputs of a unit as a function of a tuple of numbers.
+
+    It is its archive and can be pickled; the unit is opened where it is called first.
+
+    Parameters
+    ----------
+    archive : bytes
+        The unit's file.
+    inputs, parameters, outputs : tuple of str
+        Names of its variables. An argument is a number, or NaN for the unit's own start value:
+        first time and states, then inputs and parameters. The results are rates, then outputs.
+    """
+
+    archive: bytes
+    inputs: tuple[str, ...]
+    parameters: tuple[str, ...]
+    outputs: tuple[str, ...]
+
+    def __call__(self, point: tuple[float, ...]) -> list[float]:
+        """Return rates and outputs at a point."""
+        return self.unit.at(point)
+
+    @cached_property
+    def unit(self) -> "Unit":
+        """The unit, opened in this process."""
+        return Unit(self)
+
+    def __reduce__(self):
+        return UnitFunction, (self.archive, self.inputs, self.parameters, self.outputs)
+
+
+class Unit:
+    """An opened unit, for one call at a time.
+
+    Parameters
+    ----------
+    function : UnitFunction
+        What is asked of it.
+
+    Raises
+    ------
+    ModelError
+        If it cannot be started.
+    """
+
+    def __init__(self, function: UnitFunction):
+        from fmpy import read_model_description
+
+        self.folder = TemporaryDirectory(prefix="unit-")
+        with zipfile.ZipFile(io.BytesIO(function.archive)) as archive:
+            archive.extractall(self.folder.name)
+        self.description = read_model_description(self.folder.name, validate=False)
+        self.is_fmi2 = self.description.fmiVersion.startswith("2")
+        known = {v.name: v for v in self.description.modelVariables}
+        self.n = len(self.description.derivatives)
+        self.has_events = bool(
+            self.description.numberOfEventIndicators or self.description.eventIndicators
+        )
+        self.inputs = _Values([known[name] for name in function.inputs])
+        told = [known[name] for name in function.parameters]
+        self.fixed = _Values([v for v in told if v.variability != "tunable"])
+        self.tunable = _Values([v for v in told if v.variability == "tunable"])
+        self.is_tunable = [v.variability == "tunable" for v in told]
+        self.outputs = _Values([known[name] for name in function.outputs])
+        self.time = ctypes.c_double()
+        self.x, self.rates = ((ctypes.c_double * self.n)() for _ in range(2))
+        self.lock, self.fmu, self.said, self.jumps = RLock(), None, "", False
+        self._begin([float(v.start) for v in told])
+        self.fmu.getContinuousStates(self.x, self.n)
+        self.start = (0.0, *self.x, *(float(v.start or 0) for v in self.inputs.variables),
+                      *(float(v.start) for v in told))  # fmt: skip
+
+    @property
+    def start_states(self) -> list[float]:
+        """The states that it starts from."""
+        return list(self.start[1 : 1 + self.n])
+
+    @cached_property
+    def nominal_states(self) -> list[float]:
+        """How large its states are."""
+        found = (ctypes.c_double * self.n)()
+        self.fmu.getNominalsOfContinuousStates(found, self.n)
+        return [abs(value) or 1.0 for value in found]
+
+    def at(self, point: tuple[float, ...]) -> list[float]:
+        """Return rates and outputs at a point; after an error the unit is started anew."""
+        given = [own if value != value else value for value, own in zip(point, self.start, strict=True)]
+        with self.lock:
+            self.said = ""
+            try:
+                return self._at(given)
+            except Exception as error:
+                self._end()
+                raise ModelError(f"{error} {self.said}".strip()) from error
+
+    def _at(self, given: list[float]) -> list[float]:
+        first = 1 + self.n + len(self.inputs)
+        parameters = given[first:]
+        if self.fmu is None or self.fixed.differ(self._part(parameters, tunable=False)):
+            self._begin(parameters)
+        self.time.value = given[0]
+        self.x[:] = given[1 : 1 + self.n]
+        self.inputs.numbers[:] = given[1 + self.n : first]
+        self._call(self.given)
+        tunable = self._part(parameters, tunable=True)
+        if self.has_events or self.tunable.differ(tunable):
+            self.fmu.enterEventMode()
+            self._set(self.tunable, tunable)
+            self._settle()
+        self._call(self.asked)
+        return [*self.rates, *self.outputs.numbers]
+
+    def _call(self, calls) -> None:
+        for name, function, arguments in calls:
+            status = function(*arguments)
+            if status > WARNING:
+                raise ModelError(f"{name} failed with status {status}.")
+
+    def _part(self, parameters, tunable: bool) -> list[float]:
+        pairs = zip(parameters, self.is_tunable, strict=True)
+        return [value for value, is_tunable in pairs if is_tunable == tunable]
+
+    # -- its life ----------------------------------------------------------------------------------
+
+    def _begin(self, parameters) -> None:
+        """Start the unit with parameters, some of which are fixed from then on."""
+        if self.fmu is None:
+            self._open()
+        else:
+            self.fmu.reset()
+        if self.is_fmi2:
+            self.fmu.setupExperiment(startTime=0.0)
+        self._set(self.fixed, self._part(parameters, tunable=False))
+        self._set(self.tunable, self._part(parameters, tunable=True))
+        self.fmu.enterInitializationMode()
+        self.fmu.exitInitializationMode()
+        self._settle()
+
+    def _open(self) -> None:
+        from fmpy.simulation import instantiate_fmu
+
+        self.fmu = instantiate_fmu(
+            self.folder.name, self.description, "ModelExchange", logger=self._listen
+        )
+        self._bind()
+
+    def _listen(self, *told) -> None:
+        """Keep what the unit said last."""
+        self.said = (told[-1] or b"").decode("utf-8", "replace")
+
+    def _end(self) -> None:
+        """Let go of an instance that an error has left in no known state."""
+        fmu, self.fmu = self.fmu, None
+        if fmu is not None:
+            (fmu.fmi2FreeInstance if self.is_fmi2 else fmu.fmi3FreeInstance)(fmu.component)
+
+    def _settle(self) -> None:
+        """Compute the discrete part until it stays as it is, and go on in continuous time."""
+        update = self.fmu.newDiscreteStates if self.is_fmi2 else self.fmu.updateDiscreteStates
+        for _ in range(SETTLED):
+            again, ends, _, jumps, *_ = update()
+            self.jumps |= bool(jumps)
+            if jumps or ends:
+                raise ModelError(
+                    "the unit sets its states anew at an event." if jumps else "the unit ends."
+                )
+            if not again:
+                return self.fmu.enterContinuousTimeMode()
+        raise ModelError(f"the unit does not settle at an event within {SETTLED} steps.")
+
+    # -- its numbers -------------------------------------------------------------------------------
+
+    def _set(self, part: "_Values", values) -> None:
+        part.numbers[:] = values
+        if part.variables:
+            self._call([self._values("Set", part)])
+
+    def _values(self, do: str, part: "_Values"):
+        """Return the call that sets or gets variables."""
+        count = ctypes.c_size_t(len(part))
+        given = (part.references, count, part.numbers)
+        if self.is_fmi2:
+            return self._bound(f"fmi2{do}Real", *given)
+        return self._bound(f"fmi3{do}Float64", *given, count)
+
+    def _bound(self, name: str, *arguments):
+        """Return a function of the unit with its arguments; it keeps Python's lock."""
+        address = ctypes.cast(getattr(self.fmu.dll, name), ctypes.c_void_p).value
+        component = self.fmu.component
+        if not isinstance(component, ctypes.c_void_p):
+            component = ctypes.c_void_p(component)
+        return name, _STATUS(address), (component, *arguments)
+
+    def _bind(self) -> None:
+        """Prepare what is told and asked at every point."""
+        fmi, n = ("fmi2" if self.is_fmi2 else "fmi3"), ctypes.c_size_t(self.n)
+        rates = "GetDerivatives" if self.is_fmi2 else "GetContinuousStateDerivatives"
+        self.given = [self._bound(f"{fmi}SetTime", self.time),
+                      self._bound(f"{fmi}SetContinuousStates", self.x, n)]  # fmt: skip
+        self.asked = [self._bound(f"{fmi}{rates}", self.rates, n)]
+        if self.inputs.variables:
+            self.given.append(self._values("Set", self.inputs))
+        if self.outputs.variables:
+            self.asked.append(self._values("Get", self.outputs))
+
+
+class _Values:
+    """Variables of a unit, as its functions take them, and their numbers."""
+
+    def __init__(self, variables):
+        self.variables = variables
+        self.references = (ctypes.c_uint * len(variables))(*(v.valueReference for v in variables))
+        self.numbers = (ctypes.c_double * len(variables))(*[float("nan")] * len(variables))
+
+    def __len__(self):
+        return len(self.variables)
+
+    def differ(self, values) -> bool:
+        """Return whether the numbers are others than the unit has."""
+        return list(self.numbers) != values

@@ -1,0 +1,124 @@
+"""A functional mock-up unit is a prior like the model that it was made from."""
+
+import pickle
+import shutil
+import zipfile
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from sklearn_pgnn import ModelDiagnosis, effects, systems
+from sklearn_pgnn.exceptions import ModelError
+from sklearn_pgnn.export import to_fmu
+from sklearn_pgnn.priors import from_fmu
+
+pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="no gcc here")
+CART = systems.cart_on_spring()
+NAMES = {"state.x": "x", "state.v": "v"}
+T = np.arange(0, 4, 0.02)
+U = np.sin(3 * T)
+
+
+@pytest.fixture(params=[2, 3], ids=["FMI 2", "FMI 3"])
+def path(request, tmp_path):
+    return to_fmu(CART, tmp_path / "cart.fmu", 0.02, fmi=request.param)
+
+
+def test_it_simulates_as_the_model_that_it_was_made_from(path):
+    unit = from_fmu(path, names=NAMES)
+    assert (dict(unit.inputs), dict(unit.states)) == (dict(CART.inputs), dict(CART.states))
+    assert {n: (p.value, p.unit) for n, p in unit.parameters.items()} == {
+        n: (p.value, p.unit) for n, p in CART.parameters.items()
+    }
+    assert unit.kinematic_pairs == CART.kinematic_pairs
+    wrt = tuple(CART.parameters)
+    for changed in ({}, {"k": 30.0}):
+        one, other = (
+            model.with_parameters(**changed).simulate(T, U, [0.1, 0.0], wrt=wrt)
+            for model in (unit, CART)
+        )
+        np.testing.assert_allclose(one.y, other.y, atol=1e-9)
+        np.testing.assert_allclose(one.sensitivities, other.sensitivities, rtol=1e-5, atol=1e-8)
+
+
+def test_only_the_parameters_that_are_named_are_some(path):
+    unit = from_fmu(path, {"k": {"spread": 0.3}}, names=NAMES | {"k": "stiffness"})
+    assert list(unit.parameters) == ["stiffness"]
+    assert unit.parameters["stiffness"].spread == 0.3
+
+
+def test_a_fixed_parameter_starts_it_anew(path, tmp_path):
+    fixed = _with(path, tmp_path, 'variability="tunable"', 'variability="fixed"')
+    assert not from_fmu(fixed).parameters
+    unit = from_fmu(fixed, ["m", "k"], names=NAMES)
+    one, other = (m.with_parameters(m=3.0).simulate(T, U) for m in (unit, CART))
+    np.testing.assert_allclose(one.y, other.y, atol=1e-9)
+
+
+def test_it_is_a_value(path):
+    unit = from_fmu(path)
+    path.unlink()
+    again = pickle.loads(pickle.dumps(unit))
+    assert again == unit
+    np.testing.assert_array_equal(again.simulate(T, U).y, unit.simulate(T, U).y)
+
+
+@pytest.mark.parametrize("n_jobs", [1, 2])
+def test_a_diagnosis_names_what_it_lacks(n_jobs, tmp_path):
+    unit = from_fmu(to_fmu(CART, tmp_path / "cart.fmu", 0.02), names=NAMES, inertia={"v": "m"})
+    rng = np.random.default_rng(0)
+    truth = CART + effects.CoulombFriction("v", 1.0)
+    rows = []
+    for k in range(2):
+        u = np.repeat(rng.uniform(-6, 6, 10), 20)
+        y = truth.simulate(T, u).y[:, 0] + rng.normal(scale=1e-4, size=T.size)
+        rows.append(pd.DataFrame({"trajectory": k, "t": T, "force": u, "y": y}))
+    table = pd.concat(rows)
+    diagnosis = ModelDiagnosis(
+        unit, catalogue=["coulomb_friction", "viscous_friction", "input_bias"], n_jobs=n_jobs
+    ).fit(table[["trajectory", "t", "force"]], table[["y"]].set_axis(list(CART.outputs), axis=1))
+    assert [cause.effect.id for cause in diagnosis.causes_] == ["coulomb_friction"]
+
+
+def _with(path, folder, old, new):
+    """Return a copy of a unit whose description says something else."""
+    changed = folder / "changed.fmu"
+    with zipfile.ZipFile(path) as archive, zipfile.ZipFile(changed, "w") as other:
+        for name in archive.namelist():
+            data = archive.read(name)
+            if name == "modelDescription.xml":
+                assert old.encode() in data
+                data = data.replace(old.encode(), new.encode())
+            other.writestr(name, data)
+    return changed
+
+
+def test_co_simulation_only_is_refused(tmp_path):
+    late = CART + effects.InputDelay("force", 0.05)
+    with pytest.raises(ModelError, match="co-simulation only.*Remedy: export the model for model"):
+        from_fmu(to_fmu(late, tmp_path / "late.fmu", 0.02))
+
+
+def test_a_unit_without_a_binary_is_refused(tmp_path):
+    with pytest.raises(ModelError, match="expected a binary for .*, got none. Remedy"):
+        from_fmu(to_fmu(CART, tmp_path / "cart.fmu", 0.02, compiler=None))
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"parameters": ["mass"]}, "parameters: expected names among m, k, d, got 'mass'"),
+        ({"inputs": ["k"]}, "inputs: expected names among force, got 'k'"),
+        ({"names": {"x": "y", "place": "z"}}, "names: the unit has no variable"),
+    ],
+)
+def test_what_the_unit_lacks_is_named(given, said, path):
+    with pytest.raises(ModelError, match=said):
+        from_fmu(path, **given)
+
+
+def test_what_is_no_unit_is_refused(tmp_path):
+    (tmp_path / "a.fmu").write_text("no archive")
+    with pytest.raises(ModelError, match="expected a functional mock-up unit, got"):
+        from_fmu(tmp_path / "a.fmu")
