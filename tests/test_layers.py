@@ -47,7 +47,7 @@ HOMES = {
     "uvicorn": ("cli/app",),
     "casadi": ("export/casadi_function", "priors/casadi_program"),
     "onnx": ("export/onnx_",),
-    "fmpy": ("priors/fmu",),
+    "fmpy": ("priors/fmu_",),
     "control": ("export/control_system", "priors/nlsys"),
     "distributed": ("cli/cluster",),
     "nonlinear_benchmarks": ("datasets/public",),

@@ -6,12 +6,12 @@ from typing import NamedTuple
 
 import click
 
+from sklearn_pgnn.cli.records import open_model
 from sklearn_pgnn.cli.tables import cell, heading, print_table, say, screen, table, warn
 from sklearn_pgnn.exceptions import RecordWarning, UnitWarning
 from sklearn_pgnn.inspection.first_look import FirstLook, first_look
 from sklearn_pgnn.inspection.numbers import fit_text, number
 from sklearn_pgnn.inspection.strict_json import as_strict_json
-from sklearn_pgnn.physics import PhysicsModel
 from sklearn_pgnn.trajectories.files import open_file, read_files
 
 
@@ -44,7 +44,7 @@ def check_model(model, data, sample_time=None) -> Checked:
         warnings.simplefilter("ignore")
         warnings.simplefilter("once", UnitWarning)
         warnings.simplefilter("once", RecordWarning)
-        read = PhysicsModel.from_yaml(model)
+        read = open_model(model)
         X, y = read_files(data, read, sample_time)
         tables = [open_file(path, read, sample_time) for path in data]
         unused = dict.fromkeys(name for table in tables for name in table.unused())

@@ -12,7 +12,11 @@ def _threads(_context, _option, value: int) -> int:
 
 
 _MODEL = click.option(
-    "--model", required=True, metavar="MODEL.yaml", type=FILE, help="The model file."
+    "--model",
+    required=True,
+    metavar="MODEL.yaml",
+    type=FILE,
+    help="The model file, or an FMU for model exchange.",
 )
 _SHARE = click.FloatRange(min=0, max=1, min_open=True, max_open=True)
 _THREADS = click.option(

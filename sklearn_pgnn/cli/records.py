@@ -4,6 +4,7 @@ import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from os import PathLike
+from pathlib import Path
 
 import click
 import pandas as pd
@@ -11,6 +12,7 @@ import pandas as pd
 from sklearn_pgnn.cli.guard import one_line
 from sklearn_pgnn.exceptions import RecordWarning, UnitWarning
 from sklearn_pgnn.physics import PhysicsModel
+from sklearn_pgnn.priors import from_fmu
 from sklearn_pgnn.trajectories.file_table import read_each
 from sklearn_pgnn.trajectories.files import open_file, read_files
 
@@ -55,7 +57,23 @@ def read_model(path: str | PathLike) -> PhysicsModel:
         The model.
     """
     with told_warnings(UnitWarning):
-        return PhysicsModel.from_yaml(path)
+        return open_model(path)
+
+
+def open_model(path: str | PathLike) -> PhysicsModel:
+    """Return the model of a model file, or that of a functional mock-up unit.
+
+    Parameters
+    ----------
+    path : str or path-like
+        A YAML file; or ``NAME.fmu``, see `sklearn_pgnn.priors.from_fmu`.
+
+    Returns
+    -------
+    PhysicsModel
+        The model.
+    """
+    return from_fmu(path) if Path(path).suffix == ".fmu" else PhysicsModel.from_yaml(path)
 
 
 def read_inputs(

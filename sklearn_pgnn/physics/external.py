@@ -87,10 +87,11 @@ class ExternalFunction:
         if found is None:
             if len(self._known) >= KEPT:
                 self._known.clear()
-            found = self._known[point] = self._compute(point)
+            found = self._known[point] = self.compute(point)
         return found
 
-    def _compute(self, point):
+    def compute(self, point: tuple[float, ...]) -> tuple[float, ...]:
+        """Return the results at a point, computed anew; NaN where the function raises, noted."""
         try:
             return tuple(map(float, self.call(point)))
         except Exception as error:
@@ -319,7 +320,9 @@ def _over_arrays(made):
     """Return what NumPy calls in place of the class, number by number."""
 
     def over(*values):
-        found = np.frompyfunc(lambda *one: made.number(*map(float, one)), len(values), 1)(*values)
+        with np.errstate(invalid="ignore"):  # NaN is said to be one
+            each = np.frompyfunc(lambda *one: made.number(*map(float, one)), len(values), 1)
+            found = each(*values)
         return np.asarray(found, dtype=float)[()]
 
     return over
@@ -346,6 +349,52 @@ def external_functions(expressions) -> tuple[ExternalFunction, ...]:
     calls = (call for expression in expressions for call in expression.atoms(External))
     found = dict.fromkeys(call.function for call in calls)
     return tuple(sorted(found, key=lambda function: function.token))
+
+
+def at_whole_points(expressions) -> list[sympy.Expr]:
+    """Return expressions in which the calls of a function are at the same points, if they can be.
+
+    A call has the arguments that its result depends on. Where those of several results agree, each
+    may have the arguments of all: the function is called once for all results.
+
+    Parameters
+    ----------
+    expressions : sequence of sympy.Expr
+        The expressions; they are not to be differentiated any more.
+
+    Returns
+    -------
+    list of sympy.Expr
+        The same values.
+
+    Examples
+    --------
+    >>> x, y = sympy.symbols("x y", real=True)
+    >>> both = external_function(lambda p: (p[0], p[1]), "f", ["x", "y"], ["a", "b"])
+    >>> at_whole_points([external(both, 0, (0,))(x), external(both, 1, (1,))(y)])
+    [f[a](x, y), f[b](x, y)]
+    """
+    calls = {call for expression in expressions for call in expression.atoms(External)}
+    points: list[tuple[ExternalFunction, dict]] = []
+    whole = {}
+    for call in sorted(calls, key=lambda call: -len(call.places)):
+        given = dict(zip(call.places, call.args, strict=True))
+        for function, point in points:
+            if function is call.function and all(point.get(k, v) == v for k, v in given.items()):
+                point.update(given)
+                break
+        else:
+            point = given
+            points.append((call.function, point))
+        whole[call] = point
+    changed = {call: _with_point(call, dict(sorted(whole[call].items()))) for call in whole}
+    return [expression.xreplace(changed) for expression in expressions]
+
+
+def _with_point(call: External, point: dict):
+    places = tuple(point)
+    by = tuple(places.index(call.places[i]) for i in call.by)
+    return external(call.function, call.result, places, by)(*point.values())
 
 
 def require_equations(model, what: str) -> None:

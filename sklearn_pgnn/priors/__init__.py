@@ -1,7 +1,7 @@
 """Ways in: functions in Python, systems of python-control, CasADi functions, FMUs as models."""
 
 from sklearn_pgnn.priors.casadi_program import from_casadi
-from sklearn_pgnn.priors.fmu import from_fmu
+from sklearn_pgnn.priors.fmu_model import from_fmu
 from sklearn_pgnn.priors.nlsys import from_control
 from sklearn_pgnn.priors.python_function import from_function
 

@@ -3,7 +3,8 @@
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -27,6 +28,8 @@ from sklearn_pgnn.priors.traced import Quantities
 POINTS, SMALLEST, LARGEST = 256, 1e-2, 1e3
 #: how often a function is called again at a point, and how near the results must be
 AGAIN, NEAR = 64, 1e-8
+#: points at which a compiled function is held against itself in Python
+COMPARED = 32
 
 
 @dataclass(frozen=True)
@@ -41,11 +44,14 @@ class NumericFunction:
         Names of states, inputs and parameters.
     names : tuple of str or None
         What it computes, in the order of its values; None where it says so itself.
+    points : tuple of tuple of float
+        Some at which it computes finite numbers.
     """
 
     function: Callable
     parts: tuple[tuple[str, ...], ...]
     names: tuple[str, ...] | None
+    points: tuple[tuple[float, ...], ...] = ()
 
     def __call__(self, point: tuple[float, ...]) -> list[float]:
         """Return what the function computes, in order."""
@@ -53,16 +59,17 @@ class NumericFunction:
 
     def found(self, point: tuple[float, ...]) -> dict:
         """Return what the function computes, by name."""
+        return by_name(self.raw(point), self.names)
+
+    def raw(self, point: tuple[float, ...]):
+        """Return what the function returns."""
         n_x, n_u = (len(part) for part in self.parts[:2])
         states, inputs, parameters = self.parts
-        return by_name(
-            self.function(
-                point[0],
-                _quantities(states, point[1 : 1 + n_x]),
-                _quantities(inputs, point[1 + n_x : 1 + n_x + n_u]),
-                _quantities(parameters, point[1 + n_x + n_u :]),
-            ),
-            self.names,
+        return self.function(
+            point[0],
+            _quantities(states, point[1 : 1 + n_x]),
+            _quantities(inputs, point[1 + n_x : 1 + n_x + n_u]),
+            _quantities(parameters, point[1 + n_x + n_u :]),
         )
 
 
@@ -106,11 +113,14 @@ class Called:
     equations : dict of str to sympy.Expr
         By what it computes; a rate that is another state, and a constant, are written as such.
     seconds : float
-        How long a call takes [s].
+        How long a call takes in Python [s].
+    function : ExternalFunction
+        What they call.
     """
 
     equations: dict[str, sympy.Expr]
     seconds: float
+    function: ExternalFunction
 
 
 def called_function(
@@ -148,6 +158,8 @@ def called_function(
     points = _points(named)
     results = tuple(_first(call, points, what))
     call = NumericFunction(function, parts, results)
+    finite = (point for point in points if _values(call, point) is not None)
+    call = replace(call, points=tuple(islice(finite, COMPARED)))
     return calling(call, what, named, results, points, _name(function))
 
 
@@ -196,7 +208,7 @@ def calling(
         result: _written(outside, place, depends[place], known, len(named.states))
         for place, result in enumerate(results)
     }
-    return Called(equations, seconds)
+    return Called(equations, seconds, outside)
 
 
 def equation_of(function: ExternalFunction, result: int, places: Sequence[int]) -> External:

@@ -1,8 +1,8 @@
 """A functional mock-up unit for model exchange as a function of numbers.
 
-A unit has states of its own: it is told time, states, inputs and parameters, and asked for rates and
-outputs. What depends on a condition (an event indicator) is settled at every point: the unit enters
-its event mode there, and what it computes is that point's, not the last one's.
+A unit has states of its own: it is told time, states, inputs and parameters, and asked for rates
+and outputs. What depends on a condition (an event indicator) is settled at every point: the unit
+enters its event mode there, and what it computes is that point's, not the last one's.
 """
 
 import ctypes
@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from tempfile import TemporaryDirectory
 from threading import RLock
+from typing import Any
 
 from sklearn_pgnn.exceptions import ModelError
 
@@ -69,6 +70,8 @@ class Unit:
         If it cannot be started.
     """
 
+    fmu: Any = None
+
     def __init__(self, function: UnitFunction):
         from fmpy import read_model_description
 
@@ -82,15 +85,15 @@ class Unit:
         self.has_events = bool(
             self.description.numberOfEventIndicators or self.description.eventIndicators
         )
-        self.inputs = _Values([known[name] for name in function.inputs])
         told = [known[name] for name in function.parameters]
-        self.fixed = _Values([v for v in told if v.variability != "tunable"])
-        self.tunable = _Values([v for v in told if v.variability == "tunable"])
-        self.is_tunable = [v.variability == "tunable" for v in told]
+        tunable = [i for i, v in enumerate(told) if v.variability == "tunable"]
+        self.tunable = _Values(told, tunable)
+        self.fixed = _Values(told, [i for i in range(len(told)) if i not in tunable])
+        self.inputs = _Values([known[name] for name in function.inputs])
         self.outputs = _Values([known[name] for name in function.outputs])
         self.time = ctypes.c_double()
         self.x, self.rates = ((ctypes.c_double * self.n)() for _ in range(2))
-        self.lock, self.fmu, self.said, self.jumps = RLock(), None, "", False
+        self.lock, self.said, self.jumps = RLock(), "", False
         self._begin([float(v.start) for v in told])
         self.fmu.getContinuousStates(self.x, self.n)
         self.start = (0.0, *self.x, *(float(v.start or 0) for v in self.inputs.variables),
@@ -110,7 +113,9 @@ class Unit:
 
     def at(self, point: tuple[float, ...]) -> list[float]:
         """Return rates and outputs at a point; after an error the unit is started anew."""
-        given = [own if value != value else value for value, own in zip(point, self.start, strict=True)]
+        given = [
+            own if value != value else value for value, own in zip(point, self.start, strict=True)
+        ]
         with self.lock:
             self.said = ""
             try:
@@ -120,16 +125,16 @@ class Unit:
                 raise ModelError(f"{error} {self.said}".strip()) from error
 
     def _at(self, given: list[float]) -> list[float]:
-        first = 1 + self.n + len(self.inputs)
+        first = 1 + self.n + len(self.inputs.numbers)
         parameters = given[first:]
-        if self.fmu is None or self.fixed.differ(self._part(parameters, tunable=False)):
+        if self.fmu is None or self._part(parameters, self.fixed) != self.fixed.held:
             self._begin(parameters)
         self.time.value = given[0]
-        self.x[:] = given[1 : 1 + self.n]
+        self.x[:] = given[1 : 1 + self.n]  # type: ignore[assignment]
         self.inputs.numbers[:] = given[1 + self.n : first]
         self._call(self.given)
-        tunable = self._part(parameters, tunable=True)
-        if self.has_events or self.tunable.differ(tunable):
+        tunable = self._part(parameters, self.tunable)
+        if self.has_events or tunable != self.tunable.held:
             self.fmu.enterEventMode()
             self._set(self.tunable, tunable)
             self._settle()
@@ -142,9 +147,8 @@ class Unit:
             if status > WARNING:
                 raise ModelError(f"{name} failed with status {status}.")
 
-    def _part(self, parameters, tunable: bool) -> list[float]:
-        pairs = zip(parameters, self.is_tunable, strict=True)
-        return [value for value, is_tunable in pairs if is_tunable == tunable]
+    def _part(self, parameters, part: "_Values") -> list[float]:
+        return [parameters[place] for place in part.places]
 
     # -- its life ----------------------------------------------------------------------------------
 
@@ -156,8 +160,8 @@ class Unit:
             self.fmu.reset()
         if self.is_fmi2:
             self.fmu.setupExperiment(startTime=0.0)
-        self._set(self.fixed, self._part(parameters, tunable=False))
-        self._set(self.tunable, self._part(parameters, tunable=True))
+        self._set(self.fixed, self._part(parameters, self.fixed))
+        self._set(self.tunable, self._part(parameters, self.tunable))
         self.fmu.enterInitializationMode()
         self.fmu.exitInitializationMode()
         self._settle()
@@ -198,12 +202,13 @@ class Unit:
 
     def _set(self, part: "_Values", values) -> None:
         part.numbers[:] = values
+        part.held = values
         if part.variables:
             self._call([self._values("Set", part)])
 
     def _values(self, do: str, part: "_Values"):
         """Return the call that sets or gets variables."""
-        count = ctypes.c_size_t(len(part))
+        count = ctypes.c_size_t(len(part.variables))
         given = (part.references, count, part.numbers)
         if self.is_fmi2:
             return self._bound(f"fmi2{do}Real", *given)
@@ -211,7 +216,7 @@ class Unit:
 
     def _bound(self, name: str, *arguments):
         """Return a function of the unit with its arguments; it keeps Python's lock."""
-        address = ctypes.cast(getattr(self.fmu.dll, name), ctypes.c_void_p).value
+        address = ctypes.cast(getattr(self.fmu.dll, name), ctypes.c_void_p).value or 0
         component = self.fmu.component
         if not isinstance(component, ctypes.c_void_p):
             component = ctypes.c_void_p(component)
@@ -231,16 +236,11 @@ class Unit:
 
 
 class _Values:
-    """Variables of a unit, as its functions take them, and their numbers."""
+    """Some variables of a unit, as its functions take them, and their numbers."""
 
-    def __init__(self, variables):
-        self.variables = variables
-        self.references = (ctypes.c_uint * len(variables))(*(v.valueReference for v in variables))
-        self.numbers = (ctypes.c_double * len(variables))(*[float("nan")] * len(variables))
-
-    def __len__(self):
-        return len(self.variables)
-
-    def differ(self, values) -> bool:
-        """Return whether the numbers are others than the unit has."""
-        return list(self.numbers) != values
+    def __init__(self, variables, places=None):
+        self.places = range(len(variables)) if places is None else places
+        self.variables = [variables[place] for place in self.places]
+        n = len(self.variables)
+        self.references = (ctypes.c_uint * n)(*(v.valueReference for v in self.variables))
+        self.numbers, self.held = (ctypes.c_double * n)(), None

@@ -17,6 +17,7 @@ from sklearn_pgnn.physics.external import line_of
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.priors.called_function import NEAR, by_name, called_function
 from sklearn_pgnn.priors.traced import Quantities, Traced, expression_of
+from sklearn_pgnn.readings import reading
 
 _REMEDY = "Remedy: arithmetic and functions of numpy on the elements of x, u and p."
 #: points at which the equations are held against the function
@@ -44,11 +45,12 @@ def from_function(
     equations are held against the functions.
 
     A function that branches on a value, interpolates or calls what cannot be followed becomes a
-    model that calls it at every step. Such a model is simulated, fitted and diagnosed like any
-    other, effects included, and takes hundreds of times as long; derivatives are difference
-    quotients (`sklearn_pgnn.physics.external`); a jump in the function is stepped over, so that dry
-    friction in it does not stick, and it cannot be exported or written to a model file. Which
-    arguments each rate depends on is asked at 256 points.
+    model that calls it at every step, compiled by numba where numba can compile it, else in Python.
+    Such a model is simulated, fitted and diagnosed like any other, effects included. It takes some
+    times as long where it is compiled, else hundreds of times; derivatives are difference quotients
+    (`sklearn_pgnn.physics.external`); a jump in the function is stepped over, so that dry friction
+    in it does not stick, and it cannot be exported or written to a model file. Which arguments each
+    rate depends on is asked at 256 points.
 
     Parameters
     ----------
@@ -130,9 +132,10 @@ def _equations(function: Callable, what: str, named: PhysicsModel, names, trace)
             raise
         called = called_function(function, what, named, names)
         warnings.warn(
-            f"{error} Till then the model calls the function: {1e6 * called.seconds:.2g} us each "
-            f"time, where an equation takes about {1e6 * WRITTEN:.1g} us. trace=False says that "
-            f"this is wanted.",
+            f"{error} Till then the model calls the function, "
+            f"{reading('how_called')(called.function)}. In Python a call takes "
+            f"{1e6 * called.seconds:.2g} us, where an equation takes about {1e6 * WRITTEN:.1g} us. "
+            f"trace=False says that calls are wanted.",
             ModelWarning,
             stacklevel=3,
         )

@@ -1,19 +1,23 @@
 """External functions as compiled code calls them: by the address of a C function.
 
-The time loops run without Python's lock; such a function takes it. An error inside of it cannot
-pass through compiled code: what a function raises is NaN there, and noted; a signal's exception is
-kept, all further calls give NaN at once, and `report_calls` raises it when Python has control
-again.
+The function takes the addresses of its arguments and of its results. Where numba can compile it,
+the address is that of machine code. Else it is one that calls Python: the time loops run without
+Python's lock, and such a function takes it. An error inside of it cannot pass through compiled
+code: what a function raises is NaN there, and noted; a signal's exception is kept, all further
+calls give NaN at once, and `report_calls` raises it when Python has control again.
 """
 
 import ctypes
 import math
 import warnings
 from collections.abc import Callable
-from functools import cache
 
-from sklearn_pgnn.exceptions import ModelError, SimulationWarning
-from sklearn_pgnn.physics.external import class_of, take_failures
+from sklearn_pgnn.exceptions import SimulationWarning
+from sklearn_pgnn.physics.external import ExternalFunction, take_failures
+from sklearn_pgnn.simulation.native_function import native_function
+
+_NUMBERS = ctypes.POINTER(ctypes.c_double)
+_CALL = ctypes.CFUNCTYPE(None, _NUMBERS, _NUMBERS)
 
 
 class _Stopped:
@@ -22,45 +26,40 @@ class _Stopped:
     by: BaseException | None = None
 
 
-@cache
-def address_of(name: str) -> int:
-    """Return the address of a C function of doubles that calls an external function.
+def addresses_of(function: ExternalFunction) -> tuple[int, int]:
+    """Return the addresses of a C function that calls an external one, and of one in Python.
 
     Parameters
     ----------
-    name : str
-        Name of its class, see `sklearn_pgnn.physics.external.external`.
+    function : ExternalFunction
+        The function.
 
     Returns
     -------
-    int
-        The address, which is valid as long as the process lives.
-
-    Raises
-    ------
-    ModelError
-        If there is none of that name in this process.
+    tuple of int
+        What computes its results, and what does so in Python and notes why it cannot; the same
+        where numba cannot compile the function. They are valid as long as the process lives.
     """
-    made = class_of(name)
-    if made is None:
-        raise ModelError(f"expected a function that equations can call, got {name!r}.")
-    kind = ctypes.CFUNCTYPE(ctypes.c_double, *[ctypes.c_double] * len(made.places))
-    callback = kind(_guarded(made.number))
-    _KEPT.append(callback)
-    return ctypes.cast(callback, ctypes.c_void_p).value or 0
+    if function.token not in _KEPT:
+        callback = _CALL(_guarded(function))
+        python = ctypes.cast(callback, ctypes.c_void_p).value or 0
+        _KEPT[function.token] = callback, (native_function(function).address or python, python)
+    return _KEPT[function.token][1]
 
 
-def _guarded(number: Callable) -> Callable:
+def _guarded(function: ExternalFunction) -> Callable:
     """Return a function out of which nothing is raised."""
+    n, m = len(function.arguments), len(function.results)
 
-    def guarded(*values):
-        if _Stopped.by is not None:
-            return math.nan
-        try:
-            return number(*values)
-        except BaseException as error:
-            _Stopped.by = error
-            return math.nan
+    def guarded(point, out):
+        found = (math.nan,) * m
+        if _Stopped.by is None:
+            try:
+                found = function.compute(tuple(point[:n]))
+            except BaseException as error:
+                _Stopped.by = error
+        for i, value in enumerate(found):
+            out[i] = value
 
     return guarded
 
@@ -87,5 +86,5 @@ def report_calls() -> None:
             )
 
 
-_KEPT: list = []
+_KEPT: dict[str, tuple] = {}
 _SAID: set[str] = set()

@@ -19,6 +19,7 @@ import sympy
 from sympy.printing.pycode import PythonCodePrinter
 
 from sklearn_pgnn.physics.expressions import TIME, symbol
+from sklearn_pgnn.physics.external import at_whole_points
 from sklearn_pgnn.physics.model import PhysicsModel
 
 #: least argument of a root in a denominator: its slope at a bound is then 0, not 0/0
@@ -252,7 +253,7 @@ def _places(model, dry):
 def _function(places, entries) -> str:
     """Write the straight-line function that fills ``out`` with the entries."""
     names = sympy.numbered_symbols("c", real=True)
-    shared, entries = sympy.cse(entries, symbols=names, order="none", list=True)
+    shared, entries = sympy.cse(at_whole_points(entries), symbols=names, order="none", list=True)
     used = set().union(*(e.free_symbols for e in entries), *(e.free_symbols for _, e in shared))
     write = _Printer().doprint
     lines = [f"{name} = {array}[{i}]" for name, (array, i) in places.items() if name in used]

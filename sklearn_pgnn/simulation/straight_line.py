@@ -12,7 +12,9 @@ from functools import reduce
 
 from llvmlite import ir
 
-from sklearn_pgnn.simulation.callbacks import address_of
+from sklearn_pgnn.exceptions import ModelError
+from sklearn_pgnn.physics.external import class_of
+from sklearn_pgnn.simulation.outside_calls import OutsideCalls
 
 FLOAT, INT = ir.DoubleType(), ir.IntType(64)
 _OPERATIONS = {ast.Add: "fadd", ast.Sub: "fsub", ast.Mult: "fmul", ast.Div: "fdiv"}
@@ -123,6 +125,7 @@ class _Emitter:
     def __init__(self, builder, t, read):
         self.builder, self.read = builder, read
         self.names = {"t": t}
+        self.outside = OutsideCalls(builder)
 
     def number(self, node):
         return getattr(self, f"_{type(node).__name__}")(node)
@@ -184,8 +187,10 @@ class _Emitter:
 
     def _call_outside(self, name, values):
         """Call an external function; what it does to the world is not known."""
-        kind = ir.FunctionType(FLOAT, [FLOAT] * len(values)).as_pointer()
-        return self.builder.call(self.builder.inttoptr(INT(address_of(name)), kind), values)
+        made = class_of(name)
+        if made is None:
+            raise ModelError(f"expected a function that equations can call, got {name!r}.")
+        return self.outside.number(made, values)
 
     def _IfExp(self, node):
         return self._choose(

@@ -6,6 +6,7 @@ import re
 import zipfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -82,7 +83,7 @@ def from_fmu(
     ...     cart = from_fmu(path, names={"state.x": "x", "state.v": "v"})
     >>> print(cart.to_text())
     x' = v
-    v' = cart_on_spring[v](x, v, force; m, k, d)
+    v' = cart_on_a_spring[v](x, v, force; m, k, d)
     """
     with needed_by("from_fmu"):
         import fmpy
@@ -159,9 +160,7 @@ def _require_continuous(found, path: str) -> None:
     """Refuse what says that it is more than rates."""
     for v in found.modelVariables:
         if v.type == "Clock" or v.clocks or v.previous is not None or v.reinit:
-            raise ModelError(
-                f"{path}: {v.name!r} is a clock or changes at events. {_NO_MEMORY}"
-            )
+            raise ModelError(f"{path}: {v.name!r} is a clock or changes at events. {_NO_MEMORY}")
 
 
 def _require_binary(fmpy, found, path: str) -> None:
@@ -237,7 +236,7 @@ class _Described:
         """Return names and units; Modelica's ``N.m`` is written ``N m``."""
         return {self.name(v): _unit(v) for v in variables}
 
-    def parameters(self, variables, given) -> dict[str, dict]:
+    def parameters(self, variables, given) -> dict[str, Any]:
         """Return what the unit states of its parameters, and what is added to it."""
         given = given if isinstance(given, Mapping) else {}
         return {
