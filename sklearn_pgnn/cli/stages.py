@@ -3,7 +3,7 @@
 import re
 
 #: how a stage begins that says what is best so far, whatever is being done
-BEST = "best so far: "
+BEST = "best suspect so far: "
 #: by stage, what is done in it
 WORDS = {
     "window length": "choosing the window length",

@@ -106,8 +106,8 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         Draws the resampled windows of the gain's interval.
     progress : callable, optional
         Called as ``progress(stage, done, total)`` while fitting, before every step of every fit;
-        `done` is at most `total`. A stage in between that begins with ``"best so far: "`` names
-        the causes that leave least.
+        `done` is at most `total`. A stage in between that begins with ``"best suspect so far: "``
+        names what leaves least until then.
     time_limit : float, optional
         Time [s] after which the best so far is taken. The re-tuned prior, and the held-out error
         of what was found, are computed in any case.

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from time import monotonic
 
 #: how a report begins that is no stage, but the best so far
-BEST = "best so far: "
+BEST = "best suspect so far: "
 
 
 class TimeIsUp(Exception):

@@ -62,6 +62,40 @@ def check_units(model: PhysicsModel) -> tuple[str, ...]:
     return tuple(dict.fromkeys(check.said))
 
 
+def output_measure(model: PhysicsModel, output: str) -> Measure | None:
+    """Return what an output measures by its expression, where no number in it may convert it.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    output : str
+        One of its outputs.
+
+    Returns
+    -------
+    Measure or None
+        What it measures; what has no unit counts as a plain number. None where a number stands in
+        front, or a unit is not known.
+
+    Raises
+    ------
+    ModuleNotFoundError
+        If pint is not installed.
+
+    Examples
+    --------
+    >>> geared = PhysicsModel({"w": "rad/s"}, {"w": "-w"}, {"n": 10.0},
+    ...                       outputs={"speed": "w/n", "rpm": "w/n*30/pi"})
+    >>> output_measure(geared, "speed") == read_unit("rad/s"), output_measure(geared, "rpm")
+    (True, None)
+    """
+    expression, check = model.outputs[output], _Check(model)
+    names = set(map(str, expression.free_symbols)) - set(check.table)
+    check.table |= {name: _PLAIN for name in names if not model.unit(name)}
+    return check.measure(expression) if _is_bare(expression) else None
+
+
 class _Check:
     """Units of a model's quantities, and what was found."""
 

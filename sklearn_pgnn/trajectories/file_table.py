@@ -16,7 +16,9 @@ import pandas as pd
 
 from sklearn_pgnn.exceptions import RecordError, RecordWarning
 from sklearn_pgnn.extras import is_installed
+from sklearn_pgnn.physics.expressions import to_text
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.unit_check import output_measure
 from sklearn_pgnn.physics.units import conversion, plain_unit, read_unit
 from sklearn_pgnn.trajectories.alike import likeness, names_alike, units_alike
 from sklearn_pgnn.trajectories.reader import MIN_SAMPLES, TIME, TRAJECTORY, split_rows
@@ -234,6 +236,7 @@ class FileTable(ABC):
         """Read a column; NaN where it is empty."""
         k = self.column(name)
         self.warn_of_unit(name, k)
+        self.warn_of_scale(name, k)
         cells = self.cells(k)
         values = [self.number(cell) for cell in cells]
         for row, value in enumerate(values):
@@ -257,6 +260,26 @@ class FileTable(ABC):
                 f"{self.path}{self.place(None)}: column {title!r} is read as {name} in {wanted}, "
                 f"but its name ends in {unit!r}. Remedy: say which it is in the model file: "
                 f'columns: {{{name}: "{title} [{unit}]"}}, or "{title} [{wanted}]".',
+                RecordWarning,
+                stacklevel=2,
+            )
+
+    def warn_of_scale(self, name: str, k: int) -> None:
+        """Warn where an output's expression is in another unit than its column."""
+        given = self.given_unit(name, k)
+        told = not given or self.wanted_unit(name) or name not in (self.model.outputs or ())
+        if told or not is_installed("units"):
+            return
+        theirs, ours = read_unit(given), output_measure(self.model, name)
+        if theirs is None or ours is None or not theirs.is_like(ours):
+            return
+        scale = ours.factor / theirs.factor
+        if abs(scale - 1.0) > 1e-6:
+            shown = to_text(self.model.outputs[name])
+            warnings.warn(
+                f"{self.path}{self.place(None)}: column {self.header[k]!r} is read as it stands, "
+                f"in {given}, but the model's {name} = {shown} is in {ours.to_text()}. Remedy: "
+                f'convert it in the model file: outputs: {{{name}: "{scale:.6g}*({shown})"}}.',
                 RecordWarning,
                 stacklevel=2,
             )

@@ -87,6 +87,21 @@ def test_a_time_whose_name_ends_in_milliseconds_is_asked_about(tmp_path):
     assert X["t"].to_numpy() == pytest.approx([0, 1, 2, 3])
 
 
+@pytest.mark.parametrize("shown", ["v/n", "2*v/n", "m*v/n"])
+def test_an_output_whose_expression_is_in_another_unit_is_asked_about(tmp_path, recwarn, shown):
+    pytest.importorskip("pint")
+    parameters = {"m": {"value": 2.0, "unit": "kg"}, "d": 0.5, "n": 10.0}
+    model = MODEL.replace(parameters=parameters, outputs={"speed": shown})
+    read_csv(write(tmp_path, "t,F,speed [km/h]"), model)
+    said = [str(warning.message) for warning in recwarn]
+    if shown == "v/n":
+        (warning,) = said
+        assert "is read as it stands, in km/h, but the model's speed = v/n is in m/s" in warning
+        assert 'outputs: {speed: "3.6*(v/n)"}' in warning
+    else:  # the number may be the conversion; a momentum is no speed at all
+        assert said == []
+
+
 def test_a_unit_in_the_models_columns_converts_and_asks_no_more(tmp_path, recwarn):
     pytest.importorskip("pint")
     columns = {"t": "time_ms [ms]", "speed": "speed_mm [m/s]"}
