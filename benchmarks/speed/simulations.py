@@ -5,12 +5,12 @@ from functools import partial
 
 import numpy as np
 import peers
-from joblib import Parallel, delayed
 from measure import Row, best_times, seconds, times_as_fast, times_as_long
 
 from sklearn_pgnn.effects import CATALOGUE
 from sklearn_pgnn.estimation.hypothesis import possible_causes
 from sklearn_pgnn.simulation.compiled import compile_model
+from sklearn_pgnn.simulation.parameter_sets import simulate_sets
 from sklearn_pgnn.simulation.simulate import simulate
 
 STEPS, FEW = 100_000, 2_000
@@ -86,14 +86,10 @@ def _parameter_sets():
     """Simulate a thousand parameter sets on one core and on two."""
     t, u = peers.record(FEW)
     rng = np.random.default_rng(0)
-    sets = [
-        peers.GOLF.with_parameters(d=value) for value in rng.uniform(0.005, 0.05, PARAMETER_SETS)
-    ]
+    sets = {"d": rng.uniform(0.005, 0.05, PARAMETER_SETS)}
 
     def run(jobs):
-        return lambda: Parallel(jobs, prefer="threads")(
-            delayed(simulate)(model, t, u, START) for model in sets
-        )
+        return lambda: simulate_sets(peers.GOLF, t, u, START, parameters=sets, n_jobs=jobs)
 
     work, against = f"{PARAMETER_SETS} parameter sets, {FEW} steps, 2 cores", "1 core"
     return times_as_fast(work, run(2), against, run(1), 1.8, repeats=3, clock=time.perf_counter)

@@ -124,10 +124,10 @@ def simulate(
     >>> bool(abs(simulate(lag, t, np.ones(101)).y[-1, 0] - (1 - np.exp(-5))) < 1e-6)
     True
     """
-    t, u, x0 = _check_arrays(model, t, u, x0)
+    t, u, x0 = check_arrays(model, t, u, x0)
     hold = hold_of(model, hold)
     substeps = model.simulation.get("substeps", 1) if substeps is None else substeps
-    _check_options(method, substeps)
+    check_options(method, substeps)
     unknown = [name for name in wrt or () if name not in model.parameters]
     if unknown:
         raise ValueError(f"wrt: unknown parameter {unknown[0]!r}.")
@@ -278,7 +278,8 @@ def parameter_values(model: PhysicsModel) -> np.ndarray:
     return np.array([parameter.value for parameter in model.parameters.values()], dtype=float)
 
 
-def _check_arrays(model, t, u, x0):
+def check_arrays(model: PhysicsModel, t, u, x0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return time, inputs and initial state as arrays; raise `ValueError` where they do not fit."""
     t = np.array(t, dtype=float)
     if t.ndim != 1 or t.size < 1 or not np.all(np.isfinite(t)):
         raise ValueError(f"t: expected finite times of shape (n_samples,), got shape {t.shape}.")
@@ -303,7 +304,8 @@ def _check_arrays(model, t, u, x0):
     return t, np.array(u, order="C"), x0
 
 
-def _check_options(method, substeps):
+def check_options(method, substeps) -> None:
+    """Raise `ValueError` where a scheme or a number of steps is none."""
     if method not in METHODS:
         raise ValueError(f"method: expected one of {', '.join(METHODS)}, got {method!r}.")
     if not isinstance(substeps, int | np.integer) or substeps < 1:
