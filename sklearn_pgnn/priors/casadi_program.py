@@ -1,6 +1,8 @@
-"""A CasADi function as a model: its instructions, one by one."""
+"""A CasADi function as a model: its instructions, one by one; else the model calls it."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -8,6 +10,7 @@ from sklearn_pgnn.exceptions import ModelError
 from sklearn_pgnn.extras import needed_by
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.priors.python_function import from_function
+from sklearn_pgnn.priors.traced import Traced
 
 #: what an argument of the function is called
 ARGUMENTS = ("x", "u", "p", "t")
@@ -66,6 +69,9 @@ def from_casadi(
 ) -> PhysicsModel:
     """Return a model whose rates a CasADi function computes.
 
+    Its instructions are gone through with symbols, as `from_function` does. What has no equation,
+    as an interpolation or an integrator, is called: ``trace`` is that of `from_function`.
+
     Parameters
     ----------
     function : casadi.Function
@@ -80,7 +86,7 @@ def from_casadi(
     outputs : mapping or sequence of str, optional
         Names of the function's outputs; or expressions as `PhysicsModel` takes them.
     **more
-        What else `PhysicsModel` takes.
+        ``trace``, and what else `PhysicsModel` takes.
 
     Returns
     -------
@@ -90,7 +96,12 @@ def from_casadi(
     Raises
     ------
     ModelError
-        If the function has other arguments, or calls what has no equation, as an interpolation.
+        If the function has other arguments; or, with ``trace=True``, calls what has no equation.
+
+    Warns
+    -----
+    ModelWarning
+        If the model calls the function.
 
     Examples
     --------
@@ -106,30 +117,58 @@ def from_casadi(
         import casadi
     if not isinstance(function, casadi.Function):
         raise ModelError(f"from_casadi: expected a casadi.Function, got {type(function).__name__}.")
-    program = _expanded(function)
-    _check_arguments(program, (states, inputs or {}, parameters or {}))
-
-    def results(t, x, u, p):
-        given = dict(zip(ARGUMENTS, (x, u, p, [t]), strict=True))
-        return _run(program, [given[name] for name in program.name_in()])
-
-    seen = outputs
+    _check_arguments(function, (states, inputs or {}, parameters or {}))
+    text, seen = function.serialize(), outputs
     if outputs is not None and not isinstance(outputs, Mapping):
-        names = list(outputs)
-        if program.n_out() < 2 or program.numel_out(1) != len(names):
+        names = tuple(outputs)
+        if function.n_out() < 2 or function.numel_out(1) != len(names):
             raise ModelError(
                 f"from_casadi: expected a second result of {len(names)} outputs, "
-                f"{', '.join(names)}, got {program}."
+                f"{', '.join(names)}, got {function}."
             )
-        seen = lambda *given: dict(zip(names, results(*given)[1], strict=True))  # noqa: E731
+        seen = _Result(text, 1, names)
     return from_function(
-        lambda *given: results(*given)[0],
+        _Result(text, 0, tuple(states)),
         states,
         inputs=inputs,
         parameters=parameters,
         outputs=seen,
         **{"name": function.name(), **more},
     )
+
+
+@dataclass(frozen=True)
+class _Result:
+    """A result of a CasADi function, of symbols or of numbers; it can be pickled."""
+
+    text: str
+    number: int
+    names: tuple[str, ...]
+
+    def __call__(self, t, x, u, p) -> dict:
+        run = self._followed if isinstance(t, Traced) else self._called
+        given = dict(zip(ARGUMENTS, (x, u, p, [t]), strict=True))
+        found = run([given[name] for name in self.function.name_in()])
+        return dict(zip(self.names, found, strict=True))
+
+    @cached_property
+    def function(self):
+        import casadi
+
+        return casadi.Function.deserialize(self.text)
+
+    @property
+    def __name__(self) -> str:
+        return self.function.name()
+
+    def _followed(self, given) -> list:
+        return _run(_expanded(self.function), given)[self.number]
+
+    def _called(self, given) -> list[float]:
+        return self.function.call([list(part) for part in given])[self.number].full().ravel("F")
+
+    def __reduce__(self):
+        return _Result, (self.text, self.number, self.names)
 
 
 def _expanded(function):

@@ -5,12 +5,14 @@ import pickle
 
 import cloudpickle
 import numpy as np
+import pandas as pd
 import pytest
 from sklearn.base import clone
 
-from sklearn_pgnn import PhysicsModelRegressor, effects
+from sklearn_pgnn import ModelDiagnosis, PGNNLRegressor, PhysicsModelRegressor, effects
 from sklearn_pgnn.exceptions import ModelError
-from sklearn_pgnn.export import to_c, to_casadi, to_modelica
+from sklearn_pgnn.export import to_c, to_casadi, to_control, to_fmu, to_modelica, to_onnx
+from sklearn_pgnn.physics.effects import CATALOGUE
 from sklearn_pgnn.priors import from_function
 
 SETTINGS = {
@@ -103,10 +105,53 @@ def test_it_is_a_value():
     [
         lambda model: model.to_yaml(),
         lambda model: to_c(model, interval=0.01),
+        lambda model: to_fmu(model, "a.fmu", interval=0.01),
+        lambda model: to_onnx(network_of(model)),
         to_casadi,
         to_modelica,
     ],
+    ids=["YAML", "C", "FMU", "ONNX", "CasADi", "Modelica"],
 )
 def test_what_needs_equations_says_so(write):
     with pytest.raises(ModelError, match=r"calls called, a function without one. Remedy"):
         write(CALLED)
+
+
+def network_of(model):
+    X = np.column_stack([T, U])
+    network = PGNNLRegressor(model, structure="correction", max_epochs=1, refine=None)
+    return network.fit(X, model.simulate(T, U).y)
+
+
+def test_a_system_of_python_control_calls_it():
+    one, other = (to_control(model) for model in (CALLED, FOLLOWED))
+    point = 0.3, np.array([0.2, -0.1]), np.array([0.4])
+    np.testing.assert_allclose(one.dynamics(*point), other.dynamics(*point), atol=1e-12)
+    np.testing.assert_allclose(one.output(*point), other.output(*point), atol=1e-12)
+    one, other = (to_control(model, 0.02) for model in (CALLED, FOLLOWED))
+    np.testing.assert_allclose(one.dynamics(*point), other.dynamics(*point), atol=1e-12)
+
+
+def test_causes_that_read_equations_are_not_offered():
+    # a call is linear in no parameter, and has no addend that drives it
+    offered = {effect.id: effect.targets(CALLED) for effect in CATALOGUE}
+    told = {effect.id: effect.targets(FOLLOWED) for effect in CATALOGUE}
+    for cause in ("parameter_slope", "parameter_saturation", "load_friction"):
+        assert offered[cause] == ()
+    assert told["load_friction"]
+    assert offered["coulomb_friction"] == told["coulomb_friction"]
+
+
+def test_a_diagnosis_on_two_cores_names_what_it_lacks():
+    truth, rng = FOLLOWED + effects.CoulombFriction("omega", level=0.05), np.random.default_rng(0)
+    rows = []
+    for k in range(2):
+        u = np.repeat(rng.uniform(-0.5, 0.5, 20), 10)
+        t = np.arange(u.size) * 0.01
+        y = truth.simulate(t, u).y[:, 0] + rng.normal(scale=1e-4, size=t.size)
+        rows.append(np.column_stack([np.full(t.size, k), t, u, y]))
+    table = pd.DataFrame(np.concatenate(rows), columns=["trajectory", "t", "torque", "angle"])
+    suspects = ["coulomb_friction", "viscous_friction", "input_bias"]
+    diagnosis = ModelDiagnosis(CALLED, catalogue=suspects, n_jobs=2)
+    diagnosis.fit(table[["trajectory", "t", "torque"]], table[["angle"]])
+    assert [cause.effect for cause in diagnosis.causes_] == ["coulomb_friction"]

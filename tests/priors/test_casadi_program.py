@@ -1,11 +1,13 @@
 """CasADi functions as models."""
 
+import pickle
+
 import casadi as ca
 import numpy as np
 import pytest
 
 from sklearn_pgnn import export, systems
-from sklearn_pgnn.exceptions import ModelError
+from sklearn_pgnn.exceptions import ModelError, ModelWarning
 from sklearn_pgnn.priors import from_casadi
 
 T = np.arange(0.0, 3.0, 0.01)
@@ -50,11 +52,24 @@ def test_what_went_out_comes_in_again():
     assert np.allclose(again.simulate(T, u).y, tanks.simulate(T, u).y)
 
 
-def test_a_lookup_and_other_arguments_are_refused():
+def test_a_lookup_is_called():
     x = ca.MX.sym("x")
     lookup = ca.interpolant("table", "linear", [[0.0, 1.0, 2.0]], [0.0, 1.0, 4.0])
+    function = ca.Function("f", [x], [-lookup(x)], ["x"], ["rates"])
     with pytest.raises(ModelError, match=r"expected elementary operations, got call"):
-        from_casadi(ca.Function("f", [x], [lookup(x)], ["x"], ["rates"]), {"x": ""})
+        from_casadi(function, {"x": ""}, trace=True)
+    with pytest.warns(ModelWarning, match=r"got call.*calls the function, in Python"):
+        model = from_casadi(function, {"x": ""})
+    assert model.to_text() == "x' = f[x](x)"
+    found = model.simulate(T, x0=[0.9]).y[:, 0]
+    np.testing.assert_allclose(found, 0.9 * np.exp(-T), rtol=1e-6)
+    again = pickle.loads(pickle.dumps(model))
+    assert again == model == from_casadi(function, {"x": ""}, trace=False)
+    np.testing.assert_array_equal(again.simulate(T, x0=[0.9]).y[:, 0], found)
+
+
+def test_other_arguments_are_refused():
+    x = ca.MX.sym("x")
     other = ca.Function("f", [x], [-x], ["y"], ["rates"])
     with pytest.raises(ModelError, match=r"expected arguments among x of 1 states"):
         from_casadi(other, {"x": ""})
