@@ -46,8 +46,12 @@ def simulate_sets(
         Initial state; by default the model's, see `simulate`.
     parameters : mapping of str to array-like of shape (n_sets,)
         The values of each parameter that differs [its unit]; the others keep the model's.
-    method, substeps, hold
-        See `simulate`.
+    method : {"rk4", "euler"}, default="rk4"
+        Runge-Kutta scheme of order four, or explicit Euler.
+    substeps : int, optional
+        Steps from one sample to the next, see `simulate`.
+    hold : {"zoh", "foh"}, optional
+        How inputs run between samples, see `simulate`.
     n_jobs : int, optional
         Threads, as joblib counts them: None means 1 unless a `joblib.parallel_config` says
         otherwise, -1 all cores.
