@@ -11,6 +11,7 @@ from sklearn_pgnn.estimation.progress import Progress
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.simulation.pointwise import evaluate_samples, sample_table
+from sklearn_pgnn.simulation.source import differentiate
 
 
 def select_windows(
@@ -73,7 +74,7 @@ def _slowest(fitter: HypothesisFitter) -> float:
     model, states = fitter.base().fit.model, fitter.problem.states
     windows, x = fitter.problem.windows, states.estimate(model).x
     table = sample_table(model, windows, x)
-    slopes = [model.equations[s].diff(symbol(s)) for s in states.hidden(model)]
+    slopes = [differentiate(model.equations[s], symbol(s)) for s in states.hidden(model)]
     decays = [-np.median(evaluate_samples(slope, table, len(x))) for slope in slopes]
     return max((1.0 / decay for decay in decays if decay > 0), default=0.0)
 

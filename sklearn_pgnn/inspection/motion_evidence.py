@@ -14,6 +14,7 @@ from sklearn_pgnn.physics.characteristic import Characteristic
 from sklearn_pgnn.physics.effects.rates import force_unit, is_velocity
 from sklearn_pgnn.physics.expressions import TIME, symbol, to_text
 from sklearn_pgnn.simulation.pointwise import evaluate_samples
+from sklearn_pgnn.simulation.source import differentiate
 
 
 def cut_rate(case: Case, curve: Characteristic) -> Evidence | None:
@@ -97,7 +98,7 @@ def implied_parameter(case: Case, curve: Characteristic) -> Evidence | None:
 def _implied_value(case: Case, curve: Characteristic, state: str) -> Evidence:
     """Return the value that a parameter must have had, at the moments that tell most of it."""
     samples, name = case.samples, curve.of
-    slope = samples.mean(case.without.equations[state].diff(symbol(name)))
+    slope = samples.mean(differentiate(case.without.equations[state], symbol(name)))
     over, unit, x = _abscissa(case, curve)
     telling = np.abs(slope) > np.nanmedian(np.abs(slope))
     implied = samples.value(symbol(name)) + case.missing_rate(state) / slope

@@ -11,6 +11,7 @@ from sklearn_pgnn.inspection.curves import GRID, Evidence, Line, even_grid
 from sklearn_pgnn.inspection.style import label
 from sklearn_pgnn.physics.characteristic import Characteristic
 from sklearn_pgnn.physics.expressions import symbol
+from sklearn_pgnn.simulation.source import differentiate
 
 
 def felt_input(case: Case, curve: Characteristic) -> Evidence | None:
@@ -139,7 +140,7 @@ def _acting_input(case: Case, name: str):
     """Solve a state's equation without the cause for the input; None where it cannot be."""
     u = symbol(name)
     for state, rate in case.without.equations.items():
-        slope = rate.diff(u)
+        slope = differentiate(rate, u)
         if state in case.seen and slope != 0 and u not in slope.free_symbols:
             samples = case.samples
             felt = samples.mean(u) + case.missing_rate(state) / samples.mean(slope)
@@ -150,7 +151,7 @@ def _acting_input(case: Case, name: str):
 def _seen_input(case: Case, name: str, state: str, grid) -> np.ndarray:
     """Return what the extended model makes of the commanded input."""
     u = symbol(name)
-    slope = case.without.equations[state].diff(u)
+    slope = differentiate(case.without.equations[state], u)
     seen = u + (case.full.equations[state] - case.without.equations[state]) / slope
     table = {n: np.full(GRID, np.nanmedian(v)) for n, v in case.samples.table.items()}
     return case.samples.value(seen, **{**table, name: grid})
