@@ -83,7 +83,7 @@ class DetectJob:
         console = screen()
         if not quiet:
             warn(console, self._reservations())
-        say(console, f"Named with a chance of {found.power:.0%} from this size on", "bold")
+        say(console, f"Named with a chance of {100 * found.power:.0f} % from this size on", "bold")
         seen = [row for row in found.rows if not row.reason]
         rows = table("", "", "")
         for row in seen:

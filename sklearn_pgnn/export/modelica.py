@@ -94,8 +94,8 @@ def _check_dry(model, width) -> None:
     if dry and width is None:
         raise ModelError(
             f"to_modelica: {dry[0]!r} sticks in dry friction, which the text has no events for. "
-            f"Remedy: to_fmu, a unit that every tool of Modelica runs as it is, or "
-            f"friction_width=0.01, the speed over which the jump is rounded off."
+            f"Remedy: to_fmu (--to fmu), a unit that every tool of Modelica runs as it is, or "
+            f"friction_width=0.01 (--friction-width), the speed over which the jump is rounded off."
         )
     if width is not None and not width > 0:
         raise OptionError(f"friction_width: expected a speed above 0, got {width!r}.")

@@ -61,9 +61,8 @@ class DetectabilityDisplay:
         axes.set_yticks(range(len(rows)), names)
         axes.set_ylim(len(rows) - 0.5, -0.5)
         axes.set_xscale("log")
-        axes.set_xlabel(
-            f"size, 1 = as large as the motion itself (found in {self.detectability.power:.0%})"
-        )
+        share = f"{100 * self.detectability.power:.0f} %"
+        axes.set_xlabel(f"size, 1 = as large as the motion itself (found in {share})")
         tidy(axes)
         return self
 

@@ -214,7 +214,7 @@ def test_detect_tells_the_smallest_size_of_every_effect(files):
     result = run(*args)
     text = " ".join(result.stdout.split())
     assert text.startswith(
-        "Named with a chance of 90% from this size on Coulomb friction on v level"
+        "Named with a chance of 90 % from this size on Coulomb friction on v level"
     )
     assert "effects: 0 of 3" in result.stderr
     rows = json.loads(run(*args, "--json").stdout)["effects"]
