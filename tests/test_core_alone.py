@@ -69,6 +69,7 @@ def test_what_needs_an_extra_says_which(tmp_path, extra):
             "from sklearn_pgnn.estimators.pgnnl import PGNNLRegressor",
         ],
         "sindy": ["sklearn_pgnn.SINDYcRegressor().fit([[0.0], [1.0], [2.0], [3.0]], [0, 1, 2, 3])"],
+        "fmu": ["from sklearn_pgnn.priors import from_fmu; from_fmu('a.fmu')"],
         "tuning": [
             "sklearn_pgnn.model_selection.search_space(sklearn_pgnn.SINDYcRegressor())",
         ],

@@ -7,6 +7,7 @@ import zipfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 
@@ -151,16 +152,21 @@ def _description(fmpy, path: str):
         )
     if not found.derivatives:
         raise ModelError(f"{path}: expected a unit with continuous states, got one without.")
-    _require_continuous(found, path)
+    _require_continuous(path)
     _require_binary(fmpy, found, path)
     return found
 
 
-def _require_continuous(found, path: str) -> None:
-    """Refuse what says that it is more than rates."""
-    for v in found.modelVariables:
-        if v.type == "Clock" or v.clocks or v.previous is not None or v.reinit:
-            raise ModelError(f"{path}: {v.name!r} is a clock or changes at events. {_NO_MEMORY}")
+def _require_continuous(path: str) -> None:
+    """Refuse what says that it is more than rates; FMPy leaves these marks out."""
+    with zipfile.ZipFile(path) as archive:
+        root = ElementTree.fromstring(archive.read("modelDescription.xml"))
+    for v in root.iterfind("ModelVariables/*"):
+        marks = {key: value for part in (v, *v) for key, value in part.items()}
+        discrete = v.tag == "Clock" or {"clocks", "previous"} & set(marks)
+        if discrete or marks.get("reinit") in ("true", "1"):
+            name = v.get("name")
+            raise ModelError(f"{path}: {name!r} is a clock or changes at events. {_NO_MEMORY}")
 
 
 def _require_binary(fmpy, found, path: str) -> None:

@@ -3,17 +3,22 @@
 import json
 import pickle
 import shutil
+import subprocess
 import zipfile
+from pathlib import Path
 
+import fmpy
 import numpy as np
 import pandas as pd
 import pytest
+import sympy
 from click.testing import CliRunner
 
 from sklearn_pgnn import ModelDiagnosis, effects, systems
 from sklearn_pgnn.cli import main
-from sklearn_pgnn.exceptions import ModelError
+from sklearn_pgnn.exceptions import ModelError, SimulationWarning
 from sklearn_pgnn.export import to_fmu
+from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.priors import from_fmu
 
 pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="no gcc here")
@@ -135,3 +140,80 @@ def test_the_commands_take_one_in_place_of_a_model_file(path, tmp_path):
     found = CliRunner().invoke(main, given)
     assert found.exit_code == 0, found.output
     assert json.loads(found.stdout)["model"] == CART.name
+
+
+FLAG = """static int is_high;
+static void observe(instance *it)
+{
+"""
+EVENT = "    is_high = ((instance *)it)->machine.x[0] > 0;\n    *info = nothing;\n"
+HIGH = {
+    "static void observe(instance *it)\n{\n": FLAG,
+    "it->rate);\n    if (it->exchanged)": "it->rate);\n    it->rate[1] += is_high;\n"
+    "    if (it->exchanged)",
+    "    *info = nothing;\n": EVENT,
+}
+LASTS = {"machine.x[0] > 0;": "machine.x[0] > (is_high ? -2.0 : 2.0);"}
+JUMPS = {"    *info = nothing;\n": "    *info = nothing;\n    info->values = 1;\n"}
+FAILS = {"    observe(it);\n    memcpy(rates": "    if (((instance *)it)->machine.x[0] > 0.5)\n"
+         "        return FAILED;\n    observe(it);\n    memcpy(rates"}  # fmt: skip
+
+
+def _rebuilt(folder, *changes, events=1):
+    """Return a unit of the cart by FMI 2 whose source says something else."""
+    path = to_fmu(CART, folder / "source.fmu", 0.02, compiler=None)
+    if events:
+        old = "variableNamingConvention"
+        path = _with(path, folder, old, f'numberOfEventIndicators="{events}" {old}')
+    with zipfile.ZipFile(path) as archive:
+        archive.extractall(folder / "unit")
+    source = folder / "unit" / "sources" / "fmu.c"
+    text = source.read_text()
+    for change in changes:
+        for old, new in change.items():
+            assert old in text
+            text = text.replace(old, new)
+    source.write_text(text)
+    built = folder / "unit" / "binaries" / "linux64"
+    built.mkdir(parents=True)
+    command = ["gcc", "-O1", "-shared", "-fPIC", source, "-o", built / "cart_on_a_spring.so", "-lm"]
+    subprocess.run(command, check=True)
+    return Path(shutil.make_archive(folder / "rebuilt", "zip", folder / "unit")).rename(
+        folder / "rebuilt.fmu"
+    )
+
+
+def test_a_condition_is_settled_at_every_point(tmp_path):
+    unit = from_fmu(_rebuilt(tmp_path, HIGH), names=NAMES)
+    v = CART.equations["v"] + (1 + sympy.sign(symbol("x"))) / 2
+    expected = CART.replace(equations={**CART.equations, "v": v})
+    for start in ([0.4, 0.0], [-0.4, 0.0]):  # and not so long that it meets the jump
+        one, other = (model.simulate(T[:12], U[:12], start) for model in (unit, expected))
+        np.testing.assert_allclose(one.y, other.y, atol=1e-9)
+
+
+def test_a_unit_that_remembers_is_refused(tmp_path):
+    with pytest.raises(ModelError, match="expected a function that computes the same"):
+        from_fmu(_rebuilt(tmp_path, HIGH, LASTS))
+
+
+@pytest.mark.parametrize("where", ["1", "((instance *)it)->machine.x[0] < -1"])
+def test_a_unit_that_sets_its_states_anew_is_refused(where, tmp_path):
+    with pytest.raises(ModelError, match="sets its states anew at"):
+        from_fmu(_rebuilt(tmp_path, JUMPS, {"info->values = 1": f"info->values = {where}"}))
+
+
+def test_a_state_that_events_may_set_is_refused(path, tmp_path):
+    is_fmi2 = fmpy.read_model_description(str(path)).fmiVersion == "2.0"
+    old = '<Real start="0.0" unit="m/s"' if is_fmi2 else 'name="state.v"'
+    changed = _with(path, tmp_path, old, f'{old} reinit="true"')
+    with pytest.raises(ModelError, match=r"'state.v' is a clock or changes at events.*Remedy"):
+        from_fmu(changed)
+
+
+def test_where_a_unit_fails_it_is_no_number_and_goes_on_elsewhere(tmp_path):
+    unit = from_fmu(_rebuilt(tmp_path, FAILS, events=0), names=NAMES)
+    with pytest.warns(SimulationWarning, match="fmi2GetDerivatives failed with status 3"):
+        unit.simulate(T, U, [0.6, 0.0])
+    one, other = (model.simulate(T, U, [0.1, 0.0]) for model in (unit, CART))
+    np.testing.assert_allclose(one.y, other.y, atol=1e-9)
