@@ -4,7 +4,7 @@ import numpy as np
 from sklearn.utils.validation import check_is_fitted
 
 from sklearn_pgnn.inspection.panels import panels
-from sklearn_pgnn.inspection.style import COLOURS, plain, tidy
+from sklearn_pgnn.inspection.style import COLOURS, log_axis, plain, tidy
 from sklearn_pgnn.inspection.words import cause_name
 from sklearn_pgnn.inspection.yardstick import ratio, together
 
@@ -103,8 +103,7 @@ class CandidatesDisplay:
         if self.noise > 0:
             end = 100 * self.noise
             self.ax_.axvline(end, color=COLOURS["medians"], linestyle=":", label="white noise")
-        self.ax_.set_xscale("log")
-        self.ax_.xaxis.set_major_formatter("{x:g}")
+        log_axis(self.ax_)
         self.ax_.set_yticks(places, [plain(name) for name in self.names])
         self.ax_.set_ylim(len(self.names) - 0.5, -0.5)
         self.ax_.set_xlabel("error power left [% of the re-tuned model's]")

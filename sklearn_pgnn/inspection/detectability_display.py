@@ -3,7 +3,7 @@
 import numpy as np
 
 from sklearn_pgnn.inspection.numbers import number, typeset_unit
-from sklearn_pgnn.inspection.style import COLOURS, plain, shown_figure, tidy
+from sklearn_pgnn.inspection.style import COLOURS, log_axis, plain, shown_figure, tidy
 from sklearn_pgnn.inspection.words import cause_name
 
 
@@ -60,7 +60,7 @@ class DetectabilityDisplay:
         names = [plain(cause_name(row.effect, row.target)) for row in rows]
         axes.set_yticks(range(len(rows)), names)
         axes.set_ylim(len(rows) - 0.5, -0.5)
-        axes.set_xscale("log")
+        log_axis(axes)
         share = f"{100 * self.detectability.power:.0f} %"
         axes.set_xlabel(f"size, 1 = as large as the motion itself (found in {share})")
         tidy(axes)

@@ -46,8 +46,9 @@ def model_html(model) -> str:
     True
     """
     equations = "".join(
-        f"<div>{each.mathml or f'<code>{escape(each.text)}</code>'}</div>"
+        f"<div style='padding-bottom:.5em'>{shown}</div>"
         for each in equations_of(model, model)
+        for shown in [each.mathml or f"<code>{escape(each.text)}</code>"]
     )
     signals = [
         (name, kind, typeset_unit(model.unit(name)) or "-")

@@ -54,3 +54,12 @@ def plain(text: str) -> str:
     price in \$
     """
     return str(text).replace("$", r"\$")
+
+
+def log_axis(ax) -> None:
+    """Make the horizontal axis logarithmic, its ticks plain numbers."""
+    from matplotlib.ticker import LogFormatter
+
+    ax.set_xscale("log")
+    ax.xaxis.set_major_formatter("{x:g}")
+    ax.xaxis.set_minor_formatter(LogFormatter(labelOnlyBase=False, minor_thresholds=(2, 0.5)))
