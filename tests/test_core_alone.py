@@ -13,6 +13,7 @@ def run(program, folder):
     return run_without(EXTRA_OF, program, folder)
 
 
+@pytest.mark.slow
 def test_a_cause_outside_the_catalogue_is_described_plotted_and_reported(tmp_path):
     program = """
 import sklearn_pgnn.systems
@@ -39,6 +40,7 @@ print(diagnosis.verdict_, *diagnosis.discrepancy_.effect.terms)
     assert written == {"model.yaml", "picture.png", "report.html"}
 
 
+@pytest.mark.slow
 def test_help_and_listings_work_and_hold_what_is_there(tmp_path):
     program = """
 import inspect, pydoc, sklearn_pgnn
@@ -56,6 +58,7 @@ help(sklearn_pgnn)
     assert "need the extra ``network``" in result.stdout
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("extra", EXTRAS)
 def test_what_needs_an_extra_says_which(tmp_path, extra):
     uses = {
@@ -118,6 +121,7 @@ for use in {uses!r}:
     assert [line for line in said if not line.endswith(remedy)] == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "inside", ["raise ImportError('a shared object is missing')", "import its_own_need"]
 )

@@ -136,6 +136,7 @@ def test_every_name_in_the_pages_of_the_api_has_an_example(name):
     assert ">>> " in inspect.getdoc(value)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.name)
 def test_example_runs(path, tmp_path):
     result = run(path, folder=tmp_path)
@@ -206,6 +207,7 @@ ENVIRONMENTS = sorted(
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("page", "needs"), ENVIRONMENTS, ids=[f"{page}-{sorted(needs)}" for page, needs in ENVIRONMENTS]
 )

@@ -13,6 +13,7 @@ pytestmark = pytest.mark.core
 HEAVY = {"matplotlib", "numba", "pysindy", "skorch", "torch"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "statement", ["import sklearn_pgnn", "from sklearn_pgnn import systems; systems.golf_robot()"]
 )

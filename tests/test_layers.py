@@ -115,6 +115,7 @@ def violations(package):
     return found
 
 
+@pytest.mark.slow
 def test_imports_go_down_only():
     assert violations(Path(sklearn_pgnn.__file__).parent) == []
 

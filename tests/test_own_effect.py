@@ -97,6 +97,7 @@ def brake():
     return ModelDiagnosis(hidden.prior, catalogue=catalogue).fit(hidden.X, hidden.y)
 
 
+@pytest.mark.slow
 def test_it_is_named_with_its_size(brake):
     (cause,) = brake.causes_
     assert (cause.effect, cause.target) == ("eddy_brake", "v")
@@ -106,6 +107,7 @@ def test_it_is_named_with_its_size(brake):
     assert cause.check == EddyBrake.check
 
 
+@pytest.mark.slow
 def test_it_has_a_name_for_people_and_its_curve_in_the_report(brake, tmp_path):
     assert "eddy-current brake at v" in verdict_sentence(brake)
     evidence = find_evidence(brake, brake.causes_[0])

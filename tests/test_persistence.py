@@ -205,6 +205,7 @@ def test_every_public_estimator_is_here():
     assert public <= {type(each).__name__ for each in ESTIMATORS.values()}
 
 
+@pytest.mark.slow
 def test_another_process_gives_the_same(fitted, tmp_path):
     joblib.dump((fitted, X), tmp_path / "fitted.joblib")
     run_elsewhere(LOAD_ALL, tmp_path)
@@ -248,6 +249,7 @@ np.savez("found.npz", **found)
 """
 
 
+@pytest.mark.slow
 def test_skops_loads_the_same_in_another_process(fitted, tmp_path):
     io = pytest.importorskip("skops.io")
     assert set(TRUSTED) == set(ESTIMATORS)
@@ -269,6 +271,7 @@ def test_skops_keeps_all_that_a_diagnosis_says(fitted):
     assert loaded.to_dict() == diagnosis.to_dict()
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_search_survives(tmp_path):
     """A fitted search, with the estimators in it."""

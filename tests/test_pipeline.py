@@ -56,6 +56,7 @@ def by_hand(scaler, columns, **network):
 PHY = ["phi_phy", "omega_phy", "phi_measured_phy"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("structure", ["output", "increment", "correction"])
 def test_written_out_by_hand_it_is_the_same(golf, structure):
     X, y = golf
@@ -65,6 +66,7 @@ def test_written_out_by_hand_it_is_the_same(golf, structure):
     assert np.array_equal(made.predict(X), hand.predict(X))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "scaler", [MinMaxScaler(), RobustScaler(), FunctionTransformer()], ids=lambda s: str(s)
 )
@@ -121,6 +123,7 @@ def thrown():
     return pd.concat(frames, ignore_index=True), np.concatenate(outputs)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("structure", ["increment", "correction"])
 def test_pipeline_of_two_lines_keeps_the_initial_state(thrown, structure):
     X, y = thrown
@@ -133,6 +136,7 @@ def test_pipeline_of_two_lines_keeps_the_initial_state(thrown, structure):
     assert plain_by_hand(**options).fit(no_starts, y).score(no_starts, y) < 0.9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("build", [make_pgnn_pipeline, lambda _, **n: plain_by_hand(**n)])
 @pytest.mark.parametrize("columns", [["t", "torque"], ["t", "torque", "phi", "omega"]])
 def test_pipeline_of_arrays(thrown, build, columns):
@@ -144,6 +148,7 @@ def test_pipeline_of_arrays(thrown, build, columns):
     assert net.predict(array) == pytest.approx(named.predict(table), abs=1e-9)
 
 
+@pytest.mark.slow
 def test_time_may_stand_anywhere_in_an_array(thrown):
     X, y = thrown
     options = {**QUICK, "structure": "increment"}
@@ -178,6 +183,7 @@ def test_parameters_are_reached_by_name(golf):
         make_pgnn_pipeline(GOLF, 3)
 
 
+@pytest.mark.slow
 def test_verbose_tells_of_every_step_and_phase(golf, capsys):
     make_pgnn_pipeline(GOLF, **QUICK).fit(*golf)
     assert capsys.readouterr().out == ""
@@ -187,6 +193,7 @@ def test_verbose_tells_of_every_step_and_phase(golf, capsys):
         assert said in printed
 
 
+@pytest.mark.slow
 def test_memory_keeps_the_simulation(golf, tmp_path):
     X, y = golf
     pipeline = make_pgnn_pipeline(GOLF, memory=str(tmp_path), structure="increment", **QUICK)
@@ -197,6 +204,7 @@ def test_memory_keeps_the_simulation(golf, tmp_path):
     assert np.array_equal(kept.predict(X), first)
 
 
+@pytest.mark.slow
 def test_scikit_learn_around_it(golf):
     X, y = golf
     pipeline = make_pgnn_pipeline(GOLF, **QUICK)
@@ -214,6 +222,7 @@ np.save("found.npy", best.predict(X))
 """
 
 
+@pytest.mark.slow
 def test_best_of_a_search_survives_in_a_fresh_process(golf, tmp_path):
     skopt = pytest.importorskip("skopt")
     X, y = golf

@@ -29,6 +29,7 @@ def emps_files(real_data):
     return [real_data / "emps" / f"emps_{name}.csv" for name in ("train", "test")]
 
 
+@pytest.mark.slow
 def test_emps_is_read_as_two_records(emps, emps_files):
     X, y = read_csv_files(emps_files, emps)
     assert list(X) == ["trajectory", "t", "tau"]
@@ -91,6 +92,7 @@ def hoop() -> PhysicsModel:
     )
 
 
+@pytest.mark.slow
 def test_hoop_has_dry_friction_and_its_steps_are_foretold(hoop, real_data):
     """The refitted prior leaves 1.0 V on the steps that are held out."""
     learn, held_out = (
@@ -106,6 +108,7 @@ def test_hoop_has_dry_friction_and_its_steps_are_foretold(hoop, real_data):
     assert np.sqrt(np.mean((y - held_out["y"]) ** 2)) < 0.6
 
 
+@pytest.mark.slow
 def test_drives_have_a_sensor_that_sees_the_magnitude(real_data):
     model = PhysicsModel(
         name="drives",
@@ -128,6 +131,7 @@ def test_drives_have_a_sensor_that_sees_the_magnitude(real_data):
     assert "sensor_rectification" in {cause.effect for cause in diagnosis.causes_}
 
 
+@pytest.mark.slow
 @pytest.mark.xfail(
     reason="since the one criterion other causes are named in place of the overflow", strict=False
 )

@@ -72,6 +72,7 @@ def test_effects_are_known_by_their_ids():
     assert all(effects.by_id(kind.id) is kind for kind in effects.CATALOGUE)
 
 
+@pytest.mark.slow
 def test_a_catalogue_of_ids_is_the_same():
     noisy = 1.2 * Y + 1e-3 * np.random.default_rng(0).normal(size=Y.shape)
     by_class = ModelDiagnosis(LAG, catalogue=[effects.SensorGain]).fit(X, noisy)

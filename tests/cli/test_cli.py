@@ -73,6 +73,7 @@ def done(tmp_path_factory):
 # -- what it does ----------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_diagnosis_writes_its_three_files_and_nothing_else(done):
     out, result = done
     assert result.exit_code == 0
@@ -80,6 +81,7 @@ def test_a_diagnosis_writes_its_three_files_and_nothing_else(done):
     assert {path.name for path in out.parent.iterdir()} == {"a.csv", "b.csv", "cart.yaml", "out"}
 
 
+@pytest.mark.slow
 def test_it_says_what_was_found_and_where_it_is(done):
     out, result = done
     text = " ".join(result.stdout.split())
@@ -143,6 +145,7 @@ def test_an_earlier_result_is_not_overwritten(tmp_path):
     refused(["demo", "--output", str(tmp_path / "out")], tmp_path, "or --force to replace it")
 
 
+@pytest.mark.slow
 def test_a_forced_run_replaces_the_results_and_leaves_the_rest(tmp_path):
     args = [*write(tmp_path), "--force"]
     (tmp_path / "out").mkdir()
@@ -158,6 +161,7 @@ def test_a_forced_run_replaces_the_results_and_leaves_the_rest(tmp_path):
     assert (tmp_path / "out" / "report.html").read_text() != "old"
 
 
+@pytest.mark.slow
 def test_it_says_that_an_earlier_result_was_replaced(done, tmp_path):
     _, first = done
     assert "Replaced" not in first.stderr
@@ -169,6 +173,7 @@ def test_it_says_that_an_earlier_result_was_replaced(done, tmp_path):
     assert said in result.stderr.splitlines()
 
 
+@pytest.mark.slow
 def test_json_is_printed_in_place_of_words_and_the_report_opened(tmp_path, monkeypatch):
     opened = []
     monkeypatch.setattr("click.launch", opened.append)
@@ -178,6 +183,7 @@ def test_json_is_printed_in_place_of_words_and_the_report_opened(tmp_path, monke
     assert opened == [str(tmp_path / "out" / "report.html")]
 
 
+@pytest.mark.slow
 def test_faults_of_the_records_are_told_before_the_verdict(tmp_path, monkeypatch):
     fault = Finding("outliers", "'F'", "three samples lie far off", 3.0, "look at the cable")
     here = "sklearn_pgnn.diagnosis.model_diagnosis.check_data_quality"
@@ -204,6 +210,7 @@ def test_the_model_file_is_called_what_it_is(causes, missing, said):
     assert described_files(diagnosis)["extended_model.yaml"].startswith(said)
 
 
+@pytest.mark.slow
 def test_rivals_have_files_and_those_of_an_earlier_result_go(tmp_path):
     biased = table(0, level=0.0)
     biased["F"] -= 0.3
@@ -322,6 +329,7 @@ def test_an_output_that_never_changes_is_refused(tmp_path):
     refused(write(tmp_path, tables={"a.csv": table().assign(speed=1.0)}), tmp_path, "'speed'")
 
 
+@pytest.mark.slow
 def test_a_real_process_refuses_as_well(tmp_path):
     args = write(tmp_path, model=MODEL.replace("d*v", "q*v"))
     call = "import sys; from sklearn_pgnn.cli import main; main(sys.argv[1:])"
@@ -354,6 +362,7 @@ def test_nothing_is_half_written(tmp_path):
 # -- the demo --------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_the_demo_shows_its_input_and_names_the_stick_slip(tmp_path):
     out = tmp_path / "demo"
     result = CliRunner().invoke(main, ["demo", "--output", str(out)], catch_exceptions=False)

@@ -137,6 +137,7 @@ def test_a_full_disk_is_no_bug(tmp_path, monkeypatch, fitted):
 # -- signals ---------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="Windows ends a process without asking it")
 @pytest.mark.parametrize(
     ("number", "at"),

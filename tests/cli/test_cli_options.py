@@ -126,6 +126,7 @@ def test_noise_of_one_output_only_is_refused(tmp_path):
         assert "--noise speed=NUMBER --noise position=NUMBER" in result.stderr
 
 
+@pytest.mark.slow
 def test_a_real_run_does_as_told(tmp_path):
     options = ("--catalogue", "input_bias", "--hold", "foh", "--window", "1", "--substeps", "2")
     args = [*write(tmp_path), "--quiet", "--noise", "0.001", *options]
@@ -154,6 +155,7 @@ def test_files_without_a_time_take_a_sample_time(tmp_path, monkeypatch):
     assert "(--sample-time)" in result.stderr
 
 
+@pytest.mark.slow
 def test_what_is_said_with_a_reservation_is_said_on_the_screen(tmp_path, monkeypatch):
     fit = ModelDiagnosis.fit
 

@@ -209,6 +209,7 @@ def test_a_fit_leaves_what_is_not_named_and_refuses_what_is_not_there(files):
 # -- detect ----------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_detect_tells_the_smallest_size_of_every_effect(files):
     args = ("detect", *given(files), "--catalogue", "coulomb_friction,leak,input_bias")
     result = run(*args)
@@ -222,6 +223,7 @@ def test_detect_tells_the_smallest_size_of_every_effect(files):
     assert all(0 < row["smallest"] < 0.1 for row in rows)
 
 
+@pytest.mark.slow
 def test_detect_warns_of_a_model_that_leaves_structure(files):
     table(0, level=0.5).to_csv(files / "rough.csv", index=False)
     args = ("detect", *given(files, "rough.csv"), "--catalogue", "input_bias")

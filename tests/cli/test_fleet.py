@@ -41,6 +41,7 @@ def done(tmp_path_factory):
     return folder, call(folder / "march", *named, "--output", folder / "result", *QUICK)
 
 
+@pytest.mark.slow
 @pytest.mark.core
 def test_the_results_are_written_and_told(done):
     folder, result = done
@@ -53,6 +54,7 @@ def test_the_results_are_written_and_told(done):
     assert (folder / "result" / "index.html").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.core
 def test_a_second_call_takes_over_what_is_finished(done, monkeypatch):
     def run(self, *_):
@@ -66,6 +68,7 @@ def test_a_second_call_takes_over_what_is_finished(done, monkeypatch):
     assert [m["machine"] for m in json.loads(result.stdout)["machines"]] == ["b", "a"]
 
 
+@pytest.mark.slow
 @pytest.mark.core
 def test_what_changed_is_told(done):
     folder, _ = done
@@ -127,6 +130,7 @@ def test_a_folder_without_records_is_refused(tmp_path):
         machine_files(tmp_path, "*.csv")
 
 
+@pytest.mark.slow
 def test_a_cluster_of_dask_does_the_work():
     from distributed import LocalCluster
 

@@ -118,6 +118,7 @@ def test_the_method_is_of_fourth_order():
     assert 12 < errors[0] / errors[1] < 20
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "friction",
     [
@@ -134,6 +135,7 @@ def test_finer_steps_agree_through_stick_and_slip(friction):
     assert np.abs(y - finer).max() < 1e-5 * np.ptp(y)
 
 
+@pytest.mark.slow
 def test_without_friction_the_energy_stays():
     model = pendulum(d=0.0)
     t = np.arange(2000) / 100
@@ -160,6 +162,7 @@ def test_a_block_that_leaves_rest_and_stops_within_a_step_comes_to_rest():
     assert np.abs(x[t < 1.4, 1]).max() < 1e-6
 
 
+@pytest.mark.slow
 def test_a_stuck_club_stays_until_the_torque_breaks_it_away():
     t = np.arange(3000) / 500
     p = values(systems.golf_robot())
@@ -239,6 +242,7 @@ def test_with_nothing_hidden_the_records_are_those_of_the_model(system):
     np.testing.assert_allclose(hidden.y.to_numpy()[:, 0], measured, atol=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("system", "kind"), HIDEABLE)
 def test_every_effect_of_the_catalogue_can_be_hidden(system, kind):
     model, options = HOSTS[system](), SHORT[system]
@@ -254,6 +258,7 @@ def test_every_effect_of_the_catalogue_can_be_hidden(system, kind):
     assert change > 3 * options.get("noise", 1e-3)
 
 
+@pytest.mark.slow
 def test_a_seed_gives_the_same_records_and_another_seed_others():
     one, same, other = (
         make_hidden_effect(effect="random", random_state=seed, **SHORT["golf"])
@@ -291,6 +296,7 @@ def test_an_effect_is_hidden_as_it_is_given():
     assert hidden.truth.parameters["bu_torque"].value == 0.02
 
 
+@pytest.mark.slow
 def test_several_effects_are_hidden_one_after_the_other():
     bias = effects.InputBias("torque", bias=0.02)
     hidden = make_hidden_effect(effect=[bias, "cubic_stiffness"], random_state=0, **SHORT["golf"])
@@ -299,6 +305,7 @@ def test_several_effects_are_hidden_one_after_the_other():
     assert hidden.truth == systems.golf_robot() + bias + hidden.effects[1]
 
 
+@pytest.mark.slow
 def test_the_noise_is_as_large_as_asked():
     options = {**SHORT["golf"], "random_state": 0}
     quiet, noisy = (make_hidden_effect(noise=level, **options).y for level in (0.0, 0.02))
@@ -339,6 +346,7 @@ def test_a_machine_that_runs_away_is_refused():
 # -- ready rigs ----------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_golf_robot_records():
     X, y = make_golf_robot(n_records=3, duration=3.0)
     assert len(records(X)) == 3
@@ -349,6 +357,7 @@ def test_golf_robot_records():
     assert not np.allclose(y_ref, y.iloc[:3000])
 
 
+@pytest.mark.slow
 def test_the_golf_robot_plant_sticks_and_then_slips():
     p = values(systems.golf_robot())
     sliding = p["r"] * p["mu"] * p["m"] * p["g"] * 1.02 / 4

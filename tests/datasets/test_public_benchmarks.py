@@ -128,6 +128,7 @@ def test_without_folder_and_package_the_remedy_is_named(monkeypatch):
         load_emps()
 
 
+@pytest.mark.slow
 def test_the_snippet_of_the_documentation_runs(home, tmp_path):
     (snippet,) = read_page(ROOT / "docs" / "public_benchmarks.rst")
     assert snippet.needs == {"benchmarks"}

@@ -119,6 +119,7 @@ def test_a_suspect_whose_slopes_explode_is_unusable_and_the_search_goes_on(capfd
     assert not any(tried.effect == "chaotic" for tried in diagnosis.candidates_)
 
 
+@pytest.mark.slow
 def test_a_record_on_which_a_suspect_broke_down_gets_its_verdict(real_data, capfd):
     """A lag of a fifth of a millisecond at 5 ms: bounded states, slopes of 1e20 times the noise."""
     folder = real_data / "mr_damper"
@@ -133,6 +134,7 @@ def test_a_record_on_which_a_suspect_broke_down_gets_its_verdict(real_data, capf
     assert capfd.readouterr().err == ""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "error", [np.linalg.LinAlgError("SVD did not converge"), FloatingPointError("overflow")]
 )
@@ -154,6 +156,7 @@ def test_a_suspect_that_cannot_even_begin_is_unusable_too():
     assert diagnosis.unusable_[0] == ("unstarted", "v", "Eigenvalues did not converge")
 
 
+@pytest.mark.slow
 def test_a_suspect_that_breaks_down_later_is_not_named(monkeypatch):
     """Its first look is fine, and it is the best of all until it is fitted on all windows."""
     calls = break_fits(monkeypatch, np.linalg.LinAlgError("SVD did not converge"), after=1)
@@ -181,6 +184,7 @@ def test_what_can_be_fitted_from_another_start_is_usable(monkeypatch):
     assert unusable_sentence(diagnosis) == ""
 
 
+@pytest.mark.slow
 def test_a_place_without_a_formula_is_said_so(monkeypatch):
     def breaking(*args):
         raise np.linalg.LinAlgError("SVD did not converge")
@@ -238,6 +242,7 @@ def test_a_cause_that_was_found_is_kept_where_the_program_fails_later(monkeypatc
     assert "Coulomb friction" in render_report(diagnosis)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["check_data_quality", "are_same"])
 def test_a_bug_after_the_search_does_not_lose_its_result(monkeypatch, name):
     def breaking(*args):
@@ -303,6 +308,7 @@ def test_a_time_limit_that_is_never_enough_leaves_the_re_tuned_model(monkeypatch
     assert render_report(diagnosis)
 
 
+@pytest.mark.slow
 def test_every_time_limit_gives_the_best_until_then(monkeypatch):
     whole, stages = stages_until_the_end(monkeypatch, 1e9)
     assert whole.stopped_ is None
@@ -385,6 +391,7 @@ def test_the_best_so_far_is_told_while_the_search_goes_on():
     assert left == sorted(left, reverse=True)
 
 
+@pytest.mark.slow
 def test_the_search_for_more_is_told_too():
     said = []
     rig = CART.replace(equations={"v": "(F - d*v - 0.3*cos(3*v))/m"})

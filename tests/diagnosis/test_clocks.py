@@ -69,12 +69,14 @@ def assert_same_diagnosis(found, expected, rtol):
         assert one.extended == pytest.approx(other.extended, rel=rtol)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("clock", [absolute, absolute_and_apart])
 def test_time_stamps_leave_a_diagnosis_as_it_is(cart, plain, clock):
     prior, X, y = cart
     assert_same_diagnosis(diagnose(prior, *clock(X, y)), plain, rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_a_gap_leaves_a_diagnosis_as_it_is(cart, plain):
     prior, X, y = cart
     found = diagnose(prior, *paused(X, y))
@@ -120,6 +122,7 @@ def test_the_scales_of_signals_do_not_depend_on_how_they_are_sampled(cart, sampl
     assert found.latest == pytest.approx(expected.latest + pause, rel=0.01)
 
 
+@pytest.mark.slow
 def test_files_of_different_sample_times_are_diagnosed_like_others(cart, plain):
     prior, X, y = cart
     found = diagnose(prior, *every_second(X, y))
@@ -134,6 +137,7 @@ def test_each_record_has_a_clock_of_its_own():
     assert find_gaps([clocks[0], np.delete(clocks[1], [7, 8, 9])], ["a", "b"]).value == 3
 
 
+@pytest.mark.slow
 def test_a_change_in_time_is_found_on_time_stamps_with_a_warning_of_what_its_time_is():
     hidden = make_hidden_effect(
         cart_on_spring(),

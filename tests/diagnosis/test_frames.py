@@ -13,6 +13,7 @@ from sklearn_pgnn.simulation.uncertainty import Estimate
 pytestmark = pytest.mark.core
 
 
+@pytest.mark.slow
 def test_the_causes_have_a_row_a_parameter():
     diagnosis, _, _ = rough_sledge()
     (row,) = diagnosis.causes_frame().to_dict("records")
@@ -33,6 +34,7 @@ def test_a_cause_without_parameters_and_one_with_rivals_have_rows_too():
     assert causes_frame(SimpleNamespace(causes_=())).empty
 
 
+@pytest.mark.slow
 def test_the_parameters_say_what_changed():
     diagnosis, _, _ = rough_sledge()
     table = diagnosis.parameters_frame()

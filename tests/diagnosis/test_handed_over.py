@@ -80,6 +80,7 @@ def told_records():
     return X, y, ModelDiagnosis(prior, catalogue=[effects.CubicStiffness], **GROUND).fit(X, y)
 
 
+@pytest.mark.slow
 def test_the_models_carry_what_they_were_judged_with(one_record):
     diagnosis = one_record[2]
     said = {"hold": "foh", "substeps": diagnosis.substeps_}
@@ -90,6 +91,7 @@ def test_the_models_carry_what_they_were_judged_with(one_record):
     assert diagnosis.to_dict()["substeps"] == diagnosis.substeps_
 
 
+@pytest.mark.slow
 def test_the_file_alone_gives_the_reports_number(one_record, tmp_path):
     X, y, diagnosis = one_record
     diagnosis.extended_model_.to_yaml(tmp_path / "extended_model.yaml")
@@ -113,6 +115,7 @@ def test_the_other_models_give_theirs(one_record):
     assert stated.extended < stated.refitted < stated.prior
 
 
+@pytest.mark.slow
 def test_records_that_tell_their_starts_give_the_reports_number(told_records, tmp_path):
     X, y, diagnosis = told_records
     diagnosis.extended_model_.to_yaml(tmp_path / "extended_model.yaml")
@@ -129,6 +132,7 @@ def test_records_that_tell_their_starts_give_the_reports_number(told_records, tm
     assert rms(np.concatenate(errors)) == pytest.approx(stated, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_what_the_prior_says_is_believed(told_records):
     X, y, diagnosis = told_records
     assert (diagnosis.hold_, diagnosis.substeps_) == ("foh", 4)
@@ -159,6 +163,7 @@ def test_the_user_guides_last_line_goes_on_as_the_diagnosis_judged(one_record):
     assert error < 0.2 * rms(told.predict(test) - truth)
 
 
+@pytest.mark.slow
 def test_a_formula_without_a_name_is_handed_over_with_its_setting():
     cart = systems.cart_on_spring().replace(simulation={"hold": "foh", "substeps": 3})
     hidden = make_hidden_effect(

@@ -45,6 +45,7 @@ def problem_of(model, X, y):
     return build_problem(model, read_records(model, X, y))
 
 
+@pytest.mark.slow
 def test_an_unseen_level_is_not_taken_to_start_empty():
     X, y = record()
     diagnosis = ModelDiagnosis(tanks(OFF), catalogue=(effects.Leak,)).fit(X, y)
@@ -81,6 +82,7 @@ def test_nor_where_no_output_depends_on_the_state():
     assert np.isnan(start["work"])
 
 
+@pytest.mark.slow
 def test_a_tank_that_runs_over_into_the_next_is_named():
     rim = effects.Overflow("x1", limit=9.0, steepness=0.2, share=0.5)
     diagnosis = ModelDiagnosis(tanks(OFF), catalogue=LEVELS).fit(*record(rim))
@@ -90,12 +92,14 @@ def test_a_tank_that_runs_over_into_the_next_is_named():
     assert found["share"].value == pytest.approx(0.5, abs=0.05)
 
 
+@pytest.mark.slow
 def test_a_tank_whose_excess_is_lost_is_named_by_the_simpler_cause():
     rim = effects.StateLimit("x1", limit=9.0, steepness=0.2)
     diagnosis = ModelDiagnosis(tanks(OFF), catalogue=LEVELS).fit(*record(rim))
     assert [cause.effect for cause in diagnosis.causes_] == ["state_limit"]
 
 
+@pytest.mark.slow
 def test_a_sensor_that_is_seen_to_end_is_named_beside_what_explains_more():
     rim = effects.Overflow("x1", limit=9.0, steepness=0.2, share=0.5)
     X, y = record(rim, end=10.0)
@@ -121,6 +125,7 @@ def test_windows_are_so_long_that_the_unseen_level_forgets_where_it_started():
     assert 3 * slow < select_windows(problem).problem.scales.window <= 4096 / 8
 
 
+@pytest.mark.slow
 @given(level=st.floats(0.0, 10.0), pump=st.floats(0.0, 8.0), share=st.floats(0.0, 2.0))
 def test_what_runs_over_is_in_the_next_tank_but_for_what_is_lost(level, pump, share):
     before = systems.two_tanks()

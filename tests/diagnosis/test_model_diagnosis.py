@@ -146,6 +146,7 @@ def test_a_hidden_effect_is_named(effect):
     assert gain.extended < 1.05 * gain.noise
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_nothing_is_named_where_nothing_is_hidden(seed):
     hidden = make_hidden_effect(effect=None, random_state=seed, **RECORDS)
@@ -155,6 +156,7 @@ def test_nothing_is_named_where_nothing_is_hidden(seed):
     assert same_structure(diagnosis.extended_model_, hidden.prior)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("system", [systems.cart_on_spring, systems.two_tanks])
 def test_nothing_is_named_on_other_machines_either(system):
     hidden = make_hidden_effect(system(), None, random_state=SEED, **RIGS[system])
@@ -188,6 +190,7 @@ def test_several_hidden_effects_are_named_and_no_other(kinds):
             assert_size(cause, hidden_as[cause.effect, cause.target])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "kinds",
     list(itertools.permutations(["input_saturation", "actuator_lag"])),
@@ -216,6 +219,7 @@ def test_an_input_may_saturate_before_or_behind_its_lag(kinds):
     assert same_structure(diagnosis.extended_model_, true)
 
 
+@pytest.mark.slow
 def test_a_lag_much_shorter_than_a_sample_may_be_the_delay_that_is_named():
     lag = effects.ActuatorLag("force", 0.004)
     rig = RIGS[systems.cart_on_spring]
@@ -231,6 +235,7 @@ def test_a_lag_much_shorter_than_a_sample_may_be_the_delay_that_is_named():
     assert "a higher sampling rate" in separation_sentence(separation)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("system", "factors"),
     [
@@ -255,6 +260,7 @@ def test_wrong_parameters_are_named_and_no_structure(system, factors):
         assert_size(cause, effect)
 
 
+@pytest.mark.slow
 def test_records_without_noise_are_judged_too():
     hidden = make_hidden_effect(effect=None, noise=0.0, random_state=SEED, **RECORDS)
     assert diagnose(hidden).verdict_ == "model_adequate"
@@ -264,6 +270,7 @@ def same_structure(one, other):
     return dict(one.equations) == dict(other.equations) and dict(one.outputs) == dict(other.outputs)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("parameter", ["J", "d"])
 def test_a_wrong_parameter_is_named_as_one(parameter):
     golf = systems.golf_robot()
@@ -278,12 +285,14 @@ def test_a_wrong_parameter_is_named_as_one(parameter):
     assert diagnosis.parameters_[parameter].changed
 
 
+@pytest.mark.slow
 def test_a_cause_is_found_where_only_one_of_two_states_is_measured():
     hidden = make_two_tanks(random_state=SEED)
     diagnosis = diagnose(hidden)
     assert [c.effect for c in diagnosis.causes_] == [hidden.effect.id]
 
 
+@pytest.mark.slow
 def test_the_size_of_a_cause_is_found(friction):
     hidden, diagnosis = friction
     level = diagnosis.causes_[0].parameters["level"]
@@ -293,6 +302,7 @@ def test_the_size_of_a_cause_is_found(friction):
     assert level.unit == "N m"
 
 
+@pytest.mark.slow
 def test_causes_that_cannot_be_told_apart_are_said_to_be_confused():
     load = effects.ConstantLoad("omega", load=0.05)
     hidden = make_hidden_effect(effect=load, random_state=SEED, **RECORDS)
@@ -301,6 +311,7 @@ def test_causes_that_cannot_be_told_apart_are_said_to_be_confused():
     assert {("constant_load", "omega"), ("input_bias", "torque")} <= names(diagnosis.causes_[0])
 
 
+@pytest.mark.slow
 def test_the_extended_model_is_a_model_that_simulates_the_machine(friction):
     hidden, diagnosis = friction
     assert diagnosis.score(hidden.X, hidden.y) > 0.999
@@ -326,6 +337,7 @@ def test_a_fitted_diagnosis_survives_pickle_copy_and_clone(friction):
     assert clone(diagnosis).model == hidden.prior
 
 
+@pytest.mark.slow
 def test_fit_changes_nothing_it_was_given(friction):
     hidden, diagnosis = friction
     before = hidden.X.copy(), hidden.y.copy(), hidden.prior.to_dict()
@@ -336,6 +348,7 @@ def test_fit_changes_nothing_it_was_given(friction):
     assert diagnosis.get_params()["model"] is hidden.prior
 
 
+@pytest.mark.slow
 def test_the_catalogue_and_the_targets_can_be_narrowed(friction):
     hidden, _ = friction
     diagnosis = diagnose(hidden, catalogue=[effects.CoulombFriction, effects.InputBias])
@@ -343,6 +356,7 @@ def test_the_catalogue_and_the_targets_can_be_narrowed(friction):
     assert suspects == [("coulomb_friction", "omega"), ("input_bias", "torque")]
 
 
+@pytest.mark.slow
 def test_of_an_effect_that_the_model_was_extended_by_a_number_may_be_wrong():
     golf = systems.golf_robot()
     hidden = make_hidden_effect(golf, "coulomb_friction", random_state=SEED, **RECORDS)
@@ -363,6 +377,7 @@ def test_too_little_data_is_refused():
         ModelDiagnosis(golf).fit(np.column_stack([t, np.sin(t)]), np.sin(t))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seen", [1, 5])
 def test_a_record_of_which_hardly_a_sample_is_seen_does_no_harm(seen):
     hidden = make_hidden_effect(
@@ -381,6 +396,7 @@ def test_an_output_that_never_changes_is_refused():
         ModelDiagnosis(golf).fit(np.column_stack([t, np.sin(t)]), np.zeros(100))
 
 
+@pytest.mark.slow
 def test_an_interval_tells_how_far_the_held_friction_of_the_model_may_be_off():
     hidden = make_hidden_effect(
         systems.cart_on_spring(),
@@ -416,6 +432,7 @@ def smooth_input(request):
     return request.param, ModelDiagnosis(prior, catalogue=catalogue).fit(np.c_[t, F], q)
 
 
+@pytest.mark.slow
 def test_records_tell_how_inputs_run_between_samples(smooth_input):
     hold, diagnosis = smooth_input
     assert diagnosis.hold_ == hold
@@ -450,6 +467,7 @@ def leaned_on():
     return cart, pd.concat(X), np.concatenate(y)
 
 
+@pytest.mark.slow
 def test_a_slow_disturbance_from_outside_gets_no_name():
     """What a memory explains from a free start in every window, it does not in free run."""
     cart, X, y = leaned_on()
@@ -459,6 +477,7 @@ def test_a_slow_disturbance_from_outside_gets_no_name():
     assert "coloured noise or a disturbance" in remaining_sentence(diagnosis)
 
 
+@pytest.mark.slow
 def test_play_without_width_is_a_lag_at_its_place_among_the_others():
     """Beside a delay the fit of a lag may end elsewhere; that of the play tells where it is."""
     servo = PhysicsModel({"x": "m"}, {"x": "K*u"}, {"K": 0.1}, {"u": "V"})

@@ -45,6 +45,7 @@ def rivals_of(evidence, resembling=(), beside=(), equal=()):
         return find_rivals(search, trial_of(*beside, CAUSE), CAUSE)
 
 
+@pytest.mark.slow
 @given(st.floats(-100, 100))
 def test_a_rival_is_what_the_cause_does_not_refute(evidence):
     found = rivals_of({LIKE: evidence})

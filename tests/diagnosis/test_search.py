@@ -38,6 +38,7 @@ def plain(rubbing):
 # -- the same records, told otherwise --------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_the_hidden_friction_is_named_with_its_size(plain):
     assert plain.verdict_ == "cause_named"
     (cause,) = plain.causes_
@@ -60,16 +61,19 @@ def assert_same(found, expected, unit=1.0):
     assert found.remaining_.kind == expected.remaining_.kind
 
 
+@pytest.mark.slow
 def test_the_order_of_the_candidates_does_not_matter(rubbing, plain):
     assert_same(diagnose(*rubbing, catalogue=KINDS[::-1]), plain)
 
 
+@pytest.mark.slow
 def test_the_order_of_the_records_does_not_matter(rubbing, plain):
     X, y = rubbing
     last = X.index[::-1].to_numpy().reshape(3, -1)[:, ::-1].ravel()
     assert_same(diagnose(X.loc[last], y.loc[last]), plain)
 
 
+@pytest.mark.slow
 def test_the_unit_of_an_output_does_not_matter(rubbing):
     X, y = rubbing
     found = [
@@ -79,6 +83,7 @@ def test_the_unit_of_an_output_does_not_matter(rubbing):
     assert_same(*found)
 
 
+@pytest.mark.slow
 def test_the_units_of_the_whole_model_do_not_matter(rubbing, plain):
     """Newtons as millinewtons: mass and damping in grams, the same speeds."""
     X, y = rubbing
@@ -87,11 +92,13 @@ def test_the_units_of_the_whole_model_do_not_matter(rubbing, plain):
     assert_same(diagnose(X.assign(F=1e3 * X["F"]), y, small), plain, unit=1e3)
 
 
+@pytest.mark.slow
 def test_the_origin_of_the_time_does_not_matter(rubbing, plain):
     X, y = rubbing
     assert_same(diagnose(X.assign(t=X["t"] + 1.7e9), y), plain)
 
 
+@pytest.mark.slow
 def test_a_gap_in_a_record_does_not_matter(rubbing, plain):
     X, y = rubbing
     lost = (X["trajectory"] == 1) & X["t"].between(4.0, 6.0)
@@ -102,6 +109,7 @@ def test_a_gap_in_a_record_does_not_matter(rubbing, plain):
     assert level.low <= LEVEL <= level.high
 
 
+@pytest.mark.slow
 def test_more_records_make_it_more_certain(plain):
     X, y = drive(SLEDGE + effects.CoulombFriction("v", level=LEVEL), n_records=6, seed=1)
     (more,), (less,) = diagnose(X, y).causes_, plain.causes_
@@ -132,6 +140,7 @@ def evidence(fitter, without, with_):
     return CRITERION.evidence(fitter.held_out(without), fitter.held_out(with_))
 
 
+@pytest.mark.slow
 def test_a_comparison_has_the_same_answer_whatever_was_asked_before(fitter, rubbing):
     first = evidence(fitter, fitter.base(), fitted(fitter, effects.CoulombFriction))
     for kinds in (KINDS[:1], KINDS[2:3], KINDS[2:4], KINDS[1:3]):

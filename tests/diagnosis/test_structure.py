@@ -69,6 +69,7 @@ def test_one_group_proves_nothing():
     assert not _is_positive(np.zeros(8), ALPHA)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["white", "first order", "wandering"])
 def test_noise_of_any_colour_has_no_structure(fitted, kind):
     rng, draws, alpha = np.random.default_rng(0), 10, 0.05
@@ -125,6 +126,7 @@ def test_less_than_the_smallest_share_is_not_worth_saying(fitted):
     assert not find_structure(problem, trial, ALPHA, 0.9).is_significant
 
 
+@pytest.mark.slow
 def test_units_of_the_residuals_do_not_matter(fitted):
     problem = fitted[0]
     u = problem.windows.u[:, 0] + np.random.default_rng(0).normal(size=len(problem.windows.u))
@@ -135,6 +137,7 @@ def test_units_of_the_residuals_do_not_matter(fitted):
     assert one.skill["v"] == pytest.approx(other.skill["v"], rel=1e-3)
 
 
+@pytest.mark.slow
 def test_the_states_it_asks_are_those_of_a_free_run(fitted):
     """Noise of the sensor does not explain itself: no feature has seen the measured outputs."""
     problem, base = fitted

@@ -133,6 +133,7 @@ def friction_that_grows_with_the_deflection():
     return hidden, ModelDiagnosis(hidden.prior).fit(hidden.X, hidden.y)
 
 
+@pytest.mark.slow
 @pytest.mark.core
 def test_what_has_no_name_is_placed_and_described(friction_that_grows_with_the_deflection):
     _, diagnosis = friction_that_grows_with_the_deflection
@@ -148,6 +149,7 @@ def test_what_has_no_name_is_placed_and_described(friction_that_grows_with_the_d
     assert diagnosis.data_quality_ == ()
 
 
+@pytest.mark.slow
 @pytest.mark.core
 def test_parameters_are_those_of_the_model_with_the_formula(
     friction_that_grows_with_the_deflection,
@@ -158,6 +160,7 @@ def test_parameters_are_those_of_the_model_with_the_formula(
         assert found.value == pytest.approx(hidden.truth.parameters[name].value, rel=0.05)
 
 
+@pytest.mark.slow
 def test_its_formula_mends_the_model(friction_that_grows_with_the_deflection):
     hidden, diagnosis = friction_that_grows_with_the_deflection
     mended = ModelDiagnosis(diagnosis.discrepancy_.model).fit(hidden.X, hidden.y)
@@ -166,6 +169,7 @@ def test_its_formula_mends_the_model(friction_that_grows_with_the_deflection):
 
 
 @pytest.mark.core
+@pytest.mark.slow
 def test_it_is_said_in_json_and_survives_pickling(friction_that_grows_with_the_deflection):
     _, diagnosis = friction_that_grows_with_the_deflection
     said = json.loads(json.dumps(diagnosis.to_dict(), allow_nan=False))["unexplained"]
@@ -175,6 +179,7 @@ def test_it_is_said_in_json_and_survives_pickling(friction_that_grows_with_the_d
 
 
 @pytest.mark.core
+@pytest.mark.slow
 def test_the_report_shows_it(friction_that_grows_with_the_deflection, tmp_path):
     _, diagnosis = friction_that_grows_with_the_deflection
     diagnosis.to_html(tmp_path / "report.html")
@@ -183,6 +188,7 @@ def test_the_report_shows_it(friction_that_grows_with_the_deflection, tmp_path):
     assert "What has no name" in text
 
 
+@pytest.mark.slow
 def test_a_model_with_a_formula_may_miss_another_term():
     hidden = hide("v", "v*x**2", -24.0)
     first = Formula("v", ("x**2",), (0.1,))
@@ -194,6 +200,7 @@ def test_a_model_with_a_formula_may_miss_another_term():
     assert set(part.model.parameters) == {*hidden.prior.parameters, "c1_v", "c2_v"}
 
 
+@pytest.mark.slow
 def test_a_bent_sensor_is_told_from_a_force():
     hidden = hide("position", "x**2", 0.25)
     diagnosis = ModelDiagnosis(hidden.prior).fit(hidden.X, hidden.y)
@@ -204,6 +211,7 @@ def test_a_bent_sensor_is_told_from_a_force():
     )
 
 
+@pytest.mark.slow
 def test_nothing_nameless_is_seen_where_a_known_effect_is_hidden():
     hidden = make_hidden_effect(
         systems.cart_on_spring(), "coulomb_friction", random_state=3, **RECORDS
@@ -213,6 +221,7 @@ def test_nothing_nameless_is_seen_where_a_known_effect_is_hidden():
     assert diagnosis.to_dict()["unexplained"] is None
 
 
+@pytest.mark.slow
 def test_two_known_causes_are_not_given_up_for_a_formula_of_as_many_numbers():
     pendulum = PhysicsModel(
         {"phi": "rad", "w": "rad/s"},
@@ -230,6 +239,7 @@ def test_two_known_causes_are_not_given_up_for_a_formula_of_as_many_numbers():
     assert diagnosis.discrepancy_ is None
 
 
+@pytest.mark.slow
 def test_a_sensor_that_sees_the_magnitude_is_named():
     cart = PhysicsModel(
         {"v": "m/s"},

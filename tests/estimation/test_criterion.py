@@ -103,6 +103,7 @@ def evidence_for_a_regressor(signal, noise, folds=4):
     return log_likelihood_ratio(none, one)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kept", [0.0, 0.9, 0.97])
 def test_false_alarms_are_no_more_frequent_than_alpha(kept):
     rng, draws = np.random.default_rng(1), 1000
@@ -113,6 +114,7 @@ def test_false_alarms_are_no_more_frequent_than_alpha(kept):
     assert alarms <= ALPHA + 2 * np.sqrt(ALPHA / draws)
 
 
+@pytest.mark.slow
 def test_power_grows_with_the_data_and_coloured_noise_counts_for_less():
     def power(kept, samples):
         rng = np.random.default_rng(2)

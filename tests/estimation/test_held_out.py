@@ -221,6 +221,7 @@ def test_records_that_make_too_few_windows_are_refused(sizes):
         ModelDiagnosis(CART).fit(*drive(sizes))
 
 
+@pytest.mark.slow
 def test_records_that_make_few_windows_are_warned_of_at_the_top():
     diagnosis = ModelDiagnosis(CART, catalogue=()).fit(*drive((55, 54)))
     first = diagnosis.data_quality_[0]
@@ -285,6 +286,7 @@ def test_the_regressor_refuses_such_lengths_too(window_length):
 # -- few samples a period --------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_hardening_spring_at_nine_samples_a_period_is_named_and_its_error_is_true():
     omega, noise = 2 * np.pi * 68, 6e-4
     rates = {"x": "v", "v": "w2*(g*u - x) - d*v"}

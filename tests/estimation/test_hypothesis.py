@@ -18,6 +18,7 @@ OVEN = PhysicsModel(
 )
 
 
+@pytest.mark.slow
 def test_an_effect_that_a_parameter_holds_is_no_suspect():
     golf = systems.golf_robot()
     assert same_parameter(golf, effects.ViscousFriction("omega")) == "d"

@@ -13,6 +13,7 @@ from sklearn_pgnn.simulation.window_fit import fit_windows
 from sklearn_pgnn.trajectories import read_records
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [2, 5])
 def test_ways_through_zero_are_fitted_with_either_sign(seed):
     """Where a sensor shows the magnitude only, the true model leaves noise in every window."""

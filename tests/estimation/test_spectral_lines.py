@@ -9,6 +9,7 @@ from sklearn_pgnn.estimation.spectral_lines import tones_left
 from sklearn_pgnn.trajectories import read_records
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("frequency", [0.83, 7.3, 23.1])
 def test_a_tone_in_what_is_left_is_heard_through_noise_of_four_times_its_power(frequency):
     hidden = make_hidden_effect(n_records=3, duration=8, sample_rate=60, random_state=0)

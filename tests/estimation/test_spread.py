@@ -41,6 +41,7 @@ def test_a_share_of_zero_is_zero():
     assert Parameter("d", 0.0, spread=math.inf).reach == math.inf
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("damping", [{"value": 0.0}, {"value": 0.0, "bounds": (0, 10)}])
 def test_a_parameter_of_value_zero_hides_no_cause(damping, drawn):
     without = ModelDiagnosis(sledge(), catalogue=CATALOGUE).fit(*drawn)

@@ -68,6 +68,7 @@ def test_the_noise_of_all_records_is_that_of_the_stretches(small_budget):
 KINDS = (effects.ConstantLoad, effects.CoulombFriction, effects.QuadraticDrag)
 
 
+@pytest.mark.slow
 def test_what_is_found_on_stretches_is_judged_on_all_records(small_budget):
     X, y = drive(SLEDGE + effects.CoulombFriction("v", level=LEVEL), n_records=3, samples=2000)
     diagnosis = ModelDiagnosis(SLEDGE, catalogue=KINDS).fit(X, y)

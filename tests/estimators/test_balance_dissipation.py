@@ -43,6 +43,7 @@ def net():
     return PGNNLRegressor(CART, lambda_phy=0.1, physics_loss=OWN, **QUICK).fit(X, Y)
 
 
+@pytest.mark.slow
 def test_the_parameter_is_found(net):
     assert net.dissipation_["c"] == pytest.approx(0.5, rel=0.1)
     assert net.model_.parameters["c"].value == net.dissipation_["c"]
@@ -50,6 +51,7 @@ def test_the_parameter_is_found(net):
     assert "c" not in CART.parameters
 
 
+@pytest.mark.slow
 def test_the_residual_is_that_of_the_trained_balance(net):
     own, priors = (
         np.nanmean(each.physics_residual(X) ** 2)
@@ -58,6 +60,7 @@ def test_the_residual_is_that_of_the_trained_balance(net):
     assert own < 0.2 * priors
 
 
+@pytest.mark.slow
 def test_it_survives_copies(net):
     for again in (copy.deepcopy(net), pickle.loads(pickle.dumps(net))):
         assert np.array_equal(again.predict(X), net.predict(X))

@@ -54,6 +54,7 @@ def net():
     return PGNNLRegressor(CART, **QUICK).fit(X, Y)
 
 
+@pytest.mark.slow
 def test_a_lost_power_is_learnt(net):
     without = rms(CART.simulate(NEW["t"][:150], NEW["force"][:150], [0, 0]).y - NEW_Y[:150])
     assert rms(net.predict(NEW) - NEW_Y) < 0.05 * without
@@ -68,6 +69,7 @@ def test_it_only_slows_down(net):
     assert energy[-1] < 1e-2 * energy[0]
 
 
+@pytest.mark.slow
 def test_what_drives_is_not_learnt_but_does_no_harm():
     given, y = records(DRIVEN)
     net = PGNNLRegressor(CART, **QUICK).fit(given, y)
@@ -89,22 +91,26 @@ def test_step_by_step_it_is_the_free_run(net):
     assert np.array(run) == pytest.approx(net.predict(NEW)[1:41], rel=1e-9, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_a_few_samples_ahead(net):
     ahead = net.predict_ahead(NEW, NEW_Y, steps=3)
     assert rms(ahead - NEW_Y) < 1.1 * rms(net.predict(NEW) - NEW_Y) + 1e-3
 
 
+@pytest.mark.slow
 def test_parameters_that_measure_no_speed_may_be_free():
     net = PGNNLRegressor(CART.with_parameters(k=4.2), free=["k"], **QUICK).fit(X, Y)
     assert net.parameters_["k"].value == pytest.approx(4.0, rel=0.02)
 
 
+@pytest.mark.slow
 def test_rollouts_and_a_hidden_state():
     options = {**QUICK, "module": Recurrent, "horizon": 5, "rollout_epochs": 2, "max_epochs": 2}
     net = PGNNLRegressor(CART, **options).fit(X, Y)
     assert np.isfinite(net.predict(NEW)).all()
 
 
+@pytest.mark.slow
 def test_it_goes_with_a_balance():
     net = PGNNLRegressor(CART, lambda_phy=0.1, **{**QUICK, "refine_max_iter": 5}).fit(X, Y)
     assert np.isfinite(net.physics_residual(NEW)[1:5]).all()

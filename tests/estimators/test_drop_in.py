@@ -57,6 +57,7 @@ def behind_physics(regressor):
 # -- searches, scores, targets, tables -------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("regressor", [FOREST, Ridge()], ids=["forest", "ridge"])
 def test_any_regressor_stands_behind_the_physics(golf, regressor):
     X, y = golf
@@ -67,6 +68,7 @@ def test_any_regressor_stands_behind_the_physics(golf, regressor):
     assert scores.min() > alone.max() + 0.2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("regressor", "grid"),
     [
@@ -83,6 +85,7 @@ def test_grid_search(golf, regressor, grid):
     assert search.predict(X).shape == y.shape
 
 
+@pytest.mark.slow
 def test_halving_search_saves_trees_instead_of_samples(golf):
     X, y = golf
     search = HalvingRandomSearchCV(

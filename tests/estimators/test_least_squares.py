@@ -87,6 +87,7 @@ def test_a_start_that_diverges_is_left_alone():
     assert costs == []
 
 
+@pytest.mark.slow
 def test_by_default_a_hidden_cubic_spring_is_learnt_to_the_noise():
     model = PhysicsModel(
         states={"x": "m", "v": "m/s"},

@@ -57,6 +57,7 @@ def quick():
     return PGNNLRegressor(OFF, free="all", **QUICK).fit(X, Y)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:k went to the end")
 def test_what_the_network_cannot_say_the_parameters_do():
     net = PGNNLRegressor(OFF, free="all", corrects=["v"], sees=["x"], module__neurons=5).fit(X, Y)
@@ -69,6 +70,7 @@ def test_what_the_network_cannot_say_the_parameters_do():
     assert stiffness.high - stiffness.low > 0.4 * stiffness.value
 
 
+@pytest.mark.slow
 def test_derivatives_by_parameters_and_weights_are_those_of_differences(monkeypatch):
     looked = []
 
@@ -96,6 +98,7 @@ def test_by_default_the_model_is_taken_as_it_is():
     assert net.model_ is net.model
 
 
+@pytest.mark.slow
 def test_parameters_stay_inside_their_spread_and_the_model_given_stays_as_it_is():
     model = prior(0.01, m=0.8, d=1.2, k=0.8)
     with pytest.warns(UserWarning, match="went to the end of what spread or bounds allow"):
@@ -107,6 +110,7 @@ def test_parameters_stay_inside_their_spread_and_the_model_given_stays_as_it_is(
     assert net.model is model
 
 
+@pytest.mark.slow
 def test_it_survives_copies_and_goes_on_from_where_it_was(quick, tmp_path):
     joblib.dump(quick, tmp_path / "net")
     for twin in (joblib.load(tmp_path / "net"), copy.deepcopy(quick)):

@@ -75,6 +75,7 @@ def simulated(model, X):
 # -- what it learns --------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_hidden_spring_is_learnt(seed):
     given, y = records(HARDENING, seed=seed, noise=1e-3)
@@ -88,6 +89,7 @@ def test_hidden_spring_is_learnt(seed):
     assert error < rms(plain.predict(other) - truth)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("structure", ["output", "increment", "correction"])
 def test_exact_model_is_not_harmed(structure):
     given, y = records(CART, noise=1e-3)
@@ -101,6 +103,7 @@ def test_exact_model_is_not_harmed(structure):
         assert net.score(other, truth) > 0.9
 
 
+@pytest.mark.slow
 def test_noiseless_exact_model_stays_exact():
     given, y = records(CART)
     other, truth = records(CART, n_records=2, seed=9)
@@ -117,6 +120,7 @@ def test_a_model_is_corrected_where_it_foretells_most_of_the_motion(left, struct
     assert choose_structure(measured, foretold, begun) == structure
 
 
+@pytest.mark.slow
 def test_structure_follows_the_model():
     def chosen(model, table, y):
         options = {"max_epochs": 1, "refine": None, "module__neurons": 2}
@@ -145,6 +149,7 @@ def test_a_stepper_refuses_what_is_no_state_and_no_input():
         net.stepper().step([0.1, 2.0])
 
 
+@pytest.mark.slow
 def test_several_outputs():
     both = CART.replace(outputs={"position": "x", "speed": "v"})
     y = np.column_stack([Y, X["v"]])
@@ -177,6 +182,7 @@ def test_output_that_sees_the_input_at_once():
     assert felt == pytest.approx(0.1 * force, abs=0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("every", [3, 25])
 def test_output_measured_now_and_then(every):
     seldom = np.full(len(Y), np.nan)
@@ -203,6 +209,7 @@ def test_short_trajectory_among_long_ones():
     assert net.predict(X[:1]) == pytest.approx(X["x"].iloc[0])
 
 
+@pytest.mark.slow
 def test_names_of_columns_make_no_difference():
     called = HARDENING.replace(columns={"position": "pos", "force": "F", "x": "place", "t": "s"})
     table = X.rename(columns=dict(called.columns))
@@ -246,6 +253,7 @@ def test_another_authors_module():
         net.stepper()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("structure", ["increment", "correction"])
 def test_recurrent_core(structure):
     net = PGNNLRegressor(
@@ -265,6 +273,7 @@ def test_core_that_cannot_be(options):
         quick(**{f"module__{name}": options[name]}).fit(X, Y)
 
 
+@pytest.mark.slow
 def test_plain_network_of_a_machine():
     given, y = records(CART)
     other, truth = records(CART, n_records=2, seed=9)
@@ -301,6 +310,7 @@ def test_plain_network_that_cannot_be(options, message):
         PGNNLRegressor(**options).fit(X, Y)
 
 
+@pytest.mark.slow
 def test_plain_network_of_tables_with_names():
     y = np.column_stack([Y, X["v"]])
     table = pd.DataFrame(y, columns=["angle", "speed"])
@@ -310,6 +320,7 @@ def test_plain_network_of_tables_with_names():
     assert np.array_equal(net.predict(NEW), named.predict(NEW))
 
 
+@pytest.mark.slow
 def test_repr_is_short_and_says_what_was_chosen():
     text = repr(PGNNLRegressor(LAG, lambda_phy=0.1, module__neurons=3, callbacks="disable"))
     assert text.startswith("PGNNLRegressor(")
@@ -320,6 +331,7 @@ def test_repr_is_short_and_says_what_was_chosen():
     assert repr(quick().fit(X, Y)) == repr(quick())
 
 
+@pytest.mark.slow
 def test_independent_rows():
     rng = np.random.default_rng(0)
     A = rng.normal(size=(300, 3)) * [1, 100, 1e-3] + [5, -1e3, 0]
@@ -363,6 +375,7 @@ def test_parameters_that_are_none(options, message):
 # -- leakage ---------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "net",
     [
@@ -387,12 +400,14 @@ def test_states_after_the_first_row_are_not_read(net):
     assert not np.allclose(expected.predict(moved), expected.predict(X))
 
 
+@pytest.mark.slow
 def test_prediction_is_causal():
     net = quick(structure="correction").fit(X, Y)
     cut = X[X["trajectory"] == 0]
     assert np.array_equal(net.predict(cut[:100]), net.predict(cut)[:100])
 
 
+@pytest.mark.slow
 def test_rows_may_be_interleaved():
     net = quick().fit(X, Y)
     mixed = X.sort_values("t", kind="stable")
@@ -403,6 +418,7 @@ def test_rows_may_be_interleaved():
 # -- one step at a time ----------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("guide", [None, "simulation", "step"])
 @pytest.mark.parametrize("piped", [False, True], ids=["alone", "in a pipeline"])
 def test_stepper_is_the_prediction(guide, piped):
@@ -416,6 +432,7 @@ def test_stepper_is_the_prediction(guide, piped):
     assert stepper.t == pytest.approx(one["t"].iloc[-1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("structure", ["increment", "correction"])
 @pytest.mark.parametrize("delay", [0.013, 0.02, 0.11])
 def test_stepper_remembers_late_inputs(structure, delay):
@@ -427,6 +444,7 @@ def test_stepper_remembers_late_inputs(structure, delay):
     assert found == pytest.approx(net.predict(one)[1:], rel=1e-9, abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("delay", [None, 0.05])
 def test_stepper_gives_outputs_that_depend_on_the_input_itself(delay):
     felt = CART.replace(outputs={"felt": "x + 0.1*force"})
@@ -441,6 +459,7 @@ def test_stepper_gives_outputs_that_depend_on_the_input_itself(delay):
     assert found == pytest.approx(net.predict(one), rel=1e-9, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_stepper_with_further_columns():
     table = X.assign(heat=np.sin(np.arange(len(X)) / 50))
     net = quick().fit(table, Y)
@@ -454,6 +473,7 @@ def test_stepper_with_further_columns():
 # -- further columns -------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_further_column_is_learnt():
     """The spring is stiffer when it is cold: only a further column tells."""
     frames, outputs = [], []
@@ -470,6 +490,7 @@ def test_further_column_is_learnt():
     assert error < 0.5 * rms(blind.predict(table[~train].drop(columns="cold")) - y[~train])
 
 
+@pytest.mark.slow
 def test_further_column_that_is_no_number():
     with pytest.raises(RecordError, match=r"column 'shift' is not numeric. Remedy: encode it"):
         quick().fit(X.assign(shift="late"), Y)
@@ -485,6 +506,7 @@ def test_further_column_that_is_no_number():
 # -- skorch ----------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_history_tells_of_every_phase():
     net = quick(horizon=5, rollout_epochs=3, max_epochs=4).fit(X, Y)
     history = net.history
@@ -545,6 +567,7 @@ def test_callbacks_of_skorch(tmp_path):
     assert np.array_equal(other.predict(NEW), expected)
 
 
+@pytest.mark.slow
 def test_checkpoint_sees_the_last_phase(tmp_path):
     saved = Checkpoint(dirname=tmp_path, monitor="free_run_best")
     net = quick(callbacks=[saved], max_epochs=2, module__neurons=5, refine_max_iter=20)
@@ -555,6 +578,7 @@ def test_checkpoint_sees_the_last_phase(tmp_path):
     assert np.array_equal(net.predict(NEW), expected)
 
 
+@pytest.mark.slow
 def test_verbose_prints_epochs(capsys):
     quick(verbose=1).fit(X, Y)
     printed = capsys.readouterr().out
@@ -580,10 +604,12 @@ def test_training_goes_on(way):
     assert losses[-1] < 0.8 * first
 
 
+@pytest.mark.slow
 def test_partial_fit_begins_where_there_is_nothing():
     assert np.array_equal(quick().partial_fit(X, Y).predict(X), quick().fit(X, Y).predict(X))
 
 
+@pytest.mark.slow
 def test_training_on_never_makes_it_worse():
     net = quick().fit(X, Y)
     first = net.free_run_error_
@@ -592,6 +618,7 @@ def test_training_on_never_makes_it_worse():
     assert net.free_run_error_ <= first
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "options",
     [
@@ -614,6 +641,7 @@ def test_options(options):
     assert np.isnan(net.free_run_error_) == (options.get("validation_fraction") == 0)
 
 
+@pytest.mark.slow
 def test_set_params_reaches_the_core():
     net = quick().set_params(module__neurons=5, module__layers=1).fit(X, Y)
     assert net.module_.core.sizes[1:-1] == (5,)
@@ -623,6 +651,7 @@ def test_set_params_reaches_the_core():
         quick(module_neurons=3).fit(X, Y)
 
 
+@pytest.mark.slow
 def test_parameters_are_those_of_the_constructor():
     before = set(quick().get_params(deep=False))
     net = quick().fit(X, Y)
@@ -635,6 +664,7 @@ def test_parameters_are_those_of_the_constructor():
 # -- scikit-learn ----------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_seed_decides_and_nothing_else_changes():
     torch.manual_seed(3)
     expected = torch.random.get_rng_state()
@@ -665,6 +695,7 @@ def test_not_fitted():
     assert not hasattr(net, "predict_proba")
 
 
+@pytest.mark.slow
 def test_columns_must_be_the_same():
     net = quick().fit(X.assign(heat=1.0), Y)
     with pytest.raises(ValueError, match="heat"):

@@ -347,6 +347,7 @@ X, Y = cart_records()
 HEAVY_X, HEAVY_Y = cart_records(truth=CART.with_parameters(d=6.0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("structure", ["increment", "correction"])
 def test_loss_is_the_same_number_with_and_without_a_scaler(structure):
     options = {
@@ -383,6 +384,7 @@ def test_scaler_over_everything_is_refused():
         small(CART, lambda_phy=0.2).fit(X, (Y - Y.mean()) / Y.std())
 
 
+@pytest.mark.slow
 def test_no_weight_is_the_loss_of_the_errors():
     one = small(CART, structure="increment").fit(HEAVY_X, HEAVY_Y)
     other = small(CART.replace(energy={}), structure="increment").fit(HEAVY_X, HEAVY_Y)
@@ -417,6 +419,7 @@ def test_loss_is_the_convex_combination(lambda_phy):
     assert loss == pytest.approx((1 - lambda_phy) * error + lambda_phy * physics, rel=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1])
 def test_more_weight_makes_it_more_consistent(seed):
     """The plant loses energy that the balance does not know: the two losses are at odds."""
@@ -510,6 +513,7 @@ def test_rows_of_physics_residual_are_the_rows_of_the_table():
     pd.testing.assert_series_equal(found.sort_index(), expected)
 
 
+@pytest.mark.slow
 def test_physics_residual_says_what_is_missing():
     lag = small(LAG).fit(*lag_records())
     with pytest.raises(ValueError, match=r"expected a model with 'energy'.*Remedy"):

@@ -188,6 +188,7 @@ def shaken():
     return t[:, None], run.y + 1e-3 * np.random.default_rng(0).standard_normal(run.y.shape)
 
 
+@pytest.mark.slow
 def test_global_search_finds_what_a_local_fit_misses(shaken):
     local = PhysicsModelRegressor(SHAKEN, search="local", window_length=4.0).fit(*shaken)
     found = PhysicsModelRegressor(SHAKEN, search="auto", window_length=4.0).fit(*shaken)
@@ -299,6 +300,7 @@ def test_copies_give_the_same_numbers(fitted):
     assert np.array_equal(again.predict(X), expected)
 
 
+@pytest.mark.slow
 def test_another_process_gives_the_same_numbers(fitted, tmp_path):
     joblib.dump((fitted, X), tmp_path / "fitted.joblib")
     script = (

@@ -84,6 +84,7 @@ def test_model_without_error_is_left_alone():
     assert ResidualRegressor(CART).fit(X, Y_PHY).predict(NEW) == pytest.approx(NEW_PHY, abs=1e-4)
 
 
+@pytest.mark.slow
 def test_golf_robot_is_predicted_better_than_by_its_model():
     prior = systems.golf_robot()
     records, y = datasets.make_golf_robot(sample_rate=200, duration=5)
@@ -272,6 +273,7 @@ def test_copies_give_the_same_numbers():
     assert np.array_equal(clone(residual).fit(X, Y).predict(NEW), expected)
 
 
+@pytest.mark.slow
 def test_another_process_gives_the_same_numbers(tmp_path):
     residual = ResidualRegressor(CART).fit(X, Y)
     joblib.dump((residual, NEW), tmp_path / "fitted.joblib")

@@ -288,6 +288,7 @@ def test_gaps_uneven_clocks_and_missing_outputs_are_legal():
     assert coefficients(fitted, "v") == pytest.approx(truth, rel=0.02)
 
 
+@pytest.mark.slow
 def test_records_of_other_sampling_rates_go_together():
     slow, fast = records_of(LAG, rate=100.0), records_of(LAG, rate=400.0, seed=1)
     slow[0]["trajectory"] += 10
@@ -407,6 +408,7 @@ def test_the_identified_model_goes_in_again(spring):
     assert rms(refined.predict(SPRING_X) - clean) < rms(spring.predict(SPRING_X) - clean)
 
 
+@pytest.mark.slow
 def test_the_golf_robot_needs_the_terms_of_its_friction():
     prior, kind = systems.golf_robot(), {"duration": 5.0, "sample_rate": 200.0}
     X, y = datasets.make_golf_robot(4, **kind)
@@ -533,6 +535,7 @@ def test_pysindy_missing_is_said(monkeypatch):
         SINDYcRegressor().fit(np.eye(3), np.ones(3))
 
 
+@pytest.mark.slow
 def test_survives_joblib_in_another_process(tmp_path, spring):
     joblib.dump((spring, SPRING_X), tmp_path / "fitted.joblib")
     script = (

@@ -68,6 +68,7 @@ def test_a_scheduler_decides_over_the_rate_of_every_step():
     assert noted == pytest.approx(rates)  # and none in the last phase, where no step is its
 
 
+@pytest.mark.slow
 def test_without_a_scheduler_the_rate_decays_by_a_cosine():
     _, rates = rates_of()
     expected = 0.01 * (1 + np.cos(np.pi * np.arange(6) / 6)) / 2
@@ -131,6 +132,7 @@ def test_an_interrupt_ends_all_phases():
     assert phases_of(net) == (1, 0)
 
 
+@pytest.mark.slow
 def test_history_holds_the_validation_loss():
     net = PGNNLRegressor(LAG, **QUICK).fit(X, Y)
     errors = np.array(net.history[:, "free_run"])
@@ -140,6 +142,7 @@ def test_history_holds_the_validation_loss():
     assert all("valid_loss" not in row for row in none.history)
 
 
+@pytest.mark.slow
 def test_checkpoint_keeps_and_loads_the_best(tmp_path):
     checkpoint = Checkpoint(dirname=tmp_path, load_best=True)
     net = PGNNLRegressor(LAG, callbacks=[checkpoint], **QUICK).fit(X, Y)
@@ -153,6 +156,7 @@ def test_checkpoint_keeps_and_loads_the_best(tmp_path):
 # -- scores ----------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_scores_are_of_free_runs_of_the_tables_rows():
     seen = []
 

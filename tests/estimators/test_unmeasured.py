@@ -49,12 +49,14 @@ def same(one, other):
     return np.array_equal(one.predict(X), other.predict(X))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("options", [{}, {"horizon": 4, "rollout_epochs": 2}, {"free": ["k"]}])
 def test_without_a_weight_they_count_for_nothing(options):
     both = [quick(**options).fit(X, BLIND), quick(**options).fit(X[SEEN], Y[SEEN])]
     assert same(*both)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("phase", [{"refine": None}, {"max_epochs": 1}])
 def test_with_a_weight_they_count(phase):
     given = {"lambda_phy": 0.5, **phase}
@@ -77,6 +79,7 @@ def test_scaling_and_validation_are_of_the_measured_ones_alone():
     assert np.array_equal(one._spread, other._spread)
 
 
+@pytest.mark.slow
 def test_physics_holds_better_where_nothing_was_measured():
     rng = np.random.default_rng(0)
     rough = BLIND + 0.05 * rng.normal(size=BLIND.shape)
@@ -117,6 +120,7 @@ def test_score_leaves_them_out():
     assert net.score(X, BLIND, weights) == net.score(X[SEEN], Y[SEEN], weights[SEEN])
 
 
+@pytest.mark.slow
 def test_folds_test_what_was_measured():
     folds = list(TrajectoryKFold(3).split(X, BLIND))
     for train, test in folds:

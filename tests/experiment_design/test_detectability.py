@@ -80,6 +80,7 @@ def named(diagnosis, kind, target, value, seed):
     return [(cause.effect, cause.target) for cause in found.causes_]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", TRIED)
 def test_the_diagnosis_finds_twice_the_smallest_size_and_misses_a_quarter(
     kind, diagnosis, detectability
@@ -91,6 +92,7 @@ def test_the_diagnosis_finds_twice_the_smallest_size_and_misses_a_quarter(
         assert named(diagnosis, kind, row.target, row.smallest / 4, seed) == []
 
 
+@pytest.mark.slow
 def test_the_table_has_a_row_an_effect_with_its_unit(detectability):
     table = detectability.to_frame().set_index("effect")
     assert table.index.tolist() == [kind.id for kind in TRIED]
@@ -103,6 +105,7 @@ def test_the_table_has_a_row_an_effect_with_its_unit(detectability):
     assert (powers[:, 0] < 0.1).all()
 
 
+@pytest.mark.slow
 def test_more_noise_makes_every_smallest_size_larger(detectability):
     table = records(noise=1e-2)
     noisy = ModelDiagnosis(cart(), catalogue=()).fit(
@@ -113,6 +116,7 @@ def test_more_noise_makes_every_smallest_size_larger(detectability):
         assert 2 < loud.smallest / quiet.smallest < 8
 
 
+@pytest.mark.slow
 def test_what_can_never_be_seen_comes_with_its_reason(diagnosis):
     seen = diagnosis.detectability((effects.InputSaturation, effects.ViscousFriction), ["F"])
     (saturation,) = seen.rows
@@ -213,6 +217,7 @@ def test_a_parameter_that_is_zero_has_a_size_too():
     assert table.to_frame().loc[0, "power at 1x"] >= 0.9
 
 
+@pytest.mark.slow
 def test_verify_runs_the_diagnosis_itself(diagnosis):
     rows = diagnosis.detectability((effects.InputDelay,), verify=True, power=0.95).rows
     assert [row.found for row in rows] == [True]

@@ -77,6 +77,7 @@ def test_two_parameters_that_the_equations_tell_apart_are_not_the_same():
     assert are_equivalent(golf, effects.InputBias("torque"), effects.ConstantLoad("omega"))
 
 
+@pytest.mark.slow
 def test_what_the_prior_cannot_tell_apart_another_cause_may():
     t = np.arange(0, 8, 0.02)
     inputs = [20 * np.sin((1 + r) * t) + 8 * np.sin((3 + r) * t) for r in range(4)]
@@ -97,6 +98,7 @@ def loaded():
     return diagnose(table, (effects.ConstantLoad, effects.InputBias, effects.SensorBias))
 
 
+@pytest.mark.slow
 def test_what_no_experiment_separates_is_said_so(loaded, tmp_path, capsys):
     (cause,) = loaded.causes_
     assert cause.equivalent == tuple((o.effect, o.target) for o in cause.confused_with)
@@ -121,6 +123,7 @@ def slow():
     return machine, inputs, t, diagnose(table, (effects.InputDelay, effects.ActuatorLag))
 
 
+@pytest.mark.slow
 def test_the_experiment_proposed_tells_which_it_is(slow):
     machine, inputs, t, diagnosis = slow
     assert diagnosis.verdict_ == "ambiguous"
@@ -135,6 +138,7 @@ def test_the_experiment_proposed_tells_which_it_is(slow):
     assert [(c.effect, c.confused_with) for c in told.causes_] == [("input_delay", ())]
 
 
+@pytest.mark.slow
 def test_experiments_are_ranked_and_stay_within_the_range(slow):
     _, inputs, _, diagnosis = slow
     found = diagnosis.separating_experiment().experiments
@@ -147,6 +151,7 @@ def test_experiments_are_ranked_and_stay_within_the_range(slow):
     assert wide[0].evidence >= found[0].evidence
 
 
+@pytest.mark.slow
 def test_the_report_names_the_experiment(slow, tmp_path):
     *_, diagnosis = slow
     diagnosis.to_html(tmp_path / "report.html")
@@ -159,6 +164,7 @@ def test_the_report_names_the_experiment(slow, tmp_path):
     assert entry["experiments"][0]["excitation"] == best.excitation
 
 
+@pytest.mark.slow
 def test_any_other_cause_can_be_asked_for(slow):
     *_, diagnosis = slow
     (cause,) = diagnosis.causes_

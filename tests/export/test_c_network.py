@@ -78,6 +78,7 @@ def test_a_recurrent_core(structure, tmp_path):
     assert differ(network, X, tmp_path) < 1e-12
 
 
+@pytest.mark.slow
 def test_a_hundred_thousand_steps_of_a_trained_network(tmp_path):
     X, y = robot_records()
     network = PGNNLRegressor(ROBOT, max_epochs=20, refine_max_iter=20).fit(X, y)

@@ -18,6 +18,7 @@ from sklearn_pgnn.fleet.content_key import files_key, records_key, setting_key
 pytestmark = pytest.mark.core
 
 
+@pytest.mark.slow
 def test_the_key_of_a_setting_is_the_same_in_another_process():
     code = (
         "from sledge import SLEDGE; from sklearn_pgnn import effects;"

@@ -50,6 +50,7 @@ def whole(records, tmp_path_factory):
     return FleetDiagnosis(SLEDGE, options=OPTIONS, folder=folder).fit(records)
 
 
+@pytest.mark.slow
 def test_a_fleet_survives_joblib(whole, tmp_path):
     joblib.dump(whole, tmp_path / "fleet.joblib")
     assert joblib.load(tmp_path / "fleet.joblib").to_dict() == whole.to_dict()
@@ -62,6 +63,7 @@ def without_seconds(fleet):
     return said
 
 
+@pytest.mark.slow
 def test_every_machine_is_diagnosed_as_it_would_be_alone(records, whole):
     for name in ("a", "b"):
         alone = ModelDiagnosis(SLEDGE, **OPTIONS).fit(*records[name])
@@ -70,6 +72,7 @@ def test_every_machine_is_diagnosed_as_it_would_be_alone(records, whole):
         assert found == finite(alone.to_dict())
 
 
+@pytest.mark.slow
 def test_the_surest_come_first_and_the_unusable_last(whole):
     first, *_, last = whole.machines_
     assert (first, last) == ("b", "none")
@@ -87,6 +90,7 @@ def test_what_is_finished_is_not_computed_again(records, whole):
     assert without_seconds(again) == without_seconds(whole)
 
 
+@pytest.mark.slow
 def test_a_fit_that_was_ended_goes_on(records, whole, tmp_path):
     computed = []
 
@@ -105,6 +109,7 @@ def test_a_fit_that_was_ended_goes_on(records, whole, tmp_path):
     assert without_seconds(fleet) == without_seconds(whole)
 
 
+@pytest.mark.slow
 def test_another_record_or_option_is_computed_anew(records, tmp_path):
     few = {"a": records["a"], "b": records["b"]}
     fleet = FleetDiagnosis(SLEDGE, options=OPTIONS, folder=tmp_path).fit(few)
@@ -117,6 +122,7 @@ def test_another_record_or_option_is_computed_anew(records, tmp_path):
     assert fleet.computed_ == ("a", "b")
 
 
+@pytest.mark.slow
 def test_a_machine_without_its_last_file_is_not_finished(records, tmp_path):
     few = {"a": records["a"]}
     fleet = FleetDiagnosis(SLEDGE, options=OPTIONS, folder=tmp_path).fit(few)
@@ -124,6 +130,7 @@ def test_a_machine_without_its_last_file_is_not_finished(records, tmp_path):
     assert fleet.fit(few).computed_ == ("a",)
 
 
+@pytest.mark.slow
 def test_a_bug_ends_its_machine_only_and_is_tried_again(records, tmp_path, monkeypatch):
     def fit(self, X, y):
         raise ZeroDivisionError("by nothing")
@@ -138,6 +145,7 @@ def test_a_bug_ends_its_machine_only_and_is_tried_again(records, tmp_path, monke
     assert fleet.machines_["a"].verdict == "model_adequate"
 
 
+@pytest.mark.slow
 def test_files_are_read_where_they_are_needed(tmp_path):
     X, y = sledge(0)
     X.join(y).to_csv(tmp_path / "run.csv", index=False)
@@ -185,6 +193,7 @@ def test_the_report_leads_to_the_page_of_every_machine(whole):
     assert json.loads((folder / SUMMARY).read_text())["machines"][0]["machine"] == "b"
 
 
+@pytest.mark.slow
 def test_what_changed_since_an_earlier_time_is_told(records, whole, tmp_path):
     now = {"a": sledge(5, RUBBING), "b": records["b"], "new": records["a"]}
     fleet = FleetDiagnosis(SLEDGE, options=OPTIONS, earlier=whole.folder, folder=tmp_path).fit(now)
@@ -211,6 +220,7 @@ def test_the_usual_parameters_are_a_model_for_one_more_machine(whole):
     assert m.usual == np.median(frame[frame["parameter"] == "m"]["value"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("backend", ["threading", "multiprocessing"])
 def test_any_backend_of_joblib_gives_the_same(backend, records, whole):
     with joblib.parallel_config(backend, n_jobs=2):
@@ -228,6 +238,7 @@ FleetDiagnosis(SLEDGE, options=OPTIONS, folder=sys.argv[1]).fit(many)
 """
 
 
+@pytest.mark.slow
 def test_a_fit_that_was_killed_goes_on(tmp_path):
     here = Path(__file__).resolve().parent
     package = Path(sklearn_pgnn.__file__).parents[1]

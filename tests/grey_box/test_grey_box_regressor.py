@@ -39,6 +39,7 @@ def with_friction():
     return GreyBoxRegressor(CART, **QUICK).fit(X, y), X, y
 
 
+@pytest.mark.slow
 def test_a_missing_effect_is_named_and_fitted(with_friction):
     grey_box, X, y = with_friction
     assert grey_box.depth_ == "extended"
@@ -52,6 +53,7 @@ def test_a_right_model_stays_as_it_is():
     assert GreyBoxRegressor(CART, **QUICK).fit(X, y).depth_ == "prior"
 
 
+@pytest.mark.slow
 def test_wrong_parameters_are_fitted():
     X, y = records(CART.with_parameters(m=2.6))
     grey_box = GreyBoxRegressor(CART, **QUICK).fit(X, y)
@@ -112,6 +114,7 @@ def _squares():
     return make_pipeline(PolynomialFeatures(2), LinearRegression())
 
 
+@pytest.mark.slow
 def test_fit_changes_nothing_it_was_given(with_friction):
     _, X, y = with_friction
     before, outputs = X.copy(), y.copy()
@@ -122,6 +125,7 @@ def test_fit_changes_nothing_it_was_given(with_friction):
     assert grey_box.get_params()["diagnosis__catalogue"] == (effects.CoulombFriction,)
 
 
+@pytest.mark.slow
 def test_nine_of_ten_measurements_lie_in_the_interval(with_friction):
     grey_box, *_ = with_friction
     X, y = records(CART + effects.CoulombFriction("v", level=0.4), seed=1)
@@ -138,6 +142,7 @@ class BrokenOff(ModelDiagnosis):
         raise ModelError("broken")
 
 
+@pytest.mark.slow
 def test_a_diagnosis_that_breaks_off_is_said(with_friction):
     _, X, y = with_friction
     broken = BrokenOff(CART, catalogue=(effects.CoulombFriction,))

@@ -45,12 +45,14 @@ class Sources(HTMLParser):
         self.sources += [value for key, value in attrs if key in ("src", "href")]
 
 
+@pytest.mark.slow
 def test_a_diagnosis_does_not_differ_from_itself(before):
     found = compare(rough_sledge()[0], before)
     assert found.differences == ()
     assert found.summary == "A and B say the same, within their 95 % intervals."
 
 
+@pytest.mark.slow
 def test_machines_that_have_nothing_in_common_are_not_compared(before):
     other = {**before, "gain": {"level": before["gain"]["v"]}, "parameters": {}}
     with pytest.raises(OptionError, match="A has the outputs v and B has the outputs level"):

@@ -98,6 +98,7 @@ class Reader(HTMLParser):
 # -- the report ------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.core
 def test_the_report_needs_nothing_else(report):
     read = Reader(report)
@@ -108,6 +109,7 @@ def test_the_report_needs_nothing_else(report):
     assert "@import" not in report
 
 
+@pytest.mark.slow
 def test_names_of_the_model_are_escaped(report):
     assert "alert(1)</script>" not in report
     for text in ("cart &lt;script&gt;alert(1)&lt;/script&gt;", "kg&lt;script&gt;"):
@@ -300,6 +302,7 @@ HIDDEN = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("effect", "over", "law"), HIDDEN, ids=lambda v: getattr(v, "id", ""))
 def test_the_evidence_lies_on_the_hidden_law(effect, over, law):
     free = ("m", "k", "d") if effect.id != "sensor_gain" else ()
@@ -320,6 +323,7 @@ def test_the_evidence_lies_on_the_hidden_law(effect, over, law):
     assert np.allclose(line.y[inner], law(line.x[inner]), atol=0.2 * np.max(np.abs(line.y)))
 
 
+@pytest.mark.slow
 def test_a_limit_of_a_rate_is_shown_over_the_rate_without_it():
     diagnosis = diagnose(effects.RateLimit("v", limit=2.0), (effects.RateLimit,))
     evidence = find_evidence(diagnosis, diagnosis.causes_[0])
@@ -330,6 +334,7 @@ def test_a_limit_of_a_rate_is_shown_over_the_rate_without_it():
     assert np.allclose(law.y, np.clip(law.x, -2.0, 2.0), atol=0.05)
 
 
+@pytest.mark.slow
 def test_a_force_that_remembers_is_drawn_as_its_loop():
     effect = effects.Hysteresis("v", level=1.0, deflection=0.05)
     diagnosis = diagnose(effect, (effects.Hysteresis,))
@@ -341,6 +346,7 @@ def test_a_force_that_remembers_is_drawn_as_its_loop():
     assert np.nanmedian(np.abs(force[record] - loop.y)) < 0.1 * np.ptp(loop.y)
 
 
+@pytest.mark.slow
 def test_a_drifting_parameter_is_shown_over_time():
     diagnosis = diagnose(effects.ParameterDrift("k", rate=0.1), (effects.ParameterDrift,))
     evidence = find_evidence(diagnosis, diagnosis.causes_[0])
@@ -351,6 +357,7 @@ def test_a_drifting_parameter_is_shown_over_time():
     assert np.allclose(law.y, 10.0 * (1 + 0.1 * law.x), rtol=0.05)
 
 
+@pytest.mark.slow
 def test_a_parameter_that_depends_on_a_state_is_shown_over_it():
     effect = effects.ParameterSlope("d(x)", slope=0.5)
     diagnosis = diagnose(effect, (effects.ParameterSlope,))
@@ -366,6 +373,7 @@ def test_a_parameter_that_depends_on_a_state_is_shown_over_it():
     np.testing.assert_allclose(law.y, expected, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_friction_under_load_is_shown_over_the_load():
     diagnosis = diagnose(effects.LoadFriction("v", level=0.5, share=0.2), (effects.LoadFriction,))
     evidence = find_evidence(diagnosis, diagnosis.causes_[0])
@@ -379,6 +387,7 @@ def test_friction_under_load_is_shown_over_the_load():
     assert np.nanmedian(np.abs(error)) < 0.15
 
 
+@pytest.mark.slow
 def test_a_late_sensor_is_shown_in_time():
     diagnosis = diagnose(effects.SensorDelay("position", delay=0.1), (effects.SensorDelay,))
     evidence = find_evidence(diagnosis, diagnosis.causes_[0])
@@ -393,6 +402,7 @@ def _fixed(parameter):
     return replace(parameter, fixed=True)
 
 
+@pytest.mark.slow
 def test_a_late_input_is_shown_in_time():
     diagnosis = diagnose(effects.ActuatorLag("F", time_constant=0.15), (effects.ActuatorLag,))
     evidence = find_evidence(diagnosis, diagnosis.causes_[0])
@@ -403,6 +413,7 @@ def test_a_late_input_is_shown_in_time():
     assert error[1] < 0.5 * error[0]
 
 
+@pytest.mark.slow
 def test_a_wrong_parameter_adds_what_was_missing():
     diagnosis = diagnose(effects.WrongParameter("k", value=14.0), (effects.WrongParameter,))
     evidence = find_evidence(diagnosis, diagnosis.causes_[0])
@@ -411,6 +422,7 @@ def test_a_wrong_parameter_adds_what_was_missing():
     assert np.polyfit(x[good], y[good], 1)[0] == pytest.approx(1.0, abs=0.1)
 
 
+@pytest.mark.slow
 def test_where_states_are_not_seen_the_error_is_shown_over_time():
     tanks = systems.two_tanks()
     truth = tanks + effects.InputDeadZone("pump", width=1.0)

@@ -32,6 +32,7 @@ def test_the_best_went_through_all_folds():
     assert found.score(X, Y) > 0.99
 
 
+@pytest.mark.slow
 def test_poor_candidates_are_stopped():
     results = search().fit(X, Y).cv_results_
     assert sum(results["n_folds"]) < 30
@@ -41,6 +42,7 @@ def test_poor_candidates_are_stopped():
         assert n == 3 or np.isnan(results[f"split{n}_test_score"][i])
 
 
+@pytest.mark.slow
 def test_it_is_repeatable_and_survives():
     found = search().fit(X, Y)
     again = clone(found).fit(X, Y)
@@ -90,6 +92,7 @@ class Ahead(Ridge):
         return self.predict(X) + steps
 
 
+@pytest.mark.slow
 def test_what_the_best_can_do_the_search_can():
     found = search(estimator=Ahead()).fit(X, Y)
     assert np.array_equal(found.predict_ahead(X, Y, steps=3), found.predict(X) + 3)

@@ -159,6 +159,7 @@ def test_trajectories_that_would_merge_are_refused_with_a_remedy():
     assert len(list(TrajectoryKFold(3).split(named))) == 3
 
 
+@pytest.mark.slow
 def test_scikit_learn_takes_the_splitter():
     X, y = datasets.make_golf_robot(sample_rate=100, duration=3)
     pipeline = make_pipeline(PhysicsModelTransformer(GOLF), Ridge())
@@ -408,6 +409,7 @@ def test_missing_scikit_optimize_names_the_extra(monkeypatch):
         search_space(Network(GOLF))
 
 
+@pytest.mark.slow
 def test_bayesian_search_over_whole_trajectories():
     X, y = datasets.make_golf_robot(sample_rate=100, duration=3)
     pipeline = make_pipeline(PhysicsModelTransformer(GOLF), Ridge())
@@ -423,6 +425,7 @@ def test_bayesian_search_over_whole_trajectories():
     assert search.best_score_ == max(search.cv_results_["mean_test_score"])
 
 
+@pytest.mark.slow
 def test_bayesian_search_may_choose_no_physical_loss(capsys):
     X, _ = records([30] * 3)
     keep = dict.fromkeys(["neurons", "layers", "lr", "structure", "horizon"])
@@ -448,6 +451,7 @@ def test_bayesian_search_takes_every_dimension_of_a_network():
     assert set(search.best_params_) == set(search_space(Network(GOLF)))
 
 
+@pytest.mark.slow
 def test_memory_saves_simulations_and_changes_no_score(tmp_path, monkeypatch):
     X, y = datasets.make_golf_robot(sample_rate=100, duration=3)
     simulate, tables = physics_model_transformer.simulate_quantities, []

@@ -262,6 +262,7 @@ PAIRED = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "target"), PAIRED)
 def test_the_new_effects_stand_beside_every_other_in_either_order(kind, target):
     cart = systems.cart_on_spring()

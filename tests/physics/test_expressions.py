@@ -85,6 +85,7 @@ def parse_or_none(text):
         return None
 
 
+@pytest.mark.slow
 @settings(max_examples=300)
 @given(expressions)
 def test_text_reads_back_to_the_same_expression(text):
@@ -95,6 +96,7 @@ def test_text_reads_back_to_the_same_expression(text):
         assert to_text(parse(written)) == written
 
 
+@pytest.mark.slow
 @settings(max_examples=200)
 @given(expressions)
 def test_an_expression_means_what_its_text_says(text):
@@ -153,6 +155,7 @@ def test_written_as_a_person_would(text, written):
     assert to_text(parse(text)) == written
 
 
+@pytest.mark.slow
 def test_a_long_sum_is_not_deep():
     terms = [f"{k}.5*x**{k % 7}*sin({k}*v)" for k in range(300)]
     expression = parse(" + ".join(terms))

@@ -83,6 +83,7 @@ numbers = st.floats(allow_nan=False, allow_infinity=False)
 texts = st.text(st.characters(codec="utf-8", categories=["L", "N", "P", "S", "Zs"]), max_size=20)
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(numbers, numbers, texts, texts, st.floats(1e-6, math.inf), st.booleans())
 def test_every_number_and_text_comes_back(tmp_path_factory, a, b, name, unit, spread, fixed):

@@ -68,6 +68,7 @@ def test_what_is_no_unit_is_none(text):
     assert read_unit(text) is None
 
 
+@pytest.mark.slow
 @given(st.text(max_size=30))
 def test_no_text_is_an_error(text):
     found = read_unit(text)

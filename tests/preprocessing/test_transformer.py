@@ -232,6 +232,7 @@ def test_fit_and_transform_leave_x_alone():
     pd.testing.assert_frame_equal(X, kept)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "regressor", [Ridge(1e-6), RandomForestRegressor(10, random_state=0)], ids=["ridge", "forest"]
 )

@@ -70,6 +70,7 @@ def test_it_simulates_as_its_equations_would(effect):
     np.testing.assert_allclose(found.sensitivities, expected.sensitivities, rtol=1e-5, atol=1e-7)
 
 
+@pytest.mark.slow
 def test_outputs_are_called_too():
     def seen(t, x, u, p):
         return {"height": 1 - math.cos(x[0]), "power": x["omega"] * u["torque"]}
@@ -142,6 +143,7 @@ def test_causes_that_read_equations_are_not_offered():
     assert offered["coulomb_friction"] == told["coulomb_friction"]
 
 
+@pytest.mark.slow
 def test_a_diagnosis_on_two_cores_names_what_it_lacks():
     truth, rng = FOLLOWED + effects.CoulombFriction("omega", level=0.05), np.random.default_rng(0)
     rows = []

@@ -56,6 +56,7 @@ def test_only_the_parameters_that_are_named_are_some(path):
     assert unit.parameters["stiffness"].spread == 0.3
 
 
+@pytest.mark.slow
 def test_a_fixed_parameter_starts_it_anew(path, tmp_path):
     fixed = _with(path, tmp_path, 'variability="tunable"', 'variability="fixed"')
     assert not from_fmu(fixed).parameters
@@ -72,6 +73,7 @@ def test_it_is_a_value(path):
     np.testing.assert_array_equal(again.simulate(T, U).y, unit.simulate(T, U).y)
 
 
+@pytest.mark.slow
 def test_a_diagnosis_names_what_it_lacks(tmp_path):
     path = to_fmu(CART, tmp_path / "cart.fmu", 0.02)
     unit = from_fmu(path, ["k"], names=NAMES, inertia={"v": 2.0})
@@ -211,6 +213,7 @@ def test_a_state_that_events_may_set_is_refused(path, tmp_path):
         from_fmu(changed)
 
 
+@pytest.mark.slow
 def test_where_a_unit_fails_it_is_no_number_and_goes_on_elsewhere(tmp_path):
     unit = from_fmu(_rebuilt(tmp_path, FAILS, events=0), names=NAMES)
     with pytest.warns(SimulationWarning, match="fmi2GetDerivatives failed with status 3"):

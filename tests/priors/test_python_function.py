@@ -123,6 +123,7 @@ def test_what_is_no_equation_is_refused_with_its_line(rates, said):
         model(rates, trace=True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rates", [branches, needs_numbers, interpolates])
 def test_what_cannot_be_followed_is_called_with_a_warning(rates):
     with pytest.warns(ModelWarning, match=r"rates, line \d+: .* the model calls the function"):

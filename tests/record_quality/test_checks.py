@@ -55,6 +55,7 @@ def kinds(table, **options):
     return {(finding.kind, finding.where) for finding in findings(table, **options)}
 
 
+@pytest.mark.slow
 def test_a_faultless_record_has_no_findings():
     assert findings(measure()) == ()
 
@@ -93,6 +94,7 @@ def noisier(table):
     return table.assign(position=table["position"] + more)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("fault", "kind", "where", "text"),
     [
@@ -112,6 +114,7 @@ def test_a_fault_of_the_record_is_found(fault, kind, where, text):
     assert finding.remedy
 
 
+@pytest.mark.slow
 def test_clipping_without_noise_is_found():
     table = measure(noise=0.0)
     assert ("clipping", "position") in kinds(clipped(table))
@@ -171,6 +174,7 @@ def closed_loop(gain, seed=0, noise=0.02):
     return pd.concat(tables, ignore_index=True)
 
 
+@pytest.mark.slow
 def test_a_closed_loop_is_found():
     (finding,) = [f for f in findings(closed_loop(5.0)) if f.kind == "closed loop"]
     assert finding.where == "F"
@@ -178,6 +182,7 @@ def test_a_closed_loop_is_found():
     assert findings(closed_loop(0.0)) == ()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("lead", "found"), [(5, True), (2, True), (-3, False)])
 def test_only_outputs_that_lead_the_inputs_are_not_synchronous(lead, found):
     t = np.arange(0, 8 + 0.4, 0.02)
@@ -195,6 +200,7 @@ def test_only_outputs_that_lead_the_inputs_are_not_synchronous(lead, found):
         assert late[0].text.startswith(f"the outputs lead the inputs by {lead} samples")
 
 
+@pytest.mark.slow
 def test_the_lead_is_a_time_on_every_clock():
     """Every other record is sampled half as often; the outputs lead the inputs by 0.08 s."""
     tables = []
@@ -205,6 +211,7 @@ def test_the_lead_is_a_time_on_every_clock():
     assert [finding.value for finding in late] == [pytest.approx(0.08)]
 
 
+@pytest.mark.slow
 def test_an_input_delay_is_a_cause_and_no_finding():
     late = [cart() + effects.InputDelay("F", delay=0.1)] * 3
     table = measure(machines=late)
@@ -214,6 +221,7 @@ def test_an_input_delay_is_a_cause_and_no_finding():
     assert diagnosis.data_quality_ == ()
 
 
+@pytest.mark.slow
 def test_a_parameter_that_drifts_between_records_is_found():
     warm = [cart(d=0.7), cart(d=1.0), cart(d=1.5)]
     found = findings(measure(machines=warm), catalogue=(effects.CoulombFriction,))
@@ -248,6 +256,7 @@ CLEAN = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("system", CLEAN)
 def test_clean_records_of_several_systems_have_no_findings(system):
     for seed in range(2):
@@ -259,6 +268,7 @@ def test_clean_records_of_several_systems_have_no_findings(system):
 # -- what comes of it ------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_findings_are_plain_data():
     table = clipped(measure())
     diagnosis = ModelDiagnosis(cart(), catalogue=())
@@ -268,6 +278,7 @@ def test_findings_are_plain_data():
     assert "clipping" in {finding["kind"] for finding in data}
 
 
+@pytest.mark.slow
 def test_the_report_and_the_screen_begin_with_the_findings(tmp_path, capsys):
     table = clipped(measure())
     diagnosis = ModelDiagnosis(cart(), catalogue=())

@@ -24,6 +24,7 @@ def test_rest_is_no_clipping():
     assert find_clipping(signal(settled)) is None
 
 
+@pytest.mark.slow
 def test_record_checks_are_silent_on_many_clean_signals():
     """Every check speaks up by chance in at most one of a thousand; 2 % in all is asked for."""
     rng, spoke = np.random.default_rng(0), 0
@@ -49,6 +50,7 @@ def test_the_step_of_a_grid_is_found_wherever_the_grid_lies(step, offset, seed):
     assert grid_step(offset + step * counts) == pytest.approx(step, rel=1e-6)
 
 
+@pytest.mark.slow
 @given(scale=st.floats(1e-6, 1e6), shift=st.floats(-10, 10))
 def test_findings_do_not_depend_on_the_unit(scale, shift):
     rng = np.random.default_rng(5)

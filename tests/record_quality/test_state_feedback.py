@@ -146,6 +146,7 @@ FEEDBACK = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", FEEDBACK)
 def test_an_input_that_a_controller_computes_is_found(case):
     plant, law, starts, n_samples, states, like = FEEDBACK[case]
@@ -159,6 +160,7 @@ def test_an_input_that_a_controller_computes_is_found(case):
     assert "test signal" in finding.remedy
 
 
+@pytest.mark.slow
 def test_it_is_found_with_a_model_that_is_wrong():
     stiff = cart().with_parameters(k=13.0, d=1.3)
     (finding,) = findings(cart, lambda t, x, r: -15 * x[0], PUSHED, 500, model=stiff)
@@ -193,6 +195,7 @@ OPEN_LOOP = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noisy", [0.01, 1.0])
 @pytest.mark.parametrize("case", OPEN_LOOP)
 def test_a_machine_that_follows_its_input_is_no_feedback(case, noisy):
@@ -200,12 +203,14 @@ def test_a_machine_that_follows_its_input_is_no_feedback(case, noisy):
     assert findings(plant, law, starts, n_samples, every=every, noisy=noisy) == []
 
 
+@pytest.mark.slow
 def test_nor_is_it_with_a_model_that_is_wrong():
     wrong = heater().with_parameters(h=2.6, C=700.0)
     law = OPEN_LOOP["heated slowly"][1]
     assert findings(heater, law, [(25,)] * 2, 1000, every=6, model=wrong) == []
 
 
+@pytest.mark.slow
 def test_false_alarms_are_rare():
     """At an error rate of one in a thousand, none in thirty inputs that states follow closely."""
     rng = np.random.default_rng(0)
@@ -219,6 +224,7 @@ def test_a_controller_with_a_lively_reference_is_none_that_matters():
     assert findings(cart, follow, REST, 500) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("unit", [1e-3, 1e3])
 def test_findings_do_not_depend_on_the_unit_of_the_input(unit):
     X, y = record(cart, FEEDBACK["two gains"][1], PUSHED, 250)
@@ -242,6 +248,7 @@ def test_a_replay_is_the_same_input_at_another_speed():
     np.testing.assert_allclose(twice.x, run, atol=1e-3)
 
 
+@pytest.mark.slow
 def test_the_diagnosis_tells_of_feedback():
     X, y = record(cart, FEEDBACK["stiffness"][1], PUSHED, 400)
     diagnosis = ModelDiagnosis(cart(), catalogue=()).fit(X, y)

@@ -13,6 +13,7 @@ pytestmark = pytest.mark.core
 T = np.arange(0, 2, 0.05)
 
 
+@pytest.mark.slow
 def test_what_a_function_raises_is_told_and_ends_the_simulation():
     def ends(t, x, u, p):
         return [math.sqrt(1.0 - t)]

@@ -49,6 +49,7 @@ def in_python():
     return model.simulate(T, U, [0.2, 0.0], wrt=("m",))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rates", [by_name, by_number, as_array])
 def test_it_is_compiled_and_computes_the_same(rates, in_python):
     model = from_function(rates, trace=False, **SETTINGS)
@@ -58,6 +59,7 @@ def test_it_is_compiled_and_computes_the_same(rates, in_python):
     np.testing.assert_allclose(found.sensitivities, in_python.sensitivities, rtol=1e-7, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_outputs_by_name_are_compiled():
     def seen(t, x, u, p):
         return {"place": x["x"] if x["x"] > 0 else 0.0, "sine": math.sin(x["v"])}
@@ -70,6 +72,7 @@ def test_outputs_by_name_are_compiled():
     np.testing.assert_allclose(run.y.T, [np.maximum(place, 0), np.sin(speed)])
 
 
+@pytest.mark.slow
 def test_what_computes_something_else_when_compiled_is_called_in_python():
     def rates(t, x, u, p):  # beyond 64 bits
         return [x[1], float((int(abs(x[0])) + 3) * 2**62) / 2.0**62]
@@ -78,6 +81,7 @@ def test_what_computes_something_else_when_compiled_is_called_in_python():
     assert not native_function(function_of(model)).address
 
 
+@pytest.mark.slow
 def test_the_warning_says_how_it_is_called():
     with pytest.warns(ModelWarning, match="the function, compiled by numba"):
         from_function(by_number, **SETTINGS)

@@ -351,6 +351,7 @@ np.savez(sys.argv[2], x=run.x, s=run.sensitivities)
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("plain_calls", ["0", "1"], ids=["by address", "by numba's objects"])
 def test_pickled_model_gives_the_same_bits_in_another_process(tmp_path, plain_calls):
     model = PENDULUM + effects.CoulombFriction("omega", level=0.3)

@@ -269,6 +269,7 @@ def test_an_actuators_state_finds_a_name_beside_ones_own():
     assert effects.ActuatorLag.targets(mine) == ()
 
 
+@pytest.mark.slow
 def test_the_name_of_a_state_changes_neither_verdict_nor_numbers():
     t = np.arange(1500) / 50
     force = 3.0 + 4 * np.sin(1.3 * t) + 3 * np.sin(3.7 * t) + 2 * np.sin(9.1 * t)

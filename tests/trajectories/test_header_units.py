@@ -49,6 +49,7 @@ def test_a_model_without_units_takes_every_column_as_it_is(tmp_path):
     assert X["F"].tolist() == [1.0] * 4
 
 
+@pytest.mark.slow
 @pytest.mark.core
 def test_without_pint_another_unit_is_refused_and_a_remark_is_warned_of(tmp_path):
     path = write(tmp_path, "t,F [N],speed (filtered)")

@@ -86,6 +86,7 @@ def test_trajectories_read_together_are_those_read_alone(lengths, seed):
     assert_same(read_records(MODEL, X, y), alone, names=False)
 
 
+@pytest.mark.slow
 @given(lengths, st.randoms(use_true_random=False))
 def test_a_trajectory_column_may_mix_the_rows(lengths, random):
     X, y = table(*lengths)
@@ -99,6 +100,7 @@ def test_a_trajectory_column_may_mix_the_rows(lengths, random):
     assert_same(sorted(mixed, key=lambda r: r.name), sorted(together, key=lambda r: r.name))
 
 
+@pytest.mark.slow
 @given(lengths)
 def test_a_frame_and_an_array_say_the_same(lengths):
     X, y = table(*lengths)

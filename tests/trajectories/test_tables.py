@@ -90,6 +90,7 @@ def test_sindyc_names_its_states_after_the_columns_of_any_library():
     assert list(found.model_.inputs) == ["u"]
 
 
+@pytest.mark.slow
 def test_a_network_without_a_model_sees_trajectories_in_a_table_of_polars():
     pytest.importorskip("skorch")
     from sklearn_pgnn import PGNNLRegressor

@@ -40,6 +40,7 @@ def fits(page):
     return page.evaluate("document.documentElement.scrollWidth <= window.innerWidth")
 
 
+@pytest.mark.slow
 def test_the_example_is_diagnosed_with_keys_alone(visit):
     page = visit()
     page.wait_for_selector("text=Show me")
@@ -64,6 +65,7 @@ def test_the_example_is_diagnosed_with_keys_alone(visit):
     assert coming.value.suggested_filename == "extended_model.yaml"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_the_page_fits_a_phone_from_files_to_the_records(visit, scheme, tmp_path):
     page = visit(390, scheme)
@@ -90,6 +92,7 @@ def test_the_page_fits_a_phone_from_files_to_the_records(visit, scheme, tmp_path
     assert (colour == "rgb(255, 255, 255)") == (scheme == "light")
 
 
+@pytest.mark.slow
 def test_what_is_filled_in_while_the_server_answers_stays(visit, tmp_path):
     page = visit()
     page.wait_for_selector("text=Use it")
@@ -114,6 +117,7 @@ def test_what_is_filled_in_while_the_server_answers_stays(visit, tmp_path):
     assert filled == ["zeit", "kraft [N]", "cm"]
 
 
+@pytest.mark.slow
 def test_a_file_that_cannot_be_used_is_an_alert(visit, tmp_path):
     page = visit()
     path = tmp_path / "model.yaml"
@@ -125,6 +129,7 @@ def test_a_file_that_cannot_be_used_is_an_alert(visit, tmp_path):
     page.context.clear_cookies()
 
 
+@pytest.mark.slow
 def test_a_model_file_brings_its_records_along(visit, tmp_path):
     page = visit()
     model, run = tmp_path / "model.yaml", tmp_path / "run.csv"
@@ -138,6 +143,7 @@ def test_a_model_file_brings_its_records_along(visit, tmp_path):
     assert page.locator("#message").is_hidden()
 
 
+@pytest.mark.slow
 def test_everything_that_is_filled_in_has_a_name(visit):
     page = visit()
     page.click("text=Show me")

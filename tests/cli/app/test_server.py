@@ -99,6 +99,7 @@ def test_a_change_that_another_page_asks_for_is_refused(port, headers):
     assert "Drop a model file" in client.get("/sections").sections["model"]
 
 
+@pytest.mark.slow
 def test_who_has_no_cookie_is_nobody(port, done):
     for path in ("/sections", "/model.yaml", "/result/report.html"):
         assert done.get(path).status == 200
@@ -120,6 +121,7 @@ def test_the_page_may_load_nothing_from_elsewhere_and_no_inline_script(port):
     assert "samesite=strict" in cookie
 
 
+@pytest.mark.slow
 def test_two_visitors_do_not_see_each_other(port, done):
     other = Client(port)
     assert other.cookie != done.cookie
@@ -128,6 +130,7 @@ def test_two_visitors_do_not_see_each_other(port, done):
     assert other.post("/example", Cookie=done.cookie).status == 403
 
 
+@pytest.mark.slow
 def test_there_are_only_so_many_visitors(monkeypatch):
     monkeypatch.setattr(visitors, "VISITORS", 1)
     with served() as port:
@@ -162,6 +165,7 @@ def test_there_are_only_so_many_files(port, monkeypatch):
     assert answer.message == "Expected at most 1 files of records."
 
 
+@pytest.mark.slow
 def test_a_name_is_shown_and_never_a_path(port, done):
     client = Client(port)
     client.bring("model", "../../<b>m.yaml", MODEL)
@@ -173,6 +177,7 @@ def test_a_name_is_shown_and_never_a_path(port, done):
         assert done.get(f"/result/{name}").status == 404
 
 
+@pytest.mark.slow
 def test_a_model_file_that_is_none_says_where_and_leaves_the_old_one(port):
     client = Client(port)
     client.bring("model", "sledge.yaml", MODEL)
@@ -186,6 +191,7 @@ def test_a_model_file_that_is_none_says_where_and_leaves_the_old_one(port):
     assert tagged.status == 400
 
 
+@pytest.mark.slow
 def test_a_file_that_is_no_record_says_so_under_its_own_name(port):
     client = Client(port)
     client.bring("model", "sledge.yaml", MODEL)
@@ -235,6 +241,7 @@ def test_the_example_is_diagnosed_and_its_files_are_there(done, tmp_path):
     assert "attachment" in done.get("/result/diagnosis.json").headers["content-disposition"]
 
 
+@pytest.mark.slow
 def test_columns_of_other_names_and_units_are_mapped(port):
     client = Client(port)
     client.bring("model", "sledge.yaml", MODEL)
@@ -258,6 +265,7 @@ def test_columns_of_other_names_and_units_are_mapped(port):
     assert "'Zeit', which is 't' already" in client.wait()["message"]
 
 
+@pytest.mark.slow
 def test_what_was_chosen_outlives_a_file_that_cannot_be_used(port):
     client = Client(port)
     client.bring("model", "sledge.yaml", MODEL)
@@ -278,6 +286,7 @@ def test_what_was_chosen_outlives_a_file_that_cannot_be_used(port):
         assert f"<option selected>{title}</option>" in columns
 
 
+@pytest.mark.slow
 def test_files_without_a_time_have_a_sample_time(port):
     client = Client(port)
     client.bring("model", "sledge.yaml", MODEL)
@@ -295,6 +304,7 @@ def test_files_without_a_time_have_a_sample_time(port):
     assert "300 samples" in state["sections"]["seen"]
 
 
+@pytest.mark.slow
 def test_a_diagnosis_that_is_stopped_stops_and_another_may_begin(port):
     client = Client(port)
     client.post("/example")
@@ -311,6 +321,7 @@ def test_a_diagnosis_that_is_stopped_stops_and_another_may_begin(port):
     assert client.wait()["message"] == ""
 
 
+@pytest.mark.slow
 def test_processes_and_folders_go_with_the_server(monkeypatch):
     known = []
     welcome = visitors.Visitors.welcome

@@ -11,6 +11,7 @@ from sklearn_pgnn.cli.app.work import MODULE
 pytestmark = pytest.mark.core
 
 
+@pytest.mark.slow
 def test_the_process_ends_with_its_input_and_answers_in_lines(tmp_path):
     command = [sys.executable, "-m", MODULE]
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL}

@@ -11,6 +11,7 @@ from sklearn_pgnn.inspection.report.correlation import correlation
 pytestmark = [pytest.mark.core, pytest.mark.filterwarnings("ignore:.*the term:UserWarning")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["adequate", "named", "unexplained"])
 def test_the_matrix_has_every_parameter_and_the_report_shows_it(name):
     diagnosis = situation(name)
@@ -21,6 +22,7 @@ def test_the_matrix_has_every_parameter_and_the_report_shows_it(name):
     assert "Beyond ±0.9" in shown or "None is beyond ±0.9" in shown
 
 
+@pytest.mark.slow
 def test_the_correlations_are_within_bounds_and_pairs_beyond_the_bound_are_named():
     found = correlation(situation("named"))
     values = [float(cell.text.replace("−", "-")) for _, cells in found.rows for cell in cells]

@@ -33,6 +33,7 @@ def in_noise(diagnosis):
     return {w: times(gain[w] / gain["noise"]) for w in ("prior", "refitted", "extended")}
 
 
+@pytest.mark.slow
 def test_banner_tile_and_bar_say_what_the_file_says(both):
     diagnosis, html = both
     left = in_noise(diagnosis)

@@ -9,6 +9,7 @@ MOVED = """[...document.querySelectorAll(".wide, html")]
 .filter((e) => e.scrollWidth > e.clientWidth + 1).map((e) => e.ariaLabel || e.className)"""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", HIDDEN)
 def test_no_table_is_wider_than_a_phone(browser, tmp_path, name):
     write_report(situation(name), tmp_path / "report.html")

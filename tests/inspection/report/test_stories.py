@@ -58,6 +58,7 @@ def test_faults_of_the_records_come_first_and_make_the_verdict_provisional():
     assert "provisional, for the records have faults" in text
 
 
+@pytest.mark.slow
 def test_a_map_shows_where_a_hidden_catch_acts():
     cart = PhysicsModel(
         {"x": "m", "v": "m/s"},

@@ -15,6 +15,7 @@ def report(tmp_path_factory):
     return path.as_uri()
 
 
+@pytest.mark.slow
 def test_a_drag_makes_a_part_of_all_plots_of_a_figure_large_and_a_double_click_ends_it(
     browser, report
 ):
@@ -50,6 +51,7 @@ def _view(area):
     return area.locator("svg.inner").get_attribute("viewBox")
 
 
+@pytest.mark.slow
 def test_without_scripts_the_curves_are_there_and_nothing_is_promised(browser, report):
     context = browser.new_context(java_script_enabled=False)
     page = context.new_page()
