@@ -13,6 +13,7 @@ import textwrap
 import types
 from pathlib import Path
 
+import matplotlib.pyplot as plt
 import pytest
 from blocked import run_without
 from numpydoc.validate import validate
@@ -101,6 +102,7 @@ def test_doctests(name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     flags = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
     assert doctest.testmod(importlib.import_module(name), optionflags=flags).failed == 0
+    plt.close("all")
 
 
 @pytest.mark.parametrize("name", sorted(set(public_names())))
