@@ -14,7 +14,7 @@ from sklearn_pgnn.estimation.held_out import make_folds, record_of, segments, st
 from sklearn_pgnn.estimation.residuals import HeldOut, Residuals
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.led_states import start_values
+from sklearn_pgnn.simulation.led_states import initial_states, start_values
 from sklearn_pgnn.simulation.state_estimate import free_run
 from sklearn_pgnn.simulation.window_fit import WindowFit, fit_windows
 from sklearn_pgnn.simulation.windows import Evaluation, ShootingWindows, evaluate
@@ -341,9 +341,10 @@ class PowerAnalysis:
     def _runs(self, model: PhysicsModel, x0: np.ndarray) -> np.ndarray:
         """Return the outputs in free run, over the stretches that the diagnosis holds out."""
         y, folds = np.full_like(self.windows.y, np.nan), make_folds(self.records.problem)
+        begun = initial_states(model, self.windows, x0)
         for fold in np.unique(folds):
             for a, b, first in stretches(self.windows, folds == fold):
-                y[a:b] = free_run(model, self.windows, a, b, x0[first]).y
+                y[a:b] = free_run(model, self.windows, a, b, begun[first]).y
         return y
 
     # -- noise ---------------------------------------------------------------------------------

@@ -4,6 +4,7 @@ import numpy as np
 
 from sklearn_pgnn.estimation.fitted_records import DiagnosisRecords, FittedWindows
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.led_states import lead
 from sklearn_pgnn.simulation.simulate import simulate_acting
 from sklearn_pgnn.simulation.windows import ShootingWindows
 
@@ -52,7 +53,8 @@ def absorbed_autocorrelation(
     model : PhysicsModel
         The fitted model.
     x0 : ndarray of shape (n_windows, n_states)
-        Its fitted initial states.
+        Its fitted initial states, of led ones that of the record, see
+        `sklearn_pgnn.simulation.led_states`.
     spread : ndarray of shape (n_states,)
         How far each may be off what is expected.
     lags : int
@@ -63,20 +65,22 @@ def absorbed_autocorrelation(
     ndarray of shape (lags, n_outputs)
         By lag, from 1 on.
     """
-    acting, parts = windows.acting_inputs(model), []
+    acting, led, parts = windows.acting_inputs(model), lead(model, windows, ()), []
+    begun = x0 if led is None else led.initial_states(x0)
     for w in np.unique(np.linspace(0, len(windows) - 1, MOST).astype(int)):
         rows = slice(windows.starts[w], windows.starts[w] + windows.lengths[w])
         run = simulate_acting(
             model,
             windows.t[rows],
             acting[rows],
-            x0[w],
+            begun[w],
             substeps=windows.substeps,
             hold=windows.hold,
             wrt=(),
         )
         known = np.isfinite(windows.y[rows]) & np.isfinite(run.y)
         slopes = np.asarray(run.sensitivities) / windows.scale[:, None]
+        slopes = slopes if led is None else led.by_record(slopes, int(w))
         parts.append(_sums(slopes, known, spread, lags))
     sums = np.sum(parts, axis=0)
     return -sums[1:] / sums[0]

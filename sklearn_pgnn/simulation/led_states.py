@@ -69,6 +69,26 @@ class Lead:
         there[:, self.states] = self.reached + np.einsum("wij,wj->wi", by_start, off)
         return there
 
+    def by_record(self, slopes: np.ndarray, window: int) -> np.ndarray:
+        """Return derivatives by the record's start in the place of a window's.
+
+        Parameters
+        ----------
+        slopes : ndarray of shape (..., n_states)
+            Derivatives by the initial state of a window.
+        window : int
+            The window.
+
+        Returns
+        -------
+        ndarray of shape (..., n_states)
+            The same, of led states by that of the record.
+        """
+        found = slopes.copy()
+        by_start = self.slopes[window, :, len(self.numbers) :]
+        found[..., self.states] = slopes[..., self.states] @ by_start
+        return found
+
     def chain(self, gram: np.ndarray, n_p: int) -> np.ndarray:
         """Return products of derivatives by the records' starts in the place of the windows'.
 
@@ -197,6 +217,27 @@ def _model_of(equations, inputs, delays, settled, begun) -> PhysicsModel:
         initial_state=dict(begun),
         settled={state: followed for state, followed in settled if state in states},
     )
+
+
+def initial_states(model: PhysicsModel, windows: "ShootingWindows", x0: np.ndarray) -> np.ndarray:
+    """Return where windows begin, led states too.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model, at its parameters' values.
+    windows : ShootingWindows
+        The windows.
+    x0 : ndarray of shape (n_windows, n_states)
+        Their initial states, of led ones that of the record.
+
+    Returns
+    -------
+    ndarray of shape (n_windows, n_states)
+        Initial states.
+    """
+    led = lead(model, windows, ())
+    return x0 if led is None else led.initial_states(x0)
 
 
 def start_values(model: PhysicsModel, windows: "ShootingWindows", x: np.ndarray) -> np.ndarray:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sklearn_pgnn import PhysicsModel
+from sklearn_pgnn import PhysicsModel, effects
 from sklearn_pgnn.inspection.absorbed_noise import absorbed_autocorrelation
 from sklearn_pgnn.simulation.windows import ShootingWindows
 
@@ -38,3 +38,23 @@ def test_a_level_fitted_to_white_noise_leaves_what_is_known_of_it():
 
 def test_a_level_that_is_known_takes_nothing():
     assert absorbed(1e-9) == pytest.approx(np.zeros(5), abs=1e-12)
+
+
+def test_an_actuator_that_has_forgotten_the_start_takes_nothing():
+    cart = PhysicsModel({"v": "m/s"}, {"v": "(F - 0.3*v)/m"}, {"m": 1.0}, {"F": "N"})
+    lag, t = cart + effects.ActuatorLag("F", 0.4), 0.05 * np.arange(300)
+    starts = np.arange(150, 300, 30)  # 7.5 s, and later
+    windows = ShootingWindows(
+        t,
+        np.sin(t)[:, None],
+        np.zeros((t.size, 1)),
+        np.array([0, t.size]),
+        starts,
+        np.full(starts.size, 30),
+        np.array([0.01]),
+        states=("v",),
+    )
+    spread = np.array([1.0, 1.0])
+    found = absorbed_autocorrelation(windows, lag, np.zeros((starts.size, 2)), spread, 5)
+    known = absorbed_autocorrelation(windows, cart, np.zeros((starts.size, 1)), spread[:1], 5)
+    np.testing.assert_allclose(found, known, rtol=1e-6)

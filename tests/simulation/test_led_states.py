@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sklearn_pgnn import PhysicsModel, effects
-from sklearn_pgnn.simulation.led_states import led_states, start_values
+from sklearn_pgnn.simulation.led_states import initial_states, led_states, start_values
 from sklearn_pgnn.simulation.window_fit import ParameterPrior, fit_windows
 from sklearn_pgnn.simulation.windows import ShootingWindows, evaluate
 
@@ -47,6 +47,9 @@ def test_windows_begin_where_the_start_of_the_record_leads():
     found = evaluate(LAG, windows, start_values(LAG, windows, x), ())
     np.testing.assert_allclose(found.x0, x[windows.starts], rtol=1e-9)
     np.testing.assert_allclose(found.squares, 0.0, atol=1e-12)
+    np.testing.assert_array_equal(
+        initial_states(LAG, windows, start_values(LAG, windows, x)), found.x0
+    )
 
 
 @pytest.mark.parametrize(
