@@ -13,7 +13,6 @@ from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.estimation.residuals import Residuals
 from sklearn_pgnn.estimation.window_fitter import WindowFitter
 from sklearn_pgnn.physics.effect import Effect
-from sklearn_pgnn.simulation.led_states import start_values
 from sklearn_pgnn.simulation.uncertainty import (
     NORMAL_95,
     curvatures,
@@ -123,6 +122,4 @@ def overdispersion_along(
 
 def _expected_starts(problem, trial: FittedHypothesis) -> tuple[np.ndarray, np.ndarray]:
     """Return the expected initial states of the windows, and how uncertain they are."""
-    estimate = problem.states.estimate(trial.fit.model)
-    model, windows = trial.fit.model, problem.windows
-    return start_values(model, windows, estimate.x), estimate.spread
+    return problem.states.expected_starts(trial.fit.model, problem.windows)

@@ -28,7 +28,6 @@ from sklearn_pgnn.physics.effects.rates import is_velocity
 from sklearn_pgnn.physics.expressions import TIME, symbol, to_text
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.hidden_input import HiddenInput, find_hidden_input
-from sklearn_pgnn.simulation.led_states import start_values
 from sklearn_pgnn.simulation.linear_response import linear_responses
 from sklearn_pgnn.simulation.pointwise import evaluate_samples
 from sklearn_pgnn.simulation.window_fit import ParameterPrior, WindowFit, fit_windows
@@ -268,13 +267,11 @@ def _fit(problem, base, effect, each_step) -> WindowFit:
         ParameterPrior(name, -np.inf, np.inf, value, np.inf, max(abs(value), 1e-12))
         for name, value in zip(effect.names().values(), effect.coefficients, strict=True)
     ]
-    estimate = problem.states.estimate(model)
     return fit_windows(
         model,
         problem.windows,
         (*base.fit.freedoms, *free),
-        start_values(model, problem.windows, estimate.x),
-        estimate.spread,
+        *problem.states.expected_starts(model, problem.windows),
         x0_start=base.fit.x0,
         each_step=each_step,
     )

@@ -7,7 +7,6 @@ from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
 from sklearn_pgnn.estimation.problem import EstimationProblem, with_substeps
 from sklearn_pgnn.estimation.window_fitter import WindowFitter
-from sklearn_pgnn.simulation.led_states import start_values
 from sklearn_pgnn.simulation.record_windows import MAX_SUBSTEPS
 from sklearn_pgnn.simulation.uncertainty import standard_errors
 
@@ -46,10 +45,8 @@ def _moves_little(
     problem: EstimationProblem, before: FittedHypothesis, after: FittedHypothesis
 ) -> bool:
     """Return whether no parameter has moved by a tenth of its standard error."""
-    model = before.fit.model
-    estimate = problem.states.estimate(model)
-    expected = start_values(model, problem.windows, estimate.x)
-    errors = standard_errors(before.fit, expected, estimate.spread)
+    expected = problem.states.expected_starts(before.fit.model, problem.windows)
+    errors = standard_errors(before.fit, *expected)
     old, new = before.fit.model.parameters, after.fit.model.parameters
     shares = [abs(new[name].value - old[name].value) / error for name, error in errors.items()]
     return bool(np.nanmax(shares, initial=0.0) <= SMALL_CHANGE)

@@ -25,7 +25,6 @@ from sklearn_pgnn.estimation.progress import Progress
 from sklearn_pgnn.estimation.unusable import Ledger, Unusable
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.led_states import start_values
 from sklearn_pgnn.simulation.window_fit import WindowFit, fit_windows, lost_fit
 from sklearn_pgnn.simulation.windows import ShootingWindows
 
@@ -284,8 +283,7 @@ class WindowFitter:
 
     def _start(self, model: PhysicsModel) -> Start:
         """Return the expected initial states of all windows."""
-        estimate = self.problem.states.estimate(model)
-        return Start(start_values(model, self.problem.windows, estimate.x), estimate.spread)
+        return Start(*self.problem.states.expected_starts(model, self.problem.windows))
 
     # -- held out ------------------------------------------------------------------------------
 

@@ -223,15 +223,12 @@ def swap(records: DiagnosisRecords, old: Effect, new: Effect, each_step: Callabl
     held = held_by(prior, hypothesis)
 
     def fit(model, max_steps=25):
-        estimate = problem.states.estimate(model)
         free = freedoms(problem, hypothesis, model, held)
-        x0 = start_values(model, records.windows, estimate.x)
         return fit_windows(
             model,
             records.windows,
             free,
-            x0,
-            estimate.spread,
+            *problem.states.expected_starts(model, records.windows),
             max_steps=max_steps,
             each_step=each_step,
         )

@@ -10,6 +10,7 @@ import sympy
 
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.led_states import start_values
 from sklearn_pgnn.simulation.output_inverse import gain_and_offset
 from sklearn_pgnn.simulation.simulate import Simulation, settled_start, simulate_acting
 from sklearn_pgnn.simulation.windows import ShootingWindows
@@ -99,6 +100,28 @@ class StateEstimator:
         x = self.values(model)
         spread = [self._spread(state, x[:, i]) for i, state in enumerate(model.states)]
         return StateEstimate(x, np.maximum(spread, _smallest_spread(x)))
+
+    def expected_starts(
+        self, model: PhysicsModel, windows: ShootingWindows
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the expected initial states of windows, and how far each may be off.
+
+        Parameters
+        ----------
+        model : PhysicsModel
+            The model or an extension of it, at its present parameters.
+        windows : ShootingWindows
+            Windows of the records.
+
+        Returns
+        -------
+        x0 : ndarray of shape (n_windows, n_states)
+            As `sklearn_pgnn.simulation.window_fit.fit_windows` expects them.
+        spread : ndarray of shape (n_states,)
+            How uncertain they are.
+        """
+        estimate = self.estimate(model)
+        return start_values(model, windows, estimate.x), estimate.spread
 
     def _spread(self, state, values) -> float:
         if state not in self.known:

@@ -27,12 +27,11 @@ LOAD, STRIBECK = effects.ConstantLoad("v"), effects.StribeckFriction("v")
 
 def along(ratios, *causes, residuals=None):
     """Return the overdispersion along causes, given that along every parameter."""
-    estimate = SimpleNamespace(x=np.zeros((4, 1)), spread=np.ones(1))
+    expected = np.zeros((2, 1)), np.ones(1)
     problem = SimpleNamespace(
-        states=SimpleNamespace(estimate=lambda model: estimate),
-        windows=SimpleNamespace(starts=np.arange(2), states=None),
+        states=SimpleNamespace(expected_starts=lambda model, windows: expected), windows=None
     )
-    trial = SimpleNamespace(fit=SimpleNamespace(model=SLEDGE))
+    trial = SimpleNamespace(fit=SimpleNamespace(model=None))
     seen, one = [], np.ones(1)
 
     def overdispersion(fit, expected, spread, dispersion):

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from sklearn_pgnn.inspection.report.formula import FoundFormula
-from sklearn_pgnn.simulation.led_states import start_values
 from sklearn_pgnn.simulation.uncertainty import correlations
 from sklearn_pgnn.simulation.window_fit import WindowFit, fit_windows
 
@@ -68,9 +67,9 @@ def correlation(diagnosis, formula: FoundFormula | None = None) -> Correlation |
     names = [freedom.name for freedom in fit.freedoms]
     if len(names) < 2:
         return None
-    estimate = diagnosis.records_.problem.states.estimate(fit.model)
-    expected = start_values(fit.model, diagnosis.records_.windows, estimate.x)
-    found = correlations(fit, expected, estimate.spread)
+    records = diagnosis.records_
+    expected = records.problem.states.expected_starts(fit.model, records.windows)
+    found = correlations(fit, *expected)
     rows = [(names[i], [_cell(found[i, j]) for j in range(i)]) for i in range(1, len(names))]
     tight = [
         f"{names[j]} and {names[i]} ({_signed(found[i, j])})"
@@ -84,11 +83,8 @@ def correlation(diagnosis, formula: FoundFormula | None = None) -> Correlation |
 def _fitted(diagnosis) -> WindowFit:
     """Return the extended model with its evaluation where it stands."""
     records, extended = diagnosis.records_, diagnosis.records_.fits["extended"]
-    estimate = records.problem.states.estimate(extended.model)
-    expected = start_values(extended.model, records.windows, estimate.x)
-    return fit_windows(
-        extended.model, records.windows, extended.freedoms, expected, estimate.spread
-    )
+    expected = records.problem.states.expected_starts(extended.model, records.windows)
+    return fit_windows(extended.model, records.windows, extended.freedoms, *expected)
 
 
 def _cell(value: float) -> Cell:

@@ -17,7 +17,6 @@ from sklearn_pgnn.inspection.yardstick import formula_error
 from sklearn_pgnn.physics.effects.rates import force_unit
 from sklearn_pgnn.physics.expressions import TIME, parse_expression, symbol, to_text
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.led_states import start_values
 from sklearn_pgnn.simulation.uncertainty import Estimate, estimate_of, standard_errors
 from sklearn_pgnn.simulation.window_fit import ParameterPrior, WindowFit, fit_windows
 
@@ -90,9 +89,8 @@ class FoundFormula:
             for n in names
         )
         free = (*records.fits["extended"].freedoms, *own)
-        estimate = problem.states.estimate(self.model)
-        expected = start_values(self.model, records.windows, estimate.x)
-        return fit_windows(self.model, records.windows, free, expected, estimate.spread)
+        expected = problem.states.expected_starts(self.model, records.windows)
+        return fit_windows(self.model, records.windows, free, *expected)
 
     @property
     def windows(self) -> FittedWindows:
@@ -115,9 +113,9 @@ class FoundFormula:
     @cached_property
     def terms(self) -> list[Term]:
         """The terms."""
-        estimate = self.diagnosis.records_.problem.states.estimate(self.model)
-        expected = start_values(self.model, self.records.windows, estimate.x)
-        errors = standard_errors(self.fit, expected, estimate.spread)
+        records = self.diagnosis.records_
+        expected = records.problem.states.expected_starts(self.model, records.windows)
+        errors = standard_errors(self.fit, *expected)
         known = (*self.model.states, *self.model.inputs)
         found = []
         effect = self.part.effect
