@@ -10,7 +10,7 @@ import numpy as np
 from sklearn_pgnn.diagnosis.rivals import find_rivals
 from sklearn_pgnn.diagnosis.search_result import SearchResult, in_order
 from sklearn_pgnn.diagnosis.size import overdispersion_along
-from sklearn_pgnn.estimation.budgets import KEPT, MUCH, PAIRS
+from sklearn_pgnn.estimation.budgets import BETTER, KEPT, MUCH, PAIRS
 from sklearn_pgnn.estimation.criterion import SelectionCriterion
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis, SubsampleFit, objective_of
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
@@ -22,8 +22,6 @@ from sklearn_pgnn.estimation.share_left import ShareLeft, share_left
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects import WrongParameter
 
-#: share of the least error so far below which a fit is told of
-CLEARLY = 0.9
 Move = Callable[[FittedHypothesis], FittedHypothesis | None]
 
 
@@ -449,7 +447,7 @@ class Search:
     def _tell_best(self, fit: SubsampleFit) -> None:
         """Tell of a fit that leaves clearly less than any before, in units of the noise."""
         left = fit.times_noise
-        if left < CLEARLY * self._least:
+        if left < BETTER * self._least:
             self._least = left
             names = " and ".join(cause.title(cause.target) for cause in _causes(fit))
             self.progress.note(f"{left:.2f} times the noise left with {names}")

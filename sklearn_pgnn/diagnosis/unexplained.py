@@ -255,8 +255,8 @@ def describe(problem: EstimationProblem, proposal: Proposal) -> MissingPart:
     if quantities:
         columns = np.column_stack([table[name][rows] for name in quantities])
         share = _explained(columns, hidden.values[rows], _groups(problem)[rows])
-    error = float(np.sqrt(fit.squares / problem.n_samples))
     model = as_judged(problem, fit)
+    error = proposal.trial.times_noise
     return MissingPart(effect.target, quantities, share, effect, error, model, hidden.values)
 
 

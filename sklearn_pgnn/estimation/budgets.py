@@ -43,6 +43,9 @@ TOLERANCE, COARSER = 1e-4, 10.0
 #: see. Fewer leave its intervals off
 POLISH_STEPS = 100
 
+#: share of the least error so far below which a fit is told of while a search goes on. Larger tells
+#: more often; no result depends on it
+BETTER = 0.9
 #: relative accuracy of an interval's ends. Finer costs fits
 FINENESS = 0.1
 

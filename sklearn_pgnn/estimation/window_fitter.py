@@ -151,10 +151,6 @@ class WindowFitter:
             self._keep(self._fit(Hypothesis(), self.problem.prior))
         return self._trials[key]
 
-    def base_error(self) -> float:
-        """Return the re-tuned prior's error in units of the noise."""
-        return float(np.sqrt(self.base().squares / self.problem.n_samples))
-
     def refit(self, trial: FittedHypothesis) -> FittedHypothesis:
         """Fit a hypothesis that was fitted in the same windows of another problem."""
         self._keep(self._fit(trial.hypothesis, trial.fit.model, trial.fit))

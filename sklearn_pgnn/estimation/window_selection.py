@@ -35,7 +35,7 @@ def select_windows(
         The fitter, on windows of the length that the records ask for.
     """
     fitter = HypothesisFitter(problem, progress)
-    while fitter.base_error() > FOLLOWED and (cut := shorter(fitter.problem)) is not None:
+    while fitter.base().times_noise > FOLLOWED and (cut := shorter(fitter.problem)) is not None:
         nearer = HypothesisFitter(cut, progress)
         if not _is_lost(nearer, fitter):
             break
@@ -50,7 +50,7 @@ def select_windows(
 
 def _is_lost(shorter_windows: HypothesisFitter, longer_windows: HypothesisFitter) -> bool:
     """Return whether the error grows faster with the windows than a random disturbance makes it."""
-    return longer_windows.base_error() > RANDOM_WALK * shorter_windows.base_error()
+    return longer_windows.base().times_noise > RANDOM_WALK * shorter_windows.base().times_noise
 
 
 def _past_hidden_starts(fitter: HypothesisFitter) -> HypothesisFitter:

@@ -24,7 +24,6 @@ from sklearn_pgnn.physics.external import ExternalFunction, said_by
 from sklearn_pgnn.priors.called_function import NEAR, NumericFunction
 
 _NUMBERS = types.CPointer(types.float64)
-_POINTERS = ctypes.POINTER(ctypes.c_double)
 
 
 @dataclass(frozen=True)
