@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from plants import PLANTS, Plant
-from seed_table import cell, run_seeds, write_table
+from seed_table import cell, command_line, run_seeds, write_table
 
 from sklearn_pgnn import PGNNLRegressor, PhysicsModelRegressor
 
@@ -132,4 +132,9 @@ def write(found, seeds):
 
 
 if __name__ == "__main__":
-    run_seeds(__doc__, 3, [(name, way) for name in CASES for way in WAYS], measure, write)
+    run_seeds(
+        command_line(__doc__, 3).parse_args(),
+        [(name, way) for name in CASES for way in WAYS],
+        measure,
+        write,
+    )

@@ -15,7 +15,7 @@ import warnings
 import numpy as np
 from physical_loss import SETTINGS, error
 from plants import PLANTS
-from seed_table import cell, run_seeds, write_table
+from seed_table import cell, command_line, run_seeds, write_table
 
 from sklearn_pgnn import PGNNLRegressor
 
@@ -49,4 +49,4 @@ def write(found, seeds):
 
 if __name__ == "__main__":
     CASES = [(setting, plant) for plant in ("bodies", "motor", "mass") for setting in MEASURED]
-    run_seeds(__doc__, 5, CASES, measure, write)
+    run_seeds(command_line(__doc__, 5).parse_args(), CASES, measure, write)

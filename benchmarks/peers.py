@@ -11,16 +11,14 @@ Run ``python benchmarks/peers.py --seeds 5 --candidates 8``; the table in the do
 written anew after every seed, and says with how many candidates.
 """
 
-import argparse
 import importlib.util
 import warnings
 from functools import partial
 
 import numpy as np
-from joblib import Parallel, delayed
 from peer_models import FrolsNarx, NetworkNarx, PysindyModel
 from plants import PLANTS
-from seed_table import cell, write_table
+from seed_table import cell, command_line, run_seeds, write_table
 from skopt.space import Categorical, Real
 
 from sklearn_pgnn import PGNNLRegressor, SINDYcRegressor, datasets, systems
@@ -101,7 +99,7 @@ def score(estimator, X, y):
     return -float(np.log(max(rms(apart), np.finfo(float).tiny)))
 
 
-def measure(machine, method, candidates, seed):
+def measure(candidates, machine, method, seed):
     """Tune a method on a machine, and return its error."""
     warnings.simplefilter("ignore")
     prior, (X, y), (X_new, y_new), unit = MACHINES[machine](seed)
@@ -114,7 +112,7 @@ def measure(machine, method, candidates, seed):
     return float(np.exp(-score(search, X_new, y_new)) / unit)
 
 
-def write(found, seeds, candidates):
+def write(candidates, found, seeds):
     """Write the table into the documentation."""
     names = list(dict.fromkeys(method for _, method in found))
     lines = [[f"machine ({candidates} candidates each)", *names]]
@@ -125,23 +123,17 @@ def write(found, seeds, candidates):
 
 def main():
     """Measure all machines and methods, seed by seed."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seeds", type=int, default=5)
+    parser = command_line(__doc__, 5)
     parser.add_argument("--candidates", type=int, default=8)
-    parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--machines", nargs="*", default=list(MACHINES), choices=MACHINES)
     asked = parser.parse_args()
     names = list(methods(systems.golf_robot(), 0))
-    cases = [(machine, name) for machine in asked.machines for name in names]
-    found = {case: [] for case in cases}
-    for seed in range(asked.seeds):
-        results = Parallel(asked.jobs, return_as="generator")(
-            delayed(measure)(*case, asked.candidates, seed) for case in cases
-        )
-        for case, error in zip(cases, results, strict=True):
-            found[case].append(error)
-            print(seed, *case, f"{error:.4g}", flush=True)
-        write(found, seed + 1, asked.candidates)
+    run_seeds(
+        asked,
+        [(machine, name) for machine in asked.machines for name in names],
+        partial(measure, asked.candidates),
+        partial(write, asked.candidates),
+    )
 
 
 if __name__ == "__main__":

@@ -30,15 +30,21 @@ def write_table(name: str, lines, seeds: int) -> None:
     (TABLES / f"{name}.rst").write_text(text, encoding="utf-8")
 
 
-def run_seeds(about: str, seeds: int, cases: Sequence[tuple], measure: Callable, write: Callable):
+def command_line(about: str, seeds: int) -> argparse.ArgumentParser:
+    """Return the parser of a benchmark that is run over several seeds, so many by default."""
+    parser = argparse.ArgumentParser(description=about)
+    parser.add_argument("--seeds", type=int, default=seeds)
+    parser.add_argument("--jobs", type=int, default=1)
+    return parser
+
+
+def run_seeds(asked, cases: Sequence[tuple], measure: Callable, write: Callable):
     """Measure all cases seed by seed, as the command line says, and write after every seed.
 
     Parameters
     ----------
-    about : str
-        What the command line says of itself.
-    seeds : int
-        How many by default.
+    asked : argparse.Namespace
+        What the command line asks for, see `command_line`.
     cases : sequence of tuple
         First arguments of `measure`.
     measure : callable
@@ -46,13 +52,9 @@ def run_seeds(about: str, seeds: int, cases: Sequence[tuple], measure: Callable,
     write : callable
         ``write(found, seeds)`` of the results by case, and the number of seeds so far.
     """
-    parser = argparse.ArgumentParser(description=about)
-    parser.add_argument("--seeds", type=int, default=seeds)
-    parser.add_argument("--jobs", type=int, default=1)
-    arguments = parser.parse_args()
     found: dict[tuple, list] = {case: [] for case in cases}
-    for seed in range(arguments.seeds):
-        results = Parallel(arguments.jobs, return_as="generator")(
+    for seed in range(asked.seeds):
+        results = Parallel(asked.jobs, return_as="generator")(
             delayed(measure)(*case, seed) for case in cases
         )
         for case, result in zip(cases, results, strict=True):
