@@ -221,10 +221,30 @@ def run_network(step: NetworkStep, theta: np.ndarray, record: NetworkRecord, hid
     failed : int
         The first sample out of reach, -1 if there is none.
     """
-    states = np.empty((record.t.size, len(step.model.states)))
-    hidden = np.zeros(_n_hidden(step)) if hidden is None else hidden
-    failed = run(*_common(step, theta, record), record.x0.copy(), hidden, states)
-    return states, failed
+    return FreeRun(step, theta)(record, hidden)
+
+
+class FreeRun:
+    """A network in free run, made ready once for many trajectories.
+
+    Parameters
+    ----------
+    step : NetworkStep
+        What a step is made of.
+    theta : ndarray of shape (n_weights + n_free,)
+        The network's weights, and the relative changes of the step's free parameters.
+    """
+
+    def __init__(self, step: NetworkStep, theta: np.ndarray):
+        self._functions, self._settings = _functions_and_settings(step, theta)
+        self._n_hidden, self._linear = _n_hidden(step), step.hold == "foh"
+
+    def __call__(self, record: NetworkRecord, hidden=None):
+        """Run along a trajectory, see `run_network`."""
+        states = np.empty((record.t.size, record.x0.size))
+        hidden = np.zeros(self._n_hidden) if hidden is None else hidden
+        given = (*self._functions, *_given(record, self._linear), *self._settings)
+        return states, run(*given, record.x0.copy(), hidden, states)
 
 
 class NetworkSensitivities:
@@ -241,7 +261,8 @@ class NetworkSensitivities:
     """
 
     def __init__(self, step: NetworkStep, theta: np.ndarray, record: NetworkRecord):
-        self._common = _common(step, theta, record, step.free)
+        functions, settings = _functions_and_settings(step, theta, step.free)
+        self._given = (*functions, *_given(record, step.hold == "foh"), *settings)
         self._unit = parameter_units(step.model, step.free)
         self._x, self._S = record.x0.copy(), np.zeros((record.x0.size, theta.size))
         self._place = 0
@@ -269,7 +290,7 @@ class NetworkSensitivities:
         for start in range(0, max(1, len(samples) - 1), length):
             wanted = np.array(samples[start : start + length + 1], dtype=np.int64)
             x, S = np.empty((len(wanted), nx)), np.empty((len(wanted), nx, n_weights))
-            run_sensitive(*self._common, self._x, self._S, self._place, wanted, x, S)
+            run_sensitive(*self._given, self._x, self._S, self._place, wanted, x, S)
             S[:, :, n_weights - self._unit.size :] *= self._unit
             yield wanted, x, S
             self._place = wanted[-1]
@@ -460,8 +481,15 @@ def _n_hidden(step) -> int:
     return step.sizes[1] if step.core == "recurrent" else 0
 
 
-def _common(step, theta, record, wrt=None):
-    """Return the arguments common to both loops, in their order."""
+def _given(record: NetworkRecord, linear_hold: bool):
+    """Return a trajectory as the loops take it."""
+    return (
+        record.t, record.acting, linear_hold, record.u, record.simulated, record.features,
+    )  # fmt: skip
+
+
+def _functions_and_settings(step, theta, wrt=None):
+    """Return what stands before and behind the trajectory in the arguments of both loops."""
     with_terms = terms_model(step)
     function, source = compile_model(step.model, wrt)
     terms, of_terms = compile_model(with_terms, wrt)
@@ -474,16 +502,7 @@ def _common(step, theta, record, wrt=None):
         theta, changes = np.split(theta, [-len(step.free)])
         places = [list(step.model.parameters).index(name) for name in step.free]
         parameters[places] += parameter_units(step.model, step.free) * changes
-    return (
-        function,
-        terms,
-        energy,
-        record.t,
-        record.acting,
-        step.hold == "foh",
-        record.u,
-        record.simulated,
-        record.features,
+    return (function, terms, energy), (
         parameters,
         np.array(source.dry),
         step.substeps,

@@ -11,10 +11,10 @@ from sklearn_pgnn.estimators.network.step_network import StepNetwork
 from sklearn_pgnn.estimators.network.torch_functions import torch_value
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.network_run import (
+    FreeRun,
     NetworkRecord,
     NetworkStep,
     parameter_units,
-    run_network,
 )
 
 
@@ -48,6 +48,26 @@ def weights_of(core: nn.Module) -> np.ndarray:
     return nn.utils.parameters_to_vector(core.parameters()).detach().cpu().numpy().astype(float)
 
 
+def compiled_run(core: nn.Module, step: NetworkStep, changes=()) -> FreeRun:
+    """Make the free run of a compiled core ready, with the weights that it has now.
+
+    Parameters
+    ----------
+    core : Module
+        The trained core, see `is_compiled`.
+    step : NetworkStep
+        What a step is made of.
+    changes : ndarray of shape (n_free,), optional
+        Relative changes of the step's free parameters.
+
+    Returns
+    -------
+    FreeRun
+        To be called with trajectories.
+    """
+    return FreeRun(step_with(core, step), np.append(weights_of(core), changes))
+
+
 def run_core(core: nn.Module, step: NetworkStep, record: NetworkRecord, changes=()):
     """Run a network in free run along a trajectory.
 
@@ -70,8 +90,7 @@ def run_core(core: nn.Module, step: NetworkStep, record: NetworkRecord, changes=
         The first sample out of reach, -1 if there is none.
     """
     if is_compiled(core):
-        theta = np.append(weights_of(core), changes)
-        return run_network(step_with(core, step), theta, record)
+        return compiled_run(core, step, changes)(record)
     if step.free:
         step = tuned(step, changes)
     x = record.x0[None] if len(record.t) == 1 else _run_torch(core, step, record)

@@ -4,17 +4,19 @@ from collections import deque
 from dataclasses import replace
 
 import numpy as np
-import torch
 from torch import nn
 
-from sklearn_pgnn.estimators.network.free_run import outputs_of, run_core
+from sklearn_pgnn.estimators.network.free_run import compiled_run
+from sklearn_pgnn.physics.expressions import symbol
+from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.inputs import delayed_inputs
-from sklearn_pgnn.simulation.network_run import NetworkStep, network_record
+from sklearn_pgnn.simulation.network_run import NetworkRecord, NetworkStep
+from sklearn_pgnn.simulation.pointwise import numpy_function
 from sklearn_pgnn.simulation.simulate import settled_start, simulate
 
 
 class Stepper:
-    """A trained network with its state, advanced sample by sample.
+    """A trained network with its state and its present weights, advanced sample by sample.
 
     Made by `PGNNLRegressor.stepper`.
 
@@ -40,9 +42,10 @@ class Stepper:
     """
 
     def __init__(self, core: nn.Module, step: NetworkStep, x0, interval: float, guide_line):
-        self._late, self._core, self._line = step.model, core, guide_line
+        self._late, self._line = step.model, guide_line
         # delays are applied here, from the past inputs
         self._step = replace(step, model=step.model.replace(delays={}))
+        self._run, self._outputs_of = compiled_run(core, self._step), _output_function(step.model)
         self._interval, self.t = float(interval), 0.0
         self._told = x0 is not None
         start = list(step.model.initial_state.values()) if x0 is None else x0
@@ -73,15 +76,12 @@ class Stepper:
             itself, `output` gives it once the next input is known.
         """
         u = self._read(u)
-        acting = np.tile(self._acting(u), (2, 1))
+        acting = np.array([self._acting(u)] * 2)
         self._inputs.extend([u] if self._inputs else [u, u])
         t = np.array([self.t, self.t + self._interval])
-        guide = self._guide(t, acting) if self._step.guide == "simulation" else None
-        record = network_record(
-            self._step.model, t, acting, self.x,
-            simulated=guide, features=np.tile(np.asarray(features, dtype=float), (2, 1)),
-        )  # fmt: skip
-        self.x = run_core(self._core, self._step, record)[0][-1]
+        guide = self._guide(t, acting) if self._step.guide == "simulation" else np.zeros((2, 0))
+        features = np.array([np.ravel(features)] * 2, dtype=float)
+        self.x = self._run(NetworkRecord(t, acting, acting, guide, features, self.x))[0][-1]
         self.t = float(t[1])
         return self._outputs(acting[1])
 
@@ -115,11 +115,12 @@ class Stepper:
         return u
 
     def _outputs(self, acting) -> np.ndarray:
-        now = (torch.as_tensor(part) for part in (self.x, acting, np.float64(self.t)))
-        return outputs_of(self._step.model, *now).numpy()
+        return np.array(self._outputs_of(self.t, *self.x, *acting), dtype=float)
 
     def _acting(self, u) -> np.ndarray:
         """Return the inputs as they act now; before the start they had their first value."""
+        if not self._late.delays:
+            return u
         history = np.array([*(self._inputs or [u]), u])
         t = self.t - self._interval * np.arange(len(history))[::-1]
         return delayed_inputs(self._late, t, history)[-1, : u.size]
@@ -130,3 +131,10 @@ class Stepper:
         self._simulated = run.x[-1]
         slope, offset = self._line
         return np.tile(self._simulated * slope + offset, (2, 1))
+
+
+def _output_function(model: PhysicsModel):
+    """Return the outputs as a function of time, states and inputs."""
+    fixed = {symbol(name): parameter.value for name, parameter in model.parameters.items()}
+    outputs = [output.xreplace(fixed) for output in model.outputs.values()]
+    return numpy_function(["t", *model.states, *model.inputs], outputs)
