@@ -23,7 +23,8 @@ def search_space(estimator, **changes) -> dict:
     ``lambda_phy``     0 (no physical loss), 0.001, 0.01, 0.1, 0.3 or 0.9,
                        where there is an energy or another physical loss
     ``structure``      ``"output"``, ``"increment"`` or ``"correction"``,
-                       where there is a model
+                       where there is a model and no other parameter asks
+                       for a structure
     ``horizon``        1, 20 or 50
     ``threshold``      0.0005 to 0.1, logarithmic                             `SINDYcRegressor`
     ``library``        polynomials, sines and cosines or, where there is a
@@ -114,13 +115,21 @@ def _network(parameters) -> dict:
         "module__layers": ("layers" in core, space.Integer(1, 2)),
         "lr": (True, space.Real(1e-3, 3e-2, prior="log-uniform")),
         "lambda_phy": (energetic, space.Categorical(list(LAMBDAS))),
-        "structure": (
-            model is not None,
-            space.Categorical(["output", "increment", "correction"]),
-        ),
+        "structure": (model is not None, _structures(parameters, space)),
         "horizon": (True, space.Categorical([1, 20, 50])),
     }
     return {name: dimension for name, (there, dimension) in wanted.items() if there}
+
+
+def _structures(parameters, space):
+    """Return the structures to choose from; None where another parameter asks for one.
+
+    A network is passive, tunes the model or corrects some of its states by its structure.
+    """
+    passive = parameters["structure"] == "dissipative"
+    if passive or parameters["free"] or parameters["corrects"] is not None:
+        return None
+    return space.Categorical(["output", "increment", "correction"])
 
 
 def _sparse(parameters) -> dict:

@@ -282,6 +282,8 @@ class Network(RegressorMixin, BaseEstimator):
         structure="auto",
         lambda_phy=0.0,
         physics_loss=None,
+        free=None,
+        corrects=None,
         horizon=1,
         lr=0.01,
         max_epochs=10,
@@ -293,6 +295,8 @@ class Network(RegressorMixin, BaseEstimator):
         self.structure = structure
         self.lambda_phy = lambda_phy
         self.physics_loss = physics_loss
+        self.free = free
+        self.corrects = corrects
         self.horizon = horizon
         self.lr = lr
         self.max_epochs = max_epochs
@@ -352,10 +356,19 @@ def test_network_with_a_model():
         (Network(physics_loss="own"), {"structure"}),
         (Network(GOLF.replace(energy={})), {"lambda_phy"}),
         (Network(GOLF, module=Recurrent), {"module__layers"}),
+        (Network(GOLF, structure="dissipative"), {"structure"}),
+        (Network(GOLF, free="all"), {"structure"}),
+        (Network(GOLF, corrects=["omega"]), {"structure"}),
     ],
 )
-def test_what_an_estimator_lacks_is_not_searched(network, missing):
+def test_what_an_estimator_lacks_or_settles_is_not_searched(network, missing):
     assert set(search_space(Network(GOLF))) - set(search_space(network)) == missing
+
+
+def test_a_structure_that_is_settled_may_be_left_out_or_searched_all_the_same():
+    pipeline = make_pipeline(PhysicsModelTransformer(GOLF), Network(GOLF, structure="dissipative"))
+    assert "network__structure" not in search_space(pipeline, structure=None)
+    assert search_space(pipeline, structure=["output"])["network__structure"] == ["output"]
 
 
 def test_sparse_regression():
