@@ -144,6 +144,20 @@ def test_a_model_file_brings_its_records_along(visit, tmp_path):
 
 
 @pytest.mark.slow
+def test_a_file_may_be_chosen_while_the_first_answer_comes(visit):
+    page, waiting = visit(), []
+    page.route("**/start", lambda route: waiting.append(route))
+    page.reload()
+    while not waiting:
+        page.wait_for_timeout(10)
+    chooser = page.query_selector("#model-file")
+    with page.expect_response("**/start"):
+        waiting[0].continue_()
+    page.wait_for_selector("body:not(.busy)")  # the answer is on the page
+    assert chooser.evaluate("input => input.isConnected")
+
+
+@pytest.mark.slow
 def test_everything_that_is_filled_in_has_a_name(visit):
     page = visit()
     page.click("text=Show me")

@@ -42,6 +42,10 @@ function say(text) {
 function put(name, html, number) {
   if (shown[name] === html) return;
   const section = document.getElementById(name);
+  if (isSame(section, html)) {
+    shown[name] = html; // a file may be about to be chosen in it
+    return;
+  }
   const focused = section.contains(document.activeElement) ? document.activeElement.id : "";
   const open = new Map([...section.querySelectorAll("details")].map((d, k) => [k, d.open]));
   const isNew = shown[name] !== undefined;
@@ -58,6 +62,12 @@ function put(name, html, number) {
     section.scrollIntoView({ block: "start" });
   }
   if (name === "work") told.textContent = document.getElementById("stage")?.textContent || "";
+}
+
+function isSame(section, html) {
+  const fresh = document.createElement("template");
+  fresh.innerHTML = html;
+  return fresh.innerHTML === section.innerHTML;
 }
 
 function keep(section) {
