@@ -1,18 +1,22 @@
 """Diagnose an hour at 1 kHz: the time it takes, and the memory.
 
-A cart on a spring with dry friction, 3.6 million samples in one record. Run:
-``python benchmarks/speed/long_record.py [--samples 3600000] [--jobs 2]``.
+A cart on a spring with dry friction, 3.6 million samples in one record, which comes as a table, as
+arrays that are memory maps of files, or as a Parquet file. Run:
+``python benchmarks/speed/long_record.py [--samples 3600000] [--jobs 2] [--source table]``.
 """
 
 import argparse
 import resource
+import tempfile
 import time
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 from scipy.signal import lfilter
 
 from sklearn_pgnn import ModelDiagnosis, effects, systems
+from sklearn_pgnn.trajectories import read_files
 
 STEP, FADES, FORCE, NOISE = 1e-3, 0.3, 10.0, 1e-3
 
@@ -27,16 +31,34 @@ def record(samples):
     return pd.DataFrame({"t": t, "force": force}), pd.DataFrame({"position": y})
 
 
+def mapped(X, y, folder):
+    """Return them as memory maps of files."""
+    for name, table in (("X", X), ("y", y)):
+        np.save(folder / f"{name}.npy", table.to_numpy())
+    return [np.load(folder / f"{name}.npy", mmap_mode="r") for name in ("X", "y")]
+
+
+def parquet(X, y, folder):
+    """Return them as they are read from a Parquet file."""
+    pd.concat([X, y], axis=1).to_parquet(folder / "record.parquet")
+    return read_files([folder / "record.parquet"], systems.cart_on_spring())
+
+
+SOURCES = {"table": lambda X, y, folder: (X, y), "memory-map": mapped, "parquet": parquet}
+
+
 def main():
     """Diagnose and tell."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--samples", type=int, default=3_600_000)
     parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--source", choices=SOURCES, default="table")
     said = parser.parse_args()
-    X, y = record(said.samples)
-    start = time.perf_counter()
-    diagnosis = ModelDiagnosis(systems.cart_on_spring(), n_jobs=said.jobs).fit(X, y)
-    seconds = time.perf_counter() - start
+    with tempfile.TemporaryDirectory() as folder:
+        X, y = SOURCES[said.source](*record(said.samples), Path(folder))
+        start = time.perf_counter()
+        diagnosis = ModelDiagnosis(systems.cart_on_spring(), n_jobs=said.jobs).fit(X, y)
+        seconds = time.perf_counter() - start
     most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
     names = ", ".join(f"{cause.effect} ({cause.target})" for cause in diagnosis.causes_)
     print(f"{said.samples} samples: {seconds:.0f} s, {most:.1f} GB; {diagnosis.verdict_}: {names}")
