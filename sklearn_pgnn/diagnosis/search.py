@@ -445,7 +445,7 @@ class Search:
         return fit
 
     def _tell_best(self, fit: SubsampleFit) -> None:
-        """Tell of a fit that leaves clearly less than any before, in units of the noise."""
+        """Note a fit that leaves clearly less than any before, in units of the noise."""
         left = fit.times_noise
         if left < BETTER * self._least:
             self._least = left

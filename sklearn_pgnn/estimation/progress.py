@@ -82,7 +82,7 @@ class Progress:
             raise TimeIsUp
 
     def note(self, best: str) -> None:
-        """Tell what is best so far, whatever the stage.
+        """Announce what is best so far, whatever the stage.
 
         Parameters
         ----------
