@@ -72,7 +72,7 @@ SPECIAL_CASES = {
 #: disturbance changes, as a share of a record
 LAW, DISTURBANCE, FADES = 0.3, 0.1, 1 / 50
 #: times that effects are drawn which a machine may bear
-ATTEMPTS = 20
+ATTEMPTS = 100
 
 
 @dataclass(frozen=True)
