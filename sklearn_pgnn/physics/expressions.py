@@ -125,7 +125,6 @@ def parse_expression(
         raise ModelError(f"{where}: {_short(text)} is nested too deeply.") from None
 
 
-@lru_cache(maxsize=2048)
 def standard_form(expression: sympy.Expr, names: tuple[str, ...], where: str = "expression"):
     """Return an expression in the form in which it is read back from its own text.
 
@@ -154,6 +153,13 @@ def standard_form(expression: sympy.Expr, names: tuple[str, ...], where: str = "
     >>> standard_form(x + 1, ("x",)) == symbol("x") + 1
     True
     """
+    held = {same_name(each.name) for each in expression.free_symbols - {TIME}}
+    own = tuple(name for name in names if same_name(name) in held)
+    return _reread(expression, own if len(own) == len(held) else names, where)
+
+
+@lru_cache(maxsize=2048)
+def _reread(expression: sympy.Expr, names: tuple[str, ...], where: str):
     external = {call.func.__name__: call.func for call in expression.atoms(External)}
     return parse_expression(_RereadPrinter().doprint(expression), names, where, external)
 

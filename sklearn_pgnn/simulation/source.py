@@ -12,7 +12,7 @@ For the states :math:`x`, inputs :math:`u` and parameters :math:`p` of a model t
 `sklearn_pgnn.simulation.stepping`.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import sympy
@@ -32,8 +32,10 @@ class Source:
 
     Parameters
     ----------
-    text : str
-        Its assignments, see `sklearn_pgnn.simulation.straight_line`.
+    shared : tuple of str
+        Assignments to names that several entries share.
+    entries : tuple of str
+        The expressions that fill ``out``.
     dry : tuple of bool
         For every state, whether its rate jumps where the state changes its sign.
     n_outputs : int
@@ -42,10 +44,17 @@ class Source:
         Number of parameters differentiated by; without it nothing is differentiated.
     """
 
-    text: str
+    shared: tuple[str, ...]
+    entries: tuple[str, ...]
     dry: tuple[bool, ...]
     n_outputs: int
     n_parameters: int | None = None
+
+    @property
+    def text(self) -> str:
+        """Its assignments, see `sklearn_pgnn.simulation.straight_line`."""
+        filled = (f"out[{i}] = {entry}" for i, entry in enumerate(self.entries))
+        return "\n".join((*self.shared, *filled)) + "\n"
 
     @property
     def n_states(self) -> int:
@@ -88,6 +97,33 @@ class Source:
         """Where the outputs' derivatives stand in ``out``."""
         first = self.outputs.stop + self.n_states * self.n_sensitivities
         return range(first, self.size)
+
+    def keep(self, parameters: list[int]) -> "Source":
+        """Return the code that is differentiated by some of the parameters only.
+
+        Parameters
+        ----------
+        parameters : list of int
+            Places of the parameters, in the order wanted.
+
+        Returns
+        -------
+        Source
+            The code; lines that nothing needs any more stay, and are not compiled.
+        """
+        n_p = self.n_parameters or 0
+        if parameters == list(range(n_p)):
+            return self
+        kept = [*self.rates, *self.outputs]
+        for n_rows, first in (
+            (self.n_states, self.outputs.stop),
+            (self.n_outputs, self.output_slopes.start),
+        ):
+            by_parameters = first + n_rows * self.n_states
+            kept += range(first, by_parameters)
+            kept += [by_parameters + i * n_p + j for i in range(n_rows) for j in parameters]
+        entries = tuple(self.entries[place] for place in kept)
+        return replace(self, entries=entries, n_parameters=len(parameters))
 
 
 class _Printer(PythonCodePrinter):
@@ -178,7 +214,8 @@ def write_source(model: PhysicsModel, wrt: tuple[str, ...] | None = None) -> Sou
     Source
         The code.
     """
-    return _write(_Frozen(model), wrt)
+    frozen = _Frozen(model)
+    return _write(frozen) if wrt is None else _select(frozen, wrt)
 
 
 class _Frozen:
@@ -203,7 +240,15 @@ class _Frozen:
 
 
 @lru_cache(maxsize=1024)
-def _write(frozen: _Frozen, wrt) -> Source:
+def _select(frozen: _Frozen, wrt) -> Source:
+    """Write what is differentiated by some parameters: by all, once a model, of which some stay."""
+    every = _write(frozen, differentiated=True)
+    names = list(frozen.model.parameters)
+    return every.keep([names.index(name) for name in wrt])
+
+
+@lru_cache(maxsize=1024)
+def _write(frozen: _Frozen, *, differentiated: bool = False) -> Source:
     model = frozen.model
     dry = dry_states(model)
     signs = {sympy.sign(symbol(n)): _sign(i) for i, n in enumerate(model.states) if dry[i]}
@@ -215,14 +260,13 @@ def _write(frozen: _Frozen, wrt) -> Source:
     g = [_real(output.xreplace(signs)).xreplace(local) for output in model.outputs.values()]
     x = [local[symbol(name)] for name in model.states]
     entries = f + g
-    if wrt is not None:
-        entries += [differentiate(e, v) for e in f for v in x]
-        entries += [_by_parameter(model, local, e, name) for e in f for name in wrt]
-        entries += [differentiate(e, v) for e in g for v in x]
-        entries += [_by_parameter(model, local, e, name) for e in g for name in wrt]
+    if differentiated:
+        for part in (f, g):
+            entries += [differentiate(e, v) for e in part for v in x]
+            entries += [_by_parameter(model, local, e, p) for e in part for p in model.parameters]
     arguments = {local[old]: place for old, place in places.items()}
-    n_parameters = None if wrt is None else len(wrt)
-    return Source(_function(arguments, entries), dry, len(g), n_parameters)
+    n_parameters = len(model.parameters) if differentiated else None
+    return Source(*_straight_line(arguments, entries), dry, len(g), n_parameters)
 
 
 def _sign(i):
@@ -250,13 +294,12 @@ def _places(model, dry):
     return places
 
 
-def _function(places, entries) -> str:
-    """Write the straight-line function that fills ``out`` with the entries."""
+def _straight_line(places, entries) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Write what the entries share, line by line, and the entries."""
     names = sympy.numbered_symbols("c", real=True)
     shared, entries = sympy.cse(at_whole_points(entries), symbols=names, order="none", list=True)
     used = set().union(*(e.free_symbols for e in entries), *(e.free_symbols for _, e in shared))
     write = _Printer().doprint
     lines = [f"{name} = {array}[{i}]" for name, (array, i) in places.items() if name in used]
     lines += [f"{name} = {write(expression)}" for name, expression in shared]
-    lines += [f"out[{i}] = {write(entry)}" for i, entry in enumerate(entries)]
-    return "\n".join(lines) + "\n"
+    return tuple(lines), tuple(write(entry) for entry in entries)

@@ -53,6 +53,22 @@ def test_the_derivative_by_a_gain_is_the_response_to_the_input():
     np.testing.assert_allclose(S[:, 0], response, rtol=1e-13)
 
 
+@pytest.mark.parametrize("wrt", [(), ("d",), ("b", "k"), ("d", "b", "k")])
+def test_derivatives_by_some_parameters_are_those_by_all(wrt):
+    model = LINEAR.replace(outputs={"y": "k*x + b*v", "z": "d*u"})
+    names = tuple(model.parameters)
+    kept = [*map(names.index, wrt), -2, -1]
+    _, S, _ = run_task(STEP, model, [0.5, -0.2], 1.5, wrt=wrt)
+    _, all_S, _ = run_task(STEP, model, [0.5, -0.2], 1.5, wrt=names)
+    np.testing.assert_array_equal(S, all_S[:, kept])
+    _, _, out = run_task(OUTPUTS, model, [0.5, -0.2], 1.5, wrt=wrt)
+    _, _, all_out = run_task(OUTPUTS, model, [0.5, -0.2], 1.5, wrt=names)
+    by_states = slice(-2 * (2 + len(wrt)), -2 * len(wrt) or None)
+    np.testing.assert_array_equal(out[by_states], all_out[-10:-6])
+    by_parameters = out[len(out) - 2 * len(wrt) :].reshape(2, -1)
+    np.testing.assert_array_equal(by_parameters, all_out[-6:].reshape(2, 3)[:, kept[:-2]])
+
+
 def test_a_stuck_state_stays_with_its_sensitivities():
     model = LINEAR.replace(equations={"x": "v", "v": "u - k*x - sign(v)"})
     x, S, _ = run_task(STEP, model, [0.5, 0.0], 0.3, stuck=(False, True), s=(0.0, -0.7))
