@@ -17,6 +17,7 @@ from sensors import SENSORS
 
 from sklearn_pgnn import datasets, effects
 from sklearn_pgnn.datasets.integrator import integrate
+from sklearn_pgnn.exceptions import ModelError
 from sklearn_pgnn.physics.effects.formula import Formula
 from sklearn_pgnn.physics.expressions import parse_expression, symbol
 from sklearn_pgnn.simulation.pointwise import numpy_function
@@ -71,7 +72,7 @@ SPECIAL_CASES = {
 #: size of a law beyond the catalogue, and of a disturbance, over the rate's spread; how fast the
 #: disturbance changes, as a share of a record
 LAW, DISTURBANCE, FADES = 0.3, 0.1, 1 / 50
-#: times that effects are drawn which a machine may bear
+#: times that effects are drawn which a machine may bear, all of them at once
 ATTEMPTS = 100
 
 
@@ -136,7 +137,8 @@ def make(case: Case) -> datasets.HiddenEffect:
         try:
             return _attempt(case, case.seed + attempt)
         except ValueError as error:
-            if "leaves the finite numbers" not in str(error) or attempt == ATTEMPTS - 1:
+            unfit = isinstance(error, ModelError) or "leaves the finite numbers" in str(error)
+            if not unfit or attempt == ATTEMPTS - 1:
                 raise
 
 
