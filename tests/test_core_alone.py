@@ -1,11 +1,58 @@
 """The core works without any extra, and what needs one says which."""
 
+import json
+
 import pytest
 from blocked import run_without
 
 from sklearn_pgnn.extras import EXTRA_OF, EXTRAS
 
 pytestmark = pytest.mark.core
+
+#: by extra, what needs it
+USES = {
+    "network": [
+        "sklearn_pgnn.PGNNLRegressor",
+        "sklearn_pgnn.make_pgnn_pipeline",
+        "sklearn_pgnn.network",
+        "import sklearn_pgnn.network",
+        "from sklearn_pgnn import PGNNLRegressor",
+        "from sklearn_pgnn.network import EnergyBalance",
+        "from sklearn_pgnn.estimators.pgnnl import PGNNLRegressor",
+    ],
+    "sindy": ["sklearn_pgnn.SINDYcRegressor().fit([[0.0], [1.0], [2.0], [3.0]], [0, 1, 2, 3])"],
+    "fmu": ["from sklearn_pgnn.priors import from_fmu; from_fmu('a.fmu')"],
+    "tuning": [
+        "sklearn_pgnn.model_selection.search_space(sklearn_pgnn.SINDYcRegressor())",
+    ],
+    "app": ["import sklearn_pgnn.cli.app.serve"],
+    "benchmarks": [
+        "sklearn_pgnn.datasets.load_emps()",
+        "sklearn_pgnn.datasets.load_cascaded_tanks()",
+        "sklearn_pgnn.datasets.load_coupled_drives()",
+    ],
+    "dask": [
+        "from sklearn_pgnn.cli.cluster import on_cluster\nwith on_cluster('tcp://x'): pass",
+    ],
+    "control": [
+        "sklearn_pgnn.export.to_control(sklearn_pgnn.systems.two_tanks())",
+        "sklearn_pgnn.priors.from_control(None)",
+    ],
+    "export": [
+        "sklearn_pgnn.export.to_casadi(sklearn_pgnn.systems.two_tanks())",
+        "sklearn_pgnn.priors.from_casadi(None, {})",
+    ],
+    "units": [
+        "from sklearn_pgnn.physics.units import read_unit; read_unit('mm')",
+    ],
+    "mdf": ["from sklearn_pgnn.trajectories import read_file; read_file('run.mf4', None)"],
+    "ros": ["from sklearn_pgnn.trajectories import read_file; read_file('run.bag', None)"],
+    "files": [
+        "from sklearn_pgnn.trajectories import read_file; read_file('run.xlsx', None)",
+        "from sklearn_pgnn.trajectories import read_file; read_file('run.parquet', None)",
+        "from sklearn_pgnn.trajectories import read_file; read_file('run.mat', None)",
+    ],
+}
 
 
 def run(program, folder):
@@ -58,67 +105,34 @@ help(sklearn_pgnn)
     assert "need the extra ``network``" in result.stdout
 
 
+@pytest.fixture(scope="module")
+def said(tmp_path_factory):
+    """What is said, extra by extra, to whoever uses what needs it; one process tries all."""
+    folder = tmp_path_factory.mktemp("extras")
+    (folder / "run.mat").write_bytes(b"\x89HDF\r\n\x1a\n")  # as version 7.3 begins
+    program = f"""
+import json, sklearn_pgnn
+said = {{}}
+for extra, uses in {USES!r}.items():
+    said[extra] = []
+    for use in uses:
+        try:
+            exec(use)
+        except ModuleNotFoundError as error:
+            said[extra].append(str(error))
+print(json.dumps(said))
+"""
+    result = run(program, folder)
+    assert result.returncode == 0, result.stderr
+    return json.loads(result.stdout)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("extra", EXTRAS)
-def test_what_needs_an_extra_says_which(tmp_path, extra):
-    uses = {
-        "network": [
-            "sklearn_pgnn.PGNNLRegressor",
-            "sklearn_pgnn.make_pgnn_pipeline",
-            "sklearn_pgnn.network",
-            "import sklearn_pgnn.network",
-            "from sklearn_pgnn import PGNNLRegressor",
-            "from sklearn_pgnn.network import EnergyBalance",
-            "from sklearn_pgnn.estimators.pgnnl import PGNNLRegressor",
-        ],
-        "sindy": ["sklearn_pgnn.SINDYcRegressor().fit([[0.0], [1.0], [2.0], [3.0]], [0, 1, 2, 3])"],
-        "fmu": ["from sklearn_pgnn.priors import from_fmu; from_fmu('a.fmu')"],
-        "tuning": [
-            "sklearn_pgnn.model_selection.search_space(sklearn_pgnn.SINDYcRegressor())",
-        ],
-        "app": ["import sklearn_pgnn.cli.app.serve"],
-        "benchmarks": [
-            "sklearn_pgnn.datasets.load_emps()",
-            "sklearn_pgnn.datasets.load_cascaded_tanks()",
-            "sklearn_pgnn.datasets.load_coupled_drives()",
-        ],
-        "dask": [
-            "from sklearn_pgnn.cli.cluster import on_cluster\nwith on_cluster('tcp://x'): pass",
-        ],
-        "control": [
-            "sklearn_pgnn.export.to_control(sklearn_pgnn.systems.two_tanks())",
-            "sklearn_pgnn.priors.from_control(None)",
-        ],
-        "export": [
-            "sklearn_pgnn.export.to_casadi(sklearn_pgnn.systems.two_tanks())",
-            "sklearn_pgnn.priors.from_casadi(None, {})",
-        ],
-        "units": [
-            "from sklearn_pgnn.physics.units import read_unit; read_unit('mm')",
-        ],
-        "mdf": ["from sklearn_pgnn.trajectories import read_file; read_file('run.mf4', None)"],
-        "ros": ["from sklearn_pgnn.trajectories import read_file; read_file('run.bag', None)"],
-        "files": [
-            "from sklearn_pgnn.trajectories import read_file; read_file('run.xlsx', None)",
-            "from sklearn_pgnn.trajectories import read_file; read_file('run.parquet', None)",
-            "from sklearn_pgnn.trajectories import read_file; read_file('run.mat', None)",
-        ],
-    }[extra]
-    (tmp_path / "run.mat").write_bytes(b"\x89HDF\r\n\x1a\n")  # as version 7.3 begins
-    program = f"""
-import sklearn_pgnn
-for use in {uses!r}:
-    try:
-        exec(use)
-    except ModuleNotFoundError as error:
-        print(error)
-"""
-    result = run(program, tmp_path)
-    assert result.returncode == 0, result.stderr
-    said = result.stdout.splitlines()
-    assert len(said) == len(uses)
+def test_what_needs_an_extra_says_which(said, extra):
+    assert len(said[extra]) == len(USES[extra])
     remedy = f'which is not installed. Remedy: pip install "sklearn-pgnn[{extra}]".'
-    assert [line for line in said if not line.endswith(remedy)] == []
+    assert [line for line in said[extra] if not line.endswith(remedy)] == []
 
 
 @pytest.mark.slow

@@ -38,6 +38,17 @@ SNIPPETS = {
 BRIEF = "max_epochs=2, rollout_epochs=1, refine=None"
 EXAMPLES = sorted((ROOT / "examples").glob("plot_*.py"))
 
+#: modules whose examples diagnose, fit a network or hide every effect
+LONG_DOCTESTS = {
+    "sklearn_pgnn.datasets.hidden_effect",
+    "sklearn_pgnn.diagnosis.model_diagnosis",
+    "sklearn_pgnn.estimators.pgnnl",
+    "sklearn_pgnn.fleet.fleet_diagnosis",
+    "sklearn_pgnn.grey_box.grey_box_regressor",
+    "sklearn_pgnn.inspection.display",
+    "sklearn_pgnn.inspection.report.page",
+}
+
 CHECKS = {
     "GL03",  # no double blank lines
     "GL06",  # no unknown section
@@ -97,12 +108,22 @@ def run(*command, folder):
     )
 
 
-@pytest.mark.parametrize("name", MODULES)
-def test_doctests(name, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def run_doctests(name, folder, monkeypatch):
+    monkeypatch.chdir(folder)
     flags = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
     assert doctest.testmod(importlib.import_module(name), optionflags=flags).failed == 0
     plt.close("all")
+
+
+@pytest.mark.parametrize("name", [name for name in MODULES if name not in LONG_DOCTESTS])
+def test_doctests(name, tmp_path, monkeypatch):
+    run_doctests(name, tmp_path, monkeypatch)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", sorted(LONG_DOCTESTS))
+def test_long_doctests(name, tmp_path, monkeypatch):
+    run_doctests(name, tmp_path, monkeypatch)
 
 
 @pytest.mark.parametrize("name", sorted(set(public_names())))
@@ -138,11 +159,39 @@ def test_every_name_in_the_pages_of_the_api_has_an_example(name):
     assert ">>> " in inspect.getdoc(value)
 
 
+#: the same in less time; `docs/run_examples.py` runs them as they are
+SHORTER_EXAMPLES = {
+    "ModelDiagnosis(machine.prior)": (
+        "ModelDiagnosis(machine.prior, catalogue=['stribeck_friction', 'input_dead_zone'])"
+    ),
+    "np.arange(0, 30, 0.02)": "np.arange(0, 15, 0.02)",
+    "sample_rate=200)": "duration=5, sample_rate=50)",
+    "PGNNLRegressor(states=": f"PGNNLRegressor({BRIEF}, states=",
+    "make_pgnn_pipeline(golf)": f"make_pgnn_pipeline(golf, {BRIEF})",
+    '"max_epochs": 10, "refine_max_iter": 10': '"max_epochs": 2, "refine_max_iter": 2',
+    "n_iter=4": "n_iter=1",
+    "lambdas=(0.0, 0.03, 0.3, 0.9)": "lambdas=(0.0, 0.3)",
+}
+
+
+def shortened(program, shorter):
+    """Return a program with shorter records, fewer effects and fewer rounds."""
+    for text, brief in shorter.items():
+        program = program.replace(text, brief)
+    return program
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.name)
 def test_example_runs(path, tmp_path):
-    result = run(path, folder=tmp_path)
+    program = shortened(path.read_text(encoding="utf-8"), SHORTER_EXAMPLES)
+    result = run("-c", program, folder=tmp_path)
     assert result.returncode == 0, result.stderr
+
+
+def test_what_makes_examples_shorter_is_in_them():
+    programs = "\n".join(path.read_text(encoding="utf-8") for path in EXAMPLES)
+    assert [text for text in SHORTER_EXAMPLES if text not in programs] == []
 
 
 def test_the_model_file_of_the_user_guide_is_one(tmp_path):
@@ -194,9 +243,11 @@ def test_every_command_is_on_its_page():
 #: the same in less time: shorter records, fewer effects, fewer rounds; `.ci/run` runs the README's
 #: first example as it is
 SHORTER = {
-    "sample_rate=100)": "sample_rate=40)",
+    "make_golf_robot(sample_rate=100)": "make_golf_robot(duration=5, sample_rate=40)",
+    "effect, random_state=0)": "effect, duration=5, sample_rate=100, random_state=0)",
     "ModelDiagnosis(golf)": "ModelDiagnosis(golf, catalogue=['stribeck_friction'])",
     "ModelDiagnosis(hidden.prior)": "ModelDiagnosis(hidden.prior, catalogue=['coulomb_friction'])",
+    'golf, targets=["omega"]': 'golf, catalogue=["coulomb_friction"], targets=["omega"]',
     "n_iter=8": "n_iter=1",
     "TrajectoryKFold(3)": "TrajectoryKFold(2)",
     "make_pgnn_pipeline(golf, ": f"make_pgnn_pipeline(golf, {BRIEF}, ",
@@ -215,9 +266,7 @@ ENVIRONMENTS = sorted(
 )
 def test_snippets_run_where_only_what_they_name_is_installed(page, needs, tmp_path):
     shown = [snippet.code for snippet in SNIPPETS[page] if snippet.needs <= needs]
-    program = "\n".join(shown)
-    for text, shorter in SHORTER.items():
-        program = program.replace(text, shorter)
+    program = shortened("\n".join(shown), SHORTER)
     result = run_without(blocked(needs), program, tmp_path)
     assert result.returncode == 0, result.stderr
 
