@@ -721,7 +721,7 @@ CANNOT_HOLD = {
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
 @parametrize_with_checks(
-    [PGNNLRegressor(max_epochs=30)], expected_failed_checks=lambda estimator: CANNOT_HOLD
+    [PGNNLRegressor(max_epochs=10)], expected_failed_checks=lambda estimator: CANNOT_HOLD
 )
 def test_scikit_learn_checks(estimator, check):
     check(estimator)
