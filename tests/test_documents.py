@@ -159,7 +159,7 @@ def test_every_name_in_the_pages_of_the_api_has_an_example(name):
     assert ">>> " in inspect.getdoc(value)
 
 
-#: the same in less time; `docs/run_examples.py` runs them as they are
+#: the same in less time; `docs/run_examples.py NAME` runs an example as it is
 SHORTER_EXAMPLES = {
     "ModelDiagnosis(machine.prior)": (
         "ModelDiagnosis(machine.prior, catalogue=['stribeck_friction', 'input_dead_zone'])"

@@ -25,8 +25,9 @@ class ConformalRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
     the fit without its own fold :math:`f` (cross-conformal prediction [1]_, [2]_, with whole
     trajectories as folds, their samples pooled). It asks nothing of the regressor and nothing of
     the errors' distribution, but that later trajectories are like those of the training: as long,
-    with such inputs, from initial states that are as well known. The more trajectories, the nearer
-    is the coverage on another one to :math:`c`; with few it scatters.
+    with such inputs and noise, from initial states that are as well known. The more trajectories,
+    the nearer is the coverage on another one to :math:`c`; with few it scatters. No :math:`n` of
+    them can guarantee more than :math:`n/(n + 1)` [3]_, so that 0.9 wants at least 9.
 
     Parameters
     ----------
@@ -58,6 +59,9 @@ class ConformalRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
        74, 2015, :doi:`10.1007/s10472-013-9368-4`.
     .. [2] R. F. Barber, E. J. Candes, A. Ramdas, R. J. Tibshirani, "Predictive inference with the
        jackknife+", Annals of Statistics 49(1), 2021, :doi:`10.1214/20-AOS1965`.
+    .. [3] J. Lei, M. G'Sell, A. Rinaldo, R. J. Tibshirani, L. Wasserman, "Distribution-free
+       predictive inference for regression", Journal of the American Statistical Association
+       113(523), 2018, :doi:`10.1080/01621459.2017.1307116`.
 
     Examples
     --------

@@ -299,7 +299,7 @@ def evaluate(model: PhysicsModel, windows: ShootingWindows, x0, wrt: tuple[str, 
     lower = np.tril_indices(q + 1, -1)
     gram[..., lower[0], lower[1]] = gram[..., lower[1], lower[0]]
     if led is not None:
-        with np.errstate(invalid="ignore"):  # windows that are lost
+        with np.errstate(over="ignore", invalid="ignore"):  # windows that are lost
             gram = led.chain(gram, len(wrt))
     values = [model.parameters[name].value for name in wrt]
     sizes = np.hstack([np.broadcast_to(values, (len(windows), len(wrt))), x0])

@@ -1,5 +1,6 @@
 """What inputs drive is known from the start of the record on, and what is forgotten is not free."""
 
+import warnings
 from dataclasses import replace
 from itertools import pairwise
 
@@ -109,3 +110,12 @@ def test_states_of_the_prior_and_what_moves_with_them_are_not_led():
     assert led_states(loaded, windows) == ()
     assert led_states(LAG, replace(windows, states=tuple(LAG.states))) == ()
     assert led_states(LAG, replace(windows, states=None)) == ()
+
+
+def test_windows_whose_products_overflow_are_lost_without_a_warning():
+    windows, x = records(LAG)
+    huge = replace(windows, u=2.5e151 * windows.u)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = evaluate(LAG, huge, start_values(LAG, windows, x), ("d", "m", "T_F"))
+    assert np.isinf(found.squares).all()
