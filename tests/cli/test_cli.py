@@ -94,6 +94,7 @@ def test_it_says_what_was_found_and_where_it_is(done):
     assert "of 1 ..." not in result.stderr
 
 
+@pytest.mark.slow
 def test_the_json_is_strict_and_complete(done):
     def refuse(constant):
         raise AssertionError(constant)
@@ -131,6 +132,7 @@ def test_what_is_not_finite_is_null():
     }
 
 
+@pytest.mark.slow
 def test_the_extended_model_is_a_model_file(done):
     model = PhysicsModel.from_yaml(done[0] / "extended_model.yaml")
     assert model.parameters["Fc_v"].value == pytest.approx(0.4, rel=0.05)

@@ -84,6 +84,7 @@ def test_what_changed_is_told(done):
     assert "a: Coulomb friction on v is there now" in result.output
 
 
+@pytest.mark.slow
 @pytest.mark.core
 def test_a_worker_that_was_ended_is_told_in_words(done, monkeypatch):
     def fit(self, records):

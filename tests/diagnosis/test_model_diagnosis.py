@@ -328,6 +328,7 @@ def test_the_extended_model_is_a_model_that_simulates_the_machine(friction):
     assert refitted.model == diagnosis.refitted_model_
 
 
+@pytest.mark.slow
 def test_the_dictionary_is_strict_json(friction):
     _, diagnosis = friction
     data = json.loads(json.dumps(diagnosis.to_dict(), allow_nan=False))
@@ -336,6 +337,7 @@ def test_the_dictionary_is_strict_json(friction):
     assert set(data["gain"]["phi_measured"]) >= {"prior", "refitted", "extended", "noise"}
 
 
+@pytest.mark.slow
 def test_a_fitted_diagnosis_survives_pickle_copy_and_clone(friction):
     hidden, diagnosis = friction
     expected = diagnosis.predict(hidden.X)

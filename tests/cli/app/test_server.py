@@ -201,6 +201,7 @@ def test_a_file_that_is_no_record_says_so_under_its_own_name(port):
     assert "noise.csv" not in answer.sections["records"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("form", "said"),
     [
@@ -228,6 +229,7 @@ def test_a_port_that_is_taken_is_refused(port):
 # -- from files to a report ------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_the_example_is_diagnosed_and_its_files_are_there(done, tmp_path):
     result = done.get("/sections").sections["result"]
     assert "misses Coulomb friction on v" in result
