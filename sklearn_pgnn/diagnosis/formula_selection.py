@@ -6,13 +6,13 @@ from sklearn_pgnn.diagnosis.search import Search
 from sklearn_pgnn.diagnosis.search_result import SearchResult
 from sklearn_pgnn.diagnosis.unexplained import (
     Proposal,
-    channels,
     library_size,
     propose,
     propose_again,
 )
 from sklearn_pgnn.estimation.criterion import SelectionCriterion, explained_share
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
+from sklearn_pgnn.simulation.hidden_input import channels
 
 
 class FormulaSelection:

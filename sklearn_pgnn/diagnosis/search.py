@@ -17,6 +17,7 @@ from sklearn_pgnn.estimation.fitting import HypothesisFitter
 from sklearn_pgnn.estimation.hypothesis import same_causes
 from sklearn_pgnn.estimation.hypothesis_models import Key
 from sklearn_pgnn.estimation.progress import TimeIsUp
+from sklearn_pgnn.estimation.residuals import Residuals
 from sklearn_pgnn.estimation.screening import Screening
 from sklearn_pgnn.estimation.share_left import ShareLeft, share_left
 from sklearn_pgnn.physics.effect import Effect
@@ -85,6 +86,7 @@ class Search:
             while (fewer := self._drop(self.current)) is not None:  # a finer fit may not need all
                 self.current = fewer
                 self._climb()
+            self._drop_disturbed()
             return self._result(complete=True)
         return self.so_far()
 
@@ -179,10 +181,14 @@ class Search:
 
         It is asked over windows, and in free run where that says anything.
         """
-        found, white = self.fitter.held_out(trial), self.fitter.white_squares(trial)
-        left = [found.windows, found.free_run][: 1 + found.tells_in_free_run]
-        share = self.criterion.smallest_share
-        return any((each.squares - white > share * each.squares).any() for each in left)
+        found = self.fitter.held_out(trial)
+        in_free_run = found.tells_in_free_run and self._is_coloured(trial, found.free_run)
+        return in_free_run or self._is_coloured(trial, found.windows)
+
+    def _is_coloured(self, trial: FittedHypothesis, left: Residuals) -> bool:
+        """Return whether more than white noise is left, by the smallest share worth a name."""
+        beyond = left.squares - self.fitter.white_squares(trial)
+        return bool((beyond > self.criterion.smallest_share * left.squares).any())
 
     def _leaves_much(self, trial: FittedHypothesis) -> bool:
         """Return whether far more than white noise is left of some output."""
@@ -191,14 +197,23 @@ class Search:
 
     # -- moves ---------------------------------------------------------------------------------
 
-    def _drop(self, current: FittedHypothesis) -> FittedHypothesis | None:
+    def _drop_disturbed(self) -> None:
+        """Drop causes that a disturbance would explain as well, while more than noise is left."""
+        while self._is_coloured(self.current, self.fitter.held_out(self.current).windows):
+            fewer = self._drop(self.current, self._names_disturbed)
+            if fewer is None:
+                break
+            self.current = fewer
+
+    def _drop(self, current: FittedHypothesis, is_named=None) -> FittedHypothesis | None:
         """Drop the cause that is needed least, unless the others leave it a name."""
+        is_named = self._names if is_named is None else is_named
         self.progress.begin("needless causes", len(current.hypothesis.causes))
         ground = self.fitter.subsample(current)
         reduced = [self.fitter.reduce(ground, cause) for cause in _causes(current)]
         for subsample in sorted(_usable(reduced), key=objective_of)[:KEPT]:
             without = self.fitter.fit_all(subsample, current)
-            if without.fit.usable and not self._names(without, current):
+            if without.fit.usable and not is_named(without, current):
                 return without
         return None
 
@@ -425,6 +440,13 @@ class Search:
             return False
         less = self._overdispersion(without, with_)
         return self.criterion.names(before, after, n_causes, less, retuned)
+
+    def _names_disturbed(self, without: FittedHypothesis, with_: FittedHypothesis) -> bool:
+        """Return whether a cause is named beside a disturbance, if more than noise is left."""
+        if _own(without, with_) <= self.given:
+            return True
+        before, after = map(self.fitter.disturbed_likelihood, (without, with_))
+        return after - before > self.criterion.to_name
 
     def _is_preferred(self, other: FittedHypothesis, current: FittedHypothesis) -> bool:
         """Return whether a hypothesis refutes another one, or is simpler and not refuted.

@@ -114,22 +114,6 @@ class Proposal:
     trial: FittedHypothesis
 
 
-def channels(model: PhysicsModel) -> tuple[str, ...]:
-    """Name the places where something may be missing: rates, inputs and outputs.
-
-    The rate of a position is its velocity by definition; an input that enters only one rate is
-    that rate's.
-    """
-    known = set(model.kinematic_pairs.values())
-    states = tuple(state for state in model.states if state not in known)
-    several = tuple(
-        name
-        for name in model.inputs
-        if sum(symbol(name) in rate.free_symbols for rate in model.equations.values()) > 1
-    )
-    return (*states, *several, *(name for name in model.outputs if name not in model.states))
-
-
 def propose(
     problem: EstimationProblem,
     base: FittedHypothesis,
@@ -211,14 +195,13 @@ def _hidden_input(problem, base, channel, each_step) -> HiddenInput:
     """Smooth what acts at a channel and is not in the model."""
     model, scales = base.fit.model, problem.scales
     estimate = problem.states.estimate(model)
-    size = scales.rate[channel] if channel in scales.rate else scales.typical[channel]
     return find_hidden_input(
         model,
         problem.windows,
         channel,
         estimate.x,
         estimate.spread,
-        size,
+        scales.rate.get(channel, scales.typical[channel]),
         problem.period,
         each_step,
     )

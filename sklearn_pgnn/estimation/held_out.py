@@ -89,7 +89,7 @@ class CrossValidation:
             judged = judge(learned, inside)
             if not (learned.usable and judged.usable):
                 return self._lost()
-            rows = _rows(windows.select(inside))
+            rows = rows_of(windows.select(inside))
             over_windows[rows] = judged.evaluation.residual[rows]
             x0[inside], begun[inside] = judged.x0, judged.evaluation.x0
             models.append(learned.model)
@@ -171,8 +171,8 @@ class CrossValidation:
         return HeldOut(none, none, 0.0, np.full(shape, np.inf))
 
 
-def _rows(windows: ShootingWindows) -> np.ndarray:
-    """Return the samples of windows."""
+def rows_of(windows: ShootingWindows) -> np.ndarray:
+    """Return the samples of windows, window by window."""
     spans = zip(windows.starts, windows.lengths, strict=True)
     return np.concatenate([np.arange(a, a + n) for a, n in spans])
 
@@ -180,7 +180,7 @@ def _rows(windows: ShootingWindows) -> np.ndarray:
 def segments(windows: ShootingWindows) -> np.ndarray:
     """Return the window of every sample, -1 where there is none."""
     segment = np.full(windows.t.size, -1)
-    segment[_rows(windows)] = np.repeat(np.arange(len(windows)), windows.lengths)
+    segment[rows_of(windows)] = np.repeat(np.arange(len(windows)), windows.lengths)
     return segment
 
 

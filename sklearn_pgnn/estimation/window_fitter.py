@@ -15,6 +15,7 @@ from sklearn_pgnn.estimation.budgets import (
     TOLERANCE,
 )
 from sklearn_pgnn.estimation.criterion import HeldOut, log_likelihood_ratio
+from sklearn_pgnn.estimation.disturbed import disturbed_likelihood
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis, Start, carry_over
 from sklearn_pgnn.estimation.held_out import CrossValidation, make_folds
 from sklearn_pgnn.estimation.hypothesis import Hypothesis
@@ -54,6 +55,7 @@ class WindowFitter:
         self.models, self.ledger = HypothesisModels(problem), Ledger()
         self._trials: dict[Key, FittedHypothesis] = {}
         self._held_out: dict[Key, tuple[WindowFit, HeldOut]] = {}
+        self._disturbed: dict[Key, tuple[HeldOut, float]] = {}
 
     def key(self, hypothesis: Hypothesis) -> Key:
         """Return what tells hypotheses apart, see `HypothesisModels.key`."""
@@ -312,6 +314,27 @@ class WindowFitter:
                 known = found
             self._held_out[key] = trial.fit, known
         return known
+
+    def disturbed_likelihood(self, trial: FittedHypothesis) -> float:
+        """Return the likelihood of held-out windows beside the likeliest disturbance.
+
+        Parameters
+        ----------
+        trial : FittedHypothesis
+            The hypothesis, fitted on all windows.
+
+        Returns
+        -------
+        float
+            Its logarithm but for a constant, see `sklearn_pgnn.estimation.disturbed`.
+        """
+        key, held_out = self.key(trial.hypothesis), self.held_out(trial)
+        known, likelihood = self._disturbed.get(key, (None, -np.inf))
+        if known is not held_out:
+            tick = self.progress.tick
+            likelihood = disturbed_likelihood(self.problem, trial, held_out, self.folds, tick)
+            self._disturbed[key] = held_out, likelihood
+        return likelihood
 
     def released(self, trial: FittedHypothesis) -> FittedHypothesis:
         """Return a better fit of a hypothesis where its held-out fits show that it got stuck.

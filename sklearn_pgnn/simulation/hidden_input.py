@@ -62,6 +62,38 @@ class HiddenInput:
     likelihood: float
 
 
+def channels(model: PhysicsModel) -> tuple[str, ...]:
+    """Name the places where something may be missing: rates, inputs and outputs.
+
+    The rate of a position is its velocity by definition; an input that enters only one rate is
+    that rate's.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+
+    Returns
+    -------
+    tuple of str
+        States, inputs and outputs.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.physics.systems import cart_on_spring
+    >>> channels(cart_on_spring())
+    ('v', 'position')
+    """
+    known = set(model.kinematic_pairs.values())
+    states = tuple(state for state in model.states if state not in known)
+    several = tuple(
+        name
+        for name in model.inputs
+        if sum(symbol(name) in rate.free_symbols for rate in model.equations.values()) > 1
+    )
+    return (*states, *several, *(name for name in model.outputs if name not in model.states))
+
+
 def with_hidden_input(model: PhysicsModel, channel: str) -> PhysicsModel:
     """Add the hidden input as a state that nothing changes.
 

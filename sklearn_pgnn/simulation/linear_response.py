@@ -85,9 +85,7 @@ def linear_responses(
     SimulationError
         If the responses leave the finite numbers.
     """
-    extended = with_hidden_input(model, channel)
-    F, x = _transitions(extended, windows, x0)
-    H = _output_slopes(extended, windows, x)
+    F, H = linearise(model, windows, x0, channel)
     size, n_outputs = windows.y.shape
     responses = np.zeros((size, n_outputs, theta.shape[1]))
     by_state = np.zeros((size, n_outputs, len(model.states)))
@@ -100,6 +98,34 @@ def linear_responses(
             f"Remedy: shorter windows or more substeps (now {windows.substeps})."
         )
     return responses, by_state
+
+
+def linearise(
+    model: PhysicsModel, windows: ShootingWindows, x0: np.ndarray, channel: str
+) -> tuple[np.ndarray, np.ndarray]:
+    """Linearise a model with a hidden input along the trajectories of windows.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model, at its values.
+    windows : ShootingWindows
+        The windows.
+    x0 : ndarray of shape (n_windows, n_states)
+        Where they begin.
+    channel : str
+        The state whose rate the hidden input is added to, or the input or output.
+
+    Returns
+    -------
+    F : ndarray of shape (n_samples, n_states + 1, n_states + 1)
+        Transitions over the sample intervals of the windows, the hidden input last, which stays.
+    H : ndarray of shape (n_samples, n_outputs, n_states + 1)
+        Derivatives of the outputs.
+    """
+    extended = with_hidden_input(model, channel)
+    F, x = _transitions(extended, windows, x0)
+    return F, _output_slopes(extended, windows, x)
 
 
 def _transitions(model, windows, x0):

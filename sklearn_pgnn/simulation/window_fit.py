@@ -296,7 +296,7 @@ class _Task:
         gram, n_p = fit.evaluation.gram, len(self.wrt)
         normal = project(gram, n_p, self.weight, offset, damping.states)
         slope = self.pull * (self.centre - values)
-        by_p = _bounded_step(
+        by_p = bounded_step(
             normal.hessian.sum(axis=0) + np.diag(self.pull),
             normal.gradient.sum(axis=0) + slope,
             damping.parameters,
@@ -416,13 +416,36 @@ def expected_decrease(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) 
     normal = project(fit.evaluation.gram, n_p, weight, fit.x0 - expected)
     pull = 1.0 / _column(fit.freedoms, "spread") ** 2
     hessian, gradient = normal.hessian.sum(0) + np.diag(pull), normal.gradient.sum(0)
-    step = _bounded_step(hessian, gradient, 1e-6, np.full(n_p, -np.inf), np.full(n_p, np.inf))
+    step = bounded_step(hessian, gradient, 1e-6, np.full(n_p, -np.inf), np.full(n_p, np.inf))
     decrease = float(gradient @ step)
     return decrease if decrease <= fit.objective else 0.0
 
 
-def _bounded_step(hessian, gradient, damping, low, high):
-    """Solve the damped normal equations within bounds; unidentified parameters stay."""
+def bounded_step(hessian, gradient, damping, low, high) -> np.ndarray:
+    """Solve damped normal equations within bounds; parameters that nothing depends on stay.
+
+    Parameters
+    ----------
+    hessian : ndarray of shape (n, n)
+        Half the second derivatives of what is minimised.
+    gradient : ndarray of shape (n,)
+        Half its decrease by every parameter.
+    damping : float
+        Levenberg-Marquardt damping; infinite where nothing shall move.
+    low, high : ndarray of shape (n,)
+        Bounds of the step.
+
+    Returns
+    -------
+    ndarray of shape (n,)
+        The step.
+
+    Examples
+    --------
+    >>> far = np.full(2, np.inf)
+    >>> bounded_step(np.eye(2), np.array([1.0, 3.0]), 0.0, -far, np.array([np.inf, 2.0]))
+    array([1., 2.])
+    """
     step, seen = np.zeros_like(gradient), np.diag(hessian) > 0
     if not seen.any() or np.isinf(damping):
         return step

@@ -23,7 +23,7 @@ from sklearn_pgnn.simulation.record_windows import window_records
 from sklearn_pgnn.simulation.uncertainty import standard_errors
 from sklearn_pgnn.simulation.window_fit import (
     ParameterPrior,
-    _bounded_step,
+    bounded_step,
     expected_decrease,
     fit_windows,
     project,
@@ -453,7 +453,7 @@ def test_a_window_whose_outputs_are_made_of_rounding_is_lost():
 
 @pytest.mark.parametrize("hessian", [[[-1e-20]], [[-1e35]], [[0.0]]])
 def test_what_rounding_has_made_of_a_hessian_moves_nothing(hessian):
-    step = _bounded_step(np.array(hessian), np.array([1e-3]), 0.0, np.array([-1.0]), np.ones(1))
+    step = bounded_step(np.array(hessian), np.array([1e-3]), 0.0, np.array([-1.0]), np.ones(1))
     assert step.tolist() == [0.0]
 
 

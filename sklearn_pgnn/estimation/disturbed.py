@@ -1,0 +1,201 @@
+r"""How likely held-out windows are under a hypothesis, something unmeasured acting besides.
+
+A window's simulation knows a disturbance through its initial state only. So where one acts, a law
+by which the machine forgets its past predicts records better than the true one, also those that
+were held out. Here a hypothesis has a hidden input beside its causes,
+see `sklearn_pgnn.simulation.disturbance`: at the place, and with the variance and the time, that
+make the records likeliest. Least squares over windows weighs residuals as if nothing disturbed
+them, so the parameters of every fold are learned again from the innovations of the others,
+
+.. math:: p \leftarrow \arg\min_p \sum_w \left\| \nu_w + N_w (p - p_w) \right\|^2
+          + \sum_i \left(\frac{p_i - \bar p_i}{\sigma_i}\right)^2,
+
+with the innovations :math:`\nu` and :math:`N` of the residuals and of their derivatives by the
+parameters.
+"""
+
+import warnings
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
+from sklearn_pgnn.estimation.held_out import rows_of
+from sklearn_pgnn.estimation.problem import EstimationProblem
+from sklearn_pgnn.estimation.residuals import HeldOut
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.disturbance import LinearWindows, innovations, likeliest
+from sklearn_pgnn.simulation.hidden_input import channels
+from sklearn_pgnn.simulation.led_states import Lead, lead
+from sklearn_pgnn.simulation.linear_response import linearise
+from sklearn_pgnn.simulation.simulate import simulate_acting
+from sklearn_pgnn.simulation.window_fit import ParameterPrior, bounded_step
+from sklearn_pgnn.simulation.windows import ShootingWindows
+
+
+def disturbed_likelihood(
+    problem: EstimationProblem,
+    trial: FittedHypothesis,
+    held_out: HeldOut,
+    folds: np.ndarray,
+    each_run: Callable[[], None] = lambda: None,
+) -> float:
+    """Return the logarithmic likelihood of held-out windows beside the likeliest disturbance.
+
+    Parameters
+    ----------
+    problem : EstimationProblem
+        The problem.
+    trial : FittedHypothesis
+        The hypothesis.
+    held_out : HeldOut
+        What it leaves of windows that its parameters have not seen, and what was learned.
+    folds : ndarray of shape (n_windows,)
+        Fold of every window.
+    each_run : callable, optional
+        Called before every run of the filter; what it raises ends them.
+
+    Returns
+    -------
+    float
+        But for a constant; minus infinity where numbers break down.
+    """
+    if held_out.x0 is None:
+        return -np.inf
+    with np.errstate(all="ignore"), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        seen = HeldOutWindows(problem, trial.fit.freedoms, held_out, folds)
+        return max(seen.likelihoods(each_run), default=-np.inf)
+
+
+class HeldOutWindows:
+    """Held-out windows under the parameters that the other ones have taught, linearised.
+
+    Parameters
+    ----------
+    problem : EstimationProblem
+        The problem.
+    freedoms : tuple of ParameterPrior
+        What is free.
+    held_out : HeldOut
+        What was learned, and the initial states that go with it.
+    folds : ndarray of shape (n_windows,)
+        Fold of every window.
+    """
+
+    def __init__(
+        self,
+        problem: EstimationProblem,
+        freedoms: tuple[ParameterPrior, ...],
+        held_out: HeldOut,
+        folds: np.ndarray,
+    ):
+        self.problem, self.freedoms, self.folds = problem, freedoms, folds
+        learned, x0 = held_out.learned, np.asarray(held_out.x0)
+        names, windows = tuple(free.name for free in freedoms), problem.windows
+        n_states = len(learned[0].states)
+        self.columns = np.full((*windows.y.shape, len(names) + 1), np.nan)
+        self.mean = np.empty((len(windows), n_states))
+        self.covariance = np.empty((len(windows), n_states, n_states))
+        self.taught = np.empty((len(windows), len(names)))
+        self.parts: list[tuple[PhysicsModel, ShootingWindows, np.ndarray]] = []
+        for model, fold in zip(learned, np.unique(folds), strict=True):
+            inside = folds == fold
+            part, led = windows.select(inside), lead(model, windows.select(inside), names)
+            begun = x0[inside] if led is None else led.initial_states(x0[inside])
+            expected = problem.states.expected_starts(model, part)
+            self.mean[inside], self.covariance[inside] = _starts(led, begun, *expected)
+            self.taught[inside] = [model.parameters[name].value for name in names]
+            self._simulate(model, part, begun, led, names)
+            self.parts.append((model, part, begun))
+
+    def _simulate(self, model, part, begun, led: Lead | None, names) -> None:
+        """Fill in the residuals of windows, and their derivatives by parameters."""
+        u, count = part.acting_inputs(model), len(names)
+        spans = zip(part.starts, part.starts + part.lengths, strict=True)
+        for w, (a, b) in enumerate(spans):
+            options = {"substeps": part.substeps, "hold": part.hold, "wrt": names}
+            run = simulate_acting(model, part.t[a:b], u[a:b], begun[w], **options)
+            slopes, by_start = np.split(np.asarray(run.sensitivities), [count], axis=-1)
+            if led is not None:
+                follow = led.slopes[w, :, : len(led.numbers)]
+                slopes[..., led.numbers] += by_start[..., led.states] @ follow
+            self.columns[a:b, :, :-1], self.columns[a:b, :, -1] = -slopes, part.y[a:b] - run.y
+
+    def likelihoods(self, each_run: Callable[[], None] = lambda: None) -> Iterator[float]:
+        """Yield the likelihood with the parameters as they are, and as they are learned again.
+
+        Parameters
+        ----------
+        each_run : callable, optional
+            Called before every run of the filter.
+
+        Yields
+        ------
+        float
+            The logarithm, but for a constant, beside the likeliest disturbance.
+        """
+        scales, length = self.problem.scales, self.problem.scales.window
+        found = {}
+        for channel in channels(self.problem.prior):
+            linear = self._linear(channel, self.columns[..., -1:])
+            size = scales.rate.get(channel, scales.typical[channel])
+            found[channel] = (*likeliest(linear, size, length, each_run=each_run), linear, size)
+        best = max(found, key=lambda channel: found[channel][1], default=None)
+        if best is None:
+            return
+        disturbance, likelihood, linear, size = found[best]
+        yield likelihood
+        every = replace(linear, columns=self.columns)
+        again = replace(linear, columns=self._learned_again(innovations(every, disturbance).gram))
+        yield likeliest(again, size, length, disturbance, each_run)[1]
+
+    def _linear(self, channel: str, columns: np.ndarray) -> LinearWindows:
+        """Linearise all windows with a hidden input."""
+        (size, n_outputs), n = self.problem.windows.y.shape, self.mean.shape[1] + 1
+        F, H = np.zeros((size, n, n)), np.zeros((size, n_outputs, n))
+        for model, part, begun in self.parts:
+            rows, both = rows_of(part), linearise(model, part, begun, channel)
+            F[rows], H[rows] = (each[rows] for each in both)
+        windows = self.problem.windows
+        return LinearWindows(windows, F, H, columns.copy(), self.mean, self.covariance)
+
+    def _learned_again(self, gram: np.ndarray) -> np.ndarray:
+        """Return the residuals with parameters that the other folds' innovations teach."""
+        moved = np.empty_like(self.taught)
+        for fold in np.unique(self.folds):
+            inside = self.folds == fold
+            here = self.taught[inside][0]
+            moved[inside] = self._step(gram[~inside], self.taught[~inside] - here, here)
+        windows = self.problem.windows
+        by_sample = np.repeat(moved, windows.lengths, axis=0)
+        rows, left = rows_of(windows), self.columns[..., -1:].copy()
+        left[rows, :, 0] += np.einsum("kop,kp->ko", self.columns[rows, :, :-1], by_sample)
+        return left
+
+    def _step(self, gram, off, here) -> np.ndarray:
+        """Return how far parameters move from where a fold's windows were simulated with them."""
+        own = {name: np.array([getattr(free, name) for free in self.freedoms]) for name in _PRIOR}
+        pull = 1.0 / own["spread"] ** 2
+        slopes = gram[:, :-1, :-1]
+        gradient = np.einsum("wij,wj->i", slopes, off) - gram[:, :-1, -1].sum(axis=0)
+        gradient += pull * (own["centre"] - here)
+        hessian = slopes.sum(axis=0) + np.diag(pull)
+        if not (np.isfinite(hessian).all() and np.isfinite(gradient).all()):
+            return np.zeros_like(here)
+        return bounded_step(hessian, gradient, 0.0, own["low"] - here, own["high"] - here)
+
+
+_PRIOR = ("centre", "spread", "low", "high")
+
+
+def _starts(led: Lead | None, begun, expected, spread) -> tuple[np.ndarray, np.ndarray]:
+    """Return the expected initial states less those of the windows, and their covariances."""
+    variances = np.tile(np.diag(spread**2), (len(begun), 1, 1))
+    if led is None:
+        return expected - begun, variances
+    by_start, states = led.slopes[..., len(led.numbers) :], np.array(led.states)
+    there = by_start * spread[states]
+    variances[:, states[:, None], states] = there @ np.swapaxes(there, 1, 2)
+    return led.initial_states(expected) - begun, variances

@@ -1,0 +1,285 @@
+r"""How likely residuals are where an unmeasured input disturbs the machine.
+
+Along the trajectory of a window a hidden input :math:`d` changes states and outputs linearly,
+
+.. math:: s_{k+1} = F_k s_k + G_k d_k, \qquad r_k = H_k s_k + D_k d_k + e_k, \qquad
+          s_0 \sim N(m, P),
+
+with the transitions :math:`F_k, G_k` of one sample interval, the expected initial state's distance
+:math:`m` from the window's, and its variances :math:`P`. The input comes and goes,
+
+.. math:: \mathrm{E}\, d(t)\, d(t') = v\, e^{-|t - t'|/T}.
+
+A Kalman filter takes from every residual what those before it tell; of what is left, the
+innovations, the likelihood is a product [1]_. The common factor of all variances is profiled out.
+
+References
+----------
+.. [1] F. C. Schweppe, "Evaluation of likelihood functions for Gaussian signals", IEEE Transactions
+   on Information Theory 11(1), 1965, :doi:`10.1109/TIT.1965.1053737`.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit, types
+from scipy.optimize import minimize
+
+from sklearn_pgnn.simulation.stepping import OPTIONS
+from sklearn_pgnn.simulation.windows import ShootingWindows
+
+_F1, _F2, _F3 = types.float64[::1], types.float64[:, ::1], types.float64[:, :, ::1]
+_I1 = types.int64[::1]
+#: decades of the hidden input's variance that are tried, about that of the channel, and of the time
+#: in which it changes, about that of a window
+DECADES = [(v, T) for v in (-8.0, -6.0, -4.0, -2.0, 0.0, 2.0) for T in (-1.0, 0.0, 1.0)]
+#: runs of the filter with which both are refined
+RUNS = 30
+
+
+class Disturbance(NamedTuple):
+    """A hidden input.
+
+    Parameters
+    ----------
+    variance : float
+        Its variance [unit of the channel squared].
+    time : float
+        The time [s] in which it changes.
+    """
+
+    variance: float
+    time: float
+
+
+@dataclass(frozen=True)
+class LinearWindows:
+    """Windows, linearised along their trajectories.
+
+    Parameters
+    ----------
+    windows : ShootingWindows
+        The windows.
+    F : ndarray of shape (n_samples, n_states + 1, n_states + 1)
+        Transitions over the sample intervals, the hidden input last.
+    H : ndarray of shape (n_samples, n_outputs, n_states + 1)
+        Derivatives of the outputs.
+    columns : ndarray of shape (n_samples, n_outputs, n_columns)
+        The residuals' derivatives by parameters, if any, and the residuals; NaN where there is
+        none.
+    mean : ndarray of shape (n_windows, n_states)
+        Expected initial states minus those of the windows.
+    covariance : ndarray of shape (n_windows, n_states, n_states)
+        How uncertain they are.
+    """
+
+    windows: ShootingWindows
+    F: np.ndarray
+    H: np.ndarray
+    columns: np.ndarray
+    mean: np.ndarray
+    covariance: np.ndarray
+
+
+class Innovations(NamedTuple):
+    """What earlier samples do not tell.
+
+    Parameters
+    ----------
+    gram : ndarray of shape (n_windows, n_columns, n_columns)
+        Products of the columns' innovations, in units of their standard deviations.
+    log_variance : float
+        Sum of the logarithms of the variances.
+    n : int
+        Number of residuals.
+    """
+
+    gram: np.ndarray
+    log_variance: float
+    n: int
+
+    @property
+    def log_likelihood(self) -> float:
+        r"""The residuals' logarithmic likelihood but for a constant; minus infinity if not finite.
+
+        .. math:: -\tfrac12 \sum_k \log S_k - \tfrac n2 \log \tfrac1n \sum_k \nu_k^2/S_k
+        """
+        squares = float(self.gram[:, -1, -1].sum())
+        if not (math.isfinite(squares) and math.isfinite(self.log_variance) and squares > 0.0):
+            return -math.inf
+        return -0.5 * (self.log_variance + self.n * math.log(squares / self.n))
+
+
+def innovations(linear: LinearWindows, disturbance: Disturbance) -> Innovations:
+    """Filter the residuals of windows, and their derivatives.
+
+    Parameters
+    ----------
+    linear : LinearWindows
+        The windows.
+    disturbance : Disturbance
+        The hidden input.
+
+    Returns
+    -------
+    Innovations
+        What earlier samples do not tell.
+
+    Examples
+    --------
+    A random walk that is measured without noise has its steps as innovations.
+
+    >>> t, walk = np.arange(4.0), np.array([0.0, 1.0, 3.0, 2.0])
+    >>> one = np.array([0]), np.array([4]), np.array([1e-9])
+    >>> windows = ShootingWindows(t, t[:, None], walk[:, None], np.array([0, 4]), *one)
+    >>> F, H = np.ones((4, 1, 1)), np.ones((4, 1, 1))
+    >>> known = np.zeros((1, 0)), np.zeros((1, 0, 0))
+    >>> linear = LinearWindows(windows, F, H, walk[:, None, None], *known)
+    >>> found = innovations(linear, Disturbance(variance=1e6, time=2e6))
+    >>> found.gram.round(3).tolist(), found.n
+    ([[[6.0]]], 4)
+    """
+    windows = linear.windows
+    gaps = np.diff(windows.t, append=windows.t[-1])
+    gram = np.zeros((len(windows), *2 * linear.columns.shape[2:]))
+    total, count = _filter(
+        linear.F,
+        linear.H,
+        linear.columns,
+        windows.starts,
+        windows.lengths,
+        np.exp(-np.maximum(gaps, 0.0) / disturbance.time),
+        disturbance.variance,
+        linear.mean,
+        linear.covariance,
+        windows.scale**2,
+        gram,
+    )
+    return Innovations(gram, total, count)
+
+
+def likeliest(
+    linear: LinearWindows,
+    size: float,
+    time: float,
+    start: Disturbance | None = None,
+    each_run: Callable[[], None] = lambda: None,
+) -> tuple[Disturbance, float]:
+    """Find the hidden input that makes residuals likeliest.
+
+    Parameters
+    ----------
+    linear : LinearWindows
+        The windows.
+    size : float
+        A typical value of the channel.
+    time : float
+        A typical length of time [s].
+    start : Disturbance, optional
+        Where the search begins; by default at the best of a grid.
+    each_run : callable, optional
+        Called before every run of the filter; what it raises ends the search.
+
+    Returns
+    -------
+    disturbance : Disturbance
+        The hidden input.
+    log_likelihood : float
+        That of the residuals.
+    """
+
+    def at(decades) -> Disturbance:
+        return Disturbance(size**2 * 10.0 ** decades[0], time * 10.0 ** decades[1])
+
+    def badness(decades) -> float:
+        each_run()
+        return -innovations(linear, at(decades)).log_likelihood
+
+    if start is None:
+        first = min(DECADES, key=badness)
+    else:
+        first = (math.log10(start.variance / size**2), math.log10(start.time / time))
+    simplex = np.add(first, [[0.0, 0.0], [1.0, 0.0], [0.0, 0.5]])
+    found = minimize(
+        badness,
+        first,
+        method="Nelder-Mead",
+        options={"maxfev": RUNS, "initial_simplex": simplex},
+    )
+    return at(found.x), -float(found.fun)
+
+
+@njit(
+    types.Tuple((types.float64, types.int64))(
+        _F3, _F3, _F3, _I1, _I1, _F1, types.float64, _F2, _F3, _F1, _F3
+    ),
+    **OPTIONS,
+)
+def _filter(F, H, columns, starts, lengths, kept, v, mean, covariance, variance, gram):
+    """Sum the products of the innovations of every window into ``gram``.
+
+    ``kept`` is the share of the hidden input that a sample interval leaves. Outputs are taken in
+    one after the other, their noise being independent. Returns the sum of the logarithms of the
+    innovations' variances, and their number.
+    """
+    n, q = F.shape[1], columns.shape[2]
+    s, moved, e = np.zeros((n, q)), np.zeros((n, q)), np.zeros(q)
+    C, half, gain = np.zeros((n, n)), np.zeros((n, n)), np.zeros(n)
+    total, count = 0.0, 0
+    for w in range(starts.size):
+        s[:], C[:] = 0.0, 0.0
+        for i in range(n - 1):
+            s[i, q - 1] = mean[w, i]
+            for j in range(n - 1):
+                C[i, j] = covariance[w, i, j]
+        C[n - 1, n - 1] = v
+        end = starts[w] + lengths[w]
+        for k in range(starts[w], end):
+            for o in range(H.shape[1]):
+                if math.isnan(columns[k, o, q - 1]):
+                    continue
+                spread = variance[o]
+                for c in range(q):
+                    e[c] = columns[k, o, c]
+                for i in range(n):
+                    gain[i] = 0.0
+                    for j in range(n):
+                        gain[i] += C[i, j] * H[k, o, j]
+                    spread += H[k, o, i] * gain[i]
+                    for c in range(q):
+                        e[c] -= H[k, o, i] * s[i, c]
+                total += math.log(spread)
+                count += 1
+                for a in range(q):
+                    for b in range(q):
+                        gram[w, a, b] += e[a] * e[b] / spread
+                for i in range(n):
+                    for c in range(q):
+                        s[i, c] += gain[i] * e[c] / spread
+                    for j in range(n):
+                        C[i, j] -= gain[i] * gain[j] / spread
+            if k + 1 == end:
+                continue
+            for i in range(n):
+                for c in range(q):
+                    moved[i, c] = 0.0
+                    for j in range(n):
+                        moved[i, c] += F[k, i, j] * s[j, c]
+                for j in range(n):
+                    half[i, j] = 0.0
+                    for m in range(n):
+                        half[i, j] += F[k, i, m] * C[m, j]
+            for i in range(n):
+                left = kept[k] if i == n - 1 else 1.0
+                for c in range(q):
+                    s[i, c] = left * moved[i, c]
+                for j in range(n):
+                    C[i, j] = 0.0
+                    for m in range(n):
+                        C[i, j] += half[i, m] * F[k, j, m]
+                    C[i, j] *= left * (kept[k] if j == n - 1 else 1.0)
+            C[n - 1, n - 1] += (1.0 - kept[k] ** 2) * v
+    return total, count

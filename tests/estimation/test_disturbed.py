@@ -1,0 +1,98 @@
+"""What disturbs a machine from outside is no cause, and what is missing stays one beside it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.signal import lfilter
+
+from sklearn_pgnn import PhysicsModel
+from sklearn_pgnn.estimation.criterion import SelectionCriterion
+from sklearn_pgnn.estimation.disturbed import HeldOutWindows, disturbed_likelihood
+from sklearn_pgnn.estimation.fitting import HypothesisFitter
+from sklearn_pgnn.estimation.problem import build_problem
+from sklearn_pgnn.physics.effects import ActuatorLag, CoulombFriction, QuadraticDrag
+from sklearn_pgnn.trajectories import read_records
+
+CART = PhysicsModel(
+    {"x": "m", "v": "m/s"},
+    {"x": "v", "v": "(F - d*v - c*x)/m"},
+    {"m": 2.0, "d": 0.8, "c": 6.0},
+    {"F": "N"},
+    outputs={"position": "x"},
+    inertia={"v": "m"},
+)
+STEP, SIZE, RECORDS = 0.02, 600, 4
+NEEDED = SelectionCriterion(alpha=0.01, smallest_share=0.05, n_candidates=30).to_name
+
+
+def fitter_of(rig, disturbance, seed=0):
+    """Drive a rig on which a slow force of so many newtons acts; the model is the cart."""
+    rng, X, y = np.random.default_rng(seed), [], []
+    for i in range(RECORDS):
+        t = STEP * np.arange(SIZE)
+        force = 4.0 * np.sin(1.3 * t + i) + 2.0 * np.sin(0.5 * t * t)
+        kept = np.exp(-STEP / 0.5)
+        slow = lfilter([np.sqrt(1 - kept**2)], [1, -kept], rng.standard_normal(SIZE))
+        run = rig.simulate(t, force + disturbance * slow, substeps=5).check()
+        X.append(pd.DataFrame({"trajectory": i, "t": t, "F": force}))
+        y.append(run.y[:, 0] + 1e-3 * rng.standard_normal(SIZE))
+    records = read_records(CART, pd.concat(X, ignore_index=True), np.concatenate(y))
+    return HypothesisFitter(build_problem(CART, records))
+
+
+def with_cause(fitter, cause):
+    """Fit a cause beside the cart."""
+    base = fitter.base()
+    first = fitter.converge(fitter.first_fit(fitter.subsample(base), cause))
+    trial = fitter.fit_all(first, base)
+    assert trial.fit.usable
+    return trial
+
+
+def gained(fitter, cause) -> float:
+    """Return the evidence for a cause where something disturbs the machine."""
+    trial = with_cause(fitter, cause)
+    return fitter.disturbed_likelihood(trial) - fitter.disturbed_likelihood(fitter.base())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("cause", [CoulombFriction("v"), QuadraticDrag("v"), ActuatorLag("F")])
+def test_a_disturbance_alone_names_nothing(cause, seed):
+    assert gained(fitter_of(CART, 0.5, seed), cause) < NEEDED
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("disturbance", [0.0, 0.2])
+@pytest.mark.parametrize(
+    "hidden", [CoulombFriction("v", level=0.5), QuadraticDrag("v", 0.8), ActuatorLag("F", 0.08)]
+)
+def test_what_is_hidden_is_found_beside_a_disturbance(hidden, disturbance):
+    fitter = fitter_of(CART + hidden, disturbance)
+    assert gained(fitter, type(hidden)(hidden.target)) > NEEDED
+
+
+@pytest.mark.slow
+def test_over_windows_a_disturbance_would_be_taken_for_a_cause():
+    fitter = fitter_of(CART, 0.5, seed=2)
+    trials = fitter.base(), with_cause(fitter, QuadraticDrag("v"))
+    assert SelectionCriterion.evidence(*map(fitter.held_out, trials)) > NEEDED
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_innovations_teach_parameters_that_windows_alone_get_wrong(seed):
+    fitter = fitter_of(CART, 0.5, seed)
+    base = fitter.base()
+    found = fitter.held_out(base)
+    seen = HeldOutWindows(fitter.problem, base.fit.freedoms, found, fitter.folds)
+    as_learned, again = seen.likelihoods()
+    assert again > as_learned + 1.0
+
+
+def test_a_hypothesis_that_cannot_be_fitted_has_no_likelihood():
+    fitter = fitter_of(CART, 0.0)
+    base = fitter.base()
+    lost = replace(fitter.held_out(base), learned=(), x0=None)
+    assert disturbed_likelihood(fitter.problem, base, lost, fitter.folds) == -np.inf
