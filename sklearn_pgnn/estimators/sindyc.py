@@ -29,7 +29,7 @@ from sklearn_pgnn.physics.expressions import parse_expression
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.ahead import model_machine, predict_ahead
 from sklearn_pgnn.simulation.free_run import simulate_record, substeps_for
-from sklearn_pgnn.simulation.record_windows import output_noise
+from sklearn_pgnn.simulation.record_windows import noise_levels, output_noise
 from sklearn_pgnn.simulation.simulate import HOLDS, hold_of
 from sklearn_pgnn.trajectories import read_records, rows_in_order
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
@@ -313,8 +313,10 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         records = read_records(base, X, y, time_column=self.time_column)
         if self.model is not None:
             refuse_standardised(self.model, records)
-        self.hold_, self.noise_ = hold_of(base, self.hold), output_noise(records)
-        states = measure_states(base, records, hold=self.hold_, substeps=self.substeps)
+        levels = noise_levels(records)
+        self.hold_, self.noise_ = hold_of(base, self.hold), output_noise(records, levels)
+        options = {"hold": self.hold_, "substeps": self.substeps, "levels": levels}
+        states = measure_states(base, records, **options)
         tell = teller(self)
         tell(f"{len(records)} trajectories, {len(states.x)} samples: states estimated")
         library = read_library(self.library, [*base.states, *base.inputs], self.degree, self.model)

@@ -7,12 +7,12 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.stats import norm
 
+from sklearn_pgnn.trajectories.triangle import blocks, triangle
+
 #: orders of differences: every one passes less of a signal and more of it near two samples a period
 ORDERS = (3, 4, 6, 8, 12, 16, 24, 32)
 #: samples of the filter that the record itself chooses, and rows of it from which that is done
 TAPS, ROWS = 32, 4096
-#: rows that are decomposed at a time
-BLOCK = 256
 #: rows for every number of that filter, at least
 ROWS_A_TAP = 4
 #: rows of which the weights are held at a time
@@ -222,14 +222,11 @@ def _whole_windows(y) -> np.ndarray:
 def _least_direction(y, places, straight) -> np.ndarray:
     """Return the combination that leaves least of the windows that begin at these places.
 
-    It is their last right singular vector. The triangle of their QR decomposition has it, too, and
-    grows block by block in the processor's cache.
+    It is their last right singular vector.
     """
-    rows, triangle = sliding_window_view(y, TAPS), np.zeros((0, straight.shape[1]))
-    for a in range(0, places.size, BLOCK):
-        block = rows[places[a : a + BLOCK]] @ straight
-        triangle = np.linalg.qr(np.concatenate([triangle, block]), mode="r")
-    return np.linalg.svd(triangle)[2][-1]
+    windows = sliding_window_view(y, TAPS)
+    rows = triangle(windows[places[some]] @ straight for some in blocks(places.size))
+    return np.linalg.svd(rows)[2][-1]
 
 
 def _filtered(y, places, weights) -> np.ndarray:
