@@ -329,7 +329,7 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
             self.model_ = starting_where(self.model_, states.x[firsts].mean(axis=0))
         form = "{}[k+1]" if self.discrete else "{}'"
         self._keep_texts([form.format(state) for state in base.states], terms)
-        largest = np.nanmax(np.abs(states.windows.y), axis=0)
+        largest = np.nanmax(np.abs(np.ascontiguousarray(states.windows.y.T)), axis=1)
         self._limit = np.where(largest > 0, RUNAWAY * largest, np.inf)
         self.substeps_ = 1 if self.discrete else self._enough_substeps(records)
         said = {"hold": self.hold_, "substeps": self.substeps_}

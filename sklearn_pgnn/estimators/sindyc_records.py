@@ -116,23 +116,20 @@ def rate_rows(states: MeasuredStates, library, span: float | None):
         dt, m = np.diff(t), _samples(states, span, t)
         h = t[m:] - t[:-m]
         whole = h < GAP * m * np.median(dt)
-        areas = _trapezia(library, dt, t, x, u, states.windows.hold)
-        terms.append(_chosen(_sums(areas, m) / h, whole))
+        starts, ends = _at_both_ends(library, x, u, t, states.windows.hold)
+        areas = ((a + b) * dt / 2 for a, b in zip(starts.T, ends.T, strict=True))
+        means = np.array([_sums(area, m) / h for area in areas])
+        terms.append(_chosen(means, whole))
         rates.append(_chosen((x[m:] - x[:-m]).T / h, whole))
     return _rows(terms), _rows(rates)
 
 
-def _trapezia(library, dt, t, x, u, hold: str) -> np.ndarray:
-    """Integrate the terms from each sample to the next; one row a term."""
+def _at_both_ends(library, x, u, t, hold: str) -> tuple[np.ndarray, np.ndarray]:
+    """Return the terms at the beginning and at the end of every sample interval."""
     if hold == "foh":
-        values = library(x, u, t).T
-        areas = values[:, :-1] + values[:, 1:]
-    else:
-        areas = library(x[:-1], u[:-1], t[:-1]).T
-        areas += library(x[1:], u[:-1], t[1:]).T
-    areas *= dt
-    areas /= 2
-    return areas
+        values = library(x, u, t)
+        return values[:-1], values[1:]
+    return library(x[:-1], u[:-1], t[:-1]), library(x[1:], u[:-1], t[1:])
 
 
 def step_rows(states: MeasuredStates, library, span: float | None):
@@ -163,8 +160,9 @@ def step_rows(states: MeasuredStates, library, span: float | None):
     for rows in states.pieces:
         t, x, u = states.windows.t[rows], states.x[rows], states.u[rows]
         m = _samples(states, span, t)
-        even = _sums(_is_other(np.diff(t), T)[None], m)[0] == 0
-        terms.append(_chosen(_sums(library(x[:-1], u[:-1], t[:-1]).T, m) / m, even))
+        even = _sums(_is_other(np.diff(t), T), m) == 0
+        values = library(x[:-1], u[:-1], t[:-1])
+        terms.append(_chosen(np.array([_sums(term, m) / m for term in values.T]), even))
         steps.append(_chosen((x[m:] - x[:-m]).T / m, even))
         wanted += even.size
     if sum(part.shape[1] for part in terms) < EVEN_SHARE * wanted:
@@ -220,11 +218,9 @@ def _is_other(intervals, T: float) -> np.ndarray:
 
 
 def _sums(values, m: int) -> np.ndarray:
-    """Sum every `m` values that follow each other in a row."""
-    total = np.empty((len(values), values.shape[1] + 1))
-    total[:, 0] = 0.0
-    np.cumsum(values, axis=1, out=total[:, 1:])
-    return total[:, m:] - total[:, :-m]
+    """Sum every `m` values that follow each other."""
+    total = np.concatenate([[0.0], np.cumsum(values)])
+    return total[m:] - total[:-m]
 
 
 def _chosen(columns, chosen) -> np.ndarray:

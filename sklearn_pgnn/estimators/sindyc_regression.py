@@ -50,7 +50,7 @@ def sparse_coefficients(terms, targets, optimizer, *, squares_only=False) -> np.
         rows = triangle(np.vstack([terms[of].T, targets[of].T]).T for of in blocks(len(terms)))
         terms, targets = np.split(rows, [terms.shape[1]], axis=1)
     optimizer = clone(optimizer)
-    # the numbers of the default are checked already; sklearn would check them for every term dropped
+    # the numbers of the default are checked; sklearn would check them for every term dropped
     unchecked = config_context(skip_parameter_validation=squares_only)
     with unchecked, warnings.catch_warnings():
         # the caller raises it with the state's name

@@ -176,7 +176,8 @@ def output_noise(records, levels: np.ndarray | None = None) -> np.ndarray:
     ndarray of shape (n_outputs,)
         Standard deviation of every output's noise.
     """
-    spread = np.nanstd(np.concatenate([record.y for record in records]), axis=0)
+    y = np.concatenate([record.y for record in records])
+    spread = np.nanstd(np.ascontiguousarray(y.T), axis=1)
     levels = noise_levels(records) if levels is None else levels
     return np.maximum(np.median(levels, axis=0), np.where(spread > 0, 1e-6 * spread, 1.0))
 

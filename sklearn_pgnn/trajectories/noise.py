@@ -225,7 +225,7 @@ def _least_direction(y, places, straight) -> np.ndarray:
     It is their last right singular vector.
     """
     windows = sliding_window_view(y, TAPS)
-    rows = triangle(windows[places[some]] @ straight for some in blocks(places.size))
+    rows = triangle((straight.T @ windows[places[of]].T).T for of in blocks(places.size))
     return np.linalg.svd(rows)[2][-1]
 
 

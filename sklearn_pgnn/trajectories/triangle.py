@@ -38,9 +38,11 @@ def triangle(parts: Iterable[np.ndarray]) -> np.ndarray:
     >>> bool(np.allclose(R.T @ R, A.T @ A))
     True
     """
-    found = None
+    found = upper = np.zeros(0)
     for part in parts:
-        found = np.zeros((part.shape[1],) * 2) if found is None else found
+        n = part.shape[1]
+        if not upper.size:
+            found, upper = np.zeros((n, n)), np.triu(np.ones((n, n)))
         rows = np.concatenate([found.T, part.T], axis=1).T  # column by column, as LAPACK wants them
-        found = np.triu(dgeqrf(rows, overwrite_a=True)[0][: part.shape[1]])
+        found = dgeqrf(rows, overwrite_a=True)[0][:n] * upper
     return found
