@@ -227,23 +227,25 @@ def run(
     X[0] = x
     for k in range(t.size - 1):
         dt = t[k + 1] - t[k]
-        prior[:] = x
+        for i in range(nx):
+            prior[i] = x[i]
         if base == 2 or guide == 2:
             u_end = acting[k + 1] if linear_hold else acting[k]
             _prior_step(
                 function, t[k], dt, prior, nothing, acting[k], u_end, p, s, stuck, dry, substeps,
                 step_out, old, u_from, u_to,
             )  # fmt: skip
-        at[:] = x
-        if seen_at > 0.0:
-            at += seen_at * (prior - x)
+        for i in range(nx):
+            at[i] = x[i] if seen_at == 0.0 else x[i] + seen_at * (prior[i] - x[i])
         if guide == 3:
             evaluate(terms, OUTPUTS, t[k], at, nothing, acting[k], p, s, stuck, seen)
         _features(k, x, at, prior, dt, u, simulated, features, guide, seen, mean, scale, z)
         if core == 0:
-            after[0] = z
+            for i in range(sizes[0]):
+                after[0, i] = z[i]
             _forward(turned, sizes, activation, before, after)
-            out[:] = after[sizes.size - 1, :n_out]
+            for o in range(n_out):
+                out[o] = after[sizes.size - 1, o]
         else:
             _recur(theta, sizes, z, hidden, gates, out)
         for i in range(nx):
@@ -262,7 +264,8 @@ def run(
             for m in range(k + 1, t.size):
                 X[m] = X[k]
             return k + 1
-        X[k + 1] = x
+        for i in range(nx):
+            X[k + 1, i] = x[i]
     return -1
 
 
@@ -362,9 +365,8 @@ def run_sensitive(
                 function, t[k], dt, prior, step_S, acting[k], u_end, p, s, stuck, dry, substeps,
                 step_out, old, u_from, u_to,
             )  # fmt: skip
-        at[:] = x
-        if seen_at > 0.0:
-            at += seen_at * (prior - x)
+        for i in range(nx):
+            at[i] = x[i] if seen_at == 0.0 else x[i] + seen_at * (prior[i] - x[i])
         if guide == 3:
             evaluate(terms, OUTPUTS, t[k], at, step_S, acting[k], p, s, stuck, seen)
         _features(k, x, at, prior, dt, u, simulated, features, guide, seen, mean, scale, z)
