@@ -26,7 +26,7 @@ RECORDED = {
     "six sensitivities": 0.4,
     "six sensitivities, dry friction": 0.33,
     "a short record": 0.2,
-    "SINDYc": 0.4,
+    "SINDYc": 0.48,
 }
 
 

@@ -1,11 +1,14 @@
 """Times that are taken in turns, so that a busy machine slows all ways down alike.
 
 What runs on one core is measured by the processor's clock: what other programs take does not count.
+The threads of BLAS would, which wait for each other on a busy machine, so ways are run without.
 """
 
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+
+from threadpoolctl import threadpool_limits
 
 
 @dataclass(frozen=True)
@@ -57,7 +60,8 @@ def best_times(
     """Return the shortest time of every way [s], the ways taken in turns after one run of each."""
     for way in ways:
         way()
-    times = [[seconds(way, clock) for way in ways] for _ in range(repeats)]
+    with threadpool_limits(1, "blas"):
+        times = [[seconds(way, clock) for way in ways] for _ in range(repeats)]
     return [min(of) for of in zip(*times, strict=True)]
 
 

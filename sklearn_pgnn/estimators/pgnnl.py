@@ -18,7 +18,7 @@ from sklearn_pgnn.estimators.network.balance import ADAPTIVE, check_lambda
 from sklearn_pgnn.estimators.network.batches import TensorBatches
 from sklearn_pgnn.estimators.network.cores import FeedForward
 from sklearn_pgnn.estimators.network.free_parameters import names_of
-from sklearn_pgnn.estimators.network.free_run import run_core
+from sklearn_pgnn.estimators.network.free_run import ready_to_run, run_core
 from sklearn_pgnn.estimators.network.physics_loss import (
     PhysicsLoss,
     as_terms,
@@ -673,8 +673,9 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
 
     def _free_runs(self, X):
         runs = self._read_ready(X)
+        run = ready_to_run(self.module_.core, self.step_)
         for record, ready in zip(runs.records, runs.ready, strict=True):
-            x, failed = run_core(self.module_.core, self.step_, ready)
+            x, failed = run(ready)
             if failed >= 0:
                 warnings.warn(
                     f"trajectory {record.name!r}: the network's free run left the reach of the "

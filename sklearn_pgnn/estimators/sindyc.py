@@ -29,7 +29,7 @@ from sklearn_pgnn.physics.expressions import parse_expression
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.ahead import model_machine, predict_ahead
 from sklearn_pgnn.simulation.free_run import simulate_record, substeps_for
-from sklearn_pgnn.simulation.record_windows import output_noise
+from sklearn_pgnn.simulation.record_windows import noise_levels, output_noise
 from sklearn_pgnn.simulation.simulate import HOLDS, hold_of
 from sklearn_pgnn.trajectories import read_records, rows_in_order
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
@@ -313,8 +313,10 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         records = read_records(base, X, y, time_column=self.time_column)
         if self.model is not None:
             refuse_standardised(self.model, records)
-        self.hold_, self.noise_ = hold_of(base, self.hold), output_noise(records)
-        states = measure_states(base, records, hold=self.hold_, substeps=self.substeps)
+        levels = noise_levels(records)
+        self.hold_, self.noise_ = hold_of(base, self.hold), output_noise(records, levels)
+        options = {"hold": self.hold_, "substeps": self.substeps, "levels": levels}
+        states = measure_states(base, records, **options)
         tell = teller(self)
         tell(f"{len(records)} trajectories, {len(states.x)} samples: states estimated")
         library = read_library(self.library, [*base.states, *base.inputs], self.degree, self.model)
@@ -327,7 +329,7 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
             self.model_ = starting_where(self.model_, states.x[firsts].mean(axis=0))
         form = "{}[k+1]" if self.discrete else "{}'"
         self._keep_texts([form.format(state) for state in base.states], terms)
-        largest = np.nanmax(np.abs(states.windows.y), axis=0)
+        largest = np.nanmax(np.abs(np.ascontiguousarray(states.windows.y.T)), axis=1)
         self._limit = np.where(largest > 0, RUNAWAY * largest, np.inf)
         self.substeps_ = 1 if self.discrete else self._enough_substeps(records)
         said = {"hold": self.hold_, "substeps": self.substeps_}

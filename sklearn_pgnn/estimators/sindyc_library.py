@@ -159,16 +159,43 @@ def term_function(terms, names: Sequence[str]):
     array([[1., 2., 4.],
            [1., 3., 9.]])
     """
-    function = numpy_function(["t", *names], list(terms))
+    quantities = ["t", *names]
+    factors = [_factors(term, quantities) for term in terms]
+    others = [term for term, of in zip(terms, factors, strict=True) if of is None]
+    function = numpy_function(quantities, others) if others else lambda *_: ()
 
     def values(columns, t=0.0) -> np.ndarray:
+        found, products = np.empty((len(terms), len(columns))), _Products((t, *columns.T))
         with np.errstate(all="ignore"):
-            found = function(t, *columns.T)
-        return np.column_stack([np.broadcast_to(v, len(columns)) for v in found]).astype(
-            float, copy=False
-        )
+            rest = iter(function(t, *columns.T))
+            for row, of in zip(found, factors, strict=True):
+                row[:] = next(rest) if of is None else products[of]
+        return found.T
 
     return values
+
+
+class _Products(dict):
+    """Products of quantities by their places, each made from the one with a factor less."""
+
+    def __init__(self, quantities):
+        super().__init__({(): 1.0})
+        self._quantities = quantities
+
+    def __missing__(self, places):
+        self[places] = self[places[:-1]] * self._quantities[places[-1]]
+        return self[places]
+
+
+def _factors(term: sympy.Expr, quantities: Sequence[str]) -> tuple[int, ...] | None:
+    """Return the places of a monomial's factors among the quantities; None where it is none."""
+    powers = {} if term == 1 else term.as_powers_dict()
+    places: list[int] = []
+    for base, power in powers.items():
+        if not (base.is_Symbol and power.is_Integer and power > 0):
+            return None
+        places += [quantities.index(str(base))] * int(power)
+    return tuple(sorted(places))
 
 
 def term_texts(terms) -> list[str]:

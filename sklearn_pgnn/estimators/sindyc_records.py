@@ -113,14 +113,23 @@ def rate_rows(states: MeasuredStates, library, span: float | None):
     terms, rates = [], []
     for rows in states.pieces:
         t, x, u = states.windows.t[rows], states.x[rows], states.u[rows]
-        dt, m = np.diff(t)[:, None], _samples(states, span, t)
-        at_end = u[1:] if states.windows.hold == "foh" else u[:-1]
-        both = library(x[:-1], u[:-1], t[:-1]) + library(x[1:], at_end, t[1:])
+        dt, m = np.diff(t), _samples(states, span, t)
         h = t[m:] - t[:-m]
         whole = h < GAP * m * np.median(dt)
-        terms.append((_sums(dt * both / 2, m) / h[:, None])[whole])
-        rates.append(((x[m:] - x[:-m]) / h[:, None])[whole])
-    return np.concatenate(terms), np.concatenate(rates)
+        starts, ends = _at_both_ends(library, x, u, t, states.windows.hold)
+        areas = ((a + b) * dt / 2 for a, b in zip(starts.T, ends.T, strict=True))
+        means = np.array([_sums(area, m) / h for area in areas])
+        terms.append(_chosen(means, whole))
+        rates.append(_chosen((x[m:] - x[:-m]).T / h, whole))
+    return _rows(terms), _rows(rates)
+
+
+def _at_both_ends(library, x, u, t, hold: str) -> tuple[np.ndarray, np.ndarray]:
+    """Return the terms at the beginning and at the end of every sample interval."""
+    if hold == "foh":
+        values = library(x, u, t)
+        return values[:-1], values[1:]
+    return library(x[:-1], u[:-1], t[:-1]), library(x[1:], u[:-1], t[1:])
 
 
 def step_rows(states: MeasuredStates, library, span: float | None):
@@ -151,16 +160,17 @@ def step_rows(states: MeasuredStates, library, span: float | None):
     for rows in states.pieces:
         t, x, u = states.windows.t[rows], states.x[rows], states.u[rows]
         m = _samples(states, span, t)
-        even = _sums(_is_other(np.diff(t), T)[:, None], m)[:, 0] == 0
-        terms.append((_sums(library(x[:-1], u[:-1], t[:-1]), m) / m)[even])
-        steps.append(((x[m:] - x[:-m]) / m)[even])
+        even = _sums(_is_other(np.diff(t), T), m) == 0
+        values = library(x[:-1], u[:-1], t[:-1])
+        terms.append(_chosen(np.array([_sums(term, m) / m for term in values.T]), even))
+        steps.append(_chosen((x[m:] - x[:-m]).T / m, even))
         wanted += even.size
-    if sum(map(len, terms)) < EVEN_SHARE * wanted:
+    if sum(part.shape[1] for part in terms) < EVEN_SHARE * wanted:
         raise RecordError(
             f"X: a discrete model needs samples at equal intervals; too many differ from their "
             f"median of {T:g} s. Remedy: take discrete=False, or resample the records."
         )
-    return np.concatenate(terms), np.concatenate(steps)
+    return _rows(terms), _rows(steps)
 
 
 def on_even_clock(records, T: float) -> tuple[Record, ...]:
@@ -209,5 +219,15 @@ def _is_other(intervals, T: float) -> np.ndarray:
 
 def _sums(values, m: int) -> np.ndarray:
     """Sum every `m` values that follow each other."""
-    total = np.vstack([np.zeros((1, values.shape[1])), np.cumsum(values, axis=0)])
+    total = np.concatenate([[0.0], np.cumsum(values)])
     return total[m:] - total[:-m]
+
+
+def _chosen(columns, chosen) -> np.ndarray:
+    """Return the chosen columns; all of them are not copied."""
+    return columns if chosen.all() else columns[:, chosen]
+
+
+def _rows(parts) -> np.ndarray:
+    """Lay the columns of parts end to end as rows; those of a single part are not copied."""
+    return (parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)).T

@@ -9,9 +9,11 @@ deviation :math:`\sigma`, a coefficient is the share of the target's motion that
 import warnings
 
 import numpy as np
+from sklearn import config_context
 from sklearn.base import clone
 
 from sklearn_pgnn.extras import needed_by
+from sklearn_pgnn.trajectories.triangle import blocks, triangle
 
 #: below this share of its root mean square a target does not move
 STILL = 1e-9
@@ -45,10 +47,12 @@ def sparse_coefficients(terms, targets, optimizer, *, squares_only=False) -> np.
     """
     size, spread = _sizes(terms), _spreads(targets)
     if squares_only:
-        triangle = np.linalg.qr(np.column_stack([terms, targets]), mode="r")
-        terms, targets = np.split(triangle, [terms.shape[1]], axis=1)
+        rows = triangle(np.vstack([terms[of].T, targets[of].T]).T for of in blocks(len(terms)))
+        terms, targets = np.split(rows, [terms.shape[1]], axis=1)
     optimizer = clone(optimizer)
-    with warnings.catch_warnings():
+    # the numbers of the default are checked; sklearn would check them for every term dropped
+    unchecked = config_context(skip_parameter_validation=squares_only)
+    with unchecked, warnings.catch_warnings():
         # the caller raises it with the state's name
         warnings.filterwarnings("ignore", message="Sparsity parameter is too big")
         optimizer.fit(terms / size, targets / spread)

@@ -99,13 +99,13 @@ def enough_substeps(model: PhysicsModel, records, **options) -> int:
 
     def run(substeps):
         runs = [simulate_record(model, record, substeps=substeps, **options) for record in records]
-        return np.concatenate([np.column_stack([each.x, each.y]) for each in runs])
+        return np.concatenate([np.array([*each.x.T, *each.y.T]) for each in runs], axis=1)
 
     substeps, coarse = 1, run(1)
     while substeps < MAX_SUBSTEPS:
         finer = run(2 * substeps)
-        change = np.max(np.abs(finer - coarse), axis=0)
-        if np.all(change <= SMALL * np.ptp(finer, axis=0)):
+        change = np.max(np.abs(finer - coarse), axis=1)
+        if np.all(change <= SMALL * np.ptp(finer, axis=1)):
             return substeps
         substeps, coarse = 2 * substeps, finer
     return substeps

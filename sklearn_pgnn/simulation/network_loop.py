@@ -7,6 +7,7 @@ from numba import boolean, int64, njit, types, void
 
 from sklearn_pgnn.simulation.compiled import FUNCTION
 from sklearn_pgnn.simulation.dissipation_loop import lose, lose_slopes, loss_workspace
+from sklearn_pgnn.simulation.lanes import LANES, tanh_lanes, weigh
 from sklearn_pgnn.simulation.model_function import OUTPUTS
 from sklearn_pgnn.simulation.stepping import INNER, OPTIONS, advance, evaluate, workspace
 
@@ -19,8 +20,7 @@ _I1, _B1 = types.int64[::1], boolean[::1]
 
 @njit(**INNER)
 def _activate(code, v):
-    if code == 0:
-        return 1.0 - 2.0 / (math.exp(2.0 * v) + 1.0)  # tanh, three times as fast
+    """Return the activation at v; the hyperbolic tangent is `tanh_lanes`."""
     if code == 1:
         return max(v, 0.0)
     if code == 2:
@@ -45,16 +45,26 @@ def _slope(code, v, value):
     return 1.0
 
 
+@njit(**INNER)
+def _in_lanes(size):
+    """Return a number of neurons, rounded up to whole lanes."""
+    return -(-size // LANES) * LANES
+
+
 @njit(**OPTIONS)
 def _by_input(theta, sizes):
-    """Return the weights with every layer's matrix transposed, so that the sums vectorise."""
-    turned = theta.copy()
-    place = 0
+    """Return the weights by the input they stand at, each layer's last of all, in whole lanes."""
+    count = 0
+    for layer in range(sizes.size - 1):
+        count += (sizes[layer] + 1) * _in_lanes(sizes[layer + 1])
+    turned = np.zeros(count)
+    place = row = 0
     for layer in range(sizes.size - 1):
         n_in, n_out = sizes[layer], sizes[layer + 1]
-        for i in range(n_out):
-            for j in range(n_in):
-                turned[place + j * n_out + i] = theta[place + i * n_in + j]
+        for j in range(n_in + 1):
+            for i in range(n_out):
+                turned[row + i] = theta[place + (i * n_in + j if j < n_in else n_in * n_out + i)]
+            row += _in_lanes(n_out)
         place += n_out * (n_in + 1)
     return turned
 
@@ -66,17 +76,17 @@ def _forward(turned, sizes, activation, before, after):
     last = sizes.size - 2
     for layer in range(last + 1):
         n_in, n_out = sizes[layer], sizes[layer + 1]
-        bias = place + n_in * n_out
-        for i in range(n_out):
-            before[layer + 1, i] = turned[bias + i]
-        for j in range(n_in):
-            z = after[layer, j]
+        wide = _in_lanes(n_out)
+        bias = place + n_in * wide
+        for lane in range(0, wide, LANES):
+            weigh(turned, bias + lane, place + lane, wide, n_in, after, layer, before, lane)
+            if layer < last and activation == 0:
+                tanh_lanes(before, after, layer + 1, lane)
+        if layer == last or activation != 0:
             for i in range(n_out):
-                before[layer + 1, i] += turned[place + j * n_out + i] * z
-        for i in range(n_out):
-            v = before[layer + 1, i]
-            after[layer + 1, i] = v if layer == last else _activate(activation, v)
-        place = bias + n_out
+                v = before[layer + 1, i]
+                after[layer + 1, i] = v if layer == last else _activate(activation, v)
+        place = bias + wide
 
 
 @njit(**INNER)
@@ -205,7 +215,7 @@ def run(
 ):  # fmt: skip
     """Run a network along one trajectory into X; return the first sample out of reach, or -1."""
     nx, n_out = x.size, gain.shape[2]
-    widest = sizes.max()
+    widest = _in_lanes(sizes.max())
     before, after = np.zeros((sizes.size, widest)), np.zeros((sizes.size, widest))
     gates, out, z = np.zeros(3 * widest), np.zeros(n_out), np.zeros(widest)
     prior, at, nothing = np.zeros(nx), np.zeros(nx), np.zeros((nx, 0))
@@ -217,23 +227,25 @@ def run(
     X[0] = x
     for k in range(t.size - 1):
         dt = t[k + 1] - t[k]
-        prior[:] = x
+        for i in range(nx):
+            prior[i] = x[i]
         if base == 2 or guide == 2:
             u_end = acting[k + 1] if linear_hold else acting[k]
             _prior_step(
                 function, t[k], dt, prior, nothing, acting[k], u_end, p, s, stuck, dry, substeps,
                 step_out, old, u_from, u_to,
             )  # fmt: skip
-        at[:] = x
-        if seen_at > 0.0:
-            at += seen_at * (prior - x)
+        for i in range(nx):
+            at[i] = x[i] if seen_at == 0.0 else x[i] + seen_at * (prior[i] - x[i])
         if guide == 3:
             evaluate(terms, OUTPUTS, t[k], at, nothing, acting[k], p, s, stuck, seen)
         _features(k, x, at, prior, dt, u, simulated, features, guide, seen, mean, scale, z)
         if core == 0:
-            after[0] = z
+            for i in range(sizes[0]):
+                after[0, i] = z[i]
             _forward(turned, sizes, activation, before, after)
-            out[:] = after[sizes.size - 1, :n_out]
+            for o in range(n_out):
+                out[o] = after[sizes.size - 1, o]
         else:
             _recur(theta, sizes, z, hidden, gates, out)
         for i in range(nx):
@@ -252,7 +264,8 @@ def run(
             for m in range(k + 1, t.size):
                 X[m] = X[k]
             return k + 1
-        X[k + 1] = x
+        for i in range(nx):
+            X[k + 1, i] = x[i]
     return -1
 
 
@@ -323,7 +336,7 @@ def run_sensitive(
     """
     nx, n_out, n_weights = x.size, gain.shape[2], theta.size
     n_free = S.shape[1] - n_weights
-    widest = sizes.max()
+    widest = _in_lanes(sizes.max())
     before, after = np.zeros((sizes.size, widest)), np.zeros((sizes.size, widest))
     z, delta, lower = np.zeros(widest), np.zeros(widest), np.zeros(widest)
     by_theta, by_z = np.zeros((n_out, S.shape[1])), np.zeros((n_out, nx))
@@ -352,9 +365,8 @@ def run_sensitive(
                 function, t[k], dt, prior, step_S, acting[k], u_end, p, s, stuck, dry, substeps,
                 step_out, old, u_from, u_to,
             )  # fmt: skip
-        at[:] = x
-        if seen_at > 0.0:
-            at += seen_at * (prior - x)
+        for i in range(nx):
+            at[i] = x[i] if seen_at == 0.0 else x[i] + seen_at * (prior[i] - x[i])
         if guide == 3:
             evaluate(terms, OUTPUTS, t[k], at, step_S, acting[k], p, s, stuck, seen)
         _features(k, x, at, prior, dt, u, simulated, features, guide, seen, mean, scale, z)

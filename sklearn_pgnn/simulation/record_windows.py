@@ -2,6 +2,7 @@
 
 import warnings
 from dataclasses import dataclass, replace
+from functools import partial
 from numbers import Real
 
 import numpy as np
@@ -62,6 +63,7 @@ def window_records(
     hold: str | None = None,
     substeps: int | None = None,
     threads: int = 1,
+    levels: np.ndarray | None = None,
 ) -> WindowedRecords:
     """Cut records into windows and get ready to estimate their initial states.
 
@@ -84,6 +86,8 @@ def window_records(
         accuracy needs.
     threads : int, default=1
         Threads to simulate on.
+    levels : ndarray of shape (n_records, n_outputs), optional
+        What `noise_levels` gives, where it is known.
 
     Returns
     -------
@@ -101,12 +105,14 @@ def window_records(
     u = np.ascontiguousarray(np.concatenate([record.u for record in records]), dtype=float)
     y = np.ascontiguousarray(np.concatenate([record.y for record in records]), dtype=float)
     bounds = np.concatenate([[0], np.cumsum([record.t.size for record in records])])
-    noise_std = output_noise(records) if noise_std is None else noise_std
+    if noise_std is None:
+        levels = noise_levels(records) if levels is None else levels
+        noise_std = output_noise(records, levels)
     scale = np.asarray(noise_std, dtype=float).ravel()
     whole = ShootingWindows(t, u, y, bounds, bounds[:-1], np.diff(bounds), scale, hold, 1, threads)
     told = [_told_start(model, record) for record in records]
     states = StateEstimator(model, whole, told)
-    period = dominant_period(records)
+    period = dominant_period(records, levels)
     if window_length == WHOLE:
         windows = replace(whole, blocks=-(-MIN_WINDOWS // len(records)))
     elif window_length is None:
@@ -150,39 +156,76 @@ def _told_start(model, record) -> np.ndarray:
     return np.full(len(model.states), np.nan) if record.x0 is None else record.x0
 
 
-def output_noise(records) -> np.ndarray:
-    """Estimate the noise of every output, never below a millionth of its range."""
+def noise_levels(records) -> np.ndarray:
+    """Estimate the noise of every output in every record, of shape (n_records, n_outputs)."""
+    return np.array([[noise_level(column, r.t) for column in r.y.T] for r in records])
+
+
+def output_noise(records, levels: np.ndarray | None = None) -> np.ndarray:
+    """Estimate the noise of every output, never below a millionth of its range.
+
+    Parameters
+    ----------
+    records : tuple of Record
+        Measured trajectories.
+    levels : ndarray of shape (n_records, n_outputs), optional
+        What `noise_levels` gives, where it is known.
+
+    Returns
+    -------
+    ndarray of shape (n_outputs,)
+        Standard deviation of every output's noise.
+    """
     y = np.concatenate([record.y for record in records])
-    spread = np.nanstd(y, axis=0)
-    levels = [[noise_level(column, record.t) for column in record.y.T] for record in records]
+    spread = np.nanstd(np.ascontiguousarray(y.T), axis=1)
+    levels = noise_levels(records) if levels is None else levels
     return np.maximum(np.median(levels, axis=0), np.where(spread > 0, 1e-6 * spread, 1.0))
 
 
-def dominant_period(records) -> float:
+def dominant_period(records, levels: np.ndarray | None = None) -> float:
     r"""Return the shortest dominant period of the outputs [s].
 
     It is :math:`2\pi\,\mathrm{rms}(y)/\mathrm{rms}(\dot y)`. The differences are taken over a
     stretch long enough that noise does not matter.
+
+    Parameters
+    ----------
+    records : tuple of Record
+        Measured trajectories.
+    levels : ndarray of shape (n_records, n_outputs), optional
+        What `noise_levels` gives, where it is known.
+
+    Returns
+    -------
+    float
+        The period [s], at most the longest record.
     """
     duration = max(record.t[-1] - record.t[0] for record in records)
     columns = range(records[0].y.shape[1])
-    return float(min(duration, *(_period(records, column) for column in columns)))
+    known = [None if levels is None else levels[:, column] for column in columns]
+    return float(min(duration, *map(partial(_period, records), columns, known)))
 
 
-def _period(records, column: int) -> float:
+def _period(records, column: int, levels) -> float:
     """Return the dominant period of one output; infinite where noise hides its rate everywhere.
 
     Most noise is so small that a rough estimate will do; a fine one is made where that matters.
     """
-    signal, rate, floor = _powers(records, column, rough_noise_level)
+    signal, rate, floor = _powers(records, column, _each(rough_noise_level, records, column))
     if not floor < NEGLIGIBLE * rate:
-        signal, rate, floor = _powers(records, column, noise_level)
+        fine = _each(noise_level, records, column) if levels is None else levels
+        signal, rate, floor = _powers(records, column, fine)
     return float(2 * np.pi * np.sqrt(signal / rate)) if rate > 0 else np.inf
 
 
-def _powers(records, column: int, estimate) -> np.ndarray:
+def _each(estimate, records, column: int) -> list[float]:
+    """Estimate the noise of one output in every record."""
+    return [estimate(record.y[:, column], record.t) for record in records]
+
+
+def _powers(records, column: int, levels) -> np.ndarray:
     """Return the powers of an output, of its rate, and of noise in the rate, times the samples."""
-    noise = np.median([estimate(record.y[:, column], record.t) for record in records])
+    noise = np.median(levels)
     return np.sum([_powers_of(record, column, noise) for record in records], axis=0)
 
 

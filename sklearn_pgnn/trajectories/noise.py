@@ -1,10 +1,13 @@
 """Noise of a measured quantity, estimated from the record alone."""
 
 from math import comb
+from operator import itemgetter
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.stats import norm
+
+from sklearn_pgnn.trajectories.triangle import blocks, triangle
 
 #: orders of differences: every one passes less of a signal and more of it near two samples a period
 ORDERS = (3, 4, 6, 8, 12, 16, 24, 32)
@@ -62,8 +65,8 @@ def noise_level(y: np.ndarray, t: np.ndarray | None = None) -> float:
         return 0.0
     if np.median(np.abs(third)) == 0:  # most of the time nothing moves
         return float(np.std(third))
-    tried = [_finest(y, clock) for clock in clocks]
-    return min(_strength(filtered) for filtered in (*tried, _least_passed(y)) if filtered.size)
+    strengths = [_finest(y, clock)[1] for clock in clocks]
+    return min(*strengths, _strength(_least_passed(y)))
 
 
 def rough_noise_level(y: np.ndarray, t: np.ndarray | None = None) -> float:
@@ -116,7 +119,7 @@ def finest_differences(y: np.ndarray, t: np.ndarray | None = None) -> tuple[np.n
     3
     """
     clocks = _clocks(y, t)
-    found = min((_finest(y, clock) for clock in clocks), key=_strength)
+    found, _ = min((_finest(y, clock) for clock in clocks), key=itemgetter(1))
     return found, int(np.isfinite(y).sum()) - found.size
 
 
@@ -129,16 +132,17 @@ def relative_error(size: int, order: int = ORDERS[0]) -> float:
     return float(np.sqrt(0.5 * np.sqrt(np.pi * order / 2) / max(size, 1)))
 
 
-def _finest(y, clock) -> np.ndarray:
-    """Raise the order of the differences while the residue falls significantly."""
+def _finest(y, clock) -> tuple[np.ndarray, float]:
+    """Raise the order of the differences while the residue, given too, falls significantly."""
     best = _divided_differences(y, clock, ORDERS[0])
+    least = _strength(best)
     for order in ORDERS[1:]:
         found = _divided_differences(y, clock, order)
-        chance = relative_error(found.size, order)
-        if found.size < ROWS_A_TAP * order or _strength(found) > (1 - chance) * _strength(best):
+        chance, strength = relative_error(found.size, order), _strength(found)
+        if found.size < ROWS_A_TAP * order or strength > (1 - chance) * least:
             break
-        best = found
-    return best
+        best, least = found, strength
+    return best, least
 
 
 def _strength(differences) -> float:
@@ -197,16 +201,35 @@ def _weights(clock, order: int) -> np.ndarray:
 
 def _least_passed(y) -> np.ndarray:
     """Filter each half of an even record as leaves least of the other; parabolas never pass."""
-    if y.size <= TAPS:
-        return np.zeros(0)
-    rows = sliding_window_view(y, TAPS)
-    rows = rows[np.isfinite(rows).all(axis=1)]
-    half = len(rows) // 2
+    places = _whole_windows(y)
+    half = places.size // 2
     if half < ROWS_A_TAP * TAPS:
         return np.zeros(0)
     straight = np.linalg.qr(np.vander(np.linspace(-1, 1, TAPS), 3), mode="complete")[0][:, 3:]
     filtered = []
-    for some, others in ((rows[:half], rows[half:]), (rows[half:], rows[:half])):
-        learned = some[:: -(-len(some) // ROWS)] @ straight
-        filtered.append(others @ (straight @ np.linalg.svd(learned, full_matrices=False)[2][-1]))
+    for some, others in ((places[:half], places[half:]), (places[half:], places[:half])):
+        learned = some[:: -(-some.size // ROWS)]
+        filtered.append(_filtered(y, others, straight @ _least_direction(y, learned, straight)))
     return np.concatenate(filtered)
+
+
+def _whole_windows(y) -> np.ndarray:
+    """Return where the windows of so many samples begin that are all known."""
+    unknown = np.concatenate([[0], np.cumsum(~np.isfinite(y))])
+    return np.flatnonzero(unknown[TAPS:] == unknown[:-TAPS])
+
+
+def _least_direction(y, places, straight) -> np.ndarray:
+    """Return the combination that leaves least of the windows that begin at these places.
+
+    It is their last right singular vector.
+    """
+    windows = sliding_window_view(y, TAPS)
+    rows = triangle((straight.T @ windows[places[of]].T).T for of in blocks(places.size))
+    return np.linalg.svd(rows)[2][-1]
+
+
+def _filtered(y, places, weights) -> np.ndarray:
+    """Return the weighted sums of the windows that begin at increasing places."""
+    first = places[0]
+    return np.correlate(y[first : places[-1] + TAPS], weights, "valid")[places - first]

@@ -27,11 +27,11 @@ class Smoothed:
 
     def value(self, t) -> np.ndarray:
         """Return the smoothed quantity at times `t` [s]."""
-        return self.spline(t)
+        return _evaluate(self.spline, t)
 
     def slope(self, t) -> np.ndarray:
         """Return its rate of change at times `t` [s]."""
-        return self.spline.derivative()(t)
+        return _evaluate(self.spline.derivative(), t)
 
 
 class NaturalSpline:
@@ -90,19 +90,39 @@ class NaturalSpline:
         scipy.interpolate.PPoly
             The spline; of several penalties it gives values of shape (..., n_penalties).
         """
-        penalties = np.atleast_1d(penalty)
-        curvature, h = self._curvatures(penalties), self.h[:, None]
+        value, curvature = self._at_samples(np.atleast_1d(penalty))
+        pieces = _pieces(self.h[:, None], value[:-1], value[1:], curvature[:-1], curvature[1:])
+        return PPoly(np.stack(pieces).reshape(4, self.h.size, *np.shape(penalty)), self.t)
+
+    def predicted(self, penalties, t) -> np.ndarray:
+        """Return what `smoothed` is at a few times, which are looked up once for all penalties.
+
+        Parameters
+        ----------
+        penalties : ndarray of shape (n_penalties,)
+            Penalties on the curvature [unit of time cubed].
+        t : ndarray of shape (n_times,)
+            Times between the first sample and the last.
+
+        Returns
+        -------
+        ndarray of shape (n_times, n_penalties)
+            The splines' values.
+        """
+        value, curvature = self._at_samples(penalties)
+        i = np.clip(np.searchsorted(self.t, t, side="right") - 1, 0, self.h.size - 1)
+        after = (t - self.t[i])[:, None]
+        around = (value[i], value[i + 1], curvature[i], curvature[i + 1])
+        cubic, square, slope, start = _pieces(self.h[i, None], *around)
+        return ((cubic * after + square) * after + slope) * after + start
+
+    def _at_samples(self, penalties) -> tuple[np.ndarray, np.ndarray]:
+        """Return values and second derivatives at the samples, one column a penalty."""
+        curvature = self._curvatures(penalties)
         value = np.repeat(self.y[:, None], penalties.size, axis=1)
         for i, part in enumerate(self._q):
             value[i : i + part.size] -= penalties * part[:, None] * curvature[1:-1]
-        bend = h / 6 * (2 * curvature[:-1] + curvature[1:])
-        pieces = [
-            np.diff(curvature, axis=0) / (6 * h),
-            curvature[:-1] / 2,
-            np.diff(value, axis=0) / h - bend,
-            value[:-1],
-        ]
-        return PPoly(np.stack(pieces).reshape(4, h.size, *np.shape(penalty)), self.t)
+        return value, curvature
 
     def _curvatures(self, penalties) -> np.ndarray:
         """Return the second derivatives at the samples, one column a penalty, by a single solve."""
@@ -118,6 +138,19 @@ class NaturalSpline:
         curvature = np.zeros((self.t.size, penalties.size))
         curvature[1:-1] = inner.reshape(penalties.size, -1).T
         return curvature
+
+
+def _pieces(h, start, end, curvature, next_curvature) -> list[np.ndarray]:
+    """Return the coefficients of cubics of length `h`, the highest power first."""
+    bend = h / 6 * (2 * curvature + next_curvature)
+    return [(next_curvature - curvature) / (6 * h), curvature / 2, (end - start) / h - bend, start]
+
+
+def _evaluate(spline: PPoly, t) -> np.ndarray:
+    """Evaluate a spline; at its own samples every piece begins with the value."""
+    if not np.array_equal(t, spline.x):
+        return spline(t)
+    return np.append(spline.c[-1], spline(spline.x[-1]))
 
 
 def _symmetric(diagonal, next_to_it, two_off) -> np.ndarray:
@@ -193,8 +226,9 @@ def _cross_validation(t, y, penalties) -> np.ndarray:
     for k in range(5):
         left_out = np.zeros(t.size, dtype=bool)
         left_out[2 + k : -2 : 5] = True
-        spline = NaturalSpline(t[~left_out], y[~left_out]).smoothed(penalties)
-        errors += np.sum((spline(t[left_out]) - y[left_out, None]) ** 2, axis=0)
+        spline = NaturalSpline(t[~left_out], y[~left_out])
+        predicted = spline.predicted(penalties, t[left_out])
+        errors += np.sum((predicted - y[left_out, None]) ** 2, axis=0)
     return errors
 
 

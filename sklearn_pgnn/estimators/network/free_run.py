@@ -1,6 +1,7 @@
 """Free run of a trained network: compiled for the package's own cores, else in torch."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import torch
@@ -68,6 +69,28 @@ def compiled_run(core: nn.Module, step: NetworkStep, changes=()) -> FreeRun:
     return FreeRun(step_with(core, step), np.append(weights_of(core), changes))
 
 
+def ready_to_run(core: nn.Module, step: NetworkStep, changes=()):
+    """Make a network's free run ready, once for many trajectories.
+
+    Parameters
+    ----------
+    core : Module
+        The trained core.
+    step : NetworkStep
+        What a step is made of.
+    changes : ndarray of shape (n_free,), optional
+        Relative changes of the step's free parameters.
+
+    Returns
+    -------
+    callable
+        Of a `NetworkRecord`: gives what `run_core` does.
+    """
+    if is_compiled(core):
+        return compiled_run(core, step, changes)
+    return partial(_run_within_reach, core, tuned(step, changes) if step.free else step)
+
+
 def run_core(core: nn.Module, step: NetworkStep, record: NetworkRecord, changes=()):
     """Run a network in free run along a trajectory.
 
@@ -89,10 +112,10 @@ def run_core(core: nn.Module, step: NetworkStep, record: NetworkRecord, changes=
     failed : int
         The first sample out of reach, -1 if there is none.
     """
-    if is_compiled(core):
-        return compiled_run(core, step, changes)(record)
-    if step.free:
-        step = tuned(step, changes)
+    return ready_to_run(core, step, changes)(record)
+
+
+def _run_within_reach(core, step, record):
     x = record.x0[None] if len(record.t) == 1 else _run_torch(core, step, record)
     inside = np.all((step.reach[0] <= x) & (x <= step.reach[1]), axis=1)
     failed = -1 if inside.all() else int(np.argmin(inside))

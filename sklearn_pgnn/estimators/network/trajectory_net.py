@@ -28,7 +28,7 @@ from sklearn_pgnn.estimators.network.cores import FeedForward
 from sklearn_pgnn.estimators.network.free_parameters import FreeParameters
 from sklearn_pgnn.estimators.network.free_run import (
     outputs_of,
-    run_core,
+    ready_to_run,
     step_with,
     tuned,
     weights_of,
@@ -199,7 +199,8 @@ class TrajectoryNet(NeuralNetRegressor):
     def _in_reach(self) -> list[TrainingRecord]:
         """Return the unmeasured trajectories that the network, as it is, can run along."""
         step, changes = self._free_step(), self._changes()
-        runs = [run_core(self.module_.core, step, r.record, changes)[1] for r in self._unmeasured]
+        run = ready_to_run(self.module_.core, step, changes)
+        runs = [run(each.record)[1] for each in self._unmeasured]
         found = [each for each, failed in zip(self._unmeasured, runs, strict=True) if failed < 0]
         if len(found) < len(runs):
             warnings.warn(
@@ -344,9 +345,9 @@ class TrajectoryNet(NeuralNetRegressor):
     def _validation_error(self) -> float:
         """Return the free-run error of the held-out trajectories, in deviations of the outputs."""
         errors, changes = [], self._changes()
-        step = self._free_step()
+        run = ready_to_run(self.module_.core, self._free_step(), changes)
         for each in self._validation:
-            x, failed = run_core(self.module_.core, step, each.record, changes)
+            x, failed = run(each.record)
             if failed >= 0:
                 return np.inf
             errors.append(

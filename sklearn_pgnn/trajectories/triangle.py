@@ -1,0 +1,48 @@
+"""The triangle of a QR decomposition of many rows, which stands for them in least squares."""
+
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+from scipy.linalg.lapack import dgeqrf
+
+#: rows of a block: it stays in the processor's cache, and BLAS starts no thread for it
+BLOCK = 256
+
+
+def blocks(n_rows: int) -> Iterator[slice]:
+    """Yield the rows of every block."""
+    return (slice(a, a + BLOCK) for a in range(0, n_rows, BLOCK))
+
+
+def triangle(parts: Iterable[np.ndarray]) -> np.ndarray:
+    r"""Return the triangle of the QR decomposition of rows that come in blocks.
+
+    With :math:`A = QR` the triangle :math:`R` has the singular values and the right singular
+    vectors of :math:`A`, and :math:`|R\theta| = |A\theta|`. The triangle of the blocks so far and
+    the next block have the triangle of all of them.
+
+    Parameters
+    ----------
+    parts : iterable of ndarray of shape (n_rows, n_columns)
+        The rows, block by block; at least one block.
+
+    Returns
+    -------
+    ndarray of shape (n_columns, n_columns)
+        The triangle; the signs of its rows are arbitrary.
+
+    Examples
+    --------
+    >>> A = np.arange(12.0).reshape(6, 2)
+    >>> R = triangle([A[:3], A[3:]])
+    >>> bool(np.allclose(R.T @ R, A.T @ A))
+    True
+    """
+    found = upper = np.zeros(0)
+    for part in parts:
+        n = part.shape[1]
+        if not upper.size:
+            found, upper = np.zeros((n, n)), np.triu(np.ones((n, n)))
+        rows = np.concatenate([found.T, part.T], axis=1).T  # column by column, as LAPACK wants them
+        found = dgeqrf(rows, overwrite_a=True)[0][:n] * upper
+    return found
