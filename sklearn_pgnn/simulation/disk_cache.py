@@ -18,23 +18,22 @@ from contextlib import suppress
 from functools import cache
 from itertools import count
 from pathlib import Path
+from uuid import uuid4
 
 import llvmlite
 import numba
 import sympy
 from numba.misc.appdirs import AppDirs
 
-from sklearn_pgnn import __version__
-
 #: most bytes that are kept, and how many files are written until they are counted again
 MOST, COUNTED_EVERY = 100_000_000, 500
 #: the code that writes what is kept, in this folder
 _WRITERS = (
+    "disk_cache.py",
+    "machine_code.py",
+    "model_function.py",
     "source.py",
     "straight_line.py",
-    "model_function.py",
-    "machine_code.py",
-    "disk_cache.py",
 )
 _LIBRARIES = tuple(module.__version__ for module in (llvmlite, numba, sympy))
 _HASH = hashlib.sha256().digest_size
@@ -66,10 +65,12 @@ def key_of(*parts) -> str:
 def _writers() -> tuple[str, ...]:
     """Return what tells versions of the code and of the libraries apart."""
     code = hashlib.sha256()
-    with suppress(OSError):  # of an application in one file the version tells
+    try:
         for name in _WRITERS:
             code.update((Path(__file__).parent / name).read_bytes())
-    return (__version__, code.hexdigest(), *_LIBRARIES)
+    except OSError:  # packed into one file: nothing is found again
+        return (uuid4().hex,)
+    return (code.hexdigest(), *_LIBRARIES)
 
 
 def folder() -> Path | None:
