@@ -83,7 +83,16 @@ def demo(kept: str) -> None:
     told = {**os.environ, "NUMBA_CACHE_DIR": kept}
     told.pop("SKLEARN_PGNN_CACHE_DIR", None)
     with tempfile.TemporaryDirectory() as folder:
-        command = [sys.executable, "-m", "sklearn_pgnn", "demo", folder, "--quiet", "--force"]
+        command = [
+            sys.executable,
+            "-m",
+            "sklearn_pgnn",
+            "demo",
+            "--output",
+            folder,
+            "--quiet",
+            "--force",
+        ]
         subprocess.run(command, env=told, check=True, stdout=subprocess.DEVNULL, timeout=600)
 
 
