@@ -21,6 +21,8 @@ from sklearn_pgnn.trajectories import read_files
 
 #: samples of the oscillator's record, and samples in a period of its free motion
 SAMPLES, IN_A_PERIOD = 87_000, 8.5
+#: longest that a search may take [s]: a bar that is missed by far is missed all the same
+LIMIT = 300.0
 #: a mass on a spring of 10 Hz, in the units of a bench
 OSCILLATOR = PhysicsModel(
     name="oscillator",
@@ -75,7 +77,7 @@ def clock(work) -> float:
 
 def diagnose(model, X, y):
     """Diagnose on as many threads as there are cores."""
-    return ModelDiagnosis(model, n_jobs=-1).fit(X, y)
+    return ModelDiagnosis(model, n_jobs=-1, time_limit=LIMIT).fit(X, y)
 
 
 def demo(kept: str) -> None:
