@@ -14,6 +14,7 @@ import warnings
 from pathlib import Path
 
 import diagnoses
+import machines
 import networks
 import regressions
 import simulations
@@ -24,7 +25,7 @@ from sklearn_pgnn import PGNNLRegressor, datasets, systems
 from sklearn_pgnn.model_selection import TrajectoryKFold
 
 TABLES = Path(__file__).parents[2] / "docs" / "tables"
-PARTS = {part.__name__: part for part in (simulations, regressions, networks, diagnoses)}
+PARTS = {part.__name__: part for part in (simulations, regressions, networks, diagnoses, machines)}
 HEAD = ["work", "takes [ms]", "against", "ratio", "bar", ""]
 
 
@@ -45,6 +46,8 @@ def main():
             f"({platform.machine()}) that other programs used, too; ratios are of the shortest "
             f"times of runs in turn."
         )
+        if missing := machines.left_out():
+            said += f" Left out: {', '.join(missing)}."
         write("speed.rst", [said, "", *table(HEAD, rows)])
         write("speed_profile.rst", table(["job", "function", "share of its time"], profiles()))
 

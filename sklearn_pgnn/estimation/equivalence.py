@@ -6,7 +6,8 @@ import numpy as np
 import sympy
 
 from sklearn_pgnn.estimation.budgets import POINTS, ROUNDING
-from sklearn_pgnn.estimation.hypothesis import is_of_other_order, number_at
+from sklearn_pgnn.estimation.hypothesis import is_of_other_order
+from sklearn_pgnn.estimation.point_values import values_at
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects import WrongParameter
 from sklearn_pgnn.physics.expressions import TIME, symbol
@@ -132,20 +133,20 @@ def _change(model, state, by) -> list:
 def _columns(model, columns) -> np.ndarray:
     """Evaluate expressions at random points, all points of a column below each other."""
     points = _points(model)
-    values = [[number_at(e, point) for point in points for e in column] for column in columns]
-    n_rows = len(points) * (len(model.equations) + len(model.outputs))
+    values = [values_at(column, points, POINTS).T.ravel() for column in columns]
+    n_rows = POINTS * (len(model.equations) + len(model.outputs))
     return np.array(values).reshape(len(columns), n_rows).T
 
 
 def _points(model):
     """Draw states, inputs and times of either sign, small enough not to meet every limit."""
-    fixed = {symbol(name): sympy.Float(p.value) for name, p in model.parameters.items()}
+    fixed = {symbol(name): p.value for name, p in model.parameters.items()}
     moving = [symbol(name) for name in (*model.states, *model.inputs)] + [TIME]
     rng = np.random.default_rng(0)
     draws = rng.choice([-1, 1], (POINTS, len(moving))) * 10.0 ** rng.uniform(
         -2, 1, (POINTS, len(moving))
     )
-    return [fixed | dict(zip(moving, map(sympy.Float, draw), strict=True)) for draw in draws]
+    return fixed | dict(zip(moving, draws.T, strict=True))
 
 
 def _rank(*parts) -> int:

@@ -10,6 +10,7 @@ import numpy as np
 import sympy
 
 from sklearn_pgnn.estimation.budgets import POINTS, ROUNDING
+from sklearn_pgnn.estimation.point_values import values_at
 from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.exceptions import ModelError, OptionError
 from sklearn_pgnn.physics.effect import Effect
@@ -332,30 +333,20 @@ def _derivatives_by_parameters(model: PhysicsModel) -> dict[str, np.ndarray]:
 
 def _derivatives(model: PhysicsModel, names) -> dict[str, np.ndarray]:
     """Evaluate the derivatives of rates and outputs by parameters at a few random points."""
-    fixed = {symbol(n): sympy.Float(p.value) for n, p in model.parameters.items()}
+    fixed = {symbol(n): p.value for n, p in model.parameters.items()}
     moving = [symbol(n) for n in (*model.states, *model.inputs)] + [TIME]
     draws = np.random.default_rng(0).uniform(0.1, 1.0, (POINTS, len(moving)))
     draws *= 10.0 ** np.linspace(-4, 1, POINTS)[:, None]  # small enough not to meet every limit
     draws[1::2] *= -1.0
-    points = [fixed | dict(zip(moving, map(sympy.Float, draw), strict=True)) for draw in draws]
+    points = fixed | dict(zip(moving, draws.T, strict=True))
     expressions = [*model.equations.values(), *model.outputs.values()]
-    return {
-        name: np.array([[number_at(slope, point) for slope in slopes] for point in points])
-        for name, slopes in ((n, [sympy.diff(e, symbol(n)) for e in expressions]) for n in names)
-    }
+    slopes = {name: [sympy.diff(e, symbol(name)) for e in expressions] for name in names}
+    return {name: values_at(of, points, POINTS).T for name, of in slopes.items()}
 
 
 def is_of_other_order(model: PhysicsModel, extended: PhysicsModel) -> bool:
     """Return whether an extension has other states or delays than the model."""
     return extended.delays != model.delays or extended.states != model.states
-
-
-def number_at(expression: sympy.Expr, point) -> float:
-    """Evaluate an expression at a point; NaN where it is no number there."""
-    try:
-        return float(expression.xreplace(point))
-    except (TypeError, ValueError):  # not real there, or compared so, or a derivative of a jump
-        return np.nan
 
 
 def _proportional(mine: np.ndarray, theirs: np.ndarray) -> bool:

@@ -39,7 +39,8 @@ UNUSED = math.nan
 
 _FUNCTIONS: dict[str, "ExternalFunction"] = {}
 _CLASSES: dict[str, type["External"]] = {}
-_NUMBERS = count()
+#: what the names of their calls begin with
+_PREFIX, _NUMBERS = "_external_", count()
 _FAILURES: dict[str, None] = {}
 
 
@@ -302,7 +303,7 @@ def external(
 
 @cache
 def _class(function, result, places, by):
-    name = f"_external_{next(_NUMBERS)}"
+    name = f"{_PREFIX}{next(_NUMBERS)}"
     made = type(External)(
         name, (External,), {"function": function, "result": result, "places": places, "by": by}
     )
@@ -331,6 +332,11 @@ def _over_arrays(made):
 def class_of(name: str) -> type[External] | None:
     """Return the class of calls that has a name in this process, if there is one."""
     return _CLASSES.get(name)
+
+
+def calls_outside(text: str) -> bool:
+    """Return whether code calls an external function, by a name that this process alone knows."""
+    return _PREFIX in text
 
 
 def external_functions(expressions) -> tuple[ExternalFunction, ...]:

@@ -1,15 +1,17 @@
-"""A model's function compiled by LLVM itself, within hundredths of a second.
+"""A model's function compiled by LLVM itself, within hundredths of a second, once a machine.
 
-numba would take as long again to look at a function in which there is nothing to infer.
+numba would take as long again to look at a function in which there is nothing to infer. What was
+compiled is kept on disk, unless addresses of this process are in it.
 """
 
 from functools import cache
-from itertools import count
 from threading import Lock
 
 import llvmlite.binding as llvm
 from llvmlite import ir
 
+from sklearn_pgnn.physics.external import calls_outside
+from sklearn_pgnn.simulation.disk_cache import keep, key_of, load
 from sklearn_pgnn.simulation.model_function import ARRAYS, emit_model_function
 from sklearn_pgnn.simulation.source import Source
 from sklearn_pgnn.simulation.straight_line import FLOAT, INT
@@ -20,7 +22,8 @@ SIGNATURE = ir.FunctionType(
     ir.VoidType(),
     [INT, FLOAT, FLOAT, *(_KINDS.get(array, FLOAT).as_pointer() for array in ARRAYS)],
 )
-_NUMBERS, _LOCK = count(), Lock()
+_LOCK = Lock()
+_ADDRESSES: dict[str, int] = {}
 
 
 def machine_code(source: Source, method: str) -> int:
@@ -38,14 +41,34 @@ def machine_code(source: Source, method: str) -> int:
     int
         Its address, which is valid as long as the process lives.
     """
+    key = key_of("machine code", repr(source), method, *_processor())
     with _LOCK:
-        name = f"model_{next(_NUMBERS)}"
-        module = llvm.parse_assembly(str(_module(name, source, method)))
-        machine, engine = _compiler()
-        _optimise(module, machine)
-        engine.add_module(module)
-        engine.finalize_object()
-        return engine.get_function_address(name)
+        if key not in _ADDRESSES:
+            _ADDRESSES[key] = _linked(f"model_{key}", _object_file(key, source, method))
+        return _ADDRESSES[key]
+
+
+def _linked(name: str, object_file: bytes) -> int:
+    """Return where in memory the function of an object file begins."""
+    _, engine = _compiler()
+    engine.add_object_file(llvm.ObjectFileRef.from_data(object_file))
+    engine.finalize_object()
+    return engine.get_function_address(name)
+
+
+def _object_file(key: str, source: Source, method: str) -> bytes:
+    """Return the compiled function, from the disk where it was compiled before."""
+    only_here = calls_outside(source.text)
+    kept = None if only_here else load(key)
+    if kept is not None:
+        return kept
+    module = llvm.parse_assembly(str(_module(f"model_{key}", source, method)))
+    machine, _ = _compiler()
+    _optimise(module, machine)
+    made = machine.emit_object(module)
+    if not only_here:
+        keep(key, made)
+    return made
 
 
 def _module(name: str, source: Source, method: str) -> ir.Module:
@@ -70,11 +93,19 @@ def _optimise(module, machine) -> None:
 
 
 @cache
+def _processor() -> tuple[str, str, str]:
+    """Return what machine code is for: the system, the processor and what it can do."""
+    features = llvm.get_host_cpu_features().flatten()
+    return llvm.get_process_triple(), llvm.get_host_cpu_name(), features
+
+
+@cache
 def _compiler():
-    """Return this machine, and what compiles for it, created once a process."""
+    """Return this machine, and what links for it, created once a process."""
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
-    machine = llvm.Target.from_triple(llvm.get_process_triple()).create_target_machine(
-        cpu=llvm.get_host_cpu_name(), features=llvm.get_host_cpu_features().flatten(), opt=1
+    triple, name, features = _processor()
+    machine = llvm.Target.from_triple(triple).create_target_machine(
+        cpu=name, features=features, opt=1
     )
     return machine, llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)

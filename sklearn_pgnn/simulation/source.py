@@ -12,7 +12,8 @@ For the states :math:`x`, inputs :math:`u` and parameters :math:`p` of a model t
 `sklearn_pgnn.simulation.stepping`.
 """
 
-from dataclasses import dataclass, replace
+import json
+from dataclasses import astuple, dataclass, replace
 from functools import lru_cache
 
 import sympy
@@ -21,6 +22,7 @@ from sympy.printing.pycode import PythonCodePrinter
 from sklearn_pgnn.physics.expressions import TIME, symbol
 from sklearn_pgnn.physics.external import at_whole_points
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.disk_cache import keep, key_of, load
 
 #: least argument of a root in a denominator: its slope at a bound is then 0, not 0/0
 TINY = sympy.Float(1e-30)
@@ -49,6 +51,16 @@ class Source:
     dry: tuple[bool, ...]
     n_outputs: int
     n_parameters: int | None = None
+
+    @classmethod
+    def from_bytes(cls, kept: bytes) -> "Source":
+        """Return the code again that `to_bytes` has written."""
+        shared, entries, dry, *numbers = json.loads(kept)
+        return cls(tuple(shared), tuple(entries), tuple(dry), *numbers)
+
+    def to_bytes(self) -> bytes:
+        """Return the code as it is kept on disk."""
+        return json.dumps(astuple(self)).encode()
 
     @property
     def text(self) -> str:
@@ -232,11 +244,26 @@ class _Frozen:
             tuple(model.delays.items()),
         )
 
+    @property
+    def said(self) -> str:
+        """What tells models apart in every process."""
+        states, inputs, parameters, equations, outputs, delays = self.key
+        made_of = [*map(_structure, equations)], [*map(_structure, outputs)]
+        return repr((states, inputs, parameters, made_of, delays))
+
     def __hash__(self):
         return hash(self.key)
 
     def __eq__(self, other):
         return self.key == other.key
+
+
+@lru_cache(maxsize=4096)
+def _structure(expression) -> str:
+    """Return what an expression is made of; its own text would round its numbers."""
+    if not expression.args:
+        return sympy.srepr(expression)
+    return f"{type(expression).__name__}({','.join(map(_structure, expression.args))})"
 
 
 @lru_cache(maxsize=1024)
@@ -249,7 +276,19 @@ def _select(frozen: _Frozen, wrt) -> Source:
 
 @lru_cache(maxsize=1024)
 def _write(frozen: _Frozen, *, differentiated: bool = False) -> Source:
-    model = frozen.model
+    """Write a model's function, or read what another process has written."""
+    if frozen.model.opaque_functions:
+        return _written(frozen.model, differentiated)
+    key = key_of("source", frozen.said, differentiated)
+    kept = load(key)
+    if kept is not None:
+        return Source.from_bytes(kept)
+    source = _written(frozen.model, differentiated)
+    keep(key, source.to_bytes())
+    return source
+
+
+def _written(model: PhysicsModel, differentiated: bool) -> Source:
     dry = dry_states(model)
     signs = {sympy.sign(symbol(n)): _sign(i) for i, n in enumerate(model.states) if dry[i]}
     places = _places(model, dry)

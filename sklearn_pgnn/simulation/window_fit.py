@@ -292,6 +292,11 @@ class _Task:
         return np.append(fit.evaluation.squares + states, pull.sum())
 
     def step(self, fit, damping) -> _Step:
+        by_p, by_x, promise = self._change(fit, damping)
+        return _Step(self._moved(fit.model, by_p), fit.x0 + by_x, promise)
+
+    def _change(self, fit, damping):
+        """Return the changes of parameters and initial states, and the decrease they promise."""
         values, offset = fit.values, fit.x0 - self.expected
         gram, n_p = fit.evaluation.gram, len(self.wrt)
         normal = project(gram, n_p, self.weight, offset, damping.states)
@@ -306,11 +311,11 @@ class _Task:
         by_x = normal.state_step - normal.to_state @ by_p
         promise = _promise(gram, by_p, by_x) - (self.weight * by_x * (2 * offset + by_x)).sum(1)
         pulled = float(by_p @ (2 * slope - self.pull * by_p))
-        return _Step(self._moved(fit.model, by_p), fit.x0 + by_x, np.append(promise, pulled))
+        return by_p, by_x, np.append(promise, pulled)
 
     def is_done(self, fit, small, prune_above) -> bool:
         """Return whether the linear model predicts a small or an insufficient decrease."""
-        promise = self.step(fit, UNDAMPED).promise.sum()
+        promise = self._change(fit, UNDAMPED)[2].sum()
         return promise <= small or fit.objective - OPTIMISM * promise > prune_above
 
     def take(self, fit, step, small) -> WindowFit:

@@ -8,7 +8,7 @@ nuisance: it is fitted with the parameters and projected out of their normal equ
 import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -177,12 +177,12 @@ class Evaluation:
     residual: np.ndarray
     x0: np.ndarray
 
-    @property
+    @cached_property
     def gram(self) -> np.ndarray:
         """The products summed over every window, of shape (n_windows, q + 1, q + 1)."""
         return self.block_gram.sum(axis=1)
 
-    @property
+    @cached_property
     def squares(self) -> np.ndarray:
         """Sum of squared residuals of every window, in units of the noise."""
         return self.block_squares.sum(axis=1)

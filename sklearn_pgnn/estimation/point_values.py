@@ -1,0 +1,99 @@
+"""Expressions at a few points, all points at once; SymPy is asked where doubles give no number."""
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import reduce
+
+import numpy as np
+import sympy
+
+
+def values_at(
+    expressions: Sequence[sympy.Expr], points: Mapping[sympy.Symbol, np.ndarray | float], count: int
+) -> np.ndarray:
+    """Evaluate expressions at points.
+
+    Parameters
+    ----------
+    expressions : sequence of sympy.Expr
+        What to evaluate.
+    points : mapping of sympy.Symbol to float or ndarray of shape (count,)
+        The symbols' values.
+    count : int
+        Number of points.
+
+    Returns
+    -------
+    ndarray of shape (len(expressions), count)
+        The values; NaN where an expression is no number, as under the root of what is negative.
+
+    Examples
+    --------
+    >>> x = sympy.Symbol("x", real=True)
+    >>> values_at([sympy.Max(x, 0), sympy.sqrt(x)], {x: np.array([-1.0, 4.0])}, 2)
+    array([[ 0.,  4.],
+           [nan,  2.]])
+    """
+    known = {s: np.broadcast_to(np.asarray(v, dtype=float), (count,)) for s, v in points.items()}
+    values = np.full((len(expressions), count), np.nan)
+    for row, expression in zip(values, expressions, strict=True):
+        with np.errstate(all="ignore"):
+            found = _evaluate(expression, known)
+        row[:] = np.nan if found is None else found
+        for place in np.flatnonzero(~np.isfinite(row)):
+            point = {s: sympy.Float(float(v[place])) for s, v in known.items()}
+            row[place] = number_at(expression, point)
+    return values
+
+
+def number_at(expression: sympy.Expr, point: Mapping[sympy.Symbol, sympy.Float]) -> float:
+    """Evaluate an expression at a point by SymPy; NaN where it is no number there."""
+    try:
+        return float(expression.xreplace(point))
+    except (TypeError, ValueError):  # not real there, or compared so, or a derivative of a jump
+        return np.nan
+
+
+def _evaluate(expression, known):
+    """Evaluate an expression whose functions are all in the table; None for any other."""
+    if expression in known:
+        return known[expression]
+    if not expression.args:
+        return float(expression) if expression.is_Number or expression.is_NumberSymbol else None
+    values = [_evaluate(part, known) for part in expression.args]
+    function = _FUNCTIONS.get(type(expression))
+    if function is None or any(value is None for value in values):
+        return None
+    return function(*values)
+
+
+def _chain(of: Callable) -> Callable:
+    return lambda *values: reduce(of, values)
+
+
+def _beside_zero(value: Callable) -> Callable:
+    """Return a function for all numbers but zero, at which SymPy is asked."""
+    return lambda z, *_: np.where(z == 0, np.nan, value(z))
+
+
+_FUNCTIONS: dict[type, Callable] = {
+    sympy.Add: _chain(np.add),
+    sympy.Mul: _chain(np.multiply),
+    sympy.Pow: np.power,
+    sympy.Max: _chain(np.maximum),
+    sympy.Min: _chain(np.minimum),
+    sympy.Abs: np.abs,
+    sympy.sign: np.sign,
+    sympy.exp: np.exp,
+    sympy.log: np.log,
+    sympy.sin: np.sin,
+    sympy.cos: np.cos,
+    sympy.tan: np.tan,
+    sympy.sinh: np.sinh,
+    sympy.cosh: np.cosh,
+    sympy.tanh: np.tanh,
+    sympy.atan: np.arctan,
+    sympy.floor: np.floor,
+    sympy.ceiling: np.ceil,
+    sympy.DiracDelta: _beside_zero(np.zeros_like),
+    sympy.Heaviside: _beside_zero(lambda z: 1.0 * (z > 0)),
+}

@@ -1,0 +1,178 @@
+"""Source code and machine code of models, kept on disk: what was written once is not written again.
+
+A file is named by a hash of all that its content depends on: what is asked for, the processor, the
+code that writes it and the libraries that this code calls. Machine code is run, so a file counts
+only where the user alone can have written it: the user owns it, nobody else may write it, and it
+begins with a hash of its name and its content. Where anything is amiss it is as if there were none.
+
+The folder is that of the environment variable ``SKLEARN_PGNN_CACHE_DIR``, nothing being kept where
+that is empty; else a folder in numba's ``NUMBA_CACHE_DIR``, else the user's for such files. It
+holds at most `MOST` bytes: what has not been read for longest goes.
+"""
+
+import hashlib
+import os
+import stat
+import tempfile
+from contextlib import suppress
+from functools import cache
+from itertools import count
+from pathlib import Path
+from uuid import uuid4
+
+import llvmlite
+import numba
+import sympy
+from numba.misc.appdirs import AppDirs
+
+#: most bytes that are kept, and how many files are written until they are counted again
+MOST, COUNTED_EVERY = 100_000_000, 500
+#: the code that writes what is kept, in this folder
+_WRITERS = (
+    "disk_cache.py",
+    "machine_code.py",
+    "model_function.py",
+    "source.py",
+    "straight_line.py",
+)
+_LIBRARIES = tuple(module.__version__ for module in (llvmlite, numba, sympy))
+_HASH = hashlib.sha256().digest_size
+_WRITTEN = count()
+
+
+def key_of(*parts) -> str:
+    """Return the name of what depends on some parts, this code and the libraries.
+
+    Parameters
+    ----------
+    *parts : object
+        What is told by its ``repr``, the same in every process.
+
+    Returns
+    -------
+    str
+        Hexadecimal digits.
+
+    Examples
+    --------
+    >>> key_of("ab", "c") == key_of("ab", "c"), key_of("ab", "c") == key_of("a", "bc")
+    (True, False)
+    """
+    return hashlib.sha256(repr((_writers(), *parts)).encode()).hexdigest()
+
+
+@cache
+def _writers() -> tuple[str, ...]:
+    """Return what tells versions of the code and of the libraries apart."""
+    code = hashlib.sha256()
+    try:
+        for name in _WRITERS:
+            code.update((Path(__file__).parent / name).read_bytes())
+    except OSError:  # packed into one file: nothing is found again
+        return (uuid4().hex,)
+    return (code.hexdigest(), *_LIBRARIES)
+
+
+def folder() -> Path | None:
+    """Return the folder of what is kept; None where nothing is to be kept."""
+    said = os.environ.get("SKLEARN_PGNN_CACHE_DIR")
+    if said is not None:
+        return Path(said).absolute() if said else None
+    if numba.config.CACHE_DIR:
+        return Path(numba.config.CACHE_DIR).absolute() / "sklearn_pgnn"
+    found = Path(AppDirs("sklearn_pgnn", appauthor=False).user_cache_dir)
+    return found if found.is_absolute() else None  # a user without a home
+
+
+def load(key: str) -> bytes | None:
+    """Return what is kept under a name; None where there is nothing that can be trusted.
+
+    Parameters
+    ----------
+    key : str
+        The name, see `key_of`.
+
+    Returns
+    -------
+    bytes or None
+        The content.
+    """
+    where = folder()
+    if where is None:
+        return None
+    try:
+        whole = _read(where / key)
+    except OSError:
+        return None
+    content = whole[_HASH:]
+    return content if whole[:_HASH] == _seal(key, content) else None
+
+
+def _read(path: Path) -> bytes:
+    """Return the content of a file of the user's own, which is marked as read just now."""
+    flags = os.O_RDONLY | getattr(os, "O_BINARY", 0) | getattr(os, "O_NONBLOCK", 0)
+    with open(path, "rb", opener=lambda name, _: os.open(name, flags)) as file:
+        if not _is_own(os.fstat(file.fileno())):
+            return b""
+        with suppress(OSError):
+            os.utime(path)
+        return file.read()
+
+
+def _is_own(status: os.stat_result) -> bool:
+    """Return whether nobody but the user can have written a file."""
+    if not stat.S_ISREG(status.st_mode):
+        return False
+    if not hasattr(os, "geteuid"):  # Windows: the folder is in the user's profile
+        return True
+    return status.st_uid == os.geteuid() and not status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+
+
+def _seal(key: str, content: bytes) -> bytes:
+    return hashlib.sha256(key.encode() + content).digest()
+
+
+def keep(key: str, content: bytes) -> None:
+    """Keep a content under a name; where that cannot be, nothing is kept.
+
+    Parameters
+    ----------
+    key : str
+        The name, see `key_of`.
+    content : bytes
+        The content.
+    """
+    where = folder()
+    if where is None:
+        return
+    with suppress(OSError):
+        where.mkdir(parents=True, exist_ok=True, mode=0o700)
+        _write(where, key, _seal(key, content) + content)
+        if next(_WRITTEN) % COUNTED_EVERY == 0:
+            _make_room(where)
+
+
+def _write(where: Path, key: str, whole: bytes) -> None:
+    """Write a file at one stroke: other processes see all of it, or none."""
+    number, name = tempfile.mkstemp(dir=where)
+    try:
+        with open(number, "wb") as file:
+            file.write(whole)
+        os.replace(name, where / key)
+    except BaseException:
+        with suppress(OSError):
+            os.unlink(name)
+        raise
+
+
+def _make_room(where: Path) -> None:
+    """Remove the files that have not been read for longest, where all take too much."""
+    with os.scandir(where) as entries:
+        files = [(entry.stat(follow_symlinks=False), entry.path) for entry in entries]
+    left = sum(status.st_size for status, _ in files)
+    for status, path in sorted(files, key=lambda file: file[0].st_mtime):
+        if left <= MOST:
+            return
+        with suppress(OSError):
+            os.unlink(path)
+            left -= status.st_size
