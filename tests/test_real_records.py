@@ -132,12 +132,13 @@ def test_drives_have_a_sensor_that_sees_the_magnitude(real_data):
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(
-    reason="since the one criterion other causes are named in place of the overflow", strict=False
-)
 def test_tanks_run_over_and_their_sensor_ends(real_data):
-    """The prior alone is 0.8 V off in the free run of the record that is held out."""
-    flows = {k: Parameter(k, 0.05, bounds=(1e-4, 10.0)) for k in ("k1", "k2", "k3", "k4")}
+    """The prior alone is 0.8 V off in the free run of the record that is held out.
+
+    Nobody has measured the tanks' flows, so that their spread has no end.
+    """
+    names = ("k1", "k2", "k3", "k4")
+    flows = {k: Parameter(k, 0.05, bounds=(1e-4, 10.0), spread=np.inf) for k in names}
     tanks = PhysicsModel(
         name="tanks",
         states={"x1": "V", "x2": "V"},

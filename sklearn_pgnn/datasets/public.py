@@ -109,7 +109,8 @@ def load_cascaded_tanks(*, data_home=None) -> PublicBenchmark:
         \dot x_1 = -k_1 \sqrt{x_1} + k_4 u, \qquad \dot x_2 = k_2 \sqrt{x_1} - k_3 \sqrt{x_2}
 
     Input ``pump`` [V], output ``level`` [V] of the lower tank, whose sensor ends at 10 V, every
-    4 s. The initial state is not known, but the same in both records.
+    4 s. The initial state is not known, but the same in both records. Nor are the flows :math:`k`:
+    the prior's values are a start, and their spread has no end.
 
     Parameters
     ----------
@@ -282,7 +283,7 @@ def _emps_prior() -> PhysicsModel:
 
 
 def _tanks_prior() -> PhysicsModel:
-    flow = partial(Parameter, bounds=(1e-4, 1.0))
+    flow = partial(Parameter, bounds=(1e-4, 1.0), spread=np.inf)
     return PhysicsModel(
         name="cascaded tanks",
         states={"x1": "V", "x2": "V"},

@@ -26,7 +26,9 @@ from sklearn_pgnn.estimation.equivalence import are_equivalent
 from sklearn_pgnn.estimation.fitted_records import DiagnosisRecords, FittedWindows
 from sklearn_pgnn.estimation.held_out import segments
 from sklearn_pgnn.estimation.hypothesis import Hypothesis, freedoms, held_by, resemble
+from sklearn_pgnn.estimation.hypothesis_models import HypothesisModels
 from sklearn_pgnn.estimation.plain_data import plain
+from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.experiment_design.power import Noise
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.simulation.led_states import start_values
@@ -219,7 +221,7 @@ def swap(records: DiagnosisRecords, old: Effect, new: Effect, each_step: Callabl
         The best fit over the starts of the new effect.
     """
     problem, prior = records.problem, records.problem.prior
-    hypothesis = Hypothesis(tuple(new if cause == old else cause for cause in records.causes))
+    hypothesis = put_in_place(problem, records.causes, old, new)
     held = held_by(prior, hypothesis)
 
     def fit(model, max_steps=25):
@@ -238,6 +240,35 @@ def swap(records: DiagnosisRecords, old: Effect, new: Effect, each_step: Callabl
     looks.sort(key=lambda look: look.objective)
     best = min((fit(look.model) for look in looks[:KEPT]), key=lambda each: each.objective)
     return FittedWindows(best.model, best.x0, best.evaluation.residual, best.freedoms)
+
+
+def put_in_place(
+    problem: EstimationProblem, causes: tuple[Effect, ...], old: Effect, new: Effect
+) -> Hypothesis:
+    """Return the hypothesis with one cause in the place of another.
+
+    Where a cause after it could then not act, for the new one has changed its target's equation,
+    the new one acts later, as late as it can.
+
+    Parameters
+    ----------
+    problem : EstimationProblem
+        The problem.
+    causes : tuple of Effect
+        The causes, in the order in which they apply.
+    old, new : Effect
+        The cause to take out and the one to put in.
+
+    Returns
+    -------
+    Hypothesis
+        The causes, in an order in which every one can act, if there is any.
+    """
+    at, models = causes.index(old), HypothesisModels(problem)
+    rest = Hypothesis(tuple(cause for cause in causes if cause != old))
+    there = rest.plus(new, at)
+    places = [there, *(rest.plus(new, place) for place in reversed(range(len(causes))))]
+    return next((placed for placed in places if models.is_possible(placed)), there)
 
 
 def _extend(records, causes, start=None, held=frozenset()):
@@ -309,7 +340,9 @@ def are_same(records: DiagnosisRecords, cause: Effect, other: Effect) -> bool:
         Whether no record separates them.
     """
     beside = tuple(each for each in records.causes if each not in (cause, other))
-    return are_equivalent(_extend(records, beside), cause, other)
+    model = _extend(records, beside)
+    both_act = all(each.can_act(each.target, model) for each in (cause, other))
+    return both_act and are_equivalent(model, cause, other)
 
 
 def separate(

@@ -67,6 +67,11 @@ def test_tanks_have_a_file_for_both_records(home):
         np.testing.assert_array_equal(y["level"], TANKS[f"y{name}"][:, 0])
 
 
+def test_nobody_claims_to_know_the_flows_of_the_tanks(home):
+    prior = load_cascaded_tanks(data_home=home).prior
+    assert {parameter.spread for parameter in prior.parameters.values()} == {np.inf}
+
+
 def test_the_drives_test_goes_on_where_training_ends(home):
     drives = load_coupled_drives(data_home=home)
     for X, y, rows in (

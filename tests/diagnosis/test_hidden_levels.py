@@ -108,6 +108,25 @@ def test_a_sensor_that_is_seen_to_end_is_named_beside_what_explains_more():
     assert {cause.effect for cause in diagnosis.causes_} == {"overflow", "sensor_saturation"}
 
 
+@pytest.mark.slow
+def test_flows_that_nobody_knows_hide_neither_the_rim_nor_the_outlet_below_zero():
+    """Outlets under the gauge's zero: the sensor shows less than the height that drives the flow.
+
+    The values are up to 80 % off, and a spread of 10 % would leave no model near the records. The
+    upper level's unit is then free: what does not depend on it is compared.
+    """
+    rim = effects.Overflow("x1", limit=9.0, steepness=0.2, share=0.5)
+    X, y = record(rim, effects.SensorBias("y", bias=-1.0), end=9.0)
+    start = tanks({"k1": 0.05, "k2": 0.09, "k3": 0.09, "k4": 0.03})
+    flows = {name: flow.with_spread(np.inf) for name, flow in start.parameters.items()}
+    diagnosis = ModelDiagnosis(start.replace(parameters=flows), catalogue=LEVELS).fit(X, y)
+    found = {cause.effect: cause.parameters for cause in diagnosis.causes_}
+    assert set(found) == {"overflow", "sensor_bias", "sensor_saturation"}
+    assert found["sensor_bias"]["bias"].value == pytest.approx(-1.0, abs=0.2)
+    value = {name: flow.value for name, flow in diagnosis.extended_model_.parameters.items()}
+    assert value["so_x1"] * value["k1"] / value["k2"] == pytest.approx(0.5, abs=0.1)
+
+
 @pytest.mark.parametrize(("end", "seen"), [(9.5, ("y",)), (np.inf, ())])
 def test_standing_still_amid_noise_is_the_sensors_end(end, seen):
     assert clipped_outputs(problem_of(tanks(OFF), *record(end=end))) == seen

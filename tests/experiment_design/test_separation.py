@@ -9,7 +9,9 @@ import pytest
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects, systems
 from sklearn_pgnn.cli.screen import tell
 from sklearn_pgnn.estimation.equivalence import are_equivalent
-from sklearn_pgnn.experiment_design.separation import are_same, waves
+from sklearn_pgnn.estimation.problem import build_problem
+from sklearn_pgnn.experiment_design.separation import are_same, put_in_place, waves
+from sklearn_pgnn.trajectories import read_records
 
 NOISE = 4e-3
 
@@ -124,6 +126,18 @@ def slow():
 
 
 @pytest.mark.slow
+def test_a_rival_acts_where_it_hinders_no_other_cause():
+    """A flow that depends on the level below acts back: the tank above then runs over nowhere."""
+    prior, t = systems.two_tanks(), np.arange(600.0)
+    pump = 3.0 + np.sin(t / 20)
+    y = prior.simulate(t, pump).y
+    problem = build_problem(prior, read_records(prior, np.c_[t, pump], y))
+    leak, rim, bias = effects.Leak("x1"), effects.Overflow("x1"), effects.InputBias("pump")
+    slope = effects.ParameterSlope("k1(x2)")
+    assert put_in_place(problem, (leak, rim), leak, slope).order == (rim, slope)
+    assert put_in_place(problem, (leak, rim), leak, bias).order == (bias, rim)
+
+
 def test_the_experiment_proposed_tells_which_it_is(slow):
     machine, inputs, t, diagnosis = slow
     assert diagnosis.verdict_ == "ambiguous"
