@@ -199,7 +199,8 @@ def name_causes(search: Search, result: SearchResult, errors) -> tuple[NamedCaus
         cause = step.hypothesis.causes[-1]
         without, with_ = fitter.held_out(before), fitter.held_out(step)
         rivals = result.rivals[cause]
-        evidence = [value for _, value in rivals] + [search.evidence(before, step)]
+        over_none = result.evidence.get(cause, search.evidence(before, step))
+        evidence = [*(value for _, value in rivals), over_none]
         mine, *theirs, _ = search.criterion.probabilities(evidence)
         causes.append(
             NamedCause(

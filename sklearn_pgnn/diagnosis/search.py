@@ -1,6 +1,6 @@
 """Search for what is missing: moves from hypothesis to hypothesis, the cheap ones first."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import replace
 from itertools import combinations
@@ -20,6 +20,7 @@ from sklearn_pgnn.estimation.progress import TimeIsUp
 from sklearn_pgnn.estimation.residuals import Residuals
 from sklearn_pgnn.estimation.screening import Screening
 from sklearn_pgnn.estimation.share_left import ShareLeft, share_left
+from sklearn_pgnn.estimation.stretches import is_long
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects import WrongParameter
 
@@ -83,8 +84,8 @@ class Search:
         with suppress(TimeIsUp):
             self._take_given()
             self._climb()
-            while (fewer := self._drop(self.current)) is not None:  # a finer fit may not need all
-                self.current = fewer
+            while (simpler := self._simpler(self.current)) is not None:  # a finer fit may need less
+                self.current = simpler
                 self._climb()
             self._drop_disturbed()
             return self._result(complete=True)
@@ -146,10 +147,20 @@ class Search:
                 break
         self.current = self.fitter.polish(self.current)
 
+    def _simpler(self, current: FittedHypothesis) -> FittedHypothesis | None:
+        """Return what says the same simpler, or without a cause that is not needed."""
+        fewer = self._drop(current)
+        moves = (self._replace, self._split) if current.hypothesis.causes else ()
+        return self._first_of(moves, current) if fewer is None else fewer
+
     def _next(self, current: FittedHypothesis) -> FittedHypothesis | None:
         """Return what the cheapest move leads to that the criterion accepts."""
         self._visited.add(self.fitter.key(current.hypothesis))
-        for move in self._moves(current):
+        return self._first_of(self._moves(current), current)
+
+    def _first_of(self, moves: Iterable[Move], current: FittedHypothesis):
+        """Return what the first move leads to that is accepted and leads to something new."""
+        for move in moves:
             better = move(current)
             if better is not None and self.fitter.key(better.hypothesis) not in self._visited:
                 return better
@@ -257,6 +268,8 @@ class Search:
         """
         for cause in current.hypothesis.causes:
             for other in self.in_place(current, cause):
+                if other.hypothesis.complexity < current.hypothesis.complexity:
+                    other = self.fitter.retry(other, current)  # its own fit may have got stuck
                 if self._is_preferred(other, current) and self._is_needed(other, current):
                     return other
                 simpler = None if self.refutes(current, other) else self._drop(other)
@@ -445,8 +458,12 @@ class Search:
         """Return whether a cause is named beside a disturbance, if more than noise is left."""
         if _own(without, with_) <= self.given:
             return True
+        return self._evidence_disturbed(without, with_) > self.criterion.to_name
+
+    def _evidence_disturbed(self, without: FittedHypothesis, with_: FittedHypothesis) -> float:
+        """Return the evidence for the second of two hypotheses beside disturbances."""
         before, after = map(self.fitter.disturbed_likelihood, (without, with_))
-        return after - before > self.criterion.to_name
+        return np.inf if before == -np.inf else after - before
 
     def _is_preferred(self, other: FittedHypothesis, current: FittedHypothesis) -> bool:
         """Return whether a hypothesis refutes another one, or is simpler and not refuted.
@@ -487,10 +504,27 @@ class Search:
         base, final = self.fitter.base(), self.current
         steps = in_order(self.fitter, base, final)
         rivals = {cause: [(same, 0.0) for same in self.same[cause]] for cause in _causes(final)}
+        beside = {}
         if complete:
             for cause in _causes(final):
                 rivals[cause] += find_rivals(self, final, cause)
-        return SearchResult(base, steps, rivals, dict(self._alone), complete)
+                beside[cause] = self._evidence_beside(final, cause)
+        return SearchResult(base, steps, rivals, beside, dict(self._alone), complete)
+
+    def _evidence_beside(self, final: FittedHypothesis, cause: Effect) -> float:
+        """Return the evidence for a cause beside the others, and beside a disturbance if need be.
+
+        Long records have answered for disturbances on the stretches that were searched.
+        """
+        reduced = self.fitter.reduce(self.fitter.subsample(final), cause)
+        without = self.fitter.fit_all(reduced, final)
+        if cause in self.given or not without.fit.usable:
+            return np.inf
+        evidence = self.evidence(without, final)
+        left = self.fitter.held_out(final).windows
+        if is_long(self.fitter.problem) or not self._is_coloured(final, left):
+            return evidence
+        return min(evidence, self._evidence_disturbed(without, final))
 
 
 def _causes(trial: FittedHypothesis) -> tuple[Effect, ...]:

@@ -21,6 +21,8 @@ class SearchResult:
     rivals : dict
         For every cause, the candidates that may stand in its place, and the evidence for the cause
         over each.
+    evidence : dict
+        For every cause, the evidence for it beside the others; empty where time ran out.
     alone : dict
         The share of the re-tuned prior's squares that every candidate leaves alone.
     complete : bool, default=True
@@ -30,6 +32,7 @@ class SearchResult:
     base: FittedHypothesis
     steps: list[FittedHypothesis]
     rivals: dict[Effect, list[tuple[Effect, float]]]
+    evidence: dict[Effect, float] = field(default_factory=dict)
     alone: dict[Effect, ShareLeft] = field(default_factory=dict)
     complete: bool = True
 

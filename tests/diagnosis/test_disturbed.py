@@ -1,14 +1,10 @@
 """Something unmeasured acts on the machine: it gets no name, and hides none."""
 
-from dataclasses import replace
-
 import numpy as np
 import pandas as pd
-import pytest
 from scipy.signal import lfilter
 
-from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects
-from sklearn_pgnn.diagnosis.search import Search
+from sklearn_pgnn import ModelDiagnosis, PhysicsModel
 
 CART = PhysicsModel(
     {"x": "m", "v": "m/s"},
