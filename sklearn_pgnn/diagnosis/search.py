@@ -133,11 +133,18 @@ class Search:
         return replace(self.so_far(), alone=found.alone)
 
     def in_steps_of(self, fitter: HypothesisFitter, found: SearchResult) -> SearchResult:
-        """Fit what was found in other integration steps; what may stand in its place stays."""
-        base, final = fitter.base(), fitter.polish(fitter.refit(found.final))
-        steps = in_order(fitter, base, final)
-        self.fitter, self.current, self._screening = fitter, final, None
-        return replace(found, base=base, steps=steps)
+        """Fit what was found in other integration steps, or special cases that say the same there.
+
+        What may stand in the place of the causes stays.
+        """
+        self.fitter, self._screening = fitter, None
+        self.current = fitter.polish(fitter.refit(found.final))
+        while (special := self._split(self.current)) is not None:
+            self.current = fitter.polish(special)
+        base = fitter.base()
+        steps = in_order(fitter, base, self.current)
+        rivals = {cause: found.rivals.get(cause, []) for cause in _causes(self.current)}
+        return replace(found, base=base, steps=steps, rivals=rivals)
 
     def _climb(self) -> None:
         """Go from hypothesis to hypothesis until no move is accepted, or a formula says it all."""
