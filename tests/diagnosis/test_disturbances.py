@@ -1,0 +1,81 @@
+"""Something unmeasured acts on the machine: it gets no name, and hides none."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.signal import lfilter
+
+from sklearn_pgnn import ModelDiagnosis, PhysicsModel, datasets, effects, systems
+from sklearn_pgnn.datasets.integrator import integrate
+from sklearn_pgnn.diagnosis.search import Search
+from sklearn_pgnn.physics.expressions import symbol
+
+CART = PhysicsModel(
+    {"x": "m", "v": "m/s"},
+    {"x": "v", "v": "(F - d*v - c*x)/m"},
+    {"m": 2.0, "d": 0.8, "c": 6.0},
+    {"F": "N"},
+    outputs={"position": "x"},
+    inertia={"v": "m"},
+)
+STEP, SIZE, RECORDS = 0.02, 600, 4
+
+
+def slow_noise(rng, kept, shape):
+    """Draw first-order noise of unit variance along the last axis."""
+    return lfilter([np.sqrt(1 - kept**2)], [1, -kept], rng.standard_normal(shape))
+
+
+def leaking_tanks():
+    """Let water that nothing measures come and go in the lower tank; give the prior, X and y."""
+    model, rng = systems.two_tanks(), np.random.default_rng(11)
+    options = {"n_records": RECORDS, "duration": 600.0, "sample_rate": 0.5, "noise": 1e-2}
+    shape = {"excitation": ("multisine", "chirp"), "amplitude": 2.7, "random_state": 11}
+    calm = datasets.make_hidden_effect(model, None, **options, **shape)
+    records = [rows for _, rows in calm.X.groupby("trajectory")]
+    t = records[0]["t"].to_numpy()
+    u = np.stack([rows[list(model.inputs)] for rows in records])
+    x0 = np.stack([rows[list(model.states)].iloc[0] for rows in records])
+    x, y = integrate(model, t, u, x0)
+    flow = slow_noise(rng, np.exp(-50 / t.size), u.shape[:2])
+    flow *= 0.1 * np.std(np.gradient(x[..., 1], t, axis=1))
+    rates = {**model.equations, "x2": model.equations["x2"] + symbol("flow")}
+    rig = model.replace(equations=rates, inputs={**model.inputs, "flow": ""})
+    _, disturbed = integrate(rig, t, np.concatenate([u, flow[..., None]], axis=2), x0)
+    return calm.prior, calm.X, calm.y + (disturbed - y).reshape(calm.y.shape)
+
+
+@pytest.mark.slow
+def test_a_disturbance_gets_no_name_though_windows_tell_for_one(monkeypatch):
+    prior, X, y = leaking_tanks()
+    catalogue = ("parameter_slope", "parameter_saturation", "leak", "overflow", "state_limit")
+    diagnosis = ModelDiagnosis(prior, catalogue=catalogue).fit(X, y)
+    assert (diagnosis.verdict_, diagnosis.remaining_.kind) == ("model_adequate", "disturbance")
+    monkeypatch.setattr(Search, "_drop_disturbed", lambda search: None)
+    assert ModelDiagnosis(prior, catalogue=catalogue).fit(X, y).causes_
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "hidden",
+    [
+        effects.CoulombFriction("v", level=0.5),
+        effects.QuadraticDrag("v", 0.8),
+        effects.ActuatorLag("F", 0.08),
+    ],
+)
+def test_what_is_hidden_is_named_beside_a_disturbance(hidden):
+    rng, X, y = np.random.default_rng(0), [], []
+    for i in range(RECORDS):
+        t = STEP * np.arange(SIZE)
+        force = 4.0 * np.sin(1.3 * t + i) + 2.0 * np.sin(0.5 * t * t)
+        slow = 0.2 * slow_noise(rng, np.exp(-STEP / 0.5), SIZE)
+        run = (CART + hidden).simulate(t, force + slow, substeps=5).check()
+        X.append(pd.DataFrame({"trajectory": i, "t": t, "F": force}))
+        y.append(run.y[:, 0] + 1e-3 * rng.standard_normal(SIZE))
+    catalogue = ("coulomb_friction", "quadratic_drag", "actuator_lag", "cubic_stiffness")
+    diagnosis = ModelDiagnosis(CART, catalogue=catalogue)
+    (cause,) = diagnosis.fit(pd.concat(X, ignore_index=True), np.concatenate(y)).causes_
+    assert (cause.effect, cause.target) == (hidden.id, hidden.target)
+    assert cause.probability > 0.99
+    assert diagnosis.remaining_.kind == "disturbance"
