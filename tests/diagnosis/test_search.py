@@ -5,9 +5,11 @@ import pytest
 from sledge import SLEDGE, drive
 
 from sklearn_pgnn import ModelDiagnosis, effects
+from sklearn_pgnn.diagnosis.search import Search
+from sklearn_pgnn.diagnosis.search_result import SearchResult
 from sklearn_pgnn.estimation.criterion import SelectionCriterion
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
-from sklearn_pgnn.estimation.problem import build_problem
+from sklearn_pgnn.estimation.problem import build_problem, with_substeps
 from sklearn_pgnn.trajectories import read_records
 
 LEVEL = 0.4
@@ -169,3 +171,55 @@ def test_nothing_that_was_asked_changes_the_problem(fitter):
     assert fitter.problem.windows is windows
     for name, values in before.items():
         np.testing.assert_array_equal(getattr(windows, name), values)
+
+
+# -- what a finer look may change ------------------------------------------------------------------
+
+
+def search_of(problem, *candidates):
+    """Return a search among some candidates, where nothing asks for dear moves or formulas."""
+    fitter = HypothesisFitter(problem)
+    return Search(fitter, candidates, CRITERION, 3, lambda _: False, lambda _: False)
+
+
+def found_with(search, *causes):
+    """Return what a search that has ended with some causes found, no rival beside them."""
+    trial = search.fitter.base()
+    for cause in causes:
+        first = search.fitter.first_fit(search.fitter.subsample(trial), cause)
+        trial = search.fitter.fit_all(search.fitter.converge(first), trial)
+    assert trial.fit.usable
+    return SearchResult(search.fitter.base(), [trial], {cause: [] for cause in causes})
+
+
+@pytest.mark.slow
+def test_in_finer_steps_a_play_of_no_width_becomes_the_lag_that_it_is():
+    lag, play = effects.ActuatorLag("F"), effects.InputBacklash("F")
+    X, y = drive(SLEDGE + effects.ActuatorLag("F", 0.05), n_records=3)
+    search = search_of(build_problem(SLEDGE, read_records(SLEDGE, X, y)), lag, play)
+    found = found_with(search, play)
+    finer = HypothesisFitter(with_substeps(search.fitter.problem, 4))
+    assert search.in_steps_of(finer, found).final.hypothesis.causes == (lag,)
+
+
+@pytest.mark.slow
+def test_a_cause_that_is_named_is_likelier_than_none():
+    """Alone either of two causes may say little; each is named beside the other one."""
+    rig = SLEDGE + effects.CoulombFriction("v", level=LEVEL) + effects.QuadraticDrag("v", 0.2)
+    search = search_of(
+        build_problem(SLEDGE, read_records(SLEDGE, *drive(rig, n_records=3))),
+        *(kind("v") for kind in KINDS[:3]),
+    )
+    result = search.run()
+    assert {cause.id for cause in result.evidence} == {"coulomb_friction", "quadratic_drag"}
+    for cause, evidence in result.evidence.items():
+        assert evidence > CRITERION.to_name
+        mine, none = CRITERION.probabilities([evidence])
+        assert mine > none
+        without = result.final.hypothesis.without(cause)
+        fitted = next(
+            trial
+            for trial in search.fitter._trials.values()
+            if set(trial.hypothesis.causes) == set(without.causes)
+        )
+        assert evidence == pytest.approx(search.evidence(fitted, result.final))
