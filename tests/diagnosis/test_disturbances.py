@@ -1,29 +1,13 @@
 """Something unmeasured acts on the machine: it gets no name, and hides none."""
 
 import numpy as np
-import pandas as pd
 import pytest
-from scipy.signal import lfilter
+from disturbed_cart import CART, RECORDS, drive, slow_noise
 
-from sklearn_pgnn import ModelDiagnosis, PhysicsModel, datasets, effects, systems
+from sklearn_pgnn import ModelDiagnosis, datasets, effects, systems
 from sklearn_pgnn.datasets.integrator import integrate
 from sklearn_pgnn.diagnosis.search import Search
 from sklearn_pgnn.physics.expressions import symbol
-
-CART = PhysicsModel(
-    {"x": "m", "v": "m/s"},
-    {"x": "v", "v": "(F - d*v - c*x)/m"},
-    {"m": 2.0, "d": 0.8, "c": 6.0},
-    {"F": "N"},
-    outputs={"position": "x"},
-    inertia={"v": "m"},
-)
-STEP, SIZE, RECORDS = 0.02, 600, 4
-
-
-def slow_noise(rng, kept, shape):
-    """Draw first-order noise of unit variance along the last axis."""
-    return lfilter([np.sqrt(1 - kept**2)], [1, -kept], rng.standard_normal(shape))
 
 
 def leaking_tanks():
@@ -65,17 +49,9 @@ def test_a_disturbance_gets_no_name_though_windows_tell_for_one(monkeypatch):
     ],
 )
 def test_what_is_hidden_is_named_beside_a_disturbance(hidden):
-    rng, X, y = np.random.default_rng(0), [], []
-    for i in range(RECORDS):
-        t = STEP * np.arange(SIZE)
-        force = 4.0 * np.sin(1.3 * t + i) + 2.0 * np.sin(0.5 * t * t)
-        slow = 0.2 * slow_noise(rng, np.exp(-STEP / 0.5), SIZE)
-        run = (CART + hidden).simulate(t, force + slow, substeps=5).check()
-        X.append(pd.DataFrame({"trajectory": i, "t": t, "F": force}))
-        y.append(run.y[:, 0] + 1e-3 * rng.standard_normal(SIZE))
     catalogue = ("coulomb_friction", "quadratic_drag", "actuator_lag", "cubic_stiffness")
     diagnosis = ModelDiagnosis(CART, catalogue=catalogue)
-    (cause,) = diagnosis.fit(pd.concat(X, ignore_index=True), np.concatenate(y)).causes_
+    (cause,) = diagnosis.fit(*drive(CART + hidden, 0.2)).causes_
     assert (cause.effect, cause.target) == (hidden.id, hidden.target)
     assert cause.probability > 0.99
     assert diagnosis.remaining_.kind == "disturbance"

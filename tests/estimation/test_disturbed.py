@@ -3,11 +3,9 @@
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 import pytest
-from scipy.signal import lfilter
+from disturbed_cart import CART, drive
 
-from sklearn_pgnn import PhysicsModel
 from sklearn_pgnn.estimation.criterion import SelectionCriterion
 from sklearn_pgnn.estimation.disturbed import HeldOutWindows, disturbed_likelihood
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
@@ -15,30 +13,12 @@ from sklearn_pgnn.estimation.problem import build_problem
 from sklearn_pgnn.physics.effects import ActuatorLag, CoulombFriction, QuadraticDrag
 from sklearn_pgnn.trajectories import read_records
 
-CART = PhysicsModel(
-    {"x": "m", "v": "m/s"},
-    {"x": "v", "v": "(F - d*v - c*x)/m"},
-    {"m": 2.0, "d": 0.8, "c": 6.0},
-    {"F": "N"},
-    outputs={"position": "x"},
-    inertia={"v": "m"},
-)
-STEP, SIZE, RECORDS = 0.02, 600, 4
 NEEDED = SelectionCriterion(alpha=0.01, smallest_share=0.05, n_candidates=30).to_name
 
 
 def fitter_of(rig, disturbance, seed=0):
     """Drive a rig on which a slow force of so many newtons acts; the model is the cart."""
-    rng, X, y = np.random.default_rng(seed), [], []
-    for i in range(RECORDS):
-        t = STEP * np.arange(SIZE)
-        force = 4.0 * np.sin(1.3 * t + i) + 2.0 * np.sin(0.5 * t * t)
-        kept = np.exp(-STEP / 0.5)
-        slow = lfilter([np.sqrt(1 - kept**2)], [1, -kept], rng.standard_normal(SIZE))
-        run = rig.simulate(t, force + disturbance * slow, substeps=5).check()
-        X.append(pd.DataFrame({"trajectory": i, "t": t, "F": force}))
-        y.append(run.y[:, 0] + 1e-3 * rng.standard_normal(SIZE))
-    records = read_records(CART, pd.concat(X, ignore_index=True), np.concatenate(y))
+    records = read_records(CART, *drive(rig, disturbance, seed))
     return HypothesisFitter(build_problem(CART, records))
 
 
