@@ -199,7 +199,8 @@ def name_causes(search: Search, result: SearchResult, errors) -> tuple[NamedCaus
         cause = step.hypothesis.causes[-1]
         without, with_ = fitter.held_out(before), fitter.held_out(step)
         rivals = result.rivals[cause]
-        over_none = result.evidence.get(cause, search.evidence(before, step))
+        known = cause in result.evidence
+        over_none = result.evidence[cause] if known else search.evidence(before, step)
         evidence = [*(value for _, value in rivals), over_none]
         mine, *theirs, _ = search.criterion.probabilities(evidence)
         causes.append(

@@ -102,7 +102,8 @@ class HeldOutWindows:
         self.parts: list[tuple[PhysicsModel, ShootingWindows, np.ndarray]] = []
         for model, fold in zip(learned, np.unique(folds), strict=True):
             inside = folds == fold
-            part, led = windows.select(inside), lead(model, windows.select(inside), names)
+            part = windows.select(inside)
+            led = lead(model, part, names)
             begun = x0[inside] if led is None else led.initial_states(x0[inside])
             expected = problem.states.expected_starts(model, part)
             self.mean[inside], self.covariance[inside] = _starts(led, begun, *expected)
