@@ -469,8 +469,8 @@ class Search:
 
     def _evidence_disturbed(self, without: FittedHypothesis, with_: FittedHypothesis) -> float:
         """Return the evidence for the second of two hypotheses beside disturbances."""
-        before, after = map(self.fitter.disturbed_likelihood, (without, with_))
-        return np.inf if before == -np.inf else after - before
+        share = self.criterion.smallest_share
+        return self.fitter.evidence_disturbed(without, with_, share)
 
     def _is_preferred(self, other: FittedHypothesis, current: FittedHypothesis) -> bool:
         """Return whether a hypothesis refutes another one, or is simpler and not refuted.

@@ -11,7 +11,9 @@ them, so the parameters of every fold are learned again from the innovations of 
           + \sum_i \left(\frac{p_i - \bar p_i}{\sigma_i}\right)^2,
 
 with the innovations :math:`\nu` and :math:`N` of the residuals and of their derivatives by the
-parameters.
+parameters. No hypothesis is exact, so what is worth no name counts as noise of the outputs: without
+that, where a sensor is fine, the one would be likelier that tells the next sample a little better,
+wherever it lets the machine go.
 """
 
 import warnings
@@ -39,6 +41,7 @@ def disturbed_likelihood(
     trial: FittedHypothesis,
     held_out: HeldOut,
     folds: np.ndarray,
+    variance: np.ndarray,
     each_run: Callable[[], None] = lambda: None,
 ) -> float:
     """Return the logarithmic likelihood of held-out windows beside the likeliest disturbance.
@@ -53,6 +56,8 @@ def disturbed_likelihood(
         What it leaves of windows that its parameters have not seen, and what was learned.
     folds : ndarray of shape (n_windows,)
         Fold of every window.
+    variance : ndarray of shape (n_outputs,)
+        Of the noise of the outputs.
     each_run : callable, optional
         Called before every run of the filter; what it raises ends them.
 
@@ -65,7 +70,7 @@ def disturbed_likelihood(
         return -np.inf
     with np.errstate(all="ignore"), warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        seen = HeldOutWindows(problem, trial.fit.freedoms, held_out, folds)
+        seen = HeldOutWindows(problem, trial.fit.freedoms, held_out, folds, variance)
         return max(seen.likelihoods(each_run), default=-np.inf)
 
 
@@ -82,6 +87,8 @@ class HeldOutWindows:
         What was learned, and the initial states that go with it.
     folds : ndarray of shape (n_windows,)
         Fold of every window.
+    variance : ndarray of shape (n_outputs,)
+        Of the noise of the outputs.
     """
 
     def __init__(
@@ -90,8 +97,10 @@ class HeldOutWindows:
         freedoms: tuple[ParameterPrior, ...],
         held_out: HeldOut,
         folds: np.ndarray,
+        variance: np.ndarray,
     ):
-        self.problem, self.freedoms, self.folds = problem, freedoms, folds
+        self.problem, self.freedoms = problem, freedoms
+        self.folds, self.variance = folds, variance
         learned, x0 = held_out.learned, np.asarray(held_out.x0)
         names, windows = tuple(free.name for free in freedoms), problem.windows
         n_states = len(learned[0].states)
@@ -160,7 +169,9 @@ class HeldOutWindows:
             rows, both = rows_of(part), linearise(model, part, begun, channel)
             F[rows], H[rows] = (each[rows] for each in both)
         windows = self.problem.windows
-        return LinearWindows(windows, F, H, columns.copy(), self.mean, self.covariance)
+        return LinearWindows(
+            windows, F, H, columns.copy(), self.mean, self.covariance, self.variance
+        )
 
     def _learned_again(self, gram: np.ndarray) -> np.ndarray:
         """Return the residuals with parameters that the other folds' innovations teach."""

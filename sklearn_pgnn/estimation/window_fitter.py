@@ -55,7 +55,7 @@ class WindowFitter:
         self.models, self.ledger = HypothesisModels(problem), Ledger()
         self._trials: dict[Key, FittedHypothesis] = {}
         self._held_out: dict[Key, tuple[WindowFit, HeldOut]] = {}
-        self._disturbed: dict[Key, tuple[HeldOut, float]] = {}
+        self._disturbed: dict[tuple, tuple[HeldOut, float]] = {}
 
     def key(self, hypothesis: Hypothesis) -> Key:
         """Return what tells hypotheses apart, see `HypothesisModels.key`."""
@@ -315,24 +315,43 @@ class WindowFitter:
             self._held_out[key] = trial.fit, known
         return known
 
-    def disturbed_likelihood(self, trial: FittedHypothesis) -> float:
-        """Return the likelihood of held-out windows beside the likeliest disturbance.
+    def evidence_disturbed(
+        self, without: FittedHypothesis, with_: FittedHypothesis, smallest_share: float
+    ) -> float:
+        r"""Return the evidence for the second of two hypotheses, each beside a disturbance.
+
+        Its outputs have a noise with the variance
+
+        .. math:: \max(\sigma_o^2, s \min(S_{o,0}, S_{o,1}) / n_o)
+
+        with the squares :math:`S_o` that the hypotheses leave and the smallest share :math:`s`.
 
         Parameters
         ----------
-        trial : FittedHypothesis
-            The hypothesis, fitted on all windows.
+        without, with_ : FittedHypothesis
+            The hypotheses, fitted on all windows.
+        smallest_share : float
+            Smallest share of the squares that is worth a name.
 
         Returns
         -------
         float
-            Its logarithm but for a constant, see `sklearn_pgnn.estimation.disturbed`.
+            Logarithm of the ratio of the likelihoods, see `sklearn_pgnn.estimation.disturbed`.
         """
-        key, held_out = self.key(trial.hypothesis), self.held_out(trial)
+        before, after = (self.held_out(trial).windows for trial in (without, with_))
+        squares = np.minimum(before.squares, after.squares) / np.maximum(after.counts, 1.0)
+        noise = self.problem.windows.scale**2 * np.maximum(1.0, smallest_share * squares)
+        less, more = (self._disturbed_likelihood(trial, noise) for trial in (without, with_))
+        return np.inf if less == -np.inf else more - less
+
+    def _disturbed_likelihood(self, trial: FittedHypothesis, variance: np.ndarray) -> float:
+        """Return the likelihood of held-out windows beside the likeliest disturbance."""
+        key, held_out = (self.key(trial.hypothesis), *variance), self.held_out(trial)
         known, likelihood = self._disturbed.get(key, (None, -np.inf))
         if known is not held_out:
-            tick = self.progress.tick
-            likelihood = disturbed_likelihood(self.problem, trial, held_out, self.folds, tick)
+            likelihood = disturbed_likelihood(
+                self.problem, trial, held_out, self.folds, variance, self.progress.tick
+            )
             self._disturbed[key] = held_out, likelihood
         return likelihood
 

@@ -11,7 +11,8 @@ with the transitions :math:`F_k, G_k` of one sample interval, the expected initi
 .. math:: \mathrm{E}\, d(t)\, d(t') = v\, e^{-|t - t'|/T}.
 
 A Kalman filter takes from every residual what those before it tell; of what is left, the
-innovations, the likelihood is a product [1]_. The common factor of all variances is profiled out.
+innovations, the likelihood is a product [1]_. The common factor of all variances is profiled out, but
+for factors below one: what residuals are too small to tell is not asked of them.
 
 References
 ----------
@@ -74,6 +75,8 @@ class LinearWindows:
         Expected initial states minus those of the windows.
     covariance : ndarray of shape (n_windows, n_states, n_states)
         How uncertain they are.
+    variance : ndarray of shape (n_outputs,)
+        Of the noise of the outputs.
     """
 
     windows: ShootingWindows
@@ -82,6 +85,7 @@ class LinearWindows:
     columns: np.ndarray
     mean: np.ndarray
     covariance: np.ndarray
+    variance: np.ndarray
 
 
 class Innovations(NamedTuple):
@@ -105,12 +109,14 @@ class Innovations(NamedTuple):
     def log_likelihood(self) -> float:
         r"""The residuals' logarithmic likelihood but for a constant; minus infinity if not finite.
 
-        .. math:: -\tfrac12 \sum_k \log S_k - \tfrac n2 \log \tfrac1n \sum_k \nu_k^2/S_k
+        .. math:: \max_{c \ge 1} \left( -\tfrac12 \sum_k \log c^2 S_k
+                  - \tfrac12 \sum_k \frac{\nu_k^2}{c^2 S_k} \right)
         """
         squares = float(self.gram[:, -1, -1].sum())
         if not (math.isfinite(squares) and math.isfinite(self.log_variance) and squares > 0.0):
             return -math.inf
-        return -0.5 * (self.log_variance + self.n * math.log(squares / self.n))
+        factor = max(1.0, squares / self.n)
+        return -0.5 * (self.log_variance + self.n * math.log(factor) + squares / factor)
 
 
 def innovations(linear: LinearWindows, disturbance: Disturbance) -> Innovations:
@@ -137,7 +143,7 @@ def innovations(linear: LinearWindows, disturbance: Disturbance) -> Innovations:
     >>> windows = ShootingWindows(t, t[:, None], walk[:, None], np.array([0, 4]), *one)
     >>> F, H = np.ones((4, 1, 1)), np.ones((4, 1, 1))
     >>> known = np.zeros((1, 0)), np.zeros((1, 0, 0))
-    >>> linear = LinearWindows(windows, F, H, walk[:, None, None], *known)
+    >>> linear = LinearWindows(windows, F, H, walk[:, None, None], *known, np.array([1e-18]))
     >>> found = innovations(linear, Disturbance(variance=1e6, time=2e6))
     >>> found.gram.round(3).tolist(), found.n
     ([[[6.0]]], 4)
@@ -155,7 +161,7 @@ def innovations(linear: LinearWindows, disturbance: Disturbance) -> Innovations:
         disturbance.variance,
         linear.mean,
         linear.covariance,
-        windows.scale**2,
+        linear.variance,
         gram,
     )
     return Innovations(gram, total, count)

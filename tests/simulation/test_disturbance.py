@@ -53,7 +53,7 @@ def linear(windows, x0):
     residual = evaluate(OSCILLATOR, windows, x0, ()).residual
     F, H = linearise(OSCILLATOR, windows, x0, "v")
     mean, covariance = np.full(x0.shape, 0.02), np.tile(np.diag([0.01, 0.04]), (len(x0), 1, 1))
-    return LinearWindows(windows, F, H, residual[..., None].copy(), mean, covariance)
+    return LinearWindows(windows, F, H, residual[..., None].copy(), mean, covariance, NOISE**2)
 
 
 def of_the_gaussian(part: LinearWindows, disturbance) -> float:
@@ -70,14 +70,15 @@ def of_the_gaussian(part: LinearWindows, disturbance) -> float:
         gaps = np.abs(windows.t[a:b, None] - windows.t[a:b])
         wander = disturbance.variance * np.exp(-gaps / disturbance.time)
         A, B = by_start.reshape(2 * n, 2), by_input.reshape(2 * n, n)
-        noise = np.diag(np.tile(windows.scale**2, n))
+        noise = np.diag(np.tile(part.variance, n))
         residual = part.columns[a:b, :, -1].ravel() - A @ part.mean[w]
         seen = np.isfinite(residual)
         whole = (A @ part.covariance[w] @ A.T + B @ wander @ B.T + noise)[np.ix_(seen, seen)]
         log_det += np.linalg.slogdet(whole)[1]
         squares += residual[seen] @ np.linalg.solve(whole, residual[seen])
         count += seen.sum()
-    return -0.5 * (log_det + count * np.log(squares / count))
+    factor = max(1.0, squares / count)
+    return -0.5 * (log_det + count * np.log(factor) + squares / factor)
 
 
 @pytest.mark.parametrize("disturbance", [KNOWN, Disturbance(0.0, 1.0), Disturbance(20.0, 0.05)])
@@ -95,12 +96,13 @@ def test_a_ratio_knows_no_units_of_the_noise(factor, seed):
     part = linear(*disturbed_windows(seed))
     size = np.diag(factor * np.ones(2))
     scaled = LinearWindows(
-        ShootingWindows(**{**vars(part.windows), "scale": factor * NOISE}),
+        part.windows,
         part.F,
         part.H,
         factor * part.columns,
         factor * part.mean,
         size @ part.covariance @ size,
+        factor**2 * part.variance,
     )
     larger = Disturbance(factor**2 * KNOWN.variance, KNOWN.time)
     calm, none = Disturbance(0.0, 1.0), innovations(part, Disturbance(0.0, 1.0)).log_likelihood
