@@ -11,8 +11,8 @@ with the transitions :math:`F_k, G_k` of one sample interval, the expected initi
 .. math:: \mathrm{E}\, d(t)\, d(t') = v\, e^{-|t - t'|/T}.
 
 A Kalman filter takes from every residual what those before it tell; of what is left, the
-innovations, the likelihood is a product [1]_. The common factor of all variances is profiled out, but
-for factors below one: what residuals are too small to tell is not asked of them.
+innovations, the likelihood is a product [1]_. The common factor of all variances is profiled out;
+it is not less than one.
 
 References
 ----------
