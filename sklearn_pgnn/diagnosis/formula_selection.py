@@ -38,9 +38,9 @@ class FormulaSelection:
     ) -> tuple[SearchResult, Proposal | None]:
         """Return what is still believed of a search's result, and the formula that is accepted.
 
-        A formula for what the re-tuned prior lacks takes the place of the causes if it refutes
-        them, or says the same with fewer parameters; a formula for what they leave stands beside
-        them.
+        A formula for what the re-tuned prior lacks takes the place of the causes if it leaves no
+        structure, and refutes them or says the same with fewer parameters; a formula for what they
+        leave stands beside them.
 
         Parameters
         ----------
@@ -139,8 +139,13 @@ def _with_library(search: Search, n_places: int) -> SelectionCriterion:
 
 
 def _takes_the_place(search: Search, formula: FittedHypothesis, final: FittedHypothesis) -> bool:
-    """Return whether a formula says the same with fewer parameters, or clearly more."""
+    """Return whether a formula says it all, and the same with fewer parameters or clearly more.
+
+    A formula that leaves structure is no law: what has a name says more to people.
+    """
     if search.refutes(final, formula):
+        return False
+    if search.is_nameable(formula) and search.has_structure(formula):
         return False
     if formula.hypothesis.n_parameters < final.hypothesis.n_parameters:
         return True

@@ -47,12 +47,15 @@ class Findings:
         The formula for what has no name.
     structure : Structure or None
         Whether what is left depends on anything recorded; None if that was not asked.
+    replaced : SearchResult or None, default=None
+        The causes whose place the formula took.
     """
 
     search: Search
     result: SearchResult
     proposal: Proposal | None
     structure: Structure | None
+    replaced: SearchResult | None = None
 
     @property
     def remaining(self) -> Remaining:
@@ -175,14 +178,16 @@ class Investigation:
             formulas.is_law,
             given,
         )
-        result, proposal, structure = search.run(), None, None
+        searched, proposal, structure = search.run(), None, None
+        result = searched
         with suppress(TimeIsUp):
             if self.progress.ended is None:
                 left = search.is_nameable(result.final)
                 has_structure = left and asked.has_structure(result.final)
                 result, proposal = formulas.choose(search, result, has_structure)
                 structure = asked.of(result.final) if left or proposal else None
-        return Findings(search, result, proposal, structure)
+        replaced = searched if len(result.steps) < len(searched.steps) else None
+        return Findings(search, result, proposal, structure, replaced)
 
     def _judge_on_all(self, found: Findings) -> Findings:
         """Judge on all records what was found on stretches of them."""
@@ -198,6 +203,9 @@ class Investigation:
                     proposal = FormulaSelection.on_other_records(
                         search, result.final, found.proposal
                     )
+                if proposal is None and found.replaced is not None:
+                    causes = replace(found, result=found.replaced, proposal=None, replaced=None)
+                    return self._judge_on_all(causes)
                 if search.is_nameable(result.final) or proposal:
                     structure = asked.of(result.final)
         return Findings(search, result, proposal, structure)

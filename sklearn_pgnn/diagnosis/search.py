@@ -120,7 +120,7 @@ class Search:
         complete = self.progress.ended is None
         rivals = {other for others in found.rivals.values() for other, _ in others}
         likely = rivals.union(found.final.hypothesis.causes)
-        self.candidates = tuple(cause for cause in self.candidates if cause in likely)
+        self.candidates = tuple(cause for cause in self.same if cause in likely)
         self.progress.counts = False  # a result there must be
         self.progress.begin("all records")
         self.fitter, self.has_structure, self._screening = fitter, has_structure, None
