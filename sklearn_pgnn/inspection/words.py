@@ -245,14 +245,19 @@ def missing_place(diagnosis, part) -> str:
     return f"the rate of {part.target}" if part.target in diagnosis.model.states else part.target
 
 
+def explain(quantities) -> str:
+    """Return the verb of one quantity or of several."""
+    return "explains" if len(quantities) == 1 else "explain"
+
+
 def _described(diagnosis) -> str:
     """Return where something unnamed is missing, and its formula; empty if there is none."""
     part = diagnosis.discrepancy_
     if part is None:
         return ""
     on = (
-        f"It depends on {listed(part.quantities)}, which explain {percent(part.share)} of its "
-        f"smoothed course. "
+        f"It depends on {listed(part.quantities)}, which {explain(part.quantities)} "
+        f"{percent(part.share)} of its smoothed course. "
         if part.quantities
         else ""
     )
