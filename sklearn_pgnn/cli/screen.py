@@ -135,11 +135,16 @@ def _tell_parameters(console, diagnosis) -> None:
     print_table(console, rows)
 
 
+def _extended(diagnosis) -> str:
+    """Return what the extended model is called: the file written may have a formula besides."""
+    return "extended" if diagnosis.discrepancy_ is None else "without formula"
+
+
 def _tell_gain(console, diagnosis) -> None:
     heading(
         console, f"Error on held-out windows of {number(diagnosis.window_, 3)} s (root mean square)"
     )
-    rows = table("", "as given", "re-tuned", "extended", "noise", "", "explained")
+    rows = table("", "as given", "re-tuned", _extended(diagnosis), "noise", "", "explained")
     for output, gain in diagnosis.gain_.items():
         errors = (gain.prior, gain.refitted, gain.extended, gain.noise)
         rows.add_row(cell(output), *(number(e, 3) for e in errors), cell(gain.unit), share(gain))
@@ -148,7 +153,7 @@ def _tell_gain(console, diagnosis) -> None:
 
 def _tell_free_run(console, diagnosis) -> None:
     heading(console, "Error in free run, every record from its own start (root mean square)")
-    rows = table("", "as given", "re-tuned", "extended", "")
+    rows = table("", "as given", "re-tuned", _extended(diagnosis), "")
     for output, error in diagnosis.free_run_.items():
         errors = (error.prior, error.refitted, error.extended)
         unit = cell(diagnosis.model.unit(output))

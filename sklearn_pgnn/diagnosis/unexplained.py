@@ -62,6 +62,9 @@ class MissingPart:
     >>> part = MissingPart("v", ("v", "x"), 0.98, drag, 1.1, cart + drag, np.zeros(3))
     >>> part.formula
     '-24*v*x**2'
+    >>> spring = effects.Formula("v", ("1", "x"), (0.5, -2.0))
+    >>> MissingPart("v", ("x",), 0.98, spring, 1.1, cart + spring, np.zeros(3)).formula
+    '0.5 - 2*x'
     """
 
     target: str
@@ -76,7 +79,8 @@ class MissingPart:
     def formula(self) -> str:
         """The terms with their coefficients, as text."""
         pairs = zip(self.effect.coefficients, self.effect.terms, strict=True)
-        return " + ".join(f"{value:.4g}*{term}" for value, term in pairs).replace("+ -", "- ")
+        written = (f"{value:.4g}" + (f"*{term}" if term != "1" else "") for value, term in pairs)
+        return " + ".join(written).replace("+ -", "- ")
 
     def to_dict(self) -> dict:
         """Return it as plain data, as ``diagnosis.json`` holds it.

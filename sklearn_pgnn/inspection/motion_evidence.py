@@ -101,12 +101,13 @@ def _implied_value(case: Case, curve: Characteristic, state: str) -> Evidence:
     slope = samples.mean(differentiate(case.without.equations[state], symbol(name)))
     over, unit, x = _abscissa(case, curve)
     telling = np.abs(slope) > np.nanmedian(np.abs(slope))
-    implied = samples.value(symbol(name)) + case.missing_rate(state) / slope
+    missing = case.missing_rate(state)[telling] / slope[telling]
+    implied = np.broadcast_to(samples.value(symbol(name)), slope.shape)[telling] + missing
     return Evidence(
         title=f"The value of {name} over {'time' if over == 't' else over}",
         x_label=label(over, unit),
         y_label=label(name, case.full.unit(name)),
-        points=(x[telling], implied[telling]),
+        points=(x[telling], implied),
         lines=(_law(case, curve.law, curve.over, x[telling]),),
         note=f"Every point is a moment of the records: the {name} that would explain how {state} "
         "changed.",

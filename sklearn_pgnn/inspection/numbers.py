@@ -44,8 +44,12 @@ def measured(value: float, low: float, high: float, unit: str = "") -> str:
     '0.0805 (0.0791 to 0.0819) N m'
     >>> measured(2.0, 2.0, 2.0)
     '2'
+    >>> measured(-0.26237, -math.inf, -0.2221, "1/V")
+    '-0.26 (at most -0.22) 1/V'
     """
-    if not (math.isfinite(low) and math.isfinite(high)) or low == high:
+    if math.isfinite(low) != math.isfinite(high):
+        return _half_open(value, low, high, unit)
+    if not math.isfinite(low) or low == high:
         return f"{number(value)} {unit}".rstrip()
     places = _places(value, (high - low) / 2)
     inside = low < 0 < high
@@ -55,6 +59,16 @@ def measured(value: float, low: float, high: float, unit: str = "") -> str:
     return f"{here} ({start} to {end}) {unit}".rstrip()
 
 
+def _half_open(value: float, low: float, high: float, unit: str) -> str:
+    """Write a value to whose interval the records set one end."""
+    end, words = (low, "at least") if math.isfinite(low) else (high, "at most")
+    if math.isnan(low) or math.isnan(high) or end == value:
+        return f"{number(value)} {unit}".rstrip()
+    places = _places(value, abs(end - value))
+    here, there = (_rounded(x, _kept(x, places)) for x in (value, end))
+    return f"{here} ({words} {there}) {unit}".rstrip()
+
+
 def sized(value: float, low: float, high: float, unit: str = "") -> str:
     """Write a value no finer than its interval makes sense, without the interval.
 
@@ -62,8 +76,11 @@ def sized(value: float, low: float, high: float, unit: str = "") -> str:
     --------
     >>> sized(0.804999, 0.7912, 0.8188, "V")
     '0.805 V'
+    >>> sized(-0.26237, -math.inf, -0.2221, "1/(m s)")
+    '-0.26 1/(m s)'
     """
-    return re.sub(r" \(.* to .*\)", "", measured(value, low, high, unit))
+    interval = r" \((.* to |at least |at most )[^ ]*\)"
+    return re.sub(interval, "", measured(value, low, high, unit))
 
 
 def times(value: float) -> str:

@@ -164,7 +164,7 @@ def _found(diagnosis, names: str) -> str:
     """Return a sentence on what was found."""
     the_model = _the_model(diagnosis)
     if diagnosis.verdict_ == "model_adequate":
-        return _adequate(diagnosis)
+        return f"{_adequate(diagnosis)} {_silence(diagnosis)}".strip()
     sentences = {
         "cause_named": f"The {the_model} misses {names}.",
         "ambiguous": f"The {the_model} misses {names}, or {_others(diagnosis)}: these records "
@@ -172,7 +172,7 @@ def _found(diagnosis, names: str) -> str:
         "unexplained": f"The {the_model} misses something that no known effect explains.",
     }
     causes = f"{_order(diagnosis)}{_worth(diagnosis)}" if diagnosis.causes_ else ""
-    parts = (sentences[diagnosis.verdict_], causes, _described(diagnosis))
+    parts = (sentences[diagnosis.verdict_], causes, _silence(diagnosis), _described(diagnosis))
     return " ".join(part.strip() for part in parts if part)
 
 
@@ -245,14 +245,19 @@ def missing_place(diagnosis, part) -> str:
     return f"the rate of {part.target}" if part.target in diagnosis.model.states else part.target
 
 
+def explain(quantities) -> str:
+    """Return the verb of one quantity or of several."""
+    return "explains" if len(quantities) == 1 else "explain"
+
+
 def _described(diagnosis) -> str:
     """Return where something unnamed is missing, and its formula; empty if there is none."""
     part = diagnosis.discrepancy_
     if part is None:
         return ""
     on = (
-        f"It depends on {listed(part.quantities)}, which explain {percent(part.share)} of its "
-        f"smoothed course. "
+        f"It depends on {listed(part.quantities)}, which {explain(part.quantities)} "
+        f"{percent(part.share)} of its smoothed course. "
         if part.quantities
         else ""
     )
@@ -292,12 +297,16 @@ def _worth(diagnosis) -> str:
     """Return what the given, the re-tuned and the extended model leave, output by output."""
     errors = over_windows(diagnosis)
     left = listed(_of(output, _three(e), errors) for output, e in errors.items())
-    said = f"On data held out of the fit it leaves, in units of the noise: {left}."
+    return f"On data held out of the fit it leaves, in units of the noise: {left}."
+
+
+def _silence(diagnosis) -> str:
+    """Return that the free run was not asked, where it says nothing."""
     if all(error.tells for error in diagnosis.free_run_.values()):
-        return said
+        return ""
     return (
-        f"{said} The free run says nothing: without restarts, no model is nearer to the records "
-        f"than their mean is, as with an unstable or chaotic machine."
+        "The free run says nothing: without restarts, no model is nearer to the records than their "
+        "mean is, as with an unstable or chaotic machine."
     )
 
 

@@ -43,5 +43,7 @@ def _common_measure(gaps: np.ndarray) -> float:
         rest = np.abs(gaps - step * np.rint(gaps / step))
         if rest.max() < OFF_GRID * step:
             return float(gaps.sum() / np.rint(gaps / step).sum())
-        step = rest[rest >= OFF_GRID * step].min()
+        rest = rest[rest >= OFF_GRID * step]
+        # many gaps leave the same rest; that of a long gap alone is as rough as the gap is long
+        step = float(np.median(rest[rest < (1 + OFF_GRID) * rest.min()]))
     return 0.0

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from sklearn_pgnn.record_quality.grid import grid_step
-from sklearn_pgnn.record_quality.limits import BLOCK, COARSE, FINE, MOST, NOISE_LIKE
+from sklearn_pgnn.record_quality.limits import BLOCK, COARSE, FINE, MOST, NOISE_LIKE, TWICE
 from sklearn_pgnn.trajectories.noise import finest_differences, noise_level
 
 
@@ -54,8 +54,31 @@ class Signal:
 
     @cached_property
     def resolution(self) -> float:
-        """The step of which all values are multiples; 0 where there is none."""
-        return grid_step(self.values)
+        """The step of which all values are multiples, or that between values that return; else 0.
+
+        A thermistor's steps are uneven, and an encoder's are lost in the decimals that it was
+        written with, or beside those of another record's encoder. Noise that brings nearly every
+        value back after it was left shows that there are no others in between.
+        """
+        return max(grid_step(self.values), self._step_between_visits() if self.noisy else 0.0)
+
+    def _step_between_visits(self) -> float:
+        """Return the usual step to the next value if a value is usually visited again; else 0."""
+        steps, visits = [], []
+        for piece in self.pieces:
+            known = piece[np.isfinite(piece)]
+            values, counts = np.unique(
+                known[np.diff(known, prepend=np.nan) != 0], return_counts=True
+            )
+            if values.size > 1:
+                gaps = np.diff(values, prepend=-np.inf, append=np.inf)
+                steps.append(np.minimum(gaps[1:], gaps[:-1]))
+                visits.append(counts)
+        if not steps:
+            return 0.0
+        step, count = np.concatenate(steps), np.concatenate(visits)
+        each = np.repeat(step, count)  # of every visit
+        return float(np.median(each)) if each.size >= TWICE * step.size else 0.0
 
     def chance_of_equals(self) -> float:
         r"""Return the chance that noise alone makes two neighbours equal.

@@ -286,9 +286,13 @@ class _Task:
         return fit if np.isnan(objective) else replace(fit, objective=objective)
 
     def parts(self, fit) -> np.ndarray:
-        """Return the objective window by window, and last the parameters' part."""
-        states = (self.weight * (fit.x0 - self.expected) ** 2).sum(axis=1)
-        pull = self.pull * (fit.values - self.centre) ** 2
+        """Return the objective window by window, and last the parameters' part.
+
+        It is not a number where a parameter that hardly acts was sent beyond all numbers.
+        """
+        with np.errstate(over="ignore", invalid="ignore"):
+            states = (self.weight * (fit.x0 - self.expected) ** 2).sum(axis=1)
+            pull = self.pull * (fit.values - self.centre) ** 2
         return np.append(fit.evaluation.squares + states, pull.sum())
 
     def step(self, fit, damping) -> _Step:

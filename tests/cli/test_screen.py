@@ -3,11 +3,20 @@
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
-from sklearn_pgnn import PhysicsModel
+from sklearn_pgnn import PhysicsModel, effects
 from sklearn_pgnn.cli.screen import tell
-from sklearn_pgnn.diagnosis import FreeRunError, Gain, NamedCause, Remaining, Rival
+from sklearn_pgnn.diagnosis import (
+    FreeRunError,
+    Gain,
+    MissingPart,
+    NamedCause,
+    Remaining,
+    Rival,
+)
+from sklearn_pgnn.inspection import words
 
 pytestmark = pytest.mark.core
 
@@ -87,6 +96,30 @@ def test_the_verdict_has_a_colour_where_the_terminal_has(capsys, monkeypatch, to
     text = capsys.readouterr().out
     assert ("\x1b[1;36m" in text) == bool(colour)
     assert colour in text
+
+
+def test_what_is_left_without_a_formula_is_not_called_that_of_the_file_with_it(capsys, monkeypatch):
+    monkeypatch.setattr(words, "formula_error", lambda _: 1.1)
+    with_formula = diagnosis(remaining=Remaining("structure", {"v": 2.0}, ("v",)))
+    with_formula.causes_, with_formula.verdict_ = (), "unexplained"
+    assert "re-tuned extended" in shown(capsys, with_formula)
+    terms = effects.Formula("v", ("1", "v**3"), (-0.5, 2.0))
+    with_formula.discrepancy_ = MissingPart("v", ("v",), 0.4, terms, 1.1, CART + terms, np.zeros(3))
+    text = shown(capsys, with_formula)
+    assert "re-tuned without formula noise" in text
+    assert "re-tuned extended" not in text
+    assert "depends on v, which explains 40 %" in text
+    assert "With -0.5 + 2·v³ added there" in text
+
+
+@pytest.mark.parametrize("verdict", ["model_adequate", "cause_named", "unexplained"])
+def test_a_free_run_that_says_nothing_is_told_with_any_verdict(capsys, verdict):
+    lost = diagnosis(remaining=Remaining("disturbance", {"v": 8.0}))
+    lost.verdict_, lost.causes_ = verdict, lost.causes_ if verdict == "cause_named" else ()
+    silence = "The free run says nothing: without restarts, no model is nearer"
+    assert silence not in shown(capsys, lost)
+    lost.free_run_ = {"v": FreeRunError(3.0, 2.0, 1.0, tells=False)}
+    assert shown(capsys, lost).count(silence) == 1
 
 
 def test_nothing_is_said_of_what_was_not_asked(capsys):

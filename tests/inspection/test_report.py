@@ -373,6 +373,20 @@ def test_a_parameter_that_depends_on_a_state_is_shown_over_it():
     np.testing.assert_allclose(law.y, expected, rtol=1e-9)
 
 
+def test_a_parameter_that_cannot_act_while_the_input_is_zero_is_shown_elsewhere():
+    amplifier = PhysicsModel({"y": ""}, {"y": "(K*u - y)/0.3"}, {"K": 2.0}, {"u": "V"})
+    bent = amplifier + effects.ParameterSaturation("K(u)", bend=-0.2)
+    t = 0.02 * np.arange(1500)
+    u = np.where(t % 4 < 2, 0.0, np.sin(3 * t) + np.sin(t))
+    y = bent.simulate(t, u).y[:, 0] + 1e-3 * np.random.default_rng(0).standard_normal(t.size)
+    X = pd.DataFrame({"t": t, "u": u})
+    diagnosis = ModelDiagnosis(amplifier, catalogue=["parameter_saturation"]).fit(X, y)
+    with np.errstate(all="raise"):
+        evidence = find_evidence(diagnosis, diagnosis.causes_[0])
+    assert np.isfinite(evidence.points).all()
+    assert "K that changes with the size of u" in verdict_sentence(diagnosis)
+
+
 @pytest.mark.slow
 def test_friction_under_load_is_shown_over_the_load():
     diagnosis = diagnose(effects.LoadFriction("v", level=0.5, share=0.2), (effects.LoadFriction,))

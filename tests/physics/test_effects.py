@@ -251,7 +251,18 @@ def test_a_gain_that_saturates_gives_less_than_in_proportion():
     assert effects.ParameterSaturation.targets(model) == ("K(u)",)
     assert effects.ParameterSaturation.targets(amplifier) == ()  # K stands at two signals
     assert effects.ParameterSaturation.targets(block()) == ()
-    assert effects.ParameterSaturation.title("K(u)") == "K that falls with the size of u"
+
+
+def test_a_gain_that_bends_may_grow_or_fall_and_its_words_say_both():
+    model = PhysicsModel({"y": ""}, {"y": "50*(K*u - y)"}, {"K": 2.0}, {"u": "V"})
+    scales = Scales({}, {"u": 2.0}, {}, 0.01, 2.0)
+    least, most = effects.ParameterSaturation.limits("K(u)", model, scales)["bend"]
+    assert least < 0 < most
+    effect = effects.ParameterSaturation
+    assert effect.title("K(u)") == "K that changes with the size of u"
+    assert effect.summary.startswith("This number falls as its own signal grows (bend above 0")
+    assert "or grows with it (bend below 0" in effect.summary
+    assert effect.check.endswith("or more if the bend is below 0.")
 
 
 PAIRED = [

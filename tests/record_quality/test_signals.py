@@ -50,6 +50,40 @@ def test_the_step_of_a_grid_is_found_wherever_the_grid_lies(step, offset, seed):
     assert grid_step(offset + step * counts) == pytest.approx(step, rel=1e-6)
 
 
+def test_the_step_is_found_where_values_lie_far_from_each_other():
+    counts = np.random.default_rng(0).integers(-400, 400, 600)
+    written = np.round(2 * np.pi / 4096 * counts, 5)
+    assert grid_step(written) == pytest.approx(1e-5, rel=1e-6)
+
+
+def swing():
+    t = np.arange(4000)
+    noise = 4e-4 * np.random.default_rng(0).standard_normal(t.size)
+    return np.exp(-t / 300) * np.sin(t / 15) + noise
+
+
+def test_an_encoder_at_rest_drops_no_samples_however_its_counts_are_written():
+    steps = 0.00115059, 2 * np.pi / 4096
+    fine, coarse = (step * np.rint(swing() / step) for step in steps)
+    for records in ([np.round(fine, 5)], [coarse], [np.round(fine, 5), coarse]):
+        y = signal(*records)
+        assert find_held_samples(y) is None
+        assert find_quantisation(y).kind == "quantisation"
+
+
+def test_a_thermistor_whose_steps_are_uneven_drops_no_samples():
+    rng, t = np.random.default_rng(0), np.arange(4000)
+    counts = np.rint(600 + 200 * np.sin(t / 500) + 0.4 * rng.standard_normal(t.size))
+    temperature = np.round(1 / (1 / 298 + np.log(1023 / counts - 1) / 3950) - 273, 2)
+    assert find_held_samples(signal(temperature)) is None
+
+
+def test_samples_that_a_logger_held_are_counted_however_few_decimals_it_wrote():
+    y = np.round(swing(), 5)
+    y[100::50] = y[99:-1:50]
+    assert find_held_samples(signal(y)).value >= 78
+
+
 @pytest.mark.slow
 @given(scale=st.floats(1e-6, 1e6), shift=st.floats(-10, 10))
 def test_findings_do_not_depend_on_the_unit(scale, shift):

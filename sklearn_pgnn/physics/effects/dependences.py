@@ -120,10 +120,11 @@ class ParameterSlope(ParameterDependence):
 
 @dataclass(frozen=True)
 class ParameterSaturation(ParameterDependence):
-    r"""A coefficient that falls with the magnitude of its signal, :math:`p/(1 + b |s|)`.
+    r"""A coefficient that depends on the magnitude of its signal, :math:`p/(1 + b |s|)`.
 
     Its term :math:`p\,s` grows ever less and ends at :math:`p/b`, as a motor's torque or an
-    amplifier's output does; with a negative :math:`b` it grows ever more. Suspected are the
+    amplifier's output does; with a negative :math:`b` it grows ever more, as a propeller's thrust
+    over its voltage does. Suspected are the
     coefficients that stand at a function of one shown signal alone. Forces of a velocity or of a
     position are not among them: they are friction, drag and springs.
 
@@ -146,8 +147,14 @@ class ParameterSaturation(ParameterDependence):
 
     bend: float = quantity("bend", "{per_signal}")
     id = "parameter_saturation"
-    summary = "This number falls as its own signal grows: iron that saturates, a valve at its end."
-    check = "Apply signals of growing size: the answer grows less than in proportion."
+    summary = (
+        "This number falls as its own signal grows (bend above 0: iron that saturates, a valve at "
+        "its end) or grows with it (bend below 0: the thrust of a propeller)."
+    )
+    check = (
+        "Apply signals of growing size: the answer grows less than in proportion, or more if the "
+        "bend is below 0."
+    )
 
     @classmethod
     def targets(cls, model):
@@ -168,7 +175,7 @@ class ParameterSaturation(ParameterDependence):
     @classmethod
     def title(cls, target):
         """Return parameter and signal in words."""
-        return "{} that falls with the size of {}".format(*parts(target))
+        return "{} that changes with the size of {}".format(*parts(target))
 
     def value(self, parameter, signal, p):
         """Return p/(1 + b*abs(s))."""

@@ -1,15 +1,23 @@
 """The numbers of a report agree: banner, tiles, bar, tables and the file for programs."""
 
+import math
 import re
 from html import unescape
 
 import pytest
 from situations import HIDDEN, situation
 
-from sklearn_pgnn.inspection.numbers import measured, times
+from sklearn_pgnn.inspection.numbers import measured, sized, times
 from sklearn_pgnn.inspection.report import Provenance, render_report
 
 pytestmark = pytest.mark.core
+
+
+def test_an_interval_with_one_end_says_it():
+    assert measured(0.5, 0.4, math.inf, "V") == "0.50 (at least 0.40) V"
+    assert measured(-0.26, -math.inf, -0.22) == "-0.26 (at most -0.22)"
+    assert measured(0.5, -math.inf, math.inf, "V") == measured(0.5, 0.5, math.inf, "V") == "0.5 V"
+    assert sized(-0.26, -math.inf, -0.22, "1/(m s)") == "-0.26 1/(m s)"
 
 
 def plain(html):
