@@ -19,7 +19,8 @@ def _is_same(fitter: HypothesisFitter, rest: Hypothesis, cause: Effect, other: E
 def find_rivals(search, final: FittedHypothesis, cause: Effect) -> list[tuple[Effect, float]]:
     """Return the candidates that may stand in a cause's place, and the evidence against each.
 
-    What takes more parameters to say is no rival: the simpler of two is taken.
+    What takes more parameters to say is no rival: the simpler of two is taken. Nor is what the free
+    run speaks against.
 
     Parameters
     ----------
@@ -40,7 +41,8 @@ def find_rivals(search, final: FittedHypothesis, cause: Effect) -> list[tuple[Ef
         (other,) = set(trial.hypothesis.causes) - set(final.hypothesis.causes)
         evidence = search.evidence(trial, final)
         simple = count_parameters(other) <= count_parameters(cause)
-        if simple and evidence <= search.criterion.to_refute:
+        refuted = evidence > search.criterion.to_refute or not search.stands_in_free_run(trial)
+        if simple and not refuted:
             found[other] = evidence
     problem, rest = search.fitter.problem, final.hypothesis.without(cause)
     for other in search.candidates:

@@ -69,6 +69,7 @@ class Search:
         self.current = fitter.base()
         self._alone: dict[Effect, ShareLeft] = {}
         self._visited: set[Key] = set()
+        self._standing = self.current  # the best hypothesis of which every cause is named
         self._screening: Screening | None = None
         self._least = np.inf
 
@@ -85,14 +86,17 @@ class Search:
             self._take_given()
             self._climb()
             while (simpler := self._simpler(self.current)) is not None:  # a finer fit may need less
-                self.current = simpler
+                self.current = self._standing = simpler
                 self._climb()
-            self._drop_disturbed()
+            self._prune()
             return self._result(complete=True)
         return self.so_far()
 
     def so_far(self) -> SearchResult:
-        """Return the best hypothesis so far, without what may stand in its causes' places."""
+        """Return the best hypothesis so far of which every cause is named, if there is any."""
+        self.progress.counts = False  # a result there must be
+        while (fewer := self._drop(self.current)) is not None:
+            self.current = fewer
         return self._result(complete=False)
 
     def judge_on(
@@ -152,6 +156,8 @@ class Search:
             self.current = self._begin_anew(better)
             if self.find_law(self):
                 break
+        else:
+            self.current = self._standing  # what moves led to may not stand itself
         self.current = self.fitter.polish(self.current)
 
     def _simpler(self, current: FittedHypothesis) -> FittedHypothesis | None:
@@ -163,22 +169,29 @@ class Search:
     def _next(self, current: FittedHypothesis) -> FittedHypothesis | None:
         """Return what the cheapest move leads to that the criterion accepts."""
         self._visited.add(self.fitter.key(current.hypothesis))
+        fewer = self._drop(current)
+        if fewer is not None and self._is_new(fewer):
+            return fewer
+        if fewer is None and not self.refutes(self._standing, current):
+            self._standing = current
         return self._first_of(self._moves(current), current)
 
     def _first_of(self, moves: Iterable[Move], current: FittedHypothesis):
         """Return what the first move leads to that is accepted and leads to something new."""
         for move in moves:
             better = move(current)
-            if better is not None and self.fitter.key(better.hypothesis) not in self._visited:
+            if better is not None and self._is_new(better):
                 return better
         return None
+
+    def _is_new(self, trial: FittedHypothesis) -> bool:
+        """Return whether no moves have gone on from a hypothesis."""
+        return self.fitter.key(trial.hypothesis) not in self._visited
 
     def _moves(self, current: FittedHypothesis) -> Iterator[Move]:
         """Yield the moves, the cheap ones first."""
         count = len(current.hypothesis.causes)
         room = self.max_causes - count if self.is_nameable(current) else 0
-        if count:
-            yield self._drop
         if count > 1:
             yield self._replace  # what was found alone may have stood for more
         if room >= 1:
@@ -213,15 +226,26 @@ class Search:
         left, white = self.fitter.held_out(trial).windows, self.fitter.white_squares(trial)
         return bool((left.squares > MUCH**2 * white).any())
 
+    def stands_in_free_run(self, trial: FittedHypothesis) -> bool:
+        """Return whether the free run, where it says anything, does not speak against it."""
+        retuned, found = map(self.fitter.held_out, (self.fitter.base(), trial))
+        tells = retuned.tells_in_free_run or found.tells_in_free_run
+        return not tells or self.criterion.stands_in_free_run(retuned, found)
+
     # -- moves ---------------------------------------------------------------------------------
 
-    def _drop_disturbed(self) -> None:
-        """Drop causes that a disturbance would explain as well, while more than noise is left."""
-        while self._is_coloured(self.current, self.fitter.held_out(self.current).windows):
-            fewer = self._drop(self.current, self._names_disturbed)
-            if fewer is None:
-                break
+    def _prune(self) -> None:
+        """Drop what a disturbance would explain as well, and what has no name without that."""
+        while (fewer := self._drop_disturbed(self.current)) is not None:
             self.current = fewer
+            while (fewer := self._drop(self.current)) is not None:
+                self.current = fewer
+
+    def _drop_disturbed(self, current: FittedHypothesis) -> FittedHypothesis | None:
+        """Drop the cause that is needed least beside a disturbance, if more than noise is left."""
+        if not self._is_coloured(current, self.fitter.held_out(current).windows):
+            return None
+        return self._drop(current, self._names_disturbed)
 
     def _drop(self, current: FittedHypothesis, is_named=None) -> FittedHypothesis | None:
         """Drop the cause that is needed least, unless the others leave it a name."""
@@ -280,13 +304,18 @@ class Search:
                 if self._is_preferred(other, current) and self._is_needed(other, current):
                     return other
                 simpler = None if self.refutes(current, other) else self._drop(other)
-                if simpler is not None and not self.refutes(current, simpler):
+                if simpler is None or self.refutes(current, simpler):
+                    continue
+                if self._is_needed(simpler, current):
                     return simpler
         return None
 
     def _is_needed(self, other: FittedHypothesis, current: FittedHypothesis) -> bool:
-        """Return whether the cause that a hypothesis has and another one has not is named."""
-        (new,) = _own(current, other)
+        """Return whether a hypothesis has a cause that another one has not, and it is named."""
+        own = _own(current, other)
+        if not own:
+            return False
+        (new,) = own
         reduced = self.fitter.reduce(self.fitter.subsample(other), new)
         without = self.fitter.fit_all(reduced, other)
         return not without.fit.usable or self._names(without, other)

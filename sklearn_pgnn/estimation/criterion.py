@@ -161,17 +161,27 @@ class SelectionCriterion:
         evidence = self.evidence(without, with_) / overdispersion
         share = explained_share(without.windows, with_.windows)
         if without.tells_in_free_run or with_.tells_in_free_run:
-            if not self._stands_in_free_run(retuned or without, with_):
+            if not self.stands_in_free_run(retuned or without, with_):
                 return False
             if self._surely_worsens(without.free_run, with_.free_run):
                 return False
             share = max(share, explained_share(without.free_run, with_.free_run))
         return evidence > n_causes * self.to_name and share >= self.smallest_share
 
-    def _stands_in_free_run(self, retuned: HeldOut, trial: HeldOut) -> bool:
+    def stands_in_free_run(self, retuned: HeldOut, trial: HeldOut) -> bool:
         """Return whether a hypothesis is no worse than the re-tuned prior; better, if it remembers.
 
         What a memory says that may begin anew in every window is no explanation.
+
+        Parameters
+        ----------
+        retuned, trial : HeldOut
+            The prior, re-tuned, and the hypothesis; the free run of one of them says something.
+
+        Returns
+        -------
+        bool
+            Whether the free run does not speak against the hypothesis.
         """
         before, after = retuned.free_run, trial.free_run
         if trial.n_added > retuned.n_added:
