@@ -27,13 +27,14 @@ def trial_of(*causes):
     return SimpleNamespace(hypothesis=hypothesis, fit=SimpleNamespace(model=None))
 
 
-def rivals_of(evidence, resembling=(), beside=(), equal=()):
+def rivals_of(evidence, resembling=(), beside=(), equal=(), falls=()):
     """Return the rivals of a cause, given the evidence for it over each other."""
     trials = {other: trial_of(*beside, other) for other in evidence}
     over = {id(trial): evidence[other] for other, trial in trials.items()}
     search = SimpleNamespace(
         in_place=lambda final, cause: list(trials.values()),
         evidence=lambda trial, final: over[id(trial)],
+        stands_in_free_run=lambda trial: trial.hypothesis.causes[-1] not in falls,
         criterion=CRITERION,
         fitter=SimpleNamespace(problem=None),
         candidates=(CAUSE, LIKE, DRAG, DEARER),
@@ -55,6 +56,10 @@ def test_a_rival_is_what_the_cause_does_not_refute(evidence):
 
 def test_what_takes_more_parameters_is_no_rival_however_near():
     assert rivals_of({DEARER: 0.0}) == []
+
+
+def test_what_the_free_run_speaks_against_is_no_rival_however_near_over_windows():
+    assert rivals_of({LIKE: -300.0, DRAG: 1.0}, falls=(LIKE,)) == [(DRAG, 1.0)]
 
 
 def test_what_is_the_same_as_a_rival_is_one_too_with_the_same_evidence():

@@ -223,3 +223,37 @@ def test_a_cause_that_is_named_is_likelier_than_none():
             if set(trial.hypothesis.causes) == set(without.causes)
         )
         assert evidence == pytest.approx(search.evidence(fitted, result.final))
+
+
+# -- where a search ends ---------------------------------------------------------------------------
+
+
+@pytest.fixture
+def search(fitter):
+    candidates = tuple(kind(kind.targets(SLEDGE)[0]) for kind in KINDS)
+    return Search(fitter, candidates, CRITERION, 3, lambda trial: False, lambda search: False)
+
+
+def test_moves_that_go_round_in_a_circle_end_where_every_cause_is_named(search, monkeypatch):
+    rubbed = fitted(search.fitter, effects.CoulombFriction)
+    loaded = fitted(search.fitter, effects.ConstantLoad)  # no load hides in the records
+    course = iter([rubbed, loaded, search.current])
+    monkeypatch.setattr(search, "_moves", lambda current: [lambda _: next(course, None)])
+    monkeypatch.setattr(search, "_begin_anew", lambda trial: trial)
+    search._climb()
+    assert search.current.hypothesis == rubbed.hypothesis
+
+
+def test_a_search_that_time_ends_names_nothing_that_is_nothing(search):
+    search.current = fitted(search.fitter, effects.CoulombFriction, effects.ConstantLoad)
+    assert [c.id for c in search.so_far().final.hypothesis.causes] == ["coulomb_friction"]
+
+
+def test_what_a_hypothesis_needs_no_more_without_a_disturbance_goes_too(search, monkeypatch):
+    """A load that stood beside the friction only while both did is asked again without it."""
+    rubbed, loaded = effects.CoulombFriction, effects.ConstantLoad
+    search.current = fitted(search.fitter, rubbed, loaded)
+    left = iter([fitted(search.fitter, loaded)])
+    monkeypatch.setattr(search, "_drop_disturbed", lambda current: next(left, None))
+    search._prune()
+    assert not search.current.hypothesis.causes

@@ -1,0 +1,44 @@
+"""When a formula takes the place of causes that have a name."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from sklearn_pgnn.diagnosis.formula_selection import _takes_the_place
+from sklearn_pgnn.estimation.criterion import SelectionCriterion
+from sklearn_pgnn.estimation.residuals import Residuals
+
+
+def trial_of(n_parameters, squares):
+    return SimpleNamespace(hypothesis=SimpleNamespace(n_parameters=n_parameters), squares=squares)
+
+
+def takes_the_place(formula, causes, leaves="noise"):
+    """Return whether a formula takes the place of causes, by the squares that both leave."""
+
+    def held_out(trial):
+        return SimpleNamespace(windows=Residuals(np.array([trial.squares]), np.ones(1), np.ones(1)))
+
+    search = SimpleNamespace(
+        refutes=lambda better, worse: better.squares < 0.5 * worse.squares,
+        is_nameable=lambda trial: leaves != "noise",
+        has_structure=lambda trial: leaves == "structure",
+        fitter=SimpleNamespace(held_out=held_out),
+        criterion=SelectionCriterion(alpha=0.01, smallest_share=0.05, n_candidates=20),
+    )
+    return _takes_the_place(search, formula, causes)
+
+
+@pytest.mark.parametrize("leaves", ["noise", "coloured noise"])
+def test_a_formula_that_says_it_all_takes_the_place_if_it_is_simpler_or_clearly_nearer(leaves):
+    causes = trial_of(3, squares=10.0)
+    assert takes_the_place(trial_of(2, squares=11.0), causes, leaves)
+    assert takes_the_place(trial_of(4, squares=2.0), causes, leaves)
+    assert not takes_the_place(trial_of(4, squares=9.0), causes, leaves)
+    assert not takes_the_place(trial_of(2, squares=30.0), causes, leaves)
+
+
+def test_a_formula_that_leaves_structure_takes_no_place_however_near_it_is():
+    causes = trial_of(3, squares=10.0)
+    assert not takes_the_place(trial_of(2, squares=0.1), causes, leaves="structure")
