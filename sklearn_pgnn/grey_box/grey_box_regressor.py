@@ -22,6 +22,7 @@ from sklearn_pgnn.grey_box.depth import (
     states_met,
 )
 from sklearn_pgnn.grey_box.hidden_parts import WAYS, hidden_parts
+from sklearn_pgnn.grey_box.spread_ends import warn_of_spreads
 from sklearn_pgnn.grey_box.tables import plain_table, usual_starts
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.intervals import beside, check_coverage, quantile_of
@@ -54,10 +55,11 @@ class GreyBoxRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
     ``"network"``
         the best of these, and a network trained on what that one leaves.
 
-    The diagnosis is made once, on all training records; the numbers of a fold are fitted without
-    what it hides. Folds hide whole trajectories; where there are fewer trajectories than folds,
-    blocks of time of each, never the first. ``predict`` is the free run from each trajectory's
-    first row.
+    The diagnosis is made once, on all training records, and re-tunes parameters within their
+    spread; the numbers of a fold are fitted without what it hides, between their bounds. Where
+    several parameters are left at the ends of their spreads, a warning says so. Folds hide whole
+    trajectories; where there are fewer trajectories than folds, blocks of time of each, never the
+    first. ``predict`` is the free run from each trajectory's first row.
 
     Parameters
     ----------
@@ -383,6 +385,7 @@ class GreyBoxRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
             said = {"hold": self.diagnosis_.hold_, "substeps": self.diagnosis_.substeps_}
             models["prior"] = self.model.replace(simulation=said)
             models["fitted"] = self.diagnosis_.refitted_model_
+            warn_of_spreads(self.model, self.diagnosis_.extended_model_)
             if self.diagnosis_.causes_:
                 models["extended"] = self.diagnosis_.extended_model_
             if self.diagnosis_.discrepancy_ is not None:

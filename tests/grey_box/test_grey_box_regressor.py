@@ -1,6 +1,7 @@
 """The recipe chooses its depth by the training records alone, and predicts in free run."""
 
 import pickle
+import warnings
 
 import numpy as np
 import pandas as pd
@@ -59,6 +60,27 @@ def test_wrong_parameters_are_fitted():
     grey_box = GreyBoxRegressor(CART, **QUICK).fit(X, y)
     assert grey_box.depth_ == "fitted"
     assert grey_box.model_.parameters["m"].value == pytest.approx(2.6, rel=0.01)
+
+
+def test_numbers_that_nobody_has_measured_are_told():
+    X, y = records(CART.with_parameters(m=2.6, d=0.8))
+    with pytest.warns(UserWarning, match="re-tuned m and d to the ends.*Remedy.*spread=inf"):
+        GreyBoxRegressor(CART, **QUICK).fit(X, y)
+    wide = {name: each.with_spread(np.inf) for name, each in CART.parameters.items()}
+    model = CART.replace(parameters=wide)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", UserWarning)
+        GreyBoxRegressor(model, **QUICK).fit(X, y)
+
+
+@pytest.mark.slow
+def test_numbers_that_only_a_missing_effect_bends_are_not_told():
+    X, y = records(
+        CART + effects.CoulombFriction("v", level=1.0)
+    )  # alone m and d end at their ends
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", UserWarning)
+        GreyBoxRegressor(CART, **QUICK).fit(X, y)
 
 
 def test_what_no_physics_explains_is_left_to_the_network():
