@@ -1,9 +1,9 @@
 """Public benchmarks by the recipe: `GreyBoxRegressor`, with its defaults, on every machine.
 
 Only the training records and the usual prior go in. The recipe diagnoses the prior, fits what was
-named in free run over whole trajectories, trains a network on the rest, and chooses its depth by
-cross-validation over blocks of time of the training records. Every test record starts from the
-state that fits its official initial window, which does not count.
+named in free run over whole trajectories, trains networks on the rest, and chooses its depth by
+cross-validation over blocks of time and ranges of operation of the training records. Every test
+record starts from the state that fits its official initial window, which does not count.
 
 The tables are written to ``docs/tables/public.rst``. Run:
 ``python benchmarks/public.py [--data FOLDER] [--machines EMPS ...] [--jobs 2]``.
@@ -130,7 +130,7 @@ def write(name, lines):
         f"{datetime.date.today()} with sklearn_pgnn {sklearn_pgnn.__version__}, {versions}.\n"
         f"   :header-rows: 1\n   :widths: 60 20 20\n\n"
     )
-    for line in [["model", "test", "hidden blocks of training"], *lines]:
+    for line in [["model", "test", "hidden parts of training"], *lines]:
         table += "   * - " + "\n     - ".join(line).rstrip() + "\n"
     old = TABLE.read_text(encoding="utf-8").split("\n\n.. ") if TABLE.exists() else []
     tables = {

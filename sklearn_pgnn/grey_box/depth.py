@@ -84,7 +84,7 @@ def fit_physics(
 
 
 def fit_network(
-    network, physics: FittedDepth, table: PlainTable, visible: np.ndarray
+    network, physics: FittedDepth, table: PlainTable, visible: np.ndarray, *, sees_inputs=True
 ) -> FittedDepth:
     """Train a network, or another regressor with a model, on what a fitted model leaves.
 
@@ -101,6 +101,8 @@ def fit_network(
         The records.
     visible : ndarray of bool, shape (n_samples,)
         What the fit may see.
+    sees_inputs : bool, default=True
+        Whether the network sees the inputs besides the states.
 
     Returns
     -------
@@ -109,7 +111,8 @@ def fit_network(
     """
     rows = _until_last_seen(table, visible)
     y = np.where(visible[:, None], table.y, np.nan)[rows]
-    trained = clone(network).set_params(model=physics.model)
+    sight = {} if sees_inputs else {"sees": list(physics.model.states)}
+    trained = clone(network).set_params(model=physics.model, **sight)
     trained.fit(table.starting(physics.model, physics.starts, rows), y)
     return FittedDepth(trained, physics.physics, physics.starts)
 

@@ -22,6 +22,7 @@ from sklearn_pgnn.grey_box.depth import (
     states_met,
 )
 from sklearn_pgnn.grey_box.hidden_parts import WAYS, hidden_parts
+from sklearn_pgnn.grey_box.spread_ends import warn_of_spreads
 from sklearn_pgnn.grey_box.tables import plain_table, usual_starts
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.intervals import beside, check_coverage, quantile_of
@@ -30,7 +31,8 @@ from sklearn_pgnn.trajectories.lost_units import refuse_standardised
 from sklearn_pgnn.trajectories.validation import check_model, validate_table
 
 #: from the shallowest to the deepest
-DEPTHS = ("prior", "fitted", "extended", "formula", "network")
+DEPTHS = ("prior", "fitted", "extended", "formula", "state_network", "network")
+NETWORKS = DEPTHS[-2:]
 
 
 class GreyBoxRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
@@ -51,31 +53,39 @@ class GreyBoxRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         extended by the causes that `ModelDiagnosis` names, and fitted so;
     ``"formula"``
         the formula beside them that it proposes for what has no name in its catalogue;
+    ``"state_network"``
+        the best of these, and a network trained on what that one leaves, which sees the states
+        only: the inputs act where the model says;
     ``"network"``
-        the best of these, and a network trained on what that one leaves.
+        the same with a network that sees the inputs, too.
 
-    The diagnosis is made once, on all training records; the numbers of a fold are fitted without
-    what it hides. Folds hide whole trajectories; where there are fewer trajectories than folds,
-    blocks of time of each, never the first. ``predict`` is the free run from each trajectory's
-    first row.
+    The diagnosis is made once, on all training records, and re-tunes parameters within their
+    spread; the numbers of a fold are fitted without what it hides, between their bounds. Where
+    several parameters are left at the ends of their spreads, a warning says so. Folds hide whole
+    trajectories; where there are fewer trajectories than folds, blocks of time of each, never the
+    first, and in as many folds more ranges of operation: groups of samples with alike outputs,
+    changes of the outputs and inputs, found by k-means, all but the most central one [1]_. Blocks
+    say how this experiment would go on, ranges how another one might.
+    ``predict`` is the free run from each trajectory's first row.
 
     Parameters
     ----------
     model : PhysicsModel
         The prior.
     depths : sequence of str, optional
-        Depths to choose from; by default all, without the network where its extra is not
+        Depths to choose from; by default all, without the networks where their extra is not
         installed.
     diagnosis : ModelDiagnosis, optional
         How to diagnose: its parameters count, its model does not; by default
         ``ModelDiagnosis(model)``.
     network : estimator, optional
         What learns the rest: any regressor with a parameter ``model``, such as `PGNNLRegressor`
-        or `ResidualRegressor`; by default ``PGNNLRegressor(model)``.
+        or `ResidualRegressor`; by default ``PGNNLRegressor(model)``. A regressor without a
+        parameter ``sees``, or with one that is set, has no depth ``"state_network"``.
     n_splits : int, default=3
         Number of folds.
-    by : {"auto", "trajectory", "time"}, default="auto"
-        Whether folds hide whole trajectories or blocks of time.
+    by : {"auto", "trajectory", "time", "range"}, default="auto"
+        Whether folds hide whole trajectories, blocks of time, or ranges of operation.
     initial_window : int, default=0
         First samples of a hidden trajectory from which an initial state is found that X does not
         tell; they do not count. 0 starts it as the model says.
@@ -114,6 +124,13 @@ class GreyBoxRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
     --------
     ModelDiagnosis : What is missing, and how sure that is.
     make_pgnn_pipeline : A network alone.
+
+    References
+    ----------
+    .. [1] B. Meredig, E. Antono, C. Church, et al., "Can machine learning identify the next
+       high-temperature superconductor? Examining extrapolation performance for materials
+       discovery", Molecular Systems Design & Engineering 3, 2018, :doi:`10.1039/C8ME00012C`:
+       leave-one-cluster-out cross-validation.
 
     Examples
     --------
@@ -187,16 +204,18 @@ class GreyBoxRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
             raise ValueError(
                 f"{type(self).__name__} requires y to be passed, but the target y is None."
             )
-        table = plain_table(self.model, self._records(validate_table(self, X, reset=True), y))
+        records = self._records(validate_table(self, X, reset=True), y)
+        table = plain_table(self.model, records)
         self._single_output = np.asarray(y).ndim == 1
-        folds = hidden_parts(table.lengths, self.n_splits, self.by)
+        folds = hidden_parts(records, self.n_splits, self.by)
         candidates = self._candidates(depths, table)
         results = self._judge_all(candidates, depths, table, folds)
         self.errors_ = {depth: mean_error(found) for depth, found in results.items()}
         enough = (1 + self.least_gain) * min(self.errors_.values())
         self.depth_ = next(d for d, error in self.errors_.items() if error <= enough)
-        if "network" in depths:
-            self.errors_.setdefault("network", np.inf)
+        self.errors_ |= {
+            each: np.inf for each in depths if each in NETWORKS and each not in results
+        }
         self._fit_chosen(candidates, table)
         self._left = np.sort(np.concatenate([r.left for r in results[self.depth_]]), axis=0)
         return self
@@ -356,16 +375,28 @@ class GreyBoxRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
                 raise OptionError(f"{name}: expected an integer >= {least}, got {value!r}.")
         if not isinstance(self.least_gain, Real) or not float(self.least_gain) >= 0:
             raise OptionError(f"least_gain: expected a share >= 0, got {self.least_gain!r}.")
-        depths = self.depths
-        if depths is None:
-            depths = DEPTHS if is_installed("network") or self.network is not None else DEPTHS[:-1]
+        depths = self._possible_depths() if self.depths is None else self.depths
         wrong = [depth for depth in depths if depth not in DEPTHS]
-        if wrong or isinstance(depths, str) or not set(depths) & set(DEPTHS[:-1]):
+        if wrong or isinstance(depths, str) or not set(depths) - set(NETWORKS):
             raise OptionError(
-                f"depths: expected some of {', '.join(DEPTHS)}, one at least besides the last, "
-                f"got {self.depths!r}."
+                f"depths: expected some of {', '.join(DEPTHS)}, one at least besides the "
+                f"networks, got {self.depths!r}."
+            )
+        if "state_network" in depths and not self._can_see_less():
+            raise OptionError(
+                f"depths: 'state_network' expects a network whose parameter 'sees' is None, got "
+                f"{self.network!r}. Remedy: network=PGNNLRegressor(), or depths without it."
             )
         return tuple(depth for depth in DEPTHS if depth in depths)
+
+    def _possible_depths(self) -> tuple[str, ...]:
+        if self.network is None and not is_installed("network"):
+            return DEPTHS[: -len(NETWORKS)]
+        return tuple(d for d in DEPTHS if d != "state_network" or self._can_see_less())
+
+    def _can_see_less(self) -> bool:
+        """Return whether the network can be told to see the states only."""
+        return self.network is None or self.network.get_params(deep=False).get("sees", 0) is None
 
     def _records(self, X, y=None):
         records = read_records(self.model, X, y, time_column=self.time_column)
@@ -383,6 +414,7 @@ class GreyBoxRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
             said = {"hold": self.diagnosis_.hold_, "substeps": self.diagnosis_.substeps_}
             models["prior"] = self.model.replace(simulation=said)
             models["fitted"] = self.diagnosis_.refitted_model_
+            warn_of_spreads(self.model, self.diagnosis_.extended_model_)
             if self.diagnosis_.causes_:
                 models["extended"] = self.diagnosis_.extended_model_
             if self.diagnosis_.discrepancy_ is not None:
@@ -404,19 +436,19 @@ class GreyBoxRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
             )
 
     def _judge_all(self, candidates, depths, table, folds) -> dict[str, list[FoldResult]]:
-        """Fit every depth in every fold; the network on the best of the others."""
+        """Fit every depth in every fold; the networks on the best of the others."""
         results: dict[str, list[FoldResult]] = {}
         for depth, model in candidates.items():
             fit = partial(_fit_model, depth, model)
             results[depth] = self._judge(depth, [fit] * len(folds), table, folds)
-        if "network" in depths:
-            self._base = min(results, key=lambda depth: mean_error(results[depth]))
-            network = self._network()
-            fits = [partial(_fit_on, network, each.fitted) for each in results[self._base]]
+        self._base = min(results, key=lambda depth: mean_error(results[depth]))
+        physical = [each.fitted for each in results[self._base]]
+        for depth in (each for each in depths if each in NETWORKS):
+            fits = [partial(_fit_on, self._network(), depth, each) for each in physical]
             try:
-                results["network"] = self._judge("network", fits, table, folds)
+                results[depth] = self._judge(depth, fits, table, folds)
             except TrainingError as error:
-                _warn_of_training(error, self._base)
+                _warn_of_training(error, depth, self._base)
         return results
 
     def _judge(self, depth, fits, table, folds) -> list[FoldResult]:
@@ -430,21 +462,22 @@ class GreyBoxRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
     def _network(self):
         if self.network is not None:
             return self.network
-        with needed_by("the depth 'network'"):
+        with needed_by("the depths 'state_network' and 'network'"):
             from sklearn_pgnn.estimators.pgnnl import PGNNLRegressor
         return PGNNLRegressor()
 
     def _fit_chosen(self, candidates, table) -> None:
         """Fit the chosen depth to all records."""
         everything = np.ones(len(table.X), dtype=bool)
-        base = self._base if self.depth_ == "network" else self.depth_
+        chosen = self.depth_
+        base = self._base if chosen in NETWORKS else chosen
         fitted = _fit_model(base, candidates[base], table, everything)
-        if self.depth_ == "network":
+        if chosen in NETWORKS:
             try:
-                fitted = fit_network(self._network(), fitted, table, everything)
+                fitted = _fit_on(self._network(), chosen, fitted, table, everything)
             except TrainingError as error:
-                _warn_of_training(error, base)
-                self.depth_, self.errors_["network"] = base, np.inf
+                _warn_of_training(error, chosen, base)
+                self.depth_, self.errors_[chosen] = base, np.inf
         self._fitted, self._met = fitted, states_met(fitted, table)
         self._noise = training_error(fitted, table, everything)
         self.estimator_ = fitted.estimator
@@ -465,16 +498,16 @@ def _fit_model(depth, model, table, visible) -> FittedDepth:
     return fit_physics(model, table, visible, free=() if depth == "prior" else None)
 
 
-def _warn_of_training(error, base) -> None:
-    """Warn that the network is left out."""
+def _warn_of_training(error, depth, base) -> None:
+    """Warn that a network is left out."""
     warnings.warn(
-        f"depth 'network': {error} It is left out, the deepest that may be chosen is {base!r}. "
-        f"Remedy: network=PGNNLRegressor(lr=0.003, horizon=20), or depths without 'network'.",
+        f"depth {depth!r}: {error} It is left out, the best depth below the networks is {base!r}. "
+        f"Remedy: network=PGNNLRegressor(lr=0.003, horizon=20), or depths without {depth!r}.",
         UserWarning,
         stacklevel=4,
     )
 
 
-def _fit_on(network, physics, table, visible) -> FittedDepth:
+def _fit_on(network, depth, physics, table, visible) -> FittedDepth:
     """Train a network on a physical depth that was fitted to the same samples."""
-    return fit_network(network, physics, table, visible)
+    return fit_network(network, physics, table, visible, sees_inputs=depth == "network")

@@ -1,25 +1,28 @@
-"""What cross-validation hides from a fit: whole trajectories, or blocks of time."""
+"""What cross-validation hides from a fit: trajectories, blocks of time, ranges of operation."""
 
 import numpy as np
 
+from sklearn_pgnn.grey_box.operating_ranges import operating_ranges
 from sklearn_pgnn.model_selection.trajectory_rows import deal_in_order
 
-WAYS = ("auto", "trajectory", "time")
+WAYS = ("auto", "trajectory", "time", "range")
 
 
-def hidden_parts(lengths, n_splits: int, by: str = "auto") -> list[np.ndarray]:
+def hidden_parts(records, n_splits: int, by: str = "auto") -> list[np.ndarray]:
     """Return for every fold which samples are hidden from its fit.
 
     Parameters
     ----------
-    lengths : sequence of int
-        Samples of every trajectory; they lie end to end.
+    records : tuple of Record
+        Measured trajectories; they lie end to end.
     n_splits : int
         Number of folds.
-    by : {"auto", "trajectory", "time"}, default="auto"
-        Whether whole trajectories are hidden, or in each fold another block of time of every
-        trajectory, never the first of its ``n_splits + 1`` blocks, so that its start stays known.
-        ``"auto"`` hides trajectories where there are at least ``n_splits``.
+    by : {"auto", "trajectory", "time", "range"}, default="auto"
+        Whether whole trajectories are hidden; or in each fold another block of time of every
+        trajectory, never the first of its ``n_splits + 1`` blocks, so that its start stays known;
+        or another range of operation, see `operating_ranges`. ``"auto"`` hides trajectories where
+        there are at least ``n_splits``, else blocks of time in as many folds and ranges in as many
+        more.
 
     Returns
     -------
@@ -29,28 +32,36 @@ def hidden_parts(lengths, n_splits: int, by: str = "auto") -> list[np.ndarray]:
     Raises
     ------
     ValueError
-        If there are fewer trajectories than folds, or fewer samples than blocks.
+        If there are fewer trajectories than folds, or fewer samples than blocks or ranges.
 
     Examples
     --------
-    >>> [mask.astype(int).tolist() for mask in hidden_parts([6], 2)]
+    >>> from sklearn_pgnn.trajectories.record import Record
+    >>> t = np.arange(6.0)
+    >>> record = Record(t, t[:, None], t[:, None], np.zeros(1), "ramp", np.arange(6))
+    >>> [mask.astype(int).tolist() for mask in hidden_parts((record,), 2, by="time")]
     [[0, 0, 1, 1, 0, 0], [0, 0, 0, 0, 1, 1]]
-    >>> [mask.astype(int).tolist() for mask in hidden_parts([2, 2, 2], 2)]
-    [[1, 1, 0, 0, 0, 0], [0, 0, 1, 1, 1, 1]]
     """
-    trajectory = np.repeat(np.arange(len(lengths)), lengths)
-    if by == "time" or (by == "auto" and len(lengths) < n_splits):
-        if min(lengths) <= n_splits:
-            raise ValueError(
-                f"X: expected more samples in every trajectory than the {n_splits + 1} blocks of "
-                f"time, got {min(lengths)}. Remedy: lower n_splits, or leave the trajectory out."
-            )
-        place = np.concatenate([np.arange(n) * (n_splits + 1) // n for n in lengths])
-        return [place == fold for fold in range(1, n_splits + 1)]
+    lengths = [record.t.size for record in records]
+    too_few = by == "auto" and len(lengths) < n_splits
+    if too_few or by in ("time", "range"):
+        blocks = [] if by == "range" else _blocks_of_time(lengths, n_splits)
+        return blocks + ([] if by == "time" else operating_ranges(records, n_splits))
     if len(lengths) < n_splits:
         raise ValueError(
             f"n_splits: expected at most one fold a trajectory, got {n_splits} folds and "
-            f"{len(lengths)} trajectories. Remedy: by='time', or lower n_splits."
+            f"{len(lengths)} trajectories. Remedy: by='time', by='range', or lower n_splits."
         )
     dealt = deal_in_order(lengths, np.full(n_splits, 1 / n_splits))
+    trajectory = np.repeat(np.arange(len(lengths)), lengths)
     return [np.isin(trajectory, fold) for fold in dealt]
+
+
+def _blocks_of_time(lengths, n_splits) -> list[np.ndarray]:
+    if min(lengths) <= n_splits:
+        raise ValueError(
+            f"X: expected more samples in every trajectory than the {n_splits + 1} blocks of "
+            f"time, got {min(lengths)}. Remedy: lower n_splits, or leave the trajectory out."
+        )
+    place = np.concatenate([np.arange(n) * (n_splits + 1) // n for n in lengths])
+    return [place == fold for fold in range(1, n_splits + 1)]

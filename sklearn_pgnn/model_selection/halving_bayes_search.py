@@ -23,6 +23,14 @@ def _best_has(name):
     return available_if(check)
 
 
+def _is_inside(point, space) -> bool:
+    """Return whether every coordinate is one of its dimension."""
+    try:
+        return point in space
+    except TypeError:  # a name or None, where a number is searched
+        return False
+
+
 class HalvingBayesSearchCV(MetaEstimatorMixin, BaseEstimator):
     """Search parameters by a Gaussian process; only the better half goes on after every fold.
 
@@ -32,6 +40,11 @@ class HalvingBayesSearchCV(MetaEstimatorMixin, BaseEstimator):
     since the samples of a trajectory cannot be divided. The best of those that went through all
     folds is fitted to everything.
 
+    The first candidate is the estimator as it is, so that by the same folds a search is never worse
+    than none, however few its candidates are. The Gaussian process learns from it where its
+    parameters lie in the space; where one does not (``structure="auto"``, which is none of the
+    three that are searched), it is scored all the same, and the process begins with the next one.
+
     Parameters
     ----------
     estimator : estimator
@@ -39,11 +52,14 @@ class HalvingBayesSearchCV(MetaEstimatorMixin, BaseEstimator):
     search_spaces : dict of str to Dimension
         What is searched, as from `search_space`.
     n_iter : int, default=20
-        Number of candidates.
+        Number of candidates, the estimator as it is among them.
     cv : int or cross-validation splitter, default=3
         Folds, in the order in which they are scored; a number means `TrajectoryKFold`.
     scoring : str or callable, optional
         As scikit-learn's; by default the estimator's own score.
+    own_first : bool, default=True
+        Whether the first candidate is the estimator as it is, even where its parameters lie outside
+        the space; with False every candidate is drawn from the space.
     random_state : int, RandomState instance or None, default=None
         What draws the candidates.
     verbose : int, default=0
@@ -54,7 +70,7 @@ class HalvingBayesSearchCV(MetaEstimatorMixin, BaseEstimator):
     best_estimator_ : estimator
         The best, fitted to all records.
     best_params_ : dict
-        Its parameters.
+        Its parameters that were searched, as set; of the estimator as it is those that it has.
     best_score_ : float
         Its mean score over all folds.
     best_index_ : int
@@ -93,6 +109,7 @@ class HalvingBayesSearchCV(MetaEstimatorMixin, BaseEstimator):
         n_iter=20,
         cv=3,
         scoring=None,
+        own_first=True,
         random_state=None,
         verbose=0,
     ):
@@ -101,6 +118,7 @@ class HalvingBayesSearchCV(MetaEstimatorMixin, BaseEstimator):
         self.n_iter = n_iter
         self.cv = cv
         self.scoring = scoring
+        self.own_first = own_first
         self.random_state = random_state
         self.verbose = verbose
 
@@ -138,29 +156,41 @@ class HalvingBayesSearchCV(MetaEstimatorMixin, BaseEstimator):
         self.n_splits_ = len(folds)
         scores = np.full((self.n_iter, len(folds)), np.nan)
         candidates, seconds = [], []
-        optimizer, as_dict = self._optimizer()
+        optimizer = self._optimizer()
         for i in range(self.n_iter):
-            point = optimizer.ask()
-            candidates.append(as_dict(point))
+            point, params = self._candidate(optimizer, i)
+            candidates.append(params)
             start = time.perf_counter()
-            self._race(candidates[i], X, y, folds, scores, i)
+            self._race(params, X, y, folds, scores, i)
             seconds.append(time.perf_counter() - start)
-            optimizer.tell(point, -float(np.nanmean(scores[i])))
+            if point is not None:
+                optimizer.tell(point, -float(np.nanmean(scores[i])))
             self._show(i, scores, seconds[i])
         self._keep(candidates, scores, seconds)
         self.best_estimator_ = clone(self.estimator).set_params(**self.best_params_).fit(X, y)
         return self
 
     def _optimizer(self):
-        """Return what asks for points, and what names their coordinates."""
+        """Return what asks for points of the space."""
         with needed_by("HalvingBayesSearchCV"):
             from skopt import Optimizer
-            from skopt.utils import dimensions_aslist, point_asdict
+            from skopt.utils import dimensions_aslist
         seed = check_random_state(self.random_state).randint(2**31 - 1)
         first = min(10, max(1, self.n_iter // 2))
-        spaces = dict(self.search_spaces)
-        optimizer = Optimizer(dimensions_aslist(spaces), n_initial_points=first, random_state=seed)
-        return optimizer, lambda point: dict(point_asdict(spaces, point))
+        dimensions = dimensions_aslist(dict(self.search_spaces))
+        return Optimizer(dimensions, n_initial_points=first, random_state=seed)
+
+    def _candidate(self, optimizer, i):
+        """Return a candidate's point, None of one outside the space, and its parameters."""
+        names = sorted(self.search_spaces)  # the order of scikit-optimize's dimensions
+        if i or not self.own_first:
+            point = optimizer.ask()
+            return point, dict(zip(names, point, strict=True))
+        own = self.estimator.get_params()
+        params = {name: own[name] for name in names if name in own}
+        point = [params.get(name) for name in names]
+        inside = len(params) == len(names) and _is_inside(point, optimizer.space)
+        return point if inside else None, params
 
     def _race(self, params, X, y, folds, scores, i) -> None:
         """Score a candidate fold by fold, as long as it is among the better half."""

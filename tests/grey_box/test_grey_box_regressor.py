@@ -1,6 +1,7 @@
 """The recipe chooses its depth by the training records alone, and predicts in free run."""
 
 import pickle
+import warnings
 
 import numpy as np
 import pandas as pd
@@ -13,6 +14,8 @@ from sklearn.preprocessing import PolynomialFeatures
 from sklearn_pgnn import GreyBoxRegressor, ModelDiagnosis, PhysicsModel, ResidualRegressor, effects
 from sklearn_pgnn.exceptions import ModelError, OptionError, TrainingError
 from sklearn_pgnn.grey_box.hidden_parts import hidden_parts
+from sklearn_pgnn.grey_box.operating_ranges import operating_ranges
+from sklearn_pgnn.trajectories.record import Record
 
 CART = PhysicsModel(
     {"v": "m/s"}, {"v": "(F - d*v)/m"}, {"m": 2.0, "d": 0.5}, {"F": "N"}, inertia={"v": "m"}
@@ -59,6 +62,25 @@ def test_wrong_parameters_are_fitted():
     grey_box = GreyBoxRegressor(CART, **QUICK).fit(X, y)
     assert grey_box.depth_ == "fitted"
     assert grey_box.model_.parameters["m"].value == pytest.approx(2.6, rel=0.01)
+
+
+def test_numbers_that_nobody_has_measured_are_told():
+    X, y = records(CART.with_parameters(m=2.6, d=0.8))
+    with pytest.warns(UserWarning, match="re-tuned m and d to the ends.*Remedy.*spread=inf"):
+        GreyBoxRegressor(CART, **QUICK).fit(X, y)
+    wide = {name: each.with_spread(np.inf) for name, each in CART.parameters.items()}
+    model = CART.replace(parameters=wide)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", UserWarning)
+        GreyBoxRegressor(model, **QUICK).fit(X, y)
+
+
+@pytest.mark.slow
+def test_numbers_that_only_a_missing_effect_bends_are_not_told():
+    X, y = records(CART + effects.CoulombFriction("v", level=1.0))  # without it both are bent
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", UserWarning)
+        GreyBoxRegressor(CART, **QUICK).fit(X, y)
 
 
 def test_what_no_physics_explains_is_left_to_the_network():
@@ -171,17 +193,67 @@ def test_without_a_window_nothing_tells_the_start(with_friction):
         grey_box.predict_from(X, y)
 
 
-def test_one_record_is_cut_into_blocks_of_time():
-    masks = hidden_parts([40], 3)
+def some(lengths):
+    """Return measured trajectories of so many samples."""
+    times = [np.arange(n, dtype=float) for n in lengths]
+    return tuple(
+        Record(t, np.sin(t)[:, None], np.cos(t)[:, None], np.zeros(1), "some", t.astype(int))
+        for t in times
+    )
+
+
+def test_one_record_can_be_cut_into_blocks_of_time():
+    masks = hidden_parts(some([40]), 3, by="time")
     assert [mask.sum() for mask in masks] == [10, 10, 10]
     assert not any(mask[:10].any() for mask in masks)
 
 
 def test_every_trajectory_is_hidden_once():
-    masks = hidden_parts([4, 5, 6, 7], 3)
+    masks = hidden_parts(some([4, 5, 6, 7]), 3)
     assert np.sum(masks, axis=0).tolist() == [1] * 22
     with pytest.raises(ValueError, match="by='time'"):
-        hidden_parts([4], 3, by="trajectory")
+        hidden_parts(some([4]), 3, by="trajectory")
+
+
+def test_fewer_trajectories_than_folds_hide_blocks_of_time_and_ranges_of_operation():
+    both = some([40, 40])
+    blocks, ranges = (hidden_parts(both, 3, by=by) for by in ("time", "range"))
+    assert np.array_equal(hidden_parts(both, 3), [*blocks, *ranges])
+    assert np.array_equal(ranges, operating_ranges(both, 3))
+    assert sum(hidden_parts(both, 2)).tolist() == [1] * 80  # whole trajectories
+
+
+class Sighted(ResidualRegressor):
+    """A network that can be told what it sees; told so, it learns the wrong thing."""
+
+    def __init__(self, model=None, regressor=None, sees=None):
+        super().__init__(model, regressor)
+        self.sees = sees
+
+    def fit(self, X, y):
+        return super().fit(X, y if self.sees is None else np.zeros_like(y))
+
+
+def test_a_network_of_the_states_is_a_depth_of_its_own():
+    X, y = records(CART)
+    X, y = X.assign(v=0.0), y + 0.3 * X["F"].to_numpy() ** 2
+    grey_box = GreyBoxRegressor(
+        CART, depths=("prior", "state_network", "network"), network=Sighted(CART, _squares())
+    )
+    assert list(grey_box.fit(X, y).errors_) == ["prior", "state_network", "network"]
+    assert grey_box.depth_ == "network"
+    grey_box.set_params(depths=("prior", "state_network"), least_gain=0.0).fit(X, y - y)
+    assert grey_box.depth_ == "state_network"
+    assert grey_box.estimator_.sees == ["v"]
+
+
+@pytest.mark.parametrize("network", [ResidualRegressor(CART), Sighted(CART, sees=["v"])])
+def test_only_a_network_that_can_see_less_has_that_depth(network):
+    X, y = records(CART, n=2)
+    grey_box = GreyBoxRegressor(CART, depths=("prior", "state_network"), network=network)
+    with pytest.raises(OptionError, match="'sees' is None"):
+        grey_box.fit(X, y)
+    assert "state_network" not in grey_box._possible_depths()
 
 
 @pytest.mark.parametrize(
@@ -190,6 +262,7 @@ def test_every_trajectory_is_hidden_once():
         {"depths": ("deep",)},
         {"depths": "fitted"},
         {"depths": ("network",)},
+        {"depths": ("state_network", "network")},
         {"by": "row"},
         {"n_splits": 1},
         {"initial_window": -1},

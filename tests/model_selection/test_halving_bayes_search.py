@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from sklearn.base import BaseEstimator, RegressorMixin, clone
 from sklearn.linear_model import Ridge
+from skopt import Optimizer
 
 from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.model_selection import HalvingBayesSearchCV
@@ -52,6 +53,49 @@ def test_it_is_repeatable_and_survives():
     assert not hasattr(found, "predict_interval")
 
 
+def test_the_first_candidate_is_the_estimator_as_it_is():
+    found = search(Ridge(alpha=0.5)).fit(X, Y)
+    results = found.cv_results_
+    assert results["params"][0] == {"alpha": 0.5}
+    assert results["n_folds"][0] == found.n_splits_
+    assert found.best_score_ >= results["mean_test_score"][0]
+
+
+def test_a_single_candidate_is_no_search():
+    found = search(Ridge(alpha=0.5), n_iter=1).fit(X, Y)
+    assert np.array_equal(found.predict(X), Ridge(alpha=0.5).fit(X, Y).predict(X))
+
+
+@pytest.mark.parametrize(("alpha", "is_told"), [(0.5, True), (1e-9, False)])
+def test_the_process_learns_from_the_first_where_it_lies_in_the_space(monkeypatch, alpha, is_told):
+    told, tell = [], Optimizer.tell
+    monkeypatch.setattr(
+        Optimizer, "tell", lambda self, x, y: told.append({"alpha": x[0]}) or tell(self, x, y)
+    )
+    tried = search(Ridge(alpha=alpha), n_iter=3).fit(X, Y).cv_results_["params"]
+    assert tried[0] == {"alpha": alpha}
+    assert told == tried[not is_told :]
+
+
+def test_every_candidate_may_be_drawn():
+    drawn = search(own_first=False, n_iter=4).fit(X, Y).cv_results_["params"]
+    after = search(Ridge(alpha=1e-9), n_iter=4).fit(X, Y).cv_results_["params"]
+    assert after[1:3] == drawn[:2]  # both at random, before the process knows enough
+
+
+@pytest.mark.parametrize("own", [None, "auto"])
+def test_what_no_dimension_has_is_tried_first_all_the_same(own):
+    found = HalvingBayesSearchCV(Named(level=own), {"level": (0.0, 0.5)}, n_iter=3).fit(X, Y)
+    assert found.cv_results_["params"][0] == {"level": own}
+    assert found.best_params_ == {"level": own}
+
+
+def test_a_parameter_that_the_estimator_does_not_tell_is_left_as_it_is():
+    found = HalvingBayesSearchCV(Named(), {"level": (0.0, 0.5), "more__size": (1, 3)}, n_iter=2)
+    assert found.fit(X, Y).cv_results_["params"][0] == {"level": 1.0}
+    assert set(found.cv_results_["params"][1]) == {"level", "more__size"}
+
+
 def test_progress_is_shown(capsys):
     search(n_iter=2, verbose=1).fit(X, Y)
     lines = capsys.readouterr().out.splitlines()
@@ -59,6 +103,23 @@ def test_progress_is_shown(capsys):
         "[HalvingBayesSearchCV] candidate 1 of 2",
         "[HalvingBayesSearchCV] candidate 2 of 2",
     ]
+
+
+class Named(RegressorMixin, BaseEstimator):
+    """It takes parameters that it does not tell, as a skorch regressor does of its module."""
+
+    def __init__(self, level=1.0):
+        self.level = level
+
+    def set_params(self, **params):
+        return super().set_params(**{k: v for k, v in params.items() if k == "level"})
+
+    def fit(self, X, y):
+        self.fitted_ = True
+        return self
+
+    def score(self, X, y):
+        return self.level if isinstance(self.level, float) else 1.0
 
 
 class Diverging(RegressorMixin, BaseEstimator):

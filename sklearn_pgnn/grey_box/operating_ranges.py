@@ -1,0 +1,81 @@
+"""The ranges of operation in records: groups of samples that are alike, by k-means."""
+
+import numpy as np
+from sklearn.cluster import KMeans
+
+from sklearn_pgnn.simulation.record_windows import dominant_period
+from sklearn_pgnn.trajectories.reader import MIN_SAMPLES
+
+#: share of the dominant period over which outputs are seen to change, so that noise is not
+CHANGE_SHARE = 0.1
+#: a signal that varies by less than this share of its size is constant
+ROUNDING = 1e-9
+
+
+def operating_ranges(records, n_ranges: int) -> list[np.ndarray]:
+    """Return which samples are in each range of operation, besides the most central one.
+
+    Samples are grouped by their measured outputs, how these change over a tenth of their dominant
+    period, and the inputs, all in standard deviations. What was not measured is in no range, nor
+    are the first samples of a trajectory, from which its start is known.
+
+    Parameters
+    ----------
+    records : tuple of Record
+        Measured trajectories.
+    n_ranges : int
+        How many ranges there shall be, besides the one whose centre is nearest to the mean.
+
+    Returns
+    -------
+    list of ndarray of bool, shape (n_samples,)
+        A mask a range over the trajectories end to end, the one nearest to the mean first.
+
+    Raises
+    ------
+    ValueError
+        If fewer different samples were measured than there are ranges.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.trajectories.record import Record
+    >>> t, rows = np.arange(20.0), np.arange(20)
+    >>> rise = (t**3)[:, None]
+    >>> record = Record(t, rise, rise, np.zeros(1), "rise", rows)
+    >>> [rows[mask].tolist() for mask in operating_ranges((record,), 2)]
+    [[4, 5, 6, 7, 8, 9, 10], [16, 17, 18, 19]]
+    """
+    signals = _signals(records)
+    known = np.isfinite(signals).all(axis=1)
+    n_known = len(np.unique(signals[known], axis=0))
+    if n_known <= n_ranges:
+        raise ValueError(
+            f"y: expected more different samples that were measured than the {n_ranges + 1} ranges "
+            f"of operation, got {n_known}. Remedy: lower n_splits, by='time', or record more."
+        )
+    found = KMeans(n_ranges + 1, n_init=10, random_state=0).fit(signals[known])
+    label = np.full(len(signals), -1)
+    label[known] = found.labels_
+    place = np.concatenate([np.arange(record.t.size) for record in records])
+    label[place < MIN_SAMPLES] = -1
+    outward = np.argsort(np.linalg.norm(found.cluster_centers_, axis=1))
+    return [label == k for k in outward[1:]]
+
+
+def _signals(records) -> np.ndarray:
+    """Return outputs, their changes and the inputs, without mean, in standard deviations."""
+    span = CHANGE_SHARE * dominant_period(records)
+    parts = [np.hstack([r.y, _changes(r.t, r.y, span), r.u]) for r in records]
+    signals = np.concatenate(parts)
+    spread, size = np.nanstd(signals, axis=0), np.nanmax(np.abs(signals), axis=0)
+    moves = spread > ROUNDING * size
+    return (signals - np.nanmean(signals, axis=0)) / np.where(moves, spread, size + 1.0)
+
+
+def _changes(t: np.ndarray, y: np.ndarray, span: float) -> np.ndarray:
+    """Return the slope of the outputs over a span of time around every sample."""
+    place, last = np.arange(t.size), t.size - 1
+    half = max(1, round(span / 2 / float(np.median(np.diff(t))))) if last else 0
+    before, after = np.maximum(place - half, 0), np.minimum(place + half, last)
+    elapsed = np.where(after > before, t[after] - t[before], 1.0)
+    return (y[after] - y[before]) / elapsed[:, None]

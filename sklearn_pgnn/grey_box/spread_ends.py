@@ -1,0 +1,67 @@
+"""Parameters that a diagnosis re-tuned as far as their spread lets it."""
+
+import warnings
+
+import numpy as np
+
+from sklearn_pgnn.physics.model import PhysicsModel
+
+#: so many parameters at the ends of their spreads are no chance, and are told
+SEVERAL = 2
+
+
+def at_spread_ends(prior: PhysicsModel, retuned: PhysicsModel) -> tuple[str, ...]:
+    """Return the parameters that went to an end of their spread, though their bounds go on.
+
+    Parameters
+    ----------
+    prior : PhysicsModel
+        Its values, spreads and bounds.
+    retuned : PhysicsModel
+        Its values, re-tuned within their spreads.
+
+    Returns
+    -------
+    tuple of str
+        Their names.
+
+    Examples
+    --------
+    >>> lag = PhysicsModel({"y": "V"}, {"y": "(k*u - y)/T"}, {"T": 2.0, "k": 1.0}, {"u": "V"})
+    >>> at_spread_ends(lag, lag.with_parameters(T=2.2, k=1.05))
+    ('T',)
+    """
+    return tuple(name for name in prior.free_parameters if _is_at_an_end(name, prior, retuned))
+
+
+def warn_of_spreads(prior: PhysicsModel, retuned: PhysicsModel) -> None:
+    """Warn where several parameters went to the ends of their spreads.
+
+    Parameters
+    ----------
+    prior, retuned : PhysicsModel
+        See `at_spread_ends`; re-tuned beside the named causes, for what a cause explains may bend
+        the parameters of a model without it.
+    """
+    names = at_spread_ends(prior, retuned)
+    if len(names) < SEVERAL:
+        return
+    warnings.warn(
+        f"the diagnosis re-tuned {', '.join(names[:-1])} and {names[-1]} to the ends of their "
+        f"spreads, within which a prior's parameters count as known, whatever cause it named "
+        f"beside them; the recipe fits them between their bounds. What it named may stand for "
+        f"wrong numbers. Remedy: give the spread of parameters that nobody has measured, "
+        f"Parameter(..., spread=inf) where nothing is known of them.",
+        UserWarning,
+        stacklevel=5,
+    )
+
+
+def _is_at_an_end(name: str, prior: PhysicsModel, retuned: PhysicsModel) -> bool:
+    parameter, value = prior.parameters[name], retuned.parameters[name].value
+    if not 0 < parameter.reach < np.inf:
+        return False
+    low, high = parameter.bounds
+    ends = [parameter.value - parameter.reach, parameter.value + parameter.reach]
+    near = np.isclose(value, ends, rtol=0.0, atol=1e-6 * parameter.reach)
+    return bool((near & [low < ends[0], ends[1] < high]).any())
