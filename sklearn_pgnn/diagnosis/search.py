@@ -250,6 +250,8 @@ class Search:
     def _drop(self, current: FittedHypothesis, is_named=None) -> FittedHypothesis | None:
         """Drop the cause that is needed least, unless the others leave it a name."""
         is_named = self._names if is_named is None else is_named
+        if not current.hypothesis.causes:
+            return None
         self.progress.begin("needless causes", len(current.hypothesis.causes))
         ground = self.fitter.subsample(current)
         reduced = [self.fitter.reduce(ground, cause) for cause in _causes(current)]
