@@ -34,7 +34,7 @@ def free_run_error(value: float) -> str:
 def measured(value: float, low: float, high: float, unit: str = "") -> str:
     """Write a value with its interval, no finer than the interval makes sense.
 
-    Where zero is not inside, nothing but zero is rounded to it.
+    Where zero is not inside, nothing but zero is rounded to it. A unit of 1 goes without saying.
 
     Examples
     --------
@@ -46,7 +46,10 @@ def measured(value: float, low: float, high: float, unit: str = "") -> str:
     '2'
     >>> measured(-0.26237, -math.inf, -0.2221, "1/V")
     '-0.26 (at most -0.22) 1/V'
+    >>> measured(0.25, 0.2, 0.3, "1")
+    '0.25 (0.20 to 0.30)'
     """
+    unit = "" if unit == "1" else unit
     if math.isfinite(low) != math.isfinite(high):
         return _half_open(value, low, high, unit)
     if not math.isfinite(low) or low == high:
