@@ -61,7 +61,8 @@ class FormulaSelection:
         final, causes = result.final, result.final.hypothesis.causes
         if not (causes or has_structure):
             return result, None
-        if len(causes) > 1 or has_structure or self.is_law(search):
+        asked = has_structure or search.leaves_much(final) or self.is_law(search)
+        if len(causes) > 1 or asked:
             alone = self._alone(search)
             if alone and (not causes or _takes_the_place(search, alone.trial, final)):
                 return replace(result, steps=[], rivals={}), alone

@@ -200,7 +200,7 @@ class Search:
             yield self._replace
         if count:
             yield self._split
-        if room >= 1 and (self.has_structure(current) or self._leaves_much(current)):
+        if room >= 1 and (self.has_structure(current) or self.leaves_much(current)):
             yield self._add_patiently
             if room >= 2:
                 yield self._add_pair
@@ -221,7 +221,7 @@ class Search:
         beyond = left.squares - self.fitter.white_squares(trial)
         return bool((beyond > self.criterion.smallest_share * left.squares).any())
 
-    def _leaves_much(self, trial: FittedHypothesis) -> bool:
+    def leaves_much(self, trial: FittedHypothesis) -> bool:
         """Return whether far more than white noise is left of some output."""
         left, white = self.fitter.held_out(trial).windows, self.fitter.white_squares(trial)
         return bool((left.squares > MUCH**2 * white).any())
