@@ -95,8 +95,7 @@ class Search:
     def so_far(self) -> SearchResult:
         """Return the best hypothesis so far of which every cause is named, if there is any."""
         self.progress.counts = False  # a result there must be
-        while (fewer := self._drop(self.current)) is not None:
-            self.current = fewer
+        self._drop_needless()
         return self._result(complete=False)
 
     def judge_on(
@@ -131,8 +130,8 @@ class Search:
         self.current = fitter.refit_elsewhere(found.final)
         self.progress.counts = True
         with suppress(TimeIsUp):
-            while complete and (fewer := self._drop(self.current)) is not None:
-                self.current = fewer
+            if complete:
+                self._drop_needless()
             return replace(self._result(complete), alone=found.alone)
         return replace(self.so_far(), alone=found.alone)
 
@@ -238,8 +237,12 @@ class Search:
         """Drop what a disturbance would explain as well, and what has no name without that."""
         while (fewer := self._drop_disturbed(self.current)) is not None:
             self.current = fewer
-            while (fewer := self._drop(self.current)) is not None:
-                self.current = fewer
+            self._drop_needless()
+
+    def _drop_needless(self) -> None:
+        """Drop causes until each has a name beside the others."""
+        while (fewer := self._drop(self.current)) is not None:
+            self.current = fewer
 
     def _drop_disturbed(self, current: FittedHypothesis) -> FittedHypothesis | None:
         """Drop the cause that is needed least beside a disturbance, if more than noise is left."""
