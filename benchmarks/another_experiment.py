@@ -14,7 +14,7 @@ from functools import partial
 
 import numpy as np
 import pandas as pd
-from plants import BODIES, MASS, MOTOR, STRIBECK
+from plants import BODIES, MASS, MOTOR, STRIBECK, truth_of
 from seed_table import cell, command_line, run_seeds, write_table
 
 from sklearn_pgnn import GreyBoxRegressor, PhysicsModel
@@ -68,14 +68,6 @@ COGGING = (
 CLOSED = {"carriage, friction": STICKING, "carriage, cogging": COGGING}
 #: of the carriage: interval [s], samples, gains of its loop, and noise [m]
 STEP, SAMPLES, STIFF, DAMP, NOISE = 0.005, 2000, 30000.0, 1500.0, 2e-6
-
-
-def truth(model, missing):
-    """Return the plant: the model with what it lacks."""
-    rates = {name: str(rate) for name, rate in model.equations.items()}
-    rates = {name: rate.replace("Max", "max").replace("Abs", "abs") for name, rate in rates.items()}
-    lacking = {name: f"{rate} - ({missing.get(name, 0)})" for name, rate in rates.items()}
-    return model.replace(equations=lacking)
 
 
 def sines(t, rng, low, high, period):
@@ -134,11 +126,11 @@ def make(name, seed):
     rng = np.random.default_rng([seed, [*OPEN, *CLOSED].index(name), 77])
     if name in OPEN:
         model, missing, step, samples, (low, high), period, noise = OPEN[name]
-        plant, t = truth(model, missing), step * np.arange(samples)
+        plant, t = truth_of(model, missing), step * np.arange(samples)
         inputs = [way(t, rng, low, high, period) for way in (sines, pulses)]
     else:
         model, noise, t = CARRIAGE, NOISE, STEP * np.arange(SAMPLES)
-        plant, wanted = truth(model, {"v": CLOSED[name]}), there_and_back(t, rng)
+        plant, wanted = truth_of(model, {"v": CLOSED[name]}), there_and_back(t, rng)
         kicks = [np.zeros(t.size), pulses(t, rng, -35.0, 35.0, 1.0)]
         inputs = [in_a_loop(plant, t, wanted, kick) for kick in kicks]
     levels = (noise, 0.0)

@@ -67,11 +67,17 @@ class Plant:
         return X, pd.DataFrame(run.y + noise, columns=list(self.model.outputs))
 
 
+def truth_of(model, missing):
+    """Return a machine: its model, with what that lacks subtracted from the rates."""
+    rates = {name: str(rate) for name, rate in model.equations.items()}
+    rates = {name: rate.replace("Max", "max").replace("Abs", "abs") for name, rate in rates.items()}
+    lacking = {name: f"{rate} - ({missing.get(name, 0)})" for name, rate in rates.items()}
+    return model.replace(equations=lacking)
+
+
 def _plant(model, missing, **options):
     """Build the plant from its model and what that lacks."""
-    rates = {state: str(rate) for state, rate in model.equations.items()}
-    truth = {state: f"{rate} - ({missing.get(state, 0)})" for state, rate in rates.items()}
-    return Plant(model, model.replace(equations=truth), **options)
+    return Plant(model, truth_of(model, missing), **options)
 
 
 MASS = PhysicsModel(

@@ -2,14 +2,13 @@
 
 import numpy as np
 from sklearn.cluster import KMeans
+from sklearn.preprocessing import StandardScaler
 
 from sklearn_pgnn.simulation.record_windows import dominant_period
 from sklearn_pgnn.trajectories.reader import MIN_SAMPLES
 
 #: share of the dominant period over which outputs are seen to change, so that noise is not
 CHANGE_SHARE = 0.1
-#: a signal that varies by less than this share of its size is constant
-ROUNDING = 1e-9
 
 
 def operating_ranges(records, n_ranges: int) -> list[np.ndarray]:
@@ -66,10 +65,7 @@ def _signals(records) -> np.ndarray:
     """Return outputs, their changes and the inputs, without mean, in standard deviations."""
     span = CHANGE_SHARE * dominant_period(records)
     parts = [np.hstack([r.y, _changes(r.t, r.y, span), r.u]) for r in records]
-    signals = np.concatenate(parts)
-    spread, size = np.nanstd(signals, axis=0), np.nanmax(np.abs(signals), axis=0)
-    moves = spread > ROUNDING * size
-    return (signals - np.nanmean(signals, axis=0)) / np.where(moves, spread, size + 1.0)
+    return StandardScaler().fit_transform(np.concatenate(parts))
 
 
 def _changes(t: np.ndarray, y: np.ndarray, span: float) -> np.ndarray:
