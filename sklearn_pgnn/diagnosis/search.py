@@ -179,13 +179,17 @@ class Search:
         """Return what the first move leads to that is accepted and leads to something new."""
         for move in moves:
             better = move(current)
-            if better is not None and self._is_new(better):
+            if better is not None and self._is_new(better) and self._lasts(better):
                 return better
         return None
 
     def _is_new(self, trial: FittedHypothesis) -> bool:
         """Return whether no moves have gone on from a hypothesis."""
         return self.fitter.key(trial.hypothesis) not in self._visited
+
+    def _lasts(self, trial: FittedHypothesis) -> bool:
+        """Return whether every cause stands beside a disturbance."""
+        return self._drop_disturbed(trial) is None
 
     def _moves(self, current: FittedHypothesis) -> Iterator[Move]:
         """Yield the moves, the cheap ones first."""

@@ -23,7 +23,7 @@ from sklearn_pgnn.simulation.state_estimate import free_run
 from sklearn_pgnn.threads import one_thread_each
 
 #: what the time since a window began, and since a record began, are called
-IN_WINDOW, IN_RECORD = "time in window", "time"
+IN_WINDOW, IN_RECORD = "simulated time", "time in the record"
 
 
 @dataclass(frozen=True)
