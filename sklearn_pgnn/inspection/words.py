@@ -1,11 +1,13 @@
 """A diagnosis in words: what an engineer reads on a screen or in a report."""
 
 import itertools
+import math
 
 from sklearn_pgnn.estimation.hypothesis import commute
 from sklearn_pgnn.inspection.numbers import chance, number, percent, readable, times
 from sklearn_pgnn.inspection.yardstick import (
     formula_error,
+    in_free_run,
     is_adequate_as_given,
     leaves_much,
     over_windows,
@@ -164,7 +166,7 @@ def _found(diagnosis, names: str) -> str:
     """Return a sentence on what was found."""
     the_model = _the_model(diagnosis)
     if diagnosis.verdict_ == "model_adequate":
-        return f"{_adequate(diagnosis)} {_silence(diagnosis)}".strip()
+        return f"{_adequate(diagnosis)} {_in_free_run(diagnosis)}".strip()
     sentences = {
         "cause_named": f"The {the_model} misses {names}.",
         "ambiguous": f"The {the_model} misses {names}, or {_others(diagnosis)}: these records "
@@ -172,7 +174,7 @@ def _found(diagnosis, names: str) -> str:
         "unexplained": f"The {the_model} misses something that no known effect explains.",
     }
     causes = f"{_order(diagnosis)}{_worth(diagnosis)}" if diagnosis.causes_ else ""
-    parts = (sentences[diagnosis.verdict_], causes, _silence(diagnosis), _described(diagnosis))
+    parts = (sentences[diagnosis.verdict_], causes, _in_free_run(diagnosis), _described(diagnosis))
     return " ".join(part.strip() for part in parts if part)
 
 
@@ -300,13 +302,26 @@ def _worth(diagnosis) -> str:
     return f"On data held out of the fit it leaves, in units of the noise: {left}."
 
 
-def _silence(diagnosis) -> str:
-    """Return that the free run was not asked, where it says nothing."""
-    if all(error.tells for error in diagnosis.free_run_.values()):
+def _in_free_run(diagnosis) -> str:
+    """Return that the free run says nothing, or that it has become worse; else nothing."""
+    if not all(error.tells for error in diagnosis.free_run_.values()):
+        return (
+            "The free run says nothing: without restarts, no model is nearer to the records than "
+            "their mean is, as with an unstable or chaotic machine."
+        )
+    found = in_free_run(diagnosis)
+    much = 1.0 / math.sqrt(1.0 - diagnosis.smallest_share)
+    worse = {output: e for output, e in found.items() if not e.extended <= much * e.prior}
+    if not worse:
         return ""
+    rise = [
+        _of(output, f"{times(e.prior)} as given, {times(e.extended)} now", found)
+        for output, e in worse.items()
+    ]
     return (
-        "The free run says nothing: without restarts, no model is nearer to the records than their "
-        "mean is, as with an unstable or chaotic machine."
+        f"But in free run, without restarts, it is farther from the records than as given, in "
+        f"units of the noise: {listed(rise)}. Windows start anew, and tell little of what builds "
+        f"up over a whole record: make window_length longer, or hold what is known fixed."
     )
 
 

@@ -31,6 +31,7 @@ def diagnosis(probability=1.0, rivals=(), remaining=None):
     cause = NamedCause("input_bias", "F", {}, 90.0, tuple(rivals), probability=probability)
     return SimpleNamespace(
         model=CART,
+        smallest_share=0.05,
         verdict_="ambiguous" if rivals else "cause_named",
         complete_=True,
         stopped_=None,
@@ -120,6 +121,19 @@ def test_a_free_run_that_says_nothing_is_told_with_any_verdict(capsys, verdict):
     assert silence not in shown(capsys, lost)
     lost.free_run_ = {"v": FreeRunError(3.0, 2.0, 1.0, tells=False)}
     assert shown(capsys, lost).count(silence) == 1
+
+
+@pytest.mark.parametrize("verdict", ["model_adequate", "cause_named", "unexplained"])
+def test_a_free_run_that_has_become_worse_is_told_with_its_remedy(capsys, verdict):
+    lost = diagnosis(remaining=Remaining("disturbance", {"v": 8.0}))
+    lost.verdict_, lost.causes_ = verdict, lost.causes_ if verdict == "cause_named" else ()
+    noise = lost.gain_["v"].noise
+    lost.free_run_ = {"v": FreeRunError(2.0 * noise, 2.0 * noise, 2.04 * noise)}
+    assert "farther from the records" not in shown(capsys, lost)  # by less than is worth a word
+    lost.free_run_ = {"v": FreeRunError(2.0 * noise, 4.0 * noise, 8.0 * noise)}
+    text = shown(capsys, lost)
+    assert "farther from the records than as given, in units of the noise: 2.00" in text
+    assert "make window_length longer, or hold what is known fixed." in text
 
 
 def test_nothing_is_said_of_what_was_not_asked(capsys):
