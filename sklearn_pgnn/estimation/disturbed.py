@@ -18,7 +18,7 @@ wherever it lets the machine go.
 
 import warnings
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -27,10 +27,15 @@ from sklearn_pgnn.estimation.held_out import rows_of
 from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.estimation.residuals import HeldOut
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.disturbance import LinearWindows, innovations, likeliest
+from sklearn_pgnn.simulation.disturbance import (
+    Disturbance,
+    LinearWindows,
+    innovations,
+    likeliest,
+)
+from sklearn_pgnn.simulation.filtered_response import Starts, linearise_filtered
 from sklearn_pgnn.simulation.hidden_input import channels
 from sklearn_pgnn.simulation.led_states import Lead, lead
-from sklearn_pgnn.simulation.linear_response import linearise
 from sklearn_pgnn.simulation.simulate import simulate_acting
 from sklearn_pgnn.simulation.window_fit import ParameterPrior, bounded_step
 from sklearn_pgnn.simulation.windows import ShootingWindows
@@ -104,11 +109,11 @@ class HeldOutWindows:
         learned, x0 = held_out.learned, np.asarray(held_out.x0)
         names, windows = tuple(free.name for free in freedoms), problem.windows
         n_states = len(learned[0].states)
-        self.columns = np.full((*windows.y.shape, len(names) + 1), np.nan)
+        self.slopes = np.full((*windows.y.shape, len(names)), np.nan)
         self.mean = np.empty((len(windows), n_states))
         self.covariance = np.empty((len(windows), n_states, n_states))
         self.taught = np.empty((len(windows), len(names)))
-        self.parts: list[tuple[PhysicsModel, ShootingWindows, np.ndarray]] = []
+        self.parts: list[tuple[PhysicsModel, ShootingWindows, Starts]] = []
         for model, fold in zip(learned, np.unique(folds), strict=True):
             inside = folds == fold
             part = windows.select(inside)
@@ -118,10 +123,11 @@ class HeldOutWindows:
             self.mean[inside], self.covariance[inside] = _starts(led, begun, *expected)
             self.taught[inside] = [model.parameters[name].value for name in names]
             self._simulate(model, part, begun, led, names)
-            self.parts.append((model, part, begun))
+            starts = Starts(begun, self.mean[inside], self.covariance[inside])
+            self.parts.append((model, part, starts))
 
     def _simulate(self, model, part, begun, led: Lead | None, names) -> None:
-        """Fill in the residuals of windows, and their derivatives by parameters."""
+        """Fill in the derivatives of the residuals of windows by parameters."""
         u, count = part.acting_inputs(model), len(names)
         spans = zip(part.starts, part.starts + part.lengths, strict=True)
         for w, (a, b) in enumerate(spans):
@@ -131,7 +137,7 @@ class HeldOutWindows:
             if led is not None:
                 follow = led.slopes[w, :, : len(led.numbers)]
                 slopes[..., led.numbers] += by_start[..., led.states] @ follow
-            self.columns[a:b, :, :-1], self.columns[a:b, :, -1] = -slopes, part.y[a:b] - run.y
+            self.slopes[a:b] = -slopes
 
     def likelihoods(self, each_run: Callable[[], None] = lambda: None) -> Iterator[float]:
         """Yield the likelihood with the parameters as they are, and as they are learned again.
@@ -146,34 +152,48 @@ class HeldOutWindows:
         float
             The logarithm, but for a constant, beside the likeliest disturbance.
         """
-        scales, length = self.problem.scales, self.problem.scales.window
-        found = {}
-        for channel in channels(self.problem.prior):
-            linear = self._linear(channel, self.columns[..., -1:])
-            size = scales.rate.get(channel, scales.typical[channel])
-            found[channel] = (*likeliest(linear, size, length, each_run=each_run), linear, size)
-        best = max(found, key=lambda channel: found[channel][1], default=None)
+        found = (self._likeliest(each, each_run) for each in channels(self.problem.prior))
+        best = max(found, key=lambda one: one.likelihood, default=None)
         if best is None:
             return
-        disturbance, likelihood, linear, size = found[best]
-        yield likelihood
-        every = replace(linear, columns=self.columns)
-        again = replace(linear, columns=self._learned_again(innovations(every, disturbance).gram))
-        yield likeliest(again, size, length, disturbance, each_run)[1]
+        yield best.likelihood
+        residual = best.linear.columns
+        every = replace(best.linear, columns=np.concatenate([self.slopes, residual], axis=-1))
+        gram = innovations(every, best.disturbance).gram
+        again = replace(best.linear, columns=self._learned_again(gram, residual))
+        size, time = self._typical(best.channel)
+        yield likeliest(again, size, time, best.disturbance, each_run)[1]
 
-    def _linear(self, channel: str, columns: np.ndarray) -> LinearWindows:
-        """Linearise all windows with a hidden input."""
-        (size, n_outputs), n = self.problem.windows.y.shape, self.mean.shape[1] + 1
-        F, H = np.zeros((size, n, n)), np.zeros((size, n_outputs, n))
-        for model, part, begun in self.parts:
-            rows, both = rows_of(part), linearise(model, part, begun, channel)
-            F[rows], H[rows] = (each[rows] for each in both)
+    def _likeliest(self, channel: str, each_run: Callable[[], None]) -> "_Beside":
+        """Find the likeliest hidden input at a channel, first along what a typical one explains."""
+        size, time = self._typical(channel)
+        linear = self._linearised(channel, Disturbance(size**2, time))
+        disturbance, likelihood = likeliest(linear, size, time, each_run=each_run)
+        first = _Beside(channel, linear, disturbance, likelihood)
+        linear = self._linearised(channel, disturbance)
+        disturbance, likelihood = likeliest(linear, size, time, disturbance, each_run)
+        second = _Beside(channel, linear, disturbance, likelihood)
+        return max(first, second, key=lambda one: one.likelihood)
+
+    def _typical(self, channel: str) -> tuple[float, float]:
+        """Return a typical value of a channel, and the time of a window."""
+        scales = self.problem.scales
+        return scales.rate.get(channel, scales.typical[channel]), scales.window
+
+    def _linearised(self, channel: str, disturbance: Disturbance) -> LinearWindows:
+        """Linearise all windows with a hidden input, along what it explains."""
         windows = self.problem.windows
-        return LinearWindows(
-            windows, F, H, columns.copy(), self.mean, self.covariance, self.variance
-        )
+        (size, n_outputs), n = windows.y.shape, self.mean.shape[1] + 1
+        F, H = np.zeros((size, n, n)), np.zeros((size, n_outputs, n))
+        columns = np.full((size, n_outputs, 1), np.nan)
+        for model, part, starts in self.parts:
+            rows, found = rows_of(part), (model, part, starts, channel, disturbance, self.variance)
+            F[rows], H[rows], columns[rows, :, 0] = (
+                each[rows] for each in linearise_filtered(*found)
+            )
+        return LinearWindows(windows, F, H, columns, self.mean, self.covariance, self.variance)
 
-    def _learned_again(self, gram: np.ndarray) -> np.ndarray:
+    def _learned_again(self, gram: np.ndarray, residual: np.ndarray) -> np.ndarray:
         """Return the residuals with parameters that the other folds' innovations teach."""
         moved = np.empty_like(self.taught)
         for fold in np.unique(self.folds):
@@ -182,8 +202,8 @@ class HeldOutWindows:
             moved[inside] = self._step(gram[~inside], self.taught[~inside] - here, here)
         windows = self.problem.windows
         by_sample = np.repeat(moved, windows.lengths, axis=0)
-        rows, left = rows_of(windows), self.columns[..., -1:].copy()
-        left[rows, :, 0] += np.einsum("kop,kp->ko", self.columns[rows, :, :-1], by_sample)
+        rows, left = rows_of(windows), residual.copy()
+        left[rows, :, 0] += np.einsum("kop,kp->ko", self.slopes[rows], by_sample)
         return left
 
     def _step(self, gram, off, here) -> np.ndarray:
@@ -197,6 +217,16 @@ class HeldOutWindows:
         if not (np.isfinite(hessian).all() and np.isfinite(gradient).all()):
             return np.zeros_like(here)
         return bounded_step(hessian, gradient, 0.0, own["low"] - here, own["high"] - here)
+
+
+@dataclass(frozen=True)
+class _Beside:
+    """The likeliest hidden input at a channel."""
+
+    channel: str
+    linear: LinearWindows
+    disturbance: Disturbance
+    likelihood: float
 
 
 _PRIOR = ("centre", "spread", "low", "high")

@@ -125,7 +125,7 @@ def linearise(
     """
     extended = with_hidden_input(model, channel)
     F, x = _transitions(extended, windows, x0)
-    return F, _output_slopes(extended, windows, x)
+    return F, output_slopes(extended, windows, x)
 
 
 def _transitions(model, windows, x0):
@@ -158,8 +158,23 @@ def _transitions(model, windows, x0):
     return F, x
 
 
-def _output_slopes(model, windows, x):
-    """Differentiate the outputs by the states at every sample."""
+def output_slopes(model: PhysicsModel, windows: ShootingWindows, x: np.ndarray) -> np.ndarray:
+    """Differentiate the outputs by the states at every sample.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model, at its values.
+    windows : ShootingWindows
+        The windows.
+    x : ndarray of shape (n_samples, n_states)
+        States.
+
+    Returns
+    -------
+    ndarray of shape (n_samples, n_outputs, n_states)
+        The derivatives.
+    """
     table = sample_table(model, windows, x)
     slopes = [
         [
