@@ -1,6 +1,6 @@
 r"""How likely residuals are where an unmeasured input disturbs the machine.
 
-Along the trajectory of a window a hidden input :math:`d` changes states and outputs linearly,
+Near the states of a window a hidden input :math:`d` changes states and outputs linearly,
 
 .. math:: s_{k+1} = F_k s_k + G_k d_k, \qquad r_k = H_k s_k + D_k d_k + e_k, \qquad
           s_0 \sim N(m, P),
@@ -58,7 +58,7 @@ class Disturbance(NamedTuple):
 
 @dataclass(frozen=True)
 class LinearWindows:
-    """Windows, linearised along their trajectories.
+    """Windows, linearised near their states.
 
     Parameters
     ----------

@@ -10,7 +10,12 @@ from sklearn_pgnn.estimation.criterion import SelectionCriterion
 from sklearn_pgnn.estimation.disturbed import HeldOutWindows, disturbed_likelihood
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
 from sklearn_pgnn.estimation.problem import build_problem
-from sklearn_pgnn.physics.effects import ActuatorLag, CoulombFriction, QuadraticDrag
+from sklearn_pgnn.physics.effects import (
+    ActuatorLag,
+    CoulombFriction,
+    QuadraticDrag,
+    SensorRectification,
+)
 from sklearn_pgnn.trajectories import read_records
 
 SHARE = 0.05
@@ -89,3 +94,11 @@ def test_a_hypothesis_that_cannot_be_fitted_has_no_likelihood():
     base = fitter.base()
     lost = replace(fitter.held_out(base), learned=(), x0=None)
     assert disturbed_likelihood(fitter.problem, base, lost, fitter.folds, np.ones(1)) == -np.inf
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(3))
+def test_a_sensor_without_a_sign_is_one_beside_a_disturbance(seed):
+    """The force is so large that the model alone does not know when the cart passes zero."""
+    rig = CART.with_parameters(c=6.5) + SensorRectification("position")
+    assert gained(fitter_of(rig, 4.0, seed), SensorRectification("position")) > NEEDED
