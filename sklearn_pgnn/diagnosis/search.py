@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from itertools import combinations
 
 import numpy as np
@@ -88,14 +89,14 @@ class Search:
             while (simpler := self._simpler(self.current)) is not None:  # a finer fit may need less
                 self.current = self._standing = simpler
                 self._climb()
-            self._prune()
+            self.current = self._pruned(self.current, self.criterion.to_name)
             return self._result(complete=True)
         return self.so_far()
 
     def so_far(self) -> SearchResult:
         """Return the best hypothesis so far of which every cause is named, if there is any."""
         self.progress.counts = False  # a result there must be
-        self._drop_needless()
+        self.current = self._without_needless(self.current)
         return self._result(complete=False)
 
     def judge_on(
@@ -131,7 +132,7 @@ class Search:
         self.progress.counts = True
         with suppress(TimeIsUp):
             if complete:
-                self._drop_needless()
+                self.current = self._without_needless(self.current)
             return replace(self._result(complete), alone=found.alone)
         return replace(self.so_far(), alone=found.alone)
 
@@ -176,20 +177,19 @@ class Search:
         return self._first_of(self._moves(current), current)
 
     def _first_of(self, moves: Iterable[Move], current: FittedHypothesis):
-        """Return what the first move leads to that is accepted and leads to something new."""
+        """Return what stands of the first accepted move's hypothesis, if it is new and better."""
         for move in moves:
             better = move(current)
-            if better is not None and self._is_new(better) and self._lasts(better):
-                return better
+            if better is None or not self._is_new(better):
+                continue
+            pruned = self._pruned(better, needed=0.0)
+            if pruned is better or (self._is_new(pruned) and self.evidence(current, pruned) > 0.0):
+                return pruned
         return None
 
     def _is_new(self, trial: FittedHypothesis) -> bool:
         """Return whether no moves have gone on from a hypothesis."""
         return self.fitter.key(trial.hypothesis) not in self._visited
-
-    def _lasts(self, trial: FittedHypothesis) -> bool:
-        """Return whether every cause stands beside a disturbance."""
-        return self._drop_disturbed(trial) is None
 
     def _moves(self, current: FittedHypothesis) -> Iterator[Move]:
         """Yield the moves, the cheap ones first."""
@@ -237,22 +237,23 @@ class Search:
 
     # -- moves ---------------------------------------------------------------------------------
 
-    def _prune(self) -> None:
-        """Drop what a disturbance would explain as well, and what has no name without that."""
-        while (fewer := self._drop_disturbed(self.current)) is not None:
-            self.current = fewer
-            self._drop_needless()
+    def _pruned(self, trial: FittedHypothesis, needed: float) -> FittedHypothesis:
+        """Drop what has no such evidence beside a disturbance, and what has no name then."""
+        while (fewer := self._drop_disturbed(trial, needed)) is not None:
+            trial = self._without_needless(fewer)
+        return trial
 
-    def _drop_needless(self) -> None:
+    def _without_needless(self, trial: FittedHypothesis) -> FittedHypothesis:
         """Drop causes until each has a name beside the others."""
-        while (fewer := self._drop(self.current)) is not None:
-            self.current = fewer
+        while (fewer := self._drop(trial)) is not None:
+            trial = fewer
+        return trial
 
-    def _drop_disturbed(self, current: FittedHypothesis) -> FittedHypothesis | None:
+    def _drop_disturbed(self, current: FittedHypothesis, needed: float) -> FittedHypothesis | None:
         """Drop the cause that is needed least beside a disturbance, if more than noise is left."""
         if not self._is_coloured(current, self.fitter.held_out(current).windows):
             return None
-        return self._drop(current, self._names_disturbed)
+        return self._drop(current, partial(self._stands_disturbed, needed))
 
     def _drop(self, current: FittedHypothesis, is_named=None) -> FittedHypothesis | None:
         """Drop the cause that is needed least, unless the others leave it a name."""
@@ -499,11 +500,11 @@ class Search:
         less = self._overdispersion(without, with_)
         return self.criterion.names(before, after, n_causes, less, retuned)
 
-    def _names_disturbed(self, without: FittedHypothesis, with_: FittedHypothesis) -> bool:
-        """Return whether a cause is named beside a disturbance, if more than noise is left."""
+    def _stands_disturbed(self, needed: float, without, with_) -> bool:
+        """Return whether the evidence for a cause beside a disturbance exceeds a number."""
         if _own(without, with_) <= self.given:
             return True
-        return self._evidence_disturbed(without, with_) > self.criterion.to_name
+        return self._evidence_disturbed(without, with_) > needed
 
     def _evidence_disturbed(self, without: FittedHypothesis, with_: FittedHypothesis) -> float:
         """Return the evidence for the second of two hypotheses beside disturbances."""

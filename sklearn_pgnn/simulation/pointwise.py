@@ -1,7 +1,7 @@
 """Expressions as NumPy functions of samples."""
 
 from collections.abc import Mapping
-from functools import reduce
+from functools import lru_cache, reduce
 
 import numpy as np
 import sympy
@@ -57,12 +57,18 @@ def evaluate_samples(expression, table: Mapping[str, np.ndarray | float], size: 
     ndarray of shape (size,)
         The values; not finite where the expression is not.
     """
-    names = sorted(map(str, expression.free_symbols))
+    names = tuple(sorted(map(str, expression.free_symbols)))
     # SymPy's conditions do not mix numbers and arrays
     values = (np.broadcast_to(np.asarray(table[name], dtype=float), (size,)) for name in names)
     with np.errstate(all="ignore"):
-        value = numpy_function(names, expression)(*values)
+        value = _known_function(names, expression)(*values)
         return np.broadcast_to(np.asarray(value, dtype=float), (size,))
+
+
+@lru_cache(maxsize=1024)
+def _known_function(names, expression):
+    """Write an expression once: SymPy takes long over conditions."""
+    return numpy_function(names, expression)
 
 
 def sample_table(model: PhysicsModel, windows: ShootingWindows, x: np.ndarray) -> dict:

@@ -252,8 +252,21 @@ def test_a_search_that_time_ends_names_nothing_that_is_nothing(search):
 def test_what_a_hypothesis_needs_no_more_without_a_disturbance_goes_too(search, monkeypatch):
     """A load that stood beside the friction only while both did is asked again without it."""
     rubbed, loaded = effects.CoulombFriction, effects.ConstantLoad
-    search.current = fitted(search.fitter, rubbed, loaded)
+    both = fitted(search.fitter, rubbed, loaded)
     left = iter([fitted(search.fitter, loaded)])
-    monkeypatch.setattr(search, "_drop_disturbed", lambda current: next(left, None))
-    search._prune()
-    assert not search.current.hypothesis.causes
+    monkeypatch.setattr(search, "_drop_disturbed", lambda trial, needed: next(left, None))
+    assert not search._pruned(both, search.criterion.to_name).hypothesis.causes
+
+
+@pytest.mark.parametrize(("evidence", "goes_on"), [(-1.0, False), (1.0, True)])
+def test_a_search_goes_on_through_what_no_disturbance_explains_better(
+    search, monkeypatch, evidence, goes_on
+):
+    """It may stand for causes yet to be found: what is named at the end must stand beside it."""
+    rubbed = fitted(search.fitter, effects.CoulombFriction)
+    monkeypatch.setattr(search, "_is_coloured", lambda *_: True)
+    monkeypatch.setattr(search, "_evidence_disturbed", lambda *_: evidence)
+    search._visited.add(search.fitter.key(search.current.hypothesis))
+    found = search._first_of([lambda _: rubbed], search.current)
+    assert found is (rubbed if goes_on else None)
+    assert not search._pruned(rubbed, search.criterion.to_name).hypothesis.causes
