@@ -92,7 +92,8 @@ class SelectionCriterion:
     and not worse than that of the re-tuned prior by more than :math:`\log(1/\alpha)`. With a
     memory, whose content is free at the start of every window, it is better by the smallest share.
     Of hypotheses that nothing tells apart by :math:`\log(1/\alpha)` the one with the fewest
-    parameters is taken.
+    parameters is taken. Where more than white noise is left over windows, the evidence beside a
+    disturbance must exceed :math:`\log(N/\alpha)`, too.
 
     Parameters
     ----------

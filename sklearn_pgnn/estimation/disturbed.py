@@ -187,10 +187,9 @@ class HeldOutWindows:
         F, H = np.zeros((size, n, n)), np.zeros((size, n_outputs, n))
         columns = np.full((size, n_outputs, 1), np.nan)
         for model, part, starts in self.parts:
-            rows, found = rows_of(part), (model, part, starts, channel, disturbance, self.variance)
-            F[rows], H[rows], columns[rows, :, 0] = (
-                each[rows] for each in linearise_filtered(*found)
-            )
+            near = linearise_filtered(model, part, starts, channel, disturbance, self.variance)
+            rows = rows_of(part)
+            F[rows], H[rows], columns[rows, :, 0] = (each[rows] for each in near)
         return LinearWindows(windows, F, H, columns, self.mean, self.covariance, self.variance)
 
     def _learned_again(self, gram: np.ndarray, residual: np.ndarray) -> np.ndarray:
