@@ -1,7 +1,9 @@
 """Simulations: against loops written by hand, and against packages that simulate."""
 
+import os
 import time
 from functools import partial
+from unittest.mock import patch
 
 import numpy as np
 import peers
@@ -77,7 +79,8 @@ def _compiled():
     models = [cause.apply(peers.GOLF) for cause in possible_causes(peers.GOLF, CATALOGUE, None)]
     compile_model(peers.GOLF, ())  # loads the compiler
     compilations = [partial(compile_model, model, model.free_parameters) for model in models]
-    took = float(np.median([seconds(compilation) for compilation in compilations]))
+    with patch.dict(os.environ, SKLEARN_PGNN_CACHE_DIR=""):  # what was compiled before is not new
+        took = float(np.median([seconds(compilation) for compilation in compilations]))
     work = "compile of a new suspect, median of the catalogue"
     return Row(work, took, "60 ms", took / 60e-3, 1.0)
 
