@@ -238,7 +238,7 @@ class Search:
     # -- moves ---------------------------------------------------------------------------------
 
     def _pruned(self, trial: FittedHypothesis, needed: float) -> FittedHypothesis:
-        """Drop what has no such evidence beside a disturbance, and what has no name then."""
+        """Drop what has too little evidence beside a disturbance, and what has no name then."""
         while (fewer := self._drop_disturbed(trial, needed)) is not None:
             trial = self._without_needless(fewer)
         return trial
