@@ -21,7 +21,7 @@ class FreeRunError:
         where a simulation leaves the finite numbers.
     tells : bool, default=True
         Whether the re-tuned prior or the extended model is nearer to the records than their mean
-        is. The free run of a chaotic or unstable machine is not, and says nothing.
+        is. The free run of a chaotic or unstable motion is not, and says nothing.
 
     Examples
     --------
@@ -60,15 +60,15 @@ def free_runs(records: DiagnosisRecords, which: str) -> list[Simulation]:
     ]
 
 
-def free_run_errors(records: DiagnosisRecords, tells: bool = True) -> dict[str, FreeRunError]:
+def free_run_errors(records: DiagnosisRecords, tells: np.ndarray) -> dict[str, FreeRunError]:
     """Measure the free runs of all models over all records.
 
     Parameters
     ----------
     records : DiagnosisRecords
         The records.
-    tells : bool, default=True
-        Whether the free run says anything.
+    tells : ndarray of shape (n_outputs,)
+        Whether the free run of an output says anything.
 
     Returns
     -------
@@ -78,7 +78,9 @@ def free_run_errors(records: DiagnosisRecords, tells: bool = True) -> dict[str, 
     errors = {which: _errors(records, which) for which in records.fits}
     outputs = records.fits["prior"].model.outputs
     return {
-        output: FreeRunError(**{which: float(e[i]) for which, e in errors.items()}, tells=tells)
+        output: FreeRunError(
+            **{name: float(e[i]) for name, e in errors.items()}, tells=bool(tells[i])
+        )
         for i, output in enumerate(outputs)
     }
 

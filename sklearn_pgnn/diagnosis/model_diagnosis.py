@@ -360,8 +360,8 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         names = [record.name for record in investigation.records]
         self.records_ = keep_records(fitter, result.base, final, names)
         self.initial_states_ = self.records_.starts
-        tells = [fitter.held_out(trial).tells_in_free_run for trial in (result.base, final)]
-        self.free_run_ = free_run_errors(self.records_, any(tells))
+        tells = fitter.held_out(result.base).tells | fitter.held_out(final).tells
+        self.free_run_ = free_run_errors(self.records_, tells)
         self.data_quality_: tuple[Finding, ...] = ()
         self.separations_: tuple[Separation, ...] = ()
         self.unusable_, self.complete_ = fitter.unusable, result.complete

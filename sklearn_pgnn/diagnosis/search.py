@@ -216,13 +216,17 @@ class Search:
         It is asked over windows, and in free run where that says anything.
         """
         found = self.fitter.held_out(trial)
-        in_free_run = found.tells_in_free_run and self._is_coloured(trial, found.free_run)
-        return in_free_run or self._is_coloured(trial, found.windows)
+        in_free_run = found.tells & self._coloured(trial, found.free_run)
+        return bool(in_free_run.any()) or self._is_coloured(trial)
 
-    def _is_coloured(self, trial: FittedHypothesis, left: Residuals) -> bool:
-        """Return whether more than white noise is left, by the smallest share worth a name."""
+    def _is_coloured(self, trial: FittedHypothesis) -> bool:
+        """Return whether more than white noise is left over windows."""
+        return bool(self._coloured(trial, self.fitter.held_out(trial).windows).any())
+
+    def _coloured(self, trial: FittedHypothesis, left: Residuals) -> np.ndarray:
+        """Return of which outputs more than white noise is left, by the smallest share."""
         beyond = left.squares - self.fitter.white_squares(trial)
-        return bool((beyond > self.criterion.smallest_share * left.squares).any())
+        return beyond > self.criterion.smallest_share * left.squares
 
     def leaves_much(self, trial: FittedHypothesis) -> bool:
         """Return whether far more than white noise is left of some output."""
@@ -232,8 +236,7 @@ class Search:
     def stands_in_free_run(self, trial: FittedHypothesis) -> bool:
         """Return whether the free run, where it says anything, does not speak against it."""
         retuned, found = map(self.fitter.held_out, (self.fitter.base(), trial))
-        tells = retuned.tells_in_free_run or found.tells_in_free_run
-        return not tells or self.criterion.stands_in_free_run(retuned, found)
+        return self.criterion.stands_in_free_run(retuned, found)
 
     # -- moves ---------------------------------------------------------------------------------
 
@@ -251,7 +254,7 @@ class Search:
 
     def _drop_disturbed(self, current: FittedHypothesis, needed: float) -> FittedHypothesis | None:
         """Drop the cause that is needed least beside a disturbance, if more than noise is left."""
-        if not self._is_coloured(current, self.fitter.held_out(current).windows):
+        if not self._is_coloured(current):
             return None
         return self._drop(current, partial(self._stands_disturbed, needed))
 
@@ -567,8 +570,7 @@ class Search:
         if cause in self.given or not without.fit.usable:
             return np.inf
         evidence = self.evidence(without, final)
-        left = self.fitter.held_out(final).windows
-        if is_long(self.fitter.problem) or not self._is_coloured(final, left):
+        if is_long(self.fitter.problem) or not self._is_coloured(final):
             return evidence
         return min(evidence, self._evidence_disturbed(without, final))
 

@@ -343,10 +343,10 @@ def _telling_terms(problem, base, channel, columns) -> list[np.ndarray]:
 def _slope_by(problem, base, freedom) -> np.ndarray:
     """Return the change of the outputs by a parameter, for a small step."""
     fit, value = base.fit, base.fit.model.parameters[freedom.name].value
-    step = 1e-3 * freedom.scale
-    step = step if value + step <= freedom.high else -step
-    moved = fit.model.with_parameters(**{freedom.name: value + step})
-    return (fit.evaluation.residual - evaluate(moved, problem.windows, fit.x0, ()).residual) / step
+    moved = freedom.beside(value, 1e-3 * freedom.scale)
+    model = fit.model.with_parameters(**{freedom.name: moved})
+    change = fit.evaluation.residual - evaluate(model, problem.windows, fit.x0, ()).residual
+    return change / (moved - value)
 
 
 def _without_states(windows, table, by_state) -> np.ndarray:

@@ -82,6 +82,30 @@ def explained_share(worse: Residuals, better: Residuals) -> float:
     return float(np.max(1.0 - better.squares[measured] / worse.squares[measured], initial=-np.inf))
 
 
+def free_runs_that_tell(first: HeldOut, second: HeldOut) -> tuple[Residuals, Residuals]:
+    """Return the free runs of the outputs of which one of two hypotheses says something.
+
+    Parameters
+    ----------
+    first, second : HeldOut
+        Two hypotheses on the same samples.
+
+    Returns
+    -------
+    tuple of Residuals
+        Of no output where the free run says nothing at all.
+
+    Examples
+    --------
+    >>> left, no_blocks = Residuals(*np.full((3, 2), 100.0)), np.zeros((1, 1, 2))
+    >>> unstable = HeldOut(left, left, 0.0, no_blocks, tells_in_free_run=np.array([True, False]))
+    >>> free_runs_that_tell(unstable, unstable)[0].squares
+    array([100.])
+    """
+    tells = first.tells | second.tells
+    return first.free_run.of(tells), second.free_run.of(tells)
+
+
 @dataclass(frozen=True)
 class SelectionCriterion:
     r"""The rule by which a cause is named.
@@ -161,12 +185,12 @@ class SelectionCriterion:
         """
         evidence = self.evidence(without, with_) / overdispersion
         share = explained_share(without.windows, with_.windows)
-        if without.tells_in_free_run or with_.tells_in_free_run:
-            if not self.stands_in_free_run(retuned or without, with_):
-                return False
-            if self._surely_worsens(without.free_run, with_.free_run):
-                return False
-            share = max(share, explained_share(without.free_run, with_.free_run))
+        before, after = free_runs_that_tell(without, with_)
+        if not self.stands_in_free_run(retuned or without, with_):
+            return False
+        if self._surely_worsens(before, after):
+            return False
+        share = max(share, explained_share(before, after))
         return evidence > n_causes * self.to_name and share >= self.smallest_share
 
     def stands_in_free_run(self, retuned: HeldOut, trial: HeldOut) -> bool:
@@ -177,21 +201,23 @@ class SelectionCriterion:
         Parameters
         ----------
         retuned, trial : HeldOut
-            The prior, re-tuned, and the hypothesis; the free run of one of them says something.
+            The prior, re-tuned, and the hypothesis.
 
         Returns
         -------
         bool
-            Whether the free run does not speak against the hypothesis.
+            Whether the free run, where it says anything, does not speak against the hypothesis.
         """
-        before, after = retuned.free_run, trial.free_run
+        before, after = free_runs_that_tell(retuned, trial)
+        if not before.counts.size:
+            return True
         if trial.n_added > retuned.n_added:
             return explained_share(before, after) >= self.smallest_share
         return log_likelihood_ratio(before, after) >= -self.to_refute
 
     def _surely_worsens(self, before: Residuals, after: Residuals) -> bool:
         """Return whether a free run is worse than another one, by more than chance."""
-        if before.errors is None or after.errors is None:
+        if before.errors is None or after.errors is None or not before.counts.size:
             return False
         return accuracy_gained(before, after) < -norm.ppf(1.0 - self.alpha)
 

@@ -108,7 +108,7 @@ class CrossValidation:
             memory_price=self._memory_price(fit, np.concatenate(grams), x0[order], order, seen),
             block_squares=windows.sum_blocks((over_windows / windows.scale) ** 2),
             n_added=len(fit.model.states) - len(self.problem.prior.states),
-            tells_in_free_run=bool((free.squares < free.counts * self._power()).any()),
+            tells_in_free_run=free.squares < free.counts * self._power(),
             learned=tuple(models),
             x0=x0,
         )

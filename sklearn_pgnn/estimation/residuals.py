@@ -37,6 +37,23 @@ class Residuals:
     errors: np.ndarray | None = None
     segment: np.ndarray | None = None
 
+    def of(self, outputs: np.ndarray) -> "Residuals":
+        """Return what is left of some outputs.
+
+        Parameters
+        ----------
+        outputs : ndarray of shape (n_outputs,)
+            Whether an output is one of them.
+
+        Returns
+        -------
+        Residuals
+            Of these outputs alone.
+        """
+        errors = None if self.errors is None else self.errors[:, outputs]
+        squares, counts, times = (part[outputs] for part in (self.squares, self.counts, self.times))
+        return Residuals(squares, counts, times, errors, self.segment)
+
 
 @dataclass(frozen=True)
 class HeldOut:
@@ -54,9 +71,9 @@ class HeldOut:
         Squared residuals of every block of every window.
     n_added : int, default=0
         States that the hypothesis adds to the prior's.
-    tells_in_free_run : bool, default=True
-        Whether the free run is nearer to the records than their mean is; that of a chaotic or
-        unstable machine is not, and says nothing.
+    tells_in_free_run : ndarray of shape (n_outputs,), optional
+        Whether the free run of an output is nearer to the records than their mean is; that of a
+        chaotic or unstable motion is not, and says nothing. By default all are.
     learned : tuple of PhysicsModel, default=()
         The model of every fold, with what the other windows have taught.
     x0 : ndarray of shape (n_windows, n_states), optional
@@ -75,6 +92,12 @@ class HeldOut:
     memory_price: float
     block_squares: np.ndarray
     n_added: int = 0
-    tells_in_free_run: bool = True
+    tells_in_free_run: np.ndarray | None = None
     learned: tuple[PhysicsModel, ...] = ()
     x0: np.ndarray | None = None
+
+    @property
+    def tells(self) -> np.ndarray:
+        """Whether the free run of an output says anything."""
+        every = np.ones(self.free_run.squares.shape, dtype=bool)
+        return every if self.tells_in_free_run is None else self.tells_in_free_run

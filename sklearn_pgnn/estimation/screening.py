@@ -175,8 +175,7 @@ class _View:
         steep = np.sqrt(fit.evaluation.gram[:, place, place].sum() / self.windows.lengths.sum())
         value, freedom = fit.model.parameters[name].value, fit.freedoms[place]
         step = SMALL_CHANGE / steep if steep > 0 else SMALL_CHANGE * freedom.scale
-        step = step if value + step <= freedom.high else -step
-        model = fit.model.with_parameters(**{name: max(value + step, freedom.low)})
+        model = fit.model.with_parameters(**{name: freedom.beside(value, step)})
         return self.change(fit, model, fit.x0)
 
     @cached_property

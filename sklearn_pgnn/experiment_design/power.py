@@ -284,7 +284,8 @@ class PowerAnalysis:
         with np.errstate(invalid="ignore"):
             shown = self._own_run + self._free_run(effect) - self._free_run(bare)
             in_free_run = (shown - self._runs(model, x0)) / self.windows.scale
-        if self._tells and not np.isfinite(in_free_run[self._inside]).all():
+        in_free_run = np.where(self._tells, in_free_run, over_windows)
+        if self._tells.any() and not np.isfinite(in_free_run[self._inside]).all():
             return np.nan
         n_added = len(effect.apply(self.model).states) - len(self.model.states)
         return float(np.mean(list(self._named(over_windows, in_free_run, n_added))))
@@ -295,7 +296,7 @@ class PowerAnalysis:
         seen = _Seen(self._noise, self._left, over_windows)
         pairs = seen.draws(rng, self.n_repeats)
         runs = pairs
-        if self._tells:
+        if self._tells.any():
             runs = _Seen(self._free_noise, self._left_of_runs, in_free_run).draws(
                 rng, self.n_repeats
             )
@@ -357,8 +358,14 @@ class PowerAnalysis:
 
     @cached_property
     def _left_of_runs(self) -> np.ndarray:
+        """What the fitted model leaves in free run where that tells, in units of the noise."""
+        return np.where(self._tells, self._every_left_of_runs, self._left)
+
+    @cached_property
+    def _every_left_of_runs(self) -> np.ndarray:
         """What the fitted model leaves in free run, in units of the noise."""
-        residual = (self.windows.y - self._own_run) / self.windows.scale
+        simulated = np.nan_to_num(self._own_run, nan=np.inf)
+        residual = (self.windows.y - simulated) / self.windows.scale
         return np.where(self._inside[:, None], residual, np.nan)
 
     @cached_property
@@ -381,9 +388,10 @@ class PowerAnalysis:
         return Noise.of(self._left_of_runs, record_of(self.windows), resolution, self.white)
 
     @cached_property
-    def _tells(self) -> bool:
-        """Whether the free run is nearer to the records than their mean."""
-        noise, problem = self._free_noise, self.records.problem
+    def _tells(self) -> np.ndarray:
+        """Whether the free run of an output is nearer to the records than their mean."""
+        problem = self.records.problem
         typical = np.array([problem.scales.typical[name] for name in problem.prior.outputs])
-        power = (typical / self.windows.scale) ** 2
-        return bool((noise.power < power).any())
+        with np.errstate(over="ignore"):
+            left = np.nanmean(self._every_left_of_runs**2, axis=0) + problem.resolution**2
+        return left < (typical / self.windows.scale) ** 2

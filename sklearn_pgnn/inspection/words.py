@@ -303,13 +303,26 @@ def _worth(diagnosis) -> str:
 
 
 def _in_free_run(diagnosis) -> str:
-    """Return that the free run says nothing, or that it has become worse; else nothing."""
-    if not all(error.tells for error in diagnosis.free_run_.values()):
-        return (
-            "The free run says nothing: without restarts, no model is nearer to the records than "
-            "their mean is, as with an unstable or chaotic machine."
-        )
-    found = in_free_run(diagnosis)
+    """Return of what the free run says nothing, and what has become worse in it."""
+    return f"{_silent(diagnosis)} {_worse_in_free_run(diagnosis)}".strip()
+
+
+def _silent(diagnosis) -> str:
+    """Return the outputs of which the free run says nothing, if there are any."""
+    silent = [output for output, error in diagnosis.free_run_.items() if not error.tells]
+    if not silent:
+        return ""
+    of = f" of {listed(silent)}" if len(silent) < len(diagnosis.free_run_) else ""
+    return (
+        f"The free run says nothing{of}: without restarts, no model is nearer to the records than "
+        f"their mean is, as with an unstable or chaotic machine."
+    )
+
+
+def _worse_in_free_run(diagnosis) -> str:
+    """Return the outputs that are farther from the records than as given, if there are any."""
+    runs = in_free_run(diagnosis).items()
+    found = {output: error for output, error in runs if diagnosis.free_run_[output].tells}
     much = 1.0 / math.sqrt(1.0 - diagnosis.smallest_share)
     worse = {output: e for output, e in found.items() if not e.extended <= much * e.prior}
     if not worse:

@@ -56,6 +56,22 @@ class ParameterPrior:
     spread: float
     scale: float
 
+    def beside(self, value: float, step: float) -> float:
+        """Return the value a step up, or down where the bounds have more room there.
+
+        Parameters
+        ----------
+        value, step : float
+            The value, and the step, which ends at a bound if that is nearer.
+
+        Returns
+        -------
+        float
+            The other value.
+        """
+        upwards = self.high - value >= min(step, value - self.low)
+        return min(value + step, self.high) if upwards else max(value - step, self.low)
+
 
 @dataclass(frozen=True)
 class WindowFit:

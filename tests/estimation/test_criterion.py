@@ -149,7 +149,10 @@ def test_what_is_disturbed_along_a_cause_counts_for_less():
     assert not CRITERION.names(before, after, overdispersion=1.01 * needed)
 
 
-def memory(squares, free, tells=True):
+NOTHING = np.array([False])
+
+
+def memory(squares, free, tells=None):
     """Return a hypothesis that adds a state."""
     return replace(held_out(squares, free, counts=1e4), n_added=1, tells_in_free_run=tells)
 
@@ -158,9 +161,25 @@ def test_a_memory_is_judged_in_free_run_where_that_says_anything():
     before = held_out(100, 100, counts=1e4)
     assert CRITERION.names(before, memory(50, 90))
     assert not CRITERION.names(before, memory(50, 100))  # free in every window, it says nothing
-    lost = replace(before, tells_in_free_run=False)
-    assert CRITERION.names(lost, memory(50, 100, tells=False))
-    assert not CRITERION.names(lost, memory(100, 50, tells=False))
+    lost = replace(before, tells_in_free_run=NOTHING)
+    assert CRITERION.names(lost, memory(50, 100, tells=NOTHING))
+    assert not CRITERION.names(lost, memory(100, 50, tells=NOTHING))
+
+
+def two_outputs(free_runs):
+    """Return a hypothesis whose free run tells of the first of two outputs only."""
+    counts = np.full(2, 1000.0)
+    over_windows = Residuals(np.full(2, 1000.0), counts, np.ones(2))
+    free = Residuals(np.array(free_runs), counts, np.ones(2))
+    blocks, tells = np.zeros((1, 1, 2)), np.array([True, False])
+    return HeldOut(over_windows, free, 0.0, blocks, tells_in_free_run=tells)
+
+
+@pytest.mark.parametrize("runaway", [1e4, 1e12, np.inf])
+def test_an_output_whose_free_run_runs_away_is_not_asked(runaway):
+    retuned = two_outputs([1000.0, 1e8])
+    assert CRITERION.stands_in_free_run(retuned, two_outputs([1000.0, runaway]))
+    assert not CRITERION.stands_in_free_run(retuned, two_outputs([1100.0, runaway]))
 
 
 def simulated(errors):

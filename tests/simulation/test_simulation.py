@@ -520,6 +520,14 @@ def test_fit_respects_bounds():
     assert fit.values[0] == 2.35  # the truth, 2.3, is out of bounds
 
 
+@pytest.mark.parametrize(
+    ("low", "value", "high", "beside"),
+    [(0, 1, 9, 2), (0, 8, 8.5, 7), (0, 0, 0.5, 0.5), (0, 0.4, 0.5, 0), (-np.inf, 3, 3, 2)],
+)
+def test_the_value_beside_another_lies_within_the_bounds(low, value, high, beside):
+    assert ParameterPrior("k", low, high, 0.0, np.inf, 1.0).beside(value, 1.0) == beside
+
+
 def test_a_window_that_diverges_from_its_start_begins_where_it_is_expected():
     _, windowed = windowed_records(PENDULUM)
     estimate = windowed.states.estimate(PENDULUM)

@@ -90,10 +90,11 @@ def _left(diagnosis) -> Tile:
     windows = over_windows(diagnosis)
     output = max(windows, key=lambda name: _or_inf(windows[name].extended))
     errors, run = windows[output], in_free_run(diagnosis)[output]
-    much = not errors.extended <= MUCH or (_run_tells(diagnosis) and not run.extended <= MUCH)
+    tells = diagnosis.free_run_[output].tells
+    much = not errors.extended <= MUCH or (tells and not run.extended <= MUCH)
     structured = diagnosis.remaining_.kind == "structure"
     of = f" of {output}" if len(windows) > 1 else ""
-    free = times(run.extended) if _run_tells(diagnosis) else "says nothing here"
+    free = times(run.extended) if tells else "says nothing here"
     text = f"left{of} over held-out windows (as given {times(errors.prior)}"
     if diagnosis.causes_:
         text += f", re-tuned only {times(errors.refitted)}"
@@ -104,10 +105,6 @@ def _left(diagnosis) -> Tile:
 
 def _or_inf(value: float) -> float:
     return value if math.isfinite(value) else math.inf
-
-
-def _run_tells(diagnosis) -> bool:
-    return all(error.tells for error in diagnosis.free_run_.values())
 
 
 # -- how sure --------------------------------------------------------------------------------------
