@@ -29,6 +29,7 @@ from sklearn_pgnn.estimation.window_selection import check_prior, select_windows
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects import SensorSaturation
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.scales import Scales
 from sklearn_pgnn.record_quality.checks import clipped_outputs
 from sklearn_pgnn.trajectories.record import Record
 
@@ -171,7 +172,7 @@ class Investigation:
         formulas = FormulaSelection()
         self.search = search = Search(
             fitter,
-            self.candidates,
+            _distinct(self.candidates, fitter.problem.scales),
             criterion,
             self.max_causes,
             asked.has_structure,
@@ -238,6 +239,17 @@ class Investigation:
         again = self._search(sloped)
         better = criterion.evidence(before, sloped.held_out(again.result.final)) > 0.0
         return again if better else held
+
+
+def _distinct(candidates: tuple[Effect, ...], scales: Scales) -> tuple[Effect, ...]:
+    """Leave out the candidates for which one of their special cases says the same here."""
+    all_named = {(cause.id, cause.target) for cause in candidates}
+
+    def is_needed(cause: Effect) -> bool:
+        special = {(case, cause.target) for case in cause.generalises}
+        return cause.is_distinct(scales) or not special & all_named
+
+    return tuple(cause for cause in candidates if is_needed(cause))
 
 
 class _Structures:

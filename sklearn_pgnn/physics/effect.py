@@ -180,6 +180,21 @@ class Effect(ABC):
         """
         return self.starts(self.target, model, scales)
 
+    def is_distinct(self, scales: Scales) -> bool:
+        """Return whether signals of this range can tell the effect from those it generalises.
+
+        Parameters
+        ----------
+        scales : Scales
+            How large the signals are.
+
+        Returns
+        -------
+        bool
+            True by default; otherwise the special cases are enough.
+        """
+        return True
+
     @classmethod
     def limits(cls, target: str, model: PhysicsModel, scales: Scales) -> dict:
         """Return the limits within which a fit of the effect's parameters makes sense.

@@ -284,3 +284,13 @@ def test_the_new_effects_stand_beside_every_other_in_either_order(kind, target):
             assert set((cart + mine + other(at[0])).parameters) == set(
                 (cart + other(at[0]) + mine).parameters
             )
+
+
+@pytest.mark.parametrize(
+    ("lowest", "highest", "distinct"),
+    [(-2.0, 3.0, True), (0.0, 3.0, False), (-0.05, 3.0, False), (-3.0, 0.05, False)],
+)
+def test_friction_by_direction_takes_motion_in_both_directions(lowest, highest, distinct):
+    scales = Scales({"v": 1.0}, {"v": 3.0}, {}, 0.01, 1.0, extremes={"v": (lowest, highest)})
+    assert effects.AsymmetricFriction("v").is_distinct(scales) is distinct
+    assert effects.CoulombFriction("v").is_distinct(scales)

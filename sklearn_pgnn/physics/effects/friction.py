@@ -20,6 +20,9 @@ from sklearn_pgnn.physics.expressions import symbol
 
 #: stands for the load until the model says what it is
 LOAD = sympy.Symbol("_load", real=True)
+#: share of a speed's range on either side of rest from which on it has two directions; less lies
+#: within the noise of a speed that is found by differences
+BOTH_WAYS = 0.05
 
 
 @dataclass(frozen=True)
@@ -302,6 +305,11 @@ class AsymmetricFriction(SpeedEffect):
         """Start at a small symmetric level."""
         force = 0.02 * force_scale(target, model, scales)
         return (cls(target, force, force),)
+
+    def is_distinct(self, scales):
+        """Return whether the motion has two directions."""
+        low, high = scales.ends(self.target)
+        return min(-low, high) > BOTH_WAYS * (high - low)
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,32 @@
+"""The course of a diagnosis: which candidates are looked at."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects
+
+FAN = PhysicsModel({"v": "rad/s"}, {"v": "(K*u - v)/T"}, {"K": 2.0, "T": 0.3}, {"u": "V"})
+DRY = effects.CoulombFriction("v", level=3.0)
+
+
+def spin(least):
+    """Return a record of a fan with dry friction, at voltages from the least on."""
+    rng, t = np.random.default_rng(0), 0.01 * np.arange(1500)
+    u = np.repeat(rng.uniform(least, 8.0, size=15), 100)
+    y = (FAN + DRY).simulate(t, u, [0.0]).y[:, 0] + 0.02 * rng.normal(size=t.size)
+    return pd.DataFrame({"t": t, "u": u}), y
+
+
+@pytest.mark.parametrize(
+    ("least", "catalogue", "looked_at"),
+    [
+        (2.0, ("coulomb_friction", "asymmetric_friction"), {"coulomb_friction"}),
+        (-8.0, ("coulomb_friction", "asymmetric_friction"), None),
+        (2.0, ("asymmetric_friction",), None),
+    ],
+)
+def test_what_records_cannot_tell_from_a_special_case_is_not_looked_at(least, catalogue, looked_at):
+    diagnosis = ModelDiagnosis(FAN, catalogue=catalogue).fit(*spin(least))
+    assert {tried.effect for tried in diagnosis.candidates_} == (looked_at or set(catalogue))
+    assert diagnosis.verdict_ == "cause_named"
