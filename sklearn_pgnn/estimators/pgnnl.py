@@ -118,9 +118,9 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
     guide : {"auto", "simulation", "step", "terms", None}, default="auto"
         What of the model the network sees: its open-loop simulation at the next sample, the rate
         :math:`(\Phi(x_k, u_k) - x_k)/\Delta t`, the terms that the model's rates are sums of (a
-        friction's sign, a sine) at the state that is fed back, or nothing. ``"auto"`` is the
-        simulation for outputs and increments, and the terms for corrections. None costs 1.0
-        (0.8 to 1.0).
+        friction's sign, a sine; not the limit of a whole rate) at the state that is fed back, or
+        nothing. ``"auto"`` is the simulation for outputs and increments, and the terms for
+        corrections. None costs 1.0 (0.8 to 1.0).
     lambda_phy : float in [0, 1) or "adaptive", default=0.0
         Weight of the physical loss, or the rule of Wang, Teng and Perdikaris [2]_ that balances
         the gradients of both. With the balance of the prior, which lacks what is to be learnt,

@@ -421,7 +421,8 @@ def names_in_terms(model: PhysicsModel) -> list[set[str]]:
 def _seen_terms(model: PhysicsModel) -> tuple:
     """Return the terms of a model's rates that are neither a state nor an input.
 
-    A jump of dry friction is seen rounded off, over several shares of the velocity's spread.
+    A jump of dry friction is seen rounded off, over several shares of the velocity's spread. A
+    limit of a whole rate is no term of it but all of it: what the model's own step says already.
     """
     terms = []
     for term in model_terms(model):
@@ -429,7 +430,9 @@ def _seen_terms(model: PhysicsModel) -> tuple:
         for share in WIDTHS if jumps else WIDTHS[:1]:
             round_off = {sympy.sign(x): sympy.tanh(x / (share * _spread(x))) for x in jumps}
             terms.append(term.xreplace(round_off))
-    return tuple(term for term in terms if not (term.is_Symbol or term.is_number))
+    limits = sympy.Max, sympy.Min
+    plain = (term.is_Symbol or term.is_number or isinstance(term, limits) for term in terms)
+    return tuple(term for term, is_plain in zip(terms, plain, strict=True) if not is_plain)
 
 
 def _spread(x) -> sympy.Symbol:

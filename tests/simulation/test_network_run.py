@@ -18,6 +18,7 @@ from sklearn_pgnn.simulation.network_run import (
     ACTIVATIONS,
     NetworkSensitivities,
     NetworkStep,
+    names_in_terms,
     network_record,
     prior_steps,
     run_network,
@@ -387,3 +388,15 @@ def test_gradient_of_a_rollout_is_that_of_the_sensitivities(structure, guide):
     S = sensitivities(step_with(core, step), weights_of(core), record)
     expected = np.einsum("ki,kiw->w", weights, S[1:])
     assert gradient == pytest.approx(expected, rel=1e-8, abs=1e-9 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize(
+    ("model", "quantities"),
+    [
+        (systems.golf_robot(), [{"phi"}, *[{"phi", "omega"}] * 3]),
+        (systems.two_tanks(), [{"x1"}, {"x2"}]),
+        (systems.servo_valve(limits=True), []),  # each of its rates is limited as a whole
+    ],
+)
+def test_the_terms_that_guide_a_network_are_parts_of_the_rates(model, quantities):
+    assert names_in_terms(model) == quantities
