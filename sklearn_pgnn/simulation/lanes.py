@@ -1,6 +1,6 @@
-r"""Eight neurons at once: their weighted sums and their hyperbolic tangents, in vector registers.
+r"""Eight numbers at once, in vector registers: products; neurons' sums and hyperbolic tangents.
 
-LLVM does not vectorise a layer of a few neurons by itself: its loops are too short, and its
+LLVM does not vectorise a row of a few numbers by itself: its loops are too short, and its
 exponential function takes one number. With :math:`2v = n\ln 2 + r` and :math:`|r| \le \ln 2/2`
 
 .. math:: \tanh v = 1 - \frac{2}{e^{2v} + 1}, \qquad e^{2v} = 2^n \sum_k \frac{r^k}{k!}
@@ -17,7 +17,7 @@ from numba.extending import intrinsic
 
 from sklearn_pgnn.simulation.compiled import data_of
 
-#: neurons at once
+#: numbers at once
 LANES = 8
 _FLOAT, _INT = ir.DoubleType(), ir.IntType(64)
 _FLOATS, _INTS = ir.VectorType(_FLOAT, LANES), ir.VectorType(_INT, LANES)
@@ -30,6 +30,22 @@ _COEFFICIENTS = [1.0 / math.factorial(k) for k in range(14)]
 _ONE_FROM = 20.0
 #: bits of a float before its exponent, and the exponent of one
 _FRACTION_BITS, _BIAS = 52, 1023
+
+
+@intrinsic
+def add_multiple(context, given, at, place, sums, row):
+    """Add ``given[at] * given[place:]`` of all lanes to ``sums[row, place:]``."""
+
+    def generate(context, builder, signature, values):
+        at, place = values[1:3]
+        data = data_of(context, builder, given, values[0])
+        factor = _same(builder, builder.load(builder.gep(data, [at])))
+        out = _row(context, builder, sums, *values[3:])
+        product = builder.fmul(factor, _load(builder, data, place))
+        _store(builder, builder.fadd(_load(builder, out, place), product), out, place)
+        return context.get_dummy_value()
+
+    return types.void(given, at, place, sums, row), generate
 
 
 @intrinsic

@@ -16,6 +16,7 @@ import numpy as np
 from numba import boolean, int64, njit, types
 
 from sklearn_pgnn.simulation.compiled import FUNCTION, call
+from sklearn_pgnn.simulation.lanes import LANES, add_multiple
 from sklearn_pgnn.simulation.model_function import OUTPUTS, RATES, STEP
 
 #: a gap is longer than so many median sample intervals
@@ -110,6 +111,24 @@ def _fill(pieces, value):
         for j in range(pieces.shape[1]):
             for m in range(pieces.shape[2]):
                 pieces[i, j, m] = value
+
+
+@njit(**INNER)
+def _add_products(row, products):
+    """Add the products of a row's numbers to an upper triangle, those of all lanes at once."""
+    for a in range(products.shape[0]):
+        for b in range(a // LANES * LANES, row.size, LANES):
+            add_multiple(row, a, b, products, a)
+
+
+@njit(**INNER)
+def _empty(products, into):
+    """Move the upper triangle into a symmetric matrix, and leave zeros."""
+    for a in range(into.shape[0]):
+        for b in range(a, into.shape[0]):
+            into[a, b] = into[b, a] = products[a, b]
+        for b in range(products.shape[1]):
+            products[a, b] = 0.0
 
 
 @njit(**INNER)
@@ -266,32 +285,32 @@ def run_windows(
     """Simulate every window from its own initial state and sum up its squares.
 
     ``G[w, j]`` becomes the Gram matrix of the rows ``[dy/dp, dy/dx0, y - y_model] / scale`` of
-    piece j of window w (upper triangle; infinite where the window diverged), ``R`` the residuals
-    ``y - y_model``.
+    piece j of window w (infinite where the window diverged), ``R`` the residuals ``y - y_model``.
     """
     nx, ny = X0.shape[1], y.shape[1]
     nq = n_p + nx
     out, old = workspace(nx, nq, u.shape[1], size)
     x, S = np.zeros(nx), np.zeros((nx, nq))
     s, stuck = np.zeros(nx), np.zeros(nx, dtype=np.bool_)
-    Sy, y_model, row = np.zeros((ny, nq)), np.zeros(ny), np.zeros(nq + 1)
+    Sy, y_model, row = np.zeros((ny, nq)), np.zeros(ny), np.zeros((nq // LANES + 1) * LANES)
+    products = np.zeros((nq + 1, row.size))
     u_start, u_end = np.zeros(u.shape[1]), np.zeros(u.shape[1])
     for w in range(starts.size):
         for i in range(nx):
             x[i], stuck[i] = X0[w, i], False
             for j in range(nq):
                 S[i, j] = 1.0 if j == n_p + i else 0.0
-        _fill(G[w], 0.0)
+        piece, finite = 0, True
         for k in range(starts[w], starts[w] + lengths[w]):
-            finite = True
             for i in range(nx):
                 finite = finite and math.isfinite(x[i])
                 if dry[i] and not stuck[i]:
                     s[i] = 1.0 if x[i] > 0.0 else (-1.0 if x[i] < 0.0 else 0.0)
             if not finite:
-                _fill(G[w], math.inf)
                 break
-            piece = (k - starts[w]) * G.shape[1] // lengths[w]
+            before, piece = piece, (k - starts[w]) * G.shape[1] // lengths[w]
+            if piece != before:
+                _empty(products, G[w, before])
             _observe(function, t[k], x, S, u[k], p, s, stuck, out, y_model, Sy)
             for i in range(ny):
                 R[k, i] = y[k, i] - y_model[i]
@@ -300,11 +319,12 @@ def run_windows(
                 for j in range(nq):
                     row[j] = Sy[i, j] / scale[i]
                 row[nq] = R[k, i] / scale[i]
-                for a in range(nq + 1):
-                    for b in range(a, nq + 1):
-                        G[w, piece, a, b] += row[a] * row[b]
+                _add_products(row, products)
             if k + 1 < starts[w] + lengths[w]:
                 _to_next_sample(
                     function, t, u, linear_hold, k, x, S, p, s, stuck, dry, substeps,
                     out, old, u_start, u_end,
                 )  # fmt: skip
+        _empty(products, G[w, piece])
+        if not finite:
+            _fill(G[w], math.inf)

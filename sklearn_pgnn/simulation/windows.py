@@ -6,6 +6,7 @@ nuisance: it is fitted with the parameters and projected out of their normal equ
 """
 
 import os
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
@@ -290,14 +291,8 @@ def evaluate(model: PhysicsModel, windows: ShootingWindows, x0, wrt: tuple[str, 
             residual,
         )
 
-    parts = _parts(len(windows), windows.threads)
-    if len(parts) == 1:
-        run(parts[0])
-    else:
-        list(_pool(windows.threads).map(run, parts))
+    in_parts(run, windows)
     report_calls()
-    lower = np.tril_indices(q + 1, -1)
-    gram[..., lower[0], lower[1]] = gram[..., lower[1], lower[0]]
     if led is not None:
         with np.errstate(over="ignore", invalid="ignore"):  # windows that are lost
             gram = led.chain(gram, len(wrt))
@@ -315,6 +310,23 @@ def _lose_arbitrary(gram, sizes):
     gram[lost] = 0.0
     gram[lost, :, -1, -1] = np.inf
     return gram
+
+
+def in_parts(run: Callable[[slice], None], windows: ShootingWindows) -> None:
+    """Work on windows, on as many threads as they say.
+
+    Parameters
+    ----------
+    run : callable
+        Called with some of the windows at a time; what becomes of one does not depend on others.
+    windows : ShootingWindows
+        The windows.
+    """
+    parts = _parts(len(windows), windows.threads)
+    if len(parts) == 1:
+        run(parts[0])
+    else:
+        list(_pool(windows.threads).map(run, parts))
 
 
 @lru_cache(maxsize=8)
