@@ -236,9 +236,14 @@ def rough_windows(problem: EstimationProblem, squares: np.ndarray) -> Rough:
     """
     factor = _thinning(problem)
     thinned = problem.windows.thin(factor) if factor > 1 else problem.windows
-    step = round(thinned.lengths.sum() / SAMPLES)
-    which = np.sort(worst_first(squares)[:: max(1, min(step, len(thinned) // STRETCHES))])
+    which = np.sort(worst_first(squares)[:: one_of(thinned)])
     return Rough(thinned.select(which), which, factor)
+
+
+def one_of(windows: ShootingWindows) -> int:
+    """Return of how many windows one is taken for about `SAMPLES` samples."""
+    step = round(windows.lengths.sum() / SAMPLES)
+    return max(1, min(step, len(windows) // STRETCHES))
 
 
 def worst_first(squares: np.ndarray) -> np.ndarray:

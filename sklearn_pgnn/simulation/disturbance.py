@@ -22,15 +22,15 @@ References
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 from numba import njit, types
 from scipy.optimize import minimize
 
-from sklearn_pgnn.simulation.stepping import OPTIONS
-from sklearn_pgnn.simulation.windows import ShootingWindows
+from sklearn_pgnn.simulation.stepping import INNER, OPTIONS
+from sklearn_pgnn.simulation.windows import ShootingWindows, in_parts
 
 _F1, _F2, _F3 = types.float64[::1], types.float64[:, ::1], types.float64[:, :, ::1]
 _I1 = types.int64[::1]
@@ -86,6 +86,26 @@ class LinearWindows:
     mean: np.ndarray
     covariance: np.ndarray
     variance: np.ndarray
+
+    def select(self, which) -> "LinearWindows":
+        """Return some of the windows.
+
+        Parameters
+        ----------
+        which : ndarray of bool or int
+            The windows to keep.
+
+        Returns
+        -------
+        LinearWindows
+            The same records with fewer windows.
+        """
+        return replace(
+            self,
+            windows=self.windows.select(which),
+            mean=self.mean[which],
+            covariance=self.covariance[which],
+        )
 
 
 class Innovations(NamedTuple):
@@ -150,21 +170,29 @@ def innovations(linear: LinearWindows, disturbance: Disturbance) -> Innovations:
     """
     windows = linear.windows
     gaps = np.diff(windows.t, append=windows.t[-1])
+    kept = np.exp(-np.maximum(gaps, 0.0) / disturbance.time)
     gram = np.zeros((len(windows), *2 * linear.columns.shape[2:]))
-    total, count = _filter(
-        linear.F,
-        linear.H,
-        linear.columns,
-        windows.starts,
-        windows.lengths,
-        np.exp(-np.maximum(gaps, 0.0) / disturbance.time),
-        disturbance.variance,
-        linear.mean,
-        linear.covariance,
-        linear.variance,
-        gram,
-    )
-    return Innovations(gram, total, count)
+    log_variance, count = np.empty(len(windows)), np.empty(len(windows), dtype=int)
+
+    def run(part):
+        _filter(
+            linear.F,
+            linear.H,
+            linear.columns,
+            windows.starts[part],
+            windows.lengths[part],
+            kept,
+            disturbance.variance,
+            linear.mean[part],
+            linear.covariance[part],
+            linear.variance,
+            gram[part],
+            log_variance[part],
+            count[part],
+        )
+
+    in_parts(run, windows)
+    return Innovations(gram, float(log_variance.sum()), int(count.sum()))
 
 
 def likeliest(
@@ -218,23 +246,88 @@ def likeliest(
     return at(found.x), -float(found.fun)
 
 
+@njit(**INNER)
+def _take_in(residual, H, variance, s, C, gain, e, gram):
+    """Let the states, in place, know of an output's residuals; return their variance.
+
+    Products of what is left of the residuals, in units of its standard deviation, are added to
+    ``gram``.
+    """
+    n, q = s.shape
+    spread = variance
+    for c in range(q):
+        e[c] = residual[c]
+    for i in range(n):
+        total = 0.0
+        for j in range(n):
+            total += C[i, j] * H[j]
+        gain[i] = total
+        spread += H[i] * total
+        for c in range(q):
+            e[c] -= H[i] * s[i, c]
+    weight = 1.0 / spread
+    for a in range(q):
+        for b in range(q):
+            gram[a, b] += e[a] * e[b] * weight
+    for i in range(n):
+        share = gain[i] * weight
+        for c in range(q):
+            s[i, c] += share * e[c]
+        for j in range(i + 1):
+            C[i, j] -= share * gain[j]
+            C[j, i] = C[i, j]
+    return spread
+
+
+@njit(**INNER)
+def _go_on(F, left, v, s, C, moved, half):
+    """Lead the states, in place, to the next sample; a share ``left`` of the hidden input stays.
+
+    Nothing but itself changes the hidden input, the last of the states.
+    """
+    n, q = s.shape
+    m = n - 1
+    for i in range(m):
+        for c in range(q):
+            total = 0.0
+            for j in range(n):
+                total += F[i, j] * s[j, c]
+            moved[i, c] = total
+        for j in range(n):
+            total = 0.0
+            for k in range(n):
+                total += F[i, k] * C[k, j]
+            half[i, j] = total
+    for c in range(q):
+        for i in range(m):
+            s[i, c] = moved[i, c]
+        s[m, c] *= left
+    for i in range(m):
+        for j in range(i + 1):
+            total = 0.0
+            for k in range(n):
+                total += half[i, k] * F[j, k]
+            C[i, j] = C[j, i] = total
+        C[i, m] = C[m, i] = left * half[i, m]
+    C[m, m] = v + left**2 * (C[m, m] - v)
+
+
 @njit(
-    types.Tuple((types.float64, types.int64))(
-        _F3, _F3, _F3, _I1, _I1, _F1, types.float64, _F2, _F3, _F1, _F3
-    ),
+    types.void(_F3, _F3, _F3, _I1, _I1, _F1, types.float64, _F2, _F3, _F1, _F3, _F1, _I1),
     **OPTIONS,
 )
-def _filter(F, H, columns, starts, lengths, kept, v, mean, covariance, variance, gram):
-    """Sum the products of the innovations of every window into ``gram``.
+def _filter(
+    F, H, columns, starts, lengths, kept, v, mean, covariance, variance, gram, log_variance, count
+):
+    """Sum up the products of the innovations of every window, and what else makes its likelihood.
 
     ``kept`` is the share of the hidden input that a sample interval leaves. Outputs are taken in
-    one after the other, their noise being independent. Returns the sum of the logarithms of the
-    innovations' variances, and their number.
+    one after the other, their noise being independent. ``log_variance`` becomes the sum of the
+    logarithms of the innovations' variances, ``count`` their number.
     """
     n, q = F.shape[1], columns.shape[2]
     s, moved, e = np.zeros((n, q)), np.zeros((n, q)), np.zeros(q)
     C, half, gain = np.zeros((n, n)), np.zeros((n, n)), np.zeros(n)
-    total, count = 0.0, 0
     for w in range(starts.size):
         s[:], C[:] = 0.0, 0.0
         for i in range(n - 1):
@@ -242,50 +335,15 @@ def _filter(F, H, columns, starts, lengths, kept, v, mean, covariance, variance,
             for j in range(n - 1):
                 C[i, j] = covariance[w, i, j]
         C[n - 1, n - 1] = v
+        total, seen = 0.0, 0
         end = starts[w] + lengths[w]
         for k in range(starts[w], end):
             for o in range(H.shape[1]):
                 if math.isnan(columns[k, o, q - 1]):
                     continue
-                spread = variance[o]
-                for c in range(q):
-                    e[c] = columns[k, o, c]
-                for i in range(n):
-                    gain[i] = 0.0
-                    for j in range(n):
-                        gain[i] += C[i, j] * H[k, o, j]
-                    spread += H[k, o, i] * gain[i]
-                    for c in range(q):
-                        e[c] -= H[k, o, i] * s[i, c]
+                spread = _take_in(columns[k, o], H[k, o], variance[o], s, C, gain, e, gram[w])
                 total += math.log(spread)
-                count += 1
-                for a in range(q):
-                    for b in range(q):
-                        gram[w, a, b] += e[a] * e[b] / spread
-                for i in range(n):
-                    for c in range(q):
-                        s[i, c] += gain[i] * e[c] / spread
-                    for j in range(n):
-                        C[i, j] -= gain[i] * gain[j] / spread
-            if k + 1 == end:
-                continue
-            for i in range(n):
-                for c in range(q):
-                    moved[i, c] = 0.0
-                    for j in range(n):
-                        moved[i, c] += F[k, i, j] * s[j, c]
-                for j in range(n):
-                    half[i, j] = 0.0
-                    for m in range(n):
-                        half[i, j] += F[k, i, m] * C[m, j]
-            for i in range(n):
-                left = kept[k] if i == n - 1 else 1.0
-                for c in range(q):
-                    s[i, c] = left * moved[i, c]
-                for j in range(n):
-                    C[i, j] = 0.0
-                    for m in range(n):
-                        C[i, j] += half[i, m] * F[k, j, m]
-                    C[i, j] *= left * (kept[k] if j == n - 1 else 1.0)
-            C[n - 1, n - 1] += (1.0 - kept[k] ** 2) * v
-    return total, count
+                seen += 1
+            if k + 1 < end:
+                _go_on(F[k], kept[k], v, s, C, moved, half)
+        log_variance[w], count[w] = total, seen
