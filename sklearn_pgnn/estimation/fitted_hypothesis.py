@@ -76,11 +76,14 @@ class SubsampleFit(FittedHypothesis):
         Whether the fit has come to its end.
     origin : WindowFit, optional
         The fit on all windows whose hypothesis it is.
+    stays_above : float, default=-inf
+        Limit below which no further fit of it came.
     """
 
     start: Start
     converged: bool = False
     origin: WindowFit | None = None
+    stays_above: float = -np.inf
 
 
 def objective_of(trial: FittedHypothesis) -> float:

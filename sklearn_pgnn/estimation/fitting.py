@@ -192,7 +192,8 @@ class HypothesisFitter(WindowFitter):
         SubsampleFit
             The hypothesis.
         """
-        if subsample.converged or not subsample.fit.usable:
+        known = subsample.converged or prune_above <= subsample.stays_above
+        if known or not subsample.fit.usable:
             return subsample
         found = self._to_end(
             subsample.hypothesis,
@@ -202,6 +203,8 @@ class HypothesisFitter(WindowFitter):
             evaluation=subsample.fit.evaluation,
             prune_above=prune_above,
         )
+        if not (found.converged or found.fit.objective < subsample.fit.objective):
+            found = replace(found, stays_above=prune_above)
         self._subsamples[self.key(subsample.hypothesis)] = found
         return found
 

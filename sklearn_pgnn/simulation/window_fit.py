@@ -31,6 +31,8 @@ OPTIMISM = 10.0
 #: relative rounding of a sum of products, and the curvature, relative to the sharpest, below which
 #: a direction is as good as flat
 ROUNDING, FLAT = 1e-14, 1e-14
+#: the same of a window's initial state, of which few samples tell
+FLAT_START = 1e-12
 
 
 @dataclass(frozen=True)
@@ -399,8 +401,7 @@ def project(
     size = _length(np.einsum("wii->wi", state_hessian))
     scaled = state_hessian / (size[:, :, None] * size[:, None, :])
     scaled = scaled + np.asarray(damping)[..., None, None] * np.eye(size.shape[1])
-    inverse = np.linalg.pinv(scaled, rcond=1e-12, hermitian=True)
-    inverse = inverse / (size[:, :, None] * size[:, None, :])
+    inverse = _inverse(scaled) / (size[:, :, None] * size[:, None, :])
     to_state = inverse @ gram[:, x, p]
     state_step = np.einsum("wij,wj->wi", inverse, state_gradient)
     hessian = gram[:, p, p] - gram[:, p, x] @ to_state
@@ -410,6 +411,15 @@ def project(
     seen = np.einsum("wii->wi", hessian) > ROUNDING * (1.0 + answer) ** 2 * squares
     hessian = hessian * (seen[:, :, None] & seen[:, None, :])
     return Normal(hessian, gradient * seen, to_state, state_step)
+
+
+def _inverse(matrices: np.ndarray) -> np.ndarray:
+    """Return the pseudoinverses of symmetric matrices without negative eigenvalues."""
+    values, vectors = np.linalg.eigh(matrices)
+    values, vectors = values[:, ::-1], np.ascontiguousarray(vectors[..., ::-1])
+    seen = values > FLAT_START * values[:, :1]
+    inverted = np.divide(1.0, values, out=np.zeros_like(values), where=seen)
+    return vectors @ (inverted[..., None] * np.swapaxes(vectors, 1, 2))
 
 
 def _length(squares) -> np.ndarray:
