@@ -347,7 +347,9 @@ class _Task:
         if not harmed.size:
             return new
         part = _Task(self.windows.select(harmed), self.freedoms, self.expected[harmed], self.weight)
-        stay = part.at(step.model, fit.x0[harmed])
+        is_known = np.array_equal(new.values, fit.values)
+        known = fit.evaluation.select(harmed) if is_known else None
+        stay = part.at(step.model, fit.x0[harmed], known)
         better = part.parts(stay)[:-1] < self.parts(new)[harmed]
         which, x0 = harmed[better], new.x0.copy()
         x0[which] = stay.x0[better]
