@@ -21,8 +21,8 @@ MOST_HELD_OUT = 2 / 3
 #: samples that a search works on; of longer records it takes stretches, and what it accepts is
 #: judged on all. More cost time in proportion; fewer may leave out what happens seldom
 LONG = 50_000
-#: samples of a first fit, of a regression and of a spectrum. More cost time in proportion; fewer
-#: see less of a rare event
+#: samples of a first fit, of a first look for a disturbance, of a regression and of a spectrum.
+#: More cost time in proportion; fewer see less of a rare event
 SAMPLES = 6000
 #: steps on a rung of the ladder: at a start, on few windows, on some samples. More cost time in
 #: proportion; after fewer the best may not yet be ahead

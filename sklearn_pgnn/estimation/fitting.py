@@ -121,19 +121,17 @@ class HypothesisFitter(WindowFitter):
             The hypothesis with it; lost where it can act at no place.
         """
         orders = self.models.orders(subsample.hypothesis, cause)
+        if not orders:
+            return self._lost(subsample.hypothesis.plus(cause), subsample)
         fits = [self._first_fit(subsample, order, cause) for order in orders]
-        lost = self._lost(subsample.hypothesis.plus(cause), subsample)
-        return min(fits, key=objective_of, default=lost)
+        return min(fits, key=objective_of)
 
     def _first_fit(
         self, subsample: SubsampleFit, hypothesis: Hypothesis, cause: Effect
     ) -> SubsampleFit:
         key = self.key(hypothesis)
         if key not in self._subsamples:
-            found = self._lost(hypothesis, subsample)
-            with self._spare(hypothesis):
-                found = self._from_best_start(subsample, hypothesis, cause)
-            self._subsamples[key] = found
+            self._subsamples[key] = self._from_best_start(subsample, hypothesis, cause)
         return replace(self._subsamples[key], hypothesis=hypothesis)
 
     def _lost(self, hypothesis: Hypothesis, beside: SubsampleFit) -> SubsampleFit:
@@ -171,11 +169,14 @@ class HypothesisFitter(WindowFitter):
     def _from_best_start(
         self, subsample: SubsampleFit, hypothesis: Hypothesis, cause: Effect
     ) -> SubsampleFit:
-        model = best_start(self, subsample, hypothesis, cause)
-        found = self._from(subsample, hypothesis, model, max_steps=STEPS)
-        if found.start is not subsample.start:  # states of its own: they go with its parameters
-            found = replace(found, start=self._rough_start(found.fit.model))
-        return found
+        with self._spare(hypothesis):
+            model = best_start(self, subsample, hypothesis, cause)
+            found = self._from(subsample, hypothesis, model, max_steps=STEPS)
+            if found.start is subsample.start:
+                return found
+            # states of its own: they go with its parameters
+            return replace(found, start=self._rough_start(found.fit.model))
+        return self._lost(hypothesis, subsample)
 
     def converge(self, subsample: SubsampleFit, prune_above: float = np.inf) -> SubsampleFit:
         """Fit a hypothesis on to its minimum, or until its objective must stay above a limit.

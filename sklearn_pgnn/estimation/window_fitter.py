@@ -102,9 +102,8 @@ class WindowFitter:
         WindowFit
             The fit.
         """
-        fit = lost_fit(model, windows, free, x0)
         with spare:
-            fit = fit_windows(
+            return fit_windows(
                 model,
                 windows,
                 free,
@@ -113,7 +112,7 @@ class WindowFitter:
                 each_step=self.progress.tick,
                 **options,
             )
-        return fit
+        return lost_fit(model, windows, free, x0)
 
     def _refit_poor(
         self, hypothesis, fit: WindowFit, windows: ShootingWindows, start: Start, tolerance
