@@ -42,17 +42,19 @@ def leading_terms(columns: np.ndarray, target: np.ndarray, count: int) -> list[n
     array([0., 0., 2.])
     """
     own = columns / np.linalg.norm(columns, axis=0)
+    moved = np.empty_like(own)
     taken: list[int] = []
     found: list[np.ndarray] = []
     while len(taken) < count:
-        power = np.sum(own**2, axis=0)
-        free = np.flatnonzero(power > ROUNDING)
-        if not free.size:
+        power = np.einsum("ki,ki->i", own, own)
+        is_free = power > ROUNDING
+        if not is_free.any():
             break
-        falls = (target @ own[:, free]) ** 2 / power[free]
-        taken.append(int(free[np.argmax(falls)]))
+        none = np.full_like(power, -np.inf)
+        falls = np.divide((target @ own) ** 2, power, out=none, where=is_free)
+        taken.append(int(np.argmax(falls)))
         direction = own[:, taken[-1]] / np.sqrt(power[taken[-1]])
-        own = own - np.outer(direction, direction @ own)
+        own -= np.outer(direction, direction @ own, out=moved)
         found.append(np.zeros(columns.shape[1]))
         found[-1][taken] = np.linalg.lstsq(columns[:, taken], target, rcond=None)[0]
     return found

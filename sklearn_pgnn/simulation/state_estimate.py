@@ -67,6 +67,8 @@ class StateEstimator:
         self._from: dict[str, tuple[_SmoothedOutput, int]] = {}
         #: by state, the output it is taken from, and the state that this shows
         self._shown: dict[str, tuple[str, str]] = {}
+        #: by states, what no parameter changes
+        self._estimates: dict[tuple[str, ...], StateEstimate] = {}
         self._smooth_outputs(model)
 
     def _smooth_outputs(self, model) -> None:
@@ -97,9 +99,22 @@ class StateEstimator:
         StateEstimate
             Its states at every sample.
         """
+        states = tuple(model.states)
+        if self._is_simulated(model) or any(self._sensors(model).values()):
+            return self._estimate(model)
+        if states not in self._estimates:
+            self._estimates[states] = self._estimate(model)
+        return self._estimates[states]
+
+    def _estimate(self, model) -> StateEstimate:
         x = self.values(model)
         spread = [self._spread(state, x[:, i]) for i, state in enumerate(model.states)]
+        x.flags.writeable = False
         return StateEstimate(x, np.maximum(spread, _smallest_spread(x)))
+
+    def _is_simulated(self, model) -> bool:
+        """Return whether some state, or its sign, is not shown."""
+        return bool(self.hidden(model)) or any(s in self.known for s in unsigned_states(model))
 
     def expected_starts(
         self, model: PhysicsModel, windows: ShootingWindows
@@ -158,13 +173,17 @@ class StateEstimator:
     def _known(self, model) -> dict[str, np.ndarray]:
         """Return what is measured, behind the model's sensors."""
         known = dict(self.known)
-        for state, (_, derivative) in self._from.items():
-            output, shown = self._shown[state]
-            gain, offset = gain_and_offset(model, output, shown)
-            if (gain, offset) != (1.0, 0.0):
-                shift = offset if derivative == 0 else 0.0
+        for state, line in self._sensors(model).items():
+            if line is not None:
+                gain, offset = line
+                shift = offset if self._from[state][1] == 0 else 0.0
                 known[state] = (known[state] - shift) / gain
         return known
+
+    def _sensors(self, model) -> dict[str, tuple[float, float] | None]:
+        """Return the gain and offset behind which a state is shown; None where it is as it is."""
+        lines = {state: gain_and_offset(model, *shown) for state, shown in self._shown.items()}
+        return {state: None if line == (1.0, 0.0) else line for state, line in lines.items()}
 
     def _simulate(self, model, known) -> np.ndarray:
         """Simulate every record in free run; where that fails the state stays at its start."""
