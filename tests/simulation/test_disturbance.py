@@ -1,5 +1,6 @@
 """The likelihood beside a hidden input: that of a Gaussian whose covariance is known."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -139,6 +140,15 @@ def test_where_nothing_disturbs_hardly_anything_is_gained():
     part = linear(*disturbed_windows(3, n_windows=20, disturbance=calm))
     gained = likeliest(part, 1.0, 1.5)[1] - innovations(part, calm).log_likelihood
     assert gained < 3.0
+
+
+def test_threads_and_other_windows_change_no_bit():
+    part = linear(*disturbed_windows(5, n_windows=20))
+    known, some = innovations(part, KNOWN), np.array([3, 11, 12])
+    threaded = innovations(replace(part, windows=replace(part.windows, threads=2)), KNOWN)
+    assert np.array_equal(threaded.gram, known.gram)
+    assert threaded.log_variance == known.log_variance
+    assert np.array_equal(innovations(part.select(some), KNOWN).gram, known.gram[some])
 
 
 def test_what_is_not_finite_has_no_likelihood():
