@@ -174,10 +174,16 @@ class Search:
             return fewer
         if fewer is None and not self.refutes(self._standing, current):
             self._standing = current
-        return self._first_of(self._moves(current), current)
+        return self._first_of(self._moves(current), current, goes_aside=True)
 
-    def _first_of(self, moves: Iterable[Move], current: FittedHypothesis):
-        """Return what stands of the first accepted move's hypothesis, if it is new and better."""
+    def _first_of(
+        self, moves: Iterable[Move], current: FittedHypothesis, goes_aside: bool = False
+    ) -> FittedHypothesis | None:
+        """Return what stands of the first accepted move's hypothesis, if it is new and better.
+
+        Where none is, what is better beside a disturbance only may be a way on.
+        """
+        aside = None
         for move in moves:
             better = move(current)
             if better is None or not self._is_new(better):
@@ -185,7 +191,9 @@ class Search:
             pruned = self._pruned(better, needed=0.0)
             if pruned is better or (self._is_new(pruned) and self.evidence(current, pruned) > 0.0):
                 return pruned
-        return None
+            if goes_aside and aside is None and self._is_new(pruned):
+                aside = pruned if self._evidence_disturbed(current, pruned) > 0.0 else None
+        return aside
 
     def _is_new(self, trial: FittedHypothesis) -> bool:
         """Return whether no moves have gone on from a hypothesis."""
