@@ -270,3 +270,20 @@ def test_a_search_goes_on_through_what_no_disturbance_explains_better(
     found = search._first_of([lambda _: rubbed], search.current)
     assert found is (rubbed if goes_on else None)
     assert not search._pruned(rubbed, search.criterion.to_name).hypothesis.causes
+
+
+@pytest.mark.parametrize(("disturbed", "goes_aside"), [(1.0, True), (-1.0, True), (1.0, False)])
+def test_what_is_better_beside_a_disturbance_only_is_a_way_on_where_there_is_no_other(
+    search, monkeypatch, disturbed, goes_aside
+):
+    kinds = effects.ConstantLoad, effects.QuadraticDrag, effects.CoulombFriction
+    dropped, kept, better = (fitted(search.fitter, kind) for kind in kinds)
+    monkeypatch.setattr(
+        search, "_pruned", lambda trial, needed: kept if trial is dropped else trial
+    )
+    monkeypatch.setattr(search, "evidence", lambda *_: -1.0)
+    monkeypatch.setattr(search, "_evidence_disturbed", lambda *_: disturbed)
+    ways = [lambda _: dropped], [lambda _: dropped, lambda _: better]
+    alone, beside = (search._first_of(moves, search.current, goes_aside) for moves in ways)
+    assert alone is (kept if goes_aside and disturbed > 0.0 else None)
+    assert beside is better
