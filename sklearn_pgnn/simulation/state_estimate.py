@@ -71,6 +71,10 @@ class StateEstimator:
         self._estimates: dict[tuple[str, ...], StateEstimate] = {}
         self._smooth_outputs(model)
 
+    def __getstate__(self):
+        """Keep no estimates: they can be made again."""
+        return {**self.__dict__, "_estimates": {}}
+
     def _smooth_outputs(self, model) -> None:
         """Smooth what is measured."""
         for column, (name, output) in enumerate(model.outputs.items()):
