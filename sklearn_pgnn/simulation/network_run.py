@@ -431,8 +431,7 @@ def _seen_terms(model: PhysicsModel) -> tuple:
             round_off = {sympy.sign(x): sympy.tanh(x / (share * _spread(x))) for x in jumps}
             terms.append(term.xreplace(round_off))
     limits = sympy.Max, sympy.Min
-    plain = (term.is_Symbol or term.is_number or isinstance(term, limits) for term in terms)
-    return tuple(term for term, is_plain in zip(terms, plain, strict=True) if not is_plain)
+    return tuple(t for t in terms if not (t.is_Symbol or t.is_number or isinstance(t, limits)))
 
 
 def _spread(x) -> sympy.Symbol:
