@@ -116,11 +116,11 @@ class _Table:
         starts = record_starts(problem, model, trial.fit.x0)
         spans = list(pairwise(windows.bounds))
         runs = [
-            free_run(model, windows, a, b, x0).x for (a, b), x0 in zip(spans, starts, strict=True)
+            _held_where_endless(free_run(model, windows, a, b, x0).x)
+            for (a, b), x0 in zip(spans, starts, strict=True)
         ]
         acting = windows.acting_inputs(model)[:, : len(model.inputs)]  # not their slopes by delays
         signals = np.hstack([np.concatenate(runs), acting])
-        signals = np.where(np.isfinite(signals), signals, np.nan)
         record = record_of(windows)[rows]
         since = windows.t[rows] - windows.t[windows.starts[window[rows]]]
         length = max(float(np.median(windows.lengths)), 1.0)
@@ -163,6 +163,14 @@ class _Table:
     @staticmethod
     def _share(trees, features, y) -> float:
         return 1.0 - float(np.sum((y - trees.predict(features)) ** 2) / np.sum(y**2))
+
+
+def _held_where_endless(x: np.ndarray) -> np.ndarray:
+    """Return the states of a run, the last finite ones held where it leaves all numbers."""
+    finite = np.isfinite(x)
+    rows = np.arange(len(x))[:, None]
+    last = np.maximum.accumulate(np.where(finite, rows, 0), axis=0)
+    return np.take_along_axis(x, last, axis=0)
 
 
 def _groups(record: np.ndarray, rows: np.ndarray) -> np.ndarray:

@@ -47,10 +47,8 @@ def _autocorrelation_time(values: np.ndarray, segment: np.ndarray) -> float:
     if not 0.0 < power < np.inf:
         return 1.0
     products = _sum_over_lags(values, segment)
-    pairs = np.rint(_sum_over_lags(np.ones_like(values), segment))
-    apart = np.flatnonzero(np.append(pairs, 0.0) == 0)[0]  # no two values are so far apart
-    times = 1.0 + 2.0 * np.cumsum(products[1:apart] / pairs[1:apart]) / power
-    enough = np.flatnonzero(np.arange(1, apart) >= FORGOTTEN * times)  # Sokal's window
+    times = 1.0 + 2.0 * np.cumsum(products[1:]) / (values.size * power)
+    enough = np.flatnonzero(np.arange(1, products.size) >= FORGOTTEN * times)  # Sokal's window
     last = times[enough[:1]] if enough.size else times[-1:]
     return float(np.max(last, initial=1.0))
 

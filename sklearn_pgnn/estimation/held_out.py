@@ -140,11 +140,12 @@ class CrossValidation:
 
         .. math:: V = \frac{1}{2} \sum_w \left(\log\frac{\det A_w}{\det A_{w,cc}}
                   + \sum_e \log \sigma_e^2 + \frac{(x_{w,e} - \hat x_{w,e})^2}
-                  {\phi \sigma_e^2}\right)
+                  {\sigma_e^2}\right), \qquad A_w = G_w / \phi + \Sigma^{-1}
 
         with :math:`A_w` the Hessian by a window's initial states, :math:`A_{w,cc}` its part of the
-        states that the prior has as well, :math:`\sigma_e` the spread of an added state in units
-        of the noise, and :math:`\phi` the power of the residuals in these units.
+        states that the prior has as well, the squared sensitivities :math:`G_w` in units of the
+        noise, the power :math:`\phi` of the residuals in these units times their autocorrelation
+        time, and the spreads :math:`\sigma` of the states.
         """
         states = list(fit.model.states)
         prior = set(self.problem.prior.states)
@@ -154,14 +155,12 @@ class CrossValidation:
             return 0.0
         dispersion = max(float((seen.squares * seen.times).sum() / seen.counts.sum()), 1.0)
         weight = 1.0 / self.spread**2
-        hessian = gram[:, : len(states), : len(states)] + np.diag(weight)
+        hessian = gram[:, : len(states), : len(states)] / dispersion + np.diag(weight)
         shift = x0 - self.expected[order]
         whole = np.linalg.slogdet(hessian)[1]
         shared = np.linalg.slogdet(hessian[:, known][:, :, known])[1]
         volume = np.maximum(whole - shared - np.log(weight[added]).sum(), 0.0)
-        return float(
-            0.5 * (volume.sum() + (weight[added] * shift[:, added] ** 2).sum() / dispersion)
-        )
+        return float(0.5 * (volume.sum() + (weight[added] * shift[:, added] ** 2).sum()))
 
     def _lost(self) -> HeldOut:
         windows = self.problem.windows

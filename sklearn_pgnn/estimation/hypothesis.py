@@ -17,6 +17,7 @@ from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects import CATALOGUE, WrongParameter
 from sklearn_pgnn.physics.expressions import TIME, symbol
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.state_estimate import unsigned_states
 from sklearn_pgnn.simulation.window_fit import ParameterPrior
 
 
@@ -393,8 +394,9 @@ def freedoms(
         for name in problem.prior.free_parameters
         if name not in still or name in wrong
     ]
+    scales = problem.scales.of_either_sign(unsigned_states(start))
     for effect in hypothesis.causes:
-        limits = effect.limits(effect.target, problem.prior, problem.scales)
+        limits = effect.limits(effect.target, problem.prior, scales)
         taken = hypothesis.taken_over(effect)
         for field_name, name in effect.names().items():
             if name not in problem.prior.parameters and field_name not in taken:

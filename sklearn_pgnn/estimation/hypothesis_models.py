@@ -12,6 +12,7 @@ from sklearn_pgnn.estimation.hypothesis import (
 from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.state_estimate import unsigned_states
 from sklearn_pgnn.simulation.window_fit import ParameterPrior
 
 #: causes, and the pairs of them whose order matters
@@ -132,7 +133,8 @@ class HypothesisModels:
     def _at_first_starts(self, causes: tuple[Effect, ...]) -> PhysicsModel:
         if causes not in self._begun:
             before = self._at_first_starts(causes[:-1])
-            first = causes[-1].proposals(before, self.problem.scales)[0]
+            scales = self.problem.scales.of_either_sign(unsigned_states(before))
+            first = causes[-1].proposals(before, scales)[0]
             self._begun[causes] = first.apply(before)
         return self._begun[causes]
 

@@ -12,6 +12,7 @@ from sklearn_pgnn.estimation.problem import worst_first
 from sklearn_pgnn.estimation.unusable import BREAKDOWNS
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.state_estimate import unsigned_states
 from sklearn_pgnn.simulation.window_fit import expected_decrease
 
 if TYPE_CHECKING:
@@ -47,7 +48,7 @@ def best_start(
     if len(models) == 1:
         return models[0]
     held = _differing(models, cause)
-    if len(models) > KEPT:
+    if len(models) > 2 * KEPT:
         glances = [few.fit(model, held, steps=0) for model in models]
         models = [glances[place].model for place in _valleys(glances)[:KEPT]]
     nearer = sorted((few.fit(model, held) for model in models), key=_objective)
@@ -102,8 +103,9 @@ def _at_starts(
     fitter: "HypothesisFitter", beside: SubsampleFit, hypothesis: Hypothesis, cause: Effect
 ) -> list[PhysicsModel]:
     """Return the model at all starts of a cause; also from the untuned prior where they are few."""
-    starts = cause.proposals(fitter.problem.prior, fitter.scales)
-    models = [fitter.models.extend(hypothesis, beside.fit.model)]
+    model = fitter.models.extend(hypothesis, beside.fit.model)
+    scales = fitter.scales.of_either_sign(unsigned_states(model))
+    starts, models = cause.proposals(fitter.problem.prior, scales), [model]
     if len(starts) <= KEPT:
         models.append(fitter.models.extend(hypothesis))
     return [_at_start(model, start) for model in models for start in starts]

@@ -57,16 +57,27 @@ def _past_hidden_starts(fitter: HypothesisFitter) -> HypothesisFitter:
     """Return windows in which hidden states forget where they started, if the records are so long.
 
     The initial value of a state that nobody sees is fitted in every window. Where the state is
-    slow, that takes up what is wrong with it.
+    slow, that takes up what is wrong with it. Windows in which an unstable prior runs away from the
+    records, farther than their mean is, say nothing of it.
     """
     length = FORGOTTEN * _slowest(fitter)
-    if length <= fitter.problem.scales.window:
-        return fitter
-    further = recut(fitter.problem, length)
-    if further is None or further.scales.window <= fitter.problem.scales.window:
-        return fitter
-    joined = HypothesisFitter(further, fitter.progress)
-    return joined if joined.base().fit.usable else fitter
+    while length > fitter.problem.scales.window:
+        further = recut(fitter.problem, length)
+        if further is None or further.scales.window <= fitter.problem.scales.window:
+            break
+        joined = HypothesisFitter(further, fitter.progress)
+        if _tells(joined):
+            return joined
+        length /= 2
+    return fitter
+
+
+def _tells(fitter: HypothesisFitter) -> bool:
+    """Return whether the re-tuned prior is nearer to some output than its mean is."""
+    fit, problem = fitter.base().fit, fitter.problem
+    typical = np.array([problem.scales.typical[name] for name in problem.prior.outputs])
+    left = np.nanmean(fit.evaluation.residual**2, axis=0)
+    return fit.usable and bool((left < typical**2).any())
 
 
 def _slowest(fitter: HypothesisFitter) -> float:

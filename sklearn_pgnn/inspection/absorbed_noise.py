@@ -94,6 +94,6 @@ def _sums(slopes, known, spread, lags: int) -> np.ndarray:
     taken = np.einsum("toi,ij,toj->o", S, inverse, S)
     sums = [known.sum(axis=0) - taken]
     for lag in range(1, lags + 1):
-        earlier, later = S[: len(S) - lag], S[lag:]
+        earlier, later = S[: max(len(S) - lag, 0)], S[lag:]
         sums.append(np.einsum("toi,ij,toj->o", earlier, inverse, later))
     return np.array(sums)

@@ -1,8 +1,8 @@
 """How large the signals of a record are."""
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 
 
 @dataclass(frozen=True)
@@ -65,3 +65,25 @@ class Scales:
         """
         low, high = self.extremes.get(name, (-self.peak.get(name, 0.0), self.peak.get(name, 0.0)))
         return low + below * (high - low), high - above * (high - low)
+
+    def of_either_sign(self, names: Iterable[str]) -> "Scales":
+        """Return the scales where only the magnitude of some signals was seen.
+
+        Parameters
+        ----------
+        names : iterable of str
+            The signals; they may have been as far on the other side of zero.
+
+        Returns
+        -------
+        Scales
+            With ranges that are symmetric for these.
+
+        Examples
+        --------
+        >>> seen = Scales({}, {"x": 2.0}, {}, 0.01, 1.0, extremes={"x": (0.0, 2.0)})
+        >>> seen.of_either_sign(["x"]).ends("x")
+        (-2.0, 2.0)
+        """
+        ranges = {name: (-self.peak[name], self.peak[name]) for name in names}
+        return replace(self, extremes={**self.extremes, **ranges}) if ranges else self

@@ -11,9 +11,9 @@ from sklearn_pgnn.simulation.pointwise import numpy_function
 
 
 def gain_and_offset(model: PhysicsModel, output: str, state: str) -> tuple[float, float]:
-    """Return how an output shows a state, one and zero where it is no line.
+    r"""Return how an output shows a state, or its magnitude, one and zero where it is no line.
 
-    .. math:: y = a x + b
+    .. math:: y = a x + b, \qquad y = a |x| + b
 
     Parameters
     ----------
@@ -42,11 +42,42 @@ def gain_and_offset(model: PhysicsModel, output: str, state: str) -> tuple[float
     return (gain, offset) if np.isfinite([gain, offset]).all() and gain else (1.0, 0.0)
 
 
+def magnitude_in(output: sympy.Expr, state: str) -> sympy.Expr:
+    """Return what an output shows of a state: its magnitude, or a line's, or itself.
+
+    Parameters
+    ----------
+    output : sympy.Expr
+        An output's equation.
+    state : str
+        A state.
+
+    Returns
+    -------
+    sympy.Expr
+        The magnitude through which alone the state enters; where there is none, the state.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.physics.expressions import parse_expression
+    >>> magnitude_in(parse_expression("2*abs(x) + 1", "x"), "x")
+    Abs(x)
+    """
+    inside = [each for each in output.atoms(sympy.Abs) if symbol(state) in each.free_symbols]
+    for magnitude in inside:
+        if symbol(state) not in output.xreplace({magnitude: sympy.Dummy()}).free_symbols:
+            return magnitude
+    return symbol(state)
+
+
 @lru_cache(maxsize=256)
 def _line(output: sympy.Expr, state: str, parameters: tuple[str, ...]):
     """Return gain and offset as functions of the parameters; None where the output is no line."""
-    gain = sympy.diff(output, symbol(state))
+    shown, seen = magnitude_in(output, state), symbol(state)
+    if shown == sympy.Abs(seen):
+        output = output.xreplace({shown: seen})
+    gain = sympy.diff(output, seen)
     allowed = {symbol(name) for name in parameters}
-    if not (gain.free_symbols <= allowed and output.free_symbols <= allowed | {symbol(state)}):
+    if not (gain.free_symbols <= allowed and output.free_symbols <= allowed | {seen}):
         return None
-    return tuple(numpy_function(parameters, each) for each in (gain, output.subs(symbol(state), 0)))
+    return tuple(numpy_function(parameters, each) for each in (gain, output.subs(seen, 0)))

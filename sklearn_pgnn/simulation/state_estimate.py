@@ -3,7 +3,7 @@
 import itertools
 import warnings
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 import sympy
@@ -11,7 +11,7 @@ import sympy
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.led_states import start_values
-from sklearn_pgnn.simulation.output_inverse import gain_and_offset
+from sklearn_pgnn.simulation.output_inverse import gain_and_offset, magnitude_in
 from sklearn_pgnn.simulation.simulate import Simulation, settled_start, simulate_acting
 from sklearn_pgnn.simulation.windows import ShootingWindows
 from sklearn_pgnn.trajectories.smoothing import FEWEST, Smoothed, choose_penalty, smooth
@@ -279,9 +279,14 @@ def unsigned_states(model: PhysicsModel) -> tuple[str, ...]:
     >>> unsigned_states(cart_on_spring() + SensorRectification("position"))
     ('x', 'v')
     """
-    shown = [g.args[0] for g in model.outputs.values() if isinstance(g, sympy.Abs)]
-    hidden = [str(state) for state in shown if str(state) in model.states]
+    hidden = [s for s in model.states if any(_hides_sign(g, s) for g in model.outputs.values())]
     return (*hidden, *(v for v, at in model.slope_pairs.items() if at in hidden))
+
+
+@lru_cache(maxsize=1024)
+def _hides_sign(output: sympy.Expr, state: str) -> bool:
+    """Return whether an output shows the magnitude of a state, and nothing else of it."""
+    return isinstance(magnitude_in(output, state), sympy.Abs)
 
 
 def free_run(model: PhysicsModel, windows: ShootingWindows, a: int, b: int, x0) -> Simulation:

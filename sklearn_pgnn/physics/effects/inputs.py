@@ -230,8 +230,10 @@ class InputSaturation(InputEffect):
 
     @classmethod
     def limits(cls, target, model, scales):
-        """Cut something: a limit above the largest input does nothing."""
-        return {"limit": (0.02 * scales.peak[target], scales.peak[target])}
+        """Cut something, and let something through: of an input of one sign its least value."""
+        (low, high), peak = scales.ends(target), scales.peak[target]
+        least = max(low, -high, 0.0)
+        return {"limit": (least + 0.02 * (peak - least), peak)}
 
 
 @dataclass(frozen=True)
