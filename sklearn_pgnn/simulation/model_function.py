@@ -90,22 +90,31 @@ class _Emission:
 
     def _step(self, nodes, weights) -> None:
         """Step the states, and the rows of the sensitivities, through the stages."""
-        builder, start = self.builder, [*self._states(), *self._rows()]
+        start, read = [*self._states(), *self._rows()], self._preloaded()
         slopes, steps = ([self._zero(part.type) for part in start] for _ in range(2))
-        read = self._preloaded()
-        nodes, weights = self._constant(nodes), self._constant(weights)
-        with cgutils.for_range(builder, INT(nodes.type.pointee.count)) as loop:
-            node = builder.load(builder.gep(nodes, [INT(0), loop.index]))
-            weight = builder.load(builder.gep(weights, [INT(0), loop.index]))
-            along = builder.fmul(self.h, node)
-            now = self._moved(start, along, slopes)
+        for node, weight in self._stages(nodes, weights):
+            along = self.builder.fmul(self.h, node)
+            now = start if _is_start(node) else self._moved(start, along, slopes)
             for value, slope, step in zip(
                 self._slopes(now, along, node, read), slopes, steps, strict=True
             ):
-                builder.store(value, slope)
-                builder.store(self._plus(builder.load(step), weight, value), step)
+                self.builder.store(value, slope)
+                self.builder.store(self._plus(self.builder.load(step), weight, value), step)
         for value, place in zip(self._moved(start, self.h, steps), self._targets(), strict=True):
-            builder.store(value, place, align=8)
+            self.builder.store(value, place, align=8)
+
+    def _stages(self, nodes, weights):
+        """Yield the node and the weight of every stage, to emit what is done there.
+
+        One stage after the other is faster than a loop of them, which compiles faster where there
+        are sensitivities, and many.
+        """
+        if not self.source.n_sensitivities:
+            yield from zip(map(FLOAT, nodes), map(FLOAT, weights), strict=True)
+            return
+        builder, tables = self.builder, [self._constant(nodes), self._constant(weights)]
+        with cgutils.for_range(builder, INT(len(nodes))) as loop:
+            yield [builder.load(builder.gep(table, [INT(0), loop.index])) for table in tables]
 
     def _slopes(self, now, along, node, read):
         """Return the rates of the states and of the sensitivities' rows at a stage."""
@@ -162,6 +171,8 @@ class _Emission:
     def _input(self, i, node):
         """Return an input on its way from the step's start to its end."""
         builder, start = self.builder, self._load("u", i)
+        if _is_start(node):
+            return start
         change = builder.fsub(self._load("u_end", i), start)
         return builder.fadd(start, builder.fmul(node, change))
 
@@ -222,3 +233,8 @@ class _Emission:
     def _targets(self):
         states = [self._place("x", INT(i)) for i in range(self.source.n_states)]
         return [*states, *self._row_places()]
+
+
+def _is_start(node) -> bool:
+    """Return whether a stage is known to stand at the step's start."""
+    return isinstance(node, ir.Constant) and node.constant == 0.0

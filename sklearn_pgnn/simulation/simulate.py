@@ -161,8 +161,7 @@ def simulate_acting(
     function, source = compile_model(model, wrt, method)
     nx, ny, n = len(model.states), len(model.outputs), t.size
     nq = 0 if wrt is None else len(wrt) + nx
-    X, Y = np.full((n, nx), np.nan), np.full((n, ny), np.nan)
-    SY = np.full((n, ny, nq), np.nan)
+    X, Y, SY = np.empty((n, nx)), np.empty((n, ny)), np.empty((n, ny, nq))
     S = np.zeros((nx, nq))
     if wrt is not None:
         S[:, len(wrt) :] = np.eye(nx)
@@ -182,6 +181,8 @@ def simulate_acting(
         SY,
     )
     report_calls()
+    for values in (X, Y, SY) if failed >= 0 else ():
+        values[failed:] = np.nan
     message = "" if failed < 0 else _remedy(model, t, X, failed, substeps)
     if message:
         warnings.warn(message, SimulationWarning, stacklevel=3)
@@ -283,9 +284,9 @@ def check_arrays(model: PhysicsModel, t, u, x0) -> tuple[np.ndarray, np.ndarray,
     t = np.array(t, dtype=float)
     if t.ndim != 1 or t.size < 1 or not np.all(np.isfinite(t)):
         raise ValueError(f"t: expected finite times of shape (n_samples,), got shape {t.shape}.")
-    backward = np.flatnonzero(np.diff(t) <= 0)
-    if backward.size:
-        k = int(backward[0])
+    forward = t[1:] > t[:-1]
+    if not forward.all():
+        k = int(np.argmin(forward))
         raise ValueError(
             f"t: expected increasing times, got {t[k]:g} s then {t[k + 1]:g} s at sample {k + 1}."
         )

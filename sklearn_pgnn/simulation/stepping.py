@@ -132,13 +132,19 @@ def _empty(products, into):
 
 
 @njit(**INNER)
+def is_plain(linear_hold, dry):
+    """Return whether the inputs are held and there is no dry friction."""
+    plain = not linear_hold
+    for i in range(dry.size):
+        plain = plain and not dry[i]
+    return plain
+
+
+@njit(**INNER)
 def advance(function, t, h, x, S, u_start, u_end, p, s, stuck, dry, out, old):
     """Advance x and S by h, in place, cutting the step where dry friction changes its side."""
     x_old, S_old, u_now, u_mid, before = old
-    any_dry = False
-    for i in range(x.size):
-        any_dry = any_dry or dry[i]
-    if not any_dry:
+    if is_plain(False, dry):
         _step(function, t, h, x, S, u_start, u_end, p, s, stuck, out)
         return
     done = 0.0
@@ -222,24 +228,28 @@ def _observe(function, t, x, S, u, p, s, stuck, out, y, Sy):
 @njit(**INNER)
 def _to_next_sample(
     function, t, u, linear_hold, k, x, S, p, s, stuck, dry, substeps, out, old,
-    u_start, u_end, usual=math.inf,
+    u_start, u_end, plain, usual=math.inf,
 ):  # fmt: skip
-    """Advance from sample k to sample k + 1 in equal substeps, a gap in those of its samples."""
+    """Advance from sample k to sample k + 1 in equal substeps, a gap in those of its samples.
+
+    Where all is plain (see `is_plain`) a substep is nothing but the model's own.
+    """
     width, count = t[k + 1] - t[k], substeps
     if width > GAP * usual:
         count *= int(min(width / usual, MOST_SAMPLES))
     h = width / count
     for step in range(count):
+        now = t[k] + step * h
+        if plain:
+            _step(function, now, h, x, S, u[k], u[k], p, s, stuck, out)
+            continue
         for i in range(u_start.size):
             u_start[i] = u_end[i] = u[k, i]
             if linear_hold:
                 slope = u[k + 1, i] - u[k, i]
                 u_start[i] += slope * step / count
                 u_end[i] += slope * (step + 1) / count
-        advance(
-            function, t[k] + step * h, h, x, S, u_start, u_end, p, s, stuck, dry,
-            out, old,
-        )  # fmt: skip
+        advance(function, now, h, x, S, u_start, u_end, p, s, stuck, dry, out, old)
 
 
 @njit(
@@ -253,6 +263,7 @@ def run_trajectory(function, t, u, linear_hold, p, x, S, dry, substeps, size, X,
     s, stuck = np.zeros(nx), np.zeros(nx, dtype=np.bool_)
     Sy, usual = np.zeros((Y.shape[1], nq)), _usual_interval(t)
     u_start, u_end = np.zeros(u.shape[1]), np.zeros(u.shape[1])
+    plain = is_plain(linear_hold, dry)
     for k in range(t.size):
         for i in range(nx):
             if not math.isfinite(x[i]):
@@ -266,7 +277,7 @@ def run_trajectory(function, t, u, linear_hold, p, x, S, dry, substeps, size, X,
         if k + 1 < t.size:
             _to_next_sample(
                 function, t, u, linear_hold, k, x, S, p, s, stuck, dry, substeps,
-                out, old, u_start, u_end, usual,
+                out, old, u_start, u_end, plain, usual,
             )  # fmt: skip
     return -1
 
@@ -295,6 +306,7 @@ def run_windows(
     Sy, y_model, row = np.zeros((ny, nq)), np.zeros(ny), np.zeros((nq // LANES + 1) * LANES)
     products = np.zeros((nq + 1, row.size))
     u_start, u_end = np.zeros(u.shape[1]), np.zeros(u.shape[1])
+    plain = is_plain(linear_hold, dry)
     for w in range(starts.size):
         for i in range(nx):
             x[i], stuck[i] = X0[w, i], False
@@ -323,7 +335,7 @@ def run_windows(
             if k + 1 < starts[w] + lengths[w]:
                 _to_next_sample(
                     function, t, u, linear_hold, k, x, S, p, s, stuck, dry, substeps,
-                    out, old, u_start, u_end,
+                    out, old, u_start, u_end, plain,
                 )  # fmt: skip
         _empty(products, G[w, piece])
         if not finite:
