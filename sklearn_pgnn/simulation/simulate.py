@@ -304,7 +304,7 @@ def check_arrays(model: PhysicsModel, t, u, x0) -> tuple[np.ndarray, np.ndarray,
     x0 = np.asarray(start, dtype=float).ravel()
     if x0.shape != (len(model.states),) or not np.all(np.isfinite(x0)):
         raise ValueError(f"x0: expected {len(model.states)} finite numbers, got {x0}.")
-    return t, np.require(u, requirements="CAW"), x0  # as the compiled loops take it
+    return t, np.require(u, requirements=["C", "A", "W"]), x0  # as the loops take it
 
 
 def check_options(method, substeps) -> None:

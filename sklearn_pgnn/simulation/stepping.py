@@ -17,7 +17,7 @@ from numba import boolean, int64, njit, types
 
 from sklearn_pgnn.simulation.compiled import FUNCTION, call
 from sklearn_pgnn.simulation.lanes import LANES, add_multiple
-from sklearn_pgnn.simulation.model_function import OUTPUTS, RATES, STEP
+from sklearn_pgnn.simulation.model_function import OBSERVE, RATES, STEP
 
 #: a gap is longer than so many median sample intervals
 GAP = 20.0
@@ -223,20 +223,13 @@ def workspace(nx, nq, nu, size):
 @njit(**INNER)
 def _observe(function, t, x, S, u, p, s, stuck, out, y, Sy):
     """Evaluate the outputs and their sensitivities at one sample."""
-    evaluate(function, OUTPUTS, t, x, S, u, p, s, stuck, out)
-    nx, nq = S.shape
-    ny = y.size
-    n_p = nq - nx
+    evaluate(function, OBSERVE, t, x, S, u, p, s, stuck, out)
+    (nx, nq), ny = S.shape, y.size
     for i in range(ny):
         y[i] = out[nx + i]
-        if nq > 0:
-            row_x = nx + ny + nx * (nx + n_p) + i * nx
-            row_p = nx + ny + nx * (nx + n_p) + ny * nx + i * n_p
-            for j in range(nq):
-                value = out[row_p + j] if j < n_p else 0.0
-                for m in range(nx):
-                    value += out[row_x + m] * S[m, j]
-                Sy[i, j] = value
+        row = nx + ny + (nx + i) * nq
+        for j in range(nq):
+            Sy[i, j] = out[row + j]
 
 
 @njit(**INNER)
