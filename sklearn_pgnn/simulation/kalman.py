@@ -13,6 +13,7 @@ from sklearn_pgnn.simulation.stepping import (
     _keep,
     _observe,
     _to_next_sample,
+    is_any,
     workspace,
 )
 
@@ -78,7 +79,7 @@ def run_filter(
     s, stuck = np.zeros(nx), np.zeros(nx, dtype=np.bool_)
     y_model, H = np.zeros(ny), np.zeros((ny, nx))
     u_start, u_end = np.zeros(u.shape[1]), np.zeros(u.shape[1])
-    total = 0.0
+    total, any_dry = 0.0, is_any(dry)
     for k in range(t.size):
         for i in range(nx):
             if not math.isfinite(x[i]):
@@ -116,7 +117,7 @@ def run_filter(
             _set_unit(S)
             _to_next_sample(
                 function, t, u, linear_hold, k, x, S, p, s, stuck, dry, substeps,
-                out, old, u_start, u_end,
+                out, old, u_start, u_end, any_dry,
             )  # fmt: skip
             for i in range(nx):
                 noise[i] = diffusion[i] * (t[k + 1] - t[k])

@@ -6,6 +6,9 @@ model, which does what ``task`` says:
 `RATES`, `OUTPUTS`
     evaluates the rates, or the outputs and their derivatives, into ``out``, whose layout is that of
     `sklearn_pgnn.simulation.source`;
+`OBSERVE`
+    evaluates the outputs and, in place of their derivatives, row by row their sensitivities
+    :math:`\frac{\partial g}{\partial x} S + \frac{\partial g}{\partial p}`;
 `STEP`
     makes an explicit Runge-Kutta step from ``t`` to ``t + h`` of the states and of their
     sensitivities, in place: with the nodes :math:`c` and weights :math:`b` of the scheme
@@ -27,7 +30,7 @@ from sklearn_pgnn.simulation.source import Source
 from sklearn_pgnn.simulation.straight_line import FLOAT, INT, Assignments, emit_entries
 
 #: what a model's function can do
-STEP, RATES, OUTPUTS = 0, 1, 2
+STEP, RATES, OUTPUTS, OBSERVE = 0, 1, 2, 3
 #: the stages of a step: where in it they stand, and their weights
 METHODS = {
     "euler": (np.array([0.0]), np.array([1.0])),
@@ -65,7 +68,7 @@ class _Emission:
         self.t, self.h, self.arrays = t, h, arrays
 
     def emit(self, task, method) -> None:
-        """Emit the three things that the function does, and the choice between them."""
+        """Emit the things that the function does, and the choice between them."""
         builder = self.builder
         with builder.if_else(builder.icmp_signed("==", task, INT(STEP))) as (step, other):
             with step:
@@ -74,13 +77,16 @@ class _Emission:
                 self._evaluation(task)
 
     def _evaluation(self, task) -> None:
-        """Evaluate the rates, or the outputs with their derivatives."""
+        """Evaluate the rates, or the outputs with their derivatives or their sensitivities."""
         builder, source = self.builder, self.source
-        with builder.if_else(builder.icmp_signed("==", task, INT(RATES))) as (rates, outputs):
+        with builder.if_else(builder.icmp_signed("==", task, INT(RATES))) as (rates, other):
             with rates:
                 self._evaluate(source.rates)
-            with outputs:
-                self._evaluate([*source.outputs, *source.output_slopes])
+            with other, builder.if_else(builder.icmp_signed("==", task, INT(OUTPUTS))) as tasks:
+                with tasks[0]:
+                    self._evaluate([*source.outputs, *source.output_slopes])
+                with tasks[1]:
+                    self._observe()
 
     def _evaluate(self, entries) -> None:
         """Store some entries in ``out``."""
@@ -88,24 +94,49 @@ class _Emission:
         for entry, value in zip(entries, values, strict=True):
             self.builder.store(value, self._place("out", INT(entry)))
 
+    def _observe(self) -> None:
+        """Store the outputs in ``out``, and the rows of their sensitivities behind."""
+        source, rows = self.source, self._rows()
+        wanted = self._not_zero(source.outputs, source.slopes_of_outputs)
+        values = dict(zip(wanted, self._entries(wanted, self.t, self._load), strict=True))
+        sensitivities = [self._tangent(row, values, rows) for row in source.slopes_of_outputs]
+        for entry in source.outputs:
+            self.builder.store(values[entry], self._place("out", INT(entry)))
+        places = self._row_places("out", source.output_slopes.start, len(sensitivities))
+        for row, place in zip(sensitivities, places, strict=True):
+            self.builder.store(row, place, align=8)
+
+    def _not_zero(self, entries, slopes):
+        """Return the places of entries, and of those of their slopes that are not always zero."""
+        return [*entries, *(e for row in slopes for e in row if not self.lines.is_zero(e))]
+
     def _step(self, nodes, weights) -> None:
         """Step the states, and the rows of the sensitivities, through the stages."""
-        builder, start = self.builder, [*self._states(), *self._rows()]
+        start, read = [*self._states(), *self._rows()], self._preloaded()
         slopes, steps = ([self._zero(part.type) for part in start] for _ in range(2))
-        read = self._preloaded()
-        nodes, weights = self._constant(nodes), self._constant(weights)
-        with cgutils.for_range(builder, INT(nodes.type.pointee.count)) as loop:
-            node = builder.load(builder.gep(nodes, [INT(0), loop.index]))
-            weight = builder.load(builder.gep(weights, [INT(0), loop.index]))
-            along = builder.fmul(self.h, node)
-            now = self._moved(start, along, slopes)
+        for node, weight in self._stages(nodes, weights):
+            along = self.builder.fmul(self.h, node)
+            now = start if _is_start(node) else self._moved(start, along, slopes)
             for value, slope, step in zip(
                 self._slopes(now, along, node, read), slopes, steps, strict=True
             ):
-                builder.store(value, slope)
-                builder.store(self._plus(builder.load(step), weight, value), step)
+                self.builder.store(value, slope)
+                self.builder.store(self._plus(self.builder.load(step), weight, value), step)
         for value, place in zip(self._moved(start, self.h, steps), self._targets(), strict=True):
-            builder.store(value, place, align=8)
+            self.builder.store(value, place, align=8)
+
+    def _stages(self, nodes, weights):
+        """Yield the node and the weight of every stage, to emit what is done there.
+
+        One stage after the other is faster than a loop of them, which compiles faster where there
+        are sensitivities, and many.
+        """
+        if not self.source.n_sensitivities:
+            yield from zip(map(FLOAT, nodes), map(FLOAT, weights), strict=True)
+            return
+        builder, tables = self.builder, [self._constant(nodes), self._constant(weights)]
+        with cgutils.for_range(builder, INT(len(nodes))) as loop:
+            yield [builder.load(builder.gep(table, [INT(0), loop.index])) for table in tables]
 
     def _slopes(self, now, along, node, read):
         """Return the rates of the states and of the sensitivities' rows at a stage."""
@@ -118,8 +149,7 @@ class _Emission:
                 return states[i]
             return self._input(i, node) if array == "u" else read(array, i)
 
-        wanted = [*source.rates, *(e for row in source.rate_slopes for e in row)]
-        wanted = [e for e in wanted if e in source.rates or not self.lines.is_zero(e)]
+        wanted = self._not_zero(source.rates, source.rate_slopes)
         t = builder.fadd(self.t, along)
         values = dict(zip(wanted, self._entries(wanted, t, at_stage), strict=True))
         rates = [values[entry] for entry in source.rates]
@@ -162,6 +192,8 @@ class _Emission:
     def _input(self, i, node):
         """Return an input on its way from the step's start to its end."""
         builder, start = self.builder, self._load("u", i)
+        if _is_start(node):
+            return start
         change = builder.fsub(self._load("u_end", i), start)
         return builder.fadd(start, builder.fmul(node, change))
 
@@ -210,15 +242,21 @@ class _Emission:
     def _place(self, array, index):
         return self.builder.gep(self.arrays[array], [index])
 
-    def _row_places(self):
-        """Return where the rows of the sensitivities are, as vectors."""
+    def _row_places(self, array="S", first=0, n_rows=None):
+        """Return where rows of sensitivities are, as vectors; by default those of the states."""
         width = self.source.n_sensitivities
         if not width:
             return []
         kind = ir.VectorType(FLOAT, width).as_pointer()
-        starts = (self._place("S", INT(i * width)) for i in range(self.source.n_states))
+        places = range(self.source.n_states if n_rows is None else n_rows)
+        starts = (self._place(array, INT(first + i * width)) for i in places)
         return [self.builder.bitcast(start, kind) for start in starts]
 
     def _targets(self):
         states = [self._place("x", INT(i)) for i in range(self.source.n_states)]
         return [*states, *self._row_places()]
+
+
+def _is_start(node) -> bool:
+    """Return whether a stage is known to stand at the step's start."""
+    return isinstance(node, ir.Constant) and node.constant == 0.0

@@ -9,7 +9,7 @@ from sklearn_pgnn.simulation.compiled import FUNCTION
 from sklearn_pgnn.simulation.dissipation_loop import lose, lose_slopes, loss_workspace
 from sklearn_pgnn.simulation.lanes import LANES, tanh_lanes, weigh
 from sklearn_pgnn.simulation.model_function import OUTPUTS
-from sklearn_pgnn.simulation.stepping import INNER, OPTIONS, advance, evaluate, workspace
+from sklearn_pgnn.simulation.stepping import INNER, OPTIONS, advance, evaluate, is_any, workspace
 
 _F = types.float64
 _F1, _F2, _F3 = types.float64[::1], types.float64[:, ::1], types.float64[:, :, ::1]
@@ -194,7 +194,7 @@ def _prior_step(
             u_from[i] = u_start[i] + slope * step / substeps
             u_to[i] = u_start[i] + slope * (step + 1) / substeps
         advance(
-            function, t + step * h, h, x, S, u_from, u_to, p, s, stuck, dry,
+            function, t + step * h, h, x, S, u_from, u_to, p, s, stuck, dry, is_any(dry),
             step_out, old,
         )  # fmt: skip
 

@@ -161,8 +161,7 @@ def simulate_acting(
     function, source = compile_model(model, wrt, method)
     nx, ny, n = len(model.states), len(model.outputs), t.size
     nq = 0 if wrt is None else len(wrt) + nx
-    X, Y = np.full((n, nx), np.nan), np.full((n, ny), np.nan)
-    SY = np.full((n, ny, nq), np.nan)
+    X, Y, SY = np.empty((n, nx)), np.empty((n, ny)), np.empty((n, ny, nq))
     S = np.zeros((nx, nq))
     if wrt is not None:
         S[:, len(wrt) :] = np.eye(nx)
@@ -182,6 +181,8 @@ def simulate_acting(
         SY,
     )
     report_calls()
+    for values in (X, Y, SY) if failed >= 0 else ():
+        values[failed:] = np.nan
     message = "" if failed < 0 else _remedy(model, t, X, failed, substeps)
     if message:
         warnings.warn(message, SimulationWarning, stacklevel=3)
@@ -281,11 +282,13 @@ def parameter_values(model: PhysicsModel) -> np.ndarray:
 def check_arrays(model: PhysicsModel, t, u, x0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return time, inputs and initial state as arrays; raise `ValueError` where they do not fit."""
     t = np.array(t, dtype=float)
-    if t.ndim != 1 or t.size < 1 or not np.all(np.isfinite(t)):
+    if t.ndim != 1 or t.size < 1:
         raise ValueError(f"t: expected finite times of shape (n_samples,), got shape {t.shape}.")
-    backward = np.flatnonzero(np.diff(t) <= 0)
-    if backward.size:
-        k = int(backward[0])
+    forward = t[1:] > t[:-1]
+    if not (np.isfinite(t[[0, -1]]).all() if forward.all() else np.isfinite(t).all()):
+        raise ValueError(f"t: expected finite times of shape (n_samples,), got shape {t.shape}.")
+    if not forward.all():
+        k = int(np.argmin(forward))
         raise ValueError(
             f"t: expected increasing times, got {t[k]:g} s then {t[k + 1]:g} s at sample {k + 1}."
         )
@@ -301,7 +304,7 @@ def check_arrays(model: PhysicsModel, t, u, x0) -> tuple[np.ndarray, np.ndarray,
     x0 = np.asarray(start, dtype=float).ravel()
     if x0.shape != (len(model.states),) or not np.all(np.isfinite(x0)):
         raise ValueError(f"x0: expected {len(model.states)} finite numbers, got {x0}.")
-    return t, np.array(u, order="C"), x0
+    return t, np.require(u, requirements=["C", "A", "W"]), x0  # as the loops take it
 
 
 def check_options(method, substeps) -> None:

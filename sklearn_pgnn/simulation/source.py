@@ -96,12 +96,21 @@ class Source:
     @property
     def rate_slopes(self) -> list[list[int]]:
         """Where each rate's derivatives by the states and by the parameters stand in ``out``."""
+        return self._slopes(self.n_states, self.outputs.stop)
+
+    @property
+    def slopes_of_outputs(self) -> list[list[int]]:
+        """Where each output's derivatives by the states and by the parameters stand in ``out``."""
+        return self._slopes(self.n_outputs, self.output_slopes.start)
+
+    def _slopes(self, n_rows: int, first: int) -> list[list[int]]:
+        """Return where the derivatives of each of so many entries stand, from a place on."""
         if self.n_parameters is None:
             return []
-        n, n_p, first = self.n_states, self.n_parameters, self.outputs.stop
-        by_states = [[first + i * n + j for j in range(n)] for i in range(n)]
-        first += n * n
-        by_parameters = [[first + i * n_p + j for j in range(n_p)] for i in range(n)]
+        n, n_p = self.n_states, self.n_parameters
+        by_states = [[first + i * n + j for j in range(n)] for i in range(n_rows)]
+        first += n_rows * n
+        by_parameters = [[first + i * n_p + j for j in range(n_p)] for i in range(n_rows)]
         return [[*x, *p] for x, p in zip(by_states, by_parameters, strict=True)]
 
     @property

@@ -17,7 +17,7 @@ from numba import boolean, int64, njit, types
 
 from sklearn_pgnn.simulation.compiled import FUNCTION, call
 from sklearn_pgnn.simulation.lanes import LANES, add_multiple
-from sklearn_pgnn.simulation.model_function import OUTPUTS, RATES, STEP
+from sklearn_pgnn.simulation.model_function import OBSERVE, RATES, STEP
 
 #: a gap is longer than so many median sample intervals
 GAP = 20.0
@@ -32,7 +32,9 @@ _F3, _F4 = types.float64[:, :, ::1], types.float64[:, :, :, ::1]
 _B1 = boolean[::1]
 OPTIONS = {"cache": True, "error_model": "numpy", "nogil": True}
 #: for functions that allocate nothing: reference counting takes longer than a step
-INNER = {**OPTIONS, "_nrt": False, "forceinline": True}
+APART = {**OPTIONS, "_nrt": False}
+#: for those that every step needs
+INNER = {**APART, "forceinline": True}
 
 
 @njit(**INNER)
@@ -132,43 +134,12 @@ def _empty(products, into):
 
 
 @njit(**INNER)
-def advance(function, t, h, x, S, u_start, u_end, p, s, stuck, dry, out, old):
-    """Advance x and S by h, in place, cutting the step where dry friction changes its side."""
-    x_old, S_old, u_now, u_mid, before = old
-    any_dry = False
-    for i in range(x.size):
-        any_dry = any_dry or dry[i]
-    if not any_dry:
-        _step(function, t, h, x, S, u_start, u_end, p, s, stuck, out)
-        return
-    done = 0.0
-    _copy(u_start, u_now)
-    for i in range(x.size):
-        if dry[i]:
-            _side(function, t, x, S, u_now, p, s, stuck, i, out)
-            for j in range(S.shape[1] if stuck[i] else 0):
-                S[i, j] = 0.0
-    for event in range(MAX_EVENTS + 1):
-        _keep(x, S, x_old, S_old)
-        now, left = t + done * h, (1.0 - done) * h
-        _step(function, now, left, x, S, u_now, u_end, p, s, stuck, out)
-        i, share = _first_crossing(x_old, x, stuck, dry)
-        if i < 0 or event == MAX_EVENTS:
-            return
-        _keep(x_old, S_old, x, S)
-        for k in range(u_mid.size):
-            u_mid[k] = u_now[k] + share * (u_end[k] - u_now[k])
-        _step(function, now, share * left, x, S, u_now, u_mid, p, s, stuck, out)
-        done += share * (1.0 - done)
-        _copy(u_mid, u_now)
-        x[i] = 0.0
-        evaluate(function, RATES, t + done * h, x, S, u_now, p, s, stuck, out)
-        _copy(out, before)
-        _side(function, t + done * h, x, S, u_now, p, s, stuck, i, out)
-        evaluate(function, RATES, t + done * h, x, S, u_now, p, s, stuck, out)
-        _jump(S, before, out, stuck, i)
-        if not stuck[i]:
-            x[i] = 1e-300 * s[i]
+def is_any(bits):
+    """Return whether one of few bits is set."""
+    found = False
+    for i in range(bits.size):
+        found = found or bits[i]
+    return found
 
 
 @njit(**INNER)
@@ -182,6 +153,55 @@ def _jump(S, before, after, stuck, i):
             rate = 0.0 if stuck[m] else after[m]
             if m == i or before[m] != rate:
                 S[m, j] += (before[m] - rate) * shift
+
+
+@njit(**APART)
+def _cut(function, t, h, x, S, u_start, u_end, p, s, stuck, dry, out, old, i, share):
+    """Go through a step again in which state i crosses zero first, at a share of it."""
+    x_old, S_old, u_now, u_mid, before = old
+    done, left = 0.0, h
+    _copy(u_start, u_now)
+    for _ in range(MAX_EVENTS):
+        now = t + done * h
+        _keep(x_old, S_old, x, S)
+        for k in range(u_mid.size):
+            u_mid[k] = u_now[k] + share * (u_end[k] - u_now[k])
+        _step(function, now, share * left, x, S, u_now, u_mid, p, s, stuck, out)
+        done += share * (1.0 - done)
+        _copy(u_mid, u_now)
+        x[i] = 0.0
+        now, left = t + done * h, (1.0 - done) * h
+        evaluate(function, RATES, now, x, S, u_now, p, s, stuck, out)
+        _copy(out, before)
+        _side(function, now, x, S, u_now, p, s, stuck, i, out)
+        evaluate(function, RATES, now, x, S, u_now, p, s, stuck, out)
+        _jump(S, before, out, stuck, i)
+        if not stuck[i]:
+            x[i] = 1e-300 * s[i]
+        _keep(x, S, x_old, S_old)
+        _step(function, now, left, x, S, u_now, u_end, p, s, stuck, out)
+        i, share = _first_crossing(x_old, x, stuck, dry)
+        if i < 0:
+            return
+
+
+@njit(**INNER)
+def advance(function, t, h, x, S, u_start, u_end, p, s, stuck, dry, any_dry, out, old):
+    """Advance x and S by h, in place, cutting the step where dry friction changes its side."""
+    if not any_dry:
+        _step(function, t, h, x, S, u_start, u_end, p, s, stuck, out)
+        return
+    for i in range(x.size):
+        if dry[i]:
+            _side(function, t, x, S, u_start, p, s, stuck, i, out)
+            for j in range(S.shape[1] if stuck[i] else 0):
+                S[i, j] = 0.0
+    x_old, S_old = old[:2]
+    _keep(x, S, x_old, S_old)
+    _step(function, t, h, x, S, u_start, u_end, p, s, stuck, out)
+    i, share = _first_crossing(x_old, x, stuck, dry)
+    if i >= 0:
+        _cut(function, t, h, x, S, u_start, u_end, p, s, stuck, dry, out, old, i, share)
 
 
 @njit(**OPTIONS)
@@ -203,43 +223,39 @@ def workspace(nx, nq, nu, size):
 @njit(**INNER)
 def _observe(function, t, x, S, u, p, s, stuck, out, y, Sy):
     """Evaluate the outputs and their sensitivities at one sample."""
-    evaluate(function, OUTPUTS, t, x, S, u, p, s, stuck, out)
-    nx, nq = S.shape
-    ny = y.size
-    n_p = nq - nx
+    evaluate(function, OBSERVE, t, x, S, u, p, s, stuck, out)
+    (nx, nq), ny = S.shape, y.size
     for i in range(ny):
         y[i] = out[nx + i]
-        if nq > 0:
-            row_x = nx + ny + nx * (nx + n_p) + i * nx
-            row_p = nx + ny + nx * (nx + n_p) + ny * nx + i * n_p
-            for j in range(nq):
-                value = out[row_p + j] if j < n_p else 0.0
-                for m in range(nx):
-                    value += out[row_x + m] * S[m, j]
-                Sy[i, j] = value
+        row = nx + ny + (nx + i) * nq
+        for j in range(nq):
+            Sy[i, j] = out[row + j]
 
 
 @njit(**INNER)
 def _to_next_sample(
     function, t, u, linear_hold, k, x, S, p, s, stuck, dry, substeps, out, old,
-    u_start, u_end, usual=math.inf,
+    u_start, u_end, any_dry, usual=math.inf,
 ):  # fmt: skip
     """Advance from sample k to sample k + 1 in equal substeps, a gap in those of its samples."""
     width, count = t[k + 1] - t[k], substeps
     if width > GAP * usual:
         count *= int(min(width / usual, MOST_SAMPLES))
     h = width / count
+    if not (linear_hold or any_dry):
+        for step in range(count):
+            _step(function, t[k] + step * h, h, x, S, u[k], u[k], p, s, stuck, out)
+        return
     for step in range(count):
+        now = t[k] + step * h
+        if not linear_hold:
+            advance(function, now, h, x, S, u[k], u[k], p, s, stuck, dry, any_dry, out, old)
+            continue
         for i in range(u_start.size):
-            u_start[i] = u_end[i] = u[k, i]
-            if linear_hold:
-                slope = u[k + 1, i] - u[k, i]
-                u_start[i] += slope * step / count
-                u_end[i] += slope * (step + 1) / count
-        advance(
-            function, t[k] + step * h, h, x, S, u_start, u_end, p, s, stuck, dry,
-            out, old,
-        )  # fmt: skip
+            slope = u[k + 1, i] - u[k, i]
+            u_start[i] = u[k, i] + slope * step / count
+            u_end[i] = u[k, i] + slope * (step + 1) / count
+        advance(function, now, h, x, S, u_start, u_end, p, s, stuck, dry, any_dry, out, old)
 
 
 @njit(
@@ -253,6 +269,7 @@ def run_trajectory(function, t, u, linear_hold, p, x, S, dry, substeps, size, X,
     s, stuck = np.zeros(nx), np.zeros(nx, dtype=np.bool_)
     Sy, usual = np.zeros((Y.shape[1], nq)), _usual_interval(t)
     u_start, u_end = np.zeros(u.shape[1]), np.zeros(u.shape[1])
+    any_dry = is_any(dry)
     for k in range(t.size):
         for i in range(nx):
             if not math.isfinite(x[i]):
@@ -266,7 +283,7 @@ def run_trajectory(function, t, u, linear_hold, p, x, S, dry, substeps, size, X,
         if k + 1 < t.size:
             _to_next_sample(
                 function, t, u, linear_hold, k, x, S, p, s, stuck, dry, substeps,
-                out, old, u_start, u_end, usual,
+                out, old, u_start, u_end, any_dry, usual,
             )  # fmt: skip
     return -1
 
@@ -295,6 +312,7 @@ def run_windows(
     Sy, y_model, row = np.zeros((ny, nq)), np.zeros(ny), np.zeros((nq // LANES + 1) * LANES)
     products = np.zeros((nq + 1, row.size))
     u_start, u_end = np.zeros(u.shape[1]), np.zeros(u.shape[1])
+    any_dry = is_any(dry)
     for w in range(starts.size):
         for i in range(nx):
             x[i], stuck[i] = X0[w, i], False
@@ -323,7 +341,7 @@ def run_windows(
             if k + 1 < starts[w] + lengths[w]:
                 _to_next_sample(
                     function, t, u, linear_hold, k, x, S, p, s, stuck, dry, substeps,
-                    out, old, u_start, u_end,
+                    out, old, u_start, u_end, any_dry,
                 )  # fmt: skip
         _empty(products, G[w, piece])
         if not finite:

@@ -8,7 +8,7 @@ from numba import njit
 
 from sklearn_pgnn import PhysicsModel
 from sklearn_pgnn.simulation.compiled import call, compile_model
-from sklearn_pgnn.simulation.model_function import OUTPUTS, RATES, STEP
+from sklearn_pgnn.simulation.model_function import OBSERVE, OUTPUTS, RATES, STEP
 from sklearn_pgnn.simulation.simulate import parameter_values
 
 LINEAR = PhysicsModel(
@@ -83,3 +83,11 @@ def test_rates_and_outputs_are_evaluated_in_their_places():
     np.testing.assert_allclose(rates[:3], [-0.2, 1.05 - 1.0 + 0.06, 0.0])
     np.testing.assert_allclose(outputs[2:3], [2 * 0.25 - 0.2])
     np.testing.assert_allclose(outputs[-3:], [2 * 2 * 0.5, 1.0, 0.25])  # by x, v, and k
+
+
+def test_sensitivities_of_the_outputs_stand_row_by_row():
+    model = LINEAR.replace(outputs={"y": "k*x**2 + v", "z": "d*u"})
+    _, S, out = run_task(OBSERVE, model, [0.5, -0.2], 1.5, wrt=("k", "d"))
+    np.testing.assert_allclose(out[2:4], [2 * 0.25 - 0.2, 0.3 * 1.5])
+    by_state, by_parameter = [[2 * 2 * 0.5, 1.0], [0, 0]], [[0.25, 0, 0, 0], [0, 1.5, 0, 0]]
+    np.testing.assert_allclose(out[-8:].reshape(2, 4), by_state @ S + by_parameter)
