@@ -426,8 +426,12 @@ class WindowFitter:
         def judge(learned: WindowFit, which: np.ndarray) -> WindowFit:
             fits = [run(learned.model, which, (), x0[which]) for x0 in (fit.x0, start.x0)]
             nearest = np.argmin([each.evaluation.squares for each in fits], axis=0)
+            if (nearest == nearest[0]).all():
+                return fits[nearest[0]]
             x0 = np.array([each.x0 for each in fits])[nearest, np.arange(nearest.size)]
-            return run(learned.model, which, (), x0, max_steps=0)
+            (one, other), moved = (each.evaluation for each in fits), np.flatnonzero(nearest)
+            known = one.replaced(windows.select(which), moved, other, moved)
+            return run(learned.model, which, (), x0, max_steps=0, evaluation=known)
 
         validation = CrossValidation(self.problem, *start)
         return validation.run(fit, self.folds, learn, judge)

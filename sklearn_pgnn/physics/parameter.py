@@ -110,7 +110,12 @@ class Parameter:
         Parameter
             A new parameter; this one is unchanged.
         """
-        return replace(self, value=float(value))
+        value, (low, high) = float(value), self.bounds
+        if not (math.isfinite(value) and low <= value <= high):
+            return replace(self, value=value)  # which says why it cannot be
+        new = object.__new__(type(self))  # every step of a fit comes here: nothing else is checked
+        new.__dict__.update(self.__dict__, value=value)
+        return new
 
     def with_spread(self, spread: float) -> "Parameter":
         """Return the same parameter with another spread.

@@ -17,27 +17,35 @@ from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.compiled import compile_model
 from sklearn_pgnn.simulation.hidden_input import with_hidden_input
-from sklearn_pgnn.simulation.kalman import run_filter
+from sklearn_pgnn.simulation.kalman import _multiply, _set_unit, run_filter
 from sklearn_pgnn.simulation.pointwise import evaluate_samples, sample_table
 from sklearn_pgnn.simulation.simulate import parameter_values
 from sklearn_pgnn.simulation.source import differentiate
+from sklearn_pgnn.simulation.stepping import INNER, OPTIONS, _copy_rows
 from sklearn_pgnn.simulation.windows import ShootingWindows
 
 _F2, _F3, _I1 = types.float64[:, ::1], types.float64[:, :, ::1], types.int64[::1]
 
 
-@njit(
-    types.void(_F3, _F3, _I1, _I1, _F2, _F3, _F3),
-    cache=True,
-    error_model="numpy",
-    nogil=True,
-)
+@njit(**INNER)
+def _clear(table):
+    """Fill a table with zeros."""
+    for i in range(table.shape[0]):
+        for j in range(table.shape[1]):
+            table[i, j] = 0.0
+
+
+@njit(types.void(_F3, _F3, _I1, _I1, _F2, _F3, _F3), **OPTIONS)
 def _respond(F, H, starts, lengths, theta, E, E0):
     """Fill E with the responses to the columns of theta, E0 with those to the initial states."""
     nx, m = F.shape[1] - 1, theta.shape[1]
+    s, moved = np.zeros((nx + 1, m)), np.zeros((nx + 1, m))  # the input is the last state
+    s0, moved0 = np.zeros((nx + 1, nx)), np.zeros((nx + 1, nx))
     for w in range(starts.size):
-        s, s0 = np.zeros((nx, m)), np.eye(nx)
-        for k in range(starts[w], starts[w] + lengths[w]):
+        end = starts[w] + lengths[w]
+        _clear(s)
+        _set_unit(s0)
+        for k in range(starts[w], end):
             for o in range(H.shape[1]):
                 for i in range(nx):
                     for j in range(m):
@@ -46,13 +54,14 @@ def _respond(F, H, starts, lengths, theta, E, E0):
                         E0[k, o, j] += H[k, o, i] * s0[i, j]
                 for j in range(m):
                     E[k, o, j] += H[k, o, nx] * theta[k, j]
-            if k + 1 == starts[w] + lengths[w]:
+            if k + 1 == end:
                 continue
-            A = np.ascontiguousarray(F[k, :nx, :nx])
-            s, s0 = A @ s, A @ s0
-            for i in range(nx):
-                for j in range(m):
-                    s[i, j] += F[k, i, nx] * 0.5 * (theta[k, j] + theta[k + 1, j])
+            for j in range(m):
+                s[nx, j] = 0.5 * (theta[k, j] + theta[k + 1, j])
+            _multiply(F[k], s, moved)
+            _multiply(F[k], s0, moved0)
+            _copy_rows(moved, s)
+            _copy_rows(moved0, s0)
 
 
 def linear_responses(

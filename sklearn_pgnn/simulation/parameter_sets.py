@@ -12,7 +12,7 @@ from sklearn_pgnn.simulation.callbacks import report_calls
 from sklearn_pgnn.simulation.compiled import compile_model
 from sklearn_pgnn.simulation.inputs import delayed_inputs
 from sklearn_pgnn.simulation.simulate import check_arrays, check_options, hold_of, parameter_values
-from sklearn_pgnn.simulation.stepping import run_trajectory
+from sklearn_pgnn.simulation.stepping import run_trajectory, usual_interval
 
 #: parts of the work that every thread takes in turn
 PARTS = 4
@@ -88,7 +88,7 @@ def simulate_sets(
     outputs = np.full((len(values), t.size, len(model.outputs)), np.nan)
     fixed = parameter_values(model), [list(model.parameters).index(name) for name in names]
     is_late = any(delay in names for delay in model.delays.values())
-    acting = delayed_inputs(model, t, u, hold == "foh")
+    acting, usual = delayed_inputs(model, t, u, hold == "foh"), usual_interval(t)
 
     def run(part) -> None:
         states = np.empty((t.size, len(x0)))
@@ -101,7 +101,7 @@ def simulate_sets(
                 felt = delayed_inputs(here, t, u, hold == "foh")
             run_trajectory(
                 function, t, felt, hold == "foh", p, x0.copy(), nothing, np.array(source.dry),
-                substeps, source.size, states, outputs[s], no_slopes,
+                substeps, source.size, usual, states, outputs[s], no_slopes,
             )  # fmt: skip
 
     count = effective_n_jobs(n_jobs)

@@ -11,7 +11,7 @@ from sklearn_pgnn.simulation.callbacks import report_calls
 from sklearn_pgnn.simulation.compiled import compile_model
 from sklearn_pgnn.simulation.inputs import delayed_inputs
 from sklearn_pgnn.simulation.model_function import METHODS
-from sklearn_pgnn.simulation.stepping import run_trajectory
+from sklearn_pgnn.simulation.stepping import run_trajectory, usual_interval
 
 
 @dataclass(frozen=True)
@@ -176,6 +176,7 @@ def simulate_acting(
         np.array(source.dry),
         substeps,
         source.size,
+        usual_interval(t),
         X,
         Y,
         SY,

@@ -204,13 +204,24 @@ def advance(function, t, h, x, S, u_start, u_end, p, s, stuck, dry, any_dry, out
         _cut(function, t, h, x, S, u_start, u_end, p, s, stuck, dry, out, old, i, share)
 
 
-@njit(**OPTIONS)
-def _usual_interval(t):
-    """Return the median sample interval, or infinity, at no cost, where there can be no gap."""
-    shortest, longest = math.inf, 0.0
-    for k in range(t.size - 1):
-        shortest, longest = min(shortest, t[k + 1] - t[k]), max(longest, t[k + 1] - t[k])
-    return np.median(np.diff(t)) if longest > GAP * shortest else math.inf
+def usual_interval(t: np.ndarray) -> float:
+    """Return the median sample interval, or infinity where there can be no gap.
+
+    numba would take seconds to compile a median.
+
+    Parameters
+    ----------
+    t : ndarray of shape (n_samples,)
+        Time [s].
+
+    Returns
+    -------
+    float
+        The interval [s].
+    """
+    widths = t[1:] - t[:-1]
+    has_gap = widths.size and widths.max() > GAP * widths.min()
+    return float(np.median(widths)) if has_gap else math.inf
 
 
 @njit(**OPTIONS)
@@ -259,15 +270,18 @@ def _to_next_sample(
 
 
 @njit(
-    int64(FUNCTION, _F1, _F2, boolean, _F1, _F1, _F2, _B1, int64, int64, _F2, _F2, _F3),
+    int64(FUNCTION, _F1, _F2, boolean, _F1, _F1, _F2, _B1, int64, int64, _F, _F2, _F2, _F3),
     **OPTIONS,
 )
-def run_trajectory(function, t, u, linear_hold, p, x, S, dry, substeps, size, X, Y, SY):
-    """Simulate one trajectory into X, Y and SY; return the first sample not finite, or -1."""
+def run_trajectory(function, t, u, linear_hold, p, x, S, dry, substeps, size, usual, X, Y, SY):
+    """Simulate one trajectory into X, Y and SY; return the first sample not finite, or -1.
+
+    An interval is a gap if it is far longer than the ``usual`` one.
+    """
     nx, nq = S.shape
     out, old = workspace(nx, nq, u.shape[1], size)
     s, stuck = np.zeros(nx), np.zeros(nx, dtype=np.bool_)
-    Sy, usual = np.zeros((Y.shape[1], nq)), _usual_interval(t)
+    Sy = np.zeros((Y.shape[1], nq))
     u_start, u_end = np.zeros(u.shape[1]), np.zeros(u.shape[1])
     any_dry = is_any(dry)
     for k in range(t.size):

@@ -13,7 +13,7 @@ smooth function of it, and a few such windows must not hold up all others.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -92,6 +92,9 @@ class WindowFit:
         Residuals and gradients at the fit.
     objective : float
         The minimum; infinite where the model cannot be fitted.
+    parts : ndarray of shape (n_windows + 1,)
+        The objective window by window, and last the part of the parameters' priors. Not a number
+        where a parameter that hardly acts was sent beyond all numbers.
     """
 
     model: PhysicsModel
@@ -99,6 +102,7 @@ class WindowFit:
     x0: np.ndarray
     evaluation: Evaluation
     objective: float
+    parts: np.ndarray
 
     @property
     def squares(self) -> float:
@@ -184,7 +188,7 @@ def fit_windows(
     task = _Task(windows, freedoms, x0, 1.0 / x0_spread**2)
     fit = task.at(task.within_bounds(model), x0 if x0_start is None else x0_start, evaluation)
     if x0_start is not None and not np.isfinite(fit.objective):
-        fit = task.at(fit.model, np.where(np.isfinite(task.parts(fit))[:-1, None], fit.x0, x0))
+        fit = task.at(fit.model, np.where(np.isfinite(fit.parts)[:-1, None], fit.x0, x0))
     damping = _Damping(
         np.inf if states_first else FIRST_DAMPING, np.full(len(windows), FIRST_DAMPING)
     )
@@ -192,11 +196,11 @@ def fit_windows(
     while steps < max_steps and rejected < MAX_REJECTED and np.isfinite(fit.objective):
         each_step()
         small = tolerance * fit.objective
-        if steps >= min_steps and rejected == 0 and task.is_done(fit, small, prune_above):
-            break
         step = task.step(fit, damping)
+        if steps >= min_steps and rejected == 0 and task.is_done(fit, step, small, prune_above):
+            break
         new = task.take(fit, step, small)
-        decrease = task.parts(fit) - task.parts(new)
+        decrease = fit.parts - new.parts
         damping = damping.after(decrease, step.promise, small)
         if not decrease.sum() > 0.0:
             rejected += 1
@@ -239,7 +243,7 @@ def lost_fit(
     gram = np.zeros((len(windows), windows.blocks, size, size))
     gram[..., -1, -1] = np.inf
     evaluation = Evaluation(gram, np.full(windows.y.shape, np.nan), x0)
-    return WindowFit(model, freedoms, x0, evaluation, np.inf)
+    return WindowFit(model, freedoms, x0, evaluation, np.inf, np.full(len(windows) + 1, np.inf))
 
 
 class _Damping(NamedTuple):
@@ -299,19 +303,13 @@ class _Task:
     def at(self, model, x0, evaluation=None) -> WindowFit:
         if evaluation is None:
             evaluation = evaluate(model, self.windows, x0, self.wrt)
-        fit = WindowFit(model, self.freedoms, x0, evaluation, np.inf)
-        objective = float(self.parts(fit).sum())
-        return fit if np.isnan(objective) else replace(fit, objective=objective)
-
-    def parts(self, fit) -> np.ndarray:
-        """Return the objective window by window, and last the parameters' part.
-
-        It is not a number where a parameter that hardly acts was sent beyond all numbers.
-        """
         with np.errstate(over="ignore", invalid="ignore"):
-            states = (self.weight * (fit.x0 - self.expected) ** 2).sum(axis=1)
-            pull = self.pull * (fit.values - self.centre) ** 2
-        return np.append(fit.evaluation.squares + states, pull.sum())
+            states = (self.weight * (x0 - self.expected) ** 2).sum(axis=1)
+            pull = self.pull * (_values(model, self.freedoms) - self.centre) ** 2
+        parts = np.append(evaluation.squares + states, pull.sum())
+        objective = float(parts.sum())
+        objective = np.inf if np.isnan(objective) else objective
+        return WindowFit(model, self.freedoms, x0, evaluation, objective, parts)
 
     def step(self, fit, damping) -> _Step:
         by_p, by_x, promise = self._change(fit, damping)
@@ -335,22 +333,31 @@ class _Task:
         pulled = float(by_p @ (2 * slope - self.pull * by_p))
         return by_p, by_x, np.append(promise, pulled)
 
-    def is_done(self, fit, small, prune_above) -> bool:
-        """Return whether the linear model predicts a small or an insufficient decrease."""
-        promise = self._change(fit, UNDAMPED)[2].sum()
-        return promise <= small or fit.objective - OPTIMISM * promise > prune_above
+    def is_done(self, fit, step, small, prune_above) -> bool:
+        """Return whether the linear model predicts a small or an insufficient decrease.
+
+        The undamped step promises no less than the damped one, so it is asked only if that is not
+        enough.
+        """
+
+        def is_enough(promise) -> bool:
+            return promise > small and not fit.objective - OPTIMISM * promise > prune_above
+
+        return not (
+            is_enough(step.promise.sum()) or is_enough(self._change(fit, UNDAMPED)[2].sum())
+        )
 
     def take(self, fit, step, small) -> WindowFit:
         """Take a step; windows that it harms keep their initial state where that is better."""
         new = self.at(step.model, step.x0)
-        harmed = np.flatnonzero(~(self.parts(new) - self.parts(fit) < small)[:-1])
+        harmed = np.flatnonzero(~(new.parts - fit.parts < small)[:-1])
         if not harmed.size:
             return new
         part = _Task(self.windows.select(harmed), self.freedoms, self.expected[harmed], self.weight)
         is_known = np.array_equal(new.values, fit.values)
         known = fit.evaluation.select(harmed) if is_known else None
         stay = part.at(step.model, fit.x0[harmed], known)
-        better = part.parts(stay)[:-1] < self.parts(new)[harmed]
+        better = stay.parts[:-1] < new.parts[harmed]
         which, x0 = harmed[better], new.x0.copy()
         x0[which] = stay.x0[better]
         evaluation = new.evaluation.replaced(self.windows, which, stay.evaluation, better)

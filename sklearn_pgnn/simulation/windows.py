@@ -22,8 +22,8 @@ from sklearn_pgnn.simulation.led_states import lead
 from sklearn_pgnn.simulation.simulate import parameter_values
 from sklearn_pgnn.simulation.stepping import run_windows
 
-#: batches of windows per thread
-PARTS = 4
+#: batches of windows per thread, and least steps of one: fewer take less long than handing over
+PARTS, LEAST = 4, 1000
 #: relative rounding of a double
 ROUNDING = np.finfo(float).eps
 
@@ -322,7 +322,7 @@ def in_parts(run: Callable[[slice], None], windows: ShootingWindows) -> None:
     windows : ShootingWindows
         The windows.
     """
-    parts = _parts(len(windows), windows.threads)
+    parts = _parts(windows)
     if len(parts) == 1:
         run(parts[0])
     else:
@@ -339,8 +339,9 @@ if hasattr(os, "register_at_fork"):  # threads do not live on in a forked proces
     os.register_at_fork(after_in_child=_pool.cache_clear)
 
 
-def _parts(count: int, threads: int) -> list[slice]:
+def _parts(windows: ShootingWindows) -> list[slice]:
     """Deal windows to threads, several parts to each: some windows take longer."""
-    parts = PARTS * threads if threads > 1 else 1
-    edges = np.linspace(0, count, max(1, min(parts, count)) + 1).astype(int)
+    count, steps = len(windows), int(windows.lengths.sum()) * windows.substeps
+    most = min(PARTS * windows.threads, count, steps // LEAST) if windows.threads > 1 else 1
+    edges = np.linspace(0, count, max(1, most) + 1).astype(int)
     return [slice(a, b) for a, b in pairwise(edges)]
