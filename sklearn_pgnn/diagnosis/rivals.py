@@ -39,11 +39,9 @@ def find_rivals(search, final: FittedHypothesis, cause: Effect) -> list[tuple[Ef
     found: dict[Effect, float] = {}
     for trial in search.in_place(final, cause):
         (other,) = set(trial.hypothesis.causes) - set(final.hypothesis.causes)
-        evidence = search.evidence(trial, final)
         simple = count_parameters(other) <= count_parameters(cause)
-        refuted = evidence > search.criterion.to_refute or not search.stands_in_free_run(trial)
-        if simple and not refuted:
-            found[other] = evidence
+        if simple and not search.refutes(final, trial) and search.stands_in_free_run(trial):
+            found[other] = search.evidence(trial, final)
     problem, rest = search.fitter.problem, final.hypothesis.without(cause)
     for other in search.candidates:
         if other != cause and other not in found and rest.allows(other):

@@ -25,7 +25,8 @@ from sklearn_pgnn.estimation.stretches import is_long
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects import WrongParameter
 
-Move = Callable[[FittedHypothesis], FittedHypothesis | None]
+#: yields the hypotheses that a move leads to and the criterion accepts, the best first
+Move = Callable[[FittedHypothesis], Iterator[FittedHypothesis]]
 
 
 class Search:
@@ -143,7 +144,7 @@ class Search:
         """
         self.fitter, self._screening = fitter, None
         self.current = fitter.polish(fitter.refit(found.final))
-        while (special := self._split(self.current)) is not None:
+        while (special := next(self._split(self.current), None)) is not None:
             self.current = fitter.polish(special)
         base = fitter.base()
         steps = in_order(fitter, base, self.current)
@@ -184,9 +185,8 @@ class Search:
         Where none is, what is better beside a disturbance only may be a way on.
         """
         aside = None
-        for move in moves:
-            better = move(current)
-            if better is None or not self._is_new(better):
+        for better in (better for move in moves for better in move(current)):
+            if not self._is_new(better):
                 continue
             pruned = self._pruned(better, needed=0.0)
             if pruned is better or (self._is_new(pruned) and self.evidence(current, pruned) > 0.0):
@@ -280,17 +280,17 @@ class Search:
                 return without
         return None
 
-    def _add(self, current: FittedHypothesis) -> FittedHypothesis | None:
+    def _add(self, current: FittedHypothesis) -> Iterator[FittedHypothesis]:
         """Add the best candidate: the more promising half is fitted, the better half of it on."""
         fits = self._first_fits(current, self._promising(self.fitter.subsample(current)))
-        return self._choose(current, self._converge(current, fits[: -(-len(fits) // 2)]))
+        yield from self._choose(current, self._converge(current, fits[: -(-len(fits) // 2)]))
 
-    def _add_patiently(self, current: FittedHypothesis) -> FittedHypothesis | None:
+    def _add_patiently(self, current: FittedHypothesis) -> Iterator[FittedHypothesis]:
         """Add the best candidate, every first fit being followed to its end."""
         fits = self._first_fits(current, self.candidates)
-        return self._choose(current, self._converge(current, fits))
+        yield from self._choose(current, self._converge(current, fits))
 
-    def _add_pair(self, current: FittedHypothesis) -> FittedHypothesis | None:
+    def _add_pair(self, current: FittedHypothesis) -> Iterator[FittedHypothesis]:
         """Add the best of the pairs that are expected to explain most together."""
         self.progress.begin("pairs", 2 * PAIRS)
         ground, fits = self.fitter.subsample(current), []
@@ -301,19 +301,17 @@ class Search:
             if len(alone) == 2:
                 other = alone[1].hypothesis.causes[-1]
                 fits.append(self._step(self.fitter.first_fit(alone[0], other)))
-        return self._choose(current, self._converge(current, _usable(fits)), n_causes=2)
+        yield from self._choose(current, self._converge(current, _usable(fits)), n_causes=2)
 
-    def _replace_by_pair(self, current: FittedHypothesis) -> FittedHypothesis | None:
+    def _replace_by_pair(self, current: FittedHypothesis) -> Iterator[FittedHypothesis]:
         """Put the best of the promising pairs in a cause's place where that refutes the cause."""
         ground = self.fitter.subsample(current)
         for cause in _causes(current):
             without = self.fitter.fit_all(self.fitter.reduce(ground, cause), current)
-            pair = self._add_pair(without) if without.fit.usable else None
-            if pair is not None and self.refutes(pair, current):
-                return pair
-        return None
+            pairs = self._add_pair(without) if without.fit.usable else ()
+            yield from (pair for pair in pairs if self.refutes(pair, current))
 
-    def _replace(self, current: FittedHypothesis) -> FittedHypothesis | None:
+    def _replace(self, current: FittedHypothesis) -> Iterator[FittedHypothesis]:
         """Put another candidate in a cause's place where that refutes it, or says it simpler.
 
         Beside a candidate that says the same another cause may be needless.
@@ -323,13 +321,13 @@ class Search:
                 if other.hypothesis.complexity < current.hypothesis.complexity:
                     other = self.fitter.retry(other, current)  # its own fit may have got stuck
                 if self._is_preferred(other, current) and self._is_needed(other, current):
-                    return other
+                    yield other
+                    continue
                 simpler = None if self.refutes(current, other) else self._drop(other)
                 if simpler is None or self.refutes(current, simpler):
                     continue
                 if self._is_needed(simpler, current):
-                    return simpler
-        return None
+                    yield simpler
 
     def _is_needed(self, other: FittedHypothesis, current: FittedHypothesis) -> bool:
         """Return whether a hypothesis has a cause that another one has not, and it is named."""
@@ -341,7 +339,7 @@ class Search:
         without = self.fitter.fit_all(reduced, other)
         return not without.fit.usable or self._names(without, other)
 
-    def _split(self, current: FittedHypothesis) -> FittedHypothesis | None:
+    def _split(self, current: FittedHypothesis) -> Iterator[FittedHypothesis]:
         """Put a cause's special cases in its place where that says the same simpler."""
         ground = self.fitter.subsample(current)
         apart = [a for c in current.hypothesis.causes for a in self._apart(ground, c)]
@@ -351,8 +349,7 @@ class Search:
         for subsample in sorted(fewer, key=lambda a: a.hypothesis.n_parameters):
             split = self.fitter.fit_all(subsample, current)
             if split.fit.usable and self._is_preferred(split, current):
-                return split
-        return None
+                yield split
 
     def _take_given(self) -> None:
         """Begin with the causes that the records show by themselves."""
@@ -426,15 +423,14 @@ class Search:
         reach = self.criterion.to_refute + self.criterion.to_name
         return squares * float(np.exp(min(2.0 * reach / count, 10.0)))
 
-    def _choose(self, current, fits: list[SubsampleFit], n_causes=1) -> FittedHypothesis | None:
-        """Return the simplest of the finalists that none refutes, if it is named."""
+    def _choose(self, current, fits: list[SubsampleFit], n_causes=1) -> Iterator[FittedHypothesis]:
+        """Yield the finalists that are named, first the simplest of those that none refutes."""
         trials = [self.fitter.fit_all(fit, current) for fit in fits[:KEPT]]
         while trials := [trial for trial in trials if trial.fit.usable]:
             best = self._simplest_of_the_best(trials)
             if self._names(self.fitter.retry(current, best), best, n_causes):
-                return best
+                yield best
             trials.remove(best)
-        return None
 
     def _simplest_of_the_best(self, trials: list[FittedHypothesis]) -> FittedHypothesis:
         """Return the hypothesis with the fewest parameters among those that the best leaves."""
@@ -486,8 +482,13 @@ class Search:
         return evidence / self._overdispersion(without, with_)
 
     def refutes(self, better: FittedHypothesis, worse: FittedHypothesis) -> bool:
-        """Return whether the second of two hypotheses is refuted by the first."""
-        return self._exceeds(worse, better, self.criterion.to_refute)
+        """Return whether the second of two hypotheses is refuted by the first.
+
+        One that takes more to say pays for the candidates it was chosen from.
+        """
+        more, less = better.hypothesis.complexity, worse.hypothesis.complexity
+        needed = self.criterion.to_name if more > less else self.criterion.to_refute
+        return self._exceeds(worse, better, needed)
 
     def _exceeds(self, without: FittedHypothesis, with_: FittedHypothesis, needed: float) -> bool:
         """Return whether the evidence exceeds a number; the overdispersion only lessens it."""
@@ -523,15 +524,11 @@ class Search:
         return self.fitter.evidence_disturbed(without, with_, share)
 
     def _is_preferred(self, other: FittedHypothesis, current: FittedHypothesis) -> bool:
-        """Return whether a hypothesis refutes another one, or is simpler and not refuted.
-
-        One that takes more to say pays for the candidates it was chosen from.
-        """
-        more, less = other.hypothesis.complexity, current.hypothesis.complexity
-        needed = self.criterion.to_name if more > less else self.criterion.to_refute
-        if self._exceeds(current, other, needed):
+        """Return whether a hypothesis refutes another one, or is simpler and not refuted."""
+        if self.refutes(other, current):
             return True
-        return more < less and not self.refutes(current, other)
+        simpler = other.hypothesis.complexity < current.hypothesis.complexity
+        return simpler and not self.refutes(current, other)
 
     # -- result --------------------------------------------------------------------------------
 

@@ -406,7 +406,14 @@ class WindowFitter:
     def _cross_validate(self, hypothesis: Hypothesis, fit: WindowFit) -> HeldOut:
         windows, start = self.problem.windows, self._start(fit.model)
 
-        def run(model: PhysicsModel, which: np.ndarray, free, x0, **options) -> WindowFit:
+        def run(
+            model: PhysicsModel,
+            which: np.ndarray,
+            free,
+            x0,
+            tolerance=COARSER * TOLERANCE,
+            **options,
+        ) -> WindowFit:
             return self.fit_model(
                 self._spare(hypothesis, HELD_OUT),
                 model,
@@ -414,14 +421,14 @@ class WindowFitter:
                 free,
                 start.select(which),
                 x0,
-                tolerance=COARSER * TOLERANCE,
+                tolerance=tolerance,
                 **options,
             )
 
         def learn(which: np.ndarray) -> WindowFit:
-            known = fit.evaluation.select(which)
-            x0 = fit.x0[which]
-            return run(fit.model, which, fit.freedoms, x0, evaluation=known, min_steps=1)
+            known, x0 = fit.evaluation.select(which), fit.x0[which]
+            forgets = SMALL_CHANGE / self.problem.n_samples
+            return run(fit.model, which, fit.freedoms, x0, forgets, evaluation=known, min_steps=1)
 
         def judge(learned: WindowFit, which: np.ndarray) -> WindowFit:
             fits = [run(learned.model, which, (), x0[which]) for x0 in (fit.x0, start.x0)]
