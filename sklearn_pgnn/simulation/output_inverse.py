@@ -43,7 +43,7 @@ def gain_and_offset(model: PhysicsModel, output: str, state: str) -> tuple[float
 
 
 def magnitude_in(output: sympy.Expr, state: str) -> sympy.Expr:
-    """Return what an output shows of a state: its magnitude, or a line's, or itself.
+    """Return what an output shows of a state: the magnitude of it or of what holds it, or itself.
 
     Parameters
     ----------
@@ -74,8 +74,8 @@ def magnitude_in(output: sympy.Expr, state: str) -> sympy.Expr:
 def _line(output: sympy.Expr, state: str, parameters: tuple[str, ...]):
     """Return gain and offset as functions of the parameters; None where the output is no line."""
     shown, seen = magnitude_in(output, state), symbol(state)
-    if shown == sympy.Abs(seen):
-        output = output.xreplace({shown: seen})
+    if isinstance(shown, sympy.Abs):
+        output = output.xreplace({shown: shown.args[0]})
     gain = sympy.diff(output, seen)
     allowed = {symbol(name) for name in parameters}
     if not (gain.free_symbols <= allowed and output.free_symbols <= allowed | {seen}):

@@ -238,7 +238,7 @@ def test_moves_that_go_round_in_a_circle_end_where_every_cause_is_named(search, 
     rubbed = fitted(search.fitter, effects.CoulombFriction)
     loaded = fitted(search.fitter, effects.ConstantLoad)  # no load hides in the records
     course = iter([rubbed, loaded, search.current])
-    monkeypatch.setattr(search, "_moves", lambda current: [lambda _: next(course, None)])
+    monkeypatch.setattr(search, "_moves", lambda current: [lambda _: [next(course)]])
     monkeypatch.setattr(search, "_begin_anew", lambda trial: trial)
     search._climb()
     assert search.current.hypothesis == rubbed.hypothesis
@@ -267,9 +267,28 @@ def test_a_search_goes_on_through_what_no_disturbance_explains_better(
     monkeypatch.setattr(search, "_is_coloured", lambda *_: True)
     monkeypatch.setattr(search, "_evidence_disturbed", lambda *_: evidence)
     search._visited.add(search.fitter.key(search.current.hypothesis))
-    found = search._first_of([lambda _: rubbed], search.current)
+    found = search._first_of([lambda _: [rubbed]], search.current)
     assert found is (rubbed if goes_on else None)
     assert not search._pruned(rubbed, search.criterion.to_name).hypothesis.causes
+
+
+def test_a_moves_next_best_is_tried_where_its_best_does_not_stand(search, monkeypatch):
+    best, next_best = (fitted(search.fitter, kind) for kind in KINDS[:2])
+    none = search.current
+    search._visited.add(search.fitter.key(none.hypothesis))
+    monkeypatch.setattr(search, "_pruned", lambda trial, needed: none if trial is best else trial)
+    found = search._first_of([lambda _: iter([best, next_best])], none)
+    assert found is next_best
+
+
+@pytest.mark.parametrize("more_is_better", [True, False])
+def test_what_takes_more_to_say_refutes_by_what_a_name_needs(search, monkeypatch, more_is_better):
+    less, more = fitted(search.fitter, *KINDS[:1]), fitted(search.fitter, *KINDS[:2])
+    between = (search.criterion.to_refute + search.criterion.to_name) / 2
+    monkeypatch.setattr(search.criterion.__class__, "evidence", lambda *_: between)
+    monkeypatch.setattr(search, "_overdispersion", lambda *_: 1.0)
+    better, worse = (more, less) if more_is_better else (less, more)
+    assert search.refutes(better, worse) is not more_is_better
 
 
 @pytest.mark.parametrize(("disturbed", "goes_aside"), [(1.0, True), (-1.0, True), (1.0, False)])
@@ -283,7 +302,7 @@ def test_what_is_better_beside_a_disturbance_only_is_a_way_on_where_there_is_no_
     )
     monkeypatch.setattr(search, "evidence", lambda *_: -1.0)
     monkeypatch.setattr(search, "_evidence_disturbed", lambda *_: disturbed)
-    ways = [lambda _: dropped], [lambda _: dropped, lambda _: better]
+    ways = [lambda _: [dropped]], [lambda _: [dropped], lambda _: [better]]
     alone, beside = (search._first_of(moves, search.current, goes_aside) for moves in ways)
     assert alone is (kept if goes_aside and disturbed > 0.0 else None)
     assert beside is better

@@ -90,6 +90,16 @@ def test_what_one_record_has_and_no_other_is_no_structure(fitted):
     assert not find_structure(problem, left(fitted, each + noise), ALPHA, SHARE).is_significant
 
 
+def test_a_run_that_leaves_all_numbers_is_no_feature_but_no_obstacle():
+    """An unstable cart in free run: what it leaves over windows is noise all the same."""
+    cart = SLEDGE.replace(equations={"v": "(F + 40*m*v)/m"})
+    t, rng = np.arange(0, 60, 0.02), np.random.default_rng(0)
+    X, y = np.c_[t, np.sin(t)], rng.normal(size=(t.size, 1))
+    problem = build_problem(cart, read_records(cart, X, y), window_length=0.5)
+    trial = HypothesisFitter(problem).base()
+    assert not find_structure(problem, trial, ALPHA, SHARE).is_significant
+
+
 # -- structure -------------------------------------------------------------------------------------
 
 

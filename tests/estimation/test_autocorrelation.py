@@ -18,3 +18,10 @@ def test_rows_without_a_measured_value_change_nothing():
     assert np.allclose(
         autocorrelation_times(sparse, np.repeat(segment, 2)), autocorrelation_times(rest, segment)
     )
+
+
+def test_what_stays_all_through_a_window_counts_once_for_it():
+    """The mean over windows is then as uncertain as of one sample in each."""
+    constant = np.repeat(np.random.default_rng(0).normal(size=50), 40)[:, None]
+    (time,) = autocorrelation_times(constant, np.repeat(np.arange(50), 40))
+    assert time == pytest.approx(40.0)

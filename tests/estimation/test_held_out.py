@@ -9,17 +9,29 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sklearn_pgnn import ModelDiagnosis, PhysicsModel, PhysicsModelRegressor, effects
+from sklearn_pgnn import (
+    ModelDiagnosis,
+    PhysicsModel,
+    PhysicsModelRegressor,
+    datasets,
+    effects,
+    systems,
+)
 from sklearn_pgnn.diagnosis.result import measure_gain
 from sklearn_pgnn.estimation import window_fitter
 from sklearn_pgnn.estimation.budgets import FOLDS
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
-from sklearn_pgnn.estimation.held_out import MOST_HELD_OUT, CrossValidation, make_folds
+from sklearn_pgnn.estimation.held_out import (
+    MOST_HELD_OUT,
+    CrossValidation,
+    make_folds,
+)
 from sklearn_pgnn.estimation.problem import build_problem, longer
 from sklearn_pgnn.estimation.residuals import HeldOut, Residuals
 from sklearn_pgnn.estimation.window_selection import select_windows
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.simulation.record_windows import MIN_SAMPLES, MIN_WINDOWS, median_window_length
+from sklearn_pgnn.simulation.window_fit import fit_windows
 from sklearn_pgnn.trajectories import read_records
 
 CART = PhysicsModel(
@@ -42,6 +54,12 @@ def drive(sizes, steps=None, cart=CART, noise=1e-3):
 def problem_of(sizes, steps=None, **options):
     X, y = drive(sizes, steps)
     return build_problem(CART, read_records(CART, X, y), **options)
+
+
+def with_cause(fitter, trial, cause):
+    """Return a hypothesis with one more cause, on all windows."""
+    first = fitter.first_fit(fitter.subsample(trial), cause)
+    return fitter.fit_all(fitter.converge(first), trial)
 
 
 # -- enough windows --------------------------------------------------------------------------------
@@ -108,6 +126,31 @@ def test_every_window_is_judged_once_by_what_the_others_taught(monkeypatch):
     assert (np.sum(judged, axis=0) == 1).all()
     for taught, inside in zip(learned, judged, strict=True):
         np.testing.assert_array_equal(taught, ~inside)
+
+
+@pytest.mark.slow
+def test_what_the_others_teach_has_forgotten_the_fold(monkeypatch):
+    """Further steps would change no number by more than its standard error."""
+    robot = systems.golf_robot()
+    rig = datasets.make_hidden_effect(robot, "cubic_stiffness", n_records=4, random_state=1)
+    fitter = HypothesisFitter(build_problem(rig.prior, read_records(rig.prior, rig.X, rig.y)))
+    trial = with_cause(fitter, fitter.base(), effects.CubicStiffness("omega"))
+    trial = with_cause(fitter, trial, effects.PeriodicDisturbance("omega"))
+    windows, learned = fitter.problem.windows, {}
+
+    def keep(validation, fit, folds, learn, judge):
+        learned.update({fold: learn(folds != fold) for fold in np.unique(folds)})
+
+    monkeypatch.setattr(CrossValidation, "run", keep)
+    fitter._cross_validate(trial.hypothesis, trial.fit)
+    x0, spread = fitter._start(trial.fit.model)
+    for fold, fit in learned.items():
+        which = fitter.folds != fold
+        options = {"x0_start": fit.x0, "min_steps": 5, "max_steps": 5, "tolerance": 1e-12}
+        args = fit.model, windows.select(which), fit.freedoms, x0[which], spread
+        further = fit_windows(*args, **options).objective
+        count = windows.lengths[which].sum()
+        assert fit.objective - further < fit.objective / count
 
 
 def test_what_was_not_measured_does_not_count():
@@ -198,16 +241,20 @@ def test_a_memory_that_nothing_shows_and_that_stays_where_it_was_expected_costs_
     assert price(REMEMBERS, np.zeros((3, 3, 3)), np.zeros((3, 2))) == pytest.approx(0.0)
 
 
-@given(st.floats(1e-2, 1e4), st.floats(-3, 3))
-def test_the_price_is_that_of_the_integral_over_the_initial_value(sharpness, seen):
-    r"""Here Laplace's method is exact: :math:`-\log\int N(z; 0, s^2) e^{-g(z - a)^2/2} dz`."""
+@given(st.floats(1e-2, 1e4), st.floats(-3, 3), st.floats(1.0, 1e4))
+def test_the_price_is_that_of_the_integral_over_the_initial_value(sharpness, seen, power):
+    r"""Here Laplace's method is exact: :math:`-\log\int N(z; 0, s^2) e^{-g(z - a)^2/2} dz`.
+
+    Residuals with more power than the noise's tell less of the initial value.
+    """
     weight = 1.0 / SPREAD[1] ** 2
+    gram, sharpness = np.diag([0.0, sharpness, 0.0])[None], sharpness / power
     z = sharpness * seen / (sharpness + weight)
-    gram, x0 = np.diag([0.0, sharpness, 0.0])[None], np.array([[0.0, z]])
+    x0 = np.array([[0.0, z]])
     integral = np.log1p(sharpness / weight) / 2
     integral += sharpness * weight / (sharpness + weight) * seen**2 / 2
     left = sharpness * (z - seen) ** 2 / 2
-    assert price(REMEMBERS, gram, x0) + left == pytest.approx(integral)
+    assert price(REMEMBERS, gram, x0, dispersion=power) + left == pytest.approx(integral)
 
 
 # -- records that are too short --------------------------------------------------------------------

@@ -1,8 +1,13 @@
 """How long the windows are, where nobody sees a state."""
 
 import numpy as np
+import pytest
 
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel
+from sklearn_pgnn.estimation import window_selection
+from sklearn_pgnn.estimation.fitting import HypothesisFitter
+from sklearn_pgnn.estimation.problem import build_problem
+from sklearn_pgnn.trajectories import read_records
 
 
 def test_a_hidden_velocity_may_have_dry_friction():
@@ -18,3 +23,23 @@ def test_a_hidden_velocity_may_have_dry_friction():
     y = y + 1e-3 * np.random.default_rng(0).normal(size=y.shape)
     diagnosis = ModelDiagnosis(model, catalogue=["input_gain"])
     assert diagnosis.fit(np.column_stack([t, F]), y).verdict_ == "model_adequate"
+
+
+@pytest.mark.parametrize(("lacking", "length"), [(0.1, 10.0), (1.0, 2.5)])
+def test_windows_are_drawn_out_as_far_as_the_prior_does_not_run_away(lacking, length, monkeypatch):
+    """A machine kept in hand, and a prior that lacks some or all of its friction."""
+    rig, prior = (
+        PhysicsModel({"v": "m/s"}, {"v": f"{rate}*v + F"}, inputs={"F": "N"})
+        for rate in (-1.0, lacking - 1.0)
+    )
+    t, v, force = np.arange(0, 80, 0.02), 0.0, np.zeros(4000)
+    for k, now in enumerate(t):
+        force[k] = -6.0 * v + 2 * np.sin(0.7 * now) + np.sin(1.9 * now)
+        v += 0.02 * (force[k] - v)
+    y = rig.simulate(t, force, substeps=5).y
+    y = y + 1e-3 * np.random.default_rng(0).normal(size=y.shape)
+    problem = build_problem(prior, read_records(prior, np.c_[t, force], y), window_length=1.25)
+    monkeypatch.setattr(window_selection, "_slowest", lambda fitter: 2.0)
+    fitter = window_selection._past_hidden_starts(HypothesisFitter(problem))
+    assert fitter.problem.scales.window == pytest.approx(length, rel=0.1)
+    assert window_selection._tells(fitter)

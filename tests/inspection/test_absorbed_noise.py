@@ -1,5 +1,7 @@
 """What fitted initial states take of white noise."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -58,3 +60,12 @@ def test_an_actuator_that_has_forgotten_the_start_takes_nothing():
     found = absorbed_autocorrelation(windows, lag, np.zeros((starts.size, 2)), spread, 5)
     known = absorbed_autocorrelation(windows, cart, np.zeros((starts.size, 1)), spread[:1], 5)
     np.testing.assert_allclose(found, known, rtol=1e-6)
+
+
+def test_a_window_that_is_shorter_than_a_lag_has_no_pairs_so_far_apart():
+    whole = level_windows()
+    lengths = np.array([LENGTH, LENGTH, 3])
+    windows = replace(whole, starts=whole.starts[:3], lengths=lengths)
+    found = absorbed_autocorrelation(windows, LEVEL, np.zeros((3, 1)), np.array([1e6]), 5)[:, 0]
+    pairs = np.maximum(lengths[:, None] - np.arange(1, 6), 0) / lengths[:, None]
+    assert found == pytest.approx(-pairs.sum(axis=0) / (lengths - 1).sum(), rel=1e-6)

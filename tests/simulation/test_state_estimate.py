@@ -5,7 +5,7 @@ import pytest
 
 from sklearn_pgnn import PhysicsModel, effects, systems
 from sklearn_pgnn.estimation.problem import build_problem
-from sklearn_pgnn.simulation.state_estimate import free_run
+from sklearn_pgnn.simulation.state_estimate import free_run, unsigned_states
 from sklearn_pgnn.trajectories import read_records
 
 SERVO = PhysicsModel({"x": "m"}, {"x": "K*u - x/T"}, {"K": 0.1, "T": 2.0}, {"u": "V"})
@@ -37,3 +37,30 @@ def test_states_are_estimated_behind_a_sensor_that_enlarges_and_shifts_them():
     np.testing.assert_allclose(
         states.values(cart)[inner], run.x[inner] * 1.25 + [0.1, 0.0], atol=1e-3
     )
+
+
+@pytest.mark.parametrize(
+    "sensors", [("SensorRectification",), ("SensorRectification", "SensorGain"),
+                ("SensorGain", "SensorRectification"), ("SensorRectification", "SensorBias")]
+)  # fmt: skip
+def test_the_sign_behind_a_magnitude_is_taken_from_a_simulation(sensors):
+    """Also where a gain or an offset stands before or behind it."""
+    cart = systems.cart_on_spring()
+    numbers = {"SensorGain": (0.25,), "SensorBias": (0.1,)}
+    seen = cart
+    for name in sensors:
+        seen = seen + getattr(effects, name)("position", *numbers.get(name, ()))
+    assert unsigned_states(seen) == ("x", "v")
+    t = np.arange(400) / 50
+    run = seen.simulate(t, 10 * np.sin(2 * t), x0=[0.1, 0.2])
+    noise = 1e-6 * np.random.default_rng(0).normal(size=run.y.shape)
+    records = read_records(cart, np.c_[t, 10 * np.sin(2 * t)], run.y + noise)
+    x = build_problem(cart, records).states.values(seen)[:, 0]
+    clear = np.abs(run.x[:, 0]) > 0.05  # elsewhere the smoothing rounds the turn
+    np.testing.assert_allclose(x[clear], run.x[clear, 0], atol=5e-3)
+
+
+def test_a_sensor_with_other_signs_hides_none():
+    cart = systems.cart_on_spring()
+    assert unsigned_states(cart + effects.SensorGain("position", 0.2)) == ()
+    assert unsigned_states(cart.replace(outputs={"position": "abs(x) + 0.1*x"})) == ()
