@@ -9,9 +9,11 @@ from sklearn_pgnn.estimation.budgets import FORGOTTEN
 def autocorrelation_times(residual: np.ndarray, segment: np.ndarray) -> np.ndarray:
     r"""Return the integrated autocorrelation time of residuals, in samples.
 
-    .. math:: \tau = 1 + 2 \sum_{k=1}^{K} \rho_k, \qquad K \ge 5 \tau,
+    .. math:: \tau = 1 + \frac{2}{\sum_t r_t^2} \sum_{k=1}^{K} \sum_t r_t\, r_{t+k},
+              \qquad K \ge 5 \tau,
 
-    over pairs of samples of the same segment, counted among those that are known; never below 1.
+    over pairs of samples of the same segment, counted among those that are known; never below 1,
+    and of what stays all through a segment, the length of it.
 
     Parameters
     ----------

@@ -247,9 +247,22 @@ def missing_place(diagnosis, part) -> str:
     return f"the rate of {part.target}" if part.target in diagnosis.model.states else part.target
 
 
-def explain(quantities) -> str:
-    """Return the verb of one quantity or of several."""
-    return "explains" if len(quantities) == 1 else "explain"
+def dependence(diagnosis, part) -> str:
+    """Return the sentence on what something unnamed depends on; empty where that is not known.
+
+    What tells nothing of its course in records not used for it is said to tell nothing.
+    """
+    if not part.quantities:
+        return ""
+    several, names = len(part.quantities) > 1, listed(part.quantities)
+    if part.share < diagnosis.smallest_share:
+        say = "these tell" if several else "that tells"
+        return (
+            f"Its formula holds {names}, but in records not used for it {say} next to nothing of "
+            f"its smoothed course: take it for a hint. "
+        )
+    verb, share = "explain" if several else "explains", percent(part.share)
+    return f"It depends on {names}, which {verb} {share} of its smoothed course. "
 
 
 def _described(diagnosis) -> str:
@@ -257,13 +270,7 @@ def _described(diagnosis) -> str:
     part = diagnosis.discrepancy_
     if part is None:
         return ""
-    on = (
-        f"It depends on {listed(part.quantities)}, which {explain(part.quantities)} "
-        f"{percent(part.share)} of its smoothed course. "
-        if part.quantities
-        else ""
-    )
-    left = times(formula_error(diagnosis))
+    on, left = dependence(diagnosis, part), times(formula_error(diagnosis))
     return (
         f"Something is missing in {missing_place(diagnosis, part)}. {on}With "
         f"{readable(part.formula)} added there the model leaves {left} the noise."

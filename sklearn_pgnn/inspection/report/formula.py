@@ -11,8 +11,8 @@ from sklearn_pgnn.estimation.fitted_records import DiagnosisRecords, FittedWindo
 from sklearn_pgnn.inspection.balance import Samples
 from sklearn_pgnn.inspection.mathml import mathml_of
 from sklearn_pgnn.inspection.model_files import file_of
-from sklearn_pgnn.inspection.numbers import measured, number, percent, times, typeset_unit
-from sklearn_pgnn.inspection.words import explain, listed, missing_place
+from sklearn_pgnn.inspection.numbers import measured, number, times, typeset_unit
+from sklearn_pgnn.inspection.words import dependence, missing_place
 from sklearn_pgnn.inspection.yardstick import formula_error
 from sklearn_pgnn.physics.effects.rates import force_unit
 from sklearn_pgnn.physics.expressions import TIME, parse_expression, symbol, to_text
@@ -166,9 +166,7 @@ def told_formula(formula: FoundFormula) -> dict:
     part = formula.part
     return {
         "place": missing_place(formula.diagnosis, part),
-        "quantities": listed(part.quantities),
-        "explain": explain(part.quantities),
-        "share": percent(part.share),
+        "dependence": dependence(formula.diagnosis, part),
         "left": times(formula_error(formula.diagnosis)),
         "unit": typeset_unit(formula.unit) or "-",
         "force": typeset_unit(formula.force),

@@ -1,5 +1,7 @@
 """Every verdict tells its own story, in words, sizes, models and maps."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from situations import situation
@@ -9,6 +11,7 @@ from sklearn_pgnn.inspection.report import Provenance, render_report
 from sklearn_pgnn.inspection.report.formula import FoundFormula
 from sklearn_pgnn.inspection.report.members import members_of
 from sklearn_pgnn.inspection.report.residual_maps import residual_maps, telling_quantities
+from sklearn_pgnn.inspection.words import dependence
 
 pytestmark = [pytest.mark.core, pytest.mark.filterwarnings("ignore:.*the term:UserWarning")]
 
@@ -88,3 +91,13 @@ def test_an_adequate_model_says_what_may_still_be_hidden():
     assert f"width {table.rows[0].smallest:.2g} N" in text
     assert "sklearn-pgnn detect" in html("adequate")
     assert "would have shown" not in html("named")
+
+
+def test_a_formula_that_tells_nothing_elsewhere_is_a_hint():
+    diagnosis = situation("unexplained")
+    part = diagnosis.discrepancy_
+    assert dependence(diagnosis, part).startswith("It depends on v and F, which explain ")
+    assert dependence(diagnosis, replace(part, share=0.0)) == (
+        "Its formula holds v and F, but in records not used for it these tell next to nothing of "
+        "its smoothed course: take it for a hint. "
+    )
