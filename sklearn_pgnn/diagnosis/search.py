@@ -11,7 +11,7 @@ import numpy as np
 from sklearn_pgnn.diagnosis.rivals import find_rivals
 from sklearn_pgnn.diagnosis.search_result import SearchResult, in_order
 from sklearn_pgnn.diagnosis.size import overdispersion_along
-from sklearn_pgnn.estimation.budgets import BETTER, KEPT, MUCH, PAIRS
+from sklearn_pgnn.estimation.budgets import BETTER, COARSER, KEPT, MUCH, PAIRS, TOLERANCE
 from sklearn_pgnn.estimation.criterion import SelectionCriterion
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis, SubsampleFit, objective_of
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
@@ -70,7 +70,7 @@ class Search:
         self.progress = fitter.progress
         self.current = fitter.base()
         self._alone: dict[Effect, ShareLeft] = {}
-        self._visited: set[Key] = set()
+        self._visited: dict[Key, float] = {}  # with what was left of each
         self._standing = self.current  # the best hypothesis of which every cause is named
         self._screening: Screening | None = None
         self._least = np.inf
@@ -169,7 +169,7 @@ class Search:
 
     def _next(self, current: FittedHypothesis) -> FittedHypothesis | None:
         """Return what the cheapest move leads to that the criterion accepts."""
-        self._visited.add(self.fitter.key(current.hypothesis))
+        self._visited[self.fitter.key(current.hypothesis)] = current.fit.objective
         fewer = self._drop(current)
         if fewer is not None and self._is_new(fewer):
             return fewer
@@ -196,8 +196,9 @@ class Search:
         return aside
 
     def _is_new(self, trial: FittedHypothesis) -> bool:
-        """Return whether no moves have gone on from a hypothesis."""
-        return self.fitter.key(trial.hypothesis) not in self._visited
+        """Return whether no moves have gone on from a hypothesis, or from a fit that got stuck."""
+        known = self._visited.get(self.fitter.key(trial.hypothesis), np.inf)
+        return trial.fit.objective < (1 - COARSER * TOLERANCE) * known
 
     def _moves(self, current: FittedHypothesis) -> Iterator[Move]:
         """Yield the moves, the cheap ones first."""
@@ -322,12 +323,13 @@ class Search:
                     other = self.fitter.retry(other, current)  # its own fit may have got stuck
                 if self._is_preferred(other, current) and self._is_needed(other, current):
                     yield other
-                    continue
+                    return
                 simpler = None if self.refutes(current, other) else self._drop(other)
                 if simpler is None or self.refutes(current, simpler):
                     continue
                 if self._is_needed(simpler, current):
                     yield simpler
+                    return
 
     def _is_needed(self, other: FittedHypothesis, current: FittedHypothesis) -> bool:
         """Return whether a hypothesis has a cause that another one has not, and it is named."""

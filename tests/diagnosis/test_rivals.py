@@ -34,6 +34,7 @@ def rivals_of(evidence, resembling=(), beside=(), equal=(), falls=()):
     search = SimpleNamespace(
         in_place=lambda final, cause: list(trials.values()),
         evidence=lambda trial, final: over[id(trial)],
+        refutes=lambda final, trial: over[id(trial)] > CRITERION.to_refute,
         stands_in_free_run=lambda trial: trial.hypothesis.causes[-1] not in falls,
         criterion=CRITERION,
         fitter=SimpleNamespace(problem=None),

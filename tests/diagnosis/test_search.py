@@ -266,7 +266,7 @@ def test_a_search_goes_on_through_what_no_disturbance_explains_better(
     rubbed = fitted(search.fitter, effects.CoulombFriction)
     monkeypatch.setattr(search, "_is_coloured", lambda *_: True)
     monkeypatch.setattr(search, "_evidence_disturbed", lambda *_: evidence)
-    search._visited.add(search.fitter.key(search.current.hypothesis))
+    search._visited[search.fitter.key(search.current.hypothesis)] = 0.0
     found = search._first_of([lambda _: [rubbed]], search.current)
     assert found is (rubbed if goes_on else None)
     assert not search._pruned(rubbed, search.criterion.to_name).hypothesis.causes
@@ -275,10 +275,19 @@ def test_a_search_goes_on_through_what_no_disturbance_explains_better(
 def test_a_moves_next_best_is_tried_where_its_best_does_not_stand(search, monkeypatch):
     best, next_best = (fitted(search.fitter, kind) for kind in KINDS[:2])
     none = search.current
-    search._visited.add(search.fitter.key(none.hypothesis))
+    search._visited[search.fitter.key(none.hypothesis)] = 0.0
     monkeypatch.setattr(search, "_pruned", lambda trial, needed: none if trial is best else trial)
     found = search._first_of([lambda _: iter([best, next_best])], none)
     assert found is next_best
+
+
+def test_moves_go_on_again_from_a_hypothesis_whose_fit_had_got_stuck(search):
+    rubbed = fitted(search.fitter, effects.CoulombFriction)
+    key = search.fitter.key(rubbed.hypothesis)
+    search._visited[key] = rubbed.fit.objective
+    assert not search._is_new(rubbed)
+    search._visited[key] = 2.0 * rubbed.fit.objective
+    assert search._is_new(rubbed)
 
 
 @pytest.mark.parametrize("more_is_better", [True, False])
