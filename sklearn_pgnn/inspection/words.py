@@ -113,10 +113,8 @@ def verdict_sentence(diagnosis) -> str:
     str
         One or two sentences.
     """
-    causes = diagnosis.causes_
-    names = listed(cause_name(c.effect, c.target) for c in causes)
-    found = _found(diagnosis, names) if causes or diagnosis.complete_ else _so_far(diagnosis)
-    return f"{stopped_sentence(diagnosis)}{found}".rstrip()
+    found = _found if diagnosis.causes_ or diagnosis.complete_ else _so_far
+    return f"{stopped_sentence(diagnosis)}{found(diagnosis)}".rstrip()
 
 
 def _so_far(diagnosis) -> str:
@@ -162,14 +160,34 @@ def unusable_sentence(diagnosis) -> str:
     return f"{len(lost)} {fits} broke down and could not be judged: {names}."
 
 
-def _found(diagnosis, names: str) -> str:
+def lacks(causes) -> str:
+    """Return what a model does that lacks some causes.
+
+    Parameters
+    ----------
+    causes : iterable
+        Causes, each with its ``effect`` and ``target``.
+
+    Returns
+    -------
+    str
+        A verb and the causes' names, such as "misses backlash of u and has a wrong value of m".
+    """
+    names: dict[str, list[str]] = {}
+    for cause in causes:
+        verb = find_effect(cause.effect).lacking
+        names.setdefault(verb, []).append(cause_name(cause.effect, cause.target))
+    return " and ".join(f"{verb} {listed(each)}" for verb, each in names.items())
+
+
+def _found(diagnosis) -> str:
     """Return a sentence on what was found."""
-    the_model = _the_model(diagnosis)
+    the_model, lacking = _the_model(diagnosis), lacks(diagnosis.causes_)
     if diagnosis.verdict_ == "model_adequate":
         return f"{_adequate(diagnosis)} {_in_free_run(diagnosis)}".strip()
     sentences = {
-        "cause_named": f"The {the_model} misses {names}.",
-        "ambiguous": f"The {the_model} misses {names}, or {_others(diagnosis)}: these records "
+        "cause_named": f"The {the_model} {lacking}.",
+        "ambiguous": f"The {the_model} {lacking}, or {_others(diagnosis)}: these records "
         f"cannot tell.",
         "unexplained": f"The {the_model} misses something that no known effect explains.",
     }

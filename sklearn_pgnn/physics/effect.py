@@ -94,6 +94,8 @@ class Effect(ABC):
     id: ClassVar[str]
     #: what people call it: ``{effect}`` stands for the words of its id, ``{target}`` for its target
     phrase: ClassVar[str] = "{effect} on {target}"
+    #: what a model does that lacks it: the words before the phrase
+    lacking: ClassVar[str] = "misses"
     #: one sentence a person reads: what it is
     summary: ClassVar[str] = ""
     #: one sentence a person reads: how to check it on the rig

@@ -31,6 +31,7 @@ class WrongParameter(Effect):
     value: float | None = None
     id = "wrong_parameter"
     phrase = "wrong value of {target}"
+    lacking = "has a"
     summary = "The model has the right form, but this number is wrong."
     check = "Measure the quantity on its own, or look up how its value was found."
 

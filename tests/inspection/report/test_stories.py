@@ -1,6 +1,7 @@
 """Every verdict tells its own story, in words, sizes, models and maps."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from sklearn_pgnn.inspection.report import Provenance, render_report
 from sklearn_pgnn.inspection.report.formula import FoundFormula
 from sklearn_pgnn.inspection.report.members import members_of
 from sklearn_pgnn.inspection.report.residual_maps import residual_maps, telling_quantities
-from sklearn_pgnn.inspection.words import dependence
+from sklearn_pgnn.inspection.words import dependence, lacks
 
 pytestmark = [pytest.mark.core, pytest.mark.filterwarnings("ignore:.*the term:UserWarning")]
 
@@ -101,3 +102,11 @@ def test_a_formula_that_tells_nothing_elsewhere_is_a_hint():
         "Its formula holds v and F, but in records not used for it these tell next to nothing of "
         "its smoothed course: take it for a hint. "
     )
+
+
+def test_an_effect_is_missing_but_a_number_is_wrong():
+    kinds = ("coulomb_friction", "v"), ("wrong_parameter", "m"), ("input_delay", "u")
+    causes = [SimpleNamespace(effect=effect, target=target) for effect, target in kinds]
+    assert lacks(causes[1:2]) == "has a wrong value of m"
+    said = "misses Coulomb friction on v and input delay of u and has a wrong value of m"
+    assert lacks(causes) == said
