@@ -11,9 +11,14 @@ import numpy as np
 from sklearn_pgnn.diagnosis.rivals import find_rivals
 from sklearn_pgnn.diagnosis.search_result import SearchResult, in_order
 from sklearn_pgnn.diagnosis.size import overdispersion_along
-from sklearn_pgnn.estimation.budgets import BETTER, COARSER, KEPT, MUCH, PAIRS, TOLERANCE
+from sklearn_pgnn.estimation.budgets import BETTER, KEPT, MUCH, PAIRS
 from sklearn_pgnn.estimation.criterion import SelectionCriterion
-from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis, SubsampleFit, objective_of
+from sklearn_pgnn.estimation.fitted_hypothesis import (
+    FittedHypothesis,
+    SubsampleFit,
+    is_clearly_less,
+    objective_of,
+)
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
 from sklearn_pgnn.estimation.hypothesis import same_causes
 from sklearn_pgnn.estimation.hypothesis_models import Key
@@ -198,7 +203,7 @@ class Search:
     def _is_new(self, trial: FittedHypothesis) -> bool:
         """Return whether no moves have gone on from a hypothesis, or from a fit that got stuck."""
         known = self._visited.get(self.fitter.key(trial.hypothesis), np.inf)
-        return trial.fit.objective < (1 - COARSER * TOLERANCE) * known
+        return is_clearly_less(trial.fit.objective, known)
 
     def _moves(self, current: FittedHypothesis) -> Iterator[Move]:
         """Yield the moves, the cheap ones first."""

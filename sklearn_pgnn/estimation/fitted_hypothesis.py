@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sklearn_pgnn.estimation.budgets import COARSER, TOLERANCE
 from sklearn_pgnn.estimation.hypothesis import Hypothesis
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.state_estimate import unsigned_states
@@ -84,6 +85,17 @@ class SubsampleFit(FittedHypothesis):
     converged: bool = False
     origin: WindowFit | None = None
     stays_above: float = -np.inf
+
+
+def is_clearly_less(objective: float, other: float) -> bool:
+    """Return whether what a fit leaves is less than what another does by more than its tolerance.
+
+    Examples
+    --------
+    >>> is_clearly_less(90.0, 100.0), is_clearly_less(99.99, 100.0)
+    (True, False)
+    """
+    return objective < (1 - COARSER * TOLERANCE) * other
 
 
 def objective_of(trial: FittedHypothesis) -> float:

@@ -11,6 +11,7 @@ from sklearn_pgnn.estimation.fitted_hypothesis import (
     Start,
     SubsampleFit,
     carry_over,
+    is_clearly_less,
     objective_of,
 )
 from sklearn_pgnn.estimation.hypothesis import Hypothesis
@@ -77,7 +78,7 @@ class HypothesisFitter(WindowFitter):
         """
         hypothesis, objective = subsample.hypothesis, subsample.fit.objective
         key, model = self.key(hypothesis), subsample.fit.model
-        better = objective < (1 - COARSER * TOLERANCE) * self._begun.get(key, np.inf)
+        better = is_clearly_less(objective, self._begun.get(key, np.inf))
         if key not in self._trials or better:
             self._begun[key] = objective
             known = self.rough.which, subsample.fit.x0

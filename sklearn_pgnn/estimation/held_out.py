@@ -115,9 +115,7 @@ class CrossValidation:
 
     def _power(self) -> np.ndarray:
         """Return the power of the outputs about their means, in units of the noise."""
-        typical = self.problem.scales.typical
-        names = self.problem.prior.outputs
-        return (np.array([typical[name] for name in names]) / self.problem.windows.scale) ** 2
+        return (self.problem.typical_outputs / self.problem.windows.scale) ** 2
 
     def _residuals(self, residual: np.ndarray, segment: np.ndarray) -> Residuals:
         """Count what is left; what no simulation is finer than is left in any case."""

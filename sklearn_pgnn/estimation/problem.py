@@ -59,10 +59,14 @@ class EstimationProblem:
     period: float
 
     @property
+    def typical_outputs(self) -> np.ndarray:
+        """Root mean square of every output about its mean, of shape (n_outputs,)."""
+        return np.array([self.scales.typical[output] for output in self.prior.outputs])
+
+    @property
     def resolution(self) -> np.ndarray:
         """What no simulation is finer than, in units of the noise, of shape (n_outputs,)."""
-        typical = np.array([self.scales.typical[output] for output in self.prior.outputs])
-        return RESOLUTION * typical / self.windows.scale
+        return RESOLUTION * self.typical_outputs / self.windows.scale
 
 
 def build_problem(model: PhysicsModel, records: tuple[Record, ...], **options) -> EstimationProblem:

@@ -16,7 +16,12 @@ from sklearn_pgnn.estimation.budgets import (
 )
 from sklearn_pgnn.estimation.criterion import HeldOut, log_likelihood_ratio
 from sklearn_pgnn.estimation.disturbed import disturbed_likelihood
-from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis, Start, carry_over
+from sklearn_pgnn.estimation.fitted_hypothesis import (
+    FittedHypothesis,
+    Start,
+    carry_over,
+    is_clearly_less,
+)
 from sklearn_pgnn.estimation.held_out import CrossValidation, make_folds
 from sklearn_pgnn.estimation.hypothesis import Hypothesis
 from sklearn_pgnn.estimation.hypothesis_models import HypothesisModels, Key
@@ -371,7 +376,7 @@ class WindowFitter:
             The hypothesis.
         """
         found, left = self.held_out(trial), self.squares_by_output(trial).sum()
-        if found.x0 is None or found.windows.squares.sum() > (1 - COARSER * TOLERANCE) * left:
+        if found.x0 is None or not is_clearly_less(found.windows.squares.sum(), left):
             return trial
         known = np.arange(len(found.x0)), found.x0
         for model in found.learned:

@@ -74,10 +74,9 @@ def _past_hidden_starts(fitter: HypothesisFitter) -> HypothesisFitter:
 
 def _tells(fitter: HypothesisFitter) -> bool:
     """Return whether the re-tuned prior is nearer to some output than its mean is."""
-    fit, problem = fitter.base().fit, fitter.problem
-    typical = np.array([problem.scales.typical[name] for name in problem.prior.outputs])
+    fit = fitter.base().fit
     left = np.nanmean(fit.evaluation.residual**2, axis=0)
-    return fit.usable and bool((left < typical**2).any())
+    return fit.usable and bool((left < fitter.problem.typical_outputs**2).any())
 
 
 def _slowest(fitter: HypothesisFitter) -> float:

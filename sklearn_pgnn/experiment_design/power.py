@@ -391,7 +391,7 @@ class PowerAnalysis:
     def _tells(self) -> np.ndarray:
         """Whether the free run of an output is nearer to the records than their mean."""
         problem = self.records.problem
-        typical = np.array([problem.scales.typical[name] for name in problem.prior.outputs])
+        typical = problem.typical_outputs
         with np.errstate(over="ignore"):
             left = np.nanmean(self._every_left_of_runs**2, axis=0) + problem.resolution**2
         return left < (typical / self.windows.scale) ** 2
