@@ -182,7 +182,7 @@ def test_a_quantity_has_a_known_role():
 NAMED = {
     "estimation/equivalence.py": {"WrongParameter"},  # a parameter that is freed is the model's own
     "estimation/hypothesis.py": {"WrongParameter"},
-    "diagnosis/search.py": {"WrongParameter"},
+    "diagnosis/moves.py": {"WrongParameter"},
     "diagnosis/unexplained.py": {"Formula"},  # what has no name
     "diagnosis/investigation.py": {"SensorSaturation"},  # a record shows clipping by itself
     "datasets/two_tanks.py": {"InputDeadZone"},  # what a rig hides

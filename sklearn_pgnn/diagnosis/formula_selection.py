@@ -23,7 +23,7 @@ class FormulaSelection:
 
     def is_law(self, search: Search) -> bool:
         """Return whether a formula of as few parameters leaves noise where causes leave more."""
-        if not search.is_nameable(search.current):
+        if not search.compare.is_nameable(search.current):
             return False
         alone = self._alone(search)
         if (
@@ -31,7 +31,7 @@ class FormulaSelection:
             or alone.trial.hypothesis.n_parameters > search.current.hypothesis.n_parameters
         ):
             return False
-        return not search.is_nameable(alone.trial)
+        return not search.compare.is_nameable(alone.trial)
 
     def choose(
         self, search: Search, result: SearchResult, has_structure: bool
@@ -61,7 +61,7 @@ class FormulaSelection:
         final, causes = result.final, result.final.hypothesis.causes
         if not (causes or has_structure):
             return result, None
-        asked = has_structure or search.leaves_much(final) or self.is_law(search)
+        asked = has_structure or search.compare.leaves_much(final) or self.is_law(search)
         if len(causes) > 1 or asked:
             alone = self._alone(search)
             if alone and (not causes or _takes_the_place(search, alone.trial, final)):
@@ -144,12 +144,12 @@ def _takes_the_place(search: Search, formula: FittedHypothesis, final: FittedHyp
 
     A formula that leaves structure is no law: what has a name says more to people.
     """
-    if search.refutes(final, formula):
+    if search.compare.refutes(final, formula):
         return False
-    if search.is_nameable(formula) and search.has_structure(formula):
+    if search.compare.is_nameable(formula) and search.has_structure(formula):
         return False
     if formula.hypothesis.n_parameters < final.hypothesis.n_parameters:
         return True
     left, less = (search.fitter.held_out(trial).windows for trial in (final, formula))
     more = explained_share(left, less) >= search.criterion.smallest_share
-    return more and search.refutes(formula, final)
+    return more and search.compare.refutes(formula, final)

@@ -183,7 +183,7 @@ class Investigation:
         result = searched
         with suppress(TimeIsUp):
             if self.progress.ended is None:
-                left = search.is_nameable(result.final)
+                left = search.compare.is_nameable(result.final)
                 has_structure = left and asked.has_structure(result.final)
                 result, proposal = formulas.choose(search, result, has_structure)
                 structure = asked.of(result.final) if left or proposal else None
@@ -207,7 +207,7 @@ class Investigation:
                 if proposal is None and found.replaced is not None:
                     causes = replace(found, result=found.replaced, proposal=None, replaced=None)
                     return self._judge_on_all(causes)
-                if search.is_nameable(result.final) or proposal:
+                if search.compare.is_nameable(result.final) or proposal:
                     structure = asked.of(result.final)
         return Findings(search, result, proposal, structure)
 

@@ -200,7 +200,7 @@ def name_causes(search: Search, result: SearchResult, errors) -> tuple[NamedCaus
         without, with_ = fitter.held_out(before), fitter.held_out(step)
         rivals = result.rivals[cause]
         known = cause in result.evidence
-        over_none = result.evidence[cause] if known else search.evidence(before, step)
+        over_none = result.evidence[cause] if known else search.compare.evidence(before, step)
         evidence = [*(value for _, value in rivals), over_none]
         mine, *theirs, _ = search.criterion.probabilities(evidence)
         causes.append(

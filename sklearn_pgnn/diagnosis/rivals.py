@@ -1,5 +1,7 @@
 """What may stand in a cause's place: candidates that the records do not refute."""
 
+from sklearn_pgnn.diagnosis.comparison import Comparison
+from sklearn_pgnn.diagnosis.ladder import Ladder
 from sklearn_pgnn.estimation.equivalence import are_equivalent
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
@@ -16,7 +18,9 @@ def _is_same(fitter: HypothesisFitter, rest: Hypothesis, cause: Effect, other: E
     return are_equivalent(fitter.models.extend(rest), cause, other, retuned=False)
 
 
-def find_rivals(search, final: FittedHypothesis, cause: Effect) -> list[tuple[Effect, float]]:
+def find_rivals(
+    compare: Comparison, ladder: Ladder, final: FittedHypothesis, cause: Effect
+) -> list[tuple[Effect, float]]:
     """Return the candidates that may stand in a cause's place, and the evidence against each.
 
     What takes more parameters to say is no rival: the simpler of two is taken. Nor is what the free
@@ -24,10 +28,12 @@ def find_rivals(search, final: FittedHypothesis, cause: Effect) -> list[tuple[Ef
 
     Parameters
     ----------
-    search : Search
-        The search.
+    compare : Comparison
+        Compares hypotheses.
+    ladder : Ladder
+        Fits candidates.
     final : FittedHypothesis
-        The hypothesis that it accepted.
+        The hypothesis that a search accepted.
     cause : Effect
         One of its causes.
 
@@ -37,16 +43,16 @@ def find_rivals(search, final: FittedHypothesis, cause: Effect) -> list[tuple[Ef
         The rivals, the nearest first, with the evidence for the cause over each.
     """
     found: dict[Effect, float] = {}
-    for trial in search.in_place(final, cause):
+    for trial in ladder.in_place(final, cause):
         (other,) = set(trial.hypothesis.causes) - set(final.hypothesis.causes)
         simple = count_parameters(other) <= count_parameters(cause)
-        if simple and not search.refutes(final, trial) and search.stands_in_free_run(trial):
-            found[other] = search.evidence(trial, final)
-    problem, rest = search.fitter.problem, final.hypothesis.without(cause)
-    for other in search.candidates:
+        if simple and not compare.refutes(final, trial) and compare.stands_in_free_run(trial):
+            found[other] = compare.evidence(trial, final)
+    problem, rest = ladder.fitter.problem, final.hypothesis.without(cause)
+    for other in ladder.candidates:
         if other != cause and other not in found and rest.allows(other):
-            same = _is_same(search.fitter, rest, cause, other)
+            same = _is_same(ladder.fitter, rest, cause, other)
             if same or resemble(problem, final.fit.model, cause, other):
                 found[other] = 0.0
     nearest = sorted(found.items(), key=lambda item: item[1])
-    return [(same, value) for other, value in nearest for same in (other, *search.same[other])]
+    return [(same, value) for other, value in nearest for same in (other, *ladder.same[other])]

@@ -1,7 +1,10 @@
 """How far a diagnosis is, and when its time is up."""
 
 from collections.abc import Callable
+from math import inf
 from time import monotonic
+
+from sklearn_pgnn.estimation.budgets import BETTER
 
 #: how a report begins that is no stage, but the best so far
 BEST = "best suspect so far: "
@@ -40,6 +43,7 @@ class Progress:
         self.stage, self._done, self._total = "", 0, 1
         self.counts = False
         self.ended: str | None = None
+        self._least = inf  # times the noise that the best so far leaves
 
     def begin(self, stage: str, total: int = 1) -> None:
         """Begin a stage.
@@ -81,16 +85,21 @@ class Progress:
             self.ended = f"time limit of {limit:g} s, at {self.stage!r}"
             raise TimeIsUp
 
-    def note(self, best: str) -> None:
-        """Announce what is best so far, whatever the stage.
+    def note(self, times_noise: float, causes: str) -> None:
+        """Announce causes that leave clearly less than any before, whatever the stage.
 
         Parameters
         ----------
-        best : str
-            What it is, and what it leaves.
+        times_noise : float
+            What they leave, in units of the noise.
+        causes : str
+            Their names.
         """
+        if times_noise >= BETTER * self._least:
+            return
+        self._least = times_noise
         if self._report is not None:
-            self._report(f"{BEST}{best}", 0, 1)
+            self._report(f"{BEST}{times_noise:.2f} times the noise left with {causes}", 0, 1)
 
     def end(self, reason: str) -> None:
         """End early, and report no more.

@@ -31,12 +31,13 @@ def rivals_of(evidence, resembling=(), beside=(), equal=(), falls=()):
     """Return the rivals of a cause, given the evidence for it over each other."""
     trials = {other: trial_of(*beside, other) for other in evidence}
     over = {id(trial): evidence[other] for other, trial in trials.items()}
-    search = SimpleNamespace(
-        in_place=lambda final, cause: list(trials.values()),
+    compare = SimpleNamespace(
         evidence=lambda trial, final: over[id(trial)],
         refutes=lambda final, trial: over[id(trial)] > CRITERION.to_refute,
         stands_in_free_run=lambda trial: trial.hypothesis.causes[-1] not in falls,
-        criterion=CRITERION,
+    )
+    ladder = SimpleNamespace(
+        in_place=lambda final, cause: list(trials.values()),
         fitter=SimpleNamespace(problem=None),
         candidates=(CAUSE, LIKE, DRAG, DEARER),
         same={CAUSE: (SAME,), LIKE: (SAME,), DRAG: (), DEARER: ()},
@@ -44,7 +45,7 @@ def rivals_of(evidence, resembling=(), beside=(), equal=(), falls=()):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(rivals, "resemble", lambda problem, model, cause, other: other in resembling)
         patch.setattr(rivals, "_is_same", lambda fitter, rest, cause, other: other in equal)
-        return find_rivals(search, trial_of(*beside, CAUSE), CAUSE)
+        return find_rivals(compare, ladder, trial_of(*beside, CAUSE), CAUSE)
 
 
 @pytest.mark.slow

@@ -1,31 +1,15 @@
 """Laws of the search: one answer to one question, whatever was asked before and in what units."""
 
-import numpy as np
 import pytest
+from rubbing_sledge import CRITERION, KINDS, LEVEL, fitted, fresh_fitter, rubbing
 from sledge import SLEDGE, drive
 
 from sklearn_pgnn import ModelDiagnosis, effects
 from sklearn_pgnn.diagnosis.search import Search
 from sklearn_pgnn.diagnosis.search_result import SearchResult
-from sklearn_pgnn.estimation.criterion import SelectionCriterion
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
 from sklearn_pgnn.estimation.problem import build_problem, with_substeps
 from sklearn_pgnn.trajectories import read_records
-
-LEVEL = 0.4
-KINDS = (
-    effects.ConstantLoad,
-    effects.CoulombFriction,
-    effects.QuadraticDrag,
-    effects.InputDeadZone,
-    effects.WrongParameter,
-)
-CRITERION = SelectionCriterion(alpha=0.01, smallest_share=0.05, n_candidates=len(KINDS) + 1)
-
-
-@pytest.fixture(scope="module")
-def rubbing():
-    return drive(SLEDGE + effects.CoulombFriction("v", level=LEVEL), n_records=3)
 
 
 def diagnose(X, y, model=SLEDGE, catalogue=KINDS):
@@ -33,8 +17,8 @@ def diagnose(X, y, model=SLEDGE, catalogue=KINDS):
 
 
 @pytest.fixture(scope="module")
-def plain(rubbing):
-    return diagnose(*rubbing)
+def plain():
+    return diagnose(*rubbing())
 
 
 # -- the same records, told otherwise --------------------------------------------------------------
@@ -64,20 +48,20 @@ def assert_same(found, expected, unit=1.0):
 
 
 @pytest.mark.slow
-def test_the_order_of_the_candidates_does_not_matter(rubbing, plain):
-    assert_same(diagnose(*rubbing, catalogue=KINDS[::-1]), plain)
+def test_the_order_of_the_candidates_does_not_matter(plain):
+    assert_same(diagnose(*rubbing(), catalogue=KINDS[::-1]), plain)
 
 
 @pytest.mark.slow
-def test_the_order_of_the_records_does_not_matter(rubbing, plain):
-    X, y = rubbing
+def test_the_order_of_the_records_does_not_matter(plain):
+    X, y = rubbing()
     last = X.index[::-1].to_numpy().reshape(3, -1)[:, ::-1].ravel()
     assert_same(diagnose(X.loc[last], y.loc[last]), plain)
 
 
 @pytest.mark.slow
-def test_the_unit_of_an_output_does_not_matter(rubbing):
-    X, y = rubbing
+def test_the_unit_of_an_output_does_not_matter():
+    X, y = rubbing()
     found = [
         diagnose(X, (unit * y).rename(columns={"v": "speed"}), SLEDGE.replace(outputs=outputs))
         for unit, outputs in ((10, {"speed": "10*v"}), (1000, {"speed": "1000*v"}))
@@ -86,23 +70,23 @@ def test_the_unit_of_an_output_does_not_matter(rubbing):
 
 
 @pytest.mark.slow
-def test_the_units_of_the_whole_model_do_not_matter(rubbing, plain):
+def test_the_units_of_the_whole_model_do_not_matter(plain):
     """Newtons as millinewtons: mass and damping in grams, the same speeds."""
-    X, y = rubbing
+    X, y = rubbing()
     values = {name: 1e3 * p.value for name, p in SLEDGE.parameters.items()}
     small = SLEDGE.replace(parameters=values)
     assert_same(diagnose(X.assign(F=1e3 * X["F"]), y, small), plain, unit=1e3)
 
 
 @pytest.mark.slow
-def test_the_origin_of_the_time_does_not_matter(rubbing, plain):
-    X, y = rubbing
+def test_the_origin_of_the_time_does_not_matter(plain):
+    X, y = rubbing()
     assert_same(diagnose(X.assign(t=X["t"] + 1.7e9), y), plain)
 
 
 @pytest.mark.slow
-def test_a_gap_in_a_record_does_not_matter(rubbing, plain):
-    X, y = rubbing
+def test_a_gap_in_a_record_does_not_matter(plain):
+    X, y = rubbing()
     lost = (X["trajectory"] == 1) & X["t"].between(4.0, 6.0)
     found = diagnose(X[~lost], y[~lost])
     assert found.verdict_ == plain.verdict_
@@ -118,59 +102,6 @@ def test_more_records_make_it_more_certain(plain):
     assert (more.effect, more.probability) == ("coulomb_friction", pytest.approx(1.0, abs=1e-3))
     one, other = more.parameters["level"], less.parameters["level"]
     assert one.high - one.low < other.high - other.low
-
-
-# -- the same question, asked at another time ------------------------------------------------------
-
-
-def fitted(fitter, *kinds):
-    """Return a hypothesis on all windows, its causes added one by one."""
-    current = fitter.base()
-    for kind in kinds:
-        ground = fitter.subsample(current)
-        found = fitter.converge(fitter.first_fit(ground, kind(kind.targets(SLEDGE)[0])))
-        current = fitter.fit_all(found, current)
-    return current
-
-
-@pytest.fixture
-def fitter(rubbing):
-    return HypothesisFitter(build_problem(SLEDGE, read_records(SLEDGE, *rubbing)))
-
-
-def evidence(fitter, without, with_):
-    return CRITERION.evidence(fitter.held_out(without), fitter.held_out(with_))
-
-
-@pytest.mark.slow
-def test_a_comparison_has_the_same_answer_whatever_was_asked_before(fitter, rubbing):
-    first = evidence(fitter, fitter.base(), fitted(fitter, effects.CoulombFriction))
-    for kinds in (KINDS[:1], KINDS[2:3], KINDS[2:4], KINDS[1:3]):
-        evidence(fitter, fitter.base(), fitted(fitter, *kinds))
-    again = evidence(fitter, fitter.base(), fitted(fitter, effects.CoulombFriction))
-    assert again == first
-    fresh = HypothesisFitter(fitter.problem)
-    for kinds in (KINDS[2:4], KINDS[:1]):
-        fitted(fresh, *kinds)
-    late = evidence(fresh, fresh.base(), fitted(fresh, effects.CoulombFriction))
-    assert late == pytest.approx(first, rel=1e-3)
-
-
-def test_evidence_over_a_third_adds_up(fitter):
-    """Differences of one statistic: what holds over none, and between two, is consistent."""
-    none, one, other = fitter.base(), *(fitted(fitter, kind) for kind in KINDS[1:3])
-    there, back = evidence(fitter, one, other), evidence(fitter, other, one)
-    assert there == pytest.approx(-back)
-    assert np.sign(there) == np.sign(evidence(fitter, none, other) - evidence(fitter, none, one))
-
-
-def test_nothing_that_was_asked_changes_the_problem(fitter):
-    windows = fitter.problem.windows
-    before = {name: getattr(windows, name).copy() for name in ("t", "u", "y", "starts", "scale")}
-    fitted(fitter, effects.CoulombFriction, effects.ConstantLoad)
-    assert fitter.problem.windows is windows
-    for name, values in before.items():
-        np.testing.assert_array_equal(getattr(windows, name), values)
 
 
 # -- what a finer look may change ------------------------------------------------------------------
@@ -222,14 +153,15 @@ def test_a_cause_that_is_named_is_likelier_than_none():
             for trial in search.fitter._trials.values()
             if set(trial.hypothesis.causes) == set(without.causes)
         )
-        assert evidence == pytest.approx(search.evidence(fitted, result.final))
+        assert evidence == pytest.approx(search.compare.evidence(fitted, result.final))
 
 
 # -- where a search ends ---------------------------------------------------------------------------
 
 
 @pytest.fixture
-def search(fitter):
+def search():
+    fitter = fresh_fitter()
     candidates = tuple(kind(kind.targets(SLEDGE)[0]) for kind in KINDS)
     return Search(fitter, candidates, CRITERION, 3, lambda trial: False, lambda search: False)
 
@@ -239,7 +171,7 @@ def test_moves_that_go_round_in_a_circle_end_where_every_cause_is_named(search, 
     loaded = fitted(search.fitter, effects.ConstantLoad)  # no load hides in the records
     course = iter([rubbed, loaded, search.current])
     monkeypatch.setattr(search, "_moves", lambda current: [lambda _: [next(course)]])
-    monkeypatch.setattr(search, "_begin_anew", lambda trial: trial)
+    monkeypatch.setattr(search.moves, "begin_anew", lambda trial: trial)
     search._climb()
     assert search.current.hypothesis == rubbed.hypothesis
 
@@ -249,34 +181,27 @@ def test_a_search_that_time_ends_names_nothing_that_is_nothing(search):
     assert [c.id for c in search.so_far().final.hypothesis.causes] == ["coulomb_friction"]
 
 
-def test_what_a_hypothesis_needs_no_more_without_a_disturbance_goes_too(search, monkeypatch):
-    """A load that stood beside the friction only while both did is asked again without it."""
-    rubbed, loaded = effects.CoulombFriction, effects.ConstantLoad
-    both = fitted(search.fitter, rubbed, loaded)
-    left = iter([fitted(search.fitter, loaded)])
-    monkeypatch.setattr(search, "_drop_disturbed", lambda trial, needed: next(left, None))
-    assert not search._pruned(both, search.criterion.to_name).hypothesis.causes
-
-
 @pytest.mark.parametrize(("evidence", "goes_on"), [(-1.0, False), (1.0, True)])
 def test_a_search_goes_on_through_what_no_disturbance_explains_better(
     search, monkeypatch, evidence, goes_on
 ):
     """It may stand for causes yet to be found: what is named at the end must stand beside it."""
     rubbed = fitted(search.fitter, effects.CoulombFriction)
-    monkeypatch.setattr(search, "_is_coloured", lambda *_: True)
-    monkeypatch.setattr(search, "_evidence_disturbed", lambda *_: evidence)
+    monkeypatch.setattr(search.compare, "is_coloured", lambda *_: True)
+    monkeypatch.setattr(search.compare, "evidence_disturbed", lambda *_: evidence)
     search._visited[search.fitter.key(search.current.hypothesis)] = 0.0
     found = search._first_of([lambda _: [rubbed]], search.current)
     assert found is (rubbed if goes_on else None)
-    assert not search._pruned(rubbed, search.criterion.to_name).hypothesis.causes
+    assert not search.moves.pruned(rubbed, search.criterion.to_name).hypothesis.causes
 
 
 def test_a_moves_next_best_is_tried_where_its_best_does_not_stand(search, monkeypatch):
     best, next_best = (fitted(search.fitter, kind) for kind in KINDS[:2])
     none = search.current
     search._visited[search.fitter.key(none.hypothesis)] = 0.0
-    monkeypatch.setattr(search, "_pruned", lambda trial, needed: none if trial is best else trial)
+    monkeypatch.setattr(
+        search.moves, "pruned", lambda trial, needed: none if trial is best else trial
+    )
     found = search._first_of([lambda _: iter([best, next_best])], none)
     assert found is next_best
 
@@ -290,16 +215,6 @@ def test_moves_go_on_again_from_a_hypothesis_whose_fit_had_got_stuck(search):
     assert search._is_new(rubbed)
 
 
-@pytest.mark.parametrize("more_is_better", [True, False])
-def test_what_takes_more_to_say_refutes_by_what_a_name_needs(search, monkeypatch, more_is_better):
-    less, more = fitted(search.fitter, *KINDS[:1]), fitted(search.fitter, *KINDS[:2])
-    between = (search.criterion.to_refute + search.criterion.to_name) / 2
-    monkeypatch.setattr(search.criterion.__class__, "evidence", lambda *_: between)
-    monkeypatch.setattr(search, "_overdispersion", lambda *_: 1.0)
-    better, worse = (more, less) if more_is_better else (less, more)
-    assert search.refutes(better, worse) is not more_is_better
-
-
 @pytest.mark.parametrize(("disturbed", "goes_aside"), [(1.0, True), (-1.0, True), (1.0, False)])
 def test_what_is_better_beside_a_disturbance_only_is_a_way_on_where_there_is_no_other(
     search, monkeypatch, disturbed, goes_aside
@@ -307,10 +222,10 @@ def test_what_is_better_beside_a_disturbance_only_is_a_way_on_where_there_is_no_
     kinds = effects.ConstantLoad, effects.QuadraticDrag, effects.CoulombFriction
     dropped, kept, better = (fitted(search.fitter, kind) for kind in kinds)
     monkeypatch.setattr(
-        search, "_pruned", lambda trial, needed: kept if trial is dropped else trial
+        search.moves, "pruned", lambda trial, needed: kept if trial is dropped else trial
     )
-    monkeypatch.setattr(search, "evidence", lambda *_: -1.0)
-    monkeypatch.setattr(search, "_evidence_disturbed", lambda *_: disturbed)
+    monkeypatch.setattr(search.compare, "evidence", lambda *_: -1.0)
+    monkeypatch.setattr(search.compare, "evidence_disturbed", lambda *_: disturbed)
     ways = [lambda _: [dropped]], [lambda _: [dropped], lambda _: [better]]
     alone, beside = (search._first_of(moves, search.current, goes_aside) for moves in ways)
     assert alone is (kept if goes_aside and disturbed > 0.0 else None)

@@ -1,0 +1,131 @@
+"""Comparisons of fitted hypotheses: the criterion, asked of what they leave of held-out records."""
+
+import numpy as np
+
+from sklearn_pgnn.diagnosis.size import overdispersion_along
+from sklearn_pgnn.estimation.budgets import MUCH
+from sklearn_pgnn.estimation.criterion import SelectionCriterion
+from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
+from sklearn_pgnn.estimation.fitting import HypothesisFitter
+from sklearn_pgnn.estimation.residuals import Residuals
+from sklearn_pgnn.physics.effect import Effect
+
+
+class Comparison:
+    """Compare fitted hypotheses; the same comparison has the same answer at any time.
+
+    Parameters
+    ----------
+    fitter : HypothesisFitter
+        What fitted them.
+    criterion : SelectionCriterion
+        When a cause is named.
+    given : frozenset of Effect, default=frozenset()
+        Causes that the records show by themselves: any evidence for them will do.
+    """
+
+    def __init__(
+        self,
+        fitter: HypothesisFitter,
+        criterion: SelectionCriterion,
+        given: frozenset[Effect] = frozenset(),
+    ):
+        self.fitter, self.criterion, self.given = fitter, criterion, given
+
+    # -- of two hypotheses -------------------------------------------------------------------------
+
+    def evidence(self, without: FittedHypothesis, with_: FittedHypothesis) -> float:
+        """Return the evidence for the second of two hypotheses over the first.
+
+        It counts less where residuals are larger along the causes that only the second one has.
+        """
+        held_out = self.fitter.held_out
+        evidence = self.criterion.evidence(held_out(without), held_out(with_))
+        return evidence / self._overdispersion(without, with_)
+
+    def evidence_disturbed(self, without: FittedHypothesis, with_: FittedHypothesis) -> float:
+        """Return the evidence for the second of two hypotheses beside disturbances."""
+        share = self.criterion.smallest_share
+        return self.fitter.evidence_disturbed(without, with_, share)
+
+    def refutes(self, better: FittedHypothesis, worse: FittedHypothesis) -> bool:
+        """Return whether the second of two hypotheses is refuted by the first.
+
+        One that takes more to say pays for the candidates it was chosen from.
+        """
+        more, less = better.hypothesis.complexity, worse.hypothesis.complexity
+        needed = self.criterion.to_name if more > less else self.criterion.to_refute
+        return self._exceeds(worse, better, needed)
+
+    def _exceeds(self, without: FittedHypothesis, with_: FittedHypothesis, needed: float) -> bool:
+        """Return whether the evidence exceeds a number; the overdispersion only lessens it."""
+        raw = self.criterion.evidence(*map(self.fitter.held_out, (without, with_)))
+        return raw > needed and raw / self._overdispersion(without, with_) > needed
+
+    def is_preferred(self, other: FittedHypothesis, current: FittedHypothesis) -> bool:
+        """Return whether a hypothesis refutes another one, or is simpler and not refuted."""
+        if self.refutes(other, current):
+            return True
+        simpler = other.hypothesis.complexity < current.hypothesis.complexity
+        return simpler and not self.refutes(current, other)
+
+    def names(self, without: FittedHypothesis, with_: FittedHypothesis, n_causes=1) -> bool:
+        """Return whether the causes are named that only the second of two hypotheses has."""
+        trials = without, with_, self.fitter.base()
+        before, after, retuned = (self.fitter.held_out(trial) for trial in trials)
+        causes, raw = own_causes(without, with_), self.criterion.evidence(before, after)
+        if causes and causes <= self.given:
+            return raw > 0.0
+        if raw <= n_causes * self.criterion.to_name:
+            return False
+        less = self._overdispersion(without, with_)
+        return self.criterion.names(before, after, n_causes, less, retuned)
+
+    def names_disturbed(
+        self, without: FittedHypothesis, with_: FittedHypothesis, needed: float
+    ) -> bool:
+        """Return whether the evidence for causes beside a disturbance exceeds a number."""
+        if own_causes(without, with_) <= self.given:
+            return True
+        return self.evidence_disturbed(without, with_) > needed
+
+    def _overdispersion(self, without: FittedHypothesis, with_: FittedHypothesis) -> float:
+        left = self.fitter.held_out(with_).windows
+        if not np.isfinite(left.squares).all():
+            return 1.0
+        return overdispersion_along(self.fitter.problem, with_, own_causes(without, with_), left)
+
+    # -- of what one leaves ------------------------------------------------------------------------
+
+    def is_nameable(self, trial: FittedHypothesis) -> bool:
+        """Return whether more than white noise is left, by the smallest share worth a name.
+
+        It is asked over windows, and in free run where that says anything.
+        """
+        found = self.fitter.held_out(trial)
+        in_free_run = found.tells & self._coloured(trial, found.free_run)
+        return bool(in_free_run.any()) or self.is_coloured(trial)
+
+    def is_coloured(self, trial: FittedHypothesis) -> bool:
+        """Return whether more than white noise is left over windows."""
+        return bool(self._coloured(trial, self.fitter.held_out(trial).windows).any())
+
+    def leaves_much(self, trial: FittedHypothesis) -> bool:
+        """Return whether far more than white noise is left of some output."""
+        left, white = self.fitter.held_out(trial).windows, self.fitter.white_squares(trial)
+        return bool((left.squares > MUCH**2 * white).any())
+
+    def _coloured(self, trial: FittedHypothesis, left: Residuals) -> np.ndarray:
+        """Return of which outputs more than white noise is left, by the smallest share."""
+        beyond = left.squares - self.fitter.white_squares(trial)
+        return beyond > self.criterion.smallest_share * left.squares
+
+    def stands_in_free_run(self, trial: FittedHypothesis) -> bool:
+        """Return whether the free run, where it says anything, does not speak against it."""
+        retuned, found = map(self.fitter.held_out, (self.fitter.base(), trial))
+        return self.criterion.stands_in_free_run(retuned, found)
+
+
+def own_causes(without: FittedHypothesis, with_: FittedHypothesis) -> set[Effect]:
+    """Return the causes that only the second of two hypotheses has."""
+    return set(with_.hypothesis.causes) - set(without.hypothesis.causes)

@@ -1,0 +1,131 @@
+"""The ladder of fits: candidates go on from some steps on few samples to a fit on all windows."""
+
+import numpy as np
+
+from sklearn_pgnn.estimation.budgets import KEPT
+from sklearn_pgnn.estimation.criterion import SelectionCriterion
+from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis, SubsampleFit, objective_of
+from sklearn_pgnn.estimation.fitting import HypothesisFitter
+from sklearn_pgnn.estimation.screening import Screening
+from sklearn_pgnn.estimation.share_left import ShareLeft, share_left
+from sklearn_pgnn.physics.effect import Effect
+
+
+class Ladder:
+    """Fit candidates beside the causes of a hypothesis, on every rung fewer of them on more.
+
+    Parameters
+    ----------
+    fitter : HypothesisFitter
+        Fits hypotheses.
+    criterion : SelectionCriterion
+        Says how far behind a candidate may be.
+    candidates : tuple of Effect
+        The causes to think of.
+    same : dict
+        By candidate, the effects that are the same in the equations of the prior.
+
+    Attributes
+    ----------
+    alone : dict
+        Share of the re-tuned prior's squares that every candidate leaves alone, as far as known.
+    """
+
+    def __init__(
+        self,
+        fitter: HypothesisFitter,
+        criterion: SelectionCriterion,
+        candidates: tuple[Effect, ...],
+        same: dict[Effect, tuple[Effect, ...]],
+    ):
+        self.fitter, self.candidates, self.same = fitter, candidates, same
+        self.progress = fitter.progress
+        self.alone: dict[Effect, ShareLeft] = {}
+        self._criterion = criterion
+        self._screening: Screening | None = None
+
+    def first_fits(self, current: FittedHypothesis, candidates) -> list[SubsampleFit]:
+        """Fit candidates beside the causes on some samples for some steps, nearest first."""
+        allowed = [c for c in candidates if current.hypothesis.allows(c)]
+        self.progress.begin(f"cause {len(current.hypothesis.causes) + 1}", 2 * len(allowed))
+        ground = self.fitter.subsample(current)
+        fits = []
+        for cause in allowed:
+            fits.append(self.fitter.first_fit(ground, cause))
+            if not current.hypothesis.causes:
+                self._note_alone(ground, fits[-1:])
+            self.step(fits[-1])
+        return usable(fits)
+
+    def converge(self, current, fits: list[SubsampleFit]) -> list[SubsampleFit]:
+        """Follow fits to their end, or until the best one refutes them; nearest first."""
+        best, found = np.inf, []
+        for fit in fits:
+            found.append(self.step(self.fitter.converge(fit, self._limit(current, best))))
+            best = min(best, found[-1].squares)
+        if not current.hypothesis.causes:
+            self._note_alone(self.fitter.subsample(current), found)
+        return usable(found)
+
+    def promising(self, ground: SubsampleFit) -> tuple[Effect, ...]:
+        """Return the half of the candidates that are expected to leave least; all of them alone.
+
+        Those of which nothing is expected, since they could not be fitted alone, go on as well.
+        """
+        if not ground.hypothesis.causes:
+            return self.candidates
+        screening = self.screen()
+        ranked = [cause for _, (cause,) in screening.rank(ground)]
+        unknown = set(self.candidates) - screening.known
+        return (*ranked[: -(-len(ranked) // 2)], *(c for c in self.candidates if c in unknown))
+
+    def screen(self) -> Screening:
+        """Return what the candidates change, as their first fits alone tell."""
+        if self._screening is None:
+            self._screening = Screening.of(self.fitter, self.candidates)
+            base = self.fitter.subsample(self.fitter.base())
+            self._note_alone(base, [self.fitter.first_fit(base, c) for c in self.candidates])
+        return self._screening
+
+    def in_place(self, current, cause: Effect) -> list[FittedHypothesis]:
+        """Return what may stand in a cause's place, fitted on all windows."""
+        without = self.fitter.reduce(self.fitter.subsample(current), cause)
+        likely = self.promising(without)
+        others = [c for c in likely if c != cause and without.hypothesis.allows(c)]
+        self.progress.begin("other causes", 2 * len(others))
+        fits = usable([self.step(self.fitter.first_fit(without, other)) for other in others])
+        limit = self._limit(current, self.fitter.subsample(current).squares)
+        near = [self.step(self.fitter.converge(fit, limit)) for fit in fits]
+        known = self.fitter.is_known
+        near = [f for f in usable(near) if f.squares <= limit or known(f.hypothesis)]
+        trials = [self.fitter.fit_all(fit, current) for fit in near[: 2 * KEPT]]
+        return [trial for trial in trials if trial.fit.usable]
+
+    def _limit(self, trial: FittedHypothesis, squares: float) -> float:
+        """Return the squares on some samples above which no evidence can come into reach."""
+        rough, windows = self.fitter.rough, self.fitter.problem.windows
+        times = np.maximum(self.fitter.held_out(trial).windows.times / rough.factor, 1.0)
+        count = float(rough.windows.lengths.sum() * windows.y.shape[1] / times.max())
+        reach = self._criterion.to_refute + self._criterion.to_name
+        return squares * float(np.exp(min(2.0 * reach / count, 10.0)))
+
+    def step(self, fit: SubsampleFit) -> SubsampleFit:
+        """Note that a fit is done, and if it is the best so far."""
+        causes = fit.hypothesis.causes
+        self.progress.note(fit.times_noise, " and ".join(c.title(c.target) for c in causes))
+        self.progress.step()
+        return fit
+
+    def _note_alone(self, ground: SubsampleFit, fits: list[SubsampleFit]) -> None:
+        """Note the share of the squares that every candidate leaves alone."""
+        for fit in fits:
+            if fit.fit.usable and ground.fit.usable:
+                cause = fit.hypothesis.causes[-1]
+                for same in (cause, *self.same[cause]):
+                    left = share_left(*(each.fit.evaluation.squares for each in (ground, fit)))
+                    self.alone[same] = min(left, self.alone.get(same, left))
+
+
+def usable(fits: list[SubsampleFit]) -> list[SubsampleFit]:
+    """Return the fits that could be made, the nearest first."""
+    return sorted((fit for fit in fits if fit.fit.usable), key=objective_of)

@@ -1,0 +1,182 @@
+"""Moves from a hypothesis to others: add, drop, replace and split causes."""
+
+from collections.abc import Iterator
+from functools import partial
+from itertools import combinations
+
+from sklearn_pgnn.diagnosis.comparison import Comparison, own_causes
+from sklearn_pgnn.diagnosis.ladder import Ladder, usable
+from sklearn_pgnn.estimation.budgets import KEPT, PAIRS
+from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis, SubsampleFit, objective_of
+from sklearn_pgnn.physics.effect import Effect
+from sklearn_pgnn.physics.effects import WrongParameter
+
+
+class Moves:
+    """Moves from a hypothesis; most yield what they lead to and the criterion accepts, best first.
+
+    Parameters
+    ----------
+    compare : Comparison
+        Compares hypotheses.
+    ladder : Ladder
+        Fits candidates.
+    """
+
+    def __init__(self, compare: Comparison, ladder: Ladder):
+        self.compare, self.ladder = compare, ladder
+        self.fitter, self.progress = ladder.fitter, ladder.progress
+
+    def pruned(self, trial: FittedHypothesis, needed: float) -> FittedHypothesis:
+        """Return a hypothesis without what has too little evidence beside a disturbance.
+
+        Nor has it what has no name then.
+        """
+        while (fewer := self._drop_disturbed(trial, needed)) is not None:
+            trial = self.without_needless(fewer)
+        return trial
+
+    def without_needless(self, trial: FittedHypothesis) -> FittedHypothesis:
+        """Drop causes until each has a name beside the others."""
+        while (fewer := self.drop(trial)) is not None:
+            trial = fewer
+        return trial
+
+    def _drop_disturbed(self, current: FittedHypothesis, needed: float) -> FittedHypothesis | None:
+        """Drop the cause that is needed least beside a disturbance, if more than noise is left."""
+        if not self.compare.is_coloured(current):
+            return None
+        return self.drop(current, partial(self.compare.names_disturbed, needed=needed))
+
+    def drop(self, current: FittedHypothesis, is_named=None) -> FittedHypothesis | None:
+        """Drop the cause that is needed least, unless the others leave it a name."""
+        is_named = self.compare.names if is_named is None else is_named
+        if not current.hypothesis.causes:
+            return None
+        self.progress.begin("needless causes", len(current.hypothesis.causes))
+        ground = self.fitter.subsample(current)
+        reduced = [self.fitter.reduce(ground, cause) for cause in current.hypothesis.causes]
+        for subsample in sorted(usable(reduced), key=objective_of)[:KEPT]:
+            without = self.fitter.fit_all(subsample, current)
+            if without.fit.usable and not is_named(without, current):
+                return without
+        return None
+
+    def add(self, current: FittedHypothesis) -> Iterator[FittedHypothesis]:
+        """Add the best candidate: the more promising half is fitted, the better half of it on."""
+        fits = self.ladder.first_fits(
+            current, self.ladder.promising(self.fitter.subsample(current))
+        )
+        yield from self._choose(current, self.ladder.converge(current, fits[: -(-len(fits) // 2)]))
+
+    def add_patiently(self, current: FittedHypothesis) -> Iterator[FittedHypothesis]:
+        """Add the best candidate, every first fit being followed to its end."""
+        fits = self.ladder.first_fits(current, self.ladder.candidates)
+        yield from self._choose(current, self.ladder.converge(current, fits))
+
+    def add_pair(self, current: FittedHypothesis) -> Iterator[FittedHypothesis]:
+        """Add the best of the pairs that are expected to explain most together."""
+        self.progress.begin("pairs", 2 * PAIRS)
+        ground, fits = self.fitter.subsample(current), []
+        ranked = self.ladder.screen().rank(ground, 2)
+        allowed = [pair for _, pair in ranked if ground.hypothesis.plus(pair[0]).allows(pair[1])]
+        for pair in allowed[:PAIRS]:
+            alone = usable([self.fitter.first_fit(ground, cause) for cause in pair])
+            if len(alone) == 2:
+                other = alone[1].hypothesis.causes[-1]
+                fits.append(self.ladder.step(self.fitter.first_fit(alone[0], other)))
+        yield from self._choose(current, self.ladder.converge(current, usable(fits)), n_causes=2)
+
+    def _choose(self, current, fits: list[SubsampleFit], n_causes=1) -> Iterator[FittedHypothesis]:
+        """Yield the finalists that are named, first the simplest of those that none refutes."""
+        trials = [self.fitter.fit_all(fit, current) for fit in fits[:KEPT]]
+        while trials := [trial for trial in trials if trial.fit.usable]:
+            best = self._simplest_of_the_best(trials)
+            if self.compare.names(self.fitter.retry(current, best), best, n_causes):
+                yield best
+            trials.remove(best)
+
+    def _simplest_of_the_best(self, trials: list[FittedHypothesis]) -> FittedHypothesis:
+        """Return the hypothesis with the fewest parameters among those that the best leaves."""
+        best = trials[0]
+        for trial in trials[1:]:
+            if self.compare.evidence(best, trial) > 0.0:
+                best = trial
+        left = [trial for trial in trials if not self.compare.refutes(best, trial)]
+        return min(
+            left,
+            key=lambda trial: (*trial.hypothesis.complexity, -self.compare.evidence(best, trial)),
+        )
+
+    def replace(self, current: FittedHypothesis) -> Iterator[FittedHypothesis]:
+        """Put another candidate in a cause's place where that refutes it, or says it simpler.
+
+        Beside a candidate that says the same another cause may be needless.
+        """
+        for cause in current.hypothesis.causes:
+            for other in self.ladder.in_place(current, cause):
+                if other.hypothesis.complexity < current.hypothesis.complexity:
+                    other = self.fitter.retry(other, current)  # its own fit may have got stuck
+                if self.compare.is_preferred(other, current) and self._is_needed(other, current):
+                    yield other
+                    return
+                simpler = None if self.compare.refutes(current, other) else self.drop(other)
+                if simpler is None or self.compare.refutes(current, simpler):
+                    continue
+                if self._is_needed(simpler, current):
+                    yield simpler
+                    return
+
+    def _is_needed(self, other: FittedHypothesis, current: FittedHypothesis) -> bool:
+        """Return whether a hypothesis has a cause that another one has not, and it is named."""
+        own = own_causes(current, other)
+        if not own:
+            return False
+        (new,) = own
+        reduced = self.fitter.reduce(self.fitter.subsample(other), new)
+        without = self.fitter.fit_all(reduced, other)
+        return not without.fit.usable or self.compare.names(without, other)
+
+    def replace_by_pair(self, current: FittedHypothesis) -> Iterator[FittedHypothesis]:
+        """Put the best of the promising pairs in a cause's place where that refutes the cause."""
+        ground = self.fitter.subsample(current)
+        for cause in current.hypothesis.causes:
+            without = self.fitter.fit_all(self.fitter.reduce(ground, cause), current)
+            pairs = self.add_pair(without) if without.fit.usable else ()
+            yield from (pair for pair in pairs if self.compare.refutes(pair, current))
+
+    def split(self, current: FittedHypothesis) -> Iterator[FittedHypothesis]:
+        """Put a cause's special cases in its place where that says the same simpler."""
+        ground = self.fitter.subsample(current)
+        apart = [a for c in current.hypothesis.causes for a in self._apart(ground, c)]
+        fewer = [
+            a for a in usable(apart) if a.hypothesis.n_parameters < current.hypothesis.n_parameters
+        ]
+        for subsample in sorted(fewer, key=lambda a: a.hypothesis.n_parameters):
+            split = self.fitter.fit_all(subsample, current)
+            if split.fit.usable and self.compare.is_preferred(split, current):
+                yield split
+
+    def _apart(self, ground: SubsampleFit, cause: Effect) -> list[SubsampleFit]:
+        """Fit a cause beside a part of it, and its special cases without it."""
+        others = [c for c in self.ladder.candidates if c not in ground.hypothesis.causes]
+        kin = [c for c in others if c.target == cause.target]
+        found = [self.fitter.split(ground, cause, c) for c in kin if c.id in cause.shared]
+        held = self.fitter.held(cause)
+        special = [c for c in kin if c.id in cause.generalises]
+        special += [c for c in others if isinstance(c, WrongParameter) and c.target in held]
+        for count in range(1, len(special) + 1):
+            for parts in combinations(special, count):
+                found.append(self.fitter.exchange(ground, cause, list(parts)))
+        return found
+
+    def begin_anew(self, current: FittedHypothesis) -> FittedHypothesis:
+        """Fit earlier causes from their starts again: they may have stood for the last one too."""
+        earlier = current.hypothesis.causes[:-1]
+        if not earlier:
+            return current
+        ground = self.fitter.subsample(current)
+        for cause in earlier:
+            ground = self.fitter.restart(ground, cause)
+        again = self.fitter.fit_all(ground, current)
+        return again if again.fit.objective < current.fit.objective else current

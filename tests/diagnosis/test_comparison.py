@@ -1,0 +1,61 @@
+"""Laws of comparisons: the same question has one answer, whatever was asked before."""
+
+import numpy as np
+import pytest
+from rubbing_sledge import CRITERION, KINDS, fitted, fresh_fitter
+
+from sklearn_pgnn import effects
+from sklearn_pgnn.diagnosis.comparison import Comparison
+from sklearn_pgnn.estimation.criterion import SelectionCriterion
+from sklearn_pgnn.estimation.fitting import HypothesisFitter
+
+
+@pytest.fixture
+def fitter():
+    return fresh_fitter()
+
+
+def evidence(fitter, without, with_):
+    return CRITERION.evidence(fitter.held_out(without), fitter.held_out(with_))
+
+
+@pytest.mark.slow
+def test_a_comparison_has_the_same_answer_whatever_was_asked_before(fitter):
+    first = evidence(fitter, fitter.base(), fitted(fitter, effects.CoulombFriction))
+    for kinds in (KINDS[:1], KINDS[2:3], KINDS[2:4], KINDS[1:3]):
+        evidence(fitter, fitter.base(), fitted(fitter, *kinds))
+    again = evidence(fitter, fitter.base(), fitted(fitter, effects.CoulombFriction))
+    assert again == first
+    fresh = HypothesisFitter(fitter.problem)
+    for kinds in (KINDS[2:4], KINDS[:1]):
+        fitted(fresh, *kinds)
+    late = evidence(fresh, fresh.base(), fitted(fresh, effects.CoulombFriction))
+    assert late == pytest.approx(first, rel=1e-3)
+
+
+def test_evidence_over_a_third_adds_up(fitter):
+    """Differences of one statistic: what holds over none, and between two, is consistent."""
+    none, one, other = fitter.base(), *(fitted(fitter, kind) for kind in KINDS[1:3])
+    there, back = evidence(fitter, one, other), evidence(fitter, other, one)
+    assert there == pytest.approx(-back)
+    assert np.sign(there) == np.sign(evidence(fitter, none, other) - evidence(fitter, none, one))
+
+
+def test_nothing_that_was_asked_changes_the_problem(fitter):
+    windows = fitter.problem.windows
+    before = {name: getattr(windows, name).copy() for name in ("t", "u", "y", "starts", "scale")}
+    fitted(fitter, effects.CoulombFriction, effects.ConstantLoad)
+    assert fitter.problem.windows is windows
+    for name, values in before.items():
+        np.testing.assert_array_equal(getattr(windows, name), values)
+
+
+@pytest.mark.parametrize("more_is_better", [True, False])
+def test_what_takes_more_to_say_refutes_by_what_a_name_needs(fitter, monkeypatch, more_is_better):
+    compare = Comparison(fitter, CRITERION)
+    less, more = fitted(fitter, *KINDS[:1]), fitted(fitter, *KINDS[:2])
+    between = (CRITERION.to_refute + CRITERION.to_name) / 2
+    monkeypatch.setattr(SelectionCriterion, "evidence", lambda *_: between)
+    monkeypatch.setattr(compare, "_overdispersion", lambda *_: 1.0)
+    better, worse = (more, less) if more_is_better else (less, more)
+    assert compare.refutes(better, worse) is not more_is_better

@@ -1,0 +1,56 @@
+"""Laws of the ladder: who goes on, and how far behind one may be."""
+
+import numpy as np
+import pytest
+from rubbing_sledge import CRITERION, KINDS, fitted, fresh_fitter
+from sledge import SLEDGE
+
+from sklearn_pgnn import effects
+from sklearn_pgnn.diagnosis.ladder import Ladder
+
+CANDIDATES = tuple(kind(kind.targets(SLEDGE)[0]) for kind in KINDS)
+
+
+@pytest.fixture(scope="module")
+def ladder():
+    return Ladder(fresh_fitter(), CRITERION, CANDIDATES, dict.fromkeys(CANDIDATES, ()))
+
+
+def test_every_candidate_is_tried_alone_and_half_of_them_beside_a_cause(ladder):
+    none, rubbed = ladder.fitter.base(), fitted(ladder.fitter, effects.CoulombFriction)
+    assert ladder.promising(ladder.fitter.subsample(none)) == CANDIDATES
+    beside = ladder.promising(ladder.fitter.subsample(rubbed))
+    assert len(beside) < len(CANDIDATES)
+
+
+def test_fits_come_nearest_first_and_converging_brings_none_further_away(ladder):
+    none = ladder.fitter.base()
+    first = ladder.first_fits(none, CANDIDATES)
+    nearer = ladder.converge(none, first)
+    for fits in (first, nearer):
+        objectives = [fit.fit.objective for fit in fits]
+        assert objectives == sorted(objectives)
+    assert nearer[0].fit.objective <= first[0].fit.objective
+    assert nearer[0].hypothesis.causes[0].id == "coulomb_friction"
+
+
+def test_the_hidden_cause_leaves_least_alone(ladder):
+    ladder.first_fits(ladder.fitter.base(), CANDIDATES)
+    least = min(ladder.alone, key=lambda cause: ladder.alone[cause].left)
+    assert least.id == "coulomb_friction"
+
+
+def test_the_limit_grows_with_what_the_best_leaves_and_lies_above_it(ladder):
+    none = ladder.fitter.base()
+    low, high = (ladder._limit(none, squares) for squares in (1.0, 10.0))
+    assert low > 1.0
+    assert high == pytest.approx(10.0 * low)
+    assert np.isinf(ladder._limit(none, np.inf))
+
+
+def test_what_may_stand_in_a_place_has_another_cause_there(ladder):
+    rubbed = fitted(ladder.fitter, effects.CoulombFriction)
+    (cause,) = rubbed.hypothesis.causes
+    for other in ladder.in_place(rubbed, cause):
+        assert len(other.hypothesis.causes) == 1
+        assert cause not in other.hypothesis.causes

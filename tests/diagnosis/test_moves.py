@@ -1,0 +1,46 @@
+"""Laws of the moves from one hypothesis to another."""
+
+from rubbing_sledge import CRITERION, KINDS, fitted, fresh_fitter
+from sledge import SLEDGE
+
+from sklearn_pgnn import effects
+from sklearn_pgnn.diagnosis.comparison import Comparison
+from sklearn_pgnn.diagnosis.ladder import Ladder
+from sklearn_pgnn.diagnosis.moves import Moves
+
+
+def moves_of(fitter):
+    """Return the moves among a few candidates."""
+    candidates = tuple(kind(kind.targets(SLEDGE)[0]) for kind in KINDS)
+    same = dict.fromkeys(candidates, ())
+    return Moves(Comparison(fitter, CRITERION), Ladder(fitter, CRITERION, candidates, same))
+
+
+def test_what_a_hypothesis_needs_no_more_without_a_disturbance_goes_too(monkeypatch):
+    """A load that stood beside the friction only while both did is asked again without it."""
+    fitter = fresh_fitter()
+    moves = moves_of(fitter)
+    rubbed, loaded = effects.CoulombFriction, effects.ConstantLoad
+    both = fitted(fitter, rubbed, loaded)
+    left = iter([fitted(fitter, loaded)])
+    monkeypatch.setattr(moves, "_drop_disturbed", lambda trial, needed: next(left, None))
+    assert not moves.pruned(both, CRITERION.to_name).hypothesis.causes
+
+
+def test_a_cause_is_added_that_the_criterion_names():
+    fitter = fresh_fitter()
+    found = next(moves_of(fitter).add(fitter.base()))
+    assert [c.id for c in found.hypothesis.causes] == ["coulomb_friction"]
+
+
+def test_a_cause_that_is_nothing_beside_another_is_dropped():
+    fitter = fresh_fitter()
+    both = fitted(fitter, effects.CoulombFriction, effects.ConstantLoad)
+    assert [c.id for c in moves_of(fitter).drop(both).hypothesis.causes] == ["coulomb_friction"]
+
+
+def test_a_cause_that_a_better_one_refutes_is_replaced():
+    fitter = fresh_fitter()
+    dragged = fitted(fitter, effects.QuadraticDrag)
+    found = next(moves_of(fitter).replace(dragged))
+    assert [c.id for c in found.hypothesis.causes] == ["coulomb_friction"]
