@@ -4,10 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from sklearn_pgnn.estimation.autocorrelation import white_power
 from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.record_quality.finding import Finding
 from sklearn_pgnn.record_quality.improvement import is_better
-from sklearn_pgnn.record_quality.limits import STEPS
+from sklearn_pgnn.record_quality.limits import SHARE, STEPS
 from sklearn_pgnn.simulation.window_fit import WindowFit, fit_windows
 from sklearn_pgnn.simulation.windows import ShootingWindows
 
@@ -18,7 +19,8 @@ def find_early_output(
     """Find outputs that answer before their input: the two were not recorded in step.
 
     The re-tuned prior is fitted with its inputs moved to earlier samples. It must then do better
-    than the extended model, by more than chance, with the inputs more than one sample early.
+    than the extended model, by more than chance, with the inputs more than one sample early, and
+    leave little but white noise: earlier inputs also make up for a model that is too slow.
 
     Parameters
     ----------
@@ -35,7 +37,7 @@ def find_early_output(
     if not problem.prior.inputs:
         return None
     lead, best = _best_lead(problem, base)
-    if lead < 2 or not is_better(final, best, 1):
+    if lead < 2 or not is_better(final, best, 1) or not _leaves_noise(problem, best, final):
         return None
     ahead = lead * problem.scales.sample_time
     return Finding(
@@ -87,3 +89,10 @@ def _refit(problem, fit: WindowFit, windows: ShootingWindows) -> WindowFit:
         x0_start=fit.x0,
         max_steps=STEPS,
     )
+
+
+def _leaves_noise(problem: EstimationProblem, fit: WindowFit, worse: WindowFit) -> bool:
+    """Return whether a fit leaves little beside white noise of what a worse one leaves."""
+    left, before = fit.evaluation.residual, worse.evaluation.residual
+    beyond = np.nanmean(left**2, axis=0) - white_power(left, problem.windows.starts)
+    return bool((beyond <= SHARE * np.nanmean(before**2, axis=0)).all())
