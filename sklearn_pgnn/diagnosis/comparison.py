@@ -75,7 +75,7 @@ class Comparison:
         before, after, retuned = (self.fitter.held_out(trial) for trial in trials)
         causes, raw = own_causes(without, with_), self.criterion.evidence(before, after)
         if causes and causes <= self.given:
-            return raw > 0.0
+            return raw > 0.0 and self.criterion.stands_in_free_run(retuned, after)
         if raw <= n_causes * self.criterion.to_name:
             return False
         less = self._overdispersion(without, with_)

@@ -114,7 +114,8 @@ class SelectionCriterion:
     explains the smallest share of an output over windows or in free run, and if the free run does
     not speak against it, where that says anything: it is not surely worse than without the cause,
     and not worse than that of the re-tuned prior by more than :math:`\log(1/\alpha)`. With a
-    memory, whose content is free at the start of every window, it is better by the smallest share.
+    memory, whose content is free at the start of every window, it is better by the smallest share
+    than both.
     Of hypotheses that nothing tells apart by :math:`\log(1/\alpha)` the one with the fewest
     parameters is taken. Where more than white noise is left over windows, the evidence beside a
     disturbance must exceed :math:`\log(N/\alpha)`, too.
@@ -188,15 +189,13 @@ class SelectionCriterion:
         before, after = free_runs_that_tell(without, with_)
         if not self.stands_in_free_run(retuned or without, with_):
             return False
-        if self._surely_worsens(before, after):
+        if self._surely_worsens(before, after) or self._remembers_in_vain(without, with_):
             return False
         share = max(share, explained_share(before, after))
         return evidence > n_causes * self.to_name and share >= self.smallest_share
 
     def stands_in_free_run(self, retuned: HeldOut, trial: HeldOut) -> bool:
         """Return whether a hypothesis is no worse than the re-tuned prior; better, if it remembers.
-
-        What a memory says that may begin anew in every window is no explanation.
 
         Parameters
         ----------
@@ -208,12 +207,18 @@ class SelectionCriterion:
         bool
             Whether the free run, where it says anything, does not speak against the hypothesis.
         """
-        before, after = free_runs_that_tell(retuned, trial)
-        if not before.counts.size:
-            return True
-        if trial.n_added > retuned.n_added:
-            return explained_share(before, after) >= self.smallest_share
-        return log_likelihood_ratio(before, after) >= -self.to_refute
+        is_worse = log_likelihood_ratio(*free_runs_that_tell(retuned, trial)) < -self.to_refute
+        return not is_worse and not self._remembers_in_vain(retuned, trial)
+
+    def _remembers_in_vain(self, simpler: HeldOut, trial: HeldOut) -> bool:
+        """Return whether a memory leaves the free run as a hypothesis without it does.
+
+        What a memory says that may begin anew in every window is no explanation.
+        """
+        before, after = free_runs_that_tell(simpler, trial)
+        if not before.counts.size or trial.n_added <= simpler.n_added:
+            return False
+        return explained_share(before, after) < self.smallest_share
 
     def _surely_worsens(self, before: Residuals, after: Residuals) -> bool:
         """Return whether a free run is worse than another one, by more than chance."""

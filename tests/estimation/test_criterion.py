@@ -161,6 +161,9 @@ def test_a_memory_is_judged_in_free_run_where_that_says_anything():
     before = held_out(100, 100, counts=1e4)
     assert CRITERION.names(before, memory(50, 90))
     assert not CRITERION.names(before, memory(50, 100))  # free in every window, it says nothing
+    assert not CRITERION.names(before, memory(50, 90), retuned=held_out(100, 80, counts=1e4))
+    worse = held_out(100, 200, counts=1e4)
+    assert not CRITERION.names(before, memory(50, 100), retuned=worse)  # others made it better
     lost = replace(before, tells_in_free_run=NOTHING)
     assert CRITERION.names(lost, memory(50, 100, tells=NOTHING))
     assert not CRITERION.names(lost, memory(100, 50, tells=NOTHING))
@@ -173,6 +176,17 @@ def two_outputs(free_runs):
     free = Residuals(np.array(free_runs), counts, np.ones(2))
     blocks, tells = np.zeros((1, 1, 2)), np.array([True, False])
     return HeldOut(over_windows, free, 0.0, blocks, tells_in_free_run=tells)
+
+
+def test_a_memory_that_brings_one_output_nearer_must_not_spoil_another():
+    counts = np.full(2, 1335.0)
+    left, none = Residuals(counts, counts, np.ones(2)), np.zeros((1, 1, 2))
+    retuned, nearer, mixed = (
+        HeldOut(left, Residuals(squares * counts, counts, np.ones(2)), 0.0, none)
+        for squares in np.array([[1.0, 1.0], [1.0, 0.6], [2.2, 0.6]])
+    )
+    assert CRITERION.stands_in_free_run(retuned, replace(nearer, n_added=1))
+    assert not CRITERION.stands_in_free_run(retuned, replace(mixed, n_added=1))
 
 
 @pytest.mark.parametrize("runaway", [1e4, 1e12, np.inf])
