@@ -132,7 +132,8 @@ class RetunedParameter:
     Parameters
     ----------
     prior, value, low, high : float
-        Prior value, estimate and its 95 % interval [unit].
+        Prior value, estimate and its 95 % interval [unit]; the bounds of a parameter that was held
+        because the causes leave the records nothing to say of it.
     unit : str
         Its unit.
     changed : bool
@@ -250,11 +251,10 @@ def retuned_parameters(
     """Compare the prior's free parameters with their re-tuned values."""
     table = {}
     for name in problem.prior.free_parameters:
-        found, prior = estimate_of(fit.model, name, errors), problem.prior.parameters[name].value
-        changed = not found.low <= prior <= found.high
-        table[name] = RetunedParameter(
-            prior, found.value, found.low, found.high, found.unit, changed
-        )
+        found, prior = estimate_of(fit.model, name, errors), problem.prior.parameters[name]
+        low, high = (found.low, found.high) if name in errors else prior.bounds  # else held
+        changed = not low <= prior.value <= high
+        table[name] = RetunedParameter(prior.value, found.value, low, high, found.unit, changed)
     return table
 
 

@@ -356,10 +356,12 @@ def _worse_in_free_run(diagnosis) -> str:
         _of(output, f"{times(e.prior)} as given, {times(e.extended)} now", found)
         for output, e in worse.items()
     ]
+    is_short = any(finding.kind == "short records" for finding in diagnosis.data_quality_)
+    cure = "record longer" if is_short else "make window_length longer"
     return (
         f"But in free run, without restarts, it is farther from the records than as given, in "
         f"units of the noise: {listed(rise)}. Windows start anew, and tell little of what builds "
-        f"up over a whole record: make window_length longer, or hold what is known fixed."
+        f"up over a whole record: {cure}, or hold what is known fixed."
     )
 
 

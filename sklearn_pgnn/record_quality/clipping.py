@@ -12,7 +12,8 @@ def find_clipping(signal: Signal) -> Finding | None:
 
     Where there is noise, a run of :math:`R` equal samples among :math:`n` is too long for chance
     if :math:`n\,p^{R-1} < \alpha`; without noise, it must begin and end with kinks sharper than
-    any other in the record.
+    any other in the record. Before and after an experiment a machine may rest, and a speed be zero
+    without noise: there a run tells nothing.
 
     Parameters
     ----------
@@ -54,6 +55,8 @@ def _runs(mask: np.ndarray):
 def _is_cut(signal, piece, first, last) -> bool:
     """Return whether a run of equal samples is longer than chance or rest make it."""
     if signal.tells_equals:
+        if first < 1 or last == piece.size:
+            return False
         away = piece[(piece != piece[first]) & np.isfinite(piece)]
         equal = float(np.mean(np.diff(away) == 0)) if away.size > 1 else 0.0
         chance = max(signal.chance_of_equals(), equal, 1 / piece.size)

@@ -24,6 +24,15 @@ def test_rest_is_no_clipping():
     assert find_clipping(signal(settled)) is None
 
 
+def test_rest_before_and_after_a_noisy_motion_is_no_clipping():
+    """A speed that is counted is zero at rest, without noise."""
+    noise = 0.01 * np.random.default_rng(2).standard_normal(400)
+    speed = 1.0 + 0.5 * np.sin(0.05 * np.arange(400)) + noise
+    assert find_clipping(signal(np.concatenate([np.zeros(40), speed, np.zeros(40)]))) is None
+    cut = np.where(np.arange(400) // 40 % 3 == 1, speed.max(), speed)
+    assert find_clipping(signal(cut)) is not None
+
+
 @pytest.mark.slow
 def test_record_checks_are_silent_on_many_clean_signals():
     """Every check speaks up by chance in at most one of a thousand; 2 % in all is asked for."""
