@@ -20,6 +20,7 @@ from sklearn_pgnn.estimation.fitted_records import record_starts
 from sklearn_pgnn.estimation.held_out import record_of, segments
 from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.simulation.state_estimate import free_run
+from sklearn_pgnn.simulation.windows import ShootingWindows
 from sklearn_pgnn.threads import one_thread_each
 
 #: what the time since a window began, and since a record began, are called
@@ -123,8 +124,10 @@ class _Table:
         signals = np.hstack([np.concatenate(runs), acting])
         record = record_of(windows)[rows]
         since = windows.t[rows] - windows.t[windows.starts[window[rows]]]
-        length = max(float(np.median(windows.lengths)), 1.0)
-        earlier = [np.maximum(rows - round(lag * length), windows.bounds[record]) for lag in LAGS]
+        earlier = [
+            np.maximum(rows - round(lag * _longest_lag(windows)), windows.bounds[record])
+            for lag in LAGS
+        ]
         columns = [signals[at] for at in earlier]
         names = (*model.states, *model.inputs) * len(LAGS)
         return cls(
@@ -163,6 +166,12 @@ class _Table:
     @staticmethod
     def _share(trees, features, y) -> float:
         return 1.0 - float(np.sum((y - trees.predict(features)) ** 2) / np.sum(y**2))
+
+
+def _longest_lag(windows: ShootingWindows) -> float:
+    """Return the samples of a window, or of so short a part of a record that most have a past."""
+    record = float(np.median(np.diff(windows.bounds)))
+    return max(min(float(np.median(windows.lengths)), record / STRETCHES), 1.0)
 
 
 def _held_where_endless(x: np.ndarray) -> np.ndarray:

@@ -87,7 +87,8 @@ CYCLE_STEP = 0.2
 
 #: trees of a regression, and leaves of each. More see finer structure and take longer
 TREES, LEAVES = 50, 15
-#: how long ago signals are looked at, in windows. More see more kinds of memory and take longer
+#: how long ago signals are looked at, in windows, or in the stretches of a record where these are
+#: shorter. More see more kinds of memory and take longer
 LAGS = (0.0, 1 / STRETCHES, 1 / 3, 1.0)
 #: part of a formula term's effect on the outputs that re-tuning must leave: less cannot be told
 #: from what is re-tuned
