@@ -6,7 +6,7 @@ import numpy as np
 
 from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.record_quality.clipping import find_clipping
-from sklearn_pgnn.record_quality.clock import find_gaps, find_jitter
+from sklearn_pgnn.record_quality.clock import find_gaps, find_jitter, find_unused_samples
 from sklearn_pgnn.record_quality.drift import find_drift, find_uneven_noise
 from sklearn_pgnn.record_quality.excitation import find_blind_parameters, find_dull_input
 from sklearn_pgnn.record_quality.finding import Finding
@@ -64,6 +64,7 @@ def check_data_quality(
     found += find_blind_parameters(problem, base)
     clocks = [record.t for record in whole]
     found += [find_gaps(clocks, [record.name for record in whole]), find_jitter(outputs)]
+    found.append(find_unused_samples(clocks, windows.t.size))
     for signal, rest in zip(outputs, left, strict=True):
         found += [find_clipping(signal), find_quantisation(signal), find_held_samples(signal)]
         found += [find_outliers(signal, rest), find_uneven_noise(signal)]

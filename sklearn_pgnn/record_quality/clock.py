@@ -8,6 +8,7 @@ from sklearn_pgnn.record_quality.finding import Finding
 from sklearn_pgnn.record_quality.grid import grid_step
 from sklearn_pgnn.record_quality.limits import FINE, MOST, SHARE
 from sklearn_pgnn.record_quality.signals import Signal
+from sklearn_pgnn.trajectories.reader import MIN_SAMPLES
 
 
 def find_gaps(times: Sequence[np.ndarray], records: Sequence[str]) -> Finding | None:
@@ -50,6 +51,41 @@ def find_gaps(times: Sequence[np.ndarray], records: Sequence[str]) -> Finding | 
         float(missing),
         "find what the logger lost; across a gap the input is taken as held, and a record is taken "
         "apart where the gap is longer than a window",
+    )
+
+
+def find_unused_samples(times: Sequence[np.ndarray], used: int) -> Finding | None:
+    """Find that many samples lie between gaps, in pieces too short to be records.
+
+    Parameters
+    ----------
+    times : sequence of ndarray of shape (n_samples,)
+        Time of every record [s].
+    used : int
+        Samples of the pieces that are records.
+
+    Returns
+    -------
+    Finding or None
+        What was found.
+
+    Examples
+    --------
+    >>> find_unused_samples([np.arange(50.0), np.arange(50.0)], used=90).value
+    10.0
+    """
+    count = sum(t.size for t in times)
+    unused = count - used
+    if unused < SHARE * count:
+        return None
+    return Finding(
+        "unused samples",
+        "t",
+        f"{unused} of {count} samples lie in pieces of fewer than {MIN_SAMPLES} samples between "
+        f"gaps that are longer than a window, and were not used",
+        float(unused),
+        "make window_length longer than the gaps if the inputs are held there, or record with one "
+        "sample time",
     )
 
 

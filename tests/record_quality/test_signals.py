@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sklearn_pgnn.record_quality.clipping import find_clipping
-from sklearn_pgnn.record_quality.clock import find_gaps, find_jitter
+from sklearn_pgnn.record_quality.clock import find_gaps, find_jitter, find_unused_samples
 from sklearn_pgnn.record_quality.drift import find_uneven_noise
 from sklearn_pgnn.record_quality.grid import grid_step
 from sklearn_pgnn.record_quality.quantisation import find_quantisation
@@ -147,3 +147,12 @@ def test_gaps_are_counted_on_the_clock_of_their_own_record():
     finding = find_gaps(times, ["a", "b"])
     assert finding.value == 2
     assert "from a clock of 0.004 s, the first after record b" in finding.text
+
+
+def test_samples_between_gaps_are_told_where_they_are_many():
+    """A logger that rests takes a battery's pauses in steps of a minute."""
+    t = np.concatenate([np.arange(500.0), 500.0 + 60.0 * np.arange(1, 51)])
+    finding = find_unused_samples([t], used=500)
+    assert (finding.kind, finding.value) == ("unused samples", 50)
+    assert finding.text.startswith("50 of 550 samples lie in pieces of fewer than 4 samples")
+    assert find_unused_samples([t], used=540) is None
