@@ -8,7 +8,11 @@ from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.record_quality.clipping import find_clipping
 from sklearn_pgnn.record_quality.clock import find_gaps, find_jitter, find_unused_samples
 from sklearn_pgnn.record_quality.drift import find_drift, find_uneven_noise
-from sklearn_pgnn.record_quality.excitation import find_blind_parameters, find_dull_input
+from sklearn_pgnn.record_quality.excitation import (
+    find_blind_parameters,
+    find_dull_input,
+    find_first_steps,
+)
 from sklearn_pgnn.record_quality.finding import Finding
 from sklearn_pgnn.record_quality.noise_feedback import find_closed_loop
 from sklearn_pgnn.record_quality.quantisation import find_quantisation
@@ -60,7 +64,7 @@ def check_data_quality(
     inputs = _signals(model, model.inputs, windows, windows.u, names)
     left = _signals(model, model.outputs, windows, final.evaluation.residual, names)
     found: list[Finding | None] = [find_few_windows(windows)]
-    found += [find_dull_input(signal) for signal in inputs]
+    found += [*map(find_dull_input, inputs), find_first_steps(inputs)]
     found += find_blind_parameters(problem, base)
     clocks = [record.t for record in whole]
     found += [find_gaps(clocks, [record.name for record in whole]), find_jitter(outputs)]

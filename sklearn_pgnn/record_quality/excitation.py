@@ -1,5 +1,6 @@
 """Excitation: inputs that hardly change, and parameters that livelier ones would settle."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -47,6 +48,45 @@ def find_dull_input(signal: Signal) -> Finding | None:
         ),
     }[levels.size]
     return Finding("poor excitation", signal.name, text, float(levels.size), remedy)
+
+
+def find_first_steps(inputs: Sequence[Signal]) -> Finding | None:
+    """Find that inputs change between records only: every record begins with its step.
+
+    What acted before a record is taken to be what its first sample says.
+
+    Parameters
+    ----------
+    inputs : sequence of Signal
+        All inputs.
+
+    Returns
+    -------
+    Finding or None
+        What was found.
+
+    Examples
+    --------
+    >>> steps = Signal("u", "V", [np.ones(9), np.full(9, 2.0)], [np.arange(9.0)] * 2, ["a", "b"])
+    >>> find_first_steps([steps]).text.split(":")[0]
+    'every record has a constant u from its first sample on'
+    """
+    pieces = [piece for signal in inputs for piece in signal.pieces]
+    if any(np.ptp(piece) > 0.0 for piece in pieces):
+        return None
+    stepped = [signal.name for signal in inputs if np.ptp(signal.values) > 0.0]
+    if not stepped:
+        return None
+    names = ", ".join(stepped)
+    return Finding(
+        "poor excitation",
+        names,
+        f"every record has a constant {names} from its first sample on: what acted before is taken "
+        f"to be the same, and what is late, lags or has play looks like something else",
+        float(len(inputs[0].pieces)),
+        "record from before the step, or put samples before it, with the inputs that acted then "
+        "and empty (NaN) outputs",
+    )
 
 
 def find_blind_parameters(problem: EstimationProblem, base: WindowFit) -> list[Finding]:

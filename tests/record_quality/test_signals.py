@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from sklearn_pgnn.record_quality.clipping import find_clipping
 from sklearn_pgnn.record_quality.clock import find_gaps, find_jitter, find_unused_samples
 from sklearn_pgnn.record_quality.drift import find_uneven_noise
+from sklearn_pgnn.record_quality.excitation import find_first_steps
 from sklearn_pgnn.record_quality.grid import grid_step
 from sklearn_pgnn.record_quality.quantisation import find_quantisation
 from sklearn_pgnn.record_quality.signals import Signal
@@ -156,3 +157,12 @@ def test_samples_between_gaps_are_told_where_they_are_many():
     assert (finding.kind, finding.value) == ("unused samples", 50)
     assert finding.text.startswith("50 of 550 samples lie in pieces of fewer than 4 samples")
     assert find_unused_samples([t], used=540) is None
+
+
+def test_records_that_begin_with_their_only_step_are_told():
+    steps = signal(np.full(50, 2.0), np.full(50, 4.0))
+    still, lively = signal(np.zeros(50), np.zeros(50)), signal(np.zeros(50), np.arange(50.0))
+    assert find_first_steps([steps, still]).where == "y"
+    assert find_first_steps([steps, lively]) is None
+    assert find_first_steps([still]) is None  # released, and left alone
+    assert find_first_steps([]) is None
