@@ -7,7 +7,7 @@ from disturbed_cart import CART, RECORDS, drive, slow_noise
 from sklearn_pgnn import ModelDiagnosis, datasets, effects, systems
 from sklearn_pgnn.datasets.integrator import integrate
 from sklearn_pgnn.diagnosis.formula_selection import FormulaSelection
-from sklearn_pgnn.diagnosis.search import Search
+from sklearn_pgnn.diagnosis.moves import Moves
 from sklearn_pgnn.physics.expressions import symbol
 
 
@@ -36,7 +36,7 @@ def test_a_disturbance_gets_no_name_though_windows_tell_for_one(monkeypatch):
     catalogue = ("parameter_slope", "parameter_saturation", "leak", "overflow", "state_limit")
     diagnosis = ModelDiagnosis(prior, catalogue=catalogue).fit(X, y)
     assert (diagnosis.verdict_, diagnosis.remaining_.kind) == ("model_adequate", "disturbance")
-    monkeypatch.setattr(Search, "_drop_disturbed", lambda *_: None)
+    monkeypatch.setattr(Moves, "_drop_disturbed", lambda *_: None)
     monkeypatch.setattr(FormulaSelection, "choose", lambda _, search, result, left: (result, None))
     assert ModelDiagnosis(prior, catalogue=catalogue).fit(X, y).causes_
 

@@ -20,9 +20,12 @@ def takes_the_place(formula, causes, leaves="noise"):
     def held_out(trial):
         return SimpleNamespace(windows=Residuals(np.array([trial.squares]), np.ones(1), np.ones(1)))
 
-    search = SimpleNamespace(
+    compare = SimpleNamespace(
         refutes=lambda better, worse: better.squares < 0.5 * worse.squares,
         is_nameable=lambda trial: leaves != "noise",
+    )
+    search = SimpleNamespace(
+        compare=compare,
         has_structure=lambda trial: leaves == "structure",
         fitter=SimpleNamespace(held_out=held_out),
         criterion=SelectionCriterion(alpha=0.01, smallest_share=0.05, n_candidates=20),
