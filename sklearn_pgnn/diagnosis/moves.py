@@ -27,6 +27,8 @@ class Moves:
         self.compare, self.ladder = compare, ladder
         self.fitter, self.progress = ladder.fitter, ladder.progress
 
+    # -- fewer causes ------------------------------------------------------------------------------
+
     def pruned(self, trial: FittedHypothesis, needed: float) -> FittedHypothesis:
         """Return a hypothesis without what has too little evidence beside a disturbance.
 
@@ -61,6 +63,8 @@ class Moves:
             if without.fit.usable and not is_named(without, current):
                 return without
         return None
+
+    # -- more causes -------------------------------------------------------------------------------
 
     def add(self, current: FittedHypothesis) -> Iterator[FittedHypothesis]:
         """Add the best candidate: the more promising half is fitted, the better half of it on."""
@@ -107,6 +111,8 @@ class Moves:
             left,
             key=lambda trial: (*trial.hypothesis.complexity, -self.compare.evidence(best, trial)),
         )
+
+    # -- other causes ------------------------------------------------------------------------------
 
     def replace(self, current: FittedHypothesis) -> Iterator[FittedHypothesis]:
         """Put another candidate in a cause's place where that refutes it, or says it simpler.

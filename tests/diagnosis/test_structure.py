@@ -3,12 +3,12 @@
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 import pytest
 from scipy.signal import lfilter
+from servo import SERVO, follow_sines
 from sledge import SLEDGE, drive
 
-from sklearn_pgnn import PhysicsModel, effects
+from sklearn_pgnn import effects
 from sklearn_pgnn.diagnosis.structure import (
     IN_RECORD,
     _groups,
@@ -130,30 +130,9 @@ def test_structure_depends_on_what_makes_it(fitted, name):
     assert structure.skill["v"] == pytest.approx(0.5, abs=0.15)  # the rest is noise
 
 
-def slow_servo(frequency, seed):
-    """Return time, command and speed of a servo whose gain falls from 1 Hz to 5 Hz, and late."""
-    step, late = 0.002, 2
-    t = step * np.arange(2500)
-    command = 2 * np.sin(2 * np.pi * frequency * t)
-    seen = np.concatenate([np.zeros(late), command[:-late]])
-    slow = lfilter([step / 0.08], [1, step / 0.08 - 1], seen)
-    speed = lfilter([0.0, 0.49], [1, -0.51], 0.84 * seen + 0.16 * slow)
-    return t, command, speed + 0.03 * np.random.default_rng(seed).normal(size=t.size)
-
-
 def test_dynamics_without_a_name_leave_structure_though_windows_are_a_third_of_a_record():
     """Few samples have a past that is a window long."""
-    parameters = {"G": {"value": 1.0, "spread": 0.5}, "T": {"value": 0.005, "spread": 1.0}}
-    servo = PhysicsModel(
-        {"w": "rad/s"}, {"w": "(G*command - w)/T"}, parameters, {"command": "rad/s"}
-    )
-    tables, y = [], []
-    for record, frequency in enumerate((1, 3, 5)):
-        t, command, speed = slow_servo(frequency, record)
-        tables.append(pd.DataFrame({"trajectory": record, "t": t, "command": command}))
-        y.append(speed)
-    X, y = pd.concat(tables, ignore_index=True), pd.DataFrame({"w": np.concatenate(y)})
-    problem = build_problem(servo, read_records(servo, X, y), window_length=1.67)
+    problem = build_problem(SERVO, read_records(SERVO, *follow_sines()), window_length=1.67)
     structure = find_structure(problem, HypothesisFitter(problem).base(), ALPHA, SHARE)
     assert structure.is_significant
 
