@@ -31,6 +31,7 @@ from sklearn_pgnn.physics.effects import SensorSaturation
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.scales import Scales
 from sklearn_pgnn.record_quality.checks import clipped_outputs
+from sklearn_pgnn.simulation.record_windows import enough_substeps
 from sklearn_pgnn.trajectories.record import Record
 
 
@@ -152,12 +153,33 @@ class Investigation:
         else:
             fitter = HypothesisFitter(problem, self.progress)
         check_prior(fitter, [record.name for record in records])
-        return fitter
+        return self._in_enough_steps(fitter)
+
+    def _in_enough_steps(self, fitter: HypothesisFitter) -> HypothesisFitter:
+        """Return the fitter in integration steps that the re-tuned prior needs, if not told."""
+        windows, base = fitter.problem.windows, fitter.base().fit
+        if self._steps_are_told:
+            return fitter
+        substeps = enough_substeps(base.model, windows, base.x0)
+        return fitter if substeps == windows.substeps else self._in_steps(fitter, substeps)
+
+    def _in_steps(self, fitter: HypothesisFitter, substeps: int) -> HypothesisFitter:
+        """Return a fitter in other integration steps, its prior re-tuned from there as well."""
+        other = HypothesisFitter(with_substeps(fitter.problem, substeps), self.progress)
+        other.base()
+        other.refit(fitter.base())
+        return other
+
+    @property
+    def _steps_are_told(self) -> bool:
+        """Whether the user, or the model, says how many integration steps there are."""
+        return bool(self.options.get("substeps") or self.model.simulation.get("substeps"))
 
     def _like(self, problem: EstimationProblem, whole: EstimationProblem) -> HypothesisFitter:
         """Return the fitter on all records, in windows as long as those that were searched."""
         if problem.windows.hold != whole.windows.hold:
             whole = with_hold(whole, problem.windows.hold)
+        whole = with_substeps(whole, problem.windows.substeps)
         whole = recut(whole, problem.scales.window) or whole
         fitter = HypothesisFitter(whole, self.progress)
         check_prior(fitter, [record.name for record in self.records])
@@ -212,16 +234,21 @@ class Investigation:
         return Findings(search, result, proposal, structure)
 
     def _in_fine_steps(self, found: Findings) -> Findings:
-        """Fit the causes in integration steps so fine that no parameter depends on them."""
+        """Fit the causes in integration steps so fine that no parameter depends on them.
+
+        Where there are none, and the re-tuned prior depends on them, search again in finer ones.
+        """
         fitter, result = found.search.fitter, found.result
-        is_told = self.options.get("substeps") or self.model.simulation.get("substeps")
-        if is_told or not result.steps or found.proposal is not None:
+        is_dear = self.whole is not None and not result.steps
+        if self._steps_are_told or is_dear or found.proposal is not None:
             return found
         self.progress.begin("integration steps")
         substeps = fine_substeps(fitter, result.final)
         if substeps == fitter.problem.windows.substeps:
             return found
-        finer = HypothesisFitter(with_substeps(fitter.problem, substeps), self.progress)
+        finer = self._in_steps(fitter, substeps)
+        if not result.steps:
+            return self._search(finer)
         return replace(found, result=found.search.in_steps_of(finer, result))
 
     def _try_slopes(self, held: Findings) -> Findings:

@@ -120,7 +120,7 @@ def window_records(
     else:
         windows = cut_exactly(whole, check_length(whole, window_length))
     if substeps is None:
-        substeps = _enough_substeps(model, windows, states.estimate(model).x)
+        substeps = enough_substeps(model, windows, states.estimate(model).x[windows.starts])
     windows = replace(windows, substeps=int(substeps))
     states.windows = windows
     find_starts(model, cut(windows, period * WINDOW_SHARE), states)
@@ -350,11 +350,25 @@ def check_length(whole: ShootingWindows, window_length) -> float:
     return float(window_length)
 
 
-def _enough_substeps(model, windows, x) -> int:
-    """Double the substeps until the prior's outputs change by less than a tenth of the noise."""
-    x0 = x[windows.starts]
-    substeps = 1
-    residual = evaluate(model, replace(windows, substeps=1), x0, ()).residual
+def enough_substeps(model: PhysicsModel, windows: ShootingWindows, x0: np.ndarray) -> int:
+    """Double the substeps until a model's outputs change by less than a tenth of the noise.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    windows : ShootingWindows
+        The windows, with the substeps to begin with.
+    x0 : ndarray of shape (n_windows, n_states)
+        Their initial states.
+
+    Returns
+    -------
+    int
+        Integration steps from sample to sample, at most `MAX_SUBSTEPS`.
+    """
+    substeps = windows.substeps
+    residual = evaluate(model, windows, x0, ()).residual
     while substeps < MAX_SUBSTEPS:
         finer = evaluate(model, replace(windows, substeps=2 * substeps), x0, ()).residual
         with warnings.catch_warnings():  # overflow: the substeps are too coarse

@@ -1,8 +1,9 @@
-"""The course of a diagnosis: which candidates are looked at."""
+"""The course of a diagnosis: which candidates are looked at, and in what integration steps."""
 
 import numpy as np
 import pandas as pd
 import pytest
+from servo import SERVO, STEP
 
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects
 
@@ -30,3 +31,22 @@ def test_what_records_cannot_tell_from_a_special_case_is_not_looked_at(least, ca
     diagnosis = ModelDiagnosis(FAN, catalogue=catalogue).fit(*spin(least))
     assert {tried.effect for tried in diagnosis.candidates_} == (looked_at or set(catalogue))
     assert diagnosis.verdict_ == "cause_named"
+
+
+@pytest.mark.slow
+def test_steps_are_so_fine_as_the_retuned_prior_needs_not_only_the_prior():
+    """A servo that is far quicker than its model thinks: a coarse step over it is another lag."""
+    true, guessed = 0.6 * STEP, 10 * STEP
+    slow = SERVO.replace(parameters={"G": 1.0, "T": {"value": guessed, "spread": np.inf}})
+    quick, rng, tables, speeds = slow.with_parameters(T=true), np.random.default_rng(0), [], []
+    for record in range(4):
+        t, command = STEP * np.arange(600), np.repeat(rng.uniform(-2, 2, 60), 10)
+        tables.append(pd.DataFrame({"trajectory": record, "t": t, "command": command}))
+        run = quick.simulate(t, command, substeps=32)
+        speeds.append(run.y[:, 0] + 0.01 * rng.normal(size=t.size))
+    X, y = pd.concat(tables, ignore_index=True), pd.DataFrame({"w": np.concatenate(speeds)})
+    found = ModelDiagnosis(slow).fit(X, y)
+    assert (found.verdict_, found.causes_) == ("model_adequate", ())
+    assert found.substeps_ > 1
+    retuned = found.parameters_["T"]
+    assert retuned.low <= true <= retuned.high

@@ -6,7 +6,6 @@ import re
 import numpy as np
 import pandas as pd
 import pytest
-from servo import SERVO, follow_sines
 
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects, systems
 from sklearn_pgnn.cli.screen import tell
@@ -199,13 +198,6 @@ def test_only_outputs_that_lead_the_inputs_are_not_synchronous(lead, found):
     assert len(late) == found
     if found:
         assert late[0].text.startswith(f"the outputs lead the inputs by {lead} samples")
-
-
-@pytest.mark.slow
-def test_a_servo_that_is_late_leads_no_input_though_its_model_fits_better_so():
-    found = ModelDiagnosis(SERVO, catalogue=()).fit(*follow_sines())
-    assert "not synchronous" not in {finding.kind for finding in found.data_quality_}
-    assert found.remaining_.kind == "structure"
 
 
 @pytest.mark.slow
