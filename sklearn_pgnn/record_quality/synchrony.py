@@ -18,9 +18,9 @@ def find_early_output(
 ) -> Finding | None:
     """Find outputs that answer before their input: the two were not recorded in step.
 
-    The re-tuned prior is fitted with its inputs moved to earlier samples. It must then do better
-    than the extended model, by more than chance, with the inputs more than one sample early, and
-    leave little but white noise: earlier inputs also make up for a model that is too slow.
+    The re-tuned prior is fitted with its inputs moved to earlier samples, held or straight in
+    between. It must then do better than the extended model, by more than chance, and leave little
+    but white noise: earlier inputs also make up for a model that is too slow.
 
     Parameters
     ----------
@@ -36,31 +36,34 @@ def find_early_output(
     """
     if not problem.prior.inputs:
         return None
-    lead, best = _best_lead(problem, base)
-    if lead < 2 or not is_better(final, best, 1) or not _leaves_noise(problem, best, final):
+    held = (replace(problem.windows, hold=hold) for hold in ("zoh", "foh"))
+    leads = [_best_lead(problem, base, windows) for windows in held]
+    lead, best = min(leads, key=lambda found: found[1].objective)
+    if lead < 1 or not is_better(final, best, 1) or not _leaves_noise(problem, best, final):
         return None
     ahead = lead * problem.scales.sample_time
+    count = "1 sample" if lead == 1 else f"{lead} samples"
     return Finding(
         "not synchronous",
         ", ".join(problem.prior.outputs),
-        f"the outputs lead the inputs by {lead} samples ({ahead:.3g} s): no cause acts backward "
-        f"in time",
+        f"the outputs lead the inputs by {count} ({ahead:.3g} s): no cause acts backward in time",
         ahead,
         "record inputs and outputs on one clock, or move the inputs by this time",
     )
 
 
-def _best_lead(problem, base) -> tuple[int, WindowFit]:
+def _best_lead(problem, base, windows: ShootingWindows) -> tuple[int, WindowFit]:
     """Return by how many samples earlier inputs have the least error, and the fit with them."""
-    fits, sample_time = {0: base}, problem.scales.sample_time
+    fits = {0: base} if windows.hold == problem.windows.hold else {}
+    sample_time = problem.scales.sample_time
 
     def error(lead):
         if lead not in fits:
-            fits[lead] = _refit(problem, base, _earlier(problem.windows, lead * sample_time))
+            fits[lead] = _refit(problem, base, _earlier(windows, lead * sample_time))
         return fits[lead].objective
 
     best, step = 0, 1
-    longest = int(problem.windows.lengths.min()) // 2
+    longest = int(windows.lengths.min()) // 2
     while best + step <= longest and error(best + step) < error(best):
         best, step = best + step, 2 * step
     while step > 1:
