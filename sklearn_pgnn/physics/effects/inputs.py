@@ -360,7 +360,10 @@ class ActuatorLag(ActuatorEffect):
     time_constant: float = quantity("T", "s", default=1.0, low=1e-9)
     id = "actuator_lag"
     summary = "The actuator needs time to build up: motor current, valve, pressure, heater."
-    check = "Step the command and record what the actuator itself gives."
+    check = (
+        "Step the command and record what the actuator itself gives: a filter of the sensor looks "
+        "much the same."
+    )
     ending = "_lagged"
 
     def rate(self, u, acting, p):
