@@ -38,9 +38,9 @@ class FormulaSelection:
     ) -> tuple[SearchResult, Proposal | None]:
         """Return what is still believed of a search's result, and the formula that is accepted.
 
-        A formula for what the re-tuned prior lacks takes the place of the causes if the prior
-        leaves structure and the formula none, and if it refutes them or says the same with fewer
-        parameters; a formula for what they leave stands beside them.
+        A formula for what the re-tuned prior lacks takes the place of the causes if it leaves no
+        structure, and refutes them or says the same with fewer parameters; a formula for what they
+        leave stands beside them.
 
         Parameters
         ----------
@@ -62,7 +62,7 @@ class FormulaSelection:
         if not (causes or has_structure):
             return result, None
         asked = has_structure or search.compare.leaves_much(final) or self.is_law(search)
-        if (len(causes) > 1 or asked) and search.has_structure(search.fitter.base()):
+        if len(causes) > 1 or asked:
             alone = self._alone(search)
             if alone and (not causes or _takes_the_place(search, alone.trial, final)):
                 return replace(result, steps=[], rivals={}), alone

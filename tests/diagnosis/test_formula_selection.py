@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from sklearn_pgnn.diagnosis.formula_selection import FormulaSelection, _takes_the_place
+from sklearn_pgnn.diagnosis.formula_selection import _takes_the_place
 from sklearn_pgnn.estimation.criterion import SelectionCriterion
 from sklearn_pgnn.estimation.residuals import Residuals
 
@@ -45,19 +45,3 @@ def test_a_formula_that_says_it_all_takes_the_place_if_it_is_simpler_or_clearly_
 def test_a_formula_that_leaves_structure_takes_no_place_however_near_it_is():
     causes = trial_of(3, squares=10.0)
     assert not takes_the_place(trial_of(2, squares=0.1), causes, leaves="structure")
-
-
-@pytest.mark.parametrize("has_structure", [True, False])
-def test_a_formula_is_asked_only_where_the_prior_leaves_structure(monkeypatch, has_structure):
-    """A load that is put on in mid record is no law of the states."""
-    asked = []
-    monkeypatch.setattr(FormulaSelection, "_alone", lambda *_: asked.append(True))
-    search = SimpleNamespace(
-        compare=SimpleNamespace(leaves_much=lambda trial: True),
-        has_structure=lambda trial: has_structure,
-        fitter=SimpleNamespace(base=lambda: None),
-    )
-    causes = SimpleNamespace(hypothesis=SimpleNamespace(causes=("constant_load",)))
-    result = SimpleNamespace(final=causes)
-    assert FormulaSelection().choose(search, result, has_structure=False) == (result, None)
-    assert bool(asked) is has_structure
