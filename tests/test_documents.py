@@ -244,6 +244,7 @@ def test_every_command_is_on_its_page():
 #: first example as it is
 SHORTER = {
     "make_golf_robot(sample_rate=100)": "make_golf_robot(duration=5, sample_rate=40)",
+    '"stribeck_friction", sample_rate': '"stribeck_friction", duration=5, n_records=2, sample_rate',
     "effect, random_state=0)": "effect, n_records=3, duration=5, sample_rate=100, random_state=0)",
     "ModelDiagnosis(golf)": "ModelDiagnosis(golf, catalogue=['stribeck_friction'])",
     "ModelDiagnosis(hidden.prior)": "ModelDiagnosis(hidden.prior, catalogue=['coulomb_friction'])",
