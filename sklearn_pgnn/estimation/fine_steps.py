@@ -1,7 +1,5 @@
 """Integration steps so fine that no parameter depends on them."""
 
-import numpy as np
-
 from sklearn_pgnn.estimation.budgets import SMALL_CHANGE
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
@@ -48,5 +46,6 @@ def _moves_little(
     expected = problem.states.expected_starts(before.fit.model, problem.windows)
     errors = standard_errors(before.fit, *expected)
     old, new = before.fit.model.parameters, after.fit.model.parameters
-    shares = [abs(new[name].value - old[name].value) / error for name, error in errors.items()]
-    return bool(np.nanmax(shares, initial=0.0) <= SMALL_CHANGE)
+    known = ((name, error) for name, error in errors.items() if error > 0.0)
+    shares = (abs(new[name].value - old[name].value) / error for name, error in known)
+    return bool(max(shares, default=0.0) <= SMALL_CHANGE)
