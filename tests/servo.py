@@ -1,4 +1,4 @@
-"""Records of a servo that is late, and whose gain falls from 1 Hz to 5 Hz; its model is a lag."""
+"""A servo whose model is a lag, and records: as the model says, or of one that is not so."""
 
 import numpy as np
 import pandas as pd
@@ -11,8 +11,20 @@ SERVO = PhysicsModel({"w": "rad/s"}, {"w": "(G*command - w)/T"}, PARAMETERS, {"c
 STEP, LATE, NOISE = 0.002, 2, 0.03
 
 
+def follow_steps(servo, records=4, samples=600, noise=0.01):
+    """Return X and y of a servo that follows levels drawn at random."""
+    tables, speeds, rng = [], [], np.random.default_rng(0)
+    t = STEP * np.arange(samples)
+    for record in range(records):
+        command = np.repeat(rng.uniform(-2, 2, samples // 10), 10)
+        tables.append(pd.DataFrame({"trajectory": record, "t": t, "command": command}))
+        run = servo.simulate(t, command, substeps=32)
+        speeds.append(run.y[:, 0] + noise * rng.normal(size=t.size))
+    return pd.concat(tables, ignore_index=True), pd.DataFrame({"w": np.concatenate(speeds)})
+
+
 def follow_sines(frequencies=(1, 3, 5), samples=2500):
-    """Return X and y of a record a frequency."""
+    """Return X and y of a servo that is late, and whose gain falls, a record a frequency [Hz]."""
     tables, speeds = [], []
     t, slow = STEP * np.arange(samples), STEP / 0.08
     for record, frequency in enumerate(frequencies):

@@ -55,12 +55,8 @@ class Comparison:
         """
         more, less = better.hypothesis.complexity, worse.hypothesis.complexity
         needed = self.criterion.to_name if more > less else self.criterion.to_refute
-        return self._exceeds(worse, better, needed)
-
-    def _exceeds(self, without: FittedHypothesis, with_: FittedHypothesis, needed: float) -> bool:
-        """Return whether the evidence exceeds a number; the overdispersion only lessens it."""
-        raw = self.criterion.evidence(*map(self.fitter.held_out, (without, with_)))
-        return raw > needed and raw / self._overdispersion(without, with_) > needed
+        raw = self.criterion.evidence(*map(self.fitter.held_out, (worse, better)))
+        return raw > needed and raw / self._overdispersion(worse, better) > needed
 
     def is_preferred(self, other: FittedHypothesis, current: FittedHypothesis) -> bool:
         """Return whether a hypothesis refutes another one, or is simpler and not refuted."""
@@ -90,6 +86,7 @@ class Comparison:
         return self.evidence_disturbed(without, with_) > needed
 
     def _overdispersion(self, without: FittedHypothesis, with_: FittedHypothesis) -> float:
+        """Return how much less residuals count along the own causes of the second, at least 1."""
         left = self.fitter.held_out(with_).windows
         if not np.isfinite(left.squares).all():
             return 1.0

@@ -157,9 +157,9 @@ class Investigation:
 
     def _in_enough_steps(self, fitter: HypothesisFitter) -> HypothesisFitter:
         """Return the fitter in integration steps that the re-tuned prior needs, if not told."""
-        windows, base = fitter.problem.windows, fitter.base().fit
         if self._steps_are_told:
             return fitter
+        windows, base = fitter.problem.windows, fitter.base().fit
         substeps = enough_substeps(base.model, windows, base.x0)
         return fitter if substeps == windows.substeps else self._in_steps(fitter, substeps)
 

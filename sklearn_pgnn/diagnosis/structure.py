@@ -124,10 +124,8 @@ class _Table:
         signals = np.hstack([np.concatenate(runs), acting])
         record = record_of(windows)[rows]
         since = windows.t[rows] - windows.t[windows.starts[window[rows]]]
-        earlier = [
-            np.maximum(rows - round(lag * _longest_lag(windows)), windows.bounds[record])
-            for lag in LAGS
-        ]
+        longest = _longest_lag(windows)
+        earlier = [np.maximum(rows - round(lag * longest), windows.bounds[record]) for lag in LAGS]
         columns = [signals[at] for at in earlier]
         names = (*model.states, *model.inputs) * len(LAGS)
         return cls(

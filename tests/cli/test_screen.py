@@ -17,6 +17,7 @@ from sklearn_pgnn.diagnosis import (
     Rival,
 )
 from sklearn_pgnn.inspection import words
+from sklearn_pgnn.record_quality.finding import Finding
 
 pytestmark = pytest.mark.core
 
@@ -134,6 +135,8 @@ def test_a_free_run_that_has_become_worse_is_told_with_its_remedy(capsys, verdic
     text = shown(capsys, lost)
     assert "farther from the records than as given, in units of the noise: 2.00" in text
     assert "make window_length longer, or hold what is known fixed." in text
+    lost.data_quality_ = (Finding("short records", "t", "few windows", 3.0, "record longer"),)
+    assert "record longer, or hold what is known fixed." in shown(capsys, lost)
 
 
 def test_nothing_is_said_of_what_was_not_asked(capsys):

@@ -59,3 +59,11 @@ def test_what_takes_more_to_say_refutes_by_what_a_name_needs(fitter, monkeypatch
     monkeypatch.setattr(compare, "_overdispersion", lambda *_: 1.0)
     better, worse = (more, less) if more_is_better else (less, more)
     assert compare.refutes(better, worse) is not more_is_better
+
+
+@pytest.mark.parametrize("stands", [True, False])
+def test_what_records_show_by_themselves_answers_to_the_free_run_too(fitter, monkeypatch, stands):
+    rubbed = fitted(fitter, effects.CoulombFriction)
+    compare = Comparison(fitter, CRITERION, given=frozenset(rubbed.hypothesis.causes))
+    monkeypatch.setattr(SelectionCriterion, "stands_in_free_run", lambda *_: stands)
+    assert compare.names(fitter.base(), rubbed) is stands

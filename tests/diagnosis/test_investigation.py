@@ -3,9 +3,10 @@
 import numpy as np
 import pandas as pd
 import pytest
-from servo import SERVO, STEP
+from servo import SERVO, STEP, follow_steps
 
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects
+from sklearn_pgnn.diagnosis import investigation
 
 FAN = PhysicsModel({"v": "rad/s"}, {"v": "(K*u - v)/T"}, {"K": 2.0, "T": 0.3}, {"u": "V"})
 DRY = effects.CoulombFriction("v", level=3.0)
@@ -38,15 +39,26 @@ def test_steps_are_so_fine_as_the_retuned_prior_needs_not_only_the_prior():
     """A servo that is far quicker than its model thinks: a coarse step over it is another lag."""
     true, guessed = 0.6 * STEP, 10 * STEP
     slow = SERVO.replace(parameters={"G": 1.0, "T": {"value": guessed, "spread": np.inf}})
-    quick, rng, tables, speeds = slow.with_parameters(T=true), np.random.default_rng(0), [], []
-    for record in range(4):
-        t, command = STEP * np.arange(600), np.repeat(rng.uniform(-2, 2, 60), 10)
-        tables.append(pd.DataFrame({"trajectory": record, "t": t, "command": command}))
-        run = quick.simulate(t, command, substeps=32)
-        speeds.append(run.y[:, 0] + 0.01 * rng.normal(size=t.size))
-    X, y = pd.concat(tables, ignore_index=True), pd.DataFrame({"w": np.concatenate(speeds)})
-    found = ModelDiagnosis(slow).fit(X, y)
+    found = ModelDiagnosis(slow).fit(*follow_steps(slow.with_parameters(T=true)))
     assert (found.verdict_, found.causes_) == ("model_adequate", ())
     assert found.substeps_ > 1
     retuned = found.parameters_["T"]
     assert retuned.low <= true <= retuned.high
+
+
+@pytest.mark.parametrize("told", [None, 1])
+def test_where_nothing_is_found_but_the_steps_matter_it_is_searched_again(monkeypatch, told):
+    searched = []
+    search = investigation.Investigation._search
+
+    def counted(self, fitter):
+        searched.append(fitter.problem.windows.substeps)
+        return search(self, fitter)
+
+    monkeypatch.setattr(investigation.Investigation, "_search", counted)
+    monkeypatch.setattr(investigation, "fine_substeps", lambda fitter, trial: 4)
+    X, y = follow_steps(SERVO)
+    found = ModelDiagnosis(SERVO, catalogue=("input_bias",), substeps=told).fit(X, y)
+    assert found.verdict_ == "model_adequate"
+    assert found.substeps_ == (told or 4)
+    assert searched[1:] == ([] if told else [4])
