@@ -10,7 +10,7 @@ from urllib.parse import quote
 
 from sklearn_pgnn.fleet.machine import Machine
 from sklearn_pgnn.fleet.one_machine import Outcome
-from sklearn_pgnn.inspection.comparison import FILE
+from sklearn_pgnn.inspection.diagnosis_comparison import FILE
 from sklearn_pgnn.inspection.strict_json import as_strict_json
 from sklearn_pgnn.inspection.whole_file import write_whole
 

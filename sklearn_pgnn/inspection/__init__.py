@@ -2,8 +2,8 @@
 
 from sklearn_pgnn.inspection.candidates_display import CandidatesDisplay
 from sklearn_pgnn.inspection.characteristic_display import CharacteristicDisplay
-from sklearn_pgnn.inspection.comparison import DiagnosisComparison, compare
 from sklearn_pgnn.inspection.detectability_display import DetectabilityDisplay, plot_detectability
+from sklearn_pgnn.inspection.diagnosis_comparison import DiagnosisComparison, compare
 from sklearn_pgnn.inspection.display import DiagnosisDisplay, plot_diagnosis
 from sklearn_pgnn.inspection.first_look import FirstLook, first_look
 from sklearn_pgnn.inspection.fit_percentage import fit_percentage

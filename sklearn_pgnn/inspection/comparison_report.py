@@ -5,7 +5,7 @@ from html import escape
 
 import numpy as np
 
-from sklearn_pgnn.inspection.comparison import DiagnosisComparison, Quantity, Table
+from sklearn_pgnn.inspection.diagnosis_comparison import DiagnosisComparison, Quantity, Table
 from sklearn_pgnn.inspection.numbers import number
 from sklearn_pgnn.inspection.svg import Scale, dot, scale_text, strip, whisker
 

@@ -12,7 +12,7 @@ from sklearn_pgnn.cli import main
 from sklearn_pgnn.cli.output import strict_json
 from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.inspection import compare
-from sklearn_pgnn.inspection.comparison import Quantity
+from sklearn_pgnn.inspection.diagnosis_comparison import Quantity
 
 pytestmark = pytest.mark.core
 
