@@ -6,7 +6,7 @@ import numpy as np
 import sympy
 
 from sklearn_pgnn.estimation.budgets import POINTS, ROUNDING
-from sklearn_pgnn.estimation.hypothesis import is_of_other_order
+from sklearn_pgnn.estimation.hypothesis import is_of_other_order, only_delayed
 from sklearn_pgnn.estimation.point_values import values_at
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects import WrongParameter
@@ -85,14 +85,8 @@ def are_equivalent(model: PhysicsModel, one: Effect, other: Effect, retuned: boo
 
 def _delay_the_same(model: PhysicsModel, one: Effect, other: Effect) -> bool:
     """Return whether two causes do nothing but delay the same inputs."""
-    first, second = one.apply(model), other.apply(model)
-    late = set(first.delays) - set(model.delays)
-    if not late or late != set(second.delays) - set(model.delays):
-        return False
-    return all(
-        dict(each.equations) == dict(model.equations) and dict(each.outputs) == dict(model.outputs)
-        for each in (first, second)
-    )
+    late = only_delayed(model, one.apply(model))
+    return bool(late) and late == only_delayed(model, other.apply(model))
 
 
 @lru_cache(maxsize=512)

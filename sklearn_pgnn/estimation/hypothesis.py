@@ -238,7 +238,7 @@ def same_causes(
 
     Two effects with a single parameter each, :math:`q` and :math:`q'`, are the same if
     :math:`\partial (f, g)/\partial q` is :math:`\partial (f, g)/\partial q'` times a factor that
-    depends on parameters only.
+    depends on parameters only, or if both do nothing but delay the same inputs.
 
     Parameters
     ----------
@@ -253,31 +253,51 @@ def same_causes(
         The first cause of every class, and the others of it.
     """
     classes: dict[Effect, list[Effect]] = {}
-    slopes: dict[Effect, np.ndarray] = {}
+    changes: dict[Effect, _Change] = {}
     for cause in causes:
-        slope = _only_slope(model, cause)
-        same = [c for c, known in slopes.items() if slope is not None and _alike(slope, known)]
+        change = _only_change(model, cause)
+        same = [c for c, known in changes.items() if change is not None and change.equals(known)]
         classes.setdefault(same[0] if same else cause, []).append(cause)
-        if slope is not None and not same:
-            slopes[cause] = slope
+        if change is not None and not same:
+            changes[cause] = change
     return {first: tuple(c for c in members if c != first) for first, members in classes.items()}
 
 
-def _only_slope(model: PhysicsModel, cause: Effect) -> np.ndarray | None:
-    """Differentiate by an effect's only parameter, at two values of it; None where it has more."""
+@dataclass(frozen=True)
+class _Change:
+    """What an effect's only parameter changes: inputs that it delays, or rates and outputs."""
+
+    late: frozenset[str]
+    slopes: np.ndarray  # by the parameter, at two values of it
+
+    def equals(self, other: "_Change") -> bool:
+        """Return whether another effect changes the same."""
+        if self.late or other.late:
+            return self.late == other.late
+        return all(map(_proportional, self.slopes, other.slopes))
+
+
+def _only_change(model: PhysicsModel, cause: Effect) -> _Change | None:
+    """Return what an effect's only parameter changes; None where it has more, or adds states."""
     names = tuple(cause.names().values())
     if isinstance(cause, WrongParameter) or len(names) != 1:
         return None
     extended = cause.apply(model)
-    if is_of_other_order(model, extended):
+    late = only_delayed(model, extended)
+    if is_of_other_order(model, extended) and not late:
         return None
     value = extended.parameters[names[0]].value
     further = extended.with_parameters(**{names[0]: value + 1.0})
-    return np.stack([_derivatives(each, names)[names[0]] for each in (extended, further)])
+    slopes = [_derivatives(each, names)[names[0]] for each in (extended, further)]
+    return _Change(late, np.stack(slopes))
 
 
-def _alike(mine: np.ndarray, theirs: np.ndarray) -> bool:
-    return _proportional(mine[0], theirs[0]) and _proportional(mine[1], theirs[1])
+def only_delayed(model: PhysicsModel, extended: PhysicsModel) -> frozenset[str]:
+    """Return the inputs that an extension delays, if it does nothing else."""
+    before, after = ([dict(each.equations), dict(each.outputs)] for each in (model, extended))
+    if before != after:
+        return frozenset()
+    return frozenset(extended.delays) - frozenset(model.delays)
 
 
 def held_parameters(model: PhysicsModel, cause: Effect) -> tuple[str, ...]:

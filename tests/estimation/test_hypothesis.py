@@ -59,3 +59,9 @@ def test_effects_that_say_the_same_are_one_suspect():
     load, bias, sensor = suspects
     assert same_causes(cart, suspects)[load] == (bias,)
     assert same_causes(cart, suspects)[sensor] == ()
+
+
+def test_delays_of_the_only_input_are_one_suspect():
+    cart = systems.cart_on_spring()
+    late, sensor = suspects = possible_causes(cart, [effects.InputDelay, effects.SensorDelay])
+    assert same_causes(cart, suspects) == {late: (sensor,)}
