@@ -12,6 +12,8 @@ from sklearn_pgnn.diagnosis.unexplained import (
 )
 from sklearn_pgnn.estimation.criterion import SelectionCriterion, explained_share
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
+from sklearn_pgnn.estimation.hypothesis import same_causes
+from sklearn_pgnn.physics.effects.formula import Formula
 from sklearn_pgnn.simulation.hidden_input import channels
 
 
@@ -22,7 +24,10 @@ class FormulaSelection:
         self._known: dict[tuple, Proposal | None] = {}
 
     def is_law(self, search: Search) -> bool:
-        """Return whether a formula of as few parameters leaves noise where causes leave more."""
+        """Return whether a formula of as few parameters leaves noise where causes leave more.
+
+        What is but a sum of causes that have names is for the search to find.
+        """
         if not search.compare.is_nameable(search.current):
             return False
         alone = self._alone(search)
@@ -31,7 +36,7 @@ class FormulaSelection:
             or alone.trial.hypothesis.n_parameters > search.current.hypothesis.n_parameters
         ):
             return False
-        return not search.compare.is_nameable(alone.trial)
+        return not (search.compare.is_nameable(alone.trial) or _has_names(search, alone.effect))
 
     def choose(
         self, search: Search, result: SearchResult, has_structure: bool
@@ -124,6 +129,13 @@ def _best_formula(search: Search, ground: FittedHypothesis) -> Proposal | None:
 
     best = max(found, key=score)
     return best if _is_named(search, ground, best) else None
+
+
+def _has_names(search: Search, formula: Formula) -> bool:
+    """Return whether every term of a formula is what some candidate says."""
+    terms = [Formula(formula.target, (term,), (1.0,)) for term in formula.terms]
+    known = same_causes(search.fitter.problem.prior, (*search.ladder.candidates, *terms))
+    return not any(term in known for term in terms)
 
 
 def _is_named(search: Search, ground: FittedHypothesis, proposal: Proposal) -> bool:

@@ -139,10 +139,11 @@ class Search:
     def in_steps_of(self, fitter: HypothesisFitter, found: SearchResult) -> SearchResult:
         """Fit what was found in other integration steps, or special cases that say the same there.
 
-        What may stand in the place of the causes stays.
+        A cause that stood for the error of the steps is dropped. What may stand in the place of the
+        others stays.
         """
         self._use(fitter, self.ladder.candidates)
-        self.current = fitter.polish(fitter.refit(found.final))
+        self.current = self.moves.without_needless(fitter.polish(fitter.refit(found.final)))
         while (special := next(self.moves.split(self.current), None)) is not None:
             self.current = fitter.polish(special)
         base = fitter.base()

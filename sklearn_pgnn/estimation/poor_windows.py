@@ -2,7 +2,8 @@
 
 Where a sensor shows the magnitude of a state only, a way through zero, or near it, can be fitted
 with either sign. Where dry friction holds a state at rest, it stays there however the initial state
-is moved a little.
+is moved a little. Where a record starts, nothing tells what an actuator with a play or a limit
+remembers, and a small change of that may change nothing.
 """
 
 from collections.abc import Callable, Iterator
@@ -27,7 +28,8 @@ def refit_poor_windows(
 ) -> WindowFit:
     """Fit again with other initial states in the windows that may be stuck.
 
-    Fits of models without dry friction whose outputs show the sign of every state stay as they are.
+    Fits of models without dry friction and states that inputs lead, whose outputs show the sign of
+    every state, stay as they are.
 
     Parameters
     ----------
@@ -89,23 +91,36 @@ class _OtherStarts:
     def __init__(self, fit: WindowFit, windows: ShootingWindows, expected: np.ndarray):
         self.fit, self.windows, self.expected = fit, windows, expected
         self.unsigned = unsigned_states(fit.model)
+        self.led = np.isin(list(fit.model.states), led_states(fit.model, windows))
         self.which = self._poor()
 
     def _poor(self) -> np.ndarray:
-        """Return windows worse than the median; by far, if it is but friction that may stick."""
+        """Return windows worse than the median; by far, if it is but friction that may stick.
+
+        Of those with states that inputs lead, the ones at the start of a record.
+        """
         squares = self.fit.evaluation.squares
+        poor = squares > np.median(squares)
         if self.unsigned:
-            return np.flatnonzero(squares > np.median(squares))
-        if any(dry_states(self.fit.model)):
-            return np.flatnonzero(squares > MUCH**2 * np.median(squares))
-        return np.array([], dtype=int)
+            return np.flatnonzero(poor)
+        sticks = any(dry_states(self.fit.model)) & (squares > MUCH**2 * np.median(squares))
+        return np.flatnonzero(sticks | (self._starts_a_record() & poor & self.led.any()))
+
+    def _starts_a_record(self) -> np.ndarray:
+        """Return whether a window is the first of its record."""
+        return self.windows.starts == self.windows.bounds[self.windows.record]
 
     def __iter__(self) -> Iterator[np.ndarray]:
-        """Begin where expected, and where the windows before lead; with the other signs."""
+        """Begin where expected, and where the windows before lead; with the other signs.
+
+        States that inputs lead begin a record at either end of where they are, and between.
+        """
         reached = self._reached()
         if not self.unsigned:
             yield self.expected[self.which]
             yield reached
+            if self.led.any():
+                yield from self._led_elsewhere()
             return
         x0, states = self.fit.x0[self.which], list(self.fit.model.states)
         velocities = [state for state in self.unsigned if state in self.fit.model.slope_pairs]
@@ -115,14 +130,20 @@ class _OtherStarts:
         yield reached
         yield turn * reached
 
+    def _led_elsewhere(self) -> Iterator[np.ndarray]:
+        """Begin with the states that inputs lead low, high, and in the middle."""
+        low, high = (end(self.fit.evaluation.x0, axis=0) for end in (np.min, np.max))
+        for place in (low, high, (low + high) / 2):
+            yield np.where(self.led, place, self.expected[self.which])
+
     def _reached(self) -> np.ndarray:
         """Return where the windows before lead; where there is none, what was fitted."""
         fit, windows = self.fit, self.windows
         starts, ends, reached = windows.starts, windows.starts + windows.lengths, fit.x0.copy()
-        own = ~np.isin(list(fit.model.states), led_states(fit.model, windows))
+        first = self._starts_a_record()
         for w in self.which:
-            if starts[w] != windows.bounds[windows.record[w]] and ends[w - 1] == starts[w]:
+            if not first[w] and ends[w - 1] == starts[w]:
                 begun = fit.evaluation.x0[w - 1]
                 before = free_run(fit.model, windows, starts[w - 1], starts[w] + 1, begun)
-                reached[w, own] = before.x[-1, own]
+                reached[w, ~self.led] = before.x[-1, ~self.led]
         return reached[self.which]

@@ -5,7 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from sklearn_pgnn.diagnosis.formula_selection import _takes_the_place
+from sklearn_pgnn import effects, systems
+from sklearn_pgnn.diagnosis.formula_selection import FormulaSelection, _takes_the_place
 from sklearn_pgnn.estimation.criterion import SelectionCriterion
 from sklearn_pgnn.estimation.residuals import Residuals
 
@@ -45,3 +46,25 @@ def test_a_formula_that_says_it_all_takes_the_place_if_it_is_simpler_or_clearly_
 def test_a_formula_that_leaves_structure_takes_no_place_however_near_it_is():
     causes = trial_of(3, squares=10.0)
     assert not takes_the_place(trial_of(2, squares=0.1), causes, leaves="structure")
+
+
+def is_law(*terms):
+    """Return whether a search is over with a formula for the rate of a cart's velocity."""
+    stiffness = effects.QuadraticStiffness("v"), effects.CubicStiffness("v")
+    formula = SimpleNamespace(
+        effect=effects.Formula("v", terms, (1.0,) * len(terms)), trial=trial_of(2, squares=1.0)
+    )
+    search = SimpleNamespace(
+        compare=SimpleNamespace(is_nameable=lambda trial: trial.squares > 1.0),
+        current=trial_of(3, squares=10.0),
+        fitter=SimpleNamespace(problem=SimpleNamespace(prior=systems.cart_on_spring())),
+        ladder=SimpleNamespace(candidates=stiffness),
+    )
+    selection = FormulaSelection()
+    selection._alone = lambda search: formula
+    return selection.is_law(search)
+
+
+def test_a_sum_of_what_has_names_does_not_end_the_search():
+    assert is_law("x**2", "v*x")
+    assert not is_law("x**2", "x**3")

@@ -134,6 +134,16 @@ def test_in_finer_steps_a_play_of_no_width_becomes_the_lag_that_it_is():
 
 
 @pytest.mark.slow
+def test_in_finer_steps_a_cause_that_is_not_needed_there_is_dropped():
+    lag, drag = effects.ActuatorLag("F"), effects.QuadraticDrag("v")
+    X, y = drive(SLEDGE + effects.ActuatorLag("F", 0.05), n_records=3)
+    search = search_of(build_problem(SLEDGE, read_records(SLEDGE, X, y)), lag, drag)
+    found = found_with(search, lag, drag)
+    finer = HypothesisFitter(with_substeps(search.fitter.problem, 4))
+    assert search.in_steps_of(finer, found).final.hypothesis.causes == (lag,)
+
+
+@pytest.mark.slow
 def test_a_cause_that_is_named_is_likelier_than_none():
     """Alone either of two causes may say little; each is named beside the other one."""
     rig = SLEDGE + effects.CoulombFriction("v", level=LEVEL) + effects.QuadraticDrag("v", 0.2)

@@ -1,8 +1,9 @@
-"""Windows stuck at a start of the wrong sign, or at rest, are begun elsewhere."""
+"""Windows stuck at a start of the wrong sign, at rest, or in a play, are begun elsewhere."""
 
 import numpy as np
+import pandas as pd
 import pytest
-from sledge import SLEDGE, drive
+from sledge import NOISE, SLEDGE, drive
 
 from sklearn_pgnn import effects, systems
 from sklearn_pgnn.datasets import make_hidden_effect
@@ -41,3 +42,22 @@ def test_a_window_that_sticks_is_begun_elsewhere():
     typical = np.median(again.evaluation.squares)
     assert stuck.evaluation.squares[moving] > 100 * typical
     assert again.evaluation.squares[moving] < 10 * typical
+
+
+def test_a_play_that_does_not_begin_a_record_where_it_is_settled_is_begun_elsewhere():
+    """From where the play is settled no small change of its start leads through it."""
+    rig = SLEDGE + effects.InputBacklash("F", width=1.0, time_constant=0.05)
+    X, _ = drive(rig)
+    X["F"] += 3.0
+    records = (record for _, record in X.groupby("trajectory"))
+    at_rest = [rig.simulate(r["t"], r[["F"]], x0=[0.0, -2.0], substeps=5).y for r in records]
+    noise = NOISE * np.random.default_rng(1).normal(size=(len(X), 1))
+    y = pd.DataFrame(np.concatenate(at_rest) + noise, columns=["v"])
+    problem = build_problem(SLEDGE, read_records(SLEDGE, X, y))
+    windows, start = problem.windows, problem.states.estimate(rig)
+    expected, first = start.x[windows.starts], windows.starts == windows.bounds[windows.record]
+    stuck = fit_windows(rig, windows, (), expected, start.spread)
+    again = refit_poor_windows(stuck, windows, expected, start.spread, tolerance=1e-4)
+    typical = np.median(again.evaluation.squares)
+    assert (stuck.evaluation.squares[first] > 50 * typical).all()
+    assert (again.evaluation.squares[first] < 2 * typical).all()
