@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import cached_property
+from itertools import chain
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from sklearn_pgnn.estimation.hypothesis import Hypothesis
 from sklearn_pgnn.estimation.hypothesis_models import Key
 from sklearn_pgnn.estimation.problem import EstimationProblem, Rough, rough_windows
 from sklearn_pgnn.estimation.progress import Progress
-from sklearn_pgnn.estimation.spectral_lines import tones_left
+from sklearn_pgnn.estimation.spectral_lines import ripples_left, tones_left
 from sklearn_pgnn.estimation.starts import best_start
 from sklearn_pgnn.estimation.window_fitter import WindowFitter
 from sklearn_pgnn.physics.effect import Effect, Scales
@@ -51,13 +52,19 @@ class HypothesisFitter(WindowFitter):
 
     @cached_property
     def scales(self) -> Scales:
-        """The problem's scales, with the tones that the re-tuned prior leaves in the outputs."""
-        scales, residual = self.problem.scales, self.base().fit.evaluation.residual
-        left = tones_left(self.problem.windows, residual)
-        tones = {
-            state: tuple(dict.fromkeys((*known, *left))) for state, known in scales.tones.items()
-        }
-        return replace(scales, tones=tones)
+        """The problem's scales, with the lines in what the re-tuned prior leaves of the outputs."""
+        scales, windows, fit = self.problem.scales, self.problem.windows, self.base().fit
+        left = tones_left(windows, fit.evaluation.residual)
+        x = self.problem.states.estimate(fit.model).x
+        ripples = ripples_left(windows, fit, x, self.rough.which)
+        return replace(
+            scales,
+            tones={state: _joined(known, left) for state, known in scales.tones.items()},
+            ripples={
+                state: _joined(known, ripples.get(state, ()))
+                for state, known in scales.ripples.items()
+            },
+        )
 
     # -- on all windows ------------------------------------------------------------------------
 
@@ -299,3 +306,8 @@ class HypothesisFitter(WindowFitter):
         """Return the windows of a subsample; in finer steps for a model with states of its own."""
         own = len(model.states) > len(self.problem.prior.states)
         return self.rough.stepped if own else self.rough.windows
+
+
+def _joined(*parts: tuple[float, ...]) -> tuple[float, ...]:
+    """Return the values of several tuples, each once."""
+    return tuple(dict.fromkeys(chain.from_iterable(parts)))

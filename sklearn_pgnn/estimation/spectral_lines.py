@@ -3,9 +3,12 @@ r"""What repeats in the part of a rate that a model lacks: tones in time, ripple
 A fit of a wave has a local minimum at every frequency, so it must begin near the right one. What
 a model lacks of a velocity's rate, :math:`\dot v - f(x, u, p)`, is taken from the estimated states;
 what re-tuned parameters could explain of it is projected out, and the lines that stand out in the
-spectrum of the rest are where to begin; so are those of what the re-tuned model leaves of the
-outputs.
+spectrum of the rest are where to begin. That rate is lost where a sensor is noisy or a state has
+none, so they are looked for in what the re-tuned model leaves of the outputs, too.
 """
+
+from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
 import sympy
@@ -13,11 +16,14 @@ from scipy.ndimage import median_filter
 from scipy.signal import argrelmax, lombscargle
 
 from sklearn_pgnn.estimation.budgets import BACKGROUND, CYCLE_STEP, LINES, ROUNDING, SAMPLES
+from sklearn_pgnn.exceptions import SimulationError
 from sklearn_pgnn.physics.effects.rates import is_velocity
 from sklearn_pgnn.physics.effects.springs import MOST_CYCLES
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.linear_response import linear_responses
 from sklearn_pgnn.simulation.pointwise import evaluate_samples, sample_table
+from sklearn_pgnn.simulation.window_fit import WindowFit
 from sklearn_pgnn.simulation.windows import ShootingWindows
 
 
@@ -96,8 +102,6 @@ def find_lines(model: PhysicsModel, windows: ShootingWindows, x: np.ndarray) -> 
 def tones_left(windows: ShootingWindows, residual: np.ndarray) -> tuple[float, ...]:
     """Find the tones in what a fitted model leaves of the outputs.
 
-    They stand out where those of the rate are lost in the noise of its derivatives.
-
     Parameters
     ----------
     windows : ShootingWindows
@@ -111,6 +115,79 @@ def tones_left(windows: ShootingWindows, residual: np.ndarray) -> tuple[float, .
         Frequencies [Hz].
     """
     return tuple(t for column in np.nan_to_num(residual).T for t in _tones(windows, column))
+
+
+def ripples_left(
+    windows: ShootingWindows, fit: WindowFit, x: np.ndarray, which: np.ndarray
+) -> dict[str, tuple[float, ...]]:
+    r"""Find the ripples that would explain most of what a fitted model leaves of the outputs.
+
+    A force :math:`a \cos(2 \pi x/P) + b \sin(2 \pi x/P)` changes the outputs linearly; with the
+    initial state of every window free, it explains what a regression on its two responses does.
+
+    Parameters
+    ----------
+    windows : ShootingWindows
+        The records.
+    fit : WindowFit
+        The fitted model.
+    x : ndarray of shape (n_samples, n_states)
+        Estimated states.
+    which : ndarray of int
+        The windows to look at.
+
+    Returns
+    -------
+    dict of str to tuple of float
+        Periods [unit of the position] by velocity; none where the responses leave the finite
+        numbers.
+    """
+    some, x0, found = windows.select(which), fit.evaluation.x0[which], {}
+    some = replace(some, y=fit.evaluation.residual)
+    for state, position in fit.model.kinematic_pairs.items():
+        path = x[:, list(fit.model.states).index(position)]
+        with suppress(SimulationError):
+            found[state] = _ripples_left(some, fit.model, x0, state, path)
+    return found
+
+
+def _ripples_left(left, model, x0, state, position) -> tuple[float, ...]:
+    travel = np.ptp(position)
+    if not travel > 0:
+        return ()
+    cycles = np.arange(1.0, MOST_CYCLES, CYCLE_STEP)
+    parts = -(-left.y.size // SAMPLES)  # of the waves, for the memory that their responses take
+    explained = [
+        _explained(left, model, x0, state, 2 * np.pi * position[:, None] * some / travel)
+        for some in np.array_split(cycles, parts)
+    ]
+    power = np.concatenate(explained)
+    peaks = argrelmax(power, mode="clip")[0]
+    highest = peaks[np.argsort(-power[peaks])[: LINES // 2]]
+    return tuple(float(travel / c) for c in cycles[highest])
+
+
+def _explained(windows, model, x0, state, phase) -> np.ndarray:
+    """Return the squares of windows that waves in a state's rate explain, by their phases."""
+    waves = np.hstack([np.cos(phase), np.sin(phase)])
+    responses, by_state = linear_responses(model, windows, x0, state, waves)
+    scale, gram = windows.scale[:, None], np.zeros((5, phase.shape[1]))
+    for a, n in zip(windows.starts, windows.lengths, strict=True):
+        rows = slice(a, a + n)
+        left = (windows.y[rows] / windows.scale).ravel()
+        known = np.isfinite(left)
+        free = (by_state[rows] / scale).reshape(left.size, -1)[known]
+        table = (responses[rows] / scale).reshape(left.size, -1)[known]
+        table = np.column_stack([left[known], table])
+        basis = np.linalg.qr(free)[0]
+        table -= basis @ (basis.T @ table)
+        r, (c, s) = table[:, :1], np.hsplit(table[:, 1:], 2)
+        pairs = (c, c), (s, s), (c, s), (c, r), (s, r)
+        gram += [(one * other).sum(axis=0) for one, other in pairs]
+    cc, ss, cs, cr, sr = gram
+    common = cc * ss - cs**2
+    explained = (ss * cr**2 - 2 * cs * cr * sr + cc * sr**2) / np.where(common > 0, common, np.inf)
+    return np.nan_to_num(explained)
 
 
 def _tones(windows, signal) -> tuple[float, ...]:
