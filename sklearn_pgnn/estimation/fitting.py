@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from functools import cached_property
-from itertools import chain
 
 import numpy as np
 
@@ -308,6 +307,6 @@ class HypothesisFitter(WindowFitter):
         return self.rough.stepped if own else self.rough.windows
 
 
-def _joined(*parts: tuple[float, ...]) -> tuple[float, ...]:
-    """Return the values of several tuples, each once."""
-    return tuple(dict.fromkeys(chain.from_iterable(parts)))
+def _joined(some: tuple[float, ...], others: tuple[float, ...]) -> tuple[float, ...]:
+    """Return the values of two tuples, each once."""
+    return tuple(dict.fromkeys((*some, *others)))
