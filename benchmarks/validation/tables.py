@@ -46,7 +46,14 @@ def write(outcomes, drawn) -> None:
     _lines("validation_missed.rst", _table(head, sorted(rows)))
 
 
-_HEAD = ["hidden", "cases", *OUTCOMES, "right, 95 % interval", "intervals with the truth inside"]
+_HEAD = [
+    "hidden",
+    "cases",
+    *OUTCOMES,
+    "right, 95 % interval",
+    "intervals with the truth inside",
+    "of these, where all that is hidden is named alone",
+]
 
 
 def _rows(outcomes):
@@ -65,14 +72,19 @@ def _row(title, of):
     counts = Counter(o.outcome for o in of)
     told = len(of) - counts["absorbed"]
     right = counts["named"] + counts["group"]
-    covered, intervals = sum(o.covered for o in of), sum(o.intervals for o in of)
     return [
         title,
         str(len(of)),
         *(str(counts[outcome]) for outcome in OUTCOMES),
         _share(right, told),
-        _share(covered, intervals),
+        _coverage(of),
+        _coverage([o for o in of if o.outcome == "named"]),
     ]
+
+
+def _coverage(of) -> str:
+    """Count the intervals with the truth inside."""
+    return _share(sum(o.covered for o in of), sum(o.intervals for o in of))
 
 
 def _effects(outcomes) -> list[str]:
