@@ -13,7 +13,6 @@ from sklearn_pgnn.diagnosis.unexplained import (
 from sklearn_pgnn.estimation.criterion import SelectionCriterion, explained_share
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
 from sklearn_pgnn.estimation.hypothesis import same_causes
-from sklearn_pgnn.physics.effects.formula import Formula
 from sklearn_pgnn.simulation.hidden_input import channels
 
 
@@ -36,7 +35,7 @@ class FormulaSelection:
             or alone.trial.hypothesis.n_parameters > search.current.hypothesis.n_parameters
         ):
             return False
-        return not (search.compare.is_nameable(alone.trial) or _has_names(search, alone.effect))
+        return not (search.compare.is_nameable(alone.trial) or _has_names(search, alone))
 
     def choose(
         self, search: Search, result: SearchResult, has_structure: bool
@@ -131,9 +130,10 @@ def _best_formula(search: Search, ground: FittedHypothesis) -> Proposal | None:
     return best if _is_named(search, ground, best) else None
 
 
-def _has_names(search: Search, formula: Formula) -> bool:
+def _has_names(search: Search, proposal: Proposal) -> bool:
     """Return whether every term of a formula is what some candidate says."""
-    terms = [Formula(formula.target, (term,), (1.0,)) for term in formula.terms]
+    formula = proposal.effect
+    terms = [replace(formula, terms=(term,), coefficients=(1.0,)) for term in formula.terms]
     known = same_causes(search.fitter.problem.prior, (*search.ladder.candidates, *terms))
     return not any(term in known for term in terms)
 
