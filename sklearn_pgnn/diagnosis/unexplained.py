@@ -28,7 +28,7 @@ from sklearn_pgnn.physics.effects.rates import is_velocity
 from sklearn_pgnn.physics.expressions import TIME, symbol, to_text
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.hidden_input import HiddenInput, find_hidden_input
-from sklearn_pgnn.simulation.linear_response import linear_responses
+from sklearn_pgnn.simulation.linear_response import linear_responses, without_states
 from sklearn_pgnn.simulation.pointwise import evaluate_samples
 from sklearn_pgnn.simulation.window_fit import ParameterPrior, WindowFit, fit_windows
 from sklearn_pgnn.simulation.windows import evaluate
@@ -328,7 +328,7 @@ def _telling_terms(problem, base, channel, columns) -> list[np.ndarray]:
     tuned = [_slope_by(problem, base, freedom) for freedom in fit.freedoms]
     block = np.concatenate([responses, np.stack(tuned, axis=-1)] if tuned else [responses], axis=-1)
     table = np.concatenate([fit.evaluation.residual[..., None], block], axis=-1)
-    table = _without_states(windows, table, by_state)
+    table = without_states(windows, table, by_state)
     target, moved, known = np.split(table, [1, 1 + columns.shape[1]], axis=1)
     basis = np.linalg.qr(known / np.maximum(np.linalg.norm(known, axis=0), 1e-300))[0]
     before = np.linalg.norm(moved, axis=0)
@@ -347,17 +347,6 @@ def _slope_by(problem, base, freedom) -> np.ndarray:
     model = fit.model.with_parameters(**{freedom.name: moved})
     change = fit.evaluation.residual - evaluate(model, problem.windows, fit.x0, ()).residual
     return change / (moved - value)
-
-
-def _without_states(windows, table, by_state) -> np.ndarray:
-    """Lay windows and outputs end to end, less what the initial states explain."""
-    rows = []
-    for a, n in zip(windows.starts, windows.lengths, strict=True):
-        part, known = table[a : a + n] / windows.scale[:, None], by_state[a : a + n]
-        part = np.nan_to_num(part).reshape(-1, table.shape[-1])
-        basis = np.linalg.qr((known / windows.scale[:, None]).reshape(-1, known.shape[-1]))[0]
-        rows.append(part - basis @ (basis.T @ part))
-    return np.concatenate(rows)
 
 
 def _formula(model, channel, terms, values) -> Formula:

@@ -21,7 +21,7 @@ from sklearn_pgnn.physics.effects.rates import is_velocity
 from sklearn_pgnn.physics.effects.springs import MOST_CYCLES
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.linear_response import linear_responses
+from sklearn_pgnn.simulation.linear_response import linear_responses, without_states
 from sklearn_pgnn.simulation.pointwise import evaluate_samples, sample_table
 from sklearn_pgnn.simulation.window_fit import WindowFit
 from sklearn_pgnn.simulation.windows import ShootingWindows
@@ -171,20 +171,12 @@ def _explained(windows, model, x0, state, phase) -> np.ndarray:
     """Return the squares of windows that waves in a state's rate explain, by their phases."""
     waves = np.hstack([np.cos(phase), np.sin(phase)])
     responses, by_state = linear_responses(model, windows, x0, state, waves)
-    scale, gram = windows.scale[:, None], np.zeros((5, phase.shape[1]))
-    for a, n in zip(windows.starts, windows.lengths, strict=True):
-        rows = slice(a, a + n)
-        left = (windows.y[rows] / windows.scale).ravel()
-        known = np.isfinite(left)
-        free = (by_state[rows] / scale).reshape(left.size, -1)[known]
-        table = (responses[rows] / scale).reshape(left.size, -1)[known]
-        table = np.column_stack([left[known], table])
-        basis = np.linalg.qr(free)[0]
-        table -= basis @ (basis.T @ table)
-        r, (c, s) = table[:, :1], np.hsplit(table[:, 1:], 2)
-        pairs = (c, c), (s, s), (c, s), (c, r), (s, r)
-        gram += [(one * other).sum(axis=0) for one, other in pairs]
-    cc, ss, cs, cr, sr = gram
+    lost = ~np.isfinite(windows.y)
+    responses[lost], by_state[lost] = 0.0, 0.0
+    table = np.concatenate([np.where(lost, 0.0, windows.y)[..., None], responses], axis=-1)
+    r, c, s = np.split(without_states(windows, table, by_state), [1, 1 + phase.shape[1]], axis=1)
+    pairs = (c, c), (s, s), (c, s), (c, r), (s, r)
+    cc, ss, cs, cr, sr = ((one * other).sum(axis=0) for one, other in pairs)
     common = cc * ss - cs**2
     explained = (ss * cr**2 - 2 * cs * cr * sr + cc * sr**2) / np.where(common > 0, common, np.inf)
     return np.nan_to_num(explained)

@@ -109,6 +109,32 @@ def linear_responses(
     return responses, by_state
 
 
+def without_states(windows: ShootingWindows, table: np.ndarray, by_state: np.ndarray) -> np.ndarray:
+    """Lay windows and outputs end to end, less what the initial states of the windows explain.
+
+    Parameters
+    ----------
+    windows : ShootingWindows
+        The windows.
+    table : ndarray of shape (n_samples, n_outputs, n_columns)
+        Changes of the outputs, in their units.
+    by_state : ndarray of shape (n_samples, n_outputs, n_states)
+        Derivatives of the outputs by the initial states of their windows.
+
+    Returns
+    -------
+    ndarray of shape (n_residuals, n_columns)
+        What is left of the columns, in units of the noise.
+    """
+    rows = []
+    for a, n in zip(windows.starts, windows.lengths, strict=True):
+        part, known = table[a : a + n] / windows.scale[:, None], by_state[a : a + n]
+        part = np.nan_to_num(part).reshape(-1, table.shape[-1])
+        basis = np.linalg.qr((known / windows.scale[:, None]).reshape(-1, known.shape[-1]))[0]
+        rows.append(part - basis @ (basis.T @ part))
+    return np.concatenate(rows)
+
+
 def linearise(
     model: PhysicsModel, windows: ShootingWindows, x0: np.ndarray, channel: str
 ) -> tuple[np.ndarray, np.ndarray]:
