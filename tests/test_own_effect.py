@@ -181,7 +181,9 @@ def test_a_quantity_has_a_known_role():
 #: files outside of the catalogue that name an effect, and why
 NAMED = {
     "estimation/equivalence.py": {"WrongParameter"},  # a parameter that is freed is the model's own
+    "estimation/freedoms.py": {"WrongParameter"},
     "estimation/hypothesis.py": {"WrongParameter"},
+    "estimation/same_in_equations.py": {"WrongParameter"},
     "diagnosis/moves.py": {"WrongParameter"},
     "diagnosis/unexplained.py": {"Formula"},  # what has no name
     "diagnosis/investigation.py": {"SensorSaturation"},  # a record shows clipping by itself

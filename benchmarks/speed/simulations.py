@@ -10,7 +10,7 @@ import peers
 from measure import Row, best_times, seconds, times_as_fast, times_as_long
 
 from sklearn_pgnn.effects import CATALOGUE
-from sklearn_pgnn.estimation.hypothesis import possible_causes
+from sklearn_pgnn.estimation.possible_causes import possible_causes
 from sklearn_pgnn.simulation.compiled import compile_model
 from sklearn_pgnn.simulation.parameter_sets import simulate_sets
 from sklearn_pgnn.simulation.simulate import simulate

@@ -9,7 +9,7 @@ from cases import Case, make
 
 from sklearn_pgnn import ModelDiagnosis
 from sklearn_pgnn.effects import by_id
-from sklearn_pgnn.estimation.hypothesis import same_parameter
+from sklearn_pgnn.estimation.same_in_equations import same_parameter
 from sklearn_pgnn.physics.laws import laws_of
 
 OUTCOMES = ("named", "group", "absorbed", "missed", "wrong", "failed")

@@ -4,7 +4,7 @@ import math
 import re
 from collections.abc import Iterable, Sequence
 
-from sklearn_pgnn.estimation.hypothesis import check_targets, possible_causes
+from sklearn_pgnn.estimation.possible_causes import check_targets, possible_causes
 from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects import CATALOGUE, by_id

@@ -12,7 +12,7 @@ from sklearn_pgnn.diagnosis.unexplained import (
 )
 from sklearn_pgnn.estimation.criterion import SelectionCriterion, explained_share
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
-from sklearn_pgnn.estimation.hypothesis import same_causes
+from sklearn_pgnn.estimation.same_in_equations import same_causes
 from sklearn_pgnn.simulation.hidden_input import channels
 
 

@@ -27,8 +27,8 @@ from sklearn_pgnn.estimation.budgets import KEPT
 from sklearn_pgnn.estimation.candidate import Candidate
 from sklearn_pgnn.estimation.criterion import SelectionCriterion
 from sklearn_pgnn.estimation.fitted_records import as_judged, keep_records
-from sklearn_pgnn.estimation.hypothesis import check_targets, possible_causes
 from sklearn_pgnn.estimation.plain_data import plain
+from sklearn_pgnn.estimation.possible_causes import check_targets, possible_causes
 from sklearn_pgnn.estimation.problem import check_records
 from sklearn_pgnn.estimation.progress import Progress, TimeIsUp
 from sklearn_pgnn.exceptions import OptionError, RecordWarning

@@ -14,9 +14,9 @@ from sklearn_pgnn.diagnosis.search_result import SearchResult, in_order
 from sklearn_pgnn.estimation.criterion import SelectionCriterion
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis, is_clearly_less
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
-from sklearn_pgnn.estimation.hypothesis import same_causes
 from sklearn_pgnn.estimation.hypothesis_models import Key
 from sklearn_pgnn.estimation.progress import TimeIsUp
+from sklearn_pgnn.estimation.same_in_equations import same_causes
 from sklearn_pgnn.estimation.stretches import is_long
 from sklearn_pgnn.physics.effect import Effect
 

@@ -8,7 +8,7 @@ from scipy.stats import t as student
 
 from sklearn_pgnn.estimation.budgets import FINENESS
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
-from sklearn_pgnn.estimation.hypothesis import held_freedoms
+from sklearn_pgnn.estimation.freedoms import held_freedoms
 from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.estimation.residuals import Residuals
 from sklearn_pgnn.estimation.window_fitter import WindowFitter

@@ -2,14 +2,10 @@
 
 import itertools
 
-from sklearn_pgnn.estimation.hypothesis import (
-    Hypothesis,
-    commute,
-    freedoms,
-    held_parameters,
-    without_spread,
-)
+from sklearn_pgnn.estimation.freedoms import freedoms, without_spread
+from sklearn_pgnn.estimation.hypothesis import Hypothesis, commute
 from sklearn_pgnn.estimation.problem import EstimationProblem
+from sklearn_pgnn.estimation.same_in_equations import held_parameters
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.state_estimate import unsigned_states

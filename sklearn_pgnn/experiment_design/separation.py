@@ -24,8 +24,9 @@ from sklearn_pgnn.estimation.candidate import Candidate
 from sklearn_pgnn.estimation.criterion import SelectionCriterion, log_likelihood_ratio
 from sklearn_pgnn.estimation.equivalence import are_equivalent
 from sklearn_pgnn.estimation.fitted_records import DiagnosisRecords, FittedWindows
+from sklearn_pgnn.estimation.freedoms import freedoms, held_by
 from sklearn_pgnn.estimation.held_out import segments
-from sklearn_pgnn.estimation.hypothesis import Hypothesis, freedoms, held_by, resemble
+from sklearn_pgnn.estimation.hypothesis import Hypothesis, resemble
 from sklearn_pgnn.estimation.hypothesis_models import HypothesisModels
 from sklearn_pgnn.estimation.plain_data import plain
 from sklearn_pgnn.estimation.problem import EstimationProblem

@@ -21,11 +21,8 @@ from sklearn.base import clone
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects, systems
 from sklearn_pgnn.datasets import make_hidden_effect, make_two_tanks
 from sklearn_pgnn.estimation.equivalence import are_equivalent
-from sklearn_pgnn.estimation.hypothesis import (
-    possible_causes,
-    same_causes,
-    same_parameter,
-)
+from sklearn_pgnn.estimation.possible_causes import possible_causes
+from sklearn_pgnn.estimation.same_in_equations import same_causes, same_parameter
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.inspection.words import remaining_sentence, separation_sentence, verdict_sentence
 

@@ -7,7 +7,8 @@ import pytest
 
 from sklearn_pgnn import ModelDiagnosis, Parameter, PhysicsModel, effects
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
-from sklearn_pgnn.estimation.hypothesis import Hypothesis, freedoms
+from sklearn_pgnn.estimation.freedoms import freedoms
+from sklearn_pgnn.estimation.hypothesis import Hypothesis
 from sklearn_pgnn.estimation.problem import build_problem
 from sklearn_pgnn.trajectories import read_records
 

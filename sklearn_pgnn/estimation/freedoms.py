@@ -1,0 +1,118 @@
+"""How far re-tuning may move each parameter under a hypothesis."""
+
+import math
+from collections.abc import Collection
+
+from sklearn_pgnn.estimation.hypothesis import Hypothesis
+from sklearn_pgnn.estimation.problem import EstimationProblem
+from sklearn_pgnn.estimation.same_in_equations import held_parameters
+from sklearn_pgnn.physics.effects import WrongParameter
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.state_estimate import unsigned_states
+from sklearn_pgnn.simulation.window_fit import ParameterPrior
+
+
+def freedoms(
+    problem: EstimationProblem,
+    hypothesis: Hypothesis,
+    start: PhysicsModel,
+    held: Collection[str] = (),
+) -> tuple[ParameterPrior, ...]:
+    """Return how far every free parameter may go under a hypothesis.
+
+    The prior's parameters stay within their spread, so one of value 0 stays there; one that is said
+    to be wrong may go to its bounds; the effects' own stay within their limits.
+
+    Parameters
+    ----------
+    problem : EstimationProblem
+        The problem.
+    hypothesis : Hypothesis
+        What is said to be missing.
+    start : PhysicsModel
+        The extended model.
+    held : collection of str, default=()
+        Parameters of the prior that stay where they are, see `held_parameters`.
+
+    Returns
+    -------
+    tuple of ParameterPrior
+        One for every free parameter.
+    """
+    wrong = _said_to_be_wrong(hypothesis)
+    still = {*held, *without_spread(problem.prior, hypothesis)}
+    free = [
+        _prior_freedom(problem.prior, name, name in wrong)
+        for name in problem.prior.free_parameters
+        if name not in still or name in wrong
+    ]
+    scales = problem.scales.of_either_sign(unsigned_states(start))
+    for effect in hypothesis.causes:
+        limits = effect.limits(effect.target, problem.prior, scales)
+        taken = hypothesis.taken_over(effect)
+        for field_name, name in effect.names().items():
+            if name not in problem.prior.parameters and field_name not in taken:
+                low, high = start.parameters[name].bounds
+                inner = limits.get(field_name, (low, high))
+                value = start.parameters[name].value
+                free.append(
+                    ParameterPrior(
+                        name, max(low, inner[0]), min(high, inner[1]), value, math.inf, 1.0
+                    )
+                )
+    return tuple(free)
+
+
+def held_freedoms(problem: EstimationProblem, hypothesis: Hypothesis) -> tuple[ParameterPrior, ...]:
+    """Return how far the prior's parameters may be off that the causes hold where they are.
+
+    Parameters
+    ----------
+    problem : EstimationProblem
+        The problem.
+    hypothesis : Hypothesis
+        What is said to be missing.
+
+    Returns
+    -------
+    tuple of ParameterPrior
+        Those with a spread.
+    """
+    prior = problem.prior
+    held = held_by(prior, hypothesis) - _said_to_be_wrong(hypothesis)
+    names = [name for name in prior.free_parameters if name in held]
+    uncertain = [name for name in names if 0 < prior.parameters[name].reach < math.inf]
+    return tuple(_prior_freedom(prior, name, False) for name in uncertain)
+
+
+def held_by(model: PhysicsModel, hypothesis: Hypothesis) -> set[str]:
+    """Name the model's parameters that stay where they are under a hypothesis.
+
+    Those are what any of the causes speaks for, see `held_parameters`, and what has no spread.
+    """
+    spoken_for = {name for cause in hypothesis.causes for name in held_parameters(model, cause)}
+    return spoken_for | without_spread(model, hypothesis)
+
+
+def without_spread(model: PhysicsModel, hypothesis: Hypothesis) -> set[str]:
+    """Name the parameters of value 0 that are not said to be wrong: a share of 0 is 0."""
+    still = {name for name in model.free_parameters if model.parameters[name].reach == 0}
+    return still - _said_to_be_wrong(hypothesis)
+
+
+def _said_to_be_wrong(hypothesis: Hypothesis) -> set[str]:
+    """Name the parameters that a hypothesis says to be wrong."""
+    return {each.target for each in hypothesis.causes if isinstance(each, WrongParameter)}
+
+
+def _prior_freedom(prior, name, wrong) -> ParameterPrior:
+    r"""Let a parameter be anywhere within its spread, or, if it is wrong, within its bounds.
+
+    The variance of what is anywhere within :math:`\pm r` is :math:`r^2/3`.
+    """
+    parameter = prior.parameters[name]
+    value, (low, high), reach = parameter.value, parameter.bounds, parameter.reach
+    if wrong or not math.isfinite(reach):
+        return ParameterPrior(name, low, high, value, math.inf, abs(value) or 1.0)
+    low, high = max(low, value - reach), min(high, value + reach)
+    return ParameterPrior(name, low, high, value, reach / math.sqrt(3.0), reach)

@@ -1,0 +1,64 @@
+"""What a model may lack: the effects of a catalogue, each at every target."""
+
+from difflib import get_close_matches
+
+from sklearn_pgnn.estimation.same_in_equations import already_holds, same_parameter
+from sklearn_pgnn.exceptions import OptionError
+from sklearn_pgnn.physics.effect import Effect
+from sklearn_pgnn.physics.effects import CATALOGUE
+from sklearn_pgnn.physics.model import PhysicsModel
+
+
+def possible_causes(model: PhysicsModel, catalogue, targets=None) -> tuple[Effect, ...]:
+    """List the causes of a catalogue that a model does not already hold.
+
+    An effect that the model was extended by is none: it may have wrong parameters only.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The prior.
+    catalogue : iterable of type[Effect]
+        The effects to think of.
+    targets : collection of str, optional
+        Targets to think of; by default all.
+
+    Returns
+    -------
+    tuple of Effect
+        The candidates.
+    """
+    return tuple(
+        effect
+        for effect in (kind(target) for kind in catalogue for target in kind.targets(model))
+        if (targets is None or effect.target in targets)
+        and not already_holds(model, effect)
+        and same_parameter(model, effect) is None
+    )
+
+
+def check_targets(model: PhysicsModel, targets) -> None:
+    """Refuse targets that a model does not have.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The prior.
+    targets : collection of str or None
+        The targets; None means all.
+
+    Raises
+    ------
+    OptionError
+        If one is no state, input, output or parameter of the model.
+    """
+    known = [*model.states, *model.inputs, *model.outputs, *model.parameters]
+    known += [target for kind in CATALOGUE for target in kind.targets(model)]
+    for name in targets or ():
+        if name not in known:
+            near = get_close_matches(str(name), known, n=1)
+            meant = f"did you mean {near[0]!r}?" if near else f"one of {', '.join(known)}."
+            raise OptionError(
+                f"targets: expected states, inputs, outputs and parameters of {model.name!r}, "
+                f"got {name!r}; {meant}"
+            )

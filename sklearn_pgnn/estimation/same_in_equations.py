@@ -1,0 +1,173 @@
+"""Parameters and effects that do one and the same in the equations, whatever their size."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import sympy
+
+from sklearn_pgnn.estimation.budgets import POINTS, ROUNDING
+from sklearn_pgnn.estimation.point_values import values_at
+from sklearn_pgnn.physics.effect import Effect
+from sklearn_pgnn.physics.effects import WrongParameter
+from sklearn_pgnn.physics.expressions import TIME, symbol
+from sklearn_pgnn.physics.model import PhysicsModel
+
+
+def same_parameter(model: PhysicsModel, effect: Effect) -> str | None:
+    r"""Name the parameter of a model that does just what an effect would do.
+
+    Of an effect that the model was extended by, that is the effect's own, fixed or free; else only
+    free ones count.
+
+    An effect with a single parameter :math:`q` is the same as the parameter :math:`p` if
+    :math:`\partial (f, g)/\partial q` is :math:`\partial (f, g)/\partial p` times a factor
+    that depends on parameters only.
+    """
+    names = tuple(effect.names().values())
+    if isinstance(effect, WrongParameter) or len(names) != 1:
+        return None
+    if already_holds(model, effect):
+        return names[0]
+    extended = effect.apply(model)
+    if is_of_other_order(model, extended):
+        return None
+    mine = _derivatives(extended, names)[names[0]]
+    theirs = _derivatives_by_parameters(model)
+    return next((name for name, values in theirs.items() if _proportional(mine, values)), None)
+
+
+def same_causes(
+    model: PhysicsModel, causes: tuple[Effect, ...]
+) -> dict[Effect, tuple[Effect, ...]]:
+    r"""Sort causes into classes that no record can tell apart.
+
+    Two effects with a single parameter each, :math:`q` and :math:`q'`, are the same if
+    :math:`\partial (f, g)/\partial q` is :math:`\partial (f, g)/\partial q'` times a factor that
+    depends on parameters only, or if both do nothing but delay the same inputs.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The prior.
+    causes : tuple of Effect
+        The causes.
+
+    Returns
+    -------
+    dict of cause to tuple of cause
+        The first cause of every class, and the others of it.
+    """
+    classes: dict[Effect, list[Effect]] = {}
+    changes: dict[Effect, _Change] = {}
+    for cause in causes:
+        change = _only_change(model, cause)
+        same = [c for c, known in changes.items() if change is not None and change.equals(known)]
+        classes.setdefault(same[0] if same else cause, []).append(cause)
+        if change is not None and not same:
+            changes[cause] = change
+    return {first: tuple(c for c in members if c != first) for first, members in classes.items()}
+
+
+@dataclass(frozen=True)
+class _Change:
+    """What an effect's only parameter changes: inputs that it delays, or rates and outputs."""
+
+    late: frozenset[str] = frozenset()
+    slopes: np.ndarray | None = None  # by the parameter, at two values of it
+
+    def equals(self, other: "_Change") -> bool:
+        """Return whether another effect changes the same."""
+        if self.slopes is None or other.slopes is None:
+            return self.late == other.late
+        return all(map(_proportional, self.slopes, other.slopes))
+
+
+def _only_change(model: PhysicsModel, cause: Effect) -> _Change | None:
+    """Return what an effect's only parameter changes; None where it has more, or adds states."""
+    names = tuple(cause.names().values())
+    if isinstance(cause, WrongParameter) or len(names) != 1:
+        return None
+    extended = cause.apply(model)
+    late = only_delayed(model, extended)
+    if late:
+        return _Change(late)
+    if is_of_other_order(model, extended):
+        return None
+    value = extended.parameters[names[0]].value
+    further = extended.with_parameters(**{names[0]: value + 1.0})
+    slopes = [_derivatives(each, names)[names[0]] for each in (extended, further)]
+    return _Change(slopes=np.stack(slopes))
+
+
+def only_delayed(model: PhysicsModel, extended: PhysicsModel) -> frozenset[str]:
+    """Return the inputs that an extension delays, if it does nothing else."""
+    before, after = ([dict(each.equations), dict(each.outputs)] for each in (model, extended))
+    if before != after:
+        return frozenset()
+    return frozenset(extended.delays) - frozenset(model.delays)
+
+
+def held_parameters(model: PhysicsModel, cause: Effect) -> tuple[str, ...]:
+    r"""Name the model's parameters that a cause speaks for: re-tuning both would be one too many.
+
+    They are those of which :math:`\partial (f, g)/\partial p` is a combination of the derivatives
+    by the cause's own parameters. Friction that differs by direction holds the viscous friction
+    that a model may have: the model's own stays at its prior value, and the cause tells what comes
+    on top.
+    """
+    names = tuple(cause.names().values())
+    if isinstance(cause, WrongParameter) or len(names) < 2:
+        return ()
+    extended = cause.apply(model)
+    if is_of_other_order(model, extended):
+        return ()
+    own = np.column_stack([slope.ravel() for slope in _derivatives(extended, names).values()])
+    theirs = _derivatives_by_parameters(model)
+    return tuple(name for name, slope in theirs.items() if _is_combined(own, slope.ravel()))
+
+
+def _is_combined(columns: np.ndarray, sought: np.ndarray) -> bool:
+    """Return whether a column that is not zero is a linear combination of others."""
+    known = np.isfinite(columns).all(axis=1) & np.isfinite(sought)
+    columns, sought = columns[known], sought[known]
+    left = sought - columns @ np.linalg.lstsq(columns, sought)[0]
+    return bool(np.linalg.norm(left) < ROUNDING * np.linalg.norm(sought))
+
+
+def already_holds(model: PhysicsModel, effect: Effect) -> bool:
+    """Return whether a model has the parameters that an effect would add."""
+    return any(parameter.name in model.parameters for parameter in effect.parameters(model))
+
+
+@lru_cache(maxsize=16)
+def _derivatives_by_parameters(model: PhysicsModel) -> dict[str, np.ndarray]:
+    return _derivatives(model, model.free_parameters)
+
+
+def _derivatives(model: PhysicsModel, names) -> dict[str, np.ndarray]:
+    """Evaluate the derivatives of rates and outputs by parameters at a few random points."""
+    fixed = {symbol(n): p.value for n, p in model.parameters.items()}
+    moving = [symbol(n) for n in (*model.states, *model.inputs)] + [TIME]
+    draws = np.random.default_rng(0).uniform(0.1, 1.0, (POINTS, len(moving)))
+    draws *= 10.0 ** np.linspace(-4, 1, POINTS)[:, None]  # small enough not to meet every limit
+    draws[1::2] *= -1.0
+    points = fixed | dict(zip(moving, draws.T, strict=True))
+    expressions = [*model.equations.values(), *model.outputs.values()]
+    slopes = {name: [sympy.diff(e, symbol(name)) for e in expressions] for name in names}
+    return {name: values_at(of, points, POINTS).T for name, of in slopes.items()}
+
+
+def is_of_other_order(model: PhysicsModel, extended: PhysicsModel) -> bool:
+    """Return whether an extension has other states or delays than the model."""
+    return extended.delays != model.delays or extended.states != model.states
+
+
+def _proportional(mine: np.ndarray, theirs: np.ndarray) -> bool:
+    """Return whether all that is not zero has one and the same ratio."""
+    both = np.isfinite(mine) & np.isfinite(theirs)
+    mine, theirs = mine[both], theirs[both]
+    if np.count_nonzero(mine) < 2 or not np.array_equal(mine != 0, theirs != 0):
+        return False
+    ratio = mine[mine != 0] / theirs[mine != 0]
+    return bool(np.ptp(ratio) < ROUNDING * np.abs(ratio).max())

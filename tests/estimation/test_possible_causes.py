@@ -1,0 +1,30 @@
+"""Candidates: what a model may lack, and what it already holds."""
+
+import pytest
+
+from sklearn_pgnn import PhysicsModel, effects, systems
+from sklearn_pgnn.estimation.possible_causes import possible_causes
+
+pytestmark = pytest.mark.core
+
+#: an oven that loses heat to surroundings whose temperature is an input
+OVEN = PhysicsModel(
+    {"T": "K"}, {"T": "P/C - (T - Ts)/R"}, {"C": 500.0, "R": 100.0}, {"P": "W", "Ts": "K"}
+)
+
+
+def test_roots_of_what_may_be_negative_are_no_obstacle():
+    rates = {"h": "k4*u - k1*sqrt(h)", "g": "k1*sqrt(h) - k3*sqrt(g)"}
+    tanks = PhysicsModel(
+        {"h": "m", "g": "m"}, rates, {"k1": 0.1, "k3": 0.1, "k4": 0.2}, {"u": "V"}, {"level": "g"}
+    )
+    suspects = possible_causes(tanks, effects.CATALOGUE)
+    assert {effects.Leak("h"), effects.StateLimit("g")} <= set(suspects)
+
+
+@pytest.mark.parametrize("kind", effects.CATALOGUE, ids=lambda kind: kind.id)
+def test_an_effect_that_the_model_was_extended_by_is_no_suspect(kind):
+    models = systems.cart_on_spring(), systems.two_tanks(), OVEN
+    model, target = next((model, t) for model in models for t in kind.targets(model))
+    suspects = possible_causes(model + kind(target), effects.CATALOGUE)
+    assert (kind(target) in suspects) is (not kind.quantities())
