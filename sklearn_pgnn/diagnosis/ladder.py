@@ -48,14 +48,22 @@ class Ladder:
         """Fit candidates beside the causes on some samples for some steps, nearest first."""
         allowed = [c for c in candidates if current.hypothesis.allows(c)]
         self.progress.begin(f"cause {len(current.hypothesis.causes) + 1}", 2 * len(allowed))
-        ground = self.fitter.subsample(current)
+        return self._first_fits(self.fitter.subsample(current), allowed)
+
+    def _first_fits(self, ground: SubsampleFit, candidates) -> list[SubsampleFit]:
         fits = []
-        for cause in allowed:
+        for cause in candidates:
             fits.append(self.fitter.first_fit(ground, cause))
-            if not current.hypothesis.causes:
-                self._note_alone(ground, fits[-1:])
+            self._learn(ground, fits[-1])
             self.step(fits[-1])
         return usable(fits)
+
+    def _learn(self, ground: SubsampleFit, fit: SubsampleFit) -> None:
+        """Note what a candidate leaves alone, or changes beside other causes."""
+        if ground.hypothesis.causes:
+            self.screen().learn(ground, fit)
+        else:
+            self._note_alone(ground, [fit])
 
     def converge(self, current, fits: list[SubsampleFit]) -> list[SubsampleFit]:
         """Follow fits to their end, or until the best one refutes them; nearest first."""
@@ -80,11 +88,14 @@ class Ladder:
         return (*ranked[: -(-len(ranked) // 2)], *(c for c in self.candidates if c in unknown))
 
     def screen(self) -> Screening:
-        """Return what the candidates change, as their first fits alone tell."""
+        """Return what the candidates change, as their first fits tell."""
         if self._screening is None:
-            self._screening = Screening.of(self.fitter, self.candidates)
+            self._screening = Screening(self.fitter.windows_of, self.fitter.progress.tick)
             base = self.fitter.subsample(self.fitter.base())
-            self._note_alone(base, [self.fitter.first_fit(base, c) for c in self.candidates])
+            for cause in self.candidates:
+                alone = self.fitter.first_fit(base, cause)
+                self._note_alone(base, [alone])
+                self._screening.learn(base, alone)
         return self._screening
 
     def in_place(self, current, cause: Effect) -> list[FittedHypothesis]:
@@ -93,7 +104,7 @@ class Ladder:
         likely = self.promising(without)
         others = [c for c in likely if c != cause and without.hypothesis.allows(c)]
         self.progress.begin("other causes", 2 * len(others))
-        fits = usable([self.step(self.fitter.first_fit(without, other)) for other in others])
+        fits = self._first_fits(without, others)
         limit = self._limit(current, self.fitter.subsample(current).squares)
         near = [self.step(self.fitter.converge(fit, limit)) for fit in fits]
         known = self.fitter.is_known

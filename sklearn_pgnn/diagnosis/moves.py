@@ -67,10 +67,8 @@ class Moves:
     # -- more causes -------------------------------------------------------------------------------
 
     def add(self, current: FittedHypothesis) -> Iterator[FittedHypothesis]:
-        """Add the best candidate: the more promising half is fitted, the better half of it on."""
-        fits = self.ladder.first_fits(
-            current, self.ladder.promising(self.fitter.subsample(current))
-        )
+        """Add the best candidate: the better half of the first fits is followed to its end."""
+        fits = self.ladder.first_fits(current, self.ladder.candidates)
         yield from self._choose(current, self.ladder.converge(current, fits[: -(-len(fits) // 2)]))
 
     def add_patiently(self, current: FittedHypothesis) -> Iterator[FittedHypothesis]:

@@ -7,10 +7,11 @@ where neither helps alone. To first order candidates leave
 
 of the residuals :math:`r` of a hypothesis, with the sensitivities :math:`S` to its parameters that
 are not at a limit and to every window's initial state, and the changes of the outputs :math:`E`
-that a candidate brings: as it was fitted alone, and by each of its own parameters.
+that a candidate brings: as it was fitted beside the nearest hypothesis so far, and by each of its
+own parameters.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import combinations
@@ -19,8 +20,8 @@ import numpy as np
 
 from sklearn_pgnn.estimation.budgets import ROUNDING, SMALL_CHANGE
 from sklearn_pgnn.estimation.fitted_hypothesis import SubsampleFit
-from sklearn_pgnn.estimation.fitting import HypothesisFitter
 from sklearn_pgnn.physics.effect import Effect
+from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.window_fit import WindowFit
 from sklearn_pgnn.simulation.windows import ShootingWindows, evaluate
 
@@ -31,62 +32,55 @@ class Screening:
 
     Parameters
     ----------
-    windows : ShootingWindows
-        The windows of the fits.
+    windows_of : callable
+        Returns the windows on which a model is fitted.
     tick : callable, optional
         Called before every simulation.
     """
 
-    windows: ShootingWindows
+    windows_of: Callable[[PhysicsModel], ShootingWindows]
     tick: Callable[[], None] = lambda: None
+    _fits: dict[Effect, tuple[SubsampleFit, SubsampleFit]] = field(default_factory=dict)
     _changes: dict[Effect, np.ndarray] = field(default_factory=dict)
 
     @property
     def known(self) -> frozenset[Effect]:
-        """The candidates whose changes are known."""
-        return frozenset(self._changes)
+        """The candidates that could be fitted."""
+        return frozenset(self._fits)
 
-    @classmethod
-    def of(cls, fitter: HypothesisFitter, candidates: Sequence[Effect]) -> "Screening":
-        """Return what candidates change, as their first fits beside the re-tuned prior tell.
+    def learn(self, ground: SubsampleFit, fit: SubsampleFit) -> None:
+        """Learn what a candidate changes from its fit beside a hypothesis.
 
-        Parameters
-        ----------
-        fitter : HypothesisFitter
-            Fits hypotheses.
-        candidates : sequence of Effect
-            The candidates; those that cannot be fitted are left out.
-
-        Returns
-        -------
-        Screening
-            The changes.
-        """
-        found = cls(fitter.rough.windows, fitter.progress.tick)
-        base = fitter.subsample(fitter.base())
-        for cause in candidates:
-            alone = fitter.first_fit(base, cause)
-            if alone.fit.usable:
-                found.learn(base, alone)
-        return found
-
-    def learn(self, base: SubsampleFit, alone: SubsampleFit) -> None:
-        """Learn what a candidate changes from its fit alone.
+        The nearest hypothesis counts: far from the records a candidate may change what it would
+        not change near them.
 
         Parameters
         ----------
-        base : SubsampleFit
-            The re-tuned prior.
-        alone : SubsampleFit
-            The prior with the candidate.
+        ground : SubsampleFit
+            The hypothesis.
+        fit : SubsampleFit
+            The hypothesis with the candidate.
         """
-        view, cause = _View(self.windows, base.fit, self.tick), alone.hypothesis.causes[-1]
-        own = set(cause.names().values())
-        names = [freedom.name for freedom in alone.fit.freedoms if freedom.name in own]
-        fitted = view.residual - view.flat(alone.fit.evaluation.residual)
-        self._changes[cause] = np.column_stack(
-            [fitted, *(view.slope(alone.fit, name) for name in names)]
-        )
+        if not fit.fit.usable:
+            return
+        cause = fit.hypothesis.causes[-1]
+        if cause in self._fits and self._fits[cause][0].fit.objective < ground.fit.objective:
+            return
+        self._fits[cause] = ground, fit
+        self._changes.pop(cause, None)
+
+    def _change_by(self, cause: Effect) -> np.ndarray:
+        """Return what a candidate changes, and what each of its parameters does: a column each."""
+        if cause not in self._changes:
+            ground, fit = self._fits[cause]
+            view, own = self._view(fit), set(cause.names().values())
+            names = [freedom.name for freedom in fit.fit.freedoms if freedom.name in own]
+            fitted = self._view(ground).residual - view.residual
+            self._changes[cause] = np.column_stack([fitted, *map(view.slope, names)])
+        return self._changes[cause]
+
+    def _view(self, fit: SubsampleFit) -> "_View":
+        return _View(self.windows_of(fit.fit.model), fit.fit, self.tick)
 
     def rank(self, ground: SubsampleFit, count: int = 1) -> list[tuple[float, tuple[Effect, ...]]]:
         """Rank candidates that may stand beside a hypothesis, or so many of them together.
@@ -103,12 +97,12 @@ class Screening:
         list of (float, tuple of Effect)
             Expected sum of squares and the candidates, the most promising first.
         """
-        view = _View(self.windows, ground.fit, self.tick)
-        tuned = [view.slope(ground.fit, name) for name in _within_limits(ground.fit)]
+        view = self._view(ground)
+        tuned = [view.slope(name) for name in _within_limits(ground.fit)]
         known = view.without_states(np.column_stack([view.residual, *tuned]))
         blocks = {
-            cause: view.without_states(change)
-            for cause, change in self._changes.items()
+            cause: view.without_states(self._change_by(cause))
+            for cause in self._fits
             if ground.hypothesis.allows(cause)
         }
         ranked = [
@@ -156,12 +150,13 @@ class _View:
         rows = np.concatenate([np.arange(a, a + n) for a, n in spans])
         return np.nan_to_num(values[rows] / self.windows.scale).ravel()
 
-    def change(self, fit: WindowFit, model, x0) -> np.ndarray:
+    def change(self, model, x0) -> np.ndarray:
         """Return by how much the outputs change with the model and the initial states.
 
         A window that is lost speaks for no change.
         """
         self.tick()
+        fit = self.fit
         wrt = tuple(freedom.name for freedom in fit.freedoms)
         moved = evaluate(model, self.windows, x0, wrt)
         known = np.repeat(
@@ -169,21 +164,22 @@ class _View:
         )
         return np.where(known, self.flat(fit.evaluation.residual - moved.residual), 0.0)
 
-    def slope(self, fit: WindowFit, name: str) -> np.ndarray:
+    def slope(self, name: str) -> np.ndarray:
         """Return the direction in which a parameter moves the outputs, within its bounds."""
+        fit = self.fit
         place = [freedom.name for freedom in fit.freedoms].index(name)
         steep = np.sqrt(fit.evaluation.gram[:, place, place].sum() / self.windows.lengths.sum())
         value, freedom = fit.model.parameters[name].value, fit.freedoms[place]
         step = SMALL_CHANGE / steep if steep > 0 else SMALL_CHANGE * freedom.scale
         model = fit.model.with_parameters(**{name: freedom.beside(value, step)})
-        return self.change(fit, model, fit.x0)
+        return self.change(model, fit.x0)
 
     @cached_property
     def bases(self) -> list[np.ndarray]:
         """Return an orthonormal basis of what the initial state of each window can change."""
         fit = self.fit
         moves = 1e-3 * np.maximum(np.std(fit.x0, axis=0), 1e-6) * np.eye(fit.x0.shape[1])
-        shifts = np.column_stack([self.change(fit, fit.model, fit.x0 + move) for move in moves])
+        shifts = np.column_stack([self.change(fit.model, fit.x0 + move) for move in moves])
         return [_basis(part) for part in self.by_window(shifts)]
 
     def by_window(self, table) -> list[np.ndarray]:

@@ -70,7 +70,7 @@ def screened():
     problem = build_problem(SLEDGE, read_records(SLEDGE, *drive(rig)))
     fitter = HypothesisFitter(problem)
     ground = fitter.subsample(fitter.base())
-    screening = Screening(fitter.rough.windows)
+    screening = Screening(fitter.windows_of)
     alone = {}
     for kind in KINDS:
         alone[kind] = fitter.converge(fitter.first_fit(ground, kind("v")))
@@ -127,7 +127,7 @@ def test_the_two_causes_that_explain_most_together_are_foretold():
         effects.CoulombFriction,
     )
     alone = [fitter.converge(fitter.first_fit(ground, kind("v"))) for kind in kinds]
-    screening = Screening(fitter.rough.windows)
+    screening = Screening(fitter.windows_of)
     for fit in alone:
         screening.learn(ground, fit)
     left, pair = screening.rank(ground, 2)[0]
@@ -141,7 +141,9 @@ def test_a_parameter_at_its_limit_is_not_re_tuned_but_wrong():
     base = fitter.subsample(fitter.base())
     assert base.fit.model.parameters["m"].value == pytest.approx(2.2)  # a spread of 10 %
     candidates = (effects.WrongParameter("m"), effects.WrongParameter("d"))
-    screening = Screening.of(fitter, (*candidates, effects.ConstantLoad("v")))
+    screening = Screening(fitter.windows_of)
+    for cause in (*candidates, effects.ConstantLoad("v")):
+        screening.learn(base, fitter.first_fit(base, cause))
     (left, first), *_, (most, _) = screening.rank(base)
     assert first == candidates[:1]
     assert left < 0.1 * most
