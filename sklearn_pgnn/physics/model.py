@@ -112,6 +112,11 @@ def _as_parameters(parameters) -> dict[str, Parameter]:
     return found
 
 
+def _has_no_unit(factor: sympy.Expr) -> bool:
+    """Return whether a factor is a sum with a number."""
+    return isinstance(factor, sympy.Add) and any(part.is_number for part in factor.args)
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class PhysicsModel:
     r"""A machine as a set of ordinary differential equations.
@@ -370,15 +375,40 @@ class PhysicsModel:
         if name in self.parameters:
             return self.parameters[name].unit
         units = {**self.states, **self.inputs}
-        return units[name] if name in units else self._unit_of(self.outputs.get(name))
+        return units[name] if name in units else self.unit_of(self.outputs.get(name))
 
-    def _unit_of(self, expression) -> str:
-        """Return the common unit of the quantities in a sum, a bound or a magnitude."""
+    def unit_of(self, expression: sympy.Expr | None) -> str:
+        """Return the unit that all quantities in a sum, a bound or a magnitude have.
+
+        A factor that is a sum with a number has no unit; other products, and what is not known,
+        are said to have none.
+
+        Parameters
+        ----------
+        expression : sympy.Expr or None
+            An expression of states, inputs and parameters.
+
+        Returns
+        -------
+        str
+            Its unit.
+
+        Examples
+        --------
+        >>> filling = PhysicsModel({"v": "m/s"}, {"v": "F/(m*(1 + w*t))"}, inputs={"F": "N"},
+        ...     parameters={"m": {"value": 2.0, "unit": "kg"}, "w": 0.1},
+        ...     inertia={"v": "m*(1 + w*t)"})
+        >>> filling.unit_of(filling.inertia["v"])
+        'kg'
+        """
         if isinstance(expression, sympy.Symbol):
             return self.unit(str(expression))
+        if isinstance(expression, sympy.Mul):
+            factors = [part for part in expression.args if not _has_no_unit(part)]
+            return self.unit_of(factors[0]) if len(factors) == 1 else ""
         if not isinstance(expression, sympy.Add | sympy.Max | sympy.Min | sympy.Abs):
             return ""
-        units = {self._unit_of(part) for part in expression.args if not part.is_number}
+        units = {self.unit_of(part) for part in expression.args if not part.is_number}
         return units.pop() if len(units) == 1 else ""
 
     # -- new models from this one ----------------------------------------------------------------

@@ -2,10 +2,8 @@
 
 from collections.abc import Mapping
 
-import sympy
-
 from sklearn_pgnn.exceptions import ModelError
-from sklearn_pgnn.physics.expressions import parse_expression, symbol
+from sklearn_pgnn.physics.expressions import TIME, parse_expression, symbol
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.scales import Scales
 
@@ -29,13 +27,43 @@ def typical_by_kind(target: str, model: PhysicsModel, scales: Scales) -> dict[st
     """
     scale = {"s": scales.window, "target": scales.typical.get(target, 1.0)}
     if target in model.states:
-        values = {symbol(name): p.value for name, p in model.parameters.items()}
-        inertia = model.inertia.get(target, sympy.Integer(1)).subs(values)
         pair = model.kinematic_pairs.get(target)
         scale["velocity"] = scales.typical[target]
-        scale["force"] = scales.rate[target] * (float(inertia) if inertia.is_number else 1.0)
+        scale["force"] = scales.rate[target] * typical_inertia(target, model, scales)
         scale["position"] = scales.typical[pair] if pair else 1.0
     return scale
+
+
+def typical_inertia(target: str, model: PhysicsModel, scales: Scales) -> float:
+    """Return the inertia that multiplies a state's rate, 1 where the model has none.
+
+    Parameters
+    ----------
+    target : str
+        The state.
+    model : PhysicsModel
+        The model.
+    scales : Scales
+        How large the signals of the records are.
+
+    Returns
+    -------
+    float
+        Its magnitude at the start of a record, where states and inputs have their typical values.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.physics.systems import golf_robot
+    >>> robot = golf_robot()
+    >>> typical_inertia("omega", robot, Scales({}, {}, {}, 0.01, 1.0))
+    0.1445
+    """
+    inertia = model.inertia.get(target)
+    if inertia is None:
+        return 1.0
+    known = dict(scales.typical) | {name: p.value for name, p in model.parameters.items()}
+    known[str(TIME)] = 0.0
+    return abs(float(inertia.subs({s: known.get(str(s), 1.0) for s in inertia.free_symbols})))
 
 
 class _OneIfUnknown(dict):

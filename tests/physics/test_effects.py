@@ -18,7 +18,7 @@ def block():
     return PhysicsModel(
         {"x": "m", "v": "m/s"},
         {"x": "v", "v": "F/m"},
-        {"m": 2.0},
+        {"m": {"value": 2.0, "unit": "kg"}},
         {"F": "N"},
         {"position": "x"},
         inertia={"v": "m"},
@@ -123,6 +123,25 @@ def test_a_drifting_parameter_moves_with_the_clock():
     drifting = PhysicsModel({"y": ""}, {"y": "-k*y"}, {"k": 0.3}, initial_state={"y": 1.0})
     y = (drifting + effects.ParameterDrift("k", rate=0.2)).simulate(T).y[:, 0]
     np.testing.assert_allclose(y, np.exp(-0.3 * (T + 0.1 * T**2)), rtol=1e-7)
+
+
+def test_a_force_accelerates_the_mass_that_there_is():
+    heavier = block() + effects.ParameterDrift("m", rate=0.5) + effects.ConstantLoad("v", load=0.8)
+    v = heavier.simulate(T, np.zeros(T.size)).x[:, 1]
+    np.testing.assert_allclose(v, -0.8 / (2.0 * 0.5) * np.log(1 + 0.5 * T), atol=1e-8)
+    assert heavier.unit("F0_v") == "N"
+
+
+@pytest.mark.parametrize("kind", effects.CATALOGUE, ids=lambda kind: kind.id)
+def test_a_mass_that_drifts_and_another_effect_are_one_model_in_either_order(kind):
+    cart, drift = systems.cart_on_spring(), effects.ParameterDrift("m")
+    for effect in map(kind, kind.targets(cart)):
+        if effect != drift:
+            one, other = cart + drift + effect, cart + effect + drift
+            assert dict(one.equations) == dict(other.equations)
+            assert {n: p.unit for n, p in one.parameters.items()} == {
+                n: p.unit for n, p in other.parameters.items()
+            }
 
 
 def test_a_disturbance_is_found_in_the_spectrum_of_what_is_missing():

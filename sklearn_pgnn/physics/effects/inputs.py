@@ -45,6 +45,7 @@ def substitute(model, old, new) -> dict:
     return {
         "equations": replaced(model.equations),
         "outputs": replaced(model.outputs),
+        "inertia": replaced(model.inertia),
         "energy": replaced(model.energy),
     }
 

@@ -7,6 +7,7 @@ import sympy
 from sklearn_pgnn.physics.characteristic import Characteristic
 from sklearn_pgnn.physics.effect import Effect, quantity
 from sklearn_pgnn.physics.expressions import TIME, symbol
+from sklearn_pgnn.physics.typical import typical_inertia
 
 #: units that make a state a velocity even where no other state is its integral
 SPEED_UNITS = frozenset(
@@ -116,7 +117,7 @@ def force_unit(model, target: str) -> str:
     inertia = model.inertia.get(target)
     if inertia is None:
         return rate
-    unit = model.unit(str(inertia))
+    unit = model.unit_of(inertia)
     return FORCE_UNITS.get(unit, f"{unit} {rate}".strip())
 
 
@@ -146,11 +147,7 @@ class PositionEffect(RateEffect):
 
 def force_scale(target, model, scales) -> float:
     """Return the force that makes up the typical rate of the target."""
-    inertia = model.inertia.get(target, sympy.Integer(1))
-    values = {symbol(n): p.value for n, p in model.parameters.items()}
-    value = inertia.subs(values)
-    size = abs(float(value)) if value.is_number else 1.0
-    return size * scales.rate[target]
+    return typical_inertia(target, model, scales) * scales.rate[target]
 
 
 @dataclass(frozen=True)
