@@ -51,12 +51,21 @@ class Comparison:
     def refutes(self, better: FittedHypothesis, worse: FittedHypothesis) -> bool:
         """Return whether the second of two hypotheses is refuted by the first.
 
-        One that takes more to say pays for the candidates it was chosen from.
+        One that takes more to say pays for the candidates it was chosen from, and explains the
+        smallest share more. None refutes another whose free run is surely better; a memory that
+        makes the free run worse is refuted by that.
         """
-        more, less = better.hypothesis.complexity, worse.hypothesis.complexity
-        needed = self.criterion.to_name if more > less else self.criterion.to_refute
-        raw = self.criterion.evidence(*map(self.fitter.held_out, (worse, better)))
-        return raw > needed and raw / self._overdispersion(worse, better) > needed
+        before, after = map(self.fitter.held_out, (worse, better))
+        if before.n_added > after.n_added and self.criterion.runs_worse(after, before):
+            return True
+        takes_more = better.hypothesis.complexity > worse.hypothesis.complexity
+        needed = self.criterion.to_name if takes_more else self.criterion.to_refute
+        raw = self.criterion.evidence(before, after)
+        if not raw > needed or (takes_more and not self.criterion.explains_enough(before, after)):
+            return False
+        if self.criterion.runs_worse(before, after):
+            return False
+        return raw / self._overdispersion(worse, better) > needed
 
     def is_preferred(self, other: FittedHypothesis, current: FittedHypothesis) -> bool:
         """Return whether a hypothesis refutes another one, or is simpler and not refuted."""

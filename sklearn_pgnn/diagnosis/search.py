@@ -66,6 +66,7 @@ class Search:
         self.current = fitter.base()
         self._visited: dict[Key, float] = {}  # with what was left of each
         self._standing = self.current  # the best hypothesis of which every cause is named
+        self._needed = 0.0  # evidence beside a disturbance: a disturbance stands for later causes
 
     def _use(self, fitter: HypothesisFitter, candidates: tuple[Effect, ...]) -> None:
         """Let moves go on with a fitter and some candidates."""
@@ -85,11 +86,13 @@ class Search:
         self.progress.counts = True
         with suppress(TimeIsUp):
             self._take_given()
-            self._climb()
-            while (simpler := self._simpler(self.current)) is not None:  # a finer fit may need less
-                self.current = self._standing = simpler
-                self._climb()
-            self.current = self.moves.pruned(self.current, self.criterion.to_name)
+            self._climb_and_simplify()
+            while (pruned := self.moves.pruned(self.current, self.criterion.to_name)) is not (
+                self.current
+            ):
+                self.current = self._standing = pruned
+                self._needed = self.criterion.to_name
+                self._climb_and_simplify()
             return self._result(complete=True)
         return self.so_far()
 
@@ -151,6 +154,12 @@ class Search:
         rivals = {cause: found.rivals.get(cause, []) for cause in self.current.hypothesis.causes}
         return replace(found, base=base, steps=steps, rivals=rivals)
 
+    def _climb_and_simplify(self) -> None:
+        self._climb()
+        while (simpler := self._simpler(self.current)) is not None:  # a finer fit may need less
+            self.current = self._standing = simpler
+            self._climb()
+
     def _climb(self) -> None:
         """Go from hypothesis to hypothesis until no move is accepted, or a formula says it all."""
         while (better := self._next(self.current)) is not None:
@@ -188,7 +197,7 @@ class Search:
         for better in (better for move in moves for better in move(current)):
             if not self._is_new(better):
                 continue
-            pruned = self.moves.pruned(better, needed=0.0)
+            pruned = self.moves.pruned(better, self._needed)
             if pruned is better or (
                 self._is_new(pruned) and self.compare.evidence(current, pruned) > 0.0
             ):

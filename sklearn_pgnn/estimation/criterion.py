@@ -185,14 +185,47 @@ class SelectionCriterion:
             Whether the rule is met.
         """
         evidence = self.evidence(without, with_) / overdispersion
-        share = explained_share(without.windows, with_.windows)
-        before, after = free_runs_that_tell(without, with_)
         if not self.stands_in_free_run(retuned or without, with_):
             return False
-        if self._surely_worsens(before, after) or self._remembers_in_vain(without, with_):
+        if self.runs_worse(without, with_) or self._remembers_in_vain(without, with_):
             return False
-        share = max(share, explained_share(before, after))
-        return evidence > n_causes * self.to_name and share >= self.smallest_share
+        return evidence > n_causes * self.to_name and self.explains_enough(without, with_)
+
+    def explains_enough(self, without: HeldOut, with_: HeldOut) -> bool:
+        """Return whether a hypothesis explains the smallest share of what another leaves.
+
+        Parameters
+        ----------
+        without, with_ : HeldOut
+            The other hypothesis, and this one.
+
+        Returns
+        -------
+        bool
+            Whether it does of an output over windows, or in free run where that says anything.
+        """
+        share = explained_share(without.windows, with_.windows)
+        return max(share, explained_share(*free_runs_that_tell(without, with_))) >= (
+            self.smallest_share
+        )
+
+    def runs_worse(self, other: HeldOut, trial: HeldOut) -> bool:
+        """Return whether the free run of a hypothesis is worse than another's, beyond chance.
+
+        Parameters
+        ----------
+        other, trial : HeldOut
+            The other hypothesis, and this one.
+
+        Returns
+        -------
+        bool
+            False where the free run says nothing.
+        """
+        before, after = free_runs_that_tell(other, trial)
+        if before.errors is None or after.errors is None or not before.counts.size:
+            return False
+        return accuracy_gained(before, after) < -norm.ppf(1.0 - self.alpha)
 
     def stands_in_free_run(self, retuned: HeldOut, trial: HeldOut) -> bool:
         """Return whether a hypothesis is no worse than the re-tuned prior; better, if it remembers.
@@ -219,12 +252,6 @@ class SelectionCriterion:
         if not before.counts.size or trial.n_added <= simpler.n_added:
             return False
         return explained_share(before, after) < self.smallest_share
-
-    def _surely_worsens(self, before: Residuals, after: Residuals) -> bool:
-        """Return whether a free run is worse than another one, by more than chance."""
-        if before.errors is None or after.errors is None or not before.counts.size:
-            return False
-        return accuracy_gained(before, after) < -norm.ppf(1.0 - self.alpha)
 
     def probabilities(self, evidence: Sequence[float]) -> np.ndarray:
         """Return the probability of a cause, of each of its rivals, and of no cause.

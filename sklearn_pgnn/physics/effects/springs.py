@@ -200,7 +200,7 @@ class EndStop(PositionEffect):
 
     @classmethod
     def limits(cls, target, model, scales):
-        """Keep the stops within the travel."""
-        position = model.kinematic_pairs[target]
-        (low, high), (lowest, highest) = scales.ends(position), scales.ends(position, 0.05, 0.05)
-        return {"upper": (lowest, high), "lower": (low, highest)}
+        """Keep each stop in its half of the travel."""
+        low, high = scales.ends(model.kinematic_pairs[target])
+        middle = (low + high) / 2
+        return {"upper": (middle, high), "lower": (low, middle)}
