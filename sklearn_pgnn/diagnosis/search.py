@@ -87,12 +87,7 @@ class Search:
         with suppress(TimeIsUp):
             self._take_given()
             self._climb_and_simplify()
-            while (pruned := self.moves.pruned(self.current, self.criterion.to_name)) is not (
-                self.current
-            ):
-                self.current = self._standing = pruned
-                self._needed = self.criterion.to_name
-                self._climb_and_simplify()
+            self._prune_and_climb()
             return self._result(complete=True)
         return self.so_far()
 
@@ -159,6 +154,15 @@ class Search:
         while (simpler := self._simpler(self.current)) is not None:  # a finer fit may need less
             self.current = self._standing = simpler
             self._climb()
+
+    def _prune_and_climb(self) -> None:
+        """Drop what has no name beside a disturbance, and see where else moves lead from there."""
+        self._needed, refused = self.criterion.to_name, {}
+        while (pruned := self.moves.pruned(self.current, self._needed)) is not self.current:
+            refused[self.fitter.key(self.current.hypothesis)] = self.current.fit.objective
+            self._visited = dict(refused)
+            self.current = self._standing = pruned
+            self._climb_and_simplify()
 
     def _climb(self) -> None:
         """Go from hypothesis to hypothesis until no move is accepted, or a formula says it all."""

@@ -38,6 +38,8 @@ def verdict_title(diagnosis) -> str:
     """
     if not diagnosis.complete_ and diagnosis.verdict_ == "unexplained":
         return "Unfinished"
+    if diagnosis.verdict_ == "model_adequate" and leaves_much(diagnosis):
+        return "No cause found"
     return VERDICTS[diagnosis.verdict_]
 
 
@@ -340,7 +342,8 @@ def _silent(diagnosis) -> str:
     of = f" of {listed(silent)}" if len(silent) < len(diagnosis.free_run_) else ""
     return (
         f"The free run says nothing{of}: without restarts, no model is nearer to the records than "
-        f"their mean is, as with an unstable or chaotic machine."
+        f"their mean is, as with an unstable or chaotic machine, or where a parameter's spread "
+        f"keeps it from its value."
     )
 
 

@@ -1,5 +1,7 @@
 """Laws of comparisons: the same question has one answer, whatever was asked before."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from rubbing_sledge import CRITERION, KINDS, fitted, fresh_fitter
@@ -56,9 +58,48 @@ def test_what_takes_more_to_say_refutes_by_what_a_name_needs(fitter, monkeypatch
     less, more = fitted(fitter, *KINDS[:1]), fitted(fitter, *KINDS[:2])
     between = (CRITERION.to_refute + CRITERION.to_name) / 2
     monkeypatch.setattr(SelectionCriterion, "evidence", lambda *_: between)
+    monkeypatch.setattr(SelectionCriterion, "explains_enough", lambda *_: True)
+    monkeypatch.setattr(SelectionCriterion, "runs_worse", lambda *_: False)
     monkeypatch.setattr(compare, "_overdispersion", lambda *_: 1.0)
     better, worse = (more, less) if more_is_better else (less, more)
     assert compare.refutes(better, worse) is not more_is_better
+
+
+@pytest.fixture
+def likelier(fitter, monkeypatch):
+    """Return a comparison in which windows speak for any hypothesis over any other."""
+    monkeypatch.setattr(SelectionCriterion, "evidence", lambda *_: 1e3)
+    monkeypatch.setattr(SelectionCriterion, "runs_worse", lambda *_: False)
+    compare = Comparison(fitter, CRITERION)
+    monkeypatch.setattr(compare, "_overdispersion", lambda *_: 1.0)
+    return compare
+
+
+@pytest.mark.parametrize("enough", [True, False])
+def test_what_takes_more_to_say_must_explain_the_smallest_share_more(
+    fitter, likelier, monkeypatch, enough
+):
+    less, more = fitted(fitter, *KINDS[:1]), fitted(fitter, *KINDS[:2])
+    monkeypatch.setattr(SelectionCriterion, "explains_enough", lambda *_: enough)
+    assert likelier.refutes(more, less) is enough
+    assert likelier.refutes(less, more)
+
+
+def test_windows_do_not_refute_what_runs_better(fitter, likelier, monkeypatch):
+    one, other = (fitted(fitter, kind) for kind in KINDS[1:3])
+    better = fitter.held_out(one)
+    monkeypatch.setattr(SelectionCriterion, "runs_worse", lambda _, than, __: than is better)
+    assert likelier.refutes(one, other)
+    assert not likelier.refutes(other, one)
+
+
+def test_a_memory_that_makes_the_free_run_worse_is_refuted_by_that(fitter, likelier, monkeypatch):
+    one, other = (fitted(fitter, kind) for kind in KINDS[1:3])
+    plain, memory = fitter.held_out(one), replace(fitter.held_out(other), n_added=1)
+    monkeypatch.setattr(fitter, "held_out", lambda trial: plain if trial is one else memory)
+    monkeypatch.setattr(SelectionCriterion, "runs_worse", lambda _, than, __: than is plain)
+    assert likelier.refutes(one, other)
+    assert not likelier.refutes(other, one)
 
 
 @pytest.mark.parametrize("stands", [True, False])

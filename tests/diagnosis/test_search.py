@@ -240,3 +240,18 @@ def test_what_is_better_beside_a_disturbance_only_is_a_way_on_where_there_is_no_
     alone, beside = (search._first_of(moves, search.current, goes_aside) for moves in ways)
     assert alone is (kept if goes_aside and disturbed > 0.0 else None)
     assert beside is better
+
+
+@pytest.mark.slow
+def test_where_a_disturbance_takes_what_was_found_the_search_goes_on(monkeypatch):
+    """The verdict is a hypothesis from which no move that stands leads on."""
+    rig = SLEDGE + effects.CoulombFriction("v", level=0.2) + effects.QuadraticDrag("v", 0.5)
+    problem = build_problem(SLEDGE, read_records(SLEDGE, *drive(rig, n_records=3)))
+    search = search_of(problem, *(kind("v") for kind in KINDS[:3]))
+    none, taken = search.current, effects.CoulombFriction("v")
+
+    def without_taken(trial, needed):
+        return none if needed > 0.0 and taken in trial.hypothesis.causes else trial
+
+    monkeypatch.setattr(search.moves, "pruned", without_taken)
+    assert search.run().final.hypothesis.causes == (effects.QuadraticDrag("v"),)

@@ -213,6 +213,17 @@ def test_a_cause_that_surely_worsens_the_free_run_is_not_named():
     assert not CRITERION.names(before, after, retuned=retuned)
 
 
+def test_a_free_run_that_says_nothing_is_not_worse():
+    rng = np.random.default_rng(0)
+    same, worse = (simulated(f * rng.normal(size=4000)) for f in (1.0, 1.2))
+    one, other = (replace(held_out(100), free_run=run) for run in (same, worse))
+    assert CRITERION.runs_worse(one, other)
+    assert not CRITERION.runs_worse(other, one)
+    silent = np.zeros(1, dtype=bool)
+    one, other = (replace(each, tells_in_free_run=silent) for each in (one, other))
+    assert not CRITERION.runs_worse(one, other)
+
+
 def test_more_candidates_ask_for_more_evidence():
     asked = [SelectionCriterion(ALPHA, 0.05, n).to_name for n in (1, 10, 100)]
     np.testing.assert_allclose(np.diff(asked), np.log(10))

@@ -38,9 +38,10 @@ def verdict_line(diagnosis) -> str:
         As in "Cause named, in part".
     """
     said = verdict_title(diagnosis)
-    if diagnosis.verdict_ == "model_adequate":
+    if diagnosis.verdict_ == "model_adequate" and leaves_much(diagnosis):
+        said += "; more than noise is left"
+    elif diagnosis.verdict_ == "model_adequate":
         said += ", as given" if is_adequate_as_given(diagnosis) else ", after re-tuning"
-        said += "; more than noise is left" if leaves_much(diagnosis) else ""
     if diagnosis.causes_ and leaves_more(diagnosis):
         said += ", in part"
     if not diagnosis.complete_:
