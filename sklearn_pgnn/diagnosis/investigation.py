@@ -185,7 +185,7 @@ class Investigation:
         check_prior(fitter, [record.name for record in self.records])
         return fitter
 
-    def _search(self, fitter: HypothesisFitter) -> Findings:
+    def _search(self, fitter: HypothesisFitter, begin: FittedHypothesis | None = None) -> Findings:
         """Search the catalogue, and a formula for what it has no name for."""
         given = frozenset(map(SensorSaturation, clipped_outputs(fitter.problem)))
         criterion = SelectionCriterion(self.alpha, self.smallest_share, len(self.candidates))
@@ -201,7 +201,7 @@ class Investigation:
             formulas.is_law,
             given,
         )
-        searched, proposal, structure = search.run(), None, None
+        searched, proposal, structure = search.run(begin), None, None
         result = searched
         with suppress(TimeIsUp):
             if self.progress.ended is None:
@@ -252,7 +252,7 @@ class Investigation:
         return replace(found, result=found.search.in_steps_of(finer, result))
 
     def _try_slopes(self, held: Findings) -> Findings:
-        """Search again with inputs that run straight between samples if that is refuted less."""
+        """Search on with inputs that run straight between samples if that is refuted less."""
         fitter, final = held.search.fitter, held.result.final
         has_structure = held.structure is not None and held.structure.is_significant
         if not (held.result.steps or has_structure):
@@ -261,9 +261,10 @@ class Investigation:
         sloped = HypothesisFitter(with_hold(fitter.problem, "foh"), self.progress)
         criterion, before = held.search.criterion, fitter.held_out(final)
         of_one = replace(criterion, n_candidates=1)  # there is no other way to run
-        if not of_one.names(before, sloped.held_out(sloped.refit(final))):
+        refitted = sloped.refit(final)
+        if not of_one.names(before, sloped.held_out(refitted)):
             return held
-        again = self._search(sloped)
+        again = self._search(sloped, refitted)
         better = criterion.evidence(before, sloped.held_out(again.result.final)) > 0.0
         return again if better else held
 

@@ -75,8 +75,13 @@ class Search:
         self.ladder = Ladder(fitter, self.criterion, candidates, self.same)
         self.moves = Moves(self.compare, self.ladder)
 
-    def run(self) -> SearchResult:
+    def run(self, begin: FittedHypothesis | None = None) -> SearchResult:
         """Find what is missing, or as much of it as the time allows.
+
+        Parameters
+        ----------
+        begin : FittedHypothesis, optional
+            Where to begin; by default at the re-tuned prior with what the records show.
 
         Returns
         -------
@@ -85,7 +90,11 @@ class Search:
         """
         self.progress.counts = True
         with suppress(TimeIsUp):
-            self._take_given()
+            if begin is None:
+                self._take_given()
+            else:
+                self.ladder.screen()  # what every candidate leaves alone is told
+                self.current = begin
             self._climb_and_simplify()
             self._prune_and_climb()
             return self._result(complete=True)
