@@ -43,8 +43,8 @@ class FormulaSelection:
         """Return what is still believed of a search's result, and the formula that is accepted.
 
         A formula for what the re-tuned prior lacks takes the place of the causes if it leaves no
-        structure, and refutes them or says the same with fewer parameters; a formula for what they
-        leave stands beside them.
+        structure, and refutes them or says the same with fewer parameters and no more terms than
+        they are; a formula for what they leave stands beside them.
 
         Parameters
         ----------
@@ -68,7 +68,7 @@ class FormulaSelection:
         asked = has_structure or search.compare.leaves_much(final) or self.is_law(search)
         if len(causes) > 1 or asked:
             alone = self._alone(search)
-            if alone and (not causes or _takes_the_place(search, alone.trial, final)):
+            if alone and (not causes or _takes_the_place(search, alone, final)):
                 return replace(result, steps=[], rivals={}), alone
         if causes and has_structure:
             return result, self._best(search, final)
@@ -151,17 +151,20 @@ def _with_library(search: Search, n_places: int) -> SelectionCriterion:
     return replace(search.criterion, n_candidates=n_places * terms)
 
 
-def _takes_the_place(search: Search, formula: FittedHypothesis, final: FittedHypothesis) -> bool:
-    """Return whether a formula says it all, and the same with fewer parameters or clearly more.
+def _takes_the_place(search: Search, formula: Proposal, final: FittedHypothesis) -> bool:
+    """Return whether a formula says it all, and the same simpler or clearly more.
 
-    A formula that leaves structure is no law: what has a name says more to people.
+    A formula that leaves structure is no law: what has a name says more to people. Each of its
+    terms is chosen from a library as a cause is from the catalogue.
     """
-    if search.compare.refutes(final, formula):
+    trial, causes = formula.trial, final.hypothesis
+    if search.compare.refutes(final, trial):
         return False
-    if search.compare.is_nameable(formula) and search.has_structure(formula):
+    if search.compare.is_nameable(trial) and search.has_structure(trial):
         return False
-    if formula.hypothesis.n_parameters < final.hypothesis.n_parameters:
+    fewer_parameters = trial.hypothesis.n_parameters < causes.n_parameters
+    if fewer_parameters and len(formula.effect.terms) <= len(causes.causes):
         return True
-    left, less = (search.fitter.held_out(trial).windows for trial in (final, formula))
+    left, less = (search.fitter.held_out(each).windows for each in (final, trial))
     more = explained_share(left, less) >= search.criterion.smallest_share
-    return more and search.compare.refutes(formula, final)
+    return more and search.compare.refutes(trial, final)

@@ -11,12 +11,14 @@ from sklearn_pgnn.estimation.criterion import SelectionCriterion
 from sklearn_pgnn.estimation.residuals import Residuals
 
 
-def trial_of(n_parameters, squares):
-    return SimpleNamespace(hypothesis=SimpleNamespace(n_parameters=n_parameters), squares=squares)
+def trial_of(n_parameters, squares, n_causes=1):
+    hypothesis = SimpleNamespace(n_parameters=n_parameters, causes=(None,) * n_causes)
+    return SimpleNamespace(hypothesis=hypothesis, squares=squares)
 
 
-def takes_the_place(formula, causes, leaves="noise"):
+def takes_the_place(trial, causes, leaves="noise", n_terms=1):
     """Return whether a formula takes the place of causes, by the squares that both leave."""
+    formula = SimpleNamespace(trial=trial, effect=SimpleNamespace(terms=("x",) * n_terms))
 
     def held_out(trial):
         return SimpleNamespace(windows=Residuals(np.array([trial.squares]), np.ones(1), np.ones(1)))
@@ -41,6 +43,13 @@ def test_a_formula_that_says_it_all_takes_the_place_if_it_is_simpler_or_clearly_
     assert takes_the_place(trial_of(4, squares=2.0), causes, leaves)
     assert not takes_the_place(trial_of(4, squares=9.0), causes, leaves)
     assert not takes_the_place(trial_of(2, squares=30.0), causes, leaves)
+
+
+def test_a_formula_of_more_terms_than_causes_is_no_simpler():
+    one, two = (trial_of(5, squares=10.0, n_causes=count) for count in (1, 2))
+    assert takes_the_place(trial_of(2, squares=11.0), two, n_terms=2)
+    assert not takes_the_place(trial_of(2, squares=11.0), one, n_terms=2)
+    assert takes_the_place(trial_of(2, squares=2.0), one, n_terms=2)
 
 
 def test_a_formula_that_leaves_structure_takes_no_place_however_near_it_is():

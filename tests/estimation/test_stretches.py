@@ -96,7 +96,7 @@ def test_what_all_records_do_not_name_is_dropped(small_budget, monkeypatch):
     assert (diagnosis.verdict_, diagnosis.causes_) == ("model_adequate", ())
 
 
-def _take_drag(self):
+def _take_drag(self, begin):
     """Accept a cause that is not there."""
     ground = self.fitter.subsample(self.current)
     fit = self.fitter.converge(self.fitter.first_fit(ground, effects.QuadraticDrag("v")))
