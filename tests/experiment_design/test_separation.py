@@ -117,10 +117,10 @@ def test_what_no_experiment_separates_is_said_so(loaded, tmp_path, capsys):
 
 @pytest.fixture(scope="module")
 def slow():
-    """Return a machine with a delayed input, driven too slowly to tell a delay from a lag."""
+    """Return a machine with a slow actuator, driven too slowly to tell a lag from a delay."""
     t = np.arange(0, 10, 0.02)
     inputs = [6 * np.sin((0.8 + 0.15 * r) * t) for r in range(3)]
-    machine = cart() + effects.InputDelay("F", delay=0.06)
+    machine = cart() + effects.ActuatorLag("F", time_constant=0.06)
     table = measure(machine, inputs, t)
     return machine, inputs, t, diagnose(table, (effects.InputDelay, effects.ActuatorLag))
 
@@ -149,7 +149,7 @@ def test_the_experiment_proposed_tells_which_it_is(slow):
     more = [best.signal(t)] * int(best.repeats)
     again = measure(machine, [*inputs, *more], t, seed=1)
     told = diagnose(again, (effects.InputDelay, effects.ActuatorLag))
-    assert [(c.effect, c.confused_with) for c in told.causes_] == [("input_delay", ())]
+    assert [(c.effect, c.confused_with) for c in told.causes_] == [("actuator_lag", ())]
 
 
 @pytest.mark.slow
