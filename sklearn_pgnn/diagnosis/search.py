@@ -159,8 +159,9 @@ class Search:
         return replace(found, base=base, steps=steps, rivals=rivals)
 
     def _climb_and_simplify(self) -> None:
+        """Climb until nothing says the same simpler either: a finer fit may need less."""
         self._climb()
-        while (simpler := self._simpler(self.current)) is not None:  # a finer fit may need less
+        while (simpler := self._simpler(self.current)) is not None:
             self.current = self._standing = simpler
             self._climb()
 
