@@ -113,6 +113,21 @@ def test_beside_a_cause_only_what_may_stand_there_is_ranked(screened):
     assert both.squares < ranked[0][0] < 0.1 * friction.squares
 
 
+def test_what_was_learned_near_the_records_is_kept(screened):
+    fitter, ground, _, alone = screened
+    friction, load = alone[effects.CoulombFriction], alone[effects.ConstantLoad]
+    both = fitter.converge(fitter.first_fit(friction, effects.ConstantLoad("v")))
+    (cause,) = load.hypothesis.causes
+    screening = Screening(fitter.windows_of)
+    screening.learn(ground, load)
+    far = screening._change_by(cause)
+    screening.learn(friction, both)
+    near = screening._change_by(cause)
+    assert not np.allclose(near, far)
+    screening.learn(ground, load)
+    np.testing.assert_array_equal(screening._change_by(cause), near)
+
+
 def test_the_two_causes_that_explain_most_together_are_foretold():
     cart = systems.cart_on_spring()
     truth = (effects.QuadraticDrag("v", 0.6), effects.ConstantLoad("v", 0.8))

@@ -103,6 +103,12 @@ def test_an_end_stop_holds_what_it_stores():
     assert np.abs(x).max() == pytest.approx(0.5 + np.sqrt(1 / 200.0), rel=1e-3)
 
 
+def test_stops_do_not_cross():
+    seen = Scales({}, {"x": 0.5}, {}, 0.01, 2.0, extremes={"x": (-0.1, 0.5)})
+    limits = effects.EndStop.limits("v", block(), seen)
+    assert limits == {"upper": (0.2, 0.5), "lower": (-0.1, 0.2)}
+
+
 def test_a_late_sensor_shows_what_was():
     u = np.where(T > 1, np.sin(T - 1), 0.0)
     late = (lag() + effects.SensorDelay("y", delay=0.5)).simulate(T, u).y[:, 0]
