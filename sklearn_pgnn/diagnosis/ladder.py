@@ -78,7 +78,7 @@ class Ladder:
     def promising(self, ground: SubsampleFit) -> tuple[Effect, ...]:
         """Return the half of the candidates that are expected to leave least; all of them alone.
 
-        Those of which nothing is expected, since they could not be fitted alone, go on as well.
+        Those of which nothing is expected, since no fit of them could be made, go on as well.
         """
         if not ground.hypothesis.causes:
             return self.candidates

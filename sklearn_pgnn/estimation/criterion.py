@@ -204,10 +204,8 @@ class SelectionCriterion:
         bool
             Whether it does of an output over windows, or in free run where that says anything.
         """
-        share = explained_share(without.windows, with_.windows)
-        return max(share, explained_share(*free_runs_that_tell(without, with_))) >= (
-            self.smallest_share
-        )
+        pairs = (without.windows, with_.windows), free_runs_that_tell(without, with_)
+        return any(explained_share(*pair) >= self.smallest_share for pair in pairs)
 
     def runs_worse(self, other: HeldOut, trial: HeldOut) -> bool:
         """Return whether the free run of a hypothesis is worse than another's, beyond chance.

@@ -156,13 +156,12 @@ class _View:
         A window that is lost speaks for no change.
         """
         self.tick()
-        fit = self.fit
-        wrt = tuple(freedom.name for freedom in fit.freedoms)
+        wrt = tuple(freedom.name for freedom in self.fit.freedoms)
         moved = evaluate(model, self.windows, x0, wrt)
         known = np.repeat(
             np.isfinite(moved.squares), self.windows.lengths * self.windows.y.shape[1]
         )
-        return np.where(known, self.flat(fit.evaluation.residual - moved.residual), 0.0)
+        return np.where(known, self.flat(self.fit.evaluation.residual - moved.residual), 0.0)
 
     def slope(self, name: str) -> np.ndarray:
         """Return the direction in which a parameter moves the outputs, within its bounds."""
