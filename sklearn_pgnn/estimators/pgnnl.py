@@ -2,71 +2,31 @@
 
 import contextlib
 import warnings
-from dataclasses import dataclass
 from functools import partial
-from numbers import Integral
 
 import numpy as np
-import pandas as pd
 from sklearn.base import MultiOutputMixin
 from sklearn.metrics import r2_score
 from sklearn.utils import check_random_state
-from sklearn.utils.validation import check_is_fitted, validate_data
+from sklearn.utils.validation import check_is_fitted
 
-from sklearn_pgnn.estimators.network import step_setup
-from sklearn_pgnn.estimators.network.balance import ADAPTIVE, check_lambda
 from sklearn_pgnn.estimators.network.batches import TensorBatches
 from sklearn_pgnn.estimators.network.cores import FeedForward
-from sklearn_pgnn.estimators.network.free_parameters import names_of
 from sklearn_pgnn.estimators.network.free_run import ready_to_run, run_core
-from sklearn_pgnn.estimators.network.physics_loss import (
-    PhysicsLoss,
-    as_terms,
-    own_parameters,
-    with_dissipation,
-)
-from sklearn_pgnn.estimators.network.plain_model import plain_model
-from sklearn_pgnn.estimators.network.reading import (
-    feature_values,
-    further_columns,
-    simulated_states,
-    with_names,
-)
-from sklearn_pgnn.estimators.network.records import (
-    TrainingRecord,
-    TrainingWindows,
-    estimate_states,
-    prepare,
-    split_for_validation,
-    told_samples,
-    unmeasured_record,
-)
-from sklearn_pgnn.estimators.network.sight import check_sight
+from sklearn_pgnn.estimators.network.prepared_net import PreparedNet
 from sklearn_pgnn.estimators.network.stepper import Stepper
-from sklearn_pgnn.estimators.network.structure import ON_THE_MODEL, lossy_states
-from sklearn_pgnn.estimators.network.trajectory_net import TrajectoryNet
-from sklearn_pgnn.exceptions import RecordError, SimulationWarning
+from sklearn_pgnn.exceptions import SimulationWarning
 from sklearn_pgnn.extras import needed_by
 from sklearn_pgnn.simulation.ahead import Machine, predict_ahead
-from sklearn_pgnn.simulation.free_run import substeps_for
-from sklearn_pgnn.simulation.record_windows import dominant_period, output_noise
-from sklearn_pgnn.simulation.simulate import hold_of
 from sklearn_pgnn.threads import one_thread_each
-from sklearn_pgnn.trajectories import read_records, rows_in_order
-from sklearn_pgnn.trajectories.lost_units import refuse_standardised
-from sklearn_pgnn.trajectories.tables import TIME, as_pandas, as_table
-from sklearn_pgnn.trajectories.validation import check_model, validate_table
+from sklearn_pgnn.trajectories import rows_in_order
 
 with needed_by("PGNNLRegressor"):
     import torch
     from torch import nn
 
-REFINEMENTS = ("auto", "lm", "lbfgs", None)
-#: comparisons of the outputs per dominant period in the last phase
-PER_PERIOD = 100
 
-
-class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
+class PGNNLRegressor(MultiOutputMixin, PreparedNet):
     r"""A network in feedback, guided by a physical model and by a physical loss (PGNN-L).
 
     .. math:: L = (1 - \lambda_{phy})\,L_{error} + \lambda_{phy}\,L_{phy}
@@ -614,63 +574,6 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
             self.module_.core, self.step_, x0, interval or self.interval_, self.guide_line_
         )
 
-    # -- reading -----------------------------------------------------------------------------------
-
-    def _check_rows(self, X, y=None, *, reset):
-        """Check a table whose rows are independent."""
-        if y is None:
-            return validate_data(self, X, reset=reset, dtype=np.float64)
-        return validate_data(
-            self, X, y, reset=reset, dtype=np.float64, multi_output=True, y_numeric=True
-        )
-
-    def _has_time(self, X) -> bool:
-        named = TIME in getattr(as_table(X), "columns", ())
-        return self.model is not None or named or self.time_column is not None
-
-    @property
-    def _time_name(self) -> str:
-        """Name the column of the time where there is no model."""
-        named = self.time_column is None or isinstance(self.time_column, str)
-        return (self.time_column or "t") if named else f"column {self.time_column}"
-
-    def _with_time_name(self, X) -> pd.DataFrame:
-        """Name the columns of an array that has a time but no model."""
-        if isinstance(X, pd.DataFrame):
-            return X
-        return pd.DataFrame(X, columns=[f"column {i}" for i in range(X.shape[1])])
-
-    def _named(self, X):
-        """Name the columns of X where they have no names, and the one that holds the time."""
-        if self.model is None:
-            return self._with_time_name(X), self._time_name
-        named = with_names(self.model, X, self.time_column)
-        return named, self.time_column if named is X else None
-
-    def _read_ready(self, X, y=None):
-        """Read X as trajectories that the loop can run along."""
-        X = validate_table(self, X, reset=False)
-        X, time_column = self._named(X)
-        records = read_records(self.model_, X, y, time_column=time_column)
-        if self.model is not None:
-            refuse_standardised(self.model, records)
-        return _Runs(records, self._prepare(X, records), [])
-
-    def _prepare(self, X, records):
-        features = feature_values(X, self.further_columns_)
-        if self._guide != "simulation":
-            simulated = np.zeros((len(X), 0))
-        else:
-            simulated = simulated_states(self.model_, X)
-        return prepare(
-            self.model_,
-            records,
-            [features[record.rows] for record in records],
-            None if simulated is None else [simulated[record.rows] for record in records],
-            hold=self.hold_,
-            substeps=self.substeps_,
-        )
-
     def _free_runs(self, X):
         runs = self._read_ready(X)
         run = ready_to_run(self.module_.core, self.step_)
@@ -703,25 +606,6 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
             torch.manual_seed(random.randint(2**31 - 1))
             train(X, y, random, anew, **fit_params)
         return self
-
-    def _check_parameters(self) -> None:
-        check_model(self.model, optional=True)
-        check_lambda(self.lambda_phy)
-        step_setup.check_structure(self.structure, self.guide, self.model is not None)
-        self._free_names = names_of(self.model, self.free)
-        if not isinstance(self.overlap, int | float) or not 0 <= self.overlap < np.inf:
-            raise ValueError(f"overlap: expected a number >= 0, got {self.overlap!r}.")
-        if self.refine not in REFINEMENTS:
-            raise ValueError(f"refine: expected one of {REFINEMENTS}, got {self.refine!r}.")
-        if not isinstance(self.horizon, Integral) or self.horizon < 1:
-            raise ValueError(f"horizon: expected an integer >= 1, got {self.horizon!r}.")
-        if not isinstance(self.scaled, bool | np.bool_):
-            raise ValueError(f"scaled: expected True or False, got {self.scaled!r}.")
-        share = self.validation_fraction
-        if not isinstance(share, int | float) or not 0 <= share < 1:
-            raise ValueError(
-                f"validation_fraction: expected a share from 0 to below 1, got {share!r}."
-            )
 
     def _train_on_rows(self, X, y, random, anew, **fit_params) -> None:
         """Train a plain regression on independent rows."""
@@ -775,186 +659,9 @@ class PGNNLRegressor(MultiOutputMixin, TrajectoryNet):
         self.module_.samples, self._phase, self._validation, self._shown = {}, None, [], {}
         self._unmeasured = []
 
-    def _prepare_training(self, X, y, random, anew):
-        """Read the records, estimate their states, and settle what a step is made of."""
-        table = X = validate_table(self, X, reset=anew)
-        y = as_pandas(y)
-        outputs = y if hasattr(y, "iloc") else np.asarray(y)
-        self._single_output = np.asarray(y).ndim == 1
-        self.model_ = self.model if anew else self.model_
-        if self.model is None:
-            X, y = self._with_time_name(X), np.asarray(y)  # y names nothing that a model knows
-            self.model_ = plain_model(X, y, self._time_name, self.states)
-        self._settle_dissipation()
-        X, time_column = self._named(X)
-        given = read_records(self.model_, X, y, time_column=time_column, allow_unmeasured=True)
-        records = tuple(record for record in given if record.is_measured)
-        if self.model is not None:
-            refuse_standardised(self.model, given, energies=self.lambda_phy != 0)
-        self.noise_ = output_noise(records)
-        options = self._settle_clock(records)
-        self.further_columns_ = further_columns(self.model_, X, time_column)
-        states = estimate_states(self.model_, records, **options)
-        if anew:
-            self._settle_structure(records, states, options)
-        ready = self._prepare(X, records)
-        self.guide_line_ = self._find_guide_line(X, records, ready)
-        told = told_samples(records)
-        whole = [
-            TrainingRecord(each, x, record.y, told=by_y)
-            for each, x, record, by_y in zip(ready, states, records, told, strict=True)
-        ]
-        training, self._validation = split_for_validation(whole, self.validation_fraction, random)
-        self._show(table, outputs, records, whole)
-        self._unmeasured = self._prepare_unmeasured(X, given, options)
-        windows = self._cut_windows([*training, *self._unmeasured], options)
-        if anew:
-            self.step_ = step_setup.make_step(
-                self.model_,
-                windows,
-                self.structure_,
-                self._guide,
-                corrects=self.corrects,
-                sees=self.sees,
-                further=self.further_columns_,
-                middle=self._middle,
-                **options,
-            )
-        self._settle_physics(windows)
-        self._spread = _positive(np.nanstd(np.concatenate([r.y for r in records]), axis=0))
-        return training, windows
-
-    def _settle_dissipation(self) -> None:
-        """Let the model lose its energy as a balance says that is weighted."""
-        terms = as_terms(self.physics_loss, self.model) if self.lambda_phy != 0 else []
-        self._balance_names = own_parameters(self.model, terms)
-        self._prior = with_dissipation(self.model, terms)
-        self.model_ = with_dissipation(self.model_, terms)
-
-    def _settle_clock(self, records) -> dict:
-        """Settle how the records are simulated and compared, and return the former."""
-        self.hold_ = hold_of(self.model_, self.hold)
-        self.substeps_ = substeps_for(self.model_, records, self.substeps, hold=self.hold_)
-        self.interval_ = float(np.median(np.concatenate([np.diff(r.t) for r in records])))
-        self._stride = max(1, int(dominant_period(records) / self.interval_ / PER_PERIOD))
-        if any(np.isnan(record.y).any() for record in records):
-            self._stride = 1  # else those that were measured may be skipped
-        return {"hold": self.hold_, "substeps": self.substeps_}
-
-    def _cut_windows(self, records, options) -> TrainingWindows:
-        windows = TrainingWindows(
-            records,
-            self.model_,
-            needs_prior=self.structure_ in ON_THE_MODEL or self._guide == "step",
-            needs_terms=self._guide == "terms",
-            terms_from=self.model,
-            seen_at=1.0 if self.structure_ == "dissipative" else 0.5 * self._middle,
-            **options,
-        )
-        if not len(windows.pairs):
-            raise RecordError(
-                "y: expected two samples one after the other with a measured output, or with "
-                "measured ones near on both sides; got none in the trajectories to train on."
-            )
-        return windows
-
-    def _prepare_unmeasured(self, X, records, options) -> list[TrainingRecord]:
-        """Make the trajectories without any output ready, where a physical loss asks for them."""
-        blind = [record for record in records if not record.is_measured]
-        if self.lambda_phy == 0 or not blind:
-            return []
-        return [
-            unmeasured_record(self.model_, record, ready, **options)
-            for record, ready in zip(blind, self._prepare(X, blind), strict=True)
-        ]
-
-    def _settle_structure(self, records, states, options) -> None:
-        plain = self.model is None
-        self.structure_ = self.structure
-        if self.structure == "auto" and (self._free_names or self.corrects is not None):
-            self.structure_ = "correction"
-        elif self.structure == "auto":
-            self.structure_ = (
-                "increment"
-                if plain
-                else step_setup.find_structure(self.model_, records, states, **options)
-            )
-        self._guide = self.guide
-        if self.guide == "auto":
-            by_structure = "terms" if self.structure_ in ON_THE_MODEL else "simulation"
-            unseen = plain or (self.sees is not None and by_structure == "simulation")
-            self._guide = None if unseen else by_structure
-        with_parameters = bool(self._free_names) and self.structure_ == "correction"
-        self._middle = with_parameters and self._guide != "step"
-        check_sight(
-            self.model_, self.structure_, self._guide, self.corrects, self.sees,
-            self.further_columns_,
-        )  # fmt: skip
-        if self.structure_ == "dissipative":
-            lossy_states(self.model_, self.corrects, self._free_names)
-        if self._free_names and self.structure_ not in ON_THE_MODEL and self.lambda_phy == 0:
-            raise ValueError(
-                f"free={self.free!r}: the loss does not depend on the model's parameters where "
-                f"structure={self.structure_!r} and lambda_phy=0. Remedy: structure='correction', "
-                f"or weigh an energy balance that holds them (lambda_phy=0.01)."
-            )
-
-    def _settle_physics(self, windows) -> None:
-        """Bind the physical terms, where there are any or where they weigh."""
-        self._physics, self.lambda_phy_ = None, 0.0
-        wanted = self.lambda_phy != 0 or self.physics_loss is not None
-        if wanted or "stored" in self.model_.energy:
-            terms = as_terms(self.physics_loss, self.model)
-            self._physics = PhysicsLoss(terms, self.model_, windows.motion(), self.scaled)
-        if self.lambda_phy != ADAPTIVE:
-            self.lambda_phy_ = float(self.lambda_phy)
-
-    def _bound_loss(self) -> PhysicsLoss:
-        if self._physics is None:
-            as_terms(self.physics_loss, self.model)
-            raise ValueError(
-                "physics_residual: expected a model with 'energy', or physics_loss, got neither. "
-                "Remedy: give one of them before fit."
-            )
-        return self._physics
-
-    def _find_guide_line(self, X, records, ready):
-        """Find how the simulated columns of X follow the simulation; a stepper repeats it."""
-        nx = len(self.model_.states)
-        if self._guide != "simulation" or simulated_states(self.model_, X) is None:
-            return np.ones(nx), np.zeros(nx)
-        own = np.concatenate([self._open_loop(record) for record in records])
-        given = np.concatenate([each.simulated for each in ready])
-        lines = [
-            np.polyfit(a, b, 1) if np.ptp(a) else (1.0, b[0] - a[0])
-            for a, b in zip(own.T, given.T, strict=True)
-        ]
-        slope, offset = np.array(lines).T
-        return slope, offset
-
-    def _open_loop(self, record):
-        return prepare(
-            self.model_, [record], [np.zeros((len(record.t), 0))], None,
-            hold=self.hold_, substeps=self.substeps_,
-        )[0].simulated  # fmt: skip
-
     def __sklearn_tags__(self):
         tags = super().__sklearn_tags__()
         # in states, which are read in a trajectory's first row
         tags.input_tags.allow_nan = self.model is not None
         tags.regressor_tags.poor_score = self.model is not None  # on random numbers
         return tags
-
-
-@dataclass
-class _Runs:
-    """Trajectories of a table, ready for the loop, and their free runs."""
-
-    records: tuple
-    ready: list
-    x: list
-
-
-def _positive(values) -> np.ndarray:
-    """Replace zeros by 1."""
-    return np.where(values > 0, values, 1.0)
