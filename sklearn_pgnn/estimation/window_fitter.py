@@ -1,6 +1,7 @@
 """Fit hypotheses on all windows, and on those that are held out; remember what was fitted."""
 
 from contextlib import AbstractContextManager
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -31,7 +32,12 @@ from sklearn_pgnn.estimation.progress import Progress
 from sklearn_pgnn.estimation.unusable import Ledger, Unusable
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.window_fit import WindowFit, fit_windows, lost_fit
+from sklearn_pgnn.simulation.window_fit import (
+    WindowFit,
+    fit_windows,
+    lost_fit,
+    undetermined,
+)
 from sklearn_pgnn.simulation.windows import ShootingWindows
 
 #: what fits for cross-validation are called where they break down
@@ -433,7 +439,12 @@ class WindowFitter:
         def learn(which: np.ndarray) -> WindowFit:
             known, x0 = fit.evaluation.select(which), fit.x0[which]
             forgets = SMALL_CHANGE / self.problem.n_samples
-            return run(fit.model, which, fit.freedoms, x0, forgets, evaluation=known, min_steps=1)
+            taught = run(fit.model, which, fit.freedoms, x0, forgets, evaluation=known, min_steps=1)
+            untold = undetermined(taught, *start.select(which)) if taught.usable else ()
+            if not untold:
+                return taught
+            own = run(taught.model, ~which, untold, fit.x0[~which])
+            return replace(taught, model=own.model) if own.usable else taught
 
         def judge(learned: WindowFit, which: np.ndarray) -> WindowFit:
             fits = [run(learned.model, which, (), x0[which]) for x0 in (fit.x0, start.x0)]

@@ -465,6 +465,30 @@ def expected_decrease(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) 
     return decrease if decrease <= fit.objective else 0.0
 
 
+def undetermined(
+    fit: WindowFit, expected: np.ndarray, spread: np.ndarray
+) -> tuple[ParameterPrior, ...]:
+    """Return the parameters on which no window depends.
+
+    Parameters
+    ----------
+    fit : WindowFit
+        A fit.
+    expected : ndarray of shape (n_windows, n_states)
+        Expected initial states.
+    spread : ndarray of shape (n_states,)
+        How uncertain they are.
+
+    Returns
+    -------
+    tuple of ParameterPrior
+        Those whose every change is made up for by the initial states, or changes nothing.
+    """
+    normal = project(fit.evaluation.gram, len(fit.freedoms), 1.0 / spread**2, fit.x0 - expected)
+    seen = np.diag(normal.hessian.sum(axis=0)) > 0
+    return tuple(each for each, told in zip(fit.freedoms, seen, strict=True) if not told)
+
+
 def bounded_step(hessian, gradient, damping, low, high) -> np.ndarray:
     """Solve damped normal equations within bounds; parameters that nothing depends on stay.
 

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from sklearn_pgnn import (
     ModelDiagnosis,
+    Parameter,
     PhysicsModel,
     PhysicsModelRegressor,
     datasets,
@@ -151,6 +152,40 @@ def test_what_the_others_teach_has_forgotten_the_fold(monkeypatch):
         further = fit_windows(*args, **options).objective
         count = windows.lengths[which].sum()
         assert fit.objective - further < fit.objective / count
+
+
+SLIDE = PhysicsModel(
+    {"x": "m", "v": "m/s"},
+    {"x": "v", "v": "(F - d*v - k*x)/m"},
+    {n: Parameter(n, v, spread=np.inf) for n, v in {"m": 2.0, "d": 2.5, "k": 8.0}.items()},
+    {"F": "N"},
+    {"place": "x", "speed": "v"},
+    inertia={"v": "m"},
+)
+
+
+@pytest.mark.slow
+def test_what_one_fold_alone_tells_is_fitted_there_so_that_mirrors_leave_the_same():
+    """A place that shows too much is a speed that shows too little, whoever meets the stop."""
+    machine = SLIDE + effects.EndStop("v", upper=0.25, lower=-0.3, stiffness=80.0)
+    machine += effects.SensorGain("place", error=0.02)
+    rng, X, y = np.random.default_rng(0), [], []
+    for i, force in enumerate((1.0, 1.0, 1.0, 2.5)):
+        t = np.arange(600) * STEP
+        force = force * (np.sin(1.1 * t + i) + 0.5 * np.sin(3.1 * t))
+        X.append(pd.DataFrame({"trajectory": i, "t": t, "F": force}))
+        shown = machine.simulate(t, force, substeps=10).y
+        y.append(shown + 1e-4 * rng.normal(size=shown.shape))
+    records = read_records(SLIDE, pd.concat(X, ignore_index=True), np.concatenate(y))
+    fitter = HypothesisFitter(build_problem(SLIDE, records))
+    stop = with_cause(fitter, fitter.base(), effects.EndStop("v"))
+    mirrors = [
+        fitter.polish(with_cause(fitter, stop, effects.SensorGain(output)))
+        for output in ("place", "speed")
+    ]
+    one, other = (fitter.held_out(trial) for trial in mirrors)
+    np.testing.assert_allclose(one.windows.squares, other.windows.squares, rtol=1e-4)
+    assert (one.windows.squares / one.windows.counts < 1.1).all()
 
 
 def test_what_was_not_measured_does_not_count():
