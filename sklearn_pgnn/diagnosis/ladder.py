@@ -130,8 +130,8 @@ class Ladder:
     def _note_alone(self, ground: SubsampleFit, fits: list[SubsampleFit]) -> None:
         """Note the share of the squares that every candidate leaves alone."""
         for fit in fits:
-            if fit.fit.usable and ground.fit.usable:
-                cause = fit.hypothesis.causes[-1]
+            if len(fit.hypothesis.causes) == 1 and fit.fit.usable and ground.fit.usable:
+                (cause,) = fit.hypothesis.causes
                 for same in (cause, *self.same[cause]):
                     left = share_left(*(each.fit.evaluation.squares for each in (ground, fit)))
                     self.alone[same] = min(left, self.alone.get(same, left))

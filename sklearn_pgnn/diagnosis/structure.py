@@ -9,6 +9,7 @@ the physics can. Measured states are not among the features: their noise would e
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from scipy.stats import t as student
@@ -54,8 +55,11 @@ def find_structure(
 ) -> Structure:
     r"""Ask whether what a hypothesis leaves can be predicted from what was recorded.
 
-    An output's residual has structure if the share that is predicted, averaged over groups of
-    records, is at least the smallest share that counts and exceeds zero by Student's t-test.
+    An output's residual has structure if the share of its power that is predicted, averaged over
+    groups of records, is at least the smallest share that counts and exceeds zero, see
+    `is_positive`. It is asked twice, each time at half the rate: with groups that count alike, so
+    that a loud one in which the prediction extrapolates does not decide alone, and with groups that
+    count by their power, so that a quiet one does not.
 
     Parameters
     ----------
@@ -81,22 +85,66 @@ def find_structure(
     for column, output in enumerate(problem.prior.outputs):
         with one_thread_each():
             predictions = list(table.predictions(column))
-        shares = np.array([share for share, _, _ in predictions])
+        shares, powers = np.array([each[:2] for each in predictions]).reshape(-1, 2).T
         skill[output] = float(shares.mean()) if shares.size else 0.0
-        if _is_positive(shares, level) and skill[output] >= smallest_share:
-            significant = True
-            for name, lost in table.importance(column, predictions).items():
-                depends[name] = max(depends.get(name, 0.0), lost / skill[output])
+        for weights in (np.ones(shares.size), powers):
+            if not is_positive(shares, weights, level / 2):
+                continue
+            share = np.average(shares, weights=weights)
+            if share >= smallest_share:
+                significant, skill[output] = True, float(share)
+                for name, lost in table.importance(column, predictions, weights).items():
+                    depends[name] = max(depends.get(name, 0.0), lost / share)
+                break
     telling = [name for name, lost in depends.items() if lost >= smallest_share]
     return Structure(skill, significant, tuple(sorted(telling, key=lambda n: -depends[n])))
 
 
-def _is_positive(shares: np.ndarray, alpha: float) -> bool:
-    """Return whether the mean of shares exceeds zero by Student's t-test."""
-    if shares.size < 2 or not shares.mean() > 0:
+def is_positive(shares: np.ndarray, weights: np.ndarray, alpha: float) -> bool:
+    r"""Return whether the weighted mean of shares exceeds zero, by Student's t-test.
+
+    .. math:: m = \frac{\sum_i w_i s_i}{\sum_i w_i}, \qquad
+              e^2 = \frac{k}{k - 1} \frac{\sum_i w_i^2 (s_i - m)^2}{(\sum_i w_i)^2},
+              \qquad k = \frac{(\sum_i w_i)^2}{\sum_i w_i^2}
+
+    with :math:`k - 1` degrees of freedom: unequal groups are as many as :math:`k` alike.
+
+    Parameters
+    ----------
+    shares : ndarray of shape (n_groups,)
+        Shares :math:`s`.
+    weights : ndarray of shape (n_groups,)
+        Their weights :math:`w`.
+    alpha : float
+        Rate of false answers where the shares have no meaning.
+
+    Returns
+    -------
+    bool
+        Whether it does.
+
+    Examples
+    --------
+    >>> is_positive(np.array([0.8, 0.9, 0.7, -9.0]), np.array([10.0, 10.0, 9.0, 0.01]), 0.01)
+    True
+    """
+    if shares.size < 2 or not weights @ shares > 0:
         return False
-    error = shares.std(ddof=1) / np.sqrt(shares.size)
-    return bool(shares.mean() > student.ppf(1 - alpha, shares.size - 1) * error)
+    total = weights.sum()
+    count, mean = total**2 / (weights**2).sum(), weights @ shares / total
+    if not count > 1:
+        return False
+    square = count / (count - 1) * (weights**2 @ (shares - mean) ** 2) / total**2
+    return bool(mean > student.ppf(1 - alpha, count - 1) * np.sqrt(square))
+
+
+class _Prediction(NamedTuple):
+    """What the other groups predict of one."""
+
+    share: float
+    power: float
+    trees: HistGradientBoostingRegressor
+    inside: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -135,8 +183,8 @@ class _Table:
             _groups(record, rows),
         )
 
-    def predictions(self, column: int) -> Iterator[tuple]:
-        """Yield, group by group, the share that is predicted, the trees and the group's rows."""
+    def predictions(self, column: int) -> Iterator[_Prediction]:
+        """Yield what is predicted of an output, group by group."""
         y = self.residual[:, column]
         known = np.isfinite(y)
         for group in np.unique(self.group[known]):
@@ -147,23 +195,25 @@ class _Table:
                 max_iter=TREES, max_leaf_nodes=LEAVES, random_state=0
             )
             trees.fit(self.features[outside], y[outside])
-            yield self._share(trees, self.features[inside], y[inside]), trees, inside
+            share = _share(trees, self.features[inside], y[inside])
+            yield _Prediction(share, float(np.sum(y[inside] ** 2)), trees, inside)
 
-    def importance(self, column: int, predictions) -> dict[str, float]:
+    def importance(self, column: int, predictions, weights) -> dict[str, float]:
         """Return by how much less is predicted if a quantity is shuffled."""
         y, rng, lost = self.residual[:, column], np.random.default_rng(0), {}
         for name in dict.fromkeys(self.names):
             own, falls = np.array([n == name for n in self.names]), []
-            for share, trees, inside in predictions:
-                shuffled = self.features[inside].copy()
+            for each in predictions:
+                shuffled = self.features[each.inside].copy()
                 shuffled[:, own] = rng.permutation(shuffled[:, own])
-                falls.append(share - self._share(trees, shuffled, y[inside]))
-            lost[name] = float(np.mean(falls))
+                falls.append(each.share - _share(each.trees, shuffled, y[each.inside]))
+            lost[name] = float(np.average(falls, weights=weights))
         return lost
 
-    @staticmethod
-    def _share(trees, features, y) -> float:
-        return 1.0 - float(np.sum((y - trees.predict(features)) ** 2) / np.sum(y**2))
+
+def _share(trees, features, y) -> float:
+    """Return the share of a quantity's power that is predicted."""
+    return 1.0 - float(np.sum((y - trees.predict(features)) ** 2) / np.sum(y**2))
 
 
 def _longest_lag(windows: ShootingWindows) -> float:

@@ -136,14 +136,15 @@ class CrossValidation:
     def _memory_price(self, fit: WindowFit, gram, x0, order, seen: Residuals) -> float:
         r"""Return what the initial values of the states cost that the prior does not have.
 
-        .. math:: V = \frac{1}{2} \sum_w \left(\log\frac{\det A_w}{\det A_{w,cc}}
-                  + \sum_e \log \sigma_e^2 + \frac{(x_{w,e} - \hat x_{w,e})^2}
-                  {\sigma_e^2}\right), \qquad A_w = G_w / \phi + \Sigma^{-1}
+        .. math:: V = \frac{1}{2} \sum_w \left(\log\det(I + \Sigma H_w)
+                  + z_w^T \Sigma^{-1} z_w + z_w^T H_w z_w - s_w^T H_w s_w
+                  - \frac{2}{\phi} (z_w - s_w)^T g_w\right)
 
-        with :math:`A_w` the Hessian by a window's initial states, :math:`A_{w,cc}` its part of the
-        states that the prior has as well, the squared sensitivities :math:`G_w` in units of the
-        noise, the power :math:`\phi` of the residuals in these units times their autocorrelation
-        time, and the spreads :math:`\sigma` of the states.
+        with the information :math:`H_w` that residuals of the power :math:`\phi`, in units of the
+        noise and times their autocorrelation time, give of the added states' initial values
+        beside those of the others, :math:`g_w = (\phi H_w + \Sigma^{-1}) s_w`, their variances
+        :math:`\Sigma`, what the fit has put them at, :math:`s_w`, from where they are expected,
+        and where such residuals put them, :math:`z_w = (H_w + \Sigma^{-1})^{-1} g_w / \phi`.
         """
         states = list(fit.model.states)
         prior = set(self.problem.prior.states)
@@ -152,13 +153,20 @@ class CrossValidation:
         if not added:
             return 0.0
         dispersion = max(float((seen.squares * seen.times).sum() / seen.counts.sum()), 1.0)
-        weight = 1.0 / self.spread**2
-        hessian = gram[:, : len(states), : len(states)] / dispersion + np.diag(weight)
-        shift = x0 - self.expected[order]
-        whole = np.linalg.slogdet(hessian)[1]
-        shared = np.linalg.slogdet(hessian[:, known][:, :, known])[1]
-        volume = np.maximum(whole - shared - np.log(weight[added]).sum(), 0.0)
-        return float(0.5 * (volume.sum() + (weight[added] * shift[:, added] ** 2).sum()))
+        weight = np.diag(1.0 / self.spread**2)
+        hessian = gram[:, : len(states), : len(states)] / dispersion + weight
+        across = hessian[:, known][:, :, added]
+        follow = np.linalg.solve(hessian[:, known][:, :, known], across)
+        curvature = hessian[:, added][:, :, added] - np.swapaxes(across, 1, 2) @ follow
+        weight = weight[np.ix_(added, added)]
+        told = curvature - weight
+        shift = (x0 - self.expected[order])[:, added, None]
+        slope = (dispersion * told + weight) @ shift
+        place = np.linalg.solve(curvature, slope / dispersion)
+        volume = np.linalg.slogdet(curvature)[1] - np.linalg.slogdet(weight)[1]
+        moved = _square(curvature, place) - _square(told, shift)
+        moved = moved - 2.0 / dispersion * np.sum((place - shift) * slope, axis=(1, 2))
+        return float(0.5 * (np.maximum(volume, 0.0).sum() + moved.sum()))
 
     def _lost(self) -> HeldOut:
         windows = self.problem.windows
@@ -166,6 +174,11 @@ class CrossValidation:
         none = Residuals(np.full(counts.shape, np.inf), counts, np.ones(counts.shape))
         shape = (len(windows), windows.blocks, windows.y.shape[1])
         return HeldOut(none, none, 0.0, np.full(shape, np.inf))
+
+
+def _square(matrices: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """Return the squares of columns by symmetric matrices."""
+    return np.sum(columns * (matrices @ columns), axis=(1, 2))
 
 
 def rows_of(windows: ShootingWindows) -> np.ndarray:

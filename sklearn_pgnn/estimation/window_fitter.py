@@ -33,10 +33,11 @@ from sklearn_pgnn.estimation.unusable import Ledger, Unusable
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.window_fit import (
+    ParameterPrior,
     WindowFit,
     fit_windows,
+    information,
     lost_fit,
-    undetermined,
 )
 from sklearn_pgnn.simulation.windows import ShootingWindows
 
@@ -436,15 +437,22 @@ class WindowFitter:
                 **options,
             )
 
+        told = information(fit, *start)
+
+        def untold(which: np.ndarray) -> tuple[ParameterPrior, ...]:
+            """Return the parameters that other windows tell much better than these."""
+            here, there = told[which].sum(axis=0), told[~which].sum(axis=0)
+            pairs = zip(fit.freedoms, here < SMALL_CHANGE**2 * there, strict=True)
+            return tuple(freedom for freedom, little in pairs if little)
+
         def learn(which: np.ndarray) -> WindowFit:
             known, x0 = fit.evaluation.select(which), fit.x0[which]
             forgets = SMALL_CHANGE / self.problem.n_samples
             taught = run(fit.model, which, fit.freedoms, x0, forgets, evaluation=known, min_steps=1)
-            untold = undetermined(taught, *start.select(which)) if taught.usable else ()
-            if not untold:
+            if not (taught.usable and (own := untold(which))):
                 return taught
-            own = run(taught.model, ~which, untold, fit.x0[~which])
-            return replace(taught, model=own.model) if own.usable else taught
+            there = run(taught.model, ~which, own, fit.x0[~which])
+            return replace(taught, model=there.model) if there.usable else taught
 
         def judge(learned: WindowFit, which: np.ndarray) -> WindowFit:
             fits = [run(learned.model, which, (), x0[which]) for x0 in (fit.x0, start.x0)]

@@ -465,10 +465,8 @@ def expected_decrease(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) 
     return decrease if decrease <= fit.objective else 0.0
 
 
-def undetermined(
-    fit: WindowFit, expected: np.ndarray, spread: np.ndarray
-) -> tuple[ParameterPrior, ...]:
-    """Return the parameters on which no window depends.
+def information(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) -> np.ndarray:
+    """Return how much every window tells of every parameter, its initial state being free.
 
     Parameters
     ----------
@@ -481,12 +479,12 @@ def undetermined(
 
     Returns
     -------
-    tuple of ParameterPrior
-        Those whose every change is made up for by the initial states, or changes nothing.
+    ndarray of shape (n_windows, n_parameters)
+        Inverse variances of the parameters, each alone, by a window with the noise's errors.
     """
-    normal = project(fit.evaluation.gram, len(fit.freedoms), 1.0 / spread**2, fit.x0 - expected)
-    seen = np.diag(normal.hessian.sum(axis=0)) > 0
-    return tuple(each for each, told in zip(fit.freedoms, seen, strict=True) if not told)
+    n_p, weight = len(fit.freedoms), 1.0 / spread**2
+    normal = project(fit.evaluation.gram, n_p, weight, fit.x0 - expected)
+    return np.einsum("wii->wi", normal.hessian)
 
 
 def bounded_step(hessian, gradient, damping, low, high) -> np.ndarray:

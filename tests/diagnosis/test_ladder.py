@@ -40,6 +40,16 @@ def test_the_hidden_cause_leaves_least_alone(ladder):
     assert least.id == "coulomb_friction"
 
 
+def test_a_pair_says_nothing_of_what_its_second_cause_leaves_alone(ladder):
+    none = ladder.fitter.base()
+    ladder.first_fits(none, CANDIDATES)
+    before = dict(ladder.alone)
+    rubbed = ladder.fitter.first_fit(ladder.fitter.subsample(none), CANDIDATES[0])
+    pairs = [ladder.fitter.first_fit(rubbed, other) for other in CANDIDATES[1:]]
+    ladder.converge(none, [pair for pair in pairs if pair.fit.usable])
+    assert ladder.alone == before
+
+
 def test_the_limit_grows_with_what_the_best_leaves_and_lies_above_it(ladder):
     none = ladder.fitter.base()
     low, high = (ladder._limit(none, squares) for squares in (1.0, 10.0))

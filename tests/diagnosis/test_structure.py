@@ -12,8 +12,8 @@ from sklearn_pgnn import effects
 from sklearn_pgnn.diagnosis.structure import (
     IN_RECORD,
     _groups,
-    _is_positive,
     find_structure,
+    is_positive,
 )
 from sklearn_pgnn.estimation.budgets import STRETCHES
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
@@ -60,14 +60,31 @@ def noise_of(kind, problem, rng):
 @pytest.mark.parametrize("groups", [3, 8])
 def test_shares_without_any_meaning_are_taken_for_some_as_rarely_as_alpha_says(alpha, groups):
     draws = np.random.default_rng(0).normal(size=(4000, groups))
-    rate = np.mean([_is_positive(shares, alpha) for shares in draws])
+    rate = np.mean([is_positive(shares, np.ones(groups), alpha) for shares in draws])
     assert rate == pytest.approx(alpha, abs=3 * np.sqrt(alpha / len(draws)))
 
 
+@pytest.mark.parametrize("alpha", [0.01, 0.1])
+@pytest.mark.parametrize("spread", [0.5, 2.0])
+def test_so_they_are_where_some_groups_are_louder(alpha, spread):
+    rng = np.random.default_rng(0)
+    powers = np.exp(spread * rng.normal(size=(4000, 8)))
+    found = [is_positive(rng.normal(size=8), power, alpha) for power in powers]
+    assert np.mean(found) <= alpha + 3 * np.sqrt(alpha / len(powers))
+
+
 def test_one_group_proves_nothing():
-    assert not _is_positive(np.array([0.9]), ALPHA)
-    assert not _is_positive(np.array([]), ALPHA)
-    assert not _is_positive(np.zeros(8), ALPHA)
+    assert not is_positive(np.array([0.9]), np.ones(1), ALPHA)
+    assert not is_positive(np.array([]), np.array([]), ALPHA)
+    assert not is_positive(np.zeros(8), np.ones(8), ALPHA)
+    assert not is_positive(np.array([0.9, 0.0, 0.0]), np.array([1e3, 1e-3, 1e-3]), ALPHA)
+
+
+def test_a_quiet_group_that_is_badly_predicted_does_not_hide_what_the_loud_ones_share():
+    shares, powers = np.array([0.8, 0.9, 0.7, 0.8, 0.75, -20.0]), np.array([10.0] * 5 + [0.01])
+    assert is_positive(shares, powers, ALPHA)
+    assert is_positive(shares, 1e6 * powers, ALPHA)
+    assert not is_positive(shares, np.ones(6), ALPHA)
 
 
 @pytest.mark.slow

@@ -280,16 +280,19 @@ def test_a_memory_that_nothing_shows_and_that_stays_where_it_was_expected_costs_
 def test_the_price_is_that_of_the_integral_over_the_initial_value(sharpness, seen, power):
     r"""Here Laplace's method is exact: :math:`-\log\int N(z; 0, s^2) e^{-g(z - a)^2/2} dz`.
 
-    Residuals with more power than the noise's tell less of the initial value.
+    Residuals with more power than the noise's tell less of the initial value, though the fit has
+    believed them.
     """
     weight = 1.0 / SPREAD[1] ** 2
-    gram, sharpness = np.diag([0.0, sharpness, 0.0])[None], sharpness / power
-    z = sharpness * seen / (sharpness + weight)
-    x0 = np.array([[0.0, z]])
+    gram = np.diag([0.0, sharpness, 0.0])[None]
+    fitted = sharpness * seen / (sharpness + weight)
+    left = sharpness / power * (fitted - seen) ** 2 / 2
+    sharpness /= power
     integral = np.log1p(sharpness / weight) / 2
     integral += sharpness * weight / (sharpness + weight) * seen**2 / 2
-    left = sharpness * (z - seen) ** 2 / 2
-    assert price(REMEMBERS, gram, x0, dispersion=power) + left == pytest.approx(integral)
+    x0 = np.array([[0.0, fitted]])
+    found = price(REMEMBERS, gram, x0, dispersion=power)
+    assert found + left == pytest.approx(integral, rel=1e-6, abs=1e-9)
 
 
 # -- records that are too short --------------------------------------------------------------------
