@@ -117,7 +117,7 @@ class HeldOutWindows:
         for model, fold in zip(learned, np.unique(folds), strict=True):
             inside = folds == fold
             part = windows.select(inside)
-            led = lead(model, part, names)
+            led = lead(model, part, names, x0[inside])
             begun = x0[inside] if led is None else led.initial_states(x0[inside])
             expected = problem.states.expected_starts(model, part)
             self.mean[inside], self.covariance[inside] = _starts(led, begun, *expected)

@@ -113,12 +113,15 @@ class _OtherStarts:
     def __iter__(self) -> Iterator[np.ndarray]:
         """Begin where expected, and where the windows before lead; with the other signs.
 
-        States that inputs lead begin a record at either end of where they are, and between.
+        States that inputs lead begin a record at either end of where they are, and between; where
+        the windows before lead, they begin as fitted, and as if they had forgotten their start.
         """
-        reached = self._reached()
+        reached = [self._reached()]
+        if self.led.any():
+            reached.append(np.where(self.led, self.expected[self.which], reached[0]))
         if not self.unsigned:
             yield self.expected[self.which]
-            yield reached
+            yield from reached
             if self.led.any():
                 yield from self._led_elsewhere()
             return
@@ -127,8 +130,9 @@ class _OtherStarts:
         turn = np.where(np.isin(states, self.unsigned), -1.0, 1.0)
         yield turn * x0
         yield np.where(np.isin(states, velocities), -1.0, 1.0) * x0
-        yield reached
-        yield turn * reached
+        for place in reached:
+            yield place
+            yield turn * place
 
     def _led_elsewhere(self) -> Iterator[np.ndarray]:
         """Begin with the states that inputs lead low, high, and in the middle."""

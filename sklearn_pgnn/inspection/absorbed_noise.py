@@ -65,7 +65,7 @@ def absorbed_autocorrelation(
     ndarray of shape (lags, n_outputs)
         By lag, from 1 on.
     """
-    acting, led, parts = windows.acting_inputs(model), lead(model, windows, ()), []
+    acting, led, parts = windows.acting_inputs(model), lead(model, windows, (), x0), []
     begun = x0 if led is None else led.initial_states(x0)
     for w in np.unique(np.linspace(0, len(windows) - 1, MOST).astype(int)):
         rows = slice(windows.starts[w], windows.starts[w] + windows.lengths[w])

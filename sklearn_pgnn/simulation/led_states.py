@@ -2,13 +2,9 @@ r"""States beside the prior's that inputs alone drive: a record's start leads th
 
 The initial state of every window is fitted. For what an actuator remembers that would be a freedom
 that no machine has: its inputs are known from the record's start on. Let :math:`\varphi_w(c, p)` be
-where such states are at the start of window :math:`w` if they begin the record at :math:`c`. From
-where they are settled, :math:`c_0`, they come to
-
-.. math:: x_w = \varphi_w(c_0, p) + \frac{\partial \varphi_w}{\partial c} (c_w - c_0),
-
-and the window fits the record's start as it sees it, :math:`c_w`, in the place of :math:`x_w`. So
-what the states have forgotten is no freedom.
+where such states are at the start of window :math:`w` if they begin the record at :math:`c`. The
+window fits the record's start as it sees it, :math:`c_w`, expected where the states are settled, in
+the place of :math:`x_w = \varphi_w(c_w, p)`. So what the states have forgotten is no freedom.
 """
 
 import warnings
@@ -26,6 +22,9 @@ from sklearn_pgnn.simulation.simulate import settled_start, simulate_acting
 if TYPE_CHECKING:
     from sklearn_pgnn.simulation.windows import ShootingWindows
 
+#: share of what a record's start is off that is left in a window in which it does not matter
+FORGOTTEN = 1e-9
+
 
 @dataclass(frozen=True)
 class Lead:
@@ -38,7 +37,7 @@ class Lead:
     numbers : list of int
         Places of the parameters that their rates hold among those that are differentiated by.
     start : ndarray of shape (n_windows, n_led)
-        Where the states are settled at the start of every window's record.
+        Where the states begin every window's record.
     reached : ndarray of shape (n_windows, n_led)
         Where that leads them.
     slopes : ndarray of shape (n_windows, n_led, n_numbers + n_led)
@@ -52,7 +51,7 @@ class Lead:
     slopes: np.ndarray
 
     def initial_states(self, x0: np.ndarray) -> np.ndarray:
-        """Return where windows begin.
+        """Return where windows begin, to first order in what led states begin elsewhere.
 
         Parameters
         ----------
@@ -68,6 +67,13 @@ class Lead:
         by_start = self.slopes[..., len(self.numbers) :]
         there[:, self.states] = self.reached + np.einsum("wij,wj->wi", by_start, off)
         return there
+
+    def remembers(self, x0: np.ndarray) -> np.ndarray:
+        """Return in which windows it matters that led states begin the record elsewhere."""
+        off = x0[:, self.states] - self.start
+        moved = np.einsum("wij,wj->wi", self.slopes[..., len(self.numbers) :], off)
+        size = np.abs(self.reached) + np.abs(off)
+        return (np.abs(moved) > FORGOTTEN * size).any(axis=1)
 
     def by_record(self, slopes: np.ndarray, window: int) -> np.ndarray:
         """Return derivatives by the record's start in the place of a window's.
@@ -143,7 +149,9 @@ def _driven(equations, given, states) -> tuple[str, ...]:
         driven = kept
 
 
-def lead(model: PhysicsModel, windows: "ShootingWindows", wrt: tuple[str, ...]) -> Lead | None:
+def lead(
+    model: PhysicsModel, windows: "ShootingWindows", wrt: tuple[str, ...], x0: np.ndarray
+) -> Lead | None:
     """Simulate the led states from the starts of the records to the windows.
 
     Parameters
@@ -154,6 +162,8 @@ def lead(model: PhysicsModel, windows: "ShootingWindows", wrt: tuple[str, ...]) 
         The windows.
     wrt : tuple of str
         Parameters to differentiate by.
+    x0 : ndarray of shape (n_windows, n_states)
+        Initial states, of led ones that of the record as the window sees it.
 
     Returns
     -------
@@ -167,26 +177,34 @@ def lead(model: PhysicsModel, windows: "ShootingWindows", wrt: tuple[str, ...]) 
     own = tuple(name for name in wrt if name in alone.parameters)
     start, reached = (np.empty((len(windows), len(led))) for _ in range(2))
     slopes = np.empty((len(windows), len(led), len(own) + len(led)))
+    at = windows.starts - windows.bounds[windows.record]
     for record in np.unique(windows.record):
         which = np.flatnonzero(windows.record == record)
-        at = windows.starts[which] - windows.bounds[record]
-        run = _run(alone, windows, int(record), at.max() + 1, own)
-        start[which], reached[which], slopes[which] = run.x[0], run.x[at], run.sensitivities[at]
+        run = _run(alone, windows, int(record), at[which].max() + 1, own)
+        start[which], reached[which] = run.x[0], run.x[at[which]]
+        slopes[which] = run.sensitivities[at[which]]
     states, places = list(model.states), [wrt.index(name) for name in own]
-    return Lead([states.index(state) for state in led], places, start, reached, slopes)
+    settled = Lead([states.index(state) for state in led], places, start, reached, slopes)
+    for w in np.flatnonzero(settled.remembers(x0) & (at > 0)):
+        begin = x0[w, settled.states]
+        run = _run(alone, windows, int(windows.record[w]), at[w] + 1, own, begin)
+        start[w], reached[w], slopes[w] = begin, run.x[-1], run.sensitivities[-1]
+    return settled
 
 
-def _run(alone: PhysicsModel, windows: "ShootingWindows", record: int, count: int, wrt):
-    """Simulate so many samples of a record from where its first inputs settle the states."""
-    begin = windows.bounds[record]
-    span, settled = slice(begin, begin + count), settled_start(alone, windows.u[begin])
+def _run(alone: PhysicsModel, windows: "ShootingWindows", record: int, count: int, wrt, begin=None):
+    """Simulate so many samples of a record; by default from where its first inputs settle it."""
+    first = windows.bounds[record]
+    span = slice(first, first + count)
+    if begin is None:
+        begin = np.array(list(settled_start(alone, windows.u[first]).values()))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # windows that begin nowhere are lost
         return simulate_acting(
             alone,
             windows.t[span],
             windows.acting_in_record(alone, record)[:count],
-            np.array(list(settled.values())),
+            begin,
             substeps=windows.substeps,
             hold=windows.hold,
             wrt=wrt,
@@ -236,7 +254,7 @@ def initial_states(model: PhysicsModel, windows: "ShootingWindows", x0: np.ndarr
     ndarray of shape (n_windows, n_states)
         Initial states.
     """
-    led = lead(model, windows, ())
+    led = lead(model, windows, (), x0)
     return x0 if led is None else led.initial_states(x0)
 
 

@@ -268,7 +268,7 @@ def evaluate(model: PhysicsModel, windows: ShootingWindows, x0, wrt: tuple[str, 
     residual = np.full(windows.y.shape, np.nan)
     dry = np.array(source.dry)
     x0 = np.ascontiguousarray(x0, dtype=float)
-    led = lead(model, windows, wrt)
+    led = lead(model, windows, wrt, x0)
     begun = x0 if led is None else led.initial_states(x0)
 
     def run(part):

@@ -43,13 +43,22 @@ def records(model, starts=(0.0, 0.0)):
     return windows, np.concatenate([run.x for run in runs])
 
 
-def test_windows_begin_where_the_start_of_the_record_leads():
-    windows, x = records(LAG, starts=(0.5, -2.0))
-    found = evaluate(LAG, windows, start_values(LAG, windows, x), ())
-    np.testing.assert_allclose(found.x0, x[windows.starts], rtol=1e-9)
-    np.testing.assert_allclose(found.squares, 0.0, atol=1e-12)
+@pytest.mark.parametrize(
+    "model",
+    [
+        LAG,
+        CART + effects.InputRateLimit("F", 2.0, 0.1),
+        CART + effects.InputBacklash("F", 6.0, 0.1),
+    ],
+    ids=["lag", "rate limit", "play"],
+)
+def test_windows_begin_where_the_start_of_the_record_leads(model):
+    windows, x = records(model, starts=(4.0, -9.0))
+    found = evaluate(model, windows, start_values(model, windows, x), ())
+    np.testing.assert_allclose(found.x0, x[windows.starts], rtol=1e-6)
+    np.testing.assert_allclose(found.squares, 0.0, atol=1e-6)
     np.testing.assert_array_equal(
-        initial_states(LAG, windows, start_values(LAG, windows, x)), found.x0
+        initial_states(model, windows, start_values(model, windows, x)), found.x0
     )
 
 
