@@ -33,11 +33,11 @@ from sklearn_pgnn.estimation.unusable import Ledger, Unusable
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.window_fit import (
-    ParameterPrior,
     WindowFit,
     fit_windows,
     information,
     lost_fit,
+    prior_precision,
 )
 from sklearn_pgnn.simulation.windows import ShootingWindows
 
@@ -439,19 +439,16 @@ class WindowFitter:
 
         told = information(fit, *start)
 
-        def untold(which: np.ndarray) -> tuple[ParameterPrior, ...]:
-            """Return the parameters that other windows tell much better than these."""
-            here, there = told[which].sum(axis=0), told[~which].sum(axis=0)
-            pairs = zip(fit.freedoms, here < SMALL_CHANGE**2 * there, strict=True)
-            return tuple(freedom for freedom, little in pairs if little)
-
         def learn(which: np.ndarray) -> WindowFit:
             known, x0 = fit.evaluation.select(which), fit.x0[which]
             forgets = SMALL_CHANGE / self.problem.n_samples
             taught = run(fit.model, which, fit.freedoms, x0, forgets, evaluation=known, min_steps=1)
-            if not (taught.usable and (own := untold(which))):
+            precision = told[which].sum(axis=0) + prior_precision(fit.freedoms)
+            if not taught.usable or not tells_more(told[~which].sum(axis=0), precision):
                 return taught
-            there = run(taught.model, ~which, own, fit.x0[~which])
+            pairs = zip(fit.freedoms, taught.values, strict=True)
+            free = tuple(replace(freedom, centre=float(value)) for freedom, value in pairs)
+            there = run(taught.model, ~which, free, fit.x0[~which], forgets, precision=precision)
             return replace(taught, model=there.model) if there.usable else taught
 
         def judge(learned: WindowFit, which: np.ndarray) -> WindowFit:
@@ -466,6 +463,31 @@ class WindowFitter:
 
         validation = CrossValidation(self.problem, *start)
         return validation.run(fit, self.folds, learn, judge)
+
+
+def tells_more(some: np.ndarray, others: np.ndarray) -> bool:
+    """Return whether some windows tell more than others of some direction of the parameters.
+
+    Parameters
+    ----------
+    some, others : ndarray of shape (n_parameters, n_parameters)
+        Inverse covariances of the parameters by them.
+
+    Returns
+    -------
+    bool
+        Whether the difference has a positive eigenvalue.
+
+    Examples
+    --------
+    >>> tells_more(np.diag([1.0, 0.0]), np.diag([3.0, 0.0]))
+    False
+    >>> tells_more(np.array([[2.0, 2.0], [2.0, 2.0]]), np.array([[3.0, 0.0], [0.0, 3.0]]))
+    True
+    """
+    size = np.sqrt(np.maximum(np.diag(some + others), np.finfo(float).tiny))
+    scaled = (some - others) / np.outer(size, size)
+    return bool(scaled.size and np.linalg.eigvalsh(scaled)[-1] > ROUNDING)
 
 
 def block_squares(problem: EstimationProblem, fit: WindowFit, which=slice(None)) -> np.ndarray:

@@ -144,6 +144,7 @@ def fit_windows(
     max_steps: int = 25,
     tolerance: float = 1e-5,
     prune_above: float = np.inf,
+    precision: np.ndarray | None = None,
     each_step: Callable[[], None] | None = None,
 ) -> WindowFit:
     """Fit a model's parameters and every window's initial state.
@@ -175,6 +176,8 @@ def fit_windows(
     prune_above : float, optional
         Objective that must come into reach: the fit ends where `OPTIMISM` times the decrease that
         a linear model promises would still leave it above.
+    precision : ndarray of shape (n_parameters, n_parameters), optional
+        Inverse covariance of the parameters about their centres, in the place of their spreads.
     each_step : callable, optional
         Called before every step; what it raises ends the fit.
 
@@ -185,7 +188,7 @@ def fit_windows(
     """
     each_step = each_step or _nothing
     each_step()
-    task = _Task(windows, freedoms, x0, 1.0 / x0_spread**2)
+    task = _Task(windows, freedoms, x0, 1.0 / x0_spread**2, precision)
     fit = task.at(task.within_bounds(model), x0 if x0_start is None else x0_start, evaluation)
     if x0_start is not None and not np.isfinite(fit.objective):
         fit = task.at(fit.model, np.where(np.isfinite(fit.parts)[:-1, None], fit.x0, x0))
@@ -285,12 +288,12 @@ class _Step(NamedTuple):
 class _Task:
     """The objective: the squares of every window with its prior, and the parameters' priors."""
 
-    def __init__(self, windows, freedoms, expected, weight):
+    def __init__(self, windows, freedoms, expected, weight, precision=None):
         self.windows, self.freedoms = windows, freedoms
         self.expected, self.weight = expected, weight
         self.wrt = tuple(freedom.name for freedom in freedoms)
         self.centre = _column(freedoms, "centre")
-        self.pull = 1.0 / _column(freedoms, "spread") ** 2
+        self.pull = prior_precision(freedoms) if precision is None else precision
         self.low, self.high = _column(freedoms, "low"), _column(freedoms, "high")
 
     def within_bounds(self, model) -> PhysicsModel:
@@ -305,8 +308,9 @@ class _Task:
             evaluation = evaluate(model, self.windows, x0, self.wrt)
         with np.errstate(over="ignore", invalid="ignore"):
             states = (self.weight * (x0 - self.expected) ** 2).sum(axis=1)
-            pull = self.pull * (_values(model, self.freedoms) - self.centre) ** 2
-        parts = np.append(evaluation.squares + states, pull.sum())
+            off = _values(model, self.freedoms) - self.centre
+            pull = off @ self.pull @ off
+        parts = np.append(evaluation.squares + states, pull)
         objective = float(parts.sum())
         objective = np.inf if np.isnan(objective) else objective
         return WindowFit(model, self.freedoms, x0, evaluation, objective, parts)
@@ -320,9 +324,9 @@ class _Task:
         values, offset = fit.values, fit.x0 - self.expected
         gram, n_p = fit.evaluation.gram, len(self.wrt)
         normal = project(gram, n_p, self.weight, offset, damping.states)
-        slope = self.pull * (self.centre - values)
+        slope = self.pull @ (self.centre - values)
         by_p = bounded_step(
-            normal.hessian.sum(axis=0) + np.diag(self.pull),
+            normal.hessian.sum(axis=0) + self.pull,
             normal.gradient.sum(axis=0) + slope,
             damping.parameters,
             self.low - values,
@@ -330,7 +334,7 @@ class _Task:
         )
         by_x = normal.state_step - normal.to_state @ by_p
         promise = _promise(gram, by_p, by_x) - (self.weight * by_x * (2 * offset + by_x)).sum(1)
-        pulled = float(by_p @ (2 * slope - self.pull * by_p))
+        pulled = float(by_p @ (2 * slope - self.pull @ by_p))
         return by_p, by_x, np.append(promise, pulled)
 
     def is_done(self, fit, step, small, prune_above) -> bool:
@@ -353,7 +357,8 @@ class _Task:
         harmed = np.flatnonzero(~(new.parts - fit.parts < small)[:-1])
         if not harmed.size:
             return new
-        part = _Task(self.windows.select(harmed), self.freedoms, self.expected[harmed], self.weight)
+        windows, expected = self.windows.select(harmed), self.expected[harmed]
+        part = _Task(windows, self.freedoms, expected, self.weight, self.pull)
         is_known = np.array_equal(new.values, fit.values)
         known = fit.evaluation.select(harmed) if is_known else None
         stay = part.at(step.model, fit.x0[harmed], known)
@@ -465,8 +470,24 @@ def expected_decrease(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) 
     return decrease if decrease <= fit.objective else 0.0
 
 
+def prior_precision(freedoms: tuple[ParameterPrior, ...]) -> np.ndarray:
+    """Return the inverse covariance of parameters by their priors.
+
+    Parameters
+    ----------
+    freedoms : tuple of ParameterPrior
+        The parameters.
+
+    Returns
+    -------
+    ndarray of shape (n_parameters, n_parameters)
+        Diagonal.
+    """
+    return np.diag(1.0 / _column(freedoms, "spread") ** 2)
+
+
 def information(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) -> np.ndarray:
-    """Return how much every window tells of every parameter, its initial state being free.
+    """Return how much every window tells of the parameters, its initial state being free.
 
     Parameters
     ----------
@@ -479,12 +500,11 @@ def information(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) -> np.
 
     Returns
     -------
-    ndarray of shape (n_windows, n_parameters)
-        Inverse variances of the parameters, each alone, by a window with the noise's errors.
+    ndarray of shape (n_windows, n_parameters, n_parameters)
+        Inverse covariances of the parameters by each window, its errors being the noise's.
     """
     n_p, weight = len(fit.freedoms), 1.0 / spread**2
-    normal = project(fit.evaluation.gram, n_p, weight, fit.x0 - expected)
-    return np.einsum("wii->wi", normal.hessian)
+    return project(fit.evaluation.gram, n_p, weight, fit.x0 - expected).hessian
 
 
 def bounded_step(hessian, gradient, damping, low, high) -> np.ndarray:
