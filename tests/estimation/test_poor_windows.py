@@ -45,7 +45,7 @@ def test_a_window_that_sticks_is_begun_elsewhere():
 
 
 def test_a_play_that_does_not_begin_a_record_where_it_is_settled_is_begun_elsewhere():
-    """From where the play is settled no small change of its start leads through it."""
+    """Where the play is settled is far from where the machine stood."""
     rig = SLEDGE + effects.InputBacklash("F", width=1.0, time_constant=0.05)
     X, _ = drive(rig)
     X["F"] += 3.0
@@ -56,7 +56,7 @@ def test_a_play_that_does_not_begin_a_record_where_it_is_settled_is_begun_elsewh
     problem = build_problem(SLEDGE, read_records(SLEDGE, X, y))
     windows, start = problem.windows, problem.states.estimate(rig)
     expected, first = start.x[windows.starts], windows.starts == windows.bounds[windows.record]
-    stuck = fit_windows(rig, windows, (), expected, start.spread)
+    stuck = fit_windows(rig, windows, (), expected, start.spread, max_steps=0)
     again = refit_poor_windows(stuck, windows, expected, start.spread, tolerance=1e-4)
     typical = np.median(again.evaluation.squares)
     assert (stuck.evaluation.squares[first] > 50 * typical).all()
