@@ -78,12 +78,17 @@ class Ladder:
     def promising(self, ground: SubsampleFit) -> tuple[Effect, ...]:
         """Return the half of the candidates that are expected to leave least; all of them alone.
 
-        Those of which nothing is expected, since no fit of them could be made, go on as well.
+        What was fitted beside the same causes before is known, not only expected. Those of which
+        nothing is expected, since no fit of them could be made, go on as well.
         """
         if not ground.hypothesis.causes:
             return self.candidates
         screening = self.screen()
-        ranked = [cause for _, (cause,) in screening.rank(ground)]
+        left = {
+            cause: min(expected, self.fitter.known_squares(ground, cause))
+            for expected, (cause,) in screening.rank(ground)
+        }
+        ranked = sorted(left, key=lambda cause: left[cause])
         unknown = set(self.candidates) - screening.known
         return (*ranked[: -(-len(ranked) // 2)], *(c for c in self.candidates if c in unknown))
 

@@ -133,6 +133,12 @@ class HypothesisFitter(WindowFitter):
         fits = [self._first_fit(subsample, order, cause) for order in orders]
         return min(fits, key=objective_of)
 
+    def known_squares(self, subsample: SubsampleFit, cause: Effect) -> float:
+        """Return what a hypothesis with one more cause leaves; infinite where it was not fitted."""
+        orders = self.models.orders(subsample.hypothesis, cause)
+        known = (self._subsamples.get(self.key(order)) for order in orders)
+        return min((each.squares for each in known if each is not None), default=np.inf)
+
     def _first_fit(
         self, subsample: SubsampleFit, hypothesis: Hypothesis, cause: Effect
     ) -> SubsampleFit:

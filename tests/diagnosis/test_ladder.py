@@ -23,6 +23,18 @@ def test_every_candidate_is_tried_alone_and_half_of_them_beside_a_cause(ladder):
     assert len(beside) < len(CANDIDATES)
 
 
+def test_what_was_fitted_beside_the_same_causes_before_is_known(ladder, monkeypatch):
+    rubbed = ladder.fitter.subsample(fitted(ladder.fitter, effects.CoulombFriction))
+    others = [c for c in CANDIDATES if rubbed.hypothesis.allows(c)]
+    fits = {cause: ladder.fitter.first_fit(rubbed, cause) for cause in others}
+    for cause, fit in fits.items():
+        assert ladder.fitter.known_squares(rubbed, cause) <= fit.squares
+    least = min(fits, key=lambda cause: fits[cause].squares)
+    nothing = [(np.inf, (cause,)) for cause in others]
+    monkeypatch.setattr(ladder.screen(), "rank", lambda ground: nothing)
+    assert ladder.promising(rubbed)[0] == least
+
+
 def test_fits_come_nearest_first_and_converging_brings_none_further_away(ladder):
     none = ladder.fitter.base()
     first = ladder.first_fits(none, CANDIDATES)
