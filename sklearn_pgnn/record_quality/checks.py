@@ -70,8 +70,9 @@ def check_data_quality(
     found += [find_gaps(clocks, [record.name for record in whole]), find_jitter(outputs)]
     found.append(find_unused_samples(clocks, windows.t.size))
     for signal, rest in zip(outputs, left, strict=True):
-        found += [find_clipping(signal), find_quantisation(signal), find_held_samples(signal)]
-        found += [find_outliers(signal, rest), find_uneven_noise(signal)]
+        size = float(np.sqrt(np.nanmean(rest.values**2)))
+        found += [find_clipping(signal), find_quantisation(signal, size)]
+        found += [find_held_samples(signal), find_outliers(signal, rest), find_uneven_noise(signal)]
     found += [find_closed_loop(outputs, inputs, left), *find_state_feedback(problem, final)]
     found += [
         find_early_output(problem, base, final),

@@ -6,16 +6,19 @@ from sklearn_pgnn.record_quality.finding import Finding
 from sklearn_pgnn.record_quality.signals import Signal
 
 
-def find_quantisation(signal: Signal) -> Finding | None:
-    r"""Find steps of the resolution that are larger than the noise.
+def find_quantisation(signal: Signal, left: float = 0.0) -> Finding | None:
+    r"""Find steps of the resolution that are larger than the noise, and than what is left.
 
     From a noise of half a step on, rounding is like more white noise of variance
-    :math:`q^2/12`; below, its error depends on the signal.
+    :math:`q^2/12`; below, its error depends on the signal. Where a model leaves more than a step,
+    it is not the steps that stand in the way.
 
     Parameters
     ----------
     signal : Signal
         The output.
+    left : float, default=0
+        Root mean square of what the model leaves of it [unit of the output].
 
     Returns
     -------
@@ -28,7 +31,7 @@ def find_quantisation(signal: Signal) -> Finding | None:
        44(6), 1998, :doi:`10.1109/18.720541`.
     """
     step = signal.resolution
-    if not step > np.sqrt(1 / (1 / 4 + 1 / 12)) * max(signal.noise, signal.finest):
+    if not step > max(np.sqrt(3) * max(signal.noise, signal.finest), left):
         return None
     levels = np.unique(np.rint(signal.values[np.isfinite(signal.values)] / step)).size
     return Finding(

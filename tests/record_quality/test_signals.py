@@ -79,6 +79,8 @@ def test_an_encoder_at_rest_drops_no_samples_however_its_counts_are_written():
         y = signal(*records)
         assert find_held_samples(y) is None
         assert find_quantisation(y).kind == "quantisation"
+        assert find_quantisation(y, left=0.99 * y.resolution).kind == "quantisation"
+        assert find_quantisation(y, left=1.01 * y.resolution) is None
 
 
 def test_a_thermistor_whose_steps_are_uneven_drops_no_samples():
