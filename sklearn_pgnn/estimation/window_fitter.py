@@ -35,8 +35,8 @@ from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.window_fit import (
     WindowFit,
     fit_windows,
-    information,
     lost_fit,
+    normal_equations,
     prior_precision,
 )
 from sklearn_pgnn.simulation.windows import ShootingWindows
@@ -437,7 +437,7 @@ class WindowFitter:
                 **options,
             )
 
-        told = information(fit, *start)
+        told = normal_equations(fit, *start).hessian
 
         def learn(which: np.ndarray) -> WindowFit:
             known, x0 = fit.evaluation.select(which), fit.x0[which]

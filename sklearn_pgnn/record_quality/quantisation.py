@@ -31,7 +31,7 @@ def find_quantisation(signal: Signal, left: float = 0.0) -> Finding | None:
        44(6), 1998, :doi:`10.1109/18.720541`.
     """
     step = signal.resolution
-    if not step > max(np.sqrt(3) * max(signal.noise, signal.finest), left):
+    if not step > max(np.sqrt(1 / (1 / 4 + 1 / 12)) * max(signal.noise, signal.finest), left):
         return None
     levels = np.unique(np.rint(signal.values[np.isfinite(signal.values)] / step)).size
     return Finding(

@@ -63,17 +63,19 @@ class Lead:
         ndarray of shape (n_windows, n_states)
             Initial states.
         """
-        there, off = x0.copy(), x0[:, self.states] - self.start
-        by_start = self.slopes[..., len(self.numbers) :]
-        there[:, self.states] = self.reached + np.einsum("wij,wj->wi", by_start, off)
+        there = x0.copy()
+        there[:, self.states] = self.reached + self._moved(x0)
         return there
 
     def remembers(self, x0: np.ndarray) -> np.ndarray:
         """Return in which windows it matters that led states begin the record elsewhere."""
+        size = np.abs(self.reached) + np.abs(x0[:, self.states] - self.start)
+        return (np.abs(self._moved(x0)) > FORGOTTEN * size).any(axis=1)
+
+    def _moved(self, x0: np.ndarray) -> np.ndarray:
+        """Return how far other starts of the record move the windows' starts, to first order."""
         off = x0[:, self.states] - self.start
-        moved = np.einsum("wij,wj->wi", self.slopes[..., len(self.numbers) :], off)
-        size = np.abs(self.reached) + np.abs(off)
-        return (np.abs(moved) > FORGOTTEN * size).any(axis=1)
+        return np.einsum("wij,wj->wi", self.slopes[..., len(self.numbers) :], off)
 
     def by_record(self, slopes: np.ndarray, window: int) -> np.ndarray:
         """Return derivatives by the record's start in the place of a window's.
@@ -184,12 +186,12 @@ def lead(
         start[which], reached[which] = run.x[0], run.x[at[which]]
         slopes[which] = run.sensitivities[at[which]]
     states, places = list(model.states), [wrt.index(name) for name in own]
-    settled = Lead([states.index(state) for state in led], places, start, reached, slopes)
-    for w in np.flatnonzero(settled.remembers(x0) & (at > 0)):
-        begin = x0[w, settled.states]
+    found = Lead([states.index(state) for state in led], places, start, reached, slopes)
+    for w in np.flatnonzero(found.remembers(x0) & (at > 0)):
+        begin = x0[w, found.states]
         run = _run(alone, windows, int(windows.record[w]), at[w] + 1, own, begin)
         start[w], reached[w], slopes[w] = begin, run.x[-1], run.sensitivities[-1]
-    return settled
+    return found
 
 
 def _run(alone: PhysicsModel, windows: "ShootingWindows", record: int, count: int, wrt, begin=None):

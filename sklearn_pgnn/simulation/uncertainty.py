@@ -7,7 +7,14 @@ from typing import NamedTuple
 import numpy as np
 
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.window_fit import Normal, ParameterPrior, WindowFit, project
+from sklearn_pgnn.simulation.window_fit import (
+    Normal,
+    ParameterPrior,
+    WindowFit,
+    normal_equations,
+    prior_precision,
+    project,
+)
 from sklearn_pgnn.simulation.windows import ShootingWindows, evaluate
 
 #: half-width of a 95 % interval in standard errors
@@ -250,8 +257,7 @@ class _Curvature(NamedTuple):
 
 def _curvature(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) -> _Curvature:
     """Return the curvature at a fit, and a covariance that is robust to coloured residuals."""
-    normal = project(fit.evaluation.gram, len(fit.freedoms), 1.0 / spread**2, fit.x0 - expected)
-    pull = np.diag([1.0 / freedom.spread**2 for freedom in fit.freedoms])
+    normal, pull = normal_equations(fit, expected, spread), prior_precision(fit.freedoms)
     hessian, scores = normal.hessian.sum(axis=0), _block_scores(fit, normal)
     inverse, flat = invert(hessian + pull)
     factor = len(scores) / max(len(scores) - len(fit.freedoms), 1)
@@ -295,8 +301,7 @@ def errors_by_held(
     if not np.isfinite(there.squares).all():
         return dict.fromkeys(names, np.inf)
     hessian = project(there.gram, len(wrt), 1.0 / spread**2, fit.x0 - expected).hessian.sum(axis=0)
-    pull = np.diag([1.0 / freedom.spread**2 for freedom in fit.freedoms])
-    inverse, _ = invert(hessian[:n_p, :n_p] + pull)
+    inverse, _ = invert(hessian[:n_p, :n_p] + prior_precision(fit.freedoms))
     moved = inverse @ hessian[:n_p, n_p:] * np.array([freedom.spread for freedom in held])
     return dict(zip(names, np.sqrt((moved**2).sum(axis=1)).tolist(), strict=True))
 

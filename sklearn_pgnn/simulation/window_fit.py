@@ -441,6 +441,26 @@ def _length(squares) -> np.ndarray:
     return np.sqrt(np.where(squares > 0, squares, 1.0))
 
 
+def normal_equations(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) -> Normal:
+    """Return the normal equations of a fit's parameters, initial states projected out.
+
+    Parameters
+    ----------
+    fit : WindowFit
+        The fit.
+    expected : ndarray of shape (n_windows, n_states)
+        Expected initial states.
+    spread : ndarray of shape (n_states,)
+        How uncertain they are.
+
+    Returns
+    -------
+    Normal
+        See `project`; the Hessian of a window is what it tells of the parameters.
+    """
+    return project(fit.evaluation.gram, len(fit.freedoms), 1.0 / spread**2, fit.x0 - expected)
+
+
 def expected_decrease(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) -> float:
     """Return the further decrease of the objective that a linear model predicts.
 
@@ -461,11 +481,11 @@ def expected_decrease(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) 
     """
     if not np.isfinite(fit.objective):
         return 0.0
-    n_p, weight = len(fit.freedoms), 1.0 / spread**2
-    normal = project(fit.evaluation.gram, n_p, weight, fit.x0 - expected)
-    pull = 1.0 / _column(fit.freedoms, "spread") ** 2
-    hessian, gradient = normal.hessian.sum(0) + np.diag(pull), normal.gradient.sum(0)
-    step = bounded_step(hessian, gradient, 1e-6, np.full(n_p, -np.inf), np.full(n_p, np.inf))
+    normal = normal_equations(fit, expected, spread)
+    hessian = normal.hessian.sum(axis=0) + prior_precision(fit.freedoms)
+    gradient = normal.gradient.sum(axis=0)
+    far = np.full(gradient.size, np.inf)
+    step = bounded_step(hessian, gradient, 1e-6, -far, far)
     decrease = float(gradient @ step)
     return decrease if decrease <= fit.objective else 0.0
 
@@ -484,27 +504,6 @@ def prior_precision(freedoms: tuple[ParameterPrior, ...]) -> np.ndarray:
         Diagonal.
     """
     return np.diag(1.0 / _column(freedoms, "spread") ** 2)
-
-
-def information(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) -> np.ndarray:
-    """Return how much every window tells of the parameters, its initial state being free.
-
-    Parameters
-    ----------
-    fit : WindowFit
-        A fit.
-    expected : ndarray of shape (n_windows, n_states)
-        Expected initial states.
-    spread : ndarray of shape (n_states,)
-        How uncertain they are.
-
-    Returns
-    -------
-    ndarray of shape (n_windows, n_parameters, n_parameters)
-        Inverse covariances of the parameters by each window, its errors being the noise's.
-    """
-    n_p, weight = len(fit.freedoms), 1.0 / spread**2
-    return project(fit.evaluation.gram, n_p, weight, fit.x0 - expected).hessian
 
 
 def bounded_step(hessian, gradient, damping, low, high) -> np.ndarray:

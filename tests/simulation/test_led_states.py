@@ -55,8 +55,8 @@ def records(model, starts=(0.0, 0.0)):
 def test_windows_begin_where_the_start_of_the_record_leads(model):
     windows, x = records(model, starts=(4.0, -9.0))
     found = evaluate(model, windows, start_values(model, windows, x), ())
-    np.testing.assert_allclose(found.x0, x[windows.starts], rtol=1e-6)
-    np.testing.assert_allclose(found.squares, 0.0, atol=1e-6)
+    np.testing.assert_allclose(found.x0, x[windows.starts], rtol=1e-9)
+    np.testing.assert_allclose(found.squares, 0.0, atol=1e-12)
     np.testing.assert_array_equal(
         initial_states(model, windows, start_values(model, windows, x)), found.x0
     )
