@@ -9,6 +9,7 @@ from sklearn_pgnn.inspection.motion_evidence import cut_rate, implied_parameter,
 from sklearn_pgnn.inspection.signal_evidence import felt_input, residual_over_time, shown_output
 from sklearn_pgnn.inspection.style import label
 from sklearn_pgnn.inspection.words import missing_place
+from sklearn_pgnn.physics.derived_units import rate_unit
 from sklearn_pgnn.physics.expressions import parse_expression
 
 #: what draws a characteristic, by what it shows; None where the records do not show it
@@ -77,7 +78,7 @@ def missing_evidence(diagnosis) -> Evidence:
     said = sympy.Add(*(c * term for c, term in zip(part.effect.coefficients, terms, strict=True)))
     samples = Samples.of(records, diagnosis.extended_model_, diagnosis.extended_model_)
     x, unit = samples.value(said), full.unit(part.target)
-    unit = f"{unit}/s".replace("/s/s", "/s^2") if part.target in full.states else unit
+    unit = rate_unit(unit) if part.target in full.states else unit
     grid = even_grid(x)
     return Evidence(
         title=f"What is missing in {missing_place(diagnosis, part)}",

@@ -11,7 +11,8 @@ from sklearn_pgnn.inspection.case import Case
 from sklearn_pgnn.inspection.curves import GRID, Evidence, Line, even_grid
 from sklearn_pgnn.inspection.style import label
 from sklearn_pgnn.physics.characteristic import Characteristic
-from sklearn_pgnn.physics.effects.rates import force_unit, is_velocity
+from sklearn_pgnn.physics.derived_units import rate_unit
+from sklearn_pgnn.physics.effects.rates import is_velocity, unit_of_force
 from sklearn_pgnn.physics.expressions import TIME, symbol, to_text
 from sklearn_pgnn.simulation.pointwise import evaluate_samples
 from sklearn_pgnn.simulation.source import differentiate
@@ -34,7 +35,7 @@ def _cut_rate(case: Case, state: str) -> Evidence | None:
     if not law.has(free) or law.free_symbols - {*own, free}:
         return None
     x = samples.mean(without)
-    grid, unit = even_grid(x), _rate_unit(case, state)
+    grid, unit = even_grid(x), rate_unit(case.full.unit(state))
     cut = evaluate_samples(law.subs(own), {"_free": grid}, GRID)
     return Evidence(
         title=f"Rate of {state} over the rate without limit",
@@ -60,7 +61,7 @@ def missing_force(case: Case, curve: Characteristic) -> Evidence | None:
     force = -added if inertia is None else -added * inertia
     over, unit, x = _abscissa(case, curve)
     scale = 1.0 if inertia is None else case.samples.value(inertia)
-    of_force = force_unit(model, state)
+    of_force = unit_of_force(model, state)
     what = _what_is_missing(model, state, of_force)
     return Evidence(
         title=f"Missing {what} over {over}",
@@ -118,7 +119,7 @@ def _over_correction(case: Case, name: str, state: str) -> Evidence:
     """Return the missing rate over what the new value of a parameter adds to it."""
     rate, samples = case.full.equations[state], case.samples
     added = samples.mean(rate, **{name: case.full.parameters[name].value}) - samples.mean(rate)
-    grid, unit = even_grid(added), _rate_unit(case, state)
+    grid, unit = even_grid(added), rate_unit(case.full.unit(state))
     return Evidence(
         title=f"Missing rate of {state} over what the new {name} adds",
         x_label=label(f"added by the new {name}", unit),
@@ -128,10 +129,6 @@ def _over_correction(case: Case, name: str, state: str) -> Evidence:
         note=f"On the line, the new value of {name} adds just what was missing; with the "
         f"prior value all points would have to lie at zero height.",
     )
-
-
-def _rate_unit(case: Case, state: str) -> str:
-    return f"{case.full.unit(state)}/s".replace("/s/s", "/s^2")
 
 
 def _what_is_missing(model, state: str, unit: str) -> str:

@@ -12,6 +12,7 @@ import sympy
 
 from sklearn_pgnn.exceptions import ModelError
 from sklearn_pgnn.physics.characteristic import Characteristic
+from sklearn_pgnn.physics.derived_units import tidy_unit
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.parameter import Parameter
@@ -423,7 +424,7 @@ class Effect(ABC):
             Parameter(
                 names[f.name],
                 getattr(self, f.name),
-                unit=_tidy_unit(f.metadata["unit"].format(**units)),
+                unit=tidy_unit(f.metadata["unit"].format(**units)),
                 bounds=(f.metadata["low"], f.metadata["high"]),
             )
             for f in self.quantities()
@@ -474,9 +475,3 @@ def _end(quantity, usual: float, limits: tuple[float, float], size: float) -> fl
     if "/s" in quantity.metadata["unit"] or "rate" in quantity.metadata["unit"]:
         return usual * (1.0 - size) / max(size, 1e-9)
     return (1.0 - size) * (limits[1] if quantity.default > 0 else limits[0])
-
-
-def _tidy_unit(unit: str) -> str:
-    """Return a unit without what an empty or dimensionless part of it leaves behind."""
-    unit = re.sub(r"/\(?(1)?\)?(?=$|\s)", "", unit)
-    return re.sub(r"\((\w+)\)", r"\1", unit).strip()

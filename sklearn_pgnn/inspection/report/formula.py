@@ -14,7 +14,8 @@ from sklearn_pgnn.inspection.model_files import file_of
 from sklearn_pgnn.inspection.numbers import measured, number, times, typeset_unit
 from sklearn_pgnn.inspection.words import dependence, missing_place
 from sklearn_pgnn.inspection.yardstick import formula_error
-from sklearn_pgnn.physics.effects.rates import force_unit
+from sklearn_pgnn.physics.derived_units import rate_unit
+from sklearn_pgnn.physics.effects.rates import unit_of_force
 from sklearn_pgnn.physics.expressions import TIME, parse_expression, symbol, to_text
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.uncertainty import Estimate, estimate_of, standard_errors
@@ -71,13 +72,13 @@ class FoundFormula:
         unit = self.model.unit(self.part.target)
         if self.part.target not in self.model.states:
             return unit
-        return f"{unit}/s".replace("/s/s", "/s^2")
+        return rate_unit(unit)
 
     @property
     def force(self) -> str:
         """Unit of the force that it stands for; empty where the target has no inertia."""
         has_inertia = self.part.target in self.model.inertia
-        return force_unit(self.model, self.part.target) if has_inertia else ""
+        return unit_of_force(self.model, self.part.target) if has_inertia else ""
 
     @cached_property
     def fit(self) -> WindowFit:

@@ -11,7 +11,8 @@ from sklearn_pgnn.inspection.numbers import number
 from sklearn_pgnn.inspection.report.formula import FoundFormula
 from sklearn_pgnn.inspection.style import label
 from sklearn_pgnn.inspection.svg import Plot, Scale
-from sklearn_pgnn.physics.effects.rates import force_unit
+from sklearn_pgnn.physics.derived_units import rate_unit
+from sklearn_pgnn.physics.effects.rates import unit_of_force
 from sklearn_pgnn.physics.expressions import symbol
 
 #: cells of a side, samples that a cell needs, and shades of a colour
@@ -110,14 +111,14 @@ def _of_rate(diagnosis, samples: Samples, state: str) -> Maps:
     missing = samples.rate(state) - samples.mean(model.equations[state])
     inertia = model.inertia.get(state)
     if inertia is None:
-        unit = f"{model.unit(state)}/s".replace("/s/s", "/s^2")
+        unit = rate_unit(model.unit(state))
         return _maps(
             diagnosis, samples, f"Missing in {state}'", unit, state, [("by the records", missing)]
         )
     force = missing * samples.value(sympy.sympify(inertia))
     title = f"Force that is missing on {state}"
     panels = [("as the records show it", force)]
-    return _maps(diagnosis, samples, title, force_unit(model, state), state, panels)
+    return _maps(diagnosis, samples, title, unit_of_force(model, state), state, panels)
 
 
 def _maps(diagnosis, samples: Samples, title, unit, target, panels) -> Maps:

@@ -13,8 +13,8 @@ from sklearn_pgnn.physics.effects.rates import (
     PositionEffect,
     RateEffect,
     force_scale,
-    force_unit,
     may_be_speed,
+    unit_of_force,
 )
 from sklearn_pgnn.physics.expressions import symbol
 
@@ -168,7 +168,7 @@ class LoadFriction(SpeedEffect):
     def characteristic(self, model):
         """Return the force over the load, by the direction of motion."""
         load = sympy.Abs(_drive(model, self.target)) * sympy.sign(symbol(self.target))
-        return Characteristic("force", self.target, load, unit=force_unit(model, self.target))
+        return Characteristic("force", self.target, load, unit=unit_of_force(model, self.target))
 
     @classmethod
     def starts(cls, target, model, scales):

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import sympy
 
 from sklearn_pgnn.physics.characteristic import Characteristic
+from sklearn_pgnn.physics.derived_units import rate_unit
 from sklearn_pgnn.physics.effect import Effect, quantity
 from sklearn_pgnn.physics.effects.rates import is_velocity
 from sklearn_pgnn.physics.effects.targets import pair, parts
@@ -54,8 +55,7 @@ class StateEffect(Effect):
     def units(self, model):
         """Return the units of the state and of its rate."""
         unit = model.unit(self.target)
-        rate = f"{unit}/s" if unit else "1/s"
-        return {"target": unit, "rate": {"m/s/s": "m/s^2", "rad/s/s": "rad/s^2"}.get(rate, rate)}
+        return {"target": unit, "rate": rate_unit(unit)}
 
 
 @dataclass(frozen=True)

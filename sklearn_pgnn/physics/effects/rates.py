@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import sympy
 
 from sklearn_pgnn.physics.characteristic import Characteristic
+from sklearn_pgnn.physics.derived_units import force_unit, rate_unit
 from sklearn_pgnn.physics.effect import Effect, quantity
 from sklearn_pgnn.physics.expressions import TIME, symbol
 from sklearn_pgnn.physics.typical import typical_inertia
@@ -15,8 +16,6 @@ SPEED_UNITS = frozenset(
 )
 #: units of a sensor's signal, which do not say what the sensor sees
 SIGNAL_UNITS = frozenset({"", "1", "-", "%", "V", "mV"})
-#: unit of a force by the unit of the inertia that it accelerates
-FORCE_UNITS = {"kg": "N", "kg m^2": "N m", "kg*m^2": "N m", "kg m²": "N m", "t": "kN"}
 
 #: share of the typical force with which a wave starts: so small, a linear model tells its worth
 FAINT = 0.001
@@ -104,21 +103,16 @@ class RateEffect(Effect):
         velocity = model.unit(self.target)
         pair = model.kinematic_pairs.get(self.target)
         return {
-            "force": force_unit(model, self.target),
+            "force": unit_of_force(model, self.target),
             "velocity": velocity,
             "position": "" if pair is None else model.unit(pair),
         }
 
 
-def force_unit(model, target: str) -> str:
-    """Return the unit of inertia times rate of a velocity."""
-    rate = f"{model.unit(target)}/s".lstrip("/") if model.unit(target) else "1/s"
-    rate = {"m/s/s": "m/s^2", "rad/s/s": "rad/s^2"}.get(rate, rate)
-    inertia = model.inertia.get(target)
-    if inertia is None:
-        return rate
-    unit = model.unit_of(inertia)
-    return FORCE_UNITS.get(unit, f"{unit} {rate}".strip())
+def unit_of_force(model, target: str) -> str:
+    """Return the unit of what changes a velocity: of a force, or without an inertia of its rate."""
+    inertia, velocity = model.inertia.get(target), model.unit(target)
+    return rate_unit(velocity) if inertia is None else force_unit(model.unit_of(inertia), velocity)
 
 
 def _over_common_inertia(rate, force, inertia):

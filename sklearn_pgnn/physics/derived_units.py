@@ -1,0 +1,50 @@
+"""Units that follow from others: of a rate, of a force, and of a quotient."""
+
+import re
+
+#: units of a force by those of the inertia and of the rate of the velocity that it changes
+_FORCES = {
+    ("kg", "m/s^2"): "N",
+    ("t", "m/s^2"): "kN",
+    ("kg m^2", "rad/s^2"): "N m",
+    ("kg m^2", "1/s^2"): "N m",
+}
+
+
+def rate_unit(unit: str) -> str:
+    """Return the unit of what changes per second.
+
+    Examples
+    --------
+    >>> rate_unit("m/s"), rate_unit("V"), rate_unit("")
+    ('m/s^2', 'V/s', '1/s')
+    """
+    return tidy_unit(f"{unit.strip()}/s")
+
+
+def force_unit(inertia: str, velocity: str) -> str:
+    """Return the unit of an inertia times the rate of a velocity.
+
+    Examples
+    --------
+    >>> force_unit("kg", "m/s"), force_unit("kg*m²", "rad/s"), force_unit("kg", "mm/s")
+    ('N', 'N m', 'kg mm/s^2')
+    """
+    inertia, rate = inertia.strip(), rate_unit(velocity)
+    written = inertia.replace("*", " ").replace("²", "^2")
+    product = f"{inertia}{rate[1:]}" if inertia and rate.startswith("1/") else f"{inertia} {rate}"
+    return _FORCES.get((written, rate), product.strip())
+
+
+def tidy_unit(unit: str) -> str:
+    """Return a unit without what an empty or dimensionless part of it leaves behind.
+
+    Examples
+    --------
+    >>> tidy_unit("N/(m)^3"), tidy_unit("N/()^3"), tidy_unit("/s"), tidy_unit("m/s/s")
+    ('N/m^3', 'N', '1/s', 'm/s^2')
+    """
+    unit = re.sub(r"/(1|\(1?\))?(\^\d+)?(?=$|\s)", "", unit.strip())
+    unit = re.sub(r"\((\w+)\)", r"\1", unit)
+    unit = re.sub(r"/s/s$", "/s^2", unit)
+    return f"1{unit}" if unit.startswith("/") else unit
