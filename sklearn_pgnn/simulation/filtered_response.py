@@ -108,6 +108,7 @@ def _filter(model, windows, starts: Starts, disturbance: Disturbance, variance):
     diffusion = np.zeros(n)
     diffusion[-1], P0[-1, -1] = 2.0 * disturbance.variance / disturbance.time, disturbance.variance
     expected = np.column_stack([starts.x0 + starts.mean, np.zeros(len(windows))])
+    usual = windows.usual_intervals
     for w, (a, count) in enumerate(zip(windows.starts, windows.lengths, strict=True)):
         rows, P0[:-1, :-1] = slice(a, a + count), starts.covariance[w]
         run_filter(
@@ -116,6 +117,7 @@ def _filter(model, windows, starts: Starts, disturbance: Disturbance, variance):
             np.ascontiguousarray(u[rows]),
             windows.hold == "foh",
             np.ascontiguousarray(windows.y[rows]),
+            usual[w],
             p,
             expected[w],
             P0,

@@ -27,6 +27,7 @@ from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.compiled import compile_model
 from sklearn_pgnn.simulation.kalman import run_filter, run_smoother
 from sklearn_pgnn.simulation.simulate import parameter_values
+from sklearn_pgnn.simulation.stepping import usual_interval
 from sklearn_pgnn.simulation.windows import ShootingWindows
 
 #: the state that stands for the hidden input
@@ -191,6 +192,7 @@ class _Filter:
             np.ascontiguousarray(self.u[a:b]),
             windows.hold == "foh",
             np.ascontiguousarray(windows.y[a:b]),
+            usual_interval(windows.t[a:b]),
             self.p,
             start,
             self.P0,

@@ -58,13 +58,13 @@ def _predict_covariance(S, C, noise, half):
 
 @njit(
     types.float64(
-        FUNCTION, _F1, _F2, boolean, _F2, _F1, _F1, _F2, _F1, _F1, _B1, types.int64,
-        types.int64, _F2, _F3, _F2, _F3, _F3,
+        FUNCTION, _F1, _F2, boolean, _F2, types.float64, _F1, _F1, _F2, _F1, _F1, _B1,
+        types.int64, types.int64, _F2, _F3, _F2, _F3, _F3,
     ),
     **OPTIONS,
 )  # fmt: skip
 def run_filter(
-    function, t, u, linear_hold, y, p, x0, P0, diffusion, variance, dry, substeps,
+    function, t, u, linear_hold, y, usual, p, x0, P0, diffusion, variance, dry, substeps,
     size, X, P, Xp, Pp, F,
 ):  # fmt: skip
     """Filter one record into X and P, predictions into Xp and Pp, transitions into F.
@@ -117,7 +117,7 @@ def run_filter(
             _set_unit(S)
             _to_next_sample(
                 function, t, u, linear_hold, k, x, S, p, s, stuck, dry, substeps,
-                out, old, u_start, u_end, any_dry,
+                out, old, u_start, u_end, any_dry, usual,
             )  # fmt: skip
             for i in range(nx):
                 noise[i] = diffusion[i] * (t[k + 1] - t[k])

@@ -169,7 +169,8 @@ def _transitions(model, windows, x0):
     u, p, nx = windows.acting_inputs(model), parameter_values(model), len(model.states)
     F, x = np.zeros((windows.t.size, nx, nx)), np.zeros((windows.t.size, nx))
     nothing, blind = np.zeros((nx, nx)), np.full(windows.y.shape[1], np.inf)
-    for a, n, start in zip(windows.starts, windows.lengths, x0, strict=True):
+    of_windows = windows.starts, windows.lengths, windows.usual_intervals
+    for a, n, usual, start in zip(*of_windows, x0, strict=True):
         rows = slice(a, a + n)
         unused = np.empty((n, nx, nx)), np.empty((n, nx)), np.empty((n, nx, nx))
         run_filter(
@@ -178,6 +179,7 @@ def _transitions(model, windows, x0):
             np.ascontiguousarray(u[rows]),
             windows.hold == "foh",
             np.full((n, blind.size), np.nan),
+            usual,
             p,
             np.append(start, 0.0),
             nothing,

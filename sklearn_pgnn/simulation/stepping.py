@@ -246,7 +246,7 @@ def _observe(function, t, x, S, u, p, s, stuck, out, y, Sy):
 @njit(**INNER)
 def _to_next_sample(
     function, t, u, linear_hold, k, x, S, p, s, stuck, dry, substeps, out, old,
-    u_start, u_end, any_dry, usual=math.inf,
+    u_start, u_end, any_dry, usual,
 ):  # fmt: skip
     """Advance from sample k to sample k + 1 in equal substeps, a gap in those of its samples."""
     width, count = t[k + 1] - t[k], substeps
@@ -304,19 +304,20 @@ def run_trajectory(function, t, u, linear_hold, p, x, S, dry, substeps, size, us
 
 @njit(
     types.void(
-        FUNCTION, _F1, _F2, boolean, _F2, types.int64[::1], types.int64[::1], _F1, _F2, _F1, _B1,
-        int64, int64, int64, _F4, _F2,
+        FUNCTION, _F1, _F2, boolean, _F2, types.int64[::1], types.int64[::1], _F1, _F1, _F2, _F1,
+        _B1, int64, int64, int64, _F4, _F2,
     ),
     **OPTIONS,
 )  # fmt: skip
 def run_windows(
-    function, t, u, linear_hold, y, starts, lengths, p, X0, scale, dry, substeps,
+    function, t, u, linear_hold, y, starts, lengths, usual, p, X0, scale, dry, substeps,
     size, n_p, G, R,
 ):  # fmt: skip
     """Simulate every window from its own initial state and sum up its squares.
 
     ``G[w, j]`` becomes the Gram matrix of the rows ``[dy/dp, dy/dx0, y - y_model] / scale`` of
     piece j of window w (infinite where the window diverged), ``R`` the residuals ``y - y_model``.
+    ``usual[w]`` is the usual sample interval, see `usual_interval`.
     """
     nx, ny = X0.shape[1], y.shape[1]
     nq = n_p + nx
@@ -355,7 +356,7 @@ def run_windows(
             if k + 1 < starts[w] + lengths[w]:
                 _to_next_sample(
                     function, t, u, linear_hold, k, x, S, p, s, stuck, dry, substeps,
-                    out, old, u_start, u_end, any_dry,
+                    out, old, u_start, u_end, any_dry, usual[w],
                 )  # fmt: skip
         _empty(products, G[w, piece])
         if not finite:

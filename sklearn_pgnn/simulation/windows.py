@@ -20,7 +20,7 @@ from sklearn_pgnn.simulation.compiled import compile_model
 from sklearn_pgnn.simulation.inputs import delayed_inputs, mean_inputs
 from sklearn_pgnn.simulation.led_states import lead
 from sklearn_pgnn.simulation.simulate import parameter_values
-from sklearn_pgnn.simulation.stepping import run_windows
+from sklearn_pgnn.simulation.stepping import run_windows, usual_interval
 
 #: batches of windows per thread, and least steps of one: fewer take less long than handing over
 PARTS, LEAST = 4, 1000
@@ -79,6 +79,12 @@ class ShootingWindows:
     def record(self) -> np.ndarray:
         """Index of every window's record."""
         return np.searchsorted(self.bounds, self.starts, side="right") - 1
+
+    @cached_property
+    def usual_intervals(self) -> np.ndarray:
+        """Usual sample interval [s] of every window's record; an interval far longer is a gap."""
+        of_records = [usual_interval(self.t[a:b]) for a, b in pairwise(self.bounds)]
+        return np.array(of_records)[self.record]
 
     def select(self, which) -> "ShootingWindows":
         """Return some of the windows.
@@ -266,7 +272,7 @@ def evaluate(model: PhysicsModel, windows: ShootingWindows, x0, wrt: tuple[str, 
     q = len(wrt) + len(model.states)
     gram = np.zeros((len(windows), windows.blocks, q + 1, q + 1))
     residual = np.full(windows.y.shape, np.nan)
-    dry = np.array(source.dry)
+    dry, usual = np.array(source.dry), windows.usual_intervals
     x0 = np.ascontiguousarray(x0, dtype=float)
     led = lead(model, windows, wrt, x0)
     begun = x0 if led is None else led.initial_states(x0)
@@ -280,6 +286,7 @@ def evaluate(model: PhysicsModel, windows: ShootingWindows, x0, wrt: tuple[str, 
             windows.y,
             windows.starts[part],
             windows.lengths[part],
+            usual[part],
             p,
             begun[part],
             windows.scale,

@@ -5,7 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sklearn_pgnn.simulation.windows import ShootingWindows
+from sklearn_pgnn import PhysicsModel
+from sklearn_pgnn.simulation import simulate
+from sklearn_pgnn.simulation.windows import ShootingWindows, evaluate
 
 pytestmark = pytest.mark.core
 
@@ -30,3 +32,23 @@ def test_thinned_records_keep_what_lies_between_windows():
     np.testing.assert_array_equal(thin.t, [0, 1, 3, 5, 7, 8, 10])
     np.testing.assert_array_equal(thin.t[thin.starts], t[windows.starts])
     np.testing.assert_array_equal(thin.lengths, [2, 2])
+
+
+def test_a_window_goes_through_a_gap_in_steps_as_fine_as_elsewhere():
+    spring = PhysicsModel(
+        {"x": "m", "v": "m/s"}, {"x": "v", "v": "F - k*x - d*v"}, {"k": 400.0, "d": 2.0},
+        {"F": "N"}, outputs={"position": "x"},
+    )  # fmt: skip
+    whole = np.arange(400) * 0.01
+    t = np.delete(whole, np.arange(100, 140))
+    u, x0 = np.ones((t.size, 1)), np.array([0.1, 0.0])
+    run = simulate(spring, t, u, x0, substeps=2)
+    windows = ShootingWindows(
+        t, u, run.y, np.array([0, t.size]), np.array([0]), np.array([t.size]), np.ones(1),
+        substeps=2,
+    )  # fmt: skip
+    found = evaluate(spring, windows, x0[None], ("k",))
+    np.testing.assert_allclose(found.residual, 0.0, atol=1e-12)
+    # and the gap is bridged as exactly as a record without it
+    through = simulate(spring, whole, np.ones((whole.size, 1)), x0, substeps=2)
+    np.testing.assert_allclose(run.y[100:], through.y[140:], atol=1e-6)
