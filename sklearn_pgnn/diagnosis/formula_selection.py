@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+from sklearn_pgnn.diagnosis.comparison import Comparison
 from sklearn_pgnn.diagnosis.search import Search
 from sklearn_pgnn.diagnosis.search_result import SearchResult
 from sklearn_pgnn.diagnosis.unexplained import (
@@ -141,8 +142,8 @@ def _has_names(search: Search, proposal: Proposal) -> bool:
 def _is_named(search: Search, ground: FittedHypothesis, proposal: Proposal) -> bool:
     """Return whether the rule is met by a formula's terms, the library being paid for."""
     criterion = _with_library(search, len(channels(search.fitter.problem.prior)))
-    before, after = (search.fitter.held_out(trial) for trial in (ground, proposal.trial))
-    return criterion.names(before, after, len(proposal.effect.terms))
+    compare = Comparison(search.fitter, criterion)
+    return compare.names(ground, proposal.trial, len(proposal.effect.terms))
 
 
 def _with_library(search: Search, n_places: int) -> SelectionCriterion:

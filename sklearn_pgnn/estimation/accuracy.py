@@ -23,7 +23,7 @@ def accuracy_gained(before: Residuals, after: Residuals) -> float:
     Returns
     -------
     float
-        Negative if the second one is further off.
+        Negative if the second one is further off; infinite if only one of them is finite.
 
     Raises
     ------
@@ -45,8 +45,9 @@ def accuracy_gained(before: Residuals, after: Residuals) -> float:
     """
     if before.errors is None or after.errors is None or before.segment is None:
         raise ValueError("expected residuals with their errors, got squares only.")
-    if not (np.isfinite(before.squares).all() and np.isfinite(after.squares).all()):
-        return 0.0
+    known = np.isfinite(before.squares).all(), np.isfinite(after.squares).all()
+    if not all(known):
+        return 0.0 if known[0] == known[1] else float(np.inf if known[1] else -np.inf)
     weight = 1.0 / (before.squares + after.squares)
     difference = ((before.errors**2 - after.errors**2) * weight).sum(axis=1)
     known = np.isfinite(difference)

@@ -36,3 +36,11 @@ def test_the_gain_of_accuracy_knows_no_units_and_no_favourite(unit):
     assert accuracy_gained(simulated(near), simulated(far)) == pytest.approx(-gained)
     scaled = accuracy_gained(simulated(unit * far), simulated(unit * near))
     assert scaled == pytest.approx(gained, rel=1e-6)
+
+
+def test_a_simulation_that_diverges_is_the_worse_one():
+    errors = np.random.default_rng(0).normal(size=500)
+    finite, lost = simulated(errors), simulated(np.append(errors[1:], np.inf))
+    assert accuracy_gained(finite, lost) == -np.inf
+    assert accuracy_gained(lost, finite) == np.inf
+    assert accuracy_gained(lost, lost) == 0.0

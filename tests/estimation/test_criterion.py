@@ -213,6 +213,16 @@ def test_a_cause_that_surely_worsens_the_free_run_is_not_named():
     assert not CRITERION.names(before, after, retuned=retuned)
 
 
+def test_a_cause_whose_free_run_diverges_is_not_named():
+    same = np.random.default_rng(0).normal(size=4000)
+    before = replace(held_out(100, counts=1e4), free_run=simulated(same))
+    lost = simulated(np.append(same[1:], np.inf))
+    retuned = replace(before, free_run=lost)
+    after = replace(held_out(50, counts=1e4), free_run=lost)
+    assert CRITERION.names(retuned, after, retuned=retuned)
+    assert not CRITERION.names(before, after, retuned=retuned)
+
+
 def test_a_free_run_that_says_nothing_is_not_worse():
     rng = np.random.default_rng(0)
     same, worse = (simulated(f * rng.normal(size=4000)) for f in (1.0, 1.2))
