@@ -31,9 +31,10 @@ from sklearn_pgnn.estimation.hypothesis_models import HypothesisModels
 from sklearn_pgnn.estimation.plain_data import plain
 from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.experiment_design.power import Noise
+from sklearn_pgnn.experiment_design.wave import Wave, waves
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.simulation.led_states import start_values
-from sklearn_pgnn.simulation.record_windows import MIN_SAMPLES, cut
+from sklearn_pgnn.simulation.record_windows import cut
 from sklearn_pgnn.simulation.state_estimate import free_run
 from sklearn_pgnn.simulation.window_fit import fit_windows
 
@@ -48,12 +49,14 @@ class Experiment:
         The input that is driven; the others rest.
     excitation : str
         How it is driven.
+    wave : Wave
+        The same as a function of time.
     amplitude, offset : float
         Amplitude about an offset [unit of the input].
     unit : str
         Unit of the input.
-    duration, period : float
-        Length of the experiment, and the machine's period that it was laid out by [s].
+    duration : float
+        Length of the experiment [s].
     reached : dict of str to float
         Largest magnitude of every state.
     difference : float
@@ -66,20 +69,20 @@ class Experiment:
 
     Examples
     --------
-    >>> pulse = Experiment("F", "one pulse, then a long rest", amplitude=2.0, offset=0.5, unit="N",
-    ...                    duration=10.0, period=1.0, reached={"v": 0.8}, difference=3.0,
-    ...                    evidence=9.0, repeats=1.0)
+    >>> wave = Wave("pulse")
+    >>> pulse = Experiment("F", str(wave), wave, amplitude=2.0, offset=0.5, unit="N", duration=10.0,
+    ...                    reached={"v": 0.8}, difference=3.0, evidence=9.0, repeats=1.0)
     >>> pulse.signal([0.0, 1.0, 5.0, 10.0])
     array([0.5, 2.5, 0.5, 0.5])
     """
 
     input: str
     excitation: str
+    wave: Wave
     amplitude: float
     offset: float
     unit: str
     duration: float
-    period: float
     reached: dict[str, float]
     difference: float
     evidence: float
@@ -98,8 +101,7 @@ class Experiment:
         ndarray of shape (n_samples,)
             The driven input.
         """
-        wave = waves(np.asarray(t, dtype=float), self.period)[self.excitation]
-        return self.offset + self.amplitude * wave
+        return self.offset + self.amplitude * self.wave(t, self.duration)
 
 
 @dataclass(frozen=True)
@@ -138,52 +140,6 @@ class Separation:
 # -- inputs ----------------------------------------------------------------------------------------
 
 
-def waves(t: np.ndarray, period: float) -> dict[str, np.ndarray]:
-    """Return the designed excitations, each with a largest magnitude of 1.
-
-    Parameters
-    ----------
-    t : ndarray of shape (n_samples,)
-        Time [s], from 0.
-    period : float
-        Dominant period of the machine [s].
-
-    Returns
-    -------
-    dict of str to ndarray of shape (n_samples,)
-        The excitations by what they are called.
-
-    Examples
-    --------
-    >>> list(waves(np.linspace(0, 10, 101), 1.0))[:2]
-    ['steps with rests between', 'slow ramp up and down']
-    """
-    share = t / t[-1]
-    found = {
-        "steps with rests between": np.array([0.0, 1.0, 0.0, -1.0, 0.0])[
-            np.minimum((5 * share).astype(int), 4)
-        ],
-        "slow ramp up and down": 1 - np.abs((4 * share + 3) % 4 - 2),
-        "one pulse, then a long rest": np.where((share > 0.05) & (share < 0.2), 1.0, 0.0),
-    }
-    periods = [p for p in period * 2.0 ** _octaves(2 * OCTAVES) if _quickest(t) <= p < t[-1] / 2]
-    found |= {f"sine of {p:.3g} s": np.sin(2 * np.pi * t / p) for p in periods}
-    low, high = 2.0**-OCTAVES / period, min(2.0**OCTAVES / period, 1 / _quickest(t))
-    rate = np.log(high / low)
-    sweep = np.sin(2 * np.pi * low * t[-1] * np.expm1(rate * share) / rate)
-    return {**found, f"sweep from {low:.2g} to {high:.2g} Hz": sweep}
-
-
-def _octaves(count: int) -> np.ndarray:
-    """Return so many octaves about none, and one more."""
-    return np.arange(count + 1.0) - count / 2
-
-
-def _quickest(t: np.ndarray) -> float:
-    """Return the shortest period that is sampled well enough to be one [s]."""
-    return MIN_SAMPLES / 2 * t[1]
-
-
 def _designs(records: DiagnosisRecords, reach: float):
     """Lay out every input, excitation and amplitude: its description and its inputs."""
     windows, period = records.windows, records.problem.period
@@ -194,11 +150,11 @@ def _designs(records: DiagnosisRecords, reach: float):
     offset = np.where(np.abs(lowest + highest) > 0.01 * half, lowest + half, 0.0)
     levels = np.union1d(reach, min(reach, 1.0) * 2.0 ** -np.arange(float(OCTAVES)))
     for i, name in enumerate(records.problem.prior.inputs):
-        for excitation, wave in waves(t, period).items():
+        for wave in waves(period, t[-1], t[1]):
             for amplitude in half[i] * levels:
                 u = np.tile(offset, (t.size, 1))
-                u[:, i] += amplitude * wave
-                yield (name, excitation, float(amplitude), float(offset[i])), t, u
+                u[:, i] += amplitude * wave(t, t[-1])
+                yield (name, wave, float(amplitude), float(offset[i])), t, u
 
 
 # -- models ----------------------------------------------------------------------------------------
@@ -417,15 +373,15 @@ def _noise(records: DiagnosisRecords) -> Noise:
 
 def _told(records, criterion, design, t, noise: Noise, shares, runs) -> Experiment:
     """Describe an experiment by the squares that it leaves, in units of the noise's power."""
-    name, excitation, amplitude, offset = design
+    name, wave, amplitude, offset = design
     return Experiment(
         input=name,
-        excitation=excitation,
+        excitation=str(wave),
+        wave=wave,
         amplitude=amplitude,
         offset=offset,
         unit=records.problem.prior.inputs[name],
         duration=float(t[-1]),
-        period=records.problem.period,
         reached=runs[0][1],
         difference=float(np.sqrt(shares.sum() / (t.size * shares.size))),
         evidence=float(np.sqrt(shares.sum())),

@@ -10,7 +10,7 @@ from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects, systems
 from sklearn_pgnn.cli.screen import tell
 from sklearn_pgnn.estimation.equivalence import are_equivalent
 from sklearn_pgnn.estimation.problem import build_problem
-from sklearn_pgnn.experiment_design.separation import are_same, put_in_place, waves
+from sklearn_pgnn.experiment_design.separation import are_same, put_in_place
 from sklearn_pgnn.trajectories import read_records
 
 NOISE = 4e-3
@@ -189,10 +189,3 @@ def test_any_other_cause_can_be_asked_for(slow):
         diagnosis.separating_experiment(other)
     with pytest.raises(ValueError, match=r"cause: expected an effect of the catalogue"):
         diagnosis.separating_experiment(("rust", "F"))
-
-
-def test_excitations_stay_within_one_and_begin_and_end_in_time():
-    t = np.linspace(0, 12, 601)
-    for name, wave in waves(t, 1.5).items():
-        assert 0.95 < np.abs(wave).max() <= 1.0 + 1e-12, name
-        assert abs(wave[0]) < 1e-9, name
