@@ -69,8 +69,9 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
     see `sklearn_pgnn.estimation.criterion`. With :math:`N` candidates and the overdispersion
     :math:`\phi` of the residuals along it, a cause is named if
     :math:`\Lambda > \phi \log(N/\alpha)`, if it explains `smallest_share` of an output's error,
-    and if the free run does not speak against it; one with a memory by its free run alone. A free
-    run that says nothing, as that of a chaotic machine, is not asked.
+    and if the free run does not contradict it; a cause that adds states must also improve the free
+    run, since over windows their initial values are free. A free run that is not informative, as
+    that of a chaotic machine, does not count.
 
     Parameters
     ----------
@@ -398,6 +399,12 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
 
     def _separate(self, progress: Progress) -> None:
         """Find what tells every cause from its equivalents, and from the first other rival."""
+        try:
+            self._separate_all(progress)
+        finally:  # also of those that the time sufficed for
+            self.causes_ = tuple(self._with_equivalent(cause) for cause in self.causes_)
+
+    def _separate_all(self, progress: Progress) -> None:
         for cause in self.causes_:
             mine, others = self._cause(cause), cause.confused_with
             same = [o for o in others if are_same(self.records_, mine, self._cause(o))]
@@ -408,7 +415,6 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
                 shown = replace(whole, experiments=whole.experiments[:KEPT])
                 self.separations_ = (*self.separations_, shown)
                 progress.step()
-        self.causes_ = tuple(self._with_equivalent(cause) for cause in self.causes_)
 
     def _criterion(self) -> SelectionCriterion:
         """Return the rule by which this diagnosis names causes."""

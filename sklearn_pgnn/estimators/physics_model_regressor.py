@@ -23,6 +23,7 @@ from sklearn_pgnn.simulation.intervals import beside, check_coverage, output_var
 from sklearn_pgnn.simulation.record_windows import (
     WHOLE,
     WindowedRecords,
+    median_window_length,
     output_noise,
     window_records,
     without_gaps,
@@ -193,9 +194,7 @@ class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         starts = {piece.rows[0]: x0 for piece, x0 in zip(pieces, firsts, strict=True)}
         unknown = np.full(len(self.model.states), np.nan)
         self.initial_states_ = np.array([starts.get(record.rows[0], unknown) for record in records])
-        self.window_ = float(
-            np.median(windows.t[windows.starts + windows.lengths - 1] - windows.t[windows.starts])
-        )
+        self.window_ = median_window_length(windows)
         told = self.noise_std
         self.noise_ = output_noise(records) if told is None else np.array(told, dtype=float)
         self._single_output = np.asarray(y).ndim == 1

@@ -3,7 +3,7 @@
 import hashlib
 import json
 import marshal
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import fields
 from os import PathLike
 from pathlib import Path
@@ -150,16 +150,34 @@ def _effect_key(kind: type[Effect]) -> list:
 
 
 def _class_key(kind: type) -> dict[str, str]:
-    """Return what a class says, by name: its constants, and hashes of its methods' code."""
-    said = {}
-    for name, value in vars(kind).items():
-        function = getattr(value, "__func__", value)
-        if isinstance(function, FunctionType):
-            # version 2 of marshal writes equal code as equal bytes
-            said[name] = hashlib.sha256(marshal.dumps(function.__code__, 2)).hexdigest()
-        elif isinstance(value, str | int | float | tuple):
-            said[name] = repr(value)
-    return said
+    """Return what a class says, by name: its constants, and its methods' code and defaults."""
+    said = {name: _said(value) for name, value in vars(kind).items()}
+    return {name: text for name, text in said.items() if " at 0x" not in text}  # is no content
+
+
+def _said(value) -> str:
+    """Return what an entry of a class says, as text."""
+    functions = _functions(value)
+    if functions:
+        return repr([_function_key(function) for function in functions])
+    return repr(sorted(value, key=repr) if isinstance(value, Set) else value)
+
+
+def _functions(value) -> list[FunctionType]:
+    """Return the functions that an entry of a class stands for."""
+    if isinstance(value, property):
+        parts = [value.fget, value.fset, value.fdel]
+    else:  # also of a class method, a static method or a cached property
+        parts = [getattr(value, "__func__", getattr(value, "func", value))]
+    return [part for part in parts if isinstance(part, FunctionType)]
+
+
+def _function_key(function: FunctionType) -> tuple:
+    # version 2 of marshal writes equal code as equal bytes
+    code = hashlib.sha256(marshal.dumps(function.__code__, 2)).hexdigest()
+    closed = [cell.cell_contents for cell in function.__closure__ or ()]
+    held = [value for value in closed if isinstance(value, str | int | float | tuple)]
+    return code, function.__defaults__, function.__kwdefaults__, held
 
 
 def _plain_option(name: str, value):

@@ -22,7 +22,7 @@ def golf_robot() -> PhysicsModel:
     Returns
     -------
     PhysicsModel
-        States ``phi`` [rad] and ``omega`` [rad/s], input ``torque`` [N m], output ``phi``.
+        States ``phi`` [rad] and ``omega`` [rad/s], input ``torque`` [N m], output ``phi_measured``.
 
     References
     ----------
@@ -80,7 +80,8 @@ def servo_valve(limits: bool = False) -> PhysicsModel:
     Returns
     -------
     PhysicsModel
-        States ``y`` [-] and ``v`` [1/s], input ``voltage`` [V], output ``y``.
+        States ``y`` [-] and ``v`` [1/s], input ``voltage`` [V], output
+        ``y_measured``.
 
     References
     ----------

@@ -66,7 +66,7 @@ def test_whole_trajectories_are_fitted_in_free_run():
     regressor = PhysicsModelRegressor(CART, window_length="trajectory", search="local").fit(
         unknown, Y
     )
-    assert regressor.window_ == pytest.approx(7.98)
+    assert regressor.window_ == pytest.approx(8.0)
     states = regressor.initial_states_
     assert states.shape == (3, 2)
     for name, true in TRUTH.items():

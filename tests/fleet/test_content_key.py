@@ -80,6 +80,30 @@ def test_an_effect_of_ones_own_is_told_by_what_it_does():
 
     assert key(make(2)) == key(make(2))
     assert key(make(2)) != key(Drag)
+    assert key(make(2)) != key(make(3))
+
+
+def test_properties_constants_and_defaults_of_an_effect_of_ones_own_count():
+    def make(said, table, default):
+        @dataclass(frozen=True)
+        class Drag(effects.CoulombFriction):
+            id = "drag"
+            levels = table
+
+            @property
+            def hint(self):
+                return said
+
+            def typical(self, model, scales, share=default):
+                return share
+
+        return setting_key(SLEDGE, {"catalogue": (Drag,)})
+
+    known = make("a", {"low": 1.0}, 2)
+    assert make("a", {"low": 1.0}, 2) == known
+    assert make("b", {"low": 1.0}, 2) != known
+    assert make("a", {"low": 2.0}, 2) != known
+    assert make("a", {"low": 1.0}, 3) != known
 
 
 def test_an_option_that_cannot_be_told_is_refused():

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from time import monotonic
 
-from sklearn_pgnn.cli.app.limits import NAME, PATIENCE, RECORDS
+from sklearn_pgnn.cli.app.limits import ALL_BYTES, NAME, PATIENCE, RECORDS
 from sklearn_pgnn.cli.app.work import Ended, Refused, Worker
 from sklearn_pgnn.cli.stages import BEST, in_words
 
@@ -160,14 +160,21 @@ class Visitor:
 
     def new_number(self) -> int:
         """Return the number of a file that is to come."""
-        self.check_idle()
-        if len(self.records) >= RECORDS:
-            raise Refused(f"Expected at most {RECORDS} files of records.")
+        self.check_room(0)
         self._count += 1
         return self._count
 
+    def check_room(self, size: int) -> None:
+        """Refuse a file of so many bytes while a diagnosis is going on, or beyond what is taken."""
+        self.check_idle()
+        if len(self.records) >= RECORDS:
+            raise Refused(f"Expected at most {RECORDS} files of records.")
+        if self.size + size > ALL_BYTES:
+            raise Refused(f"Expected at most {ALL_BYTES / 1e6:g} MB in all files of records.")
+
     async def take_record(self, number: int, label: str, content: bytes) -> None:
-        """Take a file of records."""
+        """Take a file of records; a diagnosis may have begun, or others come, since its number."""
+        self.check_room(len(content))
         record = _record(number, shown_name(label), content)
         (self.folder / record.file).write_bytes(content)
         self.records.append(record)

@@ -84,7 +84,8 @@ def _fitted(diagnosis) -> WindowFit:
     """Return the extended model with its evaluation where it stands."""
     records, extended = diagnosis.records_, diagnosis.records_.fits["extended"]
     expected = records.problem.states.expected_starts(extended.model, records.windows)
-    return fit_windows(extended.model, records.windows, extended.freedoms, *expected)
+    options = {"x0_start": extended.x0, "max_steps": 0}
+    return fit_windows(extended.model, records.windows, extended.freedoms, *expected, **options)
 
 
 def _cell(value: float) -> Cell:
