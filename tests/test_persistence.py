@@ -2,6 +2,8 @@
 
 import copy
 import inspect
+import pkgutil
+import re
 import subprocess
 import sys
 import warnings
@@ -121,6 +123,7 @@ TRUSTED = {
         "sklearn_pgnn.record_quality.finding.Finding",
         "sklearn_pgnn.experiment_design.separation.Experiment",
         "sklearn_pgnn.experiment_design.separation.Separation",
+        "sklearn_pgnn.experiment_design.wave.Wave",
         "sklearn_pgnn.estimation.candidate.Candidate",
         "sklearn_pgnn.estimation.problem.EstimationProblem",
         "sklearn_pgnn.diagnosis.unexplained.MissingPart",
@@ -235,6 +238,19 @@ def test_clone_learns_the_same(fitted, name):
 def test_skops_asks_for_the_types_that_the_documentation_lists(fitted, name):
     io = pytest.importorskip("skops.io")
     assert set(io.get_untrusted_types(data=io.dumps(fitted[name]))) <= TRUSTED[name]
+
+
+def test_the_documentation_lists_these_types():
+    page = (ROOT / "docs" / "networks.rst").read_text(encoding="utf-8")
+    section = page[page.index(".. _persistence:") : page.index("References\n----------")]
+    listed = set(
+        re.findall(r"``((?:sklearn_pgnn|skorch|torch|functools|sklearn)\.[\w.]+)``", section)
+    )
+    own = {f"{type(each).__module__}.{type(each).__name__}" for each in ESTIMATORS.values()}
+    own |= {TRANSFORMER, *(f"{effect.__module__}.{effect.__name__}" for effect in EFFECTS)}
+    assert set().union(*TRUSTED.values()) - own <= listed
+    for name in listed:  # nothing that has moved on
+        assert pkgutil.resolve_name(name) is not None
 
 
 LOAD_TRUSTED = """

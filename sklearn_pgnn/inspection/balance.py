@@ -4,7 +4,8 @@ The rate of a state that is measured (or whose position is) is compared with wha
 the same states and inputs, over spans long enough to be seen through the noise:
 
 .. math:: d_k = \frac{x_{k+m} - x_{k-m}}{t_{k+m} - t_{k-m}}
-    - \frac{1}{2m} \sum_{i=k-m}^{k+m-1} \frac{f(x_i, u_i, p) + f(x_{i+1}, u_i, p)}{2}
+    - \frac{1}{t_{k+m} - t_{k-m}} \sum_{i=k-m}^{k+m-1}
+    (t_{i+1} - t_i) \frac{f(x_i, u_i, p) + f(x_{i+1}, u_i, p)}{2}
 """
 
 from dataclasses import dataclass

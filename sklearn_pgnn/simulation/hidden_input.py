@@ -6,7 +6,7 @@ The model is extended by a hidden input :math:`d` that wanders,
 
 (or added to an input or an output), and the states and :math:`d` are smoothed by an extended
 Kalman filter and a Rauch-Tung-Striebel smoother. The intensity :math:`q` is the one that makes the
-record most likely; so is, of several places for :math:`d`, the right one.
+record most likely.
 
 References
 ----------
