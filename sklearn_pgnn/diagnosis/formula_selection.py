@@ -1,4 +1,4 @@
-"""Decide whether the catalogue's causes will do, or a formula says it better."""
+"""Decide whether the catalogue's causes suffice, or a formula explains more."""
 
 from dataclasses import replace
 
@@ -131,7 +131,7 @@ def _best_formula(search: Search, ground: FittedHypothesis) -> Proposal | None:
 
 
 def _has_names(search: Search, proposal: Proposal) -> bool:
-    """Return whether every term of a formula is what some candidate says."""
+    """Return whether every term of a formula is that of some candidate."""
     formula = proposal.effect
     terms = [replace(formula, terms=(term,), coefficients=(1.0,)) for term in formula.terms]
     known = same_causes(search.fitter.problem.prior, (*search.ladder.candidates, *terms))

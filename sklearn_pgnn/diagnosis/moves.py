@@ -153,7 +153,7 @@ class Moves:
             yield from (pair for pair in pairs if self.compare.refutes(pair, current))
 
     def split(self, current: FittedHypothesis) -> Iterator[FittedHypothesis]:
-        """Put a cause's special cases in its place where that says the same simpler."""
+        """Replace a cause by its special cases where these explain as much more simply."""
         ground = self.fitter.subsample(current)
         apart = [a for c in current.hypothesis.causes for a in self._apart(ground, c)]
         fewer = [

@@ -148,7 +148,7 @@ def propose(
     Raises
     ------
     SimulationError
-        If the responses to the terms leave the finite numbers.
+        If the responses to the terms become non-finite.
     """
     model, hidden = base.fit.model, _hidden_input(problem, base, channel, each_step)
     if not np.all(np.isfinite(hidden.values)):

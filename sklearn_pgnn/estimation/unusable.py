@@ -1,4 +1,4 @@
-"""Hypotheses whose fit broke down: they are noted, and the search goes on without them."""
+"""Hypotheses whose fit failed: they are noted, and the search goes on without them."""
 
 from collections.abc import Hashable, Iterator
 from contextlib import contextmanager

@@ -74,7 +74,7 @@ class WindowFitter:
         return self.models.key(hypothesis)
 
     def held(self, cause: Effect) -> tuple[str, ...]:
-        """Return the names of the prior's parameters that a cause speaks for."""
+        """Return the names of the prior's parameters that a cause covers."""
         return self.models.held(cause)
 
     # -- where numbers break down --------------------------------------------------------------
@@ -342,7 +342,7 @@ class WindowFitter:
         without, with_ : FittedHypothesis
             The hypotheses, fitted on all windows.
         smallest_share : float
-            Smallest share of the squares that is worth a name.
+            Smallest share of the squares that matters.
 
         Returns
         -------
@@ -510,4 +510,7 @@ def _described(hypothesis: Hypothesis) -> tuple[str, str, str]:
 def _why_lost(fit: WindowFit) -> str:
     """Return why a fit cannot be used, unless an error has said so."""
     lost = np.count_nonzero(~np.isfinite(fit.evaluation.squares))
-    return f"its simulation diverges or is made of rounding in {lost} of {len(fit.x0)} windows"
+    return (
+        f"its simulation diverges or is dominated by rounding errors in {lost} of {len(fit.x0)} "
+        f"windows"
+    )

@@ -57,7 +57,7 @@ def _past_hidden_starts(fitter: HypothesisFitter) -> HypothesisFitter:
     """Return windows in which hidden states forget where they started, if the records are so long.
 
     The initial value of a state that nobody sees is fitted in every window. Where the state is
-    slow, that takes up what is wrong with it. Windows in which an unstable prior runs away from the
+    slow, that takes up what is wrong with it. Windows in which an unstable prior diverges from the
     records, farther than their mean is, say nothing of it.
     """
     length = FORGOTTEN * _slowest(fitter)
@@ -106,11 +106,11 @@ def check_prior(fitter: HypothesisFitter, names: Sequence[str]) -> None:
     first, states = lost[0], list(fit.model.states)
     start = zip(states, fit.x0[first], strict=True)
     raise RecordError(
-        f"expected a model that can be simulated on the records, but {fit.model.name!r} leaves the "
-        f"finite numbers in {lost.size} of {len(windows)} windows, first in trajectory "
+        f"expected a model that can be simulated on the records, but {fit.model.name!r} becomes "
+        f"non-finite in {lost.size} of {len(windows)} windows, first in trajectory "
         f"{names[windows.record[first]]!r} from t = {windows.t[windows.starts[first]]:g} s with "
         f"{', '.join(f'{name} = {value:.3g}' for name, value in start)}. Remedy: say where the "
         f"trajectories start (columns {', '.join(states)} of X), raise substeps (now "
         f"{windows.substeps}), or check the parameters and that no root, logarithm or quotient "
-        f"meets a value that it is not made for."
+        f"is evaluated outside its domain."
     )

@@ -1,4 +1,4 @@
-"""Typical values, from records, of the quantities that effects speak of."""
+"""Typical values, from records, of the quantities that effects depend on."""
 
 from collections.abc import Mapping
 

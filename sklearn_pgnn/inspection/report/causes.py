@@ -1,4 +1,4 @@
-"""What a report tells of every cause."""
+"""What a report shows of every cause."""
 
 from sklearn_pgnn.inspection.case import known_effects
 from sklearn_pgnn.inspection.model_files import file_of

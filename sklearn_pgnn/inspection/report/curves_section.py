@@ -134,7 +134,7 @@ def curve_sections(diagnosis, formula=None) -> tuple[Curves, Curves, list[Curves
     diagnosis : ModelDiagnosis
         A fitted diagnosis.
     formula : FoundFormula, optional
-        The formula for what has no name.
+        The formula for what no cause explains.
 
     Returns
     -------
