@@ -114,7 +114,7 @@ def _best_formula(search: Search, ground: FittedHypothesis) -> Proposal | None:
     places = channels(problem.prior)
     progress.begin("formula", len(places))
     for channel in places:
-        with search.fitter.ledger.spare((ground.hypothesis, channel), "formula", channel):
+        with search.fitter.failures.tolerate((ground.hypothesis, channel), "formula", channel):
             found += propose(problem, ground, channel, progress.tick)
         progress.step()
     if not found:

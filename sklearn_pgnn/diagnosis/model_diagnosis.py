@@ -372,7 +372,7 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
     def _conclude(self, investigation: Investigation, whole: tuple[Record, ...]) -> None:
         """Find what else there is to say, as far as the time allows."""
         progress, found = investigation.progress, investigation.so_far()
-        ledger = found.search.fitter.ledger
+        failures = found.search.fitter.failures
         progress.counts = True
         with suppress(TimeIsUp):
             for stage, what in (
@@ -381,9 +381,9 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
             ):
                 if progress.ended is None:
                     progress.begin(stage)
-                    with ledger.spare(stage, stage, ""):
+                    with failures.tolerate(stage, stage, ""):
                         what()
-        self.unusable_, self.stopped_ = ledger.entries(), progress.ended
+        self.unusable_, self.stopped_ = failures.entries(), progress.ended
 
     def _check_data_quality(self, found: Findings, whole: tuple[Record, ...]) -> None:
         result, proposal = found.result, found.proposal

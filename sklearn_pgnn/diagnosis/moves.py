@@ -94,7 +94,7 @@ class Moves:
         trials = [self.fitter.fit_all(fit, current) for fit in fits[:KEPT]]
         while trials := [trial for trial in trials if trial.fit.usable]:
             best = self._simplest_of_the_best(trials)
-            if self.compare.names(self.fitter.retry(current, best), best, n_causes):
+            if self.compare.names(self.fitter.refit_from(current, best), best, n_causes):
                 yield best
             trials.remove(best)
 
@@ -123,7 +123,7 @@ class Moves:
         for cause in current.hypothesis.causes:
             for other in self.ladder.in_place(current, cause):
                 if other.hypothesis.complexity < current.hypothesis.complexity:
-                    other = self.fitter.retry(other, current)  # its own fit may have got stuck
+                    other = self.fitter.refit_from(other, current)  # its own fit may have got stuck
                 if self.compare.is_preferred(other, current) and self._is_needed(other, current):
                     yield other
                     return
