@@ -152,7 +152,7 @@ def _with_library(search: Search, n_places: int) -> SelectionCriterion:
 
 
 def _takes_the_place(search: Search, formula: Proposal, final: FittedHypothesis) -> bool:
-    """Return whether a formula says it all, and the same simpler or clearly more.
+    """Return whether a formula explains all, and as much more simply or clearly more.
 
     A formula that leaves structure is no law: what has a name says more to people. Each of its
     terms is chosen from a library as a cause is from the catalogue.

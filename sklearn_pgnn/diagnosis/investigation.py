@@ -106,7 +106,7 @@ class Investigation:
     whole: EstimationProblem | None = None
 
     def run(self, hold: str, is_told: bool) -> Findings:
-        """Search with inputs that are held, or not, and the other way if the records speak for it.
+        """Search with inputs that are held, or not, and the other way if the records support it.
 
         Parameters
         ----------
@@ -186,7 +186,7 @@ class Investigation:
         return fitter
 
     def _search(self, fitter: HypothesisFitter, begin: FittedHypothesis | None = None) -> Findings:
-        """Search the catalogue, and a formula for what it has no name for."""
+        """Search the catalogue, and a formula for what it does not explain."""
         given = frozenset(map(SensorSaturation, clipped_outputs(fitter.problem)))
         criterion = SelectionCriterion(self.alpha, self.smallest_share, len(self.candidates))
         asked = _Structures(fitter, criterion)

@@ -39,7 +39,7 @@ class Moves:
         return trial
 
     def without_needless(self, trial: FittedHypothesis) -> FittedHypothesis:
-        """Drop causes until each has a name beside the others."""
+        """Drop causes until each is named beside the others."""
         while (fewer := self.drop(trial)) is not None:
             trial = fewer
         return trial
@@ -51,7 +51,7 @@ class Moves:
         return self.drop(current, partial(self.compare.names_disturbed, needed=needed))
 
     def drop(self, current: FittedHypothesis, is_named=None) -> FittedHypothesis | None:
-        """Drop the cause that is needed least, unless the others leave it a name."""
+        """Drop the cause that is needed least, unless it is named beside the others."""
         is_named = self.compare.names if is_named is None else is_named
         if not current.hypothesis.causes:
             return None
@@ -116,7 +116,7 @@ class Moves:
     # -- other causes ------------------------------------------------------------------------------
 
     def replace(self, current: FittedHypothesis) -> Iterator[FittedHypothesis]:
-        """Put another candidate in a cause's place where that refutes it, or says it simpler.
+        """Put another candidate in a cause's place where that refutes it, or is simpler.
 
         Beside a candidate that says the same another cause may be needless.
         """

@@ -166,7 +166,7 @@ class Search:
             self._climb()
 
     def _prune_and_climb(self) -> None:
-        """Drop what has no name beside a disturbance, and see where else moves lead from there."""
+        """Drop causes not named beside a disturbance, and see where moves lead from there."""
         self._needed, refused = self.criterion.to_name, {}
         while (pruned := self.moves.pruned(self.current, self._needed)) is not self.current:
             refused[self.fitter.key(self.current.hypothesis)] = self.current.fit.objective

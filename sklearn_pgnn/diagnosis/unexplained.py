@@ -36,7 +36,7 @@ from sklearn_pgnn.simulation.windows import evaluate
 
 @dataclass(frozen=True)
 class MissingPart:
-    """Something that is missing in a model and that the catalogue has no name for.
+    """Something that is missing in a model and not in the catalogue.
 
     Parameters
     ----------

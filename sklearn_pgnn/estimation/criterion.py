@@ -83,7 +83,7 @@ def explained_share(worse: Residuals, better: Residuals) -> float:
 
 
 def free_runs_that_tell(first: HeldOut, second: HeldOut) -> tuple[Residuals, Residuals]:
-    """Return the free runs of the outputs of which one of two hypotheses says something.
+    """Return the free runs of the outputs for which one of two hypotheses is informative.
 
     Parameters
     ----------
@@ -166,7 +166,7 @@ class SelectionCriterion:
         overdispersion: float = 1.0,
         retuned: HeldOut | None = None,
     ) -> bool:
-        """Return whether causes are named beside what a hypothesis says without them.
+        """Return whether causes are named beside a hypothesis without them.
 
         Parameters
         ----------
@@ -226,7 +226,7 @@ class SelectionCriterion:
         return accuracy_gained(before, after) < -norm.ppf(1.0 - self.alpha)
 
     def stands_in_free_run(self, retuned: HeldOut, trial: HeldOut) -> bool:
-        """Return whether a hypothesis is no worse than the re-tuned prior; better, if it remembers.
+        """Return whether it is no worse than the re-tuned prior; better if it adds states.
 
         Parameters
         ----------

@@ -17,7 +17,7 @@ from sklearn_pgnn.simulation.source import differentiate
 def select_windows(
     problem: EstimationProblem, progress: Progress | None = None
 ) -> HypothesisFitter:
-    """Make windows as long as the re-tuned prior can follow, and as hidden states forget in.
+    """Make windows as long as the re-tuned prior can track, and as hidden states need to decay.
 
     Windows are halved, or doubled, as long as the error per sample is small in them, or grows with
     their length no faster than that of a model which is disturbed at random.
@@ -54,7 +54,7 @@ def _is_lost(shorter_windows: HypothesisFitter, longer_windows: HypothesisFitter
 
 
 def _past_hidden_starts(fitter: HypothesisFitter) -> HypothesisFitter:
-    """Return windows in which hidden states forget where they started, if the records are so long.
+    """Return windows in which hidden states decay, if the records are long enough.
 
     The initial value of a state that nobody sees is fitted in every window. Where the state is
     slow, that takes up what is wrong with it. Windows in which an unstable prior diverges from the

@@ -1,4 +1,4 @@
-"""The recipe as an estimator: diagnose, fit, learn the rest; cross-validation says how deep."""
+"""The recipe as an estimator: diagnose, fit, learn the rest; cross-validation chooses the depth."""
 
 import warnings
 from functools import partial

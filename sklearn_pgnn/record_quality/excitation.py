@@ -15,7 +15,7 @@ from sklearn_pgnn.simulation.windows import ShootingWindows, evaluate
 
 
 def find_dull_input(signal: Signal) -> Finding | None:
-    """Find an input that never changes or knows two values only.
+    """Find an input that never changes or has two values only.
 
     Parameters
     ----------

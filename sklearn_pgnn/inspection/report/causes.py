@@ -10,7 +10,7 @@ from sklearn_pgnn.inspection.words import cause_name, listed, separation_sentenc
 
 
 def told_causes(diagnosis, members: dict[int, list[Member]]) -> list[dict]:
-    """Return what is told of every cause.
+    """Return what is shown of every cause.
 
     Parameters
     ----------

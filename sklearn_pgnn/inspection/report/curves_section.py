@@ -59,7 +59,7 @@ class CurveDrawer:
 
     @property
     def best(self) -> str:
-        """The model whose error tells: the last."""
+        """The model whose error is shown: the last."""
         return list(self.simulated)[-1]
 
     def _css(self, which: str) -> str:
