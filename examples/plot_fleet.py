@@ -55,7 +55,7 @@ plt.tight_layout()
 # %%
 # The next time
 # -------------
-# The damping of one cart has doubled; nothing else stands out of chance.
+# The damping of one cart has doubled; nothing else is significant.
 rigs["cart 5"] = rigs["cart 5"].with_parameters(d=1.0)
 april = FleetDiagnosis(cart, options=options, earlier=march)
 april.fit({name: records(rig) for name, rig in rigs.items()})

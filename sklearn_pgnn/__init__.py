@@ -1,4 +1,4 @@
-"""Find what is wrong with a physical model, mend it, and say what the mending is worth.
+"""Find what is wrong with a physical model, correct it, and measure what that is worth.
 
 Every public name is imported when it is first used, so that the import itself stays light.
 

@@ -96,7 +96,7 @@ class UnitWarning(UserWarning):
 
 
 class SimulationError(RuntimeError):
-    """A simulation left the finite numbers; the message says where, when and the remedy.
+    """A simulation became non-finite; the message says where, when and the remedy.
 
     Examples
     --------
@@ -106,12 +106,12 @@ class SimulationError(RuntimeError):
     ...     explosion.simulate([0, 1, 2, 3, 4]).check()
     ... except SimulationError as error:
     ...     print(error)
-    the simulation of 'model' left the finite numbers at t = 4 s (sample 4; before: ...
+    the simulation of 'model' became non-finite at t = 4 s (sample 4; before: ...
     """
 
 
 class TrainingError(ValueError):
-    """A network's training left the finite numbers; the message says in which epoch and the remedy.
+    """A network's training became non-finite; the message says in which epoch and the remedy.
 
     Examples
     --------
@@ -122,11 +122,11 @@ class TrainingError(ValueError):
 
 
 class SimulationWarning(RuntimeWarning):
-    """A simulation left the finite numbers and its remaining samples are NaN.
+    """A simulation became non-finite and its remaining samples are NaN.
 
     Examples
     --------
     >>> import warnings
     >>> with warnings.catch_warnings():
-    ...     warnings.simplefilter("error", SimulationWarning)  # end where one runs away
+    ...     warnings.simplefilter("error", SimulationWarning)  # end where one diverges
     """

@@ -1,4 +1,4 @@
-"""Imports go down only, and each heavy library stays in its room."""
+"""Imports go down only, and each heavy library stays in its package."""
 
 import ast
 import re
@@ -10,8 +10,8 @@ import sklearn_pgnn
 
 pytestmark = pytest.mark.core
 
-#: from the bottom; a room imports from lower floors, and rooms on one floor not from each other
-FLOORS = (
+#: from the bottom; a package imports from lower layers only, not from others in its own
+LAYERS = (
     {"exceptions", "extras", "readings", "threads"},
     {"__init__"},
     {"physics"},
@@ -28,9 +28,9 @@ FLOORS = (
     {"cli"},
     {"__main__"},
 )
-HEIGHT = {room: height for height, rooms in enumerate(FLOORS) for room in rooms}
+HEIGHT = {package: height for height, packages in enumerate(LAYERS) for package in packages}
 
-#: rooms that may see less than their floor; the integrator behind the records must be independent
+#: packages that may see less than their layer: the integrator behind the records is independent
 NARROWER = {"datasets": {"exceptions", "extras", "physics", "trajectories"}}
 
 #: where a heavy library may be imported: beginnings of paths inside the package
@@ -53,7 +53,7 @@ HOMES = {
     "nonlinear_benchmarks": ("datasets/public",),
 }
 
-#: the two files that name rooms by text, to import them when they are first used
+#: the two files that name packages by text, to import them when they are first used
 BY_TEXT = ("__init__.py", "readings.py")
 
 MODULE_NAME = re.compile(r"sklearn_pgnn(\.\w+)+(:\w+)?")
@@ -79,34 +79,34 @@ def named(tree):
 
 def objection(path, name):
     """Return what is wrong with a file's import of a name, or None."""
-    room = path.split("/")[0].removesuffix(".py")
+    package = path.split("/")[0].removesuffix(".py")
     library, *rest = name.split(".")
     if name.startswith("."):
         return "relative import"
     if library in HOMES:
         return None if path.startswith(HOMES[library]) else f"{library} has no place here"
-    if library != "sklearn_pgnn" or (room in ("cli", "fleet") and rest == ["__version__"]):
+    if library != "sklearn_pgnn" or (package in ("cli", "fleet") and rest == ["__version__"]):
         return None
     if not rest or rest[0] not in HEIGHT:
-        return f"{name} is not on a floor"
-    if rest[0] == room:
+        return f"{name} is not in a layer"
+    if rest[0] == package:
         return None
-    if HEIGHT[rest[0]] >= HEIGHT[room]:
-        return f"{room} is not above {rest[0]}"
-    if rest[0] not in NARROWER.get(room, HEIGHT):
-        return f"{room} does without {rest[0]}"
+    if HEIGHT[rest[0]] >= HEIGHT[package]:
+        return f"{package} is not above {rest[0]}"
+    if rest[0] not in NARROWER.get(package, HEIGHT):
+        return f"{package} does without {rest[0]}"
     return None
 
 
-def violations(package):
+def violations(root):
     """List every import in a package that the rules above forbid."""
     found = []
-    for file in sorted(package.rglob("*.py")):
-        path = file.relative_to(package).as_posix()
+    for file in sorted(root.rglob("*.py")):
+        path = file.relative_to(root).as_posix()
         tree = ast.parse(file.read_text(encoding="utf-8"))
-        room = path.split("/")[0].removesuffix(".py")
-        if room not in HEIGHT:
-            found.append(f"{path}: {room} is not on a floor")
+        package = path.split("/")[0].removesuffix(".py")
+        if package not in HEIGHT:
+            found.append(f"{path}: {package} is not in a layer")
             continue
         names = [*imported(tree), *(() if path in BY_TEXT else named(tree))]
         found += [
@@ -129,10 +129,10 @@ def test_imports_go_down_only():
         ("physics/a.py", "resolve_name('sklearn_pgnn.simulation:b')", "not above"),
         ("physics/a.py", "from .model import b", "relative"),
         ("physics/a.py", "from . import b", "relative"),
-        ("physics/a.py", "import sklearn_pgnn", "not on a floor"),
+        ("physics/a.py", "import sklearn_pgnn", "not in a layer"),
         ("physics/a.py", "from sklearn_pgnn.effects import b", "not above"),
         ("__init__.py", "from sklearn_pgnn.physics import b", "not above"),
-        ("physics/a.py", "from sklearn_pgnn import PhysicsModel", "not on a floor"),
+        ("physics/a.py", "from sklearn_pgnn import PhysicsModel", "not in a layer"),
         ("physics/a.py", "from numba import njit", "no place"),
         ("estimators/a.py", "from sklearn_pgnn.preprocessing import b", "not above"),
         ("estimators/a.py", "import torch.nn", "no place"),
@@ -140,7 +140,7 @@ def test_imports_go_down_only():
         ("datasets/a.py", "from sklearn_pgnn.simulation import b", "does without"),
         ("diagnosis/a.py", "import matplotlib.pyplot as plt", "no place"),
         ("__init__.py", "import matplotlib", "no place"),
-        ("attic/a.py", "", "not on a floor"),
+        ("attic/a.py", "", "not in a layer"),
     ],
 )
 def test_a_violation_is_caught(tmp_path, path, source, what):

@@ -185,7 +185,7 @@ NAMED = {
     "estimation/hypothesis.py": {"WrongParameter"},
     "estimation/same_in_equations.py": {"WrongParameter"},
     "diagnosis/moves.py": {"WrongParameter"},
-    "diagnosis/unexplained.py": {"Formula"},  # what has no name
+    "diagnosis/unexplained.py": {"Formula"},  # what no cause explains
     "diagnosis/investigation.py": {"SensorSaturation"},  # a record shows clipping by itself
     "datasets/two_tanks.py": {"InputDeadZone"},  # what a rig hides
     "cli/demo.py": {"StribeckFriction"},

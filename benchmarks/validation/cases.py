@@ -137,7 +137,7 @@ def make(case: Case) -> datasets.HiddenEffect:
         try:
             return _attempt(case, case.seed + attempt)
         except ValueError as error:
-            unfit = isinstance(error, ModelError) or "leaves the finite numbers" in str(error)
+            unfit = isinstance(error, ModelError) or "becomes non-finite" in str(error)
             if not unfit or attempt == ATTEMPTS - 1:
                 raise
 

@@ -73,7 +73,7 @@ def diagnose(data, model, output, quiet, debug, force, as_json, opens, **options
 
     A file is one record: CSV, MAT, Parquet or Excel, with the time t [s], the inputs and the
     measured outputs under the names that the model file gives them. The exit code is 0 with any
-    verdict, 2 if the input cannot be used, 1 after a bug of ours, 130 or 143 after Ctrl-C or
+    verdict, 2 if the input cannot be used, 1 after an internal error, 130 or 143 after Ctrl-C or
     SIGTERM.
     """
     with guarded(debug):

@@ -52,7 +52,7 @@ def init(path, like, records, force, quiet, debug):
 @json_option
 @quiet_options
 def check(model, data, sample_time, as_json, quiet, debug):
-    """Hold a model file against records, in seconds.
+    """Compare a model file with records, in seconds.
 
     Shows what the files hold and how the model follows them as it is given, and says what looks
     wrong: columns that are missing, another unit, another sign, an input that never moves.
@@ -75,8 +75,8 @@ def check(model, data, sample_time, as_json, quiet, debug):
 def simulate(model, data, sample_time, output, force, quiet, debug):
     """Simulate a model file on the inputs of records, in free run.
 
-    A record starts in the states that its file tells, else where its outputs show it to, else in
-    the model's initial state. The files need no outputs; where they have them, the fit is told.
+    A record starts in the states that its file gives, else where its outputs show it to, else in
+    the model's initial state. The files need no outputs; where they have them, the fit is printed.
     """
     with guarded(debug):
         with show_progress(quiet) as progress:
@@ -108,7 +108,7 @@ def simulate(model, data, sample_time, output, force, quiet, debug):
 def fit(model, data, output, force, as_json, quiet, debug, **options):
     """Fit the free parameters of a model file to records.
 
-    A fit may go as far as the bounds, whatever the spread; it looks for nothing that is missing.
+    A fit may go as far as the bounds, whatever the spread; it does not look for missing effects.
     """
     with guarded(debug):
         with show_progress(quiet) as progress:
@@ -134,7 +134,7 @@ def fit(model, data, output, force, as_json, quiet, debug, **options):
 @result_options
 @quiet_options
 def compare(one, other, output, force, as_json, opens, quiet, debug):
-    """Hold two diagnoses side by side: before and after a repair, say, or two machines.
+    """Compare two diagnoses: before and after a repair, say, or two machines.
 
     A and B are folders that diagnose has written, or the diagnosis.json in them.
     """
@@ -166,8 +166,8 @@ def compare(one, other, output, force, as_json, opens, quiet, debug):
 def app(port, opens, quiet, debug):
     """Serve a page on which files are dropped and diagnosed.
 
-    It is for this computer only, and nothing leaves it. Drop a model file and CSV files, say which
-    column is what, see the records beside the model, and have them diagnosed.
+    It is for this computer only, and nothing leaves it. Drop a model file and CSV files, assign the
+    columns, see the records beside the model, and have them diagnosed.
     """
     with guarded(debug):
         with show_progress(quiet) as progress:
@@ -183,7 +183,7 @@ def app(port, opens, quiet, debug):
     type=click.FloatRange(min=0, max=1, min_open=True, max_open=True),
     default=0.9,
     show_default=True,
-    help="Chance with which an effect of the smallest size shall be named.",
+    help="Probability with which an effect of the smallest size is named.",
 )
 @json_option
 @detect_options
@@ -192,7 +192,7 @@ def app(port, opens, quiet, debug):
 def detect(model, data, as_json, quiet, debug, **options):
     """Find how large every effect must be before records like these would show it.
 
-    Every effect is put into the re-tuned model, with the inputs and the noise of the records.
+    Every effect is added to the re-tuned model, with the inputs and the noise of the records.
     """
     with guarded(debug):
         with show_progress(quiet) as progress:

@@ -111,7 +111,7 @@ def _tell_what(model: Path, data: list[Path]) -> None:
     click.echo(
         f"A golf robot, a driven pendulum, was simulated with stick-slip in its bearing: "
         f"{len(data)} records of {DURATION:g} s.\n"
-        f"Its model does not know of the stick-slip, and its parameters are some percent off.\n"
+        f"Its model lacks the stick-slip, and its parameters are some percent off.\n"
         f"Model file and records are in {one_line(model.parent)}.\n"
     )
 
@@ -123,4 +123,4 @@ def _tell_truth(model: Path, output) -> None:
         f"sklearn-pgnn diagnose --model {shlex.quote(str(model))} "
         f"{shlex.quote(str(model.parent))}/record_*.csv --output {shlex.quote(str(output))}"
     )
-    click.echo(f"\nWhat was hidden: stick-slip with {truth}.\nThe same by hand:\n  {command}")
+    click.echo(f"\nWhat was hidden: stick-slip with {truth}.\nThe same as a command:\n  {command}")

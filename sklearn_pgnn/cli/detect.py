@@ -83,7 +83,7 @@ class DetectJob:
         console = screen()
         if not quiet:
             warn(console, self._reservations())
-        say(console, f"Named with a chance of {100 * found.power:.0f} % from this size on", "bold")
+        say(console, f"Named with probability {100 * found.power:.0f} % from this size on", "bold")
         seen = [row for row in found.rows if not row.reason]
         rows = table("", "", "")
         for row in seen:
@@ -107,5 +107,5 @@ class DetectJob:
             return []
         return [
             "The re-tuned model leaves more than noise, which counts as noise here. Remedy: "
-            "diagnose first, and take the extended_model.yaml that comes out."
+            "diagnose first, and take the resulting extended_model.yaml."
         ]

@@ -1,4 +1,4 @@
-"""The job of ``sklearn-pgnn diagnose``: read, diagnose, write, tell."""
+"""The job of ``sklearn-pgnn diagnose``: read, diagnose, write, print."""
 
 import warnings
 from collections.abc import Callable, Mapping, Sequence
@@ -94,7 +94,7 @@ class Job:
         Raises
         ------
         Bug
-            If something of ours breaks down; what was found before is written.
+            After an internal error; what was found before is written.
         """
         rivals = sorted(file.name for file in Path(self.output).glob(RIVALS))
         earlier = check_free(Path(self.output), [*NAMES, *rivals], force=self.force)

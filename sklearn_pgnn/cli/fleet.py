@@ -29,7 +29,7 @@ Example:
     "--earlier",
     metavar="DIR",
     type=FILE,
-    help="The results of an earlier time, to be told what changed.",
+    help="Results of an earlier run, to report what changed.",
 )
 @click.option(
     "--sample-time",
@@ -43,7 +43,7 @@ Example:
     help="Scheduler of a Dask cluster that does the work, as in tcp://10.0.0.1:8786; its workers "
     "read the same files.",
 )
-@click.option("--json", "as_json", is_flag=True, help="Print JSON, and no words.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON only.")
 @click.option("--open", "opens", is_flag=True, help="Open the report when it is written.")
 @diagnosis_options
 @job_options
@@ -53,7 +53,7 @@ def fleet(model, records, output, quiet, debug, as_json, opens, **options):
 
     Writes DIR/index.html (open it first), a row a machine, DIR/fleet.json, and for every machine
     the files that diagnose writes. Machines that are finished are kept in DIR: a run that was
-    stopped goes on there, and only machines whose records, model or options are others are
+    stopped goes on there, and only machines whose records, model or options differ are
     diagnosed again.
     """
     with guarded(debug):

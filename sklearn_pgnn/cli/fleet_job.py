@@ -83,7 +83,7 @@ class FleetJob:
                 return fleet.fit(machines)
         except BrokenProcessPool:
             raise click.ClickException(
-                f"a process that diagnosed a machine was ended from outside, perhaps for want of "
+                f"a process that diagnosed a machine was killed, perhaps for lack of "
                 f"memory. Finished machines are kept in {one_line(self.output)}. Remedy: the same "
                 f"command again, with fewer --jobs."
             ) from None
@@ -145,8 +145,8 @@ def _reader(pattern: str) -> Callable[[Path], str | None]:
     """Return what reads a machine's name from the place of its file."""
     if pattern.count(MACHINE) != 1:
         raise OptionError(
-            f"--pattern: expected {MACHINE} once, for the part of a name that tells the machine, "
-            f"got {pattern!r}."
+            f"--pattern: expected {MACHINE} once, for the part of a name that identifies the "
+            f"machine, got {pattern!r}."
         )
     words = {MACHINE: "(?P<machine>[^/]+?)", "*": "[^/]*"}
     parts = re.split(r"(\{machine\}|\*)", pattern)

@@ -36,7 +36,7 @@ class Bug(click.ClickException):
     def __init__(self, error: Exception, kept: str = ""):
         said = f"{type(error).__name__}: {error}".rstrip(". :")
         sentences = (
-            f"a bug of sklearn-pgnn, not of your input: {said}.",
+            f"a bug in sklearn-pgnn, not in your input: {said}.",
             kept,
             "Please report it, with what --debug shows.",
         )

@@ -28,11 +28,11 @@ _THREADS = click.option(
     help="Threads to use.",
 )
 _TALK = (
-    click.option("--quiet", is_flag=True, help="Print what was found in short, and no progress."),
+    click.option("--quiet", is_flag=True, help="Print a short summary, and no progress."),
     click.option("--debug", is_flag=True, help="Show the traceback of an error as well."),
 )
 _FORCE = click.option("--force", is_flag=True, help="Replace what is there already.")
-_JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON, and no words.")
+_JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON only.")
 _SHOW = (
     _JSON,
     click.option("--open", "opens", is_flag=True, help="Open the report when it is written."),
@@ -56,7 +56,7 @@ _HOLD = click.option(
     default="auto",
     show_default=True,
     help="Inputs are held between samples (zoh), or run straight from one to the next (foh); "
-    "auto: as the model file says, else held, unless the records speak against it.",
+    "auto: as the model file says, else held, unless the records contradict it.",
 )
 _SUBSTEPS = click.option(
     "--substeps",
@@ -70,7 +70,7 @@ _WINDOW = click.option(
     "window_length",
     type=click.FloatRange(min=0, min_open=True),
     metavar="S",
-    help="Window length [s]: so long the model runs free before it is set back to the record; "
+    help="Window length [s]: how long the model is simulated before it is re-initialised; "
     "by default chosen from the records.",
 )
 _CATALOGUE = click.option(
@@ -78,7 +78,7 @@ _CATALOGUE = click.option(
     multiple=True,
     shell_complete=complete_effects,
     metavar="EFFECTS",
-    help="Think of these effects only: ids, with commas between, as in "
+    help="Consider only these effects: ids, with commas between, as in "
     "coulomb_friction,input_bias. By default all; --list-effects names them.",
 )
 _EXCLUDE = click.option(
@@ -86,13 +86,13 @@ _EXCLUDE = click.option(
     multiple=True,
     shell_complete=complete_effects,
     metavar="EFFECTS",
-    help="Do not think of these effects: what you know the machine has not.",
+    help="Leave out these effects: those the machine is known not to have.",
 )
 _TARGETS = click.option(
     "--targets",
     multiple=True,
     metavar="NAMES",
-    help="Suspect these states, inputs, outputs and parameters of the model only, with commas "
+    help="Suspect only these states, inputs, outputs and parameters of the model, with commas "
     "between; by default all.",
 )
 _SEED = click.option(
@@ -129,7 +129,7 @@ _DIAGNOSIS = (
         default=0.01,
         show_default=True,
         metavar="RATE",
-        help="Rate of false names: the chance that a cause is named where nothing is missing.",
+        help="False-alarm rate: the chance that a cause is named where nothing is missing.",
     ),
     click.option(
         "--smallest-share",
@@ -137,21 +137,21 @@ _DIAGNOSIS = (
         default=0.05,
         show_default=True,
         metavar="SHARE",
-        help="Smallest share of an output's error power that is worth a name.",
+        help="Smallest share of an output's error power that matters.",
     ),
     click.option(
         "--time-limit",
         type=click.FloatRange(min=0, min_open=True),
         metavar="S",
-        help="Time [s] after which the search ends and the best so far is told; what that needs "
-        "is still computed, so it takes a little longer.",
+        help="Time [s] after which the search ends and the best so far is reported; what that "
+        "needs is still computed, so it takes a little longer.",
     ),
     _SEED,
 )
 
 
 def job_options(command):
-    """Add the options that control how a command runs: threads, words and debugging."""
+    """Add the options that control how a command runs: threads, output and debugging."""
     return _with(command, (_THREADS, *_TALK))
 
 
@@ -161,7 +161,7 @@ def result_options(command):
 
 
 def quiet_options(command):
-    """Add the options that control how much a command tells."""
+    """Add the options that control how much a command prints."""
     return _with(command, _TALK)
 
 
@@ -204,7 +204,7 @@ def list_effects(command):
         is_eager=True,
         expose_value=False,
         callback=_list_effects,
-        help="Name the effects that a diagnosis thinks of, and exit.",
+        help="List the effects that a diagnosis considers, and exit.",
     )(command)
 
 

@@ -53,7 +53,7 @@ def described_files(diagnosis) -> dict[str, str]:
         Names and descriptions.
     """
     return {
-        "report.html": "the whole story with pictures; open it first",
+        "report.html": "the full report with plots; open it first",
         "diagnosis.json": "the same for programs",
         **described_models(diagnosis),
     }
@@ -111,7 +111,7 @@ def _tell_cause(console, place: int, cause, separations) -> None:
     rows.add_row("confused with", cell(rivals(cause) or "nothing"))
     for found in separations:
         if found.cause == (cause.effect, cause.target):
-            rows.add_row("which it is", cell(separation_sentence(found)))
+            rows.add_row("to separate", cell(separation_sentence(found)))
     if cause.check:
         rows.add_row("check on the rig", cell(cause.check))
     print_table(console, rows)

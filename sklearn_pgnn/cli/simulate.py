@@ -39,7 +39,7 @@ def simulate_files(
     Raises
     ------
     SimulationError
-        If a record leaves the finite numbers.
+        If a record becomes non-finite.
     """
     read = read_model(model)
     X, y = read_inputs(read, data, sample_time)

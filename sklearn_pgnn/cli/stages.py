@@ -8,7 +8,7 @@ BEST = "best suspect so far: "
 WORDS = {
     "window length": "choosing the window length",
     "candidates": "simulating the suspects",
-    "needless causes": "leaving out causes that others make needless",
+    "needless causes": "leaving out causes that others make unnecessary",
     "other causes": "putting other suspects in the place of the causes",
     "pairs": "fitting pairs of suspects",
     "all records": "fitting all records",

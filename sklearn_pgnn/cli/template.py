@@ -18,28 +18,28 @@ SYSTEMS = {
     "two-tanks": two_tanks,
 }
 HEAD = """\
-# A model file of sklearn-pgnn: the machine as you believe it to be. It begins as a ready system;
+# A model file of sklearn-pgnn: the machine as you model it. It begins as a ready system;
 # put your own names, units, values and equations in its place. Then see whether it fits the files:
 #   sklearn-pgnn check --model {path} record.csv
 """
 #: what stands above each part
 COMMENTS = {
     "name": "What reports call the machine.",
-    "states": "What the machine remembers, with units: positions, speeds, levels, temperatures.",
+    "states": "The state variables, with units: positions, speeds, levels, temperatures.",
     "inputs": "What drives it, with units. Every file of records has a column of each.",
     "outputs": "What the sensors show: the column of the file, and the state, or an expression.",
     "parameters": "Constants. bounds: what is possible at all. spread: how far the true value may\n"
     "lie from this one, as a share of it, and still be called calibrated (0.1 if nothing is\n"
     "said). fixed: true for what is known and never re-tuned.",
     "equations": "The rate of every state. Names from above, numbers, t, pi, + - * / **, and abs,\n"
-    "sign, min, max, sqrt, exp, log, sin, cos, tan, atan2, tanh and their like.",
+    "sign, min, max, sqrt, exp, log, sin, cos, tan, atan2, tanh and the like.",
     "inertia": "Optional: mass or inertia of a speed; effects on it are then forces or torques.",
     "energy": "Optional: stored [J], supplied and dissipated [W]; networks and losses use it.",
-    "initial_state": "Optional: where a record starts that does not tell; zero by default.",
+    "initial_state": "Optional: where a record without initial states starts; zero by default.",
 }
 #: parts that a model may have besides, to be uncommented
 OPTIONAL = {
-    "initial_state": "where a record starts that does not tell; zero if nothing is said",
+    "initial_state": "where a record without initial states starts; zero by default",
     "columns": "what the files call a quantity, where that is not its name",
     "delays": "for an input that acts late, the parameter of its delay [s]: a new one, such as tau",
     "simulation": "hold: zoh or foh (inputs held, or straight from sample to sample); substeps",
@@ -79,7 +79,7 @@ def write_template(
     if not quiet:
         then = f"sklearn-pgnn check --model {one_line(path)} {one_line(records or 'record.csv')}"
         click.echo(
-            f"Wrote {one_line(path)}, a model of the {model.name}. Make it yours in an editor, "
+            f"Wrote {one_line(path)}, a model of the {model.name}. Adapt it in an editor, "
             f"then:\n  {then}"
         )
 
@@ -116,7 +116,7 @@ def commented(
         if part in COMMENTS and not line.startswith(" "):
             lines += ["", *(f"# {text}" for text in COMMENTS[part].split("\n"))]
         lines.append(line)
-    lines += ["", "# Optional parts: take the sign away from those you need."]
+    lines += ["", "# Optional parts: uncomment those you need."]
     examples = _examples(model, columns)
     for part, what in OPTIONAL.items():
         if part not in model.to_dict():

@@ -162,13 +162,13 @@ def make_hidden_effect(
 
 
 def _check_finite(t, y) -> None:
-    """Raise where a record left the finite numbers."""
+    """Raise where a record became non-finite."""
     lost = ~np.isfinite(y).all(axis=2)
     if lost.any():
         record, sample = np.argwhere(lost)[0]
         raise ValueError(
-            f"effect: expected a machine that can be simulated, but record {record} leaves the "
-            f"finite numbers at t = {t[sample]:.4g} s. Remedy: a smaller effect or amplitude."
+            f"effect: expected a machine that can be simulated, but record {record} becomes "
+            f"non-finite at t = {t[sample]:.4g} s. Remedy: a smaller effect or amplitude."
         )
 
 

@@ -52,7 +52,7 @@ def integrate(model, t, u=None, x0=None, *, substeps: int = 4):
     Returns
     -------
     x : ndarray of shape (n_records, n_samples, n_states)
-        States; not finite where a record left the finite numbers.
+        States; not finite where a record became non-finite.
     y : ndarray of shape (n_records, n_samples, n_outputs)
         Outputs.
 

@@ -1,4 +1,4 @@
-"""Comparisons of fitted hypotheses: the criterion, asked of what they leave of held-out records."""
+"""Comparisons of fitted hypotheses: the criterion, applied to their held-out residuals."""
 
 import numpy as np
 
@@ -104,7 +104,7 @@ class Comparison:
     # -- of what one leaves ------------------------------------------------------------------------
 
     def is_nameable(self, trial: FittedHypothesis) -> bool:
-        """Return whether more than white noise is left, by the smallest share worth a name.
+        """Return whether more than white noise is left, by the smallest share that matters.
 
         It is asked over windows, and in free run where that says anything.
         """
@@ -127,7 +127,7 @@ class Comparison:
         return beyond > self.criterion.smallest_share * left.squares
 
     def stands_in_free_run(self, trial: FittedHypothesis) -> bool:
-        """Return whether the free run, where it says anything, does not speak against it."""
+        """Return whether the free run, where it is informative, does not contradict it."""
         retuned, found = map(self.fitter.held_out, (self.fitter.base(), trial))
         return self.criterion.stands_in_free_run(retuned, found)
 

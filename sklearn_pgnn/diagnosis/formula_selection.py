@@ -1,4 +1,4 @@
-"""Decide whether the catalogue's causes will do, or a formula says it better."""
+"""Decide whether the catalogue's causes suffice, or a formula explains more."""
 
 from dataclasses import replace
 
@@ -115,7 +115,7 @@ def _best_formula(search: Search, ground: FittedHypothesis) -> Proposal | None:
     places = channels(problem.prior)
     progress.begin("formula", len(places))
     for channel in places:
-        with search.fitter.ledger.spare((ground.hypothesis, channel), "formula", channel):
+        with search.fitter.failures.tolerate((ground.hypothesis, channel), "formula", channel):
             found += propose(problem, ground, channel, progress.tick)
         progress.step()
     if not found:
@@ -132,7 +132,7 @@ def _best_formula(search: Search, ground: FittedHypothesis) -> Proposal | None:
 
 
 def _has_names(search: Search, proposal: Proposal) -> bool:
-    """Return whether every term of a formula is what some candidate says."""
+    """Return whether every term of a formula is that of some candidate."""
     formula = proposal.effect
     terms = [replace(formula, terms=(term,), coefficients=(1.0,)) for term in formula.terms]
     known = same_causes(search.fitter.problem.prior, (*search.ladder.candidates, *terms))
@@ -153,7 +153,7 @@ def _with_library(search: Search, n_places: int) -> SelectionCriterion:
 
 
 def _takes_the_place(search: Search, formula: Proposal, final: FittedHypothesis) -> bool:
-    """Return whether a formula says it all, and the same simpler or clearly more.
+    """Return whether a formula explains all, and as much more simply or clearly more.
 
     A formula that leaves structure is no law: what has a name says more to people. Each of its
     terms is chosen from a library as a cause is from the catalogue.

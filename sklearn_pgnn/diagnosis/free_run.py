@@ -18,10 +18,10 @@ class FreeRunError:
     ----------
     prior, refitted, extended : float
         Root mean square error of the prior, the re-tuned prior and the extended model; infinite
-        where a simulation leaves the finite numbers.
+        where a simulation becomes non-finite.
     tells : bool, default=True
         Whether the re-tuned prior or the extended model is nearer to the records than their mean
-        is. The free run of a chaotic or unstable motion is not, and says nothing.
+        is. The free run of a chaotic or unstable motion is not, and is not informative.
 
     Examples
     --------

@@ -46,7 +46,7 @@ class Findings:
     result : SearchResult
         The causes.
     proposal : Proposal or None
-        The formula for what has no name.
+        The formula for what no cause explains.
     structure : Structure or None
         Whether what is left depends on anything recorded; None if that was not asked.
     replaced : SearchResult or None, default=None
@@ -106,7 +106,7 @@ class Investigation:
     whole: EstimationProblem | None = None
 
     def run(self, hold: str, is_told: bool) -> Findings:
-        """Search with inputs that are held, or not, and the other way if the records speak for it.
+        """Search with inputs that are held, or not, and the other way if the records support it.
 
         Parameters
         ----------
@@ -156,7 +156,7 @@ class Investigation:
         return self._in_enough_steps(fitter)
 
     def _in_enough_steps(self, fitter: HypothesisFitter) -> HypothesisFitter:
-        """Return the fitter in integration steps that the re-tuned prior needs, if not told."""
+        """Return the fitter in the integration steps that the prior needs, if not given."""
         if self._steps_are_told:
             return fitter
         windows, base = fitter.problem.windows, fitter.base().fit
@@ -186,7 +186,7 @@ class Investigation:
         return fitter
 
     def _search(self, fitter: HypothesisFitter, begin: FittedHypothesis | None = None) -> Findings:
-        """Search the catalogue, and a formula for what it has no name for."""
+        """Search the catalogue, and a formula for what it does not explain."""
         given = frozenset(map(SensorSaturation, clipped_outputs(fitter.problem)))
         criterion = SelectionCriterion(self.alpha, self.smallest_share, len(self.candidates))
         asked = _Structures(fitter, criterion)
@@ -270,7 +270,7 @@ class Investigation:
 
 
 def _distinct(candidates: tuple[Effect, ...], scales: Scales) -> tuple[Effect, ...]:
-    """Leave out the candidates for which one of their special cases says the same here."""
+    """Leave out the candidates that equal one of their special cases here."""
     all_named = {(cause.id, cause.target) for cause in candidates}
 
     def is_needed(cause: Effect) -> bool:
@@ -281,7 +281,7 @@ def _distinct(candidates: tuple[Effect, ...], scales: Scales) -> tuple[Effect, .
 
 
 class _Structures:
-    """Whether hypotheses leave structure, each asked once."""
+    """Whether hypotheses leave structure, each tested once."""
 
     def __init__(self, fitter: HypothesisFitter, criterion: SelectionCriterion):
         self.fitter, self.criterion = fitter, criterion

@@ -93,7 +93,7 @@ class Ladder:
         return (*ranked[: -(-len(ranked) // 2)], *(c for c in self.candidates if c in unknown))
 
     def screen(self) -> Screening:
-        """Return what the candidates change, as their first fits tell."""
+        """Return what the candidates change, by their first fits."""
         if self._screening is None:
             self._screening = Screening(self.fitter.windows_of, self.fitter.progress.tick)
             base = self.fitter.subsample(self.fitter.base())

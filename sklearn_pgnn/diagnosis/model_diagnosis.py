@@ -89,13 +89,13 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
     noise_std : array-like of shape (n_outputs,), optional
         Standard deviation of the outputs' noise; by default the records tell.
     alpha : float, default=0.01
-        Rate of false names: the chance that a cause is named where nothing is missing.
+        False-alarm rate: the chance that a cause is named where nothing is missing.
     smallest_share : float, default=0.05
-        Smallest share of an output's error power, over windows or in free run, worth a name.
+        Smallest share of an output's error power, over windows or in free run, that matters.
     hold : {"auto", "zoh", "foh"}, default="auto"
         Whether an input is held between two samples (``"zoh"``) or runs straight from one to the
         next (``"foh"``); by default as the model's `simulation` says, else held, unless the
-        records speak against it.
+        records contradict it.
     substeps : int, optional
         Integration steps from sample to sample; by default as the model's `simulation` says, else
         as many as accuracy needs.
@@ -131,8 +131,8 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         and in free run.
     free_run_ : dict of str to FreeRunError
         Error of every output over whole records: .prior, .refitted and .extended, simulated from
-        `initial_states_` without restarts; infinite where a simulation leaves the finite numbers.
-        Its .tells is false where the machine is chaotic or unstable, and a free run says nothing.
+        `initial_states_` without restarts; infinite where a simulation becomes non-finite.
+        Its .tells is false where the free run of a chaotic or unstable machine is not informative.
     initial_states_ : ndarray of shape (n_trajectories, n_states)
         State of the extended model at the start of every trajectory: what X tells, `settled`
         states at the first input, and else as the first window was fitted.
@@ -147,17 +147,17 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         sensor, or something from outside: it depends on nothing that was recorded) and
         ``"structure"``, with .times_noise of every output and what it .depends_on.
     discrepancy_ : MissingPart or None
-        Where something is missing that the catalogue has no name for, what it depends on, and a
+        Where something is missing that is not in the catalogue, what it depends on, and a
         formula for it.
     candidates_ : tuple of Tried
         Every suspect, the best first: .effect, .target and .left, the share of the re-tuned
         prior's error power it leaves alone.
     data_quality_ : tuple of Finding
-        What in the records stands in the way: clipping, lost samples, feedback, poor excitation.
+        Faults of the records: clipping, lost samples, feedback, poor excitation.
     separations_ : tuple of Separation
         For causes that these records cannot tell apart, the experiments that would.
     unusable_ : tuple of Unusable
-        Suspects that could not be fitted because numbers broke down: .effect, .target, .reason.
+        Suspects that could not be fitted for numerical reasons: .effect, .target, .reason.
     stopped_ : str or None
         Why the diagnosis did not come to its end, and at what stage.
     complete_ : bool
@@ -373,7 +373,7 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
     def _conclude(self, investigation: Investigation, whole: tuple[Record, ...]) -> None:
         """Find what else there is to say, as far as the time allows."""
         progress, found = investigation.progress, investigation.so_far()
-        ledger = found.search.fitter.ledger
+        failures = found.search.fitter.failures
         progress.counts = True
         with suppress(TimeIsUp):
             for stage, what in (
@@ -382,9 +382,9 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
             ):
                 if progress.ended is None:
                     progress.begin(stage)
-                    with ledger.spare(stage, stage, ""):
+                    with failures.tolerate(stage, stage, ""):
                         what()
-        self.unusable_, self.stopped_ = ledger.entries(), progress.ended
+        self.unusable_, self.stopped_ = failures.entries(), progress.ended
 
     def _check_data_quality(self, found: Findings, whole: tuple[Record, ...]) -> None:
         result, proposal = found.result, found.proposal
@@ -398,7 +398,7 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         )
 
     def _separate(self, progress: Progress) -> None:
-        """Find what tells every cause from its equivalents, and from the first other rival."""
+        """Find what separates every cause from its equivalents, and from the first other rival."""
         try:
             self._separate_all(progress)
         finally:  # also of those that the time sufficed for
@@ -422,7 +422,7 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         return SelectionCriterion(self.alpha, self.smallest_share, len(candidates))
 
     def _with_equivalent(self, cause: NamedCause) -> NamedCause:
-        """Note which causes are the same as one, so that no record tells them apart."""
+        """Note which causes are the same as one, so that no record separates them."""
         mine = _pair(cause)
         same = {f.other for f in self.separations_ if f.cause == mine and f.equivalent}
         equivalent = (Candidate(o.effect, o.target) for o in cause.confused_with)
@@ -451,7 +451,7 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         Returns
         -------
         ndarray of shape (n_samples, n_outputs) or (n_samples,)
-            Simulated outputs. All rows of a trajectory whose simulation leaves the finite numbers
+            Simulated outputs. All rows of a trajectory whose simulation becomes non-finite
             get the values of the first one, of which a `SimulationWarning` tells.
         """
         check_is_fitted(self)
@@ -569,14 +569,14 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         power : float, default=0.9
             Chance with which the smallest size shall be named.
         sizes : sequence of float, default=(0.25, 0.5, 1, 2)
-            Multiples of the smallest size at which the table tells the power.
+            Multiples of the smallest size at which the table gives the power.
         noise : {"residual", "white"}, default="residual"
             Noise as correlated as what the extended model leaves, or white of the same power.
         n_repeats : int, default=200
             Draws of the noise for every size.
         verify : bool, default=False
             Whether to run the diagnosis itself on simulated records with every effect at its
-            smallest size; as dear as that many diagnoses.
+            smallest size; as costly as that many diagnoses.
         random_state : int, RandomState or None, default=0
             Draws the noise.
 
@@ -627,7 +627,7 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         return Detectability(rows, float(power), tuple(map(float, sizes)))
 
     def separating_experiment(self, cause=None, other=None, *, reach=1.0):
-        """Find the experiment that would tell a cause from another one.
+        """Find the experiment that would separate a cause from another one.
 
         Both causes are fitted and simulated under designed inputs: steps, slow ramps, pulses with
         a long rest, sines and a sweep, each at several amplitudes. Each model is re-tuned to what

@@ -39,7 +39,7 @@ class Moves:
         return trial
 
     def without_needless(self, trial: FittedHypothesis) -> FittedHypothesis:
-        """Drop causes until each has a name beside the others."""
+        """Drop causes until each is named beside the others."""
         while (fewer := self.drop(trial)) is not None:
             trial = fewer
         return trial
@@ -51,7 +51,7 @@ class Moves:
         return self.drop(current, partial(self.compare.names_disturbed, needed=needed))
 
     def drop(self, current: FittedHypothesis, is_named=None) -> FittedHypothesis | None:
-        """Drop the cause that is needed least, unless the others leave it a name."""
+        """Drop the cause that is needed least, unless it is named beside the others."""
         is_named = self.compare.names if is_named is None else is_named
         if not current.hypothesis.causes:
             return None
@@ -94,7 +94,7 @@ class Moves:
         trials = [self.fitter.fit_all(fit, current) for fit in fits[:KEPT]]
         while trials := [trial for trial in trials if trial.fit.usable]:
             best = self._simplest_of_the_best(trials)
-            if self.compare.names(self.fitter.retry(current, best), best, n_causes):
+            if self.compare.names(self.fitter.refit_from(current, best), best, n_causes):
                 yield best
             trials.remove(best)
 
@@ -116,14 +116,14 @@ class Moves:
     # -- other causes ------------------------------------------------------------------------------
 
     def replace(self, current: FittedHypothesis) -> Iterator[FittedHypothesis]:
-        """Put another candidate in a cause's place where that refutes it, or says it simpler.
+        """Put another candidate in a cause's place where that refutes it, or is simpler.
 
         Beside a candidate that says the same another cause may be needless.
         """
         for cause in current.hypothesis.causes:
             for other in self.ladder.in_place(current, cause):
                 if other.hypothesis.complexity < current.hypothesis.complexity:
-                    other = self.fitter.retry(other, current)  # its own fit may have got stuck
+                    other = self.fitter.refit_from(other, current)  # its own fit may have got stuck
                 if self.compare.is_preferred(other, current) and self._is_needed(other, current):
                     yield other
                     return
@@ -153,7 +153,7 @@ class Moves:
             yield from (pair for pair in pairs if self.compare.refutes(pair, current))
 
     def split(self, current: FittedHypothesis) -> Iterator[FittedHypothesis]:
-        """Put a cause's special cases in its place where that says the same simpler."""
+        """Replace a cause by its special cases where these explain as much more simply."""
         ground = self.fitter.subsample(current)
         apart = [a for c in current.hypothesis.causes for a in self._apart(ground, c)]
         fewer = [

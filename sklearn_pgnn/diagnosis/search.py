@@ -32,14 +32,14 @@ class Search:
     fitter : HypothesisFitter
         Fits hypotheses.
     candidates : tuple of Effect
-        The causes to think of.
+        The causes to consider.
     criterion : SelectionCriterion
         When a cause is named.
     max_causes : int
         Causes named at most.
     has_structure : callable
         Whether what a hypothesis leaves depends on anything that was recorded; where no cause was
-        found, dear moves are tried only then.
+        found, costly moves are tried only then.
     find_law : callable
         Called with the search where a cause leaves something; whether a formula alone leaves
         nothing, so that the search is over.
@@ -159,14 +159,14 @@ class Search:
         return replace(found, base=base, steps=steps, rivals=rivals)
 
     def _climb_and_simplify(self) -> None:
-        """Climb until nothing says the same simpler either: a finer fit may need less."""
+        """Climb until nothing explains as much with fewer parameters: a finer fit may need less."""
         self._climb()
         while (simpler := self._simpler(self.current)) is not None:
             self.current = self._standing = simpler
             self._climb()
 
     def _prune_and_climb(self) -> None:
-        """Drop what has no name beside a disturbance, and see where else moves lead from there."""
+        """Drop causes not named beside a disturbance, and see where moves lead from there."""
         self._needed, refused = self.criterion.to_name, {}
         while (pruned := self.moves.pruned(self.current, self._needed)) is not self.current:
             refused[self.fitter.key(self.current.hypothesis)] = self.current.fit.objective
@@ -175,7 +175,7 @@ class Search:
             self._climb_and_simplify()
 
     def _climb(self) -> None:
-        """Go from hypothesis to hypothesis until no move is accepted, or a formula says it all."""
+        """Go from hypothesis to hypothesis until no move is accepted, or a formula explains all."""
         while (better := self._next(self.current)) is not None:
             self.current = self.moves.begin_anew(better)
             if self.find_law(self):
@@ -185,7 +185,7 @@ class Search:
         self.current = self.fitter.polish(self.current)
 
     def _simpler(self, current: FittedHypothesis) -> FittedHypothesis | None:
-        """Return what says the same simpler, or without a cause that is not needed."""
+        """Return what explains as much with fewer parameters, or with fewer causes."""
         fewer = self.moves.drop(current)
         moves = (self.moves.replace, self.moves.split) if current.hypothesis.causes else ()
         return self._first_of(moves, current) if fewer is None else fewer

@@ -36,7 +36,7 @@ from sklearn_pgnn.simulation.windows import evaluate
 
 @dataclass(frozen=True)
 class MissingPart:
-    """Something that is missing in a model and that the catalogue has no name for.
+    """Something that is missing in a model and not in the catalogue.
 
     Parameters
     ----------
@@ -148,7 +148,7 @@ def propose(
     Raises
     ------
     SimulationError
-        If the responses to the terms leave the finite numbers.
+        If the responses to the terms become non-finite.
     """
     model, hidden = base.fit.model, _hidden_input(problem, base, channel, each_step)
     if not np.all(np.isfinite(hidden.values)):

@@ -1,4 +1,4 @@
-"""How long residuals remember themselves."""
+"""Integrated autocorrelation time of residuals."""
 
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft

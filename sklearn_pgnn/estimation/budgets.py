@@ -32,9 +32,9 @@ STEPS = 4
 KEPT = 4
 #: pairs of candidates that are fitted. More cost time in proportion; fewer may miss a pair
 PAIRS = 8
-#: times the noise that causes may leave before dear moves are tried although nothing recorded tells
-#: of more, and beyond which a report is amber. Less costs time; more may miss a pair that short
-#: records do not tell of
+#: times the noise that causes may leave before costly moves are tried although nothing recorded
+#: shows more, and beyond which a report is amber. Less costs time; more may miss a pair that short
+#: records do not show
 MUCH = 2.0
 #: relative decrease of the objective at which a fit on all windows ends, and how much larger it is
 #: on every rung below. Less costs steps; more leaves a fit short of its minimum

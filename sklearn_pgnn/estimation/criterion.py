@@ -83,7 +83,7 @@ def explained_share(worse: Residuals, better: Residuals) -> float:
 
 
 def free_runs_that_tell(first: HeldOut, second: HeldOut) -> tuple[Residuals, Residuals]:
-    """Return the free runs of the outputs of which one of two hypotheses says something.
+    """Return the free runs of the outputs for which one of two hypotheses is informative.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ def free_runs_that_tell(first: HeldOut, second: HeldOut) -> tuple[Residuals, Res
     Returns
     -------
     tuple of Residuals
-        Of no output where the free run says nothing at all.
+        Of no output where the free run is not informative at all.
 
     Examples
     --------
@@ -112,7 +112,7 @@ class SelectionCriterion:
 
     A cause is named beside others if the evidence for it exceeds :math:`\log(N/\alpha)`, if it
     explains the smallest share of an output over windows or in free run, and if the free run does
-    not speak against it, where that says anything: it is not surely worse than without the cause,
+    not contradict it, where it is informative: it is not surely worse than without the cause,
     and not worse than that of the re-tuned prior by more than :math:`\log(1/\alpha)`. With a
     memory, whose content is free at the start of every window, it is better by the smallest share
     than both.
@@ -123,9 +123,9 @@ class SelectionCriterion:
     Parameters
     ----------
     alpha : float
-        Rate of false names.
+        False-alarm rate.
     smallest_share : float
-        Smallest share of an output's squares worth a name.
+        Smallest share of an output's squares that matters.
     n_candidates : int
         Candidates that are looked at, :math:`N`.
 
@@ -166,7 +166,7 @@ class SelectionCriterion:
         overdispersion: float = 1.0,
         retuned: HeldOut | None = None,
     ) -> bool:
-        """Return whether causes are named beside what a hypothesis says without them.
+        """Return whether causes are named beside a hypothesis without them.
 
         Parameters
         ----------
@@ -218,7 +218,7 @@ class SelectionCriterion:
         Returns
         -------
         bool
-            False where the free run says nothing.
+            False where the free run is not informative.
         """
         before, after = free_runs_that_tell(other, trial)
         if before.errors is None or after.errors is None or not before.counts.size:
@@ -226,7 +226,7 @@ class SelectionCriterion:
         return accuracy_gained(before, after) < -norm.ppf(1.0 - self.alpha)
 
     def stands_in_free_run(self, retuned: HeldOut, trial: HeldOut) -> bool:
-        """Return whether a hypothesis is no worse than the re-tuned prior; better, if it remembers.
+        """Return whether it is no worse than the re-tuned prior; better if it adds states.
 
         Parameters
         ----------
@@ -236,7 +236,7 @@ class SelectionCriterion:
         Returns
         -------
         bool
-            Whether the free run, where it says anything, does not speak against the hypothesis.
+            Whether the free run, where informative, does not contradict the hypothesis.
         """
         is_worse = log_likelihood_ratio(*free_runs_that_tell(retuned, trial)) < -self.to_refute
         return not is_worse and not self._remembers_in_vain(retuned, trial)

@@ -80,7 +80,7 @@ def disturbed_likelihood(
 
 
 class HeldOutWindows:
-    """Held-out windows under the parameters that the other ones have taught, linearised.
+    """Held-out windows under the parameters estimated from the others, linearised.
 
     Parameters
     ----------
@@ -198,7 +198,7 @@ class HeldOutWindows:
         return LinearWindows(windows, F, H, columns, self.mean, self.covariance, self.variance)
 
     def _learned_again(self, gram: np.ndarray, residual: np.ndarray) -> np.ndarray:
-        """Return the residuals with parameters that the other folds' innovations teach."""
+        """Return the residuals with parameters estimated from the other folds' innovations."""
         moved = np.empty_like(self.taught)
         for fold in np.unique(self.folds):
             inside = self.folds == fold

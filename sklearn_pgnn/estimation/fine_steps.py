@@ -32,7 +32,7 @@ def fine_substeps(fitter: WindowFitter, trial: FittedHypothesis) -> int:
     substeps = problem.windows.substeps
     while 2 * substeps <= MAX_SUBSTEPS:
         finer = HypothesisFitter(with_substeps(problem, 2 * substeps), fitter.progress)
-        moved = finer.moved_from(trial)
+        moved = finer.refit_two_steps(trial)
         if not moved.fit.usable or _moves_little(problem, trial, moved):
             break
         trial, substeps = moved, 2 * substeps

@@ -67,7 +67,7 @@ class FittedHypothesis:
 
 @dataclass(frozen=True)
 class SubsampleFit(FittedHypothesis):
-    """A hypothesis fitted on some of the samples, see `rough_windows`.
+    """A hypothesis fitted on some of the samples, see `subsample_windows`.
 
     Parameters
     ----------

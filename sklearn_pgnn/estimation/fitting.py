@@ -16,7 +16,7 @@ from sklearn_pgnn.estimation.fitted_hypothesis import (
 )
 from sklearn_pgnn.estimation.hypothesis import Hypothesis
 from sklearn_pgnn.estimation.hypothesis_models import Key
-from sklearn_pgnn.estimation.problem import EstimationProblem, Rough, rough_windows
+from sklearn_pgnn.estimation.problem import EstimationProblem, Subsample, subsample_windows
 from sklearn_pgnn.estimation.progress import Progress
 from sklearn_pgnn.estimation.spectral_lines import ripples_left, tones_left
 from sklearn_pgnn.estimation.starts import best_start
@@ -45,9 +45,9 @@ class HypothesisFitter(WindowFitter):
         self._begun: dict[Key, float] = {}
 
     @cached_property
-    def rough(self) -> Rough:
+    def rough(self) -> Subsample:
         """The samples of first fits."""
-        return rough_windows(self.problem, self.base().fit.evaluation.squares)
+        return subsample_windows(self.problem, self.base().fit.evaluation.squares)
 
     @cached_property
     def scales(self) -> Scales:
@@ -89,10 +89,10 @@ class HypothesisFitter(WindowFitter):
             self._begun[key] = objective
             known = self.rough.which, subsample.fit.x0
             self._keep(self._fit(hypothesis, model, beside.fit, known))
-            return self.released(self._known(hypothesis))
+            return self.refit_from_held_out(self._known(hypothesis))
         return self._known(hypothesis)
 
-    def retry(self, trial: FittedHypothesis, better: FittedHypothesis) -> FittedHypothesis:
+    def refit_from(self, trial: FittedHypothesis, better: FittedHypothesis) -> FittedHypothesis:
         """Fit a hypothesis again from the numbers of a finer one: its own may have got stuck."""
         self.subsample(trial)
         return self.fit_all(self._derive(self.subsample(better), trial.hypothesis), better)
@@ -182,7 +182,7 @@ class HypothesisFitter(WindowFitter):
     def _from_best_start(
         self, subsample: SubsampleFit, hypothesis: Hypothesis, cause: Effect
     ) -> SubsampleFit:
-        with self._spare(hypothesis):
+        with self._tolerate(hypothesis):
             model = best_start(self, subsample, hypothesis, cause)
             found = self._from(subsample, hypothesis, model, max_steps=STEPS)
             if found.start is subsample.start:
@@ -268,7 +268,7 @@ class HypothesisFitter(WindowFitter):
         model, free = self.models.free(hypothesis, model)
         windows, tolerance = self.windows_of(model), COARSER * TOLERANCE
         fit = self.fit_model(
-            self._spare(hypothesis),
+            self._tolerate(hypothesis),
             model,
             windows,
             free,

@@ -61,7 +61,7 @@ class CrossValidation:
         learn: Callable[[np.ndarray], WindowFit],
         judge: Callable[[WindowFit, np.ndarray], WindowFit],
     ) -> HeldOut:
-        """Fit every fold's windows with the parameters that the others have taught.
+        """Fit every fold's windows with the parameters estimated from the others.
 
         Parameters
         ----------

@@ -41,7 +41,7 @@ class Hypothesis:
         return self.n_parameters, len(parts)
 
     def taken_over(self, cause: Effect) -> tuple[str, ...]:
-        """Return the fields of a cause that another cause of the hypothesis speaks for."""
+        """Return the fields of a cause that another cause of the hypothesis already covers."""
         beside = {other.id for other in self.causes if other.target == cause.target}
         return tuple(name for id, names in cause.shared.items() if id in beside for name in names)
 

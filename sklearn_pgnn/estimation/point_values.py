@@ -1,4 +1,4 @@
-"""Expressions at a few points, all points at once; SymPy is asked where doubles give no number."""
+"""Expressions at a few points, all points at once; SymPy is used where doubles give no number."""
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import reduce
@@ -71,7 +71,7 @@ def _chain(of: Callable) -> Callable:
 
 
 def _beside_zero(value: Callable) -> Callable:
-    """Return a function for all numbers but zero, at which SymPy is asked."""
+    """Return a function for all numbers but zero, at which SymPy is used."""
     return lambda z, *_: np.where(z == 0, np.nan, value(z))
 
 

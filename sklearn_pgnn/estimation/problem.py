@@ -200,7 +200,7 @@ def _simulated(problem: EstimationProblem, **options) -> EstimationProblem:
 
 
 @dataclass(frozen=True)
-class Rough:
+class Subsample:
     """Some of the samples of a problem, for a first look.
 
     Parameters
@@ -223,7 +223,7 @@ class Rough:
         return replace(self.windows, substeps=self.factor * self.windows.substeps)
 
 
-def rough_windows(problem: EstimationProblem, squares: np.ndarray) -> Rough:
+def subsample_windows(problem: EstimationProblem, squares: np.ndarray) -> Subsample:
     """Take about `SAMPLES` samples: every so many of a window, then every so many windows.
 
     Parameters
@@ -235,13 +235,13 @@ def rough_windows(problem: EstimationProblem, squares: np.ndarray) -> Rough:
 
     Returns
     -------
-    Rough
+    Subsample
         Some of its samples.
     """
     factor = _thinning(problem)
     thinned = problem.windows.thin(factor) if factor > 1 else problem.windows
     which = np.sort(worst_first(squares)[:: one_of(thinned)])
-    return Rough(thinned.select(which), which, factor)
+    return Subsample(thinned.select(which), which, factor)
 
 
 def one_of(windows: ShootingWindows) -> int:

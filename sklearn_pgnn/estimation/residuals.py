@@ -14,7 +14,7 @@ class Residuals:
     Parameters
     ----------
     squares : ndarray of shape (n_outputs,)
-        Sums of squared residuals; infinite where a simulation leaves the finite numbers.
+        Sums of squared residuals; infinite where a simulation becomes non-finite.
     counts : ndarray of shape (n_outputs,)
         Number of residuals.
     times : ndarray of shape (n_outputs,)
@@ -73,7 +73,7 @@ class HeldOut:
         States that the hypothesis adds to the prior's.
     tells_in_free_run : ndarray of shape (n_outputs,), optional
         Whether the free run of an output is nearer to the records than their mean is; that of a
-        chaotic or unstable motion is not, and says nothing. By default all are.
+        chaotic or unstable motion is not. By default all are.
     learned : tuple of PhysicsModel, default=()
         The model of every fold, with what the other windows have taught.
     x0 : ndarray of shape (n_windows, n_states), optional
@@ -98,6 +98,6 @@ class HeldOut:
 
     @property
     def tells(self) -> np.ndarray:
-        """Whether the free run of an output says anything."""
+        """Whether the free run of an output is informative."""
         every = np.ones(self.free_run.squares.shape, dtype=bool)
         return every if self.tells_in_free_run is None else self.tells_in_free_run

@@ -1,4 +1,4 @@
-"""Stretches of long records: those that tell most, for a search."""
+"""Stretches of long records: the most informative ones, for a search."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -112,7 +112,7 @@ def _mean_of(errors: np.ndarray, a: int, b: int) -> float:
 
 
 def _choose(told: np.ndarray, lengths: np.ndarray) -> np.ndarray:
-    """Return the stretches that tell most, up to half of the budget, and some of the others."""
+    """Return the most informative stretches, up to half of the budget, and some of the others."""
     if lengths.sum() <= LONG:
         return np.arange(told.size)
     order = np.argsort(-told, kind="stable")

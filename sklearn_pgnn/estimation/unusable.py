@@ -1,4 +1,4 @@
-"""Hypotheses whose fit broke down: they are noted, and the search goes on without them."""
+"""Hypotheses whose fit failed: they are noted, and the search goes on without them."""
 
 from collections.abc import Hashable, Iterator
 from contextlib import contextmanager
@@ -28,7 +28,7 @@ class Unusable(NamedTuple):
     reason: str
 
 
-class Ledger:
+class FailureLog:
     """What could not be fitted, and why.
 
     What could be fitted from another start, or at another time, is not unusable.
@@ -47,7 +47,7 @@ class Ledger:
         self._lost.setdefault(key, Unusable(effect, target, f"{reason}{beside}"))
 
     @contextmanager
-    def spare(self, key: Hashable, effect: str, target: str, beside: str = "") -> Iterator[None]:
+    def tolerate(self, key: Hashable, effect: str, target: str, beside: str = "") -> Iterator[None]:
         """Go on where numbers break down, and note what could not be fitted."""
         try:
             yield

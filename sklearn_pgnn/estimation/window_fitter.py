@@ -29,7 +29,7 @@ from sklearn_pgnn.estimation.hypothesis_models import HypothesisModels, Key
 from sklearn_pgnn.estimation.poor_windows import refit_poor_windows
 from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.estimation.progress import Progress
-from sklearn_pgnn.estimation.unusable import Ledger, Unusable
+from sklearn_pgnn.estimation.unusable import FailureLog, Unusable
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.window_fit import (
@@ -64,7 +64,7 @@ class WindowFitter:
     def __init__(self, problem: EstimationProblem, progress: Progress | None = None):
         self.problem = problem
         self.progress = Progress() if progress is None else progress
-        self.models, self.ledger = HypothesisModels(problem), Ledger()
+        self.models, self.failures = HypothesisModels(problem), FailureLog()
         self._trials: dict[Key, FittedHypothesis] = {}
         self._held_out: dict[Key, tuple[WindowFit, HeldOut]] = {}
         self._disturbed: dict[tuple, tuple[HeldOut, float]] = {}
@@ -74,7 +74,7 @@ class WindowFitter:
         return self.models.key(hypothesis)
 
     def held(self, cause: Effect) -> tuple[str, ...]:
-        """Return the names of the prior's parameters that a cause speaks for."""
+        """Return the names of the prior's parameters that a cause covers."""
         return self.models.held(cause)
 
     # -- where numbers break down --------------------------------------------------------------
@@ -82,11 +82,11 @@ class WindowFitter:
     @property
     def unusable(self) -> tuple[Unusable, ...]:
         """The candidates that could not be fitted, each with the reason."""
-        return self.ledger.entries()
+        return self.failures.entries()
 
     def fit_model(
         self,
-        spare: AbstractContextManager,
+        tolerate: AbstractContextManager,
         model: PhysicsModel,
         windows: ShootingWindows,
         free,
@@ -98,7 +98,7 @@ class WindowFitter:
 
         Parameters
         ----------
-        spare : context manager
+        tolerate : context manager
             What suppresses the errors of numbers that break down.
         model, windows, free
             See `fit_windows`.
@@ -114,7 +114,7 @@ class WindowFitter:
         WindowFit
             The fit.
         """
-        with spare:
+        with tolerate:
             return fit_windows(
                 model,
                 windows,
@@ -130,21 +130,21 @@ class WindowFitter:
         self, hypothesis, fit: WindowFit, windows: ShootingWindows, start: Start, tolerance
     ):
         """Return the better of a fit and one begun elsewhere in windows that may be stuck."""
-        with self._spare(hypothesis):
+        with self._tolerate(hypothesis):
             fit = refit_poor_windows(fit, windows, *start, tolerance, self.progress.tick)
         return fit
 
-    def _spare(self, hypothesis: Hypothesis, *what: str) -> AbstractContextManager:
+    def _tolerate(self, hypothesis: Hypothesis, *what: str) -> AbstractContextManager:
         """Go on where numbers break down, and note what hypothesis cannot be used."""
-        return self.ledger.spare((self.key(hypothesis), *what), *_described(hypothesis))
+        return self.failures.tolerate((self.key(hypothesis), *what), *_described(hypothesis))
 
     def _noted(self, hypothesis: Hypothesis, fit: WindowFit) -> WindowFit:
         """Note whether a hypothesis could be fitted."""
         key = (self.key(hypothesis),)
         if fit.usable:
-            self.ledger.fitted(key)
+            self.failures.fitted(key)
         else:
-            self.ledger.lost(key, *_described(hypothesis), reason=_why_lost(fit))
+            self.failures.lost(key, *_described(hypothesis), reason=_why_lost(fit))
         return fit
 
     # -- on all windows ------------------------------------------------------------------------
@@ -154,8 +154,8 @@ class WindowFitter:
         """The prior at its parameters, only the initial states being fitted."""
         model = self.problem.prior
         start = self._start(model)
-        spare, windows = self._spare(Hypothesis()), self.problem.windows
-        return self.fit_model(spare, model, windows, (), start, start.x0, max_steps=2 * STEPS)
+        tolerate, windows = self._tolerate(Hypothesis()), self.problem.windows
+        return self.fit_model(tolerate, model, windows, (), start, start.x0, max_steps=2 * STEPS)
 
     def base(self) -> FittedHypothesis:
         """Return the prior, re-tuned within its spread."""
@@ -175,11 +175,11 @@ class WindowFitter:
         self._keep(self._fit(trial.hypothesis, trial.fit.model, tolerance=tolerance))
         return self._known(trial.hypothesis)
 
-    def moved_from(self, trial: FittedHypothesis) -> FittedHypothesis:
+    def refit_two_steps(self, trial: FittedHypothesis) -> FittedHypothesis:
         """Return where two steps lead from a hypothesis at the minimum of another problem."""
         fit = trial.fit
         moved = self.fit_model(
-            self._spare(trial.hypothesis),
+            self._tolerate(trial.hypothesis),
             fit.model,
             self.problem.windows,
             fit.freedoms,
@@ -195,7 +195,7 @@ class WindowFitter:
         model, start = trial.fit.model, self._start(trial.fit.model)
         for x0 in (trial.fit.x0, start.x0):
             fit = self.fit_model(
-                self._spare(trial.hypothesis),
+                self._tolerate(trial.hypothesis),
                 model,
                 self.problem.windows,
                 trial.fit.freedoms,
@@ -234,7 +234,7 @@ class WindowFitter:
         fit = trial.fit
         (own,) = (freedom for freedom in fit.freedoms if freedom.name == name)
         held = self.fit_model(
-            self._spare(trial.hypothesis, AWAY),
+            self._tolerate(trial.hypothesis, AWAY),
             fit.model.with_parameters(**{name: value}),
             self.problem.windows,
             tuple(freedom for freedom in fit.freedoms if freedom is not own),
@@ -278,7 +278,7 @@ class WindowFitter:
             which, there = known
             x0[which] = there
         fit = self.fit_model(
-            self._spare(hypothesis),
+            self._tolerate(hypothesis),
             model,
             windows,
             free,
@@ -342,7 +342,7 @@ class WindowFitter:
         without, with_ : FittedHypothesis
             The hypotheses, fitted on all windows.
         smallest_share : float
-            Smallest share of the squares that is worth a name.
+            Smallest share of the squares that matters.
 
         Returns
         -------
@@ -367,7 +367,7 @@ class WindowFitter:
             self._disturbed[key] = held_out, likelihood
         return likelihood
 
-    def released(self, trial: FittedHypothesis) -> FittedHypothesis:
+    def refit_from_held_out(self, trial: FittedHypothesis) -> FittedHypothesis:
         """Return a better fit of a hypothesis where its held-out fits show that it got stuck.
 
         What other windows have taught leaves no less than what is fitted to all of them, unless
@@ -428,7 +428,7 @@ class WindowFitter:
             **options,
         ) -> WindowFit:
             return self.fit_model(
-                self._spare(hypothesis, HELD_OUT),
+                self._tolerate(hypothesis, HELD_OUT),
                 model,
                 windows.select(which),
                 free,
@@ -511,4 +511,7 @@ def _described(hypothesis: Hypothesis) -> tuple[str, str, str]:
 def _why_lost(fit: WindowFit) -> str:
     """Return why a fit cannot be used, unless an error has said so."""
     lost = np.count_nonzero(~np.isfinite(fit.evaluation.squares))
-    return f"its simulation diverges or is made of rounding in {lost} of {len(fit.x0)} windows"
+    return (
+        f"its simulation diverges or is dominated by rounding errors in {lost} of {len(fit.x0)} "
+        f"windows"
+    )

@@ -17,7 +17,7 @@ from sklearn_pgnn.simulation.source import differentiate
 def select_windows(
     problem: EstimationProblem, progress: Progress | None = None
 ) -> HypothesisFitter:
-    """Make windows as long as the re-tuned prior can follow, and as hidden states forget in.
+    """Make windows as long as the re-tuned prior can track, and as hidden states need to decay.
 
     Windows are halved, or doubled, as long as the error per sample is small in them, or grows with
     their length no faster than that of a model which is disturbed at random.
@@ -54,10 +54,10 @@ def _is_lost(shorter_windows: HypothesisFitter, longer_windows: HypothesisFitter
 
 
 def _past_hidden_starts(fitter: HypothesisFitter) -> HypothesisFitter:
-    """Return windows in which hidden states forget where they started, if the records are so long.
+    """Return windows in which hidden states decay, if the records are long enough.
 
     The initial value of a state that nobody sees is fitted in every window. Where the state is
-    slow, that takes up what is wrong with it. Windows in which an unstable prior runs away from the
+    slow, that takes up what is wrong with it. Windows in which an unstable prior diverges from the
     records, farther than their mean is, say nothing of it.
     """
     length = FORGOTTEN * _slowest(fitter)
@@ -106,11 +106,11 @@ def check_prior(fitter: HypothesisFitter, names: Sequence[str]) -> None:
     first, states = lost[0], list(fit.model.states)
     start = zip(states, fit.x0[first], strict=True)
     raise RecordError(
-        f"expected a model that can be simulated on the records, but {fit.model.name!r} leaves the "
-        f"finite numbers in {lost.size} of {len(windows)} windows, first in trajectory "
+        f"expected a model that can be simulated on the records, but {fit.model.name!r} becomes "
+        f"non-finite in {lost.size} of {len(windows)} windows, first in trajectory "
         f"{names[windows.record[first]]!r} from t = {windows.t[windows.starts[first]]:g} s with "
         f"{', '.join(f'{name} = {value:.3g}' for name, value in start)}. Remedy: say where the "
         f"trajectories start (columns {', '.join(states)} of X), raise substeps (now "
         f"{windows.substeps}), or check the parameters and that no root, logarithm or quotient "
-        f"meets a value that it is not made for."
+        f"is evaluated outside its domain."
     )

@@ -212,7 +212,7 @@ class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         Returns
         -------
         ndarray of shape (n_samples, n_outputs) or (n_samples,)
-            Simulated outputs. All rows of a trajectory whose simulation leaves the finite numbers
+            Simulated outputs. All rows of a trajectory whose simulation becomes non-finite
             get the values of the first one, of which a `SimulationWarning` tells.
         """
         return self._shaped(self._simulate(self._read(X), self.model_.outputs))

@@ -33,7 +33,7 @@ class ResidualRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
     every row stands alone; it sees neither time nor trajectory nor measured states. Rows without
     all outputs measured (NaN) are left out of its fit.
 
-    A simulation that leaves the finite numbers is named in a `SimulationWarning`; its rows get the
+    A simulation that becomes non-finite is named in a `SimulationWarning`; its rows get the
     values of the trajectory's first row, as in `PhysicsModelTransformer`.
 
     Parameters

@@ -235,7 +235,7 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         Returns
         -------
         ndarray of shape (n_samples, n_outputs) or (n_samples,)
-            Simulated outputs. All rows of a trajectory whose simulation leaves the finite numbers,
+            Simulated outputs. All rows of a trajectory whose simulation becomes non-finite,
             or grows to a thousand times what was measured, get the values of the first one, of
             which a `SimulationWarning` tells.
         """
@@ -377,7 +377,7 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         if not away.any():
             return values
         warnings.warn(
-            f"trajectory {record.name!r}: the identified model runs away; at "
+            f"trajectory {record.name!r}: the identified model diverges; at "
             f"t = {record.t[np.argmax(away)]:g} s its outputs are no longer within {RUNAWAY:g} "
             f"times what was measured. All its rows get the values of its first row. Remedy: "
             f"raise threshold, take a smaller library, or longer spans.",

@@ -231,7 +231,7 @@ class _Sizes:
             return "is seen by its being there, however small it is"
         windows = analysis.windows_with(effect, self.bare) if share else None
         if windows is None:
-            return "however small, the simulation with it leaves the finite numbers"
+            return "however small, the simulation with it becomes non-finite"
         largest = f"even {self.size_of(effect):.3g} {self._unit(effect)}".rstrip()
         if not analysis.moves_outputs(windows):
             return f"{largest} hardly moves the outputs: these inputs never bring it to act"

@@ -280,7 +280,7 @@ def machine_of(model, interval, *, precision, parameters, name, method, substeps
 
 
 def render(template: str, content: Mapping[str, Any]) -> str:
-    """Return a template of this room with its variables filled in.
+    """Return a template of this package with its variables filled in.
 
     Parameters
     ----------

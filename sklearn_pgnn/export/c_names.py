@@ -1,4 +1,4 @@
-"""Names of quantities as C knows them."""
+"""Names of quantities in C."""
 
 from collections.abc import Collection, Iterable
 

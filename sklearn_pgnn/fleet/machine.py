@@ -54,7 +54,7 @@ class Machine:
 
     @property
     def alike(self) -> dict[Candidate, set[Candidate]]:
-        """By named cause itself and those that the records do not tell from it."""
+        """By named cause itself and those that the records do not separate from it."""
         return {
             pair: {pair, *(Candidate(r["effect"], r["target"]) for r in cause["confused_with"])}
             for pair, cause in self.named.items()

@@ -102,7 +102,7 @@ class Job:
             except UNUSABLE as error:
                 parts = {"found": None, "failed": str(error)}
             except Exception as error:
-                said = f"a bug of sklearn-pgnn, {type(error).__name__}: {error}"
+                said = f"a bug in sklearn-pgnn, {type(error).__name__}: {error}"
                 parts = {"found": None, "failed": said, "is_final": False}
         warned = tuple(dict.fromkeys(str(warning.message) for warning in told))
         return Outcome(name, seconds=time.process_time() - began, warned=warned, **parts)

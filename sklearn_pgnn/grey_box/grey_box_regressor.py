@@ -1,4 +1,4 @@
-"""The recipe as an estimator: diagnose, fit, learn the rest; cross-validation says how deep."""
+"""The recipe as an estimator: diagnose, fit, learn the rest; cross-validation chooses the depth."""
 
 import warnings
 from functools import partial
@@ -52,7 +52,7 @@ class GreyBoxRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
     ``"extended"``
         extended by the causes that `ModelDiagnosis` names, and fitted so;
     ``"formula"``
-        the formula beside them that it proposes for what has no name in its catalogue;
+        the formula beside them that it proposes for what is not in its catalogue;
     ``"state_network"``
         the best of these, and a network trained on what that one leaves, which sees the states
         only: the inputs act where the model says;
@@ -104,7 +104,7 @@ class GreyBoxRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         The depth that was chosen.
     errors_ : dict of str to float
         Cross-validated error of every depth that was tried, in standard deviations of the outputs;
-        infinite for a network whose training left the finite numbers, of which a warning tells.
+        infinite for a network whose training became non-finite, of which a warning tells.
     estimator_ : estimator
         What predicts: a `PhysicsModelRegressor`, or the network.
     model_ : PhysicsModel

@@ -59,7 +59,7 @@ def evidence_of(case: Case) -> Evidence:
 
 
 def missing_evidence(diagnosis) -> Evidence:
-    """Return the evidence for what has no name: its smoothed course over what its formula says.
+    """Return the evidence for what no cause explains: its smoothed course over its formula.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The fit of a simulation in percent, as MATLAB's System Identification Toolbox tells it."""
+"""The fit of a simulation in percent, as MATLAB's System Identification Toolbox computes it."""
 
 import numpy as np
 
@@ -21,7 +21,7 @@ def fit_percentage(measured, simulated) -> np.ndarray:
     Returns
     -------
     ndarray of shape (n_outputs,)
-        The fit of every output [%]; minus infinity where a simulation leaves the finite numbers,
+        The fit of every output [%]; minus infinity where a simulation becomes non-finite,
         NaN where an output never changes.
 
     Raises

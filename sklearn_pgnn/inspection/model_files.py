@@ -60,7 +60,7 @@ def described_models(diagnosis) -> dict[str, str]:
         return {}
     held = "re-tuned and extended by what was named" if diagnosis.causes_ else "re-tuned"
     if diagnosis.discrepancy_ is not None:
-        held += ", with the formula for what has no name"
+        held += ", with the formula for what no cause explains"
     elif not diagnosis.causes_:
         held += " only"
     rivals = {

@@ -97,7 +97,7 @@ def implied_parameter(case: Case, curve: Characteristic) -> Evidence | None:
 
 
 def _implied_value(case: Case, curve: Characteristic, state: str) -> Evidence:
-    """Return the value that a parameter must have had, at the moments that tell most of it."""
+    """Return the value that a parameter must have had, at the most informative moments."""
     samples, name = case.samples, curve.of
     slope = samples.mean(differentiate(case.without.equations[state], symbol(name)))
     over, unit, x = _abscissa(case, curve)

@@ -221,7 +221,7 @@ def detectability_html(detectability) -> str:
         )
         for row in detectability.rows
     ]
-    title = f"named with a chance of {100 * detectability.power:.0f} % from"
+    title = f"named with probability {100 * detectability.power:.0f} % from"
     return _box("<b>Detectability</b>", _table(("effect", "quantity", title), rows))
 
 

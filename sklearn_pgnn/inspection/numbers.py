@@ -26,9 +26,9 @@ def free_run_error(value: float) -> str:
     Examples
     --------
     >>> free_run_error(0.0123), free_run_error(float("inf"))
-    ('0.0123', 'runs away')
+    ('0.0123', 'diverges')
     """
-    return number(value, 3) if math.isfinite(value) else "runs away"
+    return number(value, 3) if math.isfinite(value) else "diverges"
 
 
 def measured(value: float, low: float, high: float, unit: str = "") -> str:
@@ -92,12 +92,12 @@ def times(value: float) -> str:
     Examples
     --------
     >>> times(0.9781), times(14.64), times(124.2), times(float("inf"))
-    ('0.98 ×', '14.6 ×', '124 ×', 'runs away')
+    ('0.98 ×', '14.6 ×', '124 ×', 'diverges')
     """
     if math.isnan(value):
         return "-"
     if math.isinf(value):
-        return "runs away"
+        return "diverges"
     places = max(0, 2 - math.floor(math.log10(max(value, 1.0))))
     return f"{value:.{places}f} ×"
 
@@ -203,8 +203,8 @@ def fit_text(fit: float) -> str:
     Examples
     --------
     >>> fit_text(98.4), fit_text(-math.inf), fit_text(math.nan)
-    ('98 %', 'runs away', 'nothing moves')
+    ('98 %', 'diverges', 'nothing moves')
     """
     if math.isnan(fit):
         return "nothing moves"
-    return f"{fit:.0f} %" if fit > -1000 else "runs away"
+    return f"{fit:.0f} %" if fit > -1000 else "diverges"

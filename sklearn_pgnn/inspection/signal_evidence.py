@@ -131,7 +131,7 @@ def _column(case: Case, name: str) -> np.ndarray:
 
 
 def _lateness(case: Case) -> float:
-    """Return the longest time that the effect speaks of [s], a step where it speaks of none."""
+    """Return the longest time constant of the effect [s], a step where it has none."""
     step = float(np.median(np.diff(case.records.windows.t)))
     return max((p.value for p in case.parameters if p.unit == "s"), default=step)
 

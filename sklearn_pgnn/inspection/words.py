@@ -24,7 +24,7 @@ VERDICTS = {
 
 
 def verdict_title(diagnosis) -> str:
-    """Return the verdict in a word or two; that there is none where the search ended before it.
+    """Return the verdict in a word or two, or that the search ended before there was one.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ def rivals(cause) -> str:
 
 
 def cause_name(effect: str, target: str) -> str:
-    """Return what people call an effect and what it acts on.
+    """Return the plain name of an effect and of what it acts on.
 
     Parameters
     ----------
@@ -159,7 +159,7 @@ def unusable_sentence(diagnosis) -> str:
         return ""
     names = listed(dict.fromkeys(suspect_name(effect, target) for effect, target, _ in lost))
     fits = "fit" if len(lost) == 1 else "fits"
-    return f"{len(lost)} {fits} broke down and could not be judged: {names}."
+    return f"{len(lost)} {fits} failed and could not be judged: {names}."
 
 
 def lacks(causes) -> str:
@@ -255,7 +255,7 @@ def remaining_sentence(diagnosis) -> str:
             f"What is left is structure ({much}): it depends on {on}, so physics is still missing."
         )
     if not diagnosis.complete_:
-        return f"What is left is more than noise ({much}); what it depends on was not asked."
+        return f"What is left is more than noise ({much}); what it depends on was not tested."
     return (
         f"What is left is coloured noise or a disturbance ({much}): it depends on nothing that "
         f"was recorded."
@@ -270,16 +270,16 @@ def missing_place(diagnosis, part) -> str:
 def dependence(diagnosis, part) -> str:
     """Return the sentence on what something unnamed depends on; empty where that is not known.
 
-    What tells nothing of its course in records not used for it is said to tell nothing.
+    What explains nothing of its course in records not used for it is called a hint only.
     """
     if not part.quantities:
         return ""
     several, names = len(part.quantities) > 1, listed(part.quantities)
     if part.share < diagnosis.smallest_share:
-        say = "these tell" if several else "that tells"
+        say = "these explain" if several else "that explains"
         return (
             f"Its formula holds {names}, but in records not used for it {say} next to nothing of "
-            f"its smoothed course: take it for a hint. "
+            f"its smoothed course: treat it as a hint only. "
         )
     verb, share = "explain" if several else "explains", percent(part.share)
     return f"It depends on {names}, which {verb} {share} of its smoothed course. "
@@ -330,20 +330,20 @@ def _worth(diagnosis) -> str:
 
 
 def _in_free_run(diagnosis) -> str:
-    """Return of what the free run says nothing, and what has become worse in it."""
+    """Return for which outputs the free run is not informative, and which are worse in it."""
     return f"{_silent(diagnosis)} {_worse_in_free_run(diagnosis)}".strip()
 
 
 def _silent(diagnosis) -> str:
-    """Return the outputs of which the free run says nothing, if there are any."""
+    """Return the outputs whose free run is not informative, if there are any."""
     silent = [output for output, error in diagnosis.free_run_.items() if not error.tells]
     if not silent:
         return ""
     of = f" of {listed(silent)}" if len(silent) < len(diagnosis.free_run_) else ""
     return (
-        f"The free run says nothing{of}: without restarts, no model is nearer to the records than "
-        f"their mean is, as with an unstable or chaotic machine, or where a parameter's spread "
-        f"keeps it from its value."
+        f"The free run{of} is not informative: without restarts, no model is nearer to the "
+        f"records than their mean is, as with an unstable or chaotic machine, or where a "
+        f"parameter's spread keeps it from its value."
     )
 
 
@@ -363,8 +363,8 @@ def _worse_in_free_run(diagnosis) -> str:
     cure = "record longer" if is_short else "make window_length longer"
     return (
         f"But in free run, without restarts, it is farther from the records than as given, in "
-        f"units of the noise: {listed(rise)}. Windows start anew, and tell little of what builds "
-        f"up over a whole record: {cure}, or hold what is known fixed."
+        f"units of the noise: {listed(rise)}. Windows are re-initialised, and show little of what "
+        f"builds up over a whole record: {cure}, or hold what is known fixed."
     )
 
 
@@ -391,7 +391,7 @@ def separation_sentence(separation) -> str:
     if separation.equivalent:
         return (
             f"No experiment with these inputs and outputs separates {one} from {other}: in the "
-            f"equations they are one and the same."
+            f"equations they are the same."
         )
     if not separation.separable:
         return (

@@ -23,7 +23,7 @@ class Errors:
     Parameters
     ----------
     prior, refitted, extended : float
-        The model as given, re-tuned, and re-tuned and extended; infinite where it runs away.
+        The model as given, re-tuned, and re-tuned and extended; infinite where it diverges.
     """
 
     prior: float

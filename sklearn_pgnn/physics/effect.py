@@ -340,7 +340,7 @@ class Effect(ABC):
 
     @classmethod
     def typical(cls, target: str, model: PhysicsModel, scales: Scales) -> dict[str, float]:
-        """Return a typical value of every kind of unit that the parameters' templates speak of.
+        """Return a typical value of every kind of unit that the parameters' templates refer to.
 
         Parameters
         ----------
@@ -392,7 +392,7 @@ class Effect(ABC):
         return {f.name: f"{f.metadata['letter']}_{of}" for f in self.quantities()}
 
     def units(self, model: PhysicsModel) -> dict[str, str]:
-        """Return the units that the parameters' unit templates speak of.
+        """Return the units that the parameters' unit templates refer to.
 
         Parameters
         ----------

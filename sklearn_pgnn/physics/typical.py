@@ -1,4 +1,4 @@
-"""Typical values, from records, of the quantities that effects speak of."""
+"""Typical values, from records, of the quantities that effects depend on."""
 
 from collections.abc import Mapping
 
@@ -9,7 +9,7 @@ from sklearn_pgnn.physics.scales import Scales
 
 
 def typical_by_kind(target: str, model: PhysicsModel, scales: Scales) -> dict[str, float]:
-    """Return a typical value of every kind of unit that an effect may speak of.
+    """Return a typical value of every kind of unit that an effect may depend on.
 
     Parameters
     ----------

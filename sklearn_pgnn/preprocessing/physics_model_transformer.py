@@ -27,7 +27,7 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
 
     Where X has names, so has the result: a DataFrame gives a DataFrame.
 
-    A trajectory whose simulation leaves the finite numbers tells nothing: a `SimulationWarning`
+    A trajectory whose simulation becomes non-finite tells nothing: a `SimulationWarning`
     says where, when and which remedy, and all its rows get the values of its first row. The
     result never holds a simulated NaN.
 

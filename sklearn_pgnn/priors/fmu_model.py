@@ -147,7 +147,7 @@ def _description(fmpy, path: str):
     if found.modelExchange is None:
         raise ModelError(
             f"{path}: expected a unit for model exchange, got one for co-simulation only, which "
-            f"steps by itself and does not tell its rates. Remedy: export the model for model "
+            f"steps by itself and does not give its rates. Remedy: export the model for model "
             f"exchange, which most tools offer beside co-simulation."
         )
     if not found.derivatives:

@@ -1,1 +1,1 @@
-"""Quality of records: what in them stands in the way of a judgement."""
+"""Quality of records: faults that limit a diagnosis."""

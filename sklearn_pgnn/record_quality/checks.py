@@ -34,7 +34,7 @@ def check_data_quality(
     final: WindowFit,
     best: WindowFit | None = None,
 ) -> tuple[Finding, ...]:
-    """Return what in the records stands in the way of a diagnosis.
+    """Return the faults of the records that limit a diagnosis.
 
     Parameters
     ----------
@@ -47,12 +47,12 @@ def check_data_quality(
     base, final : WindowFit
         The re-tuned prior and the extended model.
     best : WindowFit, optional
-        The model with a formula for what has no name: it drifts less than one that lacks a part.
+        With a formula for what no cause explains: it drifts less than one that lacks a part.
 
     Returns
     -------
     tuple of Finding
-        What was found; empty where nothing stands in the way.
+        What was found; empty where there are none.
 
     Notes
     -----

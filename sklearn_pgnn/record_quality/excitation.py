@@ -1,4 +1,4 @@
-"""Excitation: inputs that hardly change, and parameters that livelier ones would settle."""
+"""Excitation: inputs that hardly change, and parameters that richer ones would determine."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -15,7 +15,7 @@ from sklearn_pgnn.simulation.windows import ShootingWindows, evaluate
 
 
 def find_dull_input(signal: Signal) -> Finding | None:
-    """Find an input that never changes or knows two values only.
+    """Find an input that never changes or has two values only.
 
     Parameters
     ----------
@@ -133,8 +133,8 @@ def _blind(name, share) -> Finding:
     return Finding(
         "poor excitation",
         name,
-        f"these records leave {share:.0%} of what was uncertain about {name}; livelier inputs of "
-        f"the same size would settle it",
+        f"these records leave {share:.0%} of the uncertainty of {name}; richer inputs of "
+        f"the same size would determine it",
         share,
         f"excite at several frequencies and levels, or measure {name} on its own",
     )

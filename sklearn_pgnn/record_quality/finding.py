@@ -1,11 +1,11 @@
-"""A finding: what in the records stands in the way, and what to do about it."""
+"""A finding: a fault of the records, and its remedy."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
 class Finding:
-    """What in the records stands in the way of a diagnosis.
+    """A fault of the records that limits a diagnosis.
 
     Parameters
     ----------

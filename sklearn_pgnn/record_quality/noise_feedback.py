@@ -61,7 +61,7 @@ def _loop(output, source, correlation) -> Finding:
         f"commanded by a controller that sees {output}",
         correlation,
         "record in open loop, or add a test signal to the command that is large beside the noise; "
-        "name no cause from an input that answers to the error",
+        "do not trust a cause found from an input that follows the error",
     )
 
 
@@ -72,7 +72,7 @@ def _excess(rest: Signal) -> float:
 
 
 def _innovations(pieces) -> list[np.ndarray]:
-    """Return what the past does not tell of a series; NaN where it is not known."""
+    """Return what the past does not predict of a series; NaN where it is not known."""
     windows = [np.lib.stride_tricks.sliding_window_view(p, LAGS + 1) for p in pieces
                if p.size > LAGS]  # fmt: skip
     if not windows:

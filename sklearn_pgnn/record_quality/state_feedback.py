@@ -110,7 +110,7 @@ def _feedback(name: str, law: StateLaw, parts: tuple[str, ...]) -> Finding:
         f"out): a controller computed it. A gain of {name} then acts {like}, and these records "
         f"cannot tell them apart",
         law.share,
-        f"add a test signal to the controller's output that {of} cannot tell, and record the "
+        f"add a test signal to the controller's output that {of} cannot predict, and record the "
         f"reference too; or record in open loop",
     )
 

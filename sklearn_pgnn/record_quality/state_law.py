@@ -50,7 +50,7 @@ class StateLaw:
 
     @property
     def share(self) -> float:
-        """Share of the input's variance that the law tells held out; negative of a useless one."""
+        """Share of the input's variance that the law explains held out; negative if useless."""
         return 1.0 - float(self.errors.sum())
 
 
@@ -112,7 +112,7 @@ class StateRegression:
         return law
 
     def _of_all_states(self, u, x) -> StateLaw | None:
-        """Return the simplest law of all states that tells enough of an input."""
+        """Return the simplest law of all states that explains enough of an input."""
         states = tuple(self.states)
         now, before = (self.judge(u, x, StateLaw(states, lag=lag)) for lag in (0, 1))
         lag = int(_is_worse(now, before))

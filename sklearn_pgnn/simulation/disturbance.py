@@ -109,7 +109,7 @@ class LinearWindows:
 
 
 class Innovations(NamedTuple):
-    """What earlier samples do not tell.
+    """What earlier samples do not predict.
 
     Parameters
     ----------
@@ -152,7 +152,7 @@ def innovations(linear: LinearWindows, disturbance: Disturbance) -> Innovations:
     Returns
     -------
     Innovations
-        What earlier samples do not tell.
+        What earlier samples do not predict.
 
     Examples
     --------

@@ -84,7 +84,7 @@ def what_is_wrong(run: Simulation, values: np.ndarray, names) -> str:
     >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": -0.01}, {"u": "V"})
     >>> run = lag.simulate([0.0, 1.0, 2.0], [1.0, 1.0, 1.0], [1e-9], substeps=100)
     >>> print(what_is_wrong(run, run.y, ["y"]).split(",")[0])
-    'y' runs away: it is -1.86e+43 at t = 1 s
+    'y' diverges: it is -1.86e+43 at t = 1 s
     """
     if run.message:
         return run.message
@@ -95,7 +95,7 @@ def what_is_wrong(run: Simulation, values: np.ndarray, names) -> str:
     if not np.isfinite(values[k, column]):
         return "an output is not finite. Remedy: check the output's expression."
     return (
-        f"{names[column]!r} runs away: it is {values[k, column]:.3g} at t = {run.t[k]:g} s, more "
+        f"{names[column]!r} diverges: it is {values[k, column]:.3g} at t = {run.t[k]:g} s, more "
         f"than a regressor can hold. Remedy: check the parameters' values and units; an unstable "
         f"machine needs shorter trajectories, or feedback in its model."
     )

@@ -101,7 +101,7 @@ def output_variance(
     Returns
     -------
     ndarray of shape (n_samples, n_outputs)
-        The variance; infinite where the simulation leaves the finite numbers.
+        The variance; infinite where the simulation becomes non-finite.
 
     Examples
     --------

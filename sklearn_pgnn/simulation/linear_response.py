@@ -92,7 +92,7 @@ def linear_responses(
     Raises
     ------
     SimulationError
-        If the responses leave the finite numbers.
+        If the responses become non-finite.
     """
     F, H = linearise(model, windows, x0, channel)
     size, n_outputs = windows.y.shape
@@ -103,7 +103,7 @@ def linear_responses(
     )
     if not (np.isfinite(responses).all() and np.isfinite(by_state).all()):
         raise SimulationError(
-            f"the responses of {model.name!r} to an input at {channel} leave the finite numbers. "
+            f"the responses of {model.name!r} to an input at {channel} become non-finite. "
             f"Remedy: shorter windows or more substeps (now {windows.substeps})."
         )
     return responses, by_state

@@ -59,8 +59,8 @@ def simulate_sets(
     Returns
     -------
     ndarray of shape (n_sets, n_samples, n_outputs)
-        The outputs, the same to the last bit as one by one; NaN from where a simulation left the
-        finite numbers, of which a `SimulationWarning` tells.
+        The outputs, the same to the last bit as one by one; NaN from where a simulation became
+        non-finite, of which a `SimulationWarning` tells.
 
     Raises
     ------
@@ -136,11 +136,11 @@ def _read(model: PhysicsModel, parameters) -> tuple[list[str], np.ndarray]:
 
 
 def _warn_of_lost(model: PhysicsModel, outputs: np.ndarray) -> None:
-    """Warn of sets whose simulation left the finite numbers."""
+    """Warn of sets whose simulation became non-finite."""
     lost = np.flatnonzero(~np.isfinite(outputs[:, -1]).all(axis=-1))
     if lost.size:
         warnings.warn(
-            f"the simulation of {model.name!r} left the finite numbers at {lost.size} of "
+            f"the simulation of {model.name!r} became non-finite at {lost.size} of "
             f"{len(outputs)} parameter sets, first at set {lost[0]}. Remedy: raise substeps, or "
             f"look at the values there.",
             SimulationWarning,

@@ -23,7 +23,7 @@ class Simulation:
     t : ndarray of shape (n_samples,)
         Time [s].
     x : ndarray of shape (n_samples, n_states)
-        States; NaN from where the simulation left the finite numbers.
+        States; NaN from where the simulation became non-finite.
     y : ndarray of shape (n_samples, n_outputs)
         Outputs.
     wrt : tuple of str
@@ -64,7 +64,7 @@ class Simulation:
         Raises
         ------
         SimulationError
-            If it left the finite numbers, with the remedy.
+            If it became non-finite, with the remedy.
         """
         if self.message:
             raise SimulationError(self.message)
@@ -108,7 +108,7 @@ def simulate(
     Returns
     -------
     Simulation
-        States and outputs. If it leaves the finite numbers, the rest is NaN, `message` says
+        States and outputs. If it becomes non-finite, the rest is NaN, `message` says
         where, when and which remedy, and a `SimulationWarning` is given.
 
     Raises
@@ -321,7 +321,7 @@ def _remedy(model, t, X, failed, substeps) -> str:
     last = X[failed - 1] if failed else X[0]
     at = ", ".join(f"{name} = {value:.3g}" for name, value in zip(model.states, last, strict=True))
     return (
-        f"the simulation of {model.name!r} left the finite numbers at t = {t[failed]:g} s "
+        f"the simulation of {model.name!r} became non-finite at t = {t[failed]:g} s "
         f"(sample {failed}; before: {at}). Remedy: raise substeps (now {substeps}), or check the "
         f"initial state, the parameters' values and that no square root or logarithm sees a "
         f"negative number."

@@ -145,7 +145,7 @@ def parameter_covariance(fit: WindowFit, expected: np.ndarray, spread: np.ndarra
 
 
 def correlations(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) -> np.ndarray:
-    r"""Return how the errors of a fit's parameters hang together.
+    r"""Return how the errors of a fit's parameters are correlated.
 
     .. math:: r_{ij} = \mathrm{cov}_{ij} / \sqrt{\mathrm{cov}_{ii}\,\mathrm{cov}_{jj}}
 
@@ -163,7 +163,7 @@ def correlations(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) -> np
     Returns
     -------
     ndarray of shape (n_parameters, n_parameters)
-        In the order of the fit's freedoms, 1 on the diagonal; NaN where the records say nothing.
+        In the order of the fit's freedoms, 1 on the diagonal; NaN where undetermined.
     """
     n_p = len(fit.freedoms)
     if not (n_p and fit.usable):

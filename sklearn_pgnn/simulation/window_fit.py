@@ -116,7 +116,7 @@ class WindowFit:
 
     @property
     def usable(self) -> bool:
-        """Whether the model could be fitted: no window diverged, nor is made of rounding."""
+        """Whether the model could be fitted: no window diverged or is mere rounding error."""
         return bool(np.isfinite(self.objective))
 
 

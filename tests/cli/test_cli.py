@@ -202,7 +202,7 @@ def test_faults_of_the_records_are_told_before_the_verdict(tmp_path, monkeypatch
     [
         (1, None, "the model, re-tuned and extended by what was named; a model file again"),
         (0, None, "the model, re-tuned only; a model file again"),
-        (0, 1, "the model, re-tuned, with the formula for what has no name; a model file"),
+        (0, 1, "the model, re-tuned, with the formula for what no cause explains; a model file"),
     ],
 )
 def test_the_model_file_is_called_what_it_is(causes, missing, said):

@@ -1,4 +1,4 @@
-"""How the command line ends when something is in its way: bugs of ours, signals, a full disk."""
+"""How the command line ends when something is in its way: internal errors, signals, a full disk."""
 
 import io
 import json
@@ -72,7 +72,7 @@ def test_a_bug_of_ours_is_called_one(tmp_path, breaking, error):
     result = run([*args, "--quiet"])
     assert result.exit_code == 1
     assert len(result.stderr.splitlines()) == 1
-    for text in ("a bug of sklearn-pgnn", f"{type(error).__name__}: {error}", "--debug", "report"):
+    for text in ("a bug in sklearn-pgnn", f"{type(error).__name__}: {error}", "--debug", "report"):
         assert text in result.stderr
     assert not (tmp_path / "out").exists()
 

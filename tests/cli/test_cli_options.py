@@ -103,8 +103,8 @@ REFUSED = {
     "no thread": (["--jobs", "0"], "expected 1 thread or more"),
     "no step": (["--substeps", "0"], "--substeps"),
     "no time": (["--time-limit", "0"], "--time-limit"),
-    "a rate of false names of 0": (["--alpha", "0"], "--alpha"),
-    "a rate of false names of 1": (["--alpha", "1"], "--alpha"),
+    "a false-alarm rate of 0": (["--alpha", "0"], "--alpha"),
+    "a false-alarm rate of 1": (["--alpha", "1"], "--alpha"),
     "a share above 1": (["--smallest-share", "1.5"], "--smallest-share"),
     "no window": (["--window", "-1"], "--window"),
 }

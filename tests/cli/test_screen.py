@@ -118,7 +118,7 @@ def test_what_is_left_without_a_formula_is_not_called_that_of_the_file_with_it(c
 def test_a_free_run_that_says_nothing_is_told_with_any_verdict(capsys, verdict):
     lost = diagnosis(remaining=Remaining("disturbance", {"v": 8.0}))
     lost.verdict_, lost.causes_ = verdict, lost.causes_ if verdict == "cause_named" else ()
-    silence = "The free run says nothing: without restarts, no model is nearer"
+    silence = "The free run is not informative: without restarts, no model is nearer"
     assert silence not in shown(capsys, lost)
     lost.free_run_ = {"v": FreeRunError(3.0, 2.0, 1.0, tells=False)}
     assert shown(capsys, lost).count(silence) == 1
@@ -143,5 +143,5 @@ def test_nothing_is_said_of_what_was_not_asked(capsys):
     cut_short = diagnosis(remaining=Remaining("disturbance", {"v": 2.0}))
     cut_short.complete_, cut_short.stopped_ = False, "time limit of 1 s"
     text = shown(capsys, cut_short)
-    assert "what it depends on was not asked" in text
+    assert "what it depends on was not tested" in text
     assert "depends on nothing" not in text

@@ -43,4 +43,4 @@ def test_the_free_run_tells_of_the_stable_output_of_an_unstable_machine_only():
     assert cause.parameters["coefficient"].low <= 8.0 <= cause.parameters["coefficient"].high
     tells = {output: error.tells for output, error in diagnosis.free_run_.items()}
     assert tells == {"gap": False, "current": True}
-    assert "The free run says nothing of gap: " in verdict_sentence(diagnosis)
+    assert "The free run of gap is not informative: " in verdict_sentence(diagnosis)

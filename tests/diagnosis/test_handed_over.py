@@ -190,7 +190,7 @@ def test_a_free_run_that_runs_away_is_null_and_has_words():
     diagnosis = ModelDiagnosis(fall, catalogue=()).fit(np.c_[t, u], y)
     assert diagnosis.free_run_["x"].extended == np.inf
     assert json.loads(strict_json(diagnosis))["free_run"]["x"]["extended"] is None
-    assert "runs away" in render_report(diagnosis)
+    assert "diverges" in render_report(diagnosis)
 
 
 def test_the_report_and_the_terminal_state_the_number(one_record, capsys):

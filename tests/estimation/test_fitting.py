@@ -50,7 +50,7 @@ def test_a_fit_that_got_stuck_is_released_by_what_other_windows_teach():
         base.fit.x0,
         max_steps=0,
     )
-    assert fitter.released(base) is base
-    released = fitter_of(SLEDGE).released(FittedHypothesis(base.hypothesis, stuck))
-    assert released.fit.objective == pytest.approx(base.fit.objective, rel=1e-3)
+    assert fitter.refit_from_held_out(base) is base
+    refitted = fitter_of(SLEDGE).refit_from_held_out(FittedHypothesis(base.hypothesis, stuck))
+    assert refitted.fit.objective == pytest.approx(base.fit.objective, rel=1e-3)
     assert stuck.objective > 1.1 * base.fit.objective

@@ -188,7 +188,7 @@ def test_a_size_that_cannot_be_simulated_counts_for_nothing(diagnosis, monkeypat
     lose_above(monkeypatch, -1.0)
     (never,) = diagnosis.detectability((effects.CoulombFriction,)).rows
     assert np.isnan(never.smallest)
-    assert "leaves the finite numbers" in never.reason
+    assert "becomes non-finite" in never.reason
     assert never.curve == ((0.0, 0.0),)
 
 

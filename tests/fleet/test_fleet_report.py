@@ -57,5 +57,5 @@ def test_who_is_unlike_the_others_is_said_in_its_row_and_marked_in_the_strip(tmp
 
 def test_what_changed_is_told_only_beside_an_earlier_time(tmp_path):
     assert "What changed" not in page(tmp_path)
-    assert "Nothing that would stand out" in page(tmp_path, earlier="march")
+    assert "No significant change" in page(tmp_path, earlier="march")
     assert "is not there now" in page(tmp_path, earlier="march", missing_=("gone",))

@@ -95,7 +95,7 @@ def test_what_no_physics_explains_is_left_to_the_network():
 
 
 class Diverging(ResidualRegressor):
-    """A network whose training leaves the finite numbers after so many fits."""
+    """A network whose training becomes non-finite after so many fits."""
 
     def __init__(self, model=None, regressor=None, fits=None):
         super().__init__(model, regressor)

@@ -171,7 +171,7 @@ def test_diverging_trajectory_warns_and_passes_no_nan():
         found = transformer.transform(rows)
     assert len(caught) == 1
     text = str(caught[0].message)
-    assert text.startswith("trajectory '1': the simulation of 'runaway' left the finite numbers")
+    assert text.startswith("trajectory '1': the simulation of 'runaway' became non-finite")
     assert "Remedy" in text
     assert text.endswith("Its rows get the values of its first row.")
     assert np.isfinite(found).all()
@@ -182,7 +182,7 @@ def test_diverging_trajectory_warns_and_passes_no_nan():
 def test_runaway_model_is_told_before_its_numbers_are_used():
     unstable = PhysicsModel({"y": "V"}, {"y": "(u + y)/T"}, {"T": 0.01}, {"u": "V"})
     rows = np.column_stack([np.arange(0, 6, 0.01), np.ones(600)])  # e**600 is a number yet
-    expected = r"trajectory '0': 'y' runs away: it is .*e\+\d+ at t = .* s.*Remedy: check the para"
+    expected = r"trajectory '0': 'y' diverges: it is .*e\+\d+ at t = .* s.*Remedy: check the para"
     with pytest.warns(SimulationWarning, match=expected):
         found = PhysicsModelTransformer(unstable, append=False, substeps=4).fit_transform(rows)
     assert not found.any()

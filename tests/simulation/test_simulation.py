@@ -281,7 +281,7 @@ def test_divergence_is_told_with_place_time_and_remedy():
     first = int(np.flatnonzero(np.isnan(run.x[:, 0]))[0])
     assert message == run.message
     assert not run.success
-    assert "'runaway' left the finite numbers" in message
+    assert "'runaway' became non-finite" in message
     assert f"at t = {t[first]:g} s (sample {first}; before: x = " in message
     assert "Remedy: raise substeps (now 1)" in message
     assert np.isfinite(run.x[:first]).all()

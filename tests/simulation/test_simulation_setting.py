@@ -187,7 +187,7 @@ def test_hidden_effects_are_hidden_as_the_model_says():
 
 
 def test_a_free_run_that_leaves_the_finite_numbers_has_words():
-    assert free_run_error(float("inf")) == "runs away"
+    assert free_run_error(float("inf")) == "diverges"
 
 
 # -- states that start settled ---------------------------------------------------------------------

@@ -83,7 +83,7 @@ class Server:
             try:
                 key, visitor = await self.visitors.welcome()
             except Full:
-                text = "There are too many visitors at the moment. Come back later."
+                text = "There are too many sessions at the moment. Try again later."
                 return PlainTextResponse(text, 503)
         answer = Response(page(visitor), media_type=_HTML)
         answer.set_cookie(self.cookie, key, httponly=True, samesite="strict", path="/")
@@ -125,7 +125,7 @@ class Server:
 
 
 def _unknown() -> Response:
-    return JSONResponse({"message": "This visit is over. Reload the page to begin anew."}, 404)
+    return JSONResponse({"message": "This session is over. Reload the page to start again."}, 404)
 
 
 def _state(visitor: Visitor) -> dict:

@@ -128,7 +128,7 @@ class Visitor:
     def check_idle(self) -> None:
         """Refuse a change while a diagnosis is going on; a look gives way."""
         if self.running is not None and self.running.what == "diagnose":
-            raise Refused("A diagnosis is going on: wait for it, or stop it first.")
+            raise Refused("A diagnosis is running: wait for it, or stop it first.")
 
     async def take_model(self, content: bytes, label: str) -> None:
         """Take a model file."""
@@ -234,7 +234,9 @@ class Visitor:
             await self.worker.end()
             raise Refused(f"This took longer than {PATIENCE:g} s and was ended.") from None
         except Ended:
-            raise Refused("The process that worked on it ended; was the memory enough?") from None
+            raise Refused(
+                "The process that worked on it ended, perhaps for lack of memory."
+            ) from None
 
     def begin(self, what: str, mapping: dict, options: dict) -> None:
         """Begin a look or a diagnosis; it goes on by itself."""
@@ -256,7 +258,7 @@ class Visitor:
         except Refused as refused:
             message = str(refused)
         except Ended:
-            message = "The process that worked on it ended; was the memory enough?"
+            message = "The process that worked on it ended, perhaps for lack of memory."
         if self.running is not running:
             return
         self.running, self.message, self.result = None, message, found or None

@@ -67,7 +67,7 @@ def answer(command: dict, answers: Answers, jobs: dict[str, Callable] = JOBS) ->
         answers.write({"refused": one_line(error)})
     except Exception as error:
         traceback.print_exception(error)
-        said = f"A bug of sklearn-pgnn, not of your input: {type(error).__name__}: {error}"
+        said = f"A bug in sklearn-pgnn, not in your input: {type(error).__name__}: {error}"
         answers.write({"refused": one_line(said)})
     else:
         answers.write({"done": done})

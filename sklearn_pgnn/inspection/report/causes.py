@@ -1,4 +1,4 @@
-"""What a report tells of every cause."""
+"""What a report shows of every cause."""
 
 from sklearn_pgnn.inspection.case import known_effects
 from sklearn_pgnn.inspection.model_files import file_of
@@ -10,7 +10,7 @@ from sklearn_pgnn.inspection.words import cause_name, listed, separation_sentenc
 
 
 def told_causes(diagnosis, members: dict[int, list[Member]]) -> list[dict]:
-    """Return what is told of every cause.
+    """Return what is shown of every cause.
 
     Parameters
     ----------

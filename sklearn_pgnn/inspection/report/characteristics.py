@@ -41,7 +41,7 @@ class Characteristic:
 
 
 def characteristics(diagnosis, members: dict[int, list[Member]]) -> list[Characteristic]:
-    """Return the characteristics of the causes, and of what has no name.
+    """Return the characteristics of the causes, and of what no cause explains.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ def characteristics(diagnosis, members: dict[int, list[Member]]) -> list[Charact
         beside = [line for rival in rivals for line in _beside(evidence, case, rival)]
         drawn.append(_draw(cause_name(cause.effect, cause.target), evidence, beside))
     if diagnosis.discrepancy_ is not None:
-        drawn.append(_draw("what has no name", missing_evidence(diagnosis), []))
+        drawn.append(_draw("what no cause explains", missing_evidence(diagnosis), []))
     return drawn
 
 

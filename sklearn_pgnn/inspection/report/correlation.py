@@ -1,4 +1,4 @@
-"""How the errors of the parameters hang together: a matrix, and the pairs that hide each other."""
+"""Correlations of the parameters' errors: a matrix, and the pairs that hide each other."""
 
 import math
 from dataclasses import dataclass
@@ -56,7 +56,7 @@ def correlation(diagnosis, formula: FoundFormula | None = None) -> Correlation |
     diagnosis : ModelDiagnosis
         A fitted diagnosis.
     formula : FoundFormula, optional
-        The formula for what has no name: its coefficients are among the parameters then.
+        The formula for what no cause explains: its coefficients are among the parameters then.
 
     Returns
     -------

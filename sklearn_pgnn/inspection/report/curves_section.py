@@ -59,7 +59,7 @@ class CurveDrawer:
 
     @property
     def best(self) -> str:
-        """The model whose error tells: the last."""
+        """The model whose error is shown: the last."""
         return list(self.simulated)[-1]
 
     def _css(self, which: str) -> str:
@@ -134,7 +134,7 @@ def curve_sections(diagnosis, formula=None) -> tuple[Curves, Curves, list[Curves
     diagnosis : ModelDiagnosis
         A fitted diagnosis.
     formula : FoundFormula, optional
-        The formula for what has no name.
+        The formula for what no cause explains.
 
     Returns
     -------

@@ -47,7 +47,7 @@ def verdict_line(diagnosis) -> str:
     if not diagnosis.complete_:
         said += "; the search was not complete"
     if diagnosis.data_quality_:
-        said += "; provisional, for the records have faults"
+        said += "; provisional, because of data-quality problems"
     return said
 
 

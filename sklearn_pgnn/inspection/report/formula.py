@@ -1,4 +1,4 @@
-"""The formula for what has no name: its terms with units and intervals, and its model."""
+"""The formula for what no cause explains: its terms with units and intervals, and its model."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -163,7 +163,7 @@ def _unit_of(expression: sympy.Expr, model: PhysicsModel) -> str:
 
 
 def told_formula(formula: FoundFormula) -> dict:
-    """Return what a report tells of a formula: plain text by the template's variable."""
+    """Return what a report shows of a formula: plain text by the template's variable."""
     part = formula.part
     return {
         "place": missing_place(formula.diagnosis, part),

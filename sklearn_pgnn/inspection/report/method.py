@@ -30,9 +30,9 @@ def method(diagnosis) -> str:
         f"{len(records.windows)} windows of about {length}, each with an initial state of "
         f"its own. Every candidate was fitted together with the model's free parameters and these "
         f"initial states. A cause is named only if a likelihood ratio on windows its parameters "
-        f"were not fitted to speaks for it, at a rate of false names of {diagnosis.alpha:g}; if it "
+        f"were not fitted to supports it, at a false-alarm rate of {diagnosis.alpha:g}; if it "
         f"explains {percent(diagnosis.smallest_share)} of an output's error or more; and if the "
-        f"free run does not speak against it. Inputs: {_hold(diagnosis.hold_)}; "
+        f"free run does not contradict it. Inputs: {_hold(diagnosis.hold_)}; "
         f"integration steps from sample to sample: {diagnosis.substeps_}. "
         f"Intervals are 95 % intervals, robust to residuals that are not white. The noise of an "
         f"output is the white part of what the extended model leaves of it over windows."
@@ -44,7 +44,7 @@ def _hold(hold: str) -> str:
 
 
 def versions() -> str:
-    """Return the versions of the package, of Python and of what they stand on."""
+    """Return the versions of the package, of Python and of its main dependencies."""
     package = import_module(__name__.split(".")[0])
     used = ", ".join(f"{name} {_version(name)}" for name in LIBRARIES)
     return f"sklearn-pgnn {package.__version__} (Python {platform.python_version()}, {used})"

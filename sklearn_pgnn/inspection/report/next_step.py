@@ -65,14 +65,14 @@ def _use(diagnosis) -> str:
     if leaves_much(diagnosis):
         return (
             "Look at the map of what is missing, and for what disturbs the machine or its sensors "
-            "there. Record one quantity more, and diagnose again."
+            "there. Record one more quantity, and diagnose again."
         )
     if is_adequate_as_given(diagnosis):
-        return "Go on with the model as it is."
+        return "Use the model as it is."
     facts = parameter_facts(diagnosis)
     names = listed(facts.changed) or "the parameters"
     where = "" if diagnosis.model.opaque_functions else " (extended_model.yaml)"
-    return f"Take over the new values of {names}{where}."
+    return f"Use the new values of {names}{where}."
 
 
 def _look(diagnosis) -> str:

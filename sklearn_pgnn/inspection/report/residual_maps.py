@@ -1,4 +1,4 @@
-"""What is missing over the two quantities that tell most of it, cell by cell."""
+"""What is missing over the two quantities that explain most of it, cell by cell."""
 
 from dataclasses import dataclass
 
@@ -62,7 +62,7 @@ def residual_maps(diagnosis, formula: FoundFormula | None) -> list[Maps]:
     diagnosis : ModelDiagnosis
         A fitted diagnosis.
     formula : FoundFormula or None
-        The formula for what has no name.
+        The formula for what no cause explains.
 
     Returns
     -------

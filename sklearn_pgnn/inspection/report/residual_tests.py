@@ -39,7 +39,7 @@ def residual_tests(diagnosis, formula=None) -> dict[str, list[ResidualTest]]:
     diagnosis : ModelDiagnosis
         A fitted diagnosis.
     formula : FoundFormula, optional
-        The formula for what has no name: then of the model with it.
+        The formula for what no cause explains: then of the model with it.
 
     Returns
     -------

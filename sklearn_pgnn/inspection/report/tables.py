@@ -36,4 +36,4 @@ def error_rows(diagnosis) -> list[dict]:
 
 def _error(error: float, noise: float) -> dict:
     said = times(ratio(error, noise))
-    return {"value": free_run_error(error), "times": "" if said == "runs away" else said}
+    return {"value": free_run_error(error), "times": "" if said == "diverges" else said}

@@ -94,7 +94,7 @@ def _left(diagnosis) -> Tile:
     much = not errors.extended <= MUCH or (tells and not run.extended <= MUCH)
     structured = diagnosis.remaining_.kind == "structure"
     of = f" of {output}" if len(windows) > 1 else ""
-    free = times(run.extended) if tells else "says nothing here"
+    free = times(run.extended) if tells else "not informative"
     text = f"left{of} over held-out windows (as given {times(errors.prior)}"
     if diagnosis.causes_:
         text += f", re-tuned only {times(errors.refitted)}"

@@ -1,4 +1,4 @@
-"""Who took how much of the error away: re-tuning, each cause, and what is left."""
+"""Error breakdown: what re-tuning and each cause remove, and what is left."""
 
 import math
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""The catalogue: every physical cause a diagnosis knows. A new effect is one class, listed once."""
+"""The catalogue: every physical cause of a diagnosis. A new effect is one class, listed once."""
 
 from collections.abc import Iterable, Iterator
 from difflib import get_close_matches

@@ -1,4 +1,4 @@
-"""Parameters that are none: they depend on a state or on an input."""
+"""Parameters that depend on a state or an input."""
 
 from dataclasses import dataclass
 

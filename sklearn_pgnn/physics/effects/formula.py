@@ -1,4 +1,4 @@
-"""An effect that has no name: terms that were found in records."""
+"""A formula as an effect: terms that were found in records."""
 
 import re
 from dataclasses import dataclass

@@ -346,7 +346,7 @@ class QuadraticDrag(SpeedEffect):
 
 @dataclass(frozen=True)
 class Hysteresis(PositionEffect):
-    r"""A force that remembers the way it came: Bouc and Wen's model, normalised.
+    r"""A force with hysteresis: Bouc and Wen's model, normalised.
 
     .. math::
         F = F_h\,\zeta, \qquad
@@ -392,7 +392,7 @@ class Hysteresis(PositionEffect):
 
     @property
     def state(self) -> str:
-        """Return the name of the state that remembers."""
+        """Return the name of the added state."""
         return f"zeta_{self.target}"
 
     @property
@@ -401,7 +401,7 @@ class Hysteresis(PositionEffect):
         return sympy.Max(sympy.Min(symbol(self.state), 1), -1)
 
     def rewrite(self, model, p):
-        """Subtract the force and add the state that remembers."""
+        """Subtract the force and add the state."""
         changes = super().rewrite(model, p)
         v, zeta = symbol(self.target), self.bounded
         bend = (1 - p["shape"]) * sympy.Abs(v) * zeta + p["shape"] * v * sympy.Abs(zeta)

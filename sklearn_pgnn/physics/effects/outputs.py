@@ -102,7 +102,7 @@ class SensorGain(OutputEffect):
 
 @dataclass(frozen=True)
 class SensorSaturation(OutputEffect):
-    r"""A sensor that ends, :math:`\max(\min(y, y_+), y_-)`.
+    r"""A sensor that saturates, :math:`\max(\min(y, y_+), y_-)`.
 
     Parameters
     ----------

@@ -25,7 +25,7 @@ def test_adequate_as_given_and_after_retuning_are_told_apart():
     assert "adequate as given" in html("adequate")
     retuned = html("retuned")
     assert "adequate with m and d re-tuned" in retuned
-    assert "Take over the new values of m and d" in retuned
+    assert "Use the new values of m and d" in retuned
     assert "as given and" in retuned
 
 
@@ -59,7 +59,7 @@ def test_a_formula_has_a_unit_an_interval_and_its_model():
 def test_faults_of_the_records_come_first_and_make_the_verdict_provisional():
     text = html("bad")
     assert text.index('id="quality"') < text.index('class="verdict')
-    assert "provisional, for the records have faults" in text
+    assert "provisional, because of data-quality problems" in text
 
 
 @pytest.mark.slow
@@ -99,8 +99,8 @@ def test_a_formula_that_tells_nothing_elsewhere_is_a_hint():
     part = diagnosis.discrepancy_
     assert dependence(diagnosis, part).startswith("It depends on v and F, which explain ")
     assert dependence(diagnosis, replace(part, share=0.0)) == (
-        "Its formula holds v and F, but in records not used for it these tell next to nothing of "
-        "its smoothed course: take it for a hint. "
+        "Its formula holds v and F, but in records not used for it these explain next to nothing "
+        "of its smoothed course: treat it as a hint only. "
     )
 
 
