@@ -69,6 +69,13 @@ def imported(tree):
             yield from ((node.lineno, f"{base}.{alias.name}") for alias in node.names)
 
 
+def test_the_table_for_contributors_is_this_one():
+    text = (Path(sklearn_pgnn.__file__).parents[1] / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| \d+ \|(.+?)\|", text, flags=re.MULTILINE)
+    told = [set(re.findall(r"`(\w+)`", row)) for row in reversed(rows)]
+    assert told == [layer for layer in LAYERS if not layer & {"__init__", "__main__"}]
+
+
 def named(tree):
     """Yield line and text of every string that is a module of the package."""
     for node in ast.walk(tree):
