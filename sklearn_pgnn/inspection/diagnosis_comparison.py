@@ -22,8 +22,6 @@ OTHER_FILES = {
 }
 _NEEDED = ("verdict", "causes", "parameters", "gain", "free_run", "remaining", "data_quality")
 
-_MODELS = {"prior": "as given", "refitted": "re-tuned", "extended": "extended"}
-
 
 @dataclass(frozen=True)
 class Quantity:
