@@ -12,7 +12,7 @@ pytestmark = pytest.mark.core
 
 #: from the bottom; a room imports from lower floors, and rooms on one floor not from each other
 FLOORS = (
-    {"exceptions", "extras", "readings", "threads"},
+    {"exceptions", "extras", "readings", "threads", "whole_file"},
     {"__init__"},
     {"physics"},
     {"effects", "priors", "systems", "trajectories"},
