@@ -27,7 +27,7 @@ from sklearn_pgnn.estimation.budgets import KEPT
 from sklearn_pgnn.estimation.candidate import Candidate
 from sklearn_pgnn.estimation.criterion import SelectionCriterion
 from sklearn_pgnn.estimation.fitted_records import as_judged, keep_records
-from sklearn_pgnn.estimation.plain_data import plain
+from sklearn_pgnn.estimation.plain_data import finite, plain
 from sklearn_pgnn.estimation.possible_causes import check_targets, possible_causes
 from sklearn_pgnn.estimation.problem import check_records
 from sklearn_pgnn.estimation.progress import Progress, TimeIsUp
@@ -464,7 +464,7 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         -------
         dict
             Verdict, data quality, causes with their probabilities and how to separate them, what
-            is left, parameters, gain and free runs.
+            is left, parameters, gain and free runs. A number that is not finite is None.
         """
         check_is_fitted(self)
         causes = []
@@ -482,7 +482,7 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
                     ],
                 }
             )
-        return {
+        found = {
             "verdict": self.verdict_,
             "data_quality": [plain(finding) for finding in self.data_quality_],
             "causes": causes,
@@ -500,6 +500,7 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
             "hold": self.hold_,
             "substeps": self.substeps_,
         }
+        return finite(found)
 
     def _named_starts(self) -> list[dict]:
         """Return every trajectory's name, and where it starts."""
