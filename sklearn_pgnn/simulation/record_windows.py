@@ -12,6 +12,7 @@ from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.record_start import find_starts
 from sklearn_pgnn.simulation.simulate import hold_of
 from sklearn_pgnn.simulation.state_estimate import StateEstimator
+from sklearn_pgnn.simulation.substeps import double_substeps
 from sklearn_pgnn.simulation.windows import ShootingWindows, evaluate
 from sklearn_pgnn.trajectories.gaps import split_at_gaps
 from sklearn_pgnn.trajectories.noise import noise_level, rough_noise_level
@@ -23,7 +24,6 @@ MIN_SAMPLES, MIN_WINDOWS = 20, 8
 WINDOW_SHARE = 1 / 3
 #: samples over which an output's rate is taken: the shortest lag above the noise is used
 LAGS = (1, 2, 4, 8, 16, 32, 64)
-MAX_SUBSTEPS = 32
 #: the window that is a whole record
 WHOLE = "trajectory"
 #: share of a power that is negligible
@@ -365,16 +365,16 @@ def enough_substeps(model: PhysicsModel, windows: ShootingWindows, x0: np.ndarra
     Returns
     -------
     int
-        Integration steps from sample to sample, at most `MAX_SUBSTEPS`.
+        Integration steps from sample to sample, see `double_substeps`.
     """
-    substeps = windows.substeps
-    residual = evaluate(model, windows, x0, ()).residual
-    while substeps < MAX_SUBSTEPS:
-        finer = evaluate(model, replace(windows, substeps=2 * substeps), x0, ()).residual
+
+    def run(substeps):
+        return evaluate(model, replace(windows, substeps=substeps), x0, ()).residual
+
+    def is_close(coarse, finer):
         with warnings.catch_warnings():  # overflow: the substeps are too coarse
             warnings.simplefilter("ignore", RuntimeWarning)
-            difference = np.sqrt(np.nanmean(((finer - residual) / windows.scale) ** 2))
-        if np.isfinite(difference) and difference < 0.1:
-            return substeps
-        substeps, residual = 2 * substeps, finer
-    return substeps
+            difference = np.sqrt(np.nanmean(((finer - coarse) / windows.scale) ** 2))
+        return bool(np.isfinite(difference) and difference < 0.1)
+
+    return double_substeps(run, is_close, windows.substeps)
