@@ -281,7 +281,7 @@ def _samples(problem, model, hidden) -> dict[str, np.ndarray]:
 def _groups(problem) -> np.ndarray:
     """Deal the samples into groups: records, or stretches of a few records."""
     windows = problem.windows
-    record = np.searchsorted(windows.bounds, np.arange(windows.t.size), side="right") - 1
+    record = windows.record_at(np.arange(windows.t.size))
     if record.max() + 1 >= FOLDS:
         return record
     return np.arange(windows.t.size) * 2 * FOLDS // windows.t.size

@@ -177,7 +177,7 @@ def _about_largest_change(windows, u, late: float) -> slice:
     for b in windows.bounds[1:-1]:
         change[max(b - reach, 0) : b] = 0.0
     at = int(np.argmax(change)) + reach // 2
-    record = np.searchsorted(windows.bounds, at, side="right") - 1
+    record = windows.record_at(at)
     a, b = windows.bounds[record], windows.bounds[record + 1]
     width = max(4 * reach, 20)
     return slice(max(a, at - width), min(b, at + 2 * width))

@@ -78,7 +78,17 @@ class ShootingWindows:
     @property
     def record(self) -> np.ndarray:
         """Index of every window's record."""
-        return np.searchsorted(self.bounds, self.starts, side="right") - 1
+        return self.record_at(self.starts)
+
+    def record_at(self, sample):
+        """Return the index of the record that a sample, or every one of some, belongs to."""
+        return np.searchsorted(self.bounds, sample, side="right") - 1
+
+    @property
+    def rows(self) -> np.ndarray:
+        """The samples of the windows, window by window."""
+        spans = zip(self.starts, self.lengths, strict=True)
+        return np.concatenate([np.arange(a, a + n) for a, n in spans])
 
     def select(self, which) -> "ShootingWindows":
         """Return some of the windows.
