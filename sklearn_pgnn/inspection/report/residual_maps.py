@@ -6,13 +6,14 @@ import numpy as np
 import sympy
 from markupsafe import Markup
 
-from sklearn_pgnn.inspection.balance import Samples, shown_states
+from sklearn_pgnn.inspection.balance import Samples
 from sklearn_pgnn.inspection.numbers import number
 from sklearn_pgnn.inspection.report.formula import FoundFormula
 from sklearn_pgnn.inspection.style import label
 from sklearn_pgnn.inspection.svg import Plot, Scale
 from sklearn_pgnn.physics.effects.rates import force_unit
 from sklearn_pgnn.physics.expressions import symbol
+from sklearn_pgnn.physics.shown_states import shown_states
 
 #: cells of a side, samples that a cell needs, and shades of a colour
 CELLS, LEAST, SHADES = 34, 3, 8
