@@ -8,20 +8,11 @@ from typing import Any
 
 from sklearn_pgnn import __version__
 from sklearn_pgnn.diagnosis import ModelDiagnosis
-from sklearn_pgnn.exceptions import (
-    ModelError,
-    OptionError,
-    RecordError,
-    RecordWarning,
-    SimulationError,
-)
+from sklearn_pgnn.exceptions import UNUSABLE, RecordWarning
 from sklearn_pgnn.inspection.model_files import file_of
 from sklearn_pgnn.inspection.report import Provenance, render_report
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.trajectories.files import read_files
-
-#: errors that mean records that cannot be used; they come again whenever the machine is tried
-UNUSABLE = (ModelError, RecordError, OptionError, SimulationError)
 
 
 @dataclass(frozen=True)
