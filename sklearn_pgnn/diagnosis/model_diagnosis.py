@@ -54,6 +54,7 @@ from sklearn_pgnn.threads import one_thread_each
 from sklearn_pgnn.trajectories import read_records
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
 from sklearn_pgnn.trajectories.record import Record
+from sklearn_pgnn.trajectories.tags import tags_of_records
 from sklearn_pgnn.trajectories.validation import check_model, validate_table
 
 
@@ -225,10 +226,7 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
 
     def __sklearn_tags__(self):
         """Return tags: states may be NaN and that random numbers follow no physical model."""
-        tags = super().__sklearn_tags__()
-        tags.input_tags.allow_nan = True
-        tags.regressor_tags.poor_score = True
-        return tags
+        return tags_of_records(super().__sklearn_tags__())
 
     @one_thread_each()
     def fit(self, X, y):

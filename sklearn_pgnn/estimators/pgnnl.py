@@ -20,6 +20,7 @@ from sklearn_pgnn.extras import needed_by
 from sklearn_pgnn.simulation.ahead import Machine, predict_ahead
 from sklearn_pgnn.threads import one_thread_each
 from sklearn_pgnn.trajectories import rows_in_order
+from sklearn_pgnn.trajectories.tags import tags_of_records
 
 with needed_by("PGNNLRegressor"):
     import torch
@@ -663,8 +664,4 @@ class PGNNLRegressor(MultiOutputMixin, PreparedNet):
         self._unmeasured = []
 
     def __sklearn_tags__(self):
-        tags = super().__sklearn_tags__()
-        # in states, which are read in a trajectory's first row
-        tags.input_tags.allow_nan = self.model is not None
-        tags.regressor_tags.poor_score = self.model is not None  # on random numbers
-        return tags
+        return tags_of_records(super().__sklearn_tags__(), self.model is not None)
