@@ -32,7 +32,7 @@ from sklearn_pgnn.simulation.windows import ShootingWindows
 #: the state that stands for the hidden input
 HIDDEN = "hidden_input"
 #: decades searched for q, about a change as large as the channel itself within its time
-DECADES = (-9.0, 4.0)
+EXPONENTS = (-9.0, 4.0)
 
 
 @dataclass(frozen=True)
@@ -153,7 +153,7 @@ def find_hidden_input(
             each_run()
         return -filtered.likelihood(size**2 / time * 10.0**exponent)
 
-    best = min(np.arange(DECADES[0], DECADES[1] + 1, 2.0), key=badness)
+    best = min(np.arange(EXPONENTS[0], EXPONENTS[1] + 1, 2.0), key=badness)
     found = minimize_scalar(
         badness, bounds=(best - 2, best + 2), method="bounded", options={"xatol": 0.3}
     )

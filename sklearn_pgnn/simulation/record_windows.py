@@ -29,7 +29,7 @@ WHOLE = "trajectory"
 #: share of a power that is negligible
 NEGLIGIBLE = 0.01
 #: relative tolerance of a length compared with a clock
-ROUNDING = 1e-6
+JITTER = 1e-6
 
 
 @dataclass(frozen=True)
@@ -341,7 +341,7 @@ def check_length(whole: ShootingWindows, window_length) -> float:
     least = float(np.max(MIN_SAMPLES * durations / np.diff(whole.bounds)))
     least, most = min(least, durations.max()), float(durations.max())
     known = isinstance(window_length, Real) and not isinstance(window_length, bool)
-    if not known or not least * (1 - ROUNDING) <= window_length <= most * (1 + ROUNDING):
+    if not known or not least * (1 - JITTER) <= window_length <= most * (1 + JITTER):
         raise OptionError(
             f"window_length: expected a length from {least:.4g} s ({MIN_SAMPLES} samples) to "
             f"{most:.4g} s (the longest record), got {window_length!r}. Remedy: choose one of "

@@ -30,7 +30,7 @@ MAX_REJECTED = 8
 OPTIMISM = 10.0
 #: relative rounding of a sum of products, and the curvature, relative to the sharpest, below which
 #: a direction is as good as flat
-ROUNDING, FLAT = 1e-14, 1e-14
+SUM_ROUNDING, FLAT = 1e-14, 1e-14
 #: the same of a window's initial state, of which few samples tell
 FLAT_START = 1e-12
 
@@ -422,7 +422,7 @@ def project(
     gradient = gram[:, p, -1] - np.einsum("wpx,wx->wp", gram[:, p, x], state_step)
     squares = np.einsum("wii->wi", gram[:, p, p])
     answer = np.abs(to_state * size[:, :, None]).sum(axis=1) / _length(squares)
-    seen = np.einsum("wii->wi", hessian) > ROUNDING * (1.0 + answer) ** 2 * squares
+    seen = np.einsum("wii->wi", hessian) > SUM_ROUNDING * (1.0 + answer) ** 2 * squares
     hessian = hessian * (seen[:, :, None] & seen[:, None, :])
     return Normal(hessian, gradient * seen, to_state, state_step)
 

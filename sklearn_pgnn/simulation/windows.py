@@ -25,7 +25,7 @@ from sklearn_pgnn.simulation.stepping import run_windows
 #: batches of windows per thread, and least steps of one: fewer take less long than handing over
 PARTS, LEAST = 4, 1000
 #: relative rounding of a double
-ROUNDING = np.finfo(float).eps
+EPSILON = np.finfo(float).eps
 
 
 @dataclass(frozen=True)
@@ -315,7 +315,7 @@ def _lose_arbitrary(gram, sizes):
     """Discard the windows in which rounding errors move outputs beyond the noise."""
     with np.errstate(over="ignore", invalid="ignore"):  # overflowing windows are lost as well
         slopes = np.sqrt(np.einsum("wjii->wi", gram[..., :-1, :-1]))
-        known = (ROUNDING * np.abs(sizes) * slopes <= 1.0).all(axis=1)
+        known = (EPSILON * np.abs(sizes) * slopes <= 1.0).all(axis=1)
     lost = ~(known & np.isfinite(gram).all(axis=(1, 2, 3)))
     gram[lost] = 0.0
     gram[lost, :, -1, -1] = np.inf
