@@ -3,7 +3,7 @@
 from numbers import Real
 
 from sklearn_pgnn.exceptions import OptionError
-from sklearn_pgnn.simulation.simulate import HOLDS
+from sklearn_pgnn.physics.model_parts import HOLDS
 
 
 def check_options(hold, alpha, smallest_share) -> None:

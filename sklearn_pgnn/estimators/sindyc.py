@@ -27,10 +27,11 @@ from sklearn_pgnn.estimators.sindyc_regression import sparse_coefficients, stepw
 from sklearn_pgnn.exceptions import SimulationWarning
 from sklearn_pgnn.physics.expressions import parse_expression
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.model_parts import HOLDS
 from sklearn_pgnn.simulation.ahead import model_machine, predict_ahead
 from sklearn_pgnn.simulation.free_run import simulate_record, substeps_for
 from sklearn_pgnn.simulation.record_windows import noise_levels, output_noise
-from sklearn_pgnn.simulation.simulate import HOLDS, hold_of
+from sklearn_pgnn.simulation.simulate import hold_of
 from sklearn_pgnn.trajectories import read_records, rows_in_order
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
 from sklearn_pgnn.trajectories.tables import as_pandas
