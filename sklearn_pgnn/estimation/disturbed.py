@@ -35,8 +35,9 @@ from sklearn_pgnn.simulation.disturbance import (
 from sklearn_pgnn.simulation.filtered_response import Starts, linearise_filtered
 from sklearn_pgnn.simulation.hidden_input import channels
 from sklearn_pgnn.simulation.led_states import Lead, lead
+from sklearn_pgnn.simulation.normal_equations import bounded_step
 from sklearn_pgnn.simulation.simulate import simulate_acting
-from sklearn_pgnn.simulation.window_fit import ParameterPrior, bounded_step
+from sklearn_pgnn.simulation.window_fit import ParameterPrior
 from sklearn_pgnn.simulation.windows import ShootingWindows
 
 

@@ -14,8 +14,9 @@ from scipy.optimize import differential_evolution
 from sklearn_pgnn.estimators.progress import Tell, silence
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.freedom import freedom_of
+from sklearn_pgnn.simulation.normal_equations import project
 from sklearn_pgnn.simulation.record_windows import WindowedRecords
-from sklearn_pgnn.simulation.window_fit import ParameterPrior, WindowFit, fit_windows, project
+from sklearn_pgnn.simulation.window_fit import ParameterPrior, WindowFit, fit_windows
 from sklearn_pgnn.simulation.windows import ShootingWindows, evaluate
 
 #: a search is local, global, or global only where the local one leaves so many times the noise
