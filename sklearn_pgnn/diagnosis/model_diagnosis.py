@@ -11,6 +11,7 @@ from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
 from sklearn_pgnn.diagnosis import frames
+from sklearn_pgnn.diagnosis.description import describe
 from sklearn_pgnn.diagnosis.free_run import free_run_errors
 from sklearn_pgnn.diagnosis.investigation import Findings, Investigation
 from sklearn_pgnn.diagnosis.options import check_detectability, check_options, check_time_limit
@@ -29,7 +30,6 @@ from sklearn_pgnn.diagnosis.separations import (
     with_equivalent,
 )
 from sklearn_pgnn.diagnosis.size import parameter_errors
-from sklearn_pgnn.diagnosis.unexplained import describe
 from sklearn_pgnn.estimation.budgets import KEPT
 from sklearn_pgnn.estimation.criterion import SelectionCriterion
 from sklearn_pgnn.estimation.fitted_records import as_judged, keep_records
