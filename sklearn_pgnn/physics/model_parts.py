@@ -119,7 +119,7 @@ def parameter_dict(parameter: Parameter) -> dict:
 
 def check_names(states, inputs, parameters) -> None:
     """Raise `ModelError` unless every name is one, and is taken once."""
-    seen = {}
+    seen: dict[str, str] = {}
     for what, names in (("state", states), ("input", inputs), ("parameter", parameters)):
         for name in names:
             check_name(name, what)
