@@ -121,6 +121,10 @@ class TrainingError(ValueError):
     """
 
 
+#: errors that mean unusable input, which come again whenever it is tried; any other is a bug
+UNUSABLE = (ModelError, RecordError, OptionError, SimulationError)
+
+
 class SimulationWarning(RuntimeWarning):
     """A simulation became non-finite and its remaining samples are NaN.
 

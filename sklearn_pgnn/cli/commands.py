@@ -16,17 +16,15 @@ from sklearn_pgnn.cli.options import (
     result_options,
 )
 from sklearn_pgnn.cli.progress import show_progress
-
-#: the ready systems, as `sklearn_pgnn.cli.template` has them
-SYSTEMS = ("cart-on-spring", "golf-robot", "servo-valve", "two-tanks")
+from sklearn_pgnn.cli.systems import SYSTEMS
 
 
 @click.command()
 @click.argument("path", default="model.yaml", metavar="[MODEL.yaml]", type=FILE)
 @click.option(
     "--like",
-    type=click.Choice(SYSTEMS),
-    default=SYSTEMS[0],
+    type=click.Choice(tuple(SYSTEMS)),
+    default=next(iter(SYSTEMS)),
     show_default=True,
     help="The ready system to begin with.",
 )

@@ -16,7 +16,7 @@ from sklearn_pgnn.cli.choices import (
     read_noise,
 )
 from sklearn_pgnn.cli.command_line import command_line
-from sklearn_pgnn.cli.guard import OWN, Bug, one_line
+from sklearn_pgnn.cli.guard import Bug, one_line
 from sklearn_pgnn.cli.output import (
     check_free,
     remove_files,
@@ -27,7 +27,7 @@ from sklearn_pgnn.cli.output import (
 from sklearn_pgnn.cli.records import read_model, told_warnings
 from sklearn_pgnn.cli.screen import tell
 from sklearn_pgnn.diagnosis import ModelDiagnosis
-from sklearn_pgnn.exceptions import RecordWarning
+from sklearn_pgnn.exceptions import UNUSABLE, RecordWarning
 from sklearn_pgnn.inspection.model_files import EXTENDED, RIVALS, model_files
 from sklearn_pgnn.inspection.report import Provenance, render_report
 from sklearn_pgnn.trajectories.files import read_files
@@ -154,7 +154,7 @@ def fit_kept(diagnosis: ModelDiagnosis, X, y) -> tuple[Exception | None, list[st
         warnings.simplefilter("always", RecordWarning)
         try:
             diagnosis.fit(X, y)
-        except OWN:
+        except UNUSABLE:
             raise
         except SystemExit:
             click.echo(

@@ -7,11 +7,8 @@ from contextlib import contextmanager
 import click
 
 from sklearn_pgnn.cli.signals import stoppable
-from sklearn_pgnn.exceptions import ModelError, OptionError, RecordError, SimulationError
+from sklearn_pgnn.exceptions import UNUSABLE
 from sklearn_pgnn.extras import EXTRA_OF
-
-#: errors that mean unusable input; every other error is a bug
-OWN = (ModelError, RecordError, OptionError, SimulationError)
 
 
 class Unusable(click.ClickException):
@@ -98,7 +95,7 @@ def _is_not_ours(error: Exception) -> bool:
 def _told(error: Exception) -> Exception:
     if isinstance(error, click.ClickException):
         return error
-    return Unusable(one_line(error)) if isinstance(error, OWN) or _lacks(error) else Bug(error)
+    return Unusable(one_line(error)) if isinstance(error, UNUSABLE) or _lacks(error) else Bug(error)
 
 
 def _lacks(error: Exception) -> bool:

@@ -12,6 +12,7 @@ from sklearn_pgnn.cli.guard import writing
 from sklearn_pgnn.cli.signals import held
 from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.inspection.strict_json import as_strict_json
+from sklearn_pgnn.whole_file import write_whole
 
 
 def strict_json(diagnosis) -> str:
@@ -64,13 +65,8 @@ def write_file(path, text: str, *, force: bool) -> None:
         If it is there already and may not be replaced.
     """
     refuse_existing(path, force=force)
-    beside = Path(path).with_name(f".{Path(path).name}.{os.getpid()}")
     with held(), writing(path):
-        try:
-            beside.write_text(text, encoding="utf-8", newline="\n")
-            os.replace(beside, path)
-        finally:
-            beside.unlink(missing_ok=True)
+        write_whole(Path(path), text)
 
 
 # -- several files ---------------------------------------------------------------------------------

@@ -13,7 +13,8 @@ from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn
 from rich.text import Text
 
 from sklearn_pgnn.cli.signals import check
-from sklearn_pgnn.cli.stages import BEST, in_words
+from sklearn_pgnn.cli.stages import in_words
+from sklearn_pgnn.estimation.progress import BEST
 
 #: seconds between two lines of one stage in a pipe
 EVERY = 5.0

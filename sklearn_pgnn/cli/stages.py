@@ -2,8 +2,6 @@
 
 import re
 
-#: how a stage begins that says what is best so far, whatever is being done
-BEST = "best suspect so far: "
 #: by stage, what is done in it
 WORDS = {
     "window length": "choosing the window length",

@@ -6,17 +6,11 @@ import click
 
 from sklearn_pgnn.cli.guard import one_line
 from sklearn_pgnn.cli.output import write_file
+from sklearn_pgnn.cli.systems import make_system
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.model_file import write_model
-from sklearn_pgnn.physics.systems import cart_on_spring, golf_robot, servo_valve, two_tanks
 from sklearn_pgnn.trajectories.files import open_file
 
-SYSTEMS = {
-    "cart-on-spring": cart_on_spring,
-    "golf-robot": golf_robot,
-    "servo-valve": servo_valve,
-    "two-tanks": two_tanks,
-}
 HEAD = """\
 # A model file of sklearn-pgnn: the machine as you model it. It begins as a ready system;
 # put your own names, units, values and equations in its place. Then see whether it fits the files:
@@ -56,7 +50,7 @@ def write_template(
     path : str
         Where to write.
     like : str
-        The ready system to begin with, a key of `SYSTEMS`.
+        The ready system to begin with, a key of `sklearn_pgnn.cli.systems.SYSTEMS`.
     records : str, optional
         A file of records, whose columns are written into the comments.
     force : bool
@@ -69,7 +63,7 @@ def write_template(
     OptionError
         If the file is there already.
     """
-    model = SYSTEMS[like]()
+    model = make_system(like)
     header, columns = [], {}
     if records is not None:
         file = open_file(records, model)

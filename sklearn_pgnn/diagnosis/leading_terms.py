@@ -3,7 +3,7 @@
 import numpy as np
 
 #: share of a column's power below which what the terms before it leave of it is rounding
-ROUNDING = np.finfo(float).eps
+EPSILON = np.finfo(float).eps
 
 
 def leading_terms(columns: np.ndarray, target: np.ndarray, count: int) -> list[np.ndarray]:
@@ -47,7 +47,7 @@ def leading_terms(columns: np.ndarray, target: np.ndarray, count: int) -> list[n
     found: list[np.ndarray] = []
     while len(taken) < count:
         power = np.einsum("ki,ki->i", own, own)
-        is_free = power > ROUNDING
+        is_free = power > EPSILON
         if not is_free.any():
             break
         none = np.full_like(power, -np.inf)

@@ -3,7 +3,6 @@
 import warnings
 from contextlib import suppress
 from dataclasses import replace
-from numbers import Real
 
 import numpy as np
 from joblib import effective_n_jobs
@@ -12,8 +11,11 @@ from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
 from sklearn_pgnn.diagnosis import frames
+from sklearn_pgnn.diagnosis.description import describe
 from sklearn_pgnn.diagnosis.free_run import free_run_errors
 from sklearn_pgnn.diagnosis.investigation import Findings, Investigation
+from sklearn_pgnn.diagnosis.options import check_detectability, check_options, check_time_limit
+from sklearn_pgnn.diagnosis.plain_diagnosis import plain_diagnosis
 from sklearn_pgnn.diagnosis.result import (
     NamedCause,
     Tried,
@@ -21,23 +23,25 @@ from sklearn_pgnn.diagnosis.result import (
     name_causes,
     retuned_parameters,
 )
+from sklearn_pgnn.diagnosis.separations import (
+    effect_named,
+    pair_of,
+    two_to_separate,
+    with_equivalent,
+)
 from sklearn_pgnn.diagnosis.size import parameter_errors
-from sklearn_pgnn.diagnosis.unexplained import describe
 from sklearn_pgnn.estimation.budgets import KEPT
-from sklearn_pgnn.estimation.candidate import Candidate
 from sklearn_pgnn.estimation.criterion import SelectionCriterion
 from sklearn_pgnn.estimation.fitted_records import as_judged, keep_records
-from sklearn_pgnn.estimation.plain_data import plain
 from sklearn_pgnn.estimation.possible_causes import check_targets, possible_causes
 from sklearn_pgnn.estimation.problem import check_records
 from sklearn_pgnn.estimation.progress import Progress, TimeIsUp
-from sklearn_pgnn.exceptions import OptionError, RecordWarning
+from sklearn_pgnn.exceptions import RecordWarning
 from sklearn_pgnn.experiment_design.detectability import Detectability, detect_all
 from sklearn_pgnn.experiment_design.power import PowerAnalysis
 from sklearn_pgnn.experiment_design.separation import (
     Separation,
     are_same,
-    plain_separation,
     separate,
 )
 from sklearn_pgnn.experiment_design.simulate_records import with_verdict
@@ -49,11 +53,12 @@ from sklearn_pgnn.record_quality.checks import check_data_quality
 from sklearn_pgnn.record_quality.finding import Finding
 from sklearn_pgnn.simulation.finite_run import simulate_quantities
 from sklearn_pgnn.simulation.record_windows import without_gaps
-from sklearn_pgnn.simulation.simulate import HOLDS, hold_of
+from sklearn_pgnn.simulation.simulate import hold_of
 from sklearn_pgnn.threads import one_thread_each
 from sklearn_pgnn.trajectories import read_records
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
 from sklearn_pgnn.trajectories.record import Record
+from sklearn_pgnn.trajectories.tags import tags_of_records
 from sklearn_pgnn.trajectories.validation import check_model, validate_table
 
 
@@ -226,10 +231,7 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
 
     def __sklearn_tags__(self):
         """Return tags: states may be NaN and that random numbers follow no physical model."""
-        tags = super().__sklearn_tags__()
-        tags.input_tags.allow_nan = True
-        tags.regressor_tags.poor_score = True
-        return tags
+        return tags_of_records(super().__sklearn_tags__())
 
     @one_thread_each()
     def fit(self, X, y):
@@ -262,9 +264,9 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         """
         check_model(self.model)
         read_catalogue(self.catalogue)
-        _check_options(self.hold, self.alpha, self.smallest_share)
+        check_options(self.hold, self.alpha, self.smallest_share)
         check_targets(self.model, self.targets)
-        _check_time_limit(self.time_limit)
+        check_time_limit(self.time_limit)
         if y is None:
             raise ValueError(
                 f"{type(self).__name__} requires y to be passed, but the target y is None."
@@ -423,22 +425,11 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
 
     def _with_equivalent(self, cause: NamedCause) -> NamedCause:
         """Note which causes are the same as one, so that no record separates them."""
-        mine = _pair(cause)
-        same = {f.other for f in self.separations_ if f.cause == mine and f.equivalent}
-        equivalent = (Candidate(o.effect, o.target) for o in cause.confused_with)
-        return replace(cause, equivalent=tuple(o for o in equivalent if o in same))
+        return with_equivalent(cause, self.separations_)
 
     def _cause(self, named) -> Effect:
         """Return the effect of the catalogue that is named by its id and target."""
-        effect, target = (named.effect, named.target) if hasattr(named, "effect") else named[:2]
-        catalogue = read_catalogue(self.catalogue)
-        for kind in catalogue:
-            if effect in (kind, kind.id):
-                return kind(target)
-        raise ValueError(
-            f"cause: expected an effect of the catalogue "
-            f"({', '.join(kind.id for kind in catalogue)}), got {effect!r}."
-        )
+        return effect_named(named, read_catalogue(self.catalogue))
 
     def predict(self, X):
         """Simulate the extended model in free run from every trajectory's initial state.
@@ -470,50 +461,10 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         -------
         dict
             Verdict, data quality, causes with their probabilities and how to separate them, what
-            is left, parameters, gain and free runs.
+            is left, parameters, gain and free runs. A number that is not finite is None.
         """
         check_is_fitted(self)
-        causes = []
-        for cause in self.causes_:
-            causes.append(
-                {
-                    "effect": cause.effect,
-                    "target": cause.target,
-                    "parameters": {k: plain(v) for k, v in cause.parameters.items()},
-                    "gain_percent": cause.gain,
-                    "probability": cause.probability,
-                    "confused_with": [
-                        {**plain(other), "equivalent": other[:2] in cause.equivalent}
-                        for other in cause.confused_with
-                    ],
-                }
-            )
-        return {
-            "verdict": self.verdict_,
-            "data_quality": [plain(finding) for finding in self.data_quality_],
-            "causes": causes,
-            "separations": [plain_separation(found) for found in self.separations_],
-            "parameters": {name: plain(p) for name, p in self.parameters_.items()},
-            "gain": {name: plain(gain) for name, gain in self.gain_.items()},
-            "free_run": {name: plain(error) for name, error in self.free_run_.items()},
-            "initial_states": self._named_starts(),
-            "unexplained": None if self.discrepancy_ is None else self.discrepancy_.to_dict(),
-            "remaining": plain(self.remaining_),
-            "unusable": [plain(suspect) for suspect in self.unusable_],
-            "stopped": self.stopped_,
-            "complete": self.complete_,
-            "window": self.window_,
-            "hold": self.hold_,
-            "substeps": self.substeps_,
-        }
-
-    def _named_starts(self) -> list[dict]:
-        """Return every trajectory's name, and where it starts."""
-        states = list(self.extended_model_.states)
-        return [
-            {"trajectory": name, "state": dict(zip(states, start.tolist(), strict=True))}
-            for name, start in zip(self.records_.names, self.initial_states_, strict=True)
-        ]
+        return plain_diagnosis(self)
 
     def causes_frame(self):
         """Return the named causes as a DataFrame, a row for each of their parameters."""
@@ -608,7 +559,7 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         """
         check_is_fitted(self)
         check_targets(self.model, targets)
-        _check_detectability(power, noise)
+        check_detectability(power, noise)
         seed, white = _seed(random_state), noise == "white"
         analysis = PowerAnalysis(self.records_, white, self._criterion(), int(n_repeats), seed)
         catalogue = read_catalogue(self.catalogue if effects is None else effects)
@@ -621,7 +572,7 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
                     model=self.extended_model_, catalogue=catalogue, time_column=None, progress=None
                 )
                 named = again.fit(X, y).causes_
-                return [{c[:2] for c in (_pair(cause), *cause.confused_with)} for cause in named]
+                return [{c[:2] for c in (pair_of(cause), *cause.confused_with)} for cause in named]
 
             rows = tuple(with_verdict(analysis, row, diagnose) for row in rows)
         return Detectability(rows, float(power), tuple(map(float, sizes)))
@@ -671,21 +622,7 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         """
         check_is_fitted(self)
         causes = {self._cause(named): named for named in self.causes_}
-        if cause is None and not causes:
-            raise ValueError("cause: expected a cause, but the diagnosis names none.")
-        mine = self._cause(self.causes_[0] if cause is None else cause)
-        if mine not in causes:
-            named = ", ".join(f"{each.id} of {each.target}" for each in causes) or "nothing"
-            raise ValueError(
-                f"cause: expected one that was named ({named}), got {mine.id} of {mine.target}."
-            )
-        confused = causes[mine].confused_with
-        if other is None and not confused:
-            raise ValueError(
-                f"other: expected a cause, got none, and {mine.id} of {mine.target} is confused "
-                f"with nothing. Remedy: name the cause to tell it from."
-            )
-        theirs = self._cause(confused[0] if other is None else other)
+        mine, theirs = two_to_separate(causes, read_catalogue(self.catalogue), cause, other)
         return separate(self.records_, mine, theirs, self._criterion(), reach)
 
     def plot(self):
@@ -699,36 +636,11 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         return reading("plot_diagnosis")(self)
 
 
-def _pair(cause) -> Candidate:
-    """Return the effect and target of a cause."""
-    return Candidate(cause.effect, cause.target)
-
-
-def _check_options(hold, alpha, smallest_share) -> None:
-    for name, value in (("alpha", alpha), ("smallest_share", smallest_share)):
-        if not (isinstance(value, Real) and 0 < float(value) < 1):
-            raise OptionError(f"{name}: expected a number between 0 and 1, got {value!r}.")
-    if hold not in ("auto", *HOLDS):
-        raise OptionError(f"hold: expected one of auto, {', '.join(HOLDS)}, got {hold!r}.")
-
-
-def _check_time_limit(limit) -> None:
-    if limit is not None and not (isinstance(limit, Real) and float(limit) > 0):
-        raise OptionError(f"time_limit: expected a time above 0 s or None, got {limit!r}.")
-
-
 def _said(error: BaseException) -> str:
     """Return in short what ended a fit."""
     if isinstance(error, KeyboardInterrupt):
         return "interrupted"
     return f"unexpected {type(error).__name__}: {error}"
-
-
-def _check_detectability(power, noise) -> None:
-    if not 0 < power < 1:
-        raise ValueError(f"power: expected a number between 0 and 1, got {power!r}.")
-    if noise not in ("residual", "white"):
-        raise ValueError(f"noise: expected 'residual' or 'white', got {noise!r}.")
 
 
 def _seed(random_state) -> int:

@@ -277,8 +277,8 @@ def measure_gain(fitter: HypothesisFitter, result: SearchResult, seed: int) -> d
             return squares[which][rows, i].sum(axis=-1) / np.where(measured > 0, measured, np.nan)
 
         whole = np.arange(len(counts))
-        share = explained_share(power("prior", whole), power("extended", whole), noise)
-        shares = explained_share(power("prior", draws), power("extended", draws), noise)
+        share = share_above_noise(power("prior", whole), power("extended", whole), noise)
+        shares = share_above_noise(power("prior", draws), power("extended", draws), noise)
         low, high = np.nanpercentile(shares, [2.5, 97.5])  # some draws may have measured nothing
         errors = {which: float(scale * np.sqrt(power(which, whole))) for which in squares}
         runs = {f"free_run_{which}": _rms(h.free_run, i, scale) for which, h in held_out.items()}
@@ -299,7 +299,7 @@ def _rms(residuals: Residuals, output: int, scale: float) -> float:
     return float(scale * np.sqrt(residuals.squares[output] / count))
 
 
-def explained_share(before, after, noise):
+def share_above_noise(before, after, noise):
     """Return the share of the error power above the noise that is gone, between 0 and 1."""
     before, after = np.asarray(before), np.asarray(after)
     known = np.isfinite(before) & np.isfinite(after)

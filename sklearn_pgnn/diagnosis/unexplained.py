@@ -1,37 +1,21 @@
 """Where no cause of the catalogue will do: where something is missing, and what it depends on."""
 
-import re
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from itertools import combinations
 
 import numpy as np
-import sympy
-from sklearn.ensemble import HistGradientBoostingRegressor
-from sklearn.model_selection import GroupKFold, cross_val_predict
 
-from sklearn_pgnn.diagnosis.leading_terms import leading_terms
-from sklearn_pgnn.estimation.budgets import (
-    FOLDS,
-    LEAVES,
-    MOST_TERMS,
-    OWN,
-    RESOLUTION,
-    SAMPLES,
-    TREES,
-)
+from sklearn_pgnn.diagnosis.term_choice import independent, telling_terms
+from sklearn_pgnn.diagnosis.term_library import term_library
+from sklearn_pgnn.estimation.budgets import SAMPLES
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
-from sklearn_pgnn.estimation.fitted_records import as_judged
 from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.physics.effects.formula import Formula
-from sklearn_pgnn.physics.effects.rates import is_velocity
-from sklearn_pgnn.physics.expressions import TIME, symbol, to_text
+from sklearn_pgnn.physics.expressions import to_text
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.hidden_input import HiddenInput, find_hidden_input
-from sklearn_pgnn.simulation.linear_response import linear_responses, without_states
 from sklearn_pgnn.simulation.pointwise import evaluate_samples
 from sklearn_pgnn.simulation.window_fit import ParameterPrior, WindowFit, fit_windows
-from sklearn_pgnn.simulation.windows import evaluate
 
 
 @dataclass(frozen=True)
@@ -153,13 +137,13 @@ def propose(
     model, hidden = base.fit.model, _hidden_input(problem, base, channel, each_step)
     if not np.all(np.isfinite(hidden.values)):
         return []
-    table = _samples(problem, model, hidden)
-    terms = _terms(problem.prior, table)
+    table = smoothed_samples(problem, model, hidden)
+    terms = term_library(problem.prior, table)
     columns = np.column_stack([evaluate_samples(term, table, hidden.values.size) for term in terms])
-    own = _independent(columns[:: max(1, len(columns) // SAMPLES)])
+    own = independent(columns[:: max(1, len(columns) // SAMPLES)])
     columns, terms = columns[:, own], [terms[i] for i in own]
     formulas = [
-        _formula(model, channel, terms, c) for c in _telling_terms(problem, base, channel, columns)
+        _formula(model, channel, terms, c) for c in telling_terms(problem, base, channel, columns)
     ]
     fitted = [_proposal(problem, base, hidden, formula, each_step) for formula in formulas]
     return [proposal for proposal in fitted if proposal.trial.fit.usable]
@@ -218,35 +202,6 @@ def _proposal(problem, base, hidden: HiddenInput, formula: Formula, each_step) -
     return Proposal(hidden, found, FittedHypothesis(base.hypothesis.plus(formula), fit))
 
 
-def describe(problem: EstimationProblem, proposal: Proposal) -> MissingPart:
-    """Describe what is missing.
-
-    Parameters
-    ----------
-    problem : EstimationProblem
-        The problem.
-    proposal : Proposal
-        The formula that was chosen.
-
-    Returns
-    -------
-    MissingPart
-        The description.
-    """
-    effect, hidden, fit = proposal.effect, proposal.hidden, proposal.trial.fit
-    table = _samples(problem, fit.model, hidden)
-    text = " ".join(effect.terms)
-    quantities = tuple(name for name in table if re.search(rf"\b{re.escape(name)}\b", text))
-    rows = slice(None, None, max(1, hidden.values.size // SAMPLES))
-    share = 0.0
-    if quantities:
-        columns = np.column_stack([table[name][rows] for name in quantities])
-        share = _explained(columns, hidden.values[rows], _groups(problem)[rows])
-    model = as_judged(problem, fit)
-    error = proposal.trial.times_noise
-    return MissingPart(effect.target, quantities, share, effect, error, model, hidden.values)
-
-
 def _fit(problem, base, effect, each_step) -> WindowFit:
     """Fit a model with a formula on all windows, its other parameters with it."""
     model = effect.apply(base.fit.model)
@@ -270,7 +225,7 @@ def _at_fit(effect, fit) -> Formula:
     return replace(effect, coefficients=tuple(values))
 
 
-def _samples(problem, model, hidden) -> dict[str, np.ndarray]:
+def smoothed_samples(problem, model, hidden) -> dict[str, np.ndarray]:
     """Return the states, smoothed with the hidden input, the inputs as they act, and the time."""
     table = {name: hidden.states[:, i] for i, name in enumerate(model.states)}
     acting = problem.windows.acting_inputs(model)
@@ -278,75 +233,9 @@ def _samples(problem, model, hidden) -> dict[str, np.ndarray]:
     return {**table, "t": problem.windows.t}
 
 
-def _groups(problem) -> np.ndarray:
-    """Deal the samples into groups: records, or stretches of a few records."""
-    windows = problem.windows
-    record = np.searchsorted(windows.bounds, np.arange(windows.t.size), side="right") - 1
-    if record.max() + 1 >= FOLDS:
-        return record
-    return np.arange(windows.t.size) * 2 * FOLDS // windows.t.size
-
-
-def _explained(columns, values, groups) -> float:
-    """Return the share of a variance that some quantities explain on groups not seen."""
-    forest = HistGradientBoostingRegressor(max_iter=TREES, max_leaf_nodes=LEAVES, random_state=0)
-    found = cross_val_predict(forest, columns, values, groups=groups, cv=GroupKFold(FOLDS))
-    return float(max(0.0, 1.0 - np.mean((values - found) ** 2) / np.var(values)))
-
-
 def library_size(model: PhysicsModel) -> int:
     """Return the number of terms that a formula may be made of at a place."""
-    return len(_terms(model, (*model.states, *model.inputs, "t")))
-
-
-def _terms(model: PhysicsModel, quantities) -> list[sympy.Expr]:
-    """Return the library: functions of one quantity, and products of functions of two."""
-    single = [_functions(model, name) for name in quantities]
-    found = [sympy.Integer(1), *(term for functions in single for term in functions)]
-    for one, other in combinations(single, 2):
-        found += [a * b for a in one for b in other]
-    return list(dict.fromkeys(found))
-
-
-def _functions(model, name) -> list[sympy.Expr]:
-    """Return functions of one quantity."""
-    if name == "t":
-        return [TIME]
-    q = symbol(name)
-    found = [q, sympy.Abs(q), q**2, q * sympy.Abs(q), q**3]
-    if name in model.states and is_velocity(model, name):
-        found.append(sympy.sign(q))
-    if model.unit(name) == "rad":
-        found += [sympy.sin(q), sympy.cos(q), sympy.sin(2 * q), sympy.cos(2 * q)]
-    return found
-
-
-def _telling_terms(problem, base, channel, columns) -> list[np.ndarray]:
-    """Choose the terms by their effect on the outputs, what re-tuning explains projected out."""
-    windows, fit = problem.windows, base.fit
-    responses, by_state = linear_responses(fit.model, windows, fit.evaluation.x0, channel, columns)
-    tuned = [_slope_by(problem, base, freedom) for freedom in fit.freedoms]
-    block = np.concatenate([responses, np.stack(tuned, axis=-1)] if tuned else [responses], axis=-1)
-    table = np.concatenate([fit.evaluation.residual[..., None], block], axis=-1)
-    table = without_states(windows, table, by_state)
-    target, moved, known = np.split(table, [1, 1 + columns.shape[1]], axis=1)
-    basis = np.linalg.qr(known / np.maximum(np.linalg.norm(known, axis=0), 1e-300))[0]
-    before = np.linalg.norm(moved, axis=0)
-    moved, target = (part - basis @ (basis.T @ part) for part in (moved, target))
-    seen = np.flatnonzero(np.linalg.norm(moved, axis=0) > OWN * before)
-    path = leading_terms(moved[:, seen], target[:, 0], MOST_TERMS)
-    full = np.zeros((len(path), columns.shape[1]))
-    full[:, seen] = path
-    return list(full)
-
-
-def _slope_by(problem, base, freedom) -> np.ndarray:
-    """Return the change of the outputs by a parameter, for a small step."""
-    fit, value = base.fit, base.fit.model.parameters[freedom.name].value
-    moved = freedom.beside(value, 1e-3 * freedom.scale)
-    model = fit.model.with_parameters(**{freedom.name: moved})
-    change = fit.evaluation.residual - evaluate(model, problem.windows, fit.x0, ()).residual
-    return change / (moved - value)
+    return len(term_library(model, (*model.states, *model.inputs, "t")))
 
 
 def _formula(model, channel, terms, values) -> Formula:
@@ -357,17 +246,3 @@ def _formula(model, channel, terms, values) -> Formula:
         tuple(float(values[i]) for i in chosen),
         Formula.next_number(model, channel),
     )
-
-
-def _independent(columns) -> list[int]:
-    """Return the columns that are not sums of those before them."""
-    own: list[int] = []
-    basis = np.empty((len(columns), 0))
-    for i, column in enumerate(columns.T):
-        size = np.linalg.norm(column)
-        rest = column - basis @ (basis.T @ column)
-        rest = rest - basis @ (basis.T @ rest)
-        if np.isfinite(size) and np.linalg.norm(rest) > RESOLUTION * size:
-            own.append(i)
-            basis = np.column_stack([basis, rest / np.linalg.norm(rest)])
-    return own

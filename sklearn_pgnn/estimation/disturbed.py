@@ -23,7 +23,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
-from sklearn_pgnn.estimation.held_out import rows_of
 from sklearn_pgnn.estimation.problem import EstimationProblem, one_of
 from sklearn_pgnn.estimation.residuals import HeldOut
 from sklearn_pgnn.physics.model import PhysicsModel
@@ -36,8 +35,9 @@ from sklearn_pgnn.simulation.disturbance import (
 from sklearn_pgnn.simulation.filtered_response import Starts, linearise_filtered
 from sklearn_pgnn.simulation.hidden_input import channels
 from sklearn_pgnn.simulation.led_states import Lead, lead
+from sklearn_pgnn.simulation.normal_equations import bounded_step
 from sklearn_pgnn.simulation.simulate import simulate_acting
-from sklearn_pgnn.simulation.window_fit import ParameterPrior, bounded_step
+from sklearn_pgnn.simulation.window_fit import ParameterPrior
 from sklearn_pgnn.simulation.windows import ShootingWindows
 
 
@@ -193,7 +193,7 @@ class HeldOutWindows:
         columns = np.full((size, n_outputs, 1), np.nan)
         for model, part, starts in self.parts:
             near = linearise_filtered(model, part, starts, channel, disturbance, self.variance)
-            rows = rows_of(part)
+            rows = part.rows
             F[rows], H[rows], columns[rows, :, 0] = (each[rows] for each in near)
         return LinearWindows(windows, F, H, columns, self.mean, self.covariance, self.variance)
 
@@ -206,7 +206,7 @@ class HeldOutWindows:
             moved[inside] = self._step(gram[~inside], self.taught[~inside] - here, here)
         windows = self.problem.windows
         by_sample = np.repeat(moved, windows.lengths, axis=0)
-        rows, left = rows_of(windows), residual.copy()
+        rows, left = windows.rows, residual.copy()
         left[rows, :, 0] += np.einsum("kop,kp->ko", self.slopes[rows], by_sample)
         return left
 

@@ -5,7 +5,7 @@ from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
 from sklearn_pgnn.estimation.problem import EstimationProblem, with_substeps
 from sklearn_pgnn.estimation.window_fitter import WindowFitter
-from sklearn_pgnn.simulation.record_windows import MAX_SUBSTEPS
+from sklearn_pgnn.simulation.substeps import MAX_SUBSTEPS
 from sklearn_pgnn.simulation.uncertainty import standard_errors
 
 

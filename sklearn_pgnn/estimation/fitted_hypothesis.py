@@ -59,11 +59,6 @@ class FittedHypothesis:
         evaluation = self.fit.evaluation
         return float(np.sqrt(evaluation.squares.sum() / np.isfinite(evaluation.residual).sum()))
 
-    @property
-    def blocks(self) -> np.ndarray:
-        """Sum of squared residuals of every block of every window."""
-        return self.fit.evaluation.block_squares
-
 
 @dataclass(frozen=True)
 class SubsampleFit(FittedHypothesis):

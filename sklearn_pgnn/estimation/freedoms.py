@@ -8,6 +8,7 @@ from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.estimation.same_in_equations import held_parameters
 from sklearn_pgnn.physics.effects import WrongParameter
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.freedom import freedom_of
 from sklearn_pgnn.simulation.state_estimate import unsigned_states
 from sklearn_pgnn.simulation.window_fit import ParameterPrior
 
@@ -42,7 +43,7 @@ def freedoms(
     wrong = _said_to_be_wrong(hypothesis)
     still = {*held, *without_spread(problem.prior, hypothesis)}
     free = [
-        _prior_freedom(problem.prior, name, name in wrong)
+        freedom_of(problem.prior, name, within_spread=name not in wrong)
         for name in problem.prior.free_parameters
         if name not in still or name in wrong
     ]
@@ -82,7 +83,7 @@ def held_freedoms(problem: EstimationProblem, hypothesis: Hypothesis) -> tuple[P
     held = held_by(prior, hypothesis) - _said_to_be_wrong(hypothesis)
     names = [name for name in prior.free_parameters if name in held]
     uncertain = [name for name in names if 0 < prior.parameters[name].reach < math.inf]
-    return tuple(_prior_freedom(prior, name, False) for name in uncertain)
+    return tuple(freedom_of(prior, name, within_spread=True) for name in uncertain)
 
 
 def held_by(model: PhysicsModel, hypothesis: Hypothesis) -> set[str]:
@@ -103,16 +104,3 @@ def without_spread(model: PhysicsModel, hypothesis: Hypothesis) -> set[str]:
 def _said_to_be_wrong(hypothesis: Hypothesis) -> set[str]:
     """Name the parameters that a hypothesis says to be wrong."""
     return {each.target for each in hypothesis.causes if isinstance(each, WrongParameter)}
-
-
-def _prior_freedom(prior, name, wrong) -> ParameterPrior:
-    r"""Let a parameter be anywhere within its spread, or, if it is wrong, within its bounds.
-
-    The variance of what is anywhere within :math:`\pm r` is :math:`r^2/3`.
-    """
-    parameter = prior.parameters[name]
-    value, (low, high), reach = parameter.value, parameter.bounds, parameter.reach
-    if wrong or not math.isfinite(reach):
-        return ParameterPrior(name, low, high, value, math.inf, abs(value) or 1.0)
-    low, high = max(low, value - reach), min(high, value + reach)
-    return ParameterPrior(name, low, high, value, reach / math.sqrt(3.0), reach)

@@ -89,7 +89,7 @@ class CrossValidation:
             judged = judge(learned, inside)
             if not (learned.usable and judged.usable):
                 return self._lost()
-            rows = rows_of(windows.select(inside))
+            rows = windows.select(inside).rows
             over_windows[rows] = judged.evaluation.residual[rows]
             x0[inside], begun[inside] = judged.x0, judged.evaluation.x0
             models.append(learned.model)
@@ -181,22 +181,16 @@ def _square(matrices: np.ndarray, columns: np.ndarray) -> np.ndarray:
     return np.sum(columns * (matrices @ columns), axis=(1, 2))
 
 
-def rows_of(windows: ShootingWindows) -> np.ndarray:
-    """Return the samples of windows, window by window."""
-    spans = zip(windows.starts, windows.lengths, strict=True)
-    return np.concatenate([np.arange(a, a + n) for a, n in spans])
-
-
 def segments(windows: ShootingWindows) -> np.ndarray:
     """Return the window of every sample, -1 where there is none."""
     segment = np.full(windows.t.size, -1)
-    segment[rows_of(windows)] = np.repeat(np.arange(len(windows)), windows.lengths)
+    segment[windows.rows] = np.repeat(np.arange(len(windows)), windows.lengths)
     return segment
 
 
 def record_of(windows: ShootingWindows) -> np.ndarray:
     """Return the record of every sample that lies in a window, else -1."""
-    record = np.searchsorted(windows.bounds, np.arange(windows.t.size), side="right") - 1
+    record = windows.record_at(np.arange(windows.t.size))
     return np.where(segments(windows) >= 0, record, -1)
 
 

@@ -1,6 +1,7 @@
 """Results as plain data, as JSON holds it."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import asdict
 
 
@@ -23,8 +24,31 @@ def plain(value) -> dict:
     >>> plain(Candidate("coulomb_friction", "v"))
     {'effect': 'coulomb_friction', 'target': 'v'}
     """
-    items = value._asdict() if hasattr(value, "_asdict") else asdict(value)
-    return {
-        key: None if isinstance(item, float) and not math.isfinite(item) else item
-        for key, item in items.items()
-    }
+    return finite(value._asdict() if hasattr(value, "_asdict") else asdict(value))
+
+
+def finite(value):
+    """Return plain data with None in the place of every number that is not finite.
+
+    Parameters
+    ----------
+    value : mapping, sequence, number or str
+        The data.
+
+    Returns
+    -------
+    dict, list, number, str or None
+        What JSON holds and gives back unchanged.
+
+    Examples
+    --------
+    >>> finite({"low": (1.0, float("nan"))})
+    {'low': [1.0, None]}
+    """
+    if isinstance(value, Mapping):
+        return {str(key): finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite(item) for item in value]
+    if hasattr(value, "item"):
+        value = value.item()
+    return None if isinstance(value, float) and not math.isfinite(value) else value

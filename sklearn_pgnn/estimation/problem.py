@@ -99,7 +99,7 @@ def build_problem(model: PhysicsModel, records: tuple[Record, ...], **options) -
         model,
         windows,
         ground.states,
-        replace(scales, window=median_window_length(windows)),
+        scales,
         int(np.isfinite(windows.y).sum()),
         ground.period,
     )
@@ -287,7 +287,7 @@ def _scales(model, windows, x) -> Scales:
         peak={name: _positive(np.nanmax(np.abs(values))) for name, values in table.items()},
         rate={name: _positive(value) for name, value in rate.items()},
         sample_time=sample_time,
-        window=float(np.median(windows.lengths) * sample_time),
+        window=median_window_length(windows),
         duration=float(np.max(windows.t[lasts] - windows.t[firsts])),
         latest=float(np.abs(windows.t).max()),
         tones=tones,

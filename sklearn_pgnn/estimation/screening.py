@@ -146,9 +146,7 @@ class _View:
         return self.flat(self.fit.evaluation.residual)
 
     def flat(self, values) -> np.ndarray:
-        spans = zip(self.windows.starts, self.windows.lengths, strict=True)
-        rows = np.concatenate([np.arange(a, a + n) for a, n in spans])
-        return np.nan_to_num(values[rows] / self.windows.scale).ravel()
+        return np.nan_to_num(values[self.windows.rows] / self.windows.scale).ravel()
 
     def change(self, model, x0) -> np.ndarray:
         """Return by how much the outputs change with the model and the initial states.

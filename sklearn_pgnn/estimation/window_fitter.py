@@ -32,13 +32,8 @@ from sklearn_pgnn.estimation.progress import Progress
 from sklearn_pgnn.estimation.unusable import FailureLog, Unusable
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.window_fit import (
-    WindowFit,
-    fit_windows,
-    lost_fit,
-    normal_equations,
-    prior_precision,
-)
+from sklearn_pgnn.simulation.normal_equations import normal_equations
+from sklearn_pgnn.simulation.window_fit import WindowFit, fit_windows, lost_fit, prior_precision
 from sklearn_pgnn.simulation.windows import ShootingWindows
 
 #: what fits for cross-validation are called where they break down

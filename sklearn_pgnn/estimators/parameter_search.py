@@ -13,8 +13,10 @@ from scipy.optimize import differential_evolution
 
 from sklearn_pgnn.estimators.progress import Tell, silence
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.freedom import freedom_of
+from sklearn_pgnn.simulation.normal_equations import project
 from sklearn_pgnn.simulation.record_windows import WindowedRecords
-from sklearn_pgnn.simulation.window_fit import ParameterPrior, WindowFit, fit_windows, project
+from sklearn_pgnn.simulation.window_fit import ParameterPrior, WindowFit, fit_windows
 from sklearn_pgnn.simulation.windows import ShootingWindows, evaluate
 
 #: a search is local, global, or global only where the local one leaves so many times the noise
@@ -143,19 +145,6 @@ def find_in_free_run(
     best = min(fits, key=lambda each: each.fit.objective)
     tell(f"fit to whole trajectories: {_left(best, whole)}")
     return best
-
-
-def freedom_of(model: PhysicsModel, name: str, within_spread: bool) -> ParameterPrior:
-    r"""Let a parameter go anywhere between its bounds, or within its spread.
-
-    The variance of what is anywhere within :math:`\pm r` is :math:`r^2/3`.
-    """
-    parameter = model.parameters[name]
-    value, (low, high), reach = parameter.value, parameter.bounds, parameter.reach
-    if not within_spread or not np.isfinite(reach):
-        return ParameterPrior(name, low, high, value, np.inf, abs(value) or 1.0)
-    low, high = max(low, value - reach), min(high, value + reach)
-    return ParameterPrior(name, low, high, value, reach / np.sqrt(3.0), reach)
 
 
 def fit_locally(

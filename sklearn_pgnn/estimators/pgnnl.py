@@ -20,6 +20,7 @@ from sklearn_pgnn.extras import needed_by
 from sklearn_pgnn.simulation.ahead import Machine, predict_ahead
 from sklearn_pgnn.threads import one_thread_each
 from sklearn_pgnn.trajectories import rows_in_order
+from sklearn_pgnn.trajectories.tags import tags_of_records
 
 with needed_by("PGNNLRegressor"):
     import torch
@@ -600,14 +601,17 @@ class PGNNLRegressor(MultiOutputMixin, PreparedNet):
             )
         self._check_parameters()
         random = check_random_state(self.random_state)
-        train = self._train_on_trajectories if self._has_time(X) else self._train_on_rows
+        has_time = self._has_time(X)
         with torch.random.fork_rng(devices=[]), one_thread_each() as self._threads:
             self._make_core(1, 1)  # refuses parameters that make none, before any work
             torch.manual_seed(random.randint(2**31 - 1))
-            train(X, y, random, anew, **fit_params)
+            if has_time:
+                self._train_on_trajectories(X, y, random, anew, **fit_params)
+            else:
+                self._train_on_rows(X, y, anew, **fit_params)
         return self
 
-    def _train_on_rows(self, X, y, random, anew, **fit_params) -> None:
+    def _train_on_rows(self, X, y, anew, **fit_params) -> None:
         """Train a plain regression on independent rows."""
         if self.lambda_phy != 0:
             raise ValueError(
@@ -660,8 +664,4 @@ class PGNNLRegressor(MultiOutputMixin, PreparedNet):
         self._unmeasured = []
 
     def __sklearn_tags__(self):
-        tags = super().__sklearn_tags__()
-        # in states, which are read in a trajectory's first row
-        tags.input_tags.allow_nan = self.model is not None
-        tags.regressor_tags.poor_score = self.model is not None  # on random numbers
-        return tags
+        return tags_of_records(super().__sklearn_tags__(), self.model is not None)

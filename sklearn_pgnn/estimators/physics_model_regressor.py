@@ -36,6 +36,7 @@ from sklearn_pgnn.simulation.uncertainty import (
 )
 from sklearn_pgnn.trajectories import read_records, rows_in_order
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
+from sklearn_pgnn.trajectories.tags import tags_of_records
 from sklearn_pgnn.trajectories.validation import check_model, validate_table
 
 
@@ -406,10 +407,7 @@ class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         return not np.isfinite(error) or NORMAL_95 * error > size
 
     def __sklearn_tags__(self):
-        tags = super().__sklearn_tags__()
-        tags.input_tags.allow_nan = True  # in states, which are read in a trajectory's first row
-        tags.regressor_tags.poor_score = True  # on random numbers
-        return tags
+        return tags_of_records(super().__sklearn_tags__())
 
 
 def _warn_of_ends(freedoms, model) -> None:

@@ -27,13 +27,15 @@ from sklearn_pgnn.estimators.sindyc_regression import sparse_coefficients, stepw
 from sklearn_pgnn.exceptions import SimulationWarning
 from sklearn_pgnn.physics.expressions import parse_expression
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.model_parts import HOLDS
 from sklearn_pgnn.simulation.ahead import model_machine, predict_ahead
 from sklearn_pgnn.simulation.free_run import simulate_record, substeps_for
 from sklearn_pgnn.simulation.record_windows import noise_levels, output_noise
-from sklearn_pgnn.simulation.simulate import HOLDS, hold_of
+from sklearn_pgnn.simulation.simulate import hold_of
 from sklearn_pgnn.trajectories import read_records, rows_in_order
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
 from sklearn_pgnn.trajectories.tables import as_pandas
+from sklearn_pgnn.trajectories.tags import tags_of_records
 from sklearn_pgnn.trajectories.validation import check_model, validate_table
 
 #: a simulation so many times larger than any measured output has diverged
@@ -447,11 +449,8 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
             raise ValueError(f"hold: expected one of {', '.join(HOLDS)}, got {self.hold!r}.")
 
     def __sklearn_tags__(self):
-        tags = super().__sklearn_tags__()
-        timed = self.model is not None or self.time_column is not None
-        tags.input_tags.allow_nan = timed  # in states, which are read in a trajectory's first row
-        tags.regressor_tags.poor_score = timed  # on random numbers
-        return tags
+        has_time = self.model is not None or self.time_column is not None
+        return tags_of_records(super().__sklearn_tags__(), has_time)
 
 
 def _check_number(name: str, value, kind, least) -> None:

@@ -21,9 +21,9 @@ from sklearn_pgnn.fleet.report import render_fleet
 from sklearn_pgnn.fleet.spread import ParameterSpread, spread_of
 from sklearn_pgnn.fleet.store import Store
 from sklearn_pgnn.inspection.strict_json import as_strict_json
-from sklearn_pgnn.inspection.whole_file import write_whole
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.trajectories.validation import check_model
+from sklearn_pgnn.whole_file import write_whole
 
 REPORT, SUMMARY = "index.html", "fleet.json"
 #: machines a process gets at once where a backend returns no results one by one

@@ -4,7 +4,7 @@ from dataclasses import asdict
 
 import pandas as pd
 
-from sklearn_pgnn.inspection.strict_json import finite
+from sklearn_pgnn.estimation.plain_data import finite
 from sklearn_pgnn.inspection.words import cause_name
 
 CHANGE = ["machine", "kind", "what", "sure"]

@@ -8,21 +8,11 @@ from typing import Any
 
 from sklearn_pgnn import __version__
 from sklearn_pgnn.diagnosis import ModelDiagnosis
-from sklearn_pgnn.exceptions import (
-    ModelError,
-    OptionError,
-    RecordError,
-    RecordWarning,
-    SimulationError,
-)
+from sklearn_pgnn.exceptions import UNUSABLE, RecordWarning
 from sklearn_pgnn.inspection.model_files import file_of
 from sklearn_pgnn.inspection.report import Provenance, render_report
-from sklearn_pgnn.inspection.strict_json import finite
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.trajectories.files import read_files
-
-#: errors that mean records that cannot be used; they come again whenever the machine is tried
-UNUSABLE = (ModelError, RecordError, OptionError, SimulationError)
 
 
 @dataclass(frozen=True)
@@ -113,5 +103,5 @@ class Job:
         diagnosis = ModelDiagnosis(self.model, **{**self.options, "n_jobs": 1}).fit(X, y)
         page = render_report(diagnosis, Provenance.of_files(None, files)) if self.with_page else ""
         model = file_of(diagnosis.extended_model_) if self.with_page else ""
-        found = finite({**diagnosis.to_dict(), "version": __version__})
+        found = {**diagnosis.to_dict(), "version": __version__}
         return {"found": found, "extended_model": model, "page": page}

@@ -28,6 +28,7 @@ from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.intervals import beside, check_coverage, quantile_of
 from sklearn_pgnn.trajectories import read_records, rows_in_order
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
+from sklearn_pgnn.trajectories.tags import tags_of_records
 from sklearn_pgnn.trajectories.validation import check_model, validate_table
 
 #: from the shallowest to the deepest
@@ -487,10 +488,7 @@ class GreyBoxRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         teller(self)(f"chosen: {self.depth_}")
 
     def __sklearn_tags__(self):
-        tags = super().__sklearn_tags__()
-        tags.input_tags.allow_nan = True  # in states, which are read in a trajectory's first row
-        tags.regressor_tags.poor_score = True  # on random numbers
-        return tags
+        return tags_of_records(super().__sklearn_tags__())
 
 
 def _fit_model(depth, model, table, visible) -> FittedDepth:

@@ -15,6 +15,7 @@ import numpy as np
 from sklearn_pgnn.diagnosis.free_run import free_runs
 from sklearn_pgnn.estimation.fitted_records import DiagnosisRecords
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.shown_states import told_states
 from sklearn_pgnn.simulation.pointwise import evaluate_samples
 
 #: a span is this share of a piece of a window, and at least two samples
@@ -97,20 +98,6 @@ class Samples:
         return out
 
 
-def shown_states(model: PhysicsModel) -> frozenset[str]:
-    """Return the states that the outputs show: directly, or by the position of a velocity.
-
-    Examples
-    --------
-    >>> from sklearn_pgnn.physics import systems
-    >>> sorted(shown_states(systems.golf_robot())), sorted(shown_states(systems.two_tanks()))
-    (['omega', 'phi'], ['x2'])
-    """
-    seen = {str(output) for output in model.outputs.values() if str(output) in model.states}
-    velocities = {v for v, position in model.slope_pairs.items() if position in seen}
-    return frozenset(seen | velocities)
-
-
 def _next(values):
     """Return the value at the end of every sample's interval."""
     return np.append(values[1:], values[-1])
@@ -128,18 +115,11 @@ def _mean(t, f, m):
 def _states(records: DiagnosisRecords, model: PhysicsModel) -> dict[str, np.ndarray]:
     prior = records.fits["prior"].model
     table = {name: records.states[:, i] for i, name in enumerate(prior.states)}
-    simulated = set(model.states) - _told_states(prior)
+    simulated = set(model.states) - told_states(prior)
     if simulated:
         run = np.concatenate([run.x for run in free_runs(records, "extended")])
         table |= {name: run[:, list(model.states).index(name)] for name in simulated}
     return table
-
-
-def _told_states(model: PhysicsModel) -> set[str]:
-    """Return the states on which the outputs depend instantaneously."""
-    read = {str(s) for output in model.outputs.values() for s in output.free_symbols}
-    velocities = {v for v, position in model.slope_pairs.items() if position in read}
-    return (read & set(model.states)) | velocities
 
 
 def starts(records: DiagnosisRecords, model: PhysicsModel) -> np.ndarray:

@@ -6,11 +6,12 @@ from functools import cached_property
 import numpy as np
 
 from sklearn_pgnn.estimation.fitted_records import DiagnosisRecords
-from sklearn_pgnn.inspection.balance import Samples, shown_states, starts
+from sklearn_pgnn.inspection.balance import Samples, starts
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects import CATALOGUE, read_catalogue
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.parameter import Parameter
+from sklearn_pgnn.physics.shown_states import shown_states
 from sklearn_pgnn.simulation.windows import evaluate
 
 

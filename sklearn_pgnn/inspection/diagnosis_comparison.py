@@ -9,7 +9,8 @@ from pathlib import Path
 
 from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.inspection.numbers import chance, measured, number
-from sklearn_pgnn.inspection.words import VERDICTS, cause_name, listed
+from sklearn_pgnn.inspection.words import VERDICTS, cause_name
+from sklearn_pgnn.record_quality.wording import listed
 
 #: the file of a diagnosis, in the folder that the command line writes
 FILE = "diagnosis.json"
@@ -21,8 +22,6 @@ OTHER_FILES = {
     ".html": "a report",
 }
 _NEEDED = ("verdict", "causes", "parameters", "gain", "free_run", "remaining", "data_quality")
-
-_MODELS = {"prior": "as given", "refitted": "re-tuned", "extended": "extended"}
 
 
 @dataclass(frozen=True)

@@ -152,7 +152,7 @@ def _law(case: Case, expression, over, x) -> Line:
 
 def _course(case: Case, expression, x) -> Line:
     """Return the course of an expression through the record where it is largest."""
-    values, bounds = case.samples.value(expression), case.records.windows.bounds
-    record = np.searchsorted(bounds, np.argmax(np.abs(values)), side="right") - 1
-    rows = slice(bounds[record], bounds[record + 1])
+    values, windows = case.samples.value(expression), case.records.windows
+    record = windows.record_at(np.argmax(np.abs(values)))
+    rows = slice(windows.bounds[record], windows.bounds[record + 1])
     return Line(x[rows], values[rows], "extended", case.name)

@@ -19,7 +19,10 @@ def felt_input(case: Case, curve: Characteristic) -> Evidence | None:
     acting = _acting_input(case, curve.of)
     if acting is None:
         return None
-    return (_over_command if curve.over is None else _input_in_time)(case, curve.of, *acting)
+    state, felt = acting
+    if curve.over is None:
+        return _over_command(case, curve.of, state, felt)
+    return _input_in_time(case, curve.of, felt)
 
 
 def _over_command(case: Case, name: str, state: str, felt) -> Evidence:
@@ -40,7 +43,7 @@ def _over_command(case: Case, name: str, state: str, felt) -> Evidence:
     )
 
 
-def _input_in_time(case: Case, name: str, state: str, felt) -> Evidence:
+def _input_in_time(case: Case, name: str, felt) -> Evidence:
     """Return commanded and felt input about the largest change of the command."""
     rows = _about_largest_change(case.records.windows, _column(case, name), _lateness(case))
     t, unit = case.records.windows.t[rows], case.full.unit(name)
@@ -174,7 +177,7 @@ def _about_largest_change(windows, u, late: float) -> slice:
     for b in windows.bounds[1:-1]:
         change[max(b - reach, 0) : b] = 0.0
     at = int(np.argmax(change)) + reach // 2
-    record = np.searchsorted(windows.bounds, at, side="right") - 1
+    record = windows.record_at(at)
     a, b = windows.bounds[record], windows.bounds[record + 1]
     width = max(4 * reach, 20)
     return slice(max(a, at - width), min(b, at + 2 * width))

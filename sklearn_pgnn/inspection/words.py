@@ -14,6 +14,7 @@ from sklearn_pgnn.inspection.yardstick import (
 )
 from sklearn_pgnn.physics.effects import find_effect
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.record_quality.wording import listed
 
 VERDICTS = {
     "model_adequate": "Model adequate",
@@ -88,18 +89,6 @@ def suspect_name(effect: str, target: str) -> str:
     if not effect:
         return "the re-tuned model"
     return cause_name(effect, target) if target else effect
-
-
-def listed(items) -> str:
-    """Return a list as in a sentence, with "and" before its last entry.
-
-    Examples
-    --------
-    >>> listed(["a", "b", "c"])
-    'a, b and c'
-    """
-    items = list(items)
-    return " and ".join([", ".join(items[:-1]), items[-1]] if len(items) > 1 else items)
 
 
 def verdict_sentence(diagnosis) -> str:

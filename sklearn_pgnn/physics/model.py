@@ -5,10 +5,8 @@ the outputs and ``p`` the parameters; the last axis of an array is the quantity,
 are samples.
 """
 
-import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
-from numbers import Integral
 from types import MappingProxyType
 from typing import Any
 
@@ -17,104 +15,28 @@ import sympy
 from sklearn_pgnn.exceptions import ModelError
 from sklearn_pgnn.physics.expressions import (
     TIME,
-    parse_expression,
-    same_name,
-    standard_form,
     symbol,
     to_text,
 )
 from sklearn_pgnn.physics.external import external_functions, require_equations
+from sklearn_pgnn.physics.model_parts import (
+    ENERGY_PARTS,
+    as_expression,
+    as_mapping,
+    as_parameters,
+    as_simulation,
+    as_state,
+    as_units,
+    check_columns,
+    check_delays,
+    check_keys,
+    check_names,
+    check_settled,
+    parameter_dict,
+)
+from sklearn_pgnn.physics.model_units import unit_of
 from sklearn_pgnn.physics.parameter import Parameter, check_name
 from sklearn_pgnn.readings import reading
-
-ENERGY_PARTS = ("stored", "supplied", "dissipated")
-#: how an input may run between samples: held, or linearly interpolated
-HOLDS = ("zoh", "foh")
-
-
-def _as_expression(item, names, where) -> sympy.Expr:
-    read = standard_form if isinstance(item, sympy.Expr) else parse_expression
-    try:
-        return read(item, names, ".".join(where))
-    except ModelError as error:
-        raise ModelError(str(error), where) from None
-
-
-def _as_mapping(part, items) -> dict:
-    if not isinstance(items, Mapping):
-        raise ModelError(f"{part}: expected names and values, got {items!r}.", (part,))
-    return dict(items)
-
-
-def _as_units(part, items) -> dict[str, str]:
-    return {name: str(unit or "") for name, unit in _as_mapping(part, items).items()}
-
-
-def _as_state(name, value) -> float:
-    try:
-        number = float(value)
-    except (TypeError, ValueError):
-        number = math.nan
-    if not math.isfinite(number):
-        raise ModelError(
-            f"initial_state.{name}: expected a finite number, got {value!r}.",
-            ("initial_state", name),
-        )
-    return number
-
-
-def _as_simulation(settings: Mapping) -> dict:
-    """Return how the model is to be simulated, with a plain integer as `substeps`."""
-    found = dict(settings)
-    hold, substeps = found.get("hold", HOLDS[0]), found.get("substeps", 1)
-    if hold not in HOLDS:
-        raise ModelError(
-            f"simulation.hold: expected one of {', '.join(HOLDS)}, got {hold!r}.",
-            ("simulation", "hold"),
-        )
-    if not isinstance(substeps, Integral) or isinstance(substeps, bool) or substeps < 1:
-        raise ModelError(
-            f"simulation.substeps: expected an integer >= 1, got {substeps!r}.",
-            ("simulation", "substeps"),
-        )
-    return found | ({"substeps": int(substeps)} if "substeps" in found else {})
-
-
-def _as_parameter(name, value) -> Parameter:
-    if isinstance(value, Parameter):
-        if value.name != name:
-            raise ModelError(f"parameter {value.name!r} is listed under another name, {name!r}.")
-        return value
-    if isinstance(value, Mapping):
-        known = {f.name for f in fields(Parameter)} - {"name"}
-        unknown = sorted(set(value) - known)
-        if unknown or "value" not in value:
-            raise ModelError(
-                f"parameter {name!r}: expected 'value' and optionally {sorted(known - {'value'})}, "
-                f"got {sorted(value)}.",
-                ("parameters", name),
-            )
-        return Parameter(name, **value)
-    return Parameter(name, value)
-
-
-def _as_parameters(parameters) -> dict[str, Parameter]:
-    if isinstance(parameters, Mapping):
-        found = {name: _as_parameter(name, value) for name, value in parameters.items()}
-    else:
-        parameters = tuple(parameters)
-        strange = [p for p in parameters if not isinstance(p, Parameter)]
-        if strange:
-            raise ModelError(f"parameters: expected Parameter objects, got {strange[0]!r}.")
-        found = {parameter.name: parameter for parameter in parameters}
-        if len(found) < len(parameters):
-            raise ModelError("expected every parameter once, got the same name twice.")
-    return found
-
-
-def _has_no_unit(factor: sympy.Expr) -> bool:
-    """Return whether a factor is a sum with a number."""
-    return isinstance(factor, sympy.Add) and any(part.is_number for part in factor.args)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -189,34 +111,30 @@ class PhysicsModel:
     simulation: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self):
-        states = _as_units("states", self.states)
-        inputs = _as_units("inputs", self.inputs or {})
-        parameters = _as_parameters(self.parameters or {})
+        states = as_units("states", self.states)
+        inputs = as_units("inputs", self.inputs or {})
+        parameters = as_parameters(self.parameters or {})
         if not states:
             raise ModelError("expected at least one state, got none.", ("states",))
-        self._check_names(states, inputs, parameters)
-        self._check_keys("equations", self.equations, states, complete=True)
-        self._check_keys("inertia", self.inertia, states)
-        self._check_keys("energy", self.energy, ENERGY_PARTS)
-        self._check_keys("delays", self.delays, inputs)
-        self._check_keys("initial_state", self.initial_state, states)
-        self._check_keys("simulation", self.simulation, ("hold", "substeps"))
-        self._check_settled(states, inputs)
-        outputs = _as_mapping("outputs", self.outputs or {name: name for name in states})
+        check_names(states, inputs, parameters)
+        check_keys("equations", self.equations, states, complete=True)
+        check_keys("inertia", self.inertia, states)
+        check_keys("energy", self.energy, ENERGY_PARTS)
+        check_keys("delays", self.delays, inputs)
+        check_keys("initial_state", self.initial_state, states)
+        check_keys("simulation", self.simulation, ("hold", "substeps"))
+        check_settled(self.settled, states, inputs)
+        outputs = as_mapping("outputs", self.outputs or {name: name for name in states})
         for output in outputs:
             check_name(output, "output")
         names = (*states, *inputs, *parameters)
-        for delayed, delay in dict(self.delays or {}).items():
-            if delay not in parameters:
-                raise ModelError(
-                    f"delays: {delayed!r} expects a parameter, got {delay!r}.", ("delays", delayed)
-                )
-        self._check_columns(states, inputs, outputs)
+        check_delays(self.delays, parameters)
+        check_columns(self.columns, states, inputs, outputs)
 
         def expressions(part, items):
             return MappingProxyType(
                 {
-                    key: _as_expression(item, names, (part, key))
+                    key: as_expression(item, names, (part, key))
                     for key, item in dict(items or {}).items()
                 }
             )
@@ -232,66 +150,14 @@ class PhysicsModel:
             "energy": expressions("energy", self.energy),
             "delays": MappingProxyType(dict(self.delays or {})),
             "initial_state": MappingProxyType(
-                {s: _as_state(s, dict(self.initial_state or {}).get(s, 0.0)) for s in states}
+                {s: as_state(s, dict(self.initial_state or {}).get(s, 0.0)) for s in states}
             ),
             "settled": MappingProxyType(dict(self.settled or {})),
             "columns": MappingProxyType(dict(self.columns or {})),
-            "simulation": MappingProxyType(_as_simulation(self.simulation or {})),
+            "simulation": MappingProxyType(as_simulation(self.simulation or {})),
         }
         for key, value in values.items():
             object.__setattr__(self, key, value)
-
-    @staticmethod
-    def _check_names(states, inputs, parameters):
-        seen = {}
-        for what, names in (("state", states), ("input", inputs), ("parameter", parameters)):
-            for name in names:
-                check_name(name, what)
-                taken = seen.get(same_name(name))
-                if taken:
-                    raise ModelError(
-                        f"{what} {name!r}: the name is taken by {taken}.", (f"{what}s", name)
-                    )
-                seen[same_name(name)] = f"{'an' if what == 'input' else 'a'} {what}"
-
-    def _check_settled(self, states, inputs):
-        self._check_keys("settled", self.settled, states)
-        for state, followed in dict(self.settled or {}).items():
-            if followed not in inputs:
-                raise ModelError(
-                    f"settled: {state!r} expects an input, got {followed!r}.", ("settled", state)
-                )
-
-    def _check_columns(self, states, inputs, outputs):
-        own = ("t", "trajectory", *inputs, *states)
-        self._check_keys("columns", self.columns, dict.fromkeys((*own, *outputs)))
-        for name, column in dict(self.columns or {}).items():
-            if not isinstance(column, str) or not column:
-                raise ModelError(
-                    f"columns.{name}: expected a column's name, got {column!r}.", ("columns", name)
-                )
-            if name in own and column in own and column != name:
-                raise ModelError(
-                    f"columns.{name}: the column {column!r} has the name of another quantity; "
-                    "rename one of them.",
-                    ("columns", name),
-                )
-
-    @staticmethod
-    def _check_keys(part, items, known: Iterable[str], complete: bool = False):
-        items = items or {}
-        known = list(known)
-        _as_mapping(part, items)
-        unknown = [key for key in items if key not in known]
-        missing = [key for key in known if key not in items] if complete else []
-        if unknown:
-            expected = ", ".join(known) or "none"
-            raise ModelError(
-                f"{part}: unknown name {unknown[0]!r}; expected one of {expected}.",
-                (part, unknown[0]),
-            )
-        if missing:
-            raise ModelError(f"{part}: the equation of state {missing[0]!r} is missing.", (part,))
 
     # -- names ---------------------------------------------------------------------------------
 
@@ -401,15 +267,7 @@ class PhysicsModel:
         >>> filling.unit_of(filling.inertia["v"])
         'kg'
         """
-        if isinstance(expression, sympy.Symbol):
-            return self.unit(str(expression))
-        if isinstance(expression, sympy.Mul):
-            factors = [part for part in expression.args if not _has_no_unit(part)]
-            return self.unit_of(factors[0]) if len(factors) == 1 else ""
-        if not isinstance(expression, sympy.Add | sympy.Max | sympy.Min | sympy.Abs):
-            return ""
-        units = {self.unit_of(part) for part in expression.args if not part.is_number}
-        return units.pop() if len(units) == 1 else ""
+        return unit_of(expression, self.unit)
 
     # -- new models from this one ----------------------------------------------------------------
 
@@ -522,7 +380,7 @@ class PhysicsModel:
             "states": dict(self.states),
             "inputs": dict(self.inputs),
             "outputs": texts(self.outputs),
-            "parameters": {name: _parameter_dict(p) for name, p in self.parameters.items()},
+            "parameters": {name: parameter_dict(p) for name, p in self.parameters.items()},
             "equations": texts(self.equations),
             "inertia": texts(self.inertia),
             "energy": texts(self.energy),
@@ -677,14 +535,3 @@ def _compared(rate: sympy.Expr) -> list[sympy.Expr]:
     if isinstance(rate, sympy.Max | sympy.Min):
         return [leaf for part in rate.args for leaf in _compared(part)]
     return [rate]
-
-
-def _parameter_dict(parameter: Parameter) -> dict:
-    """Return a parameter as a dict, without the fields at their default."""
-    default = Parameter(parameter.name, parameter.value)
-    written: dict[str, Any] = {"value": parameter.value}
-    for key in ("unit", "bounds", "fixed", "spread"):
-        if getattr(parameter, key) != getattr(default, key):
-            value = getattr(parameter, key)
-            written[key] = list(value) if key == "bounds" else value
-    return written

@@ -23,6 +23,7 @@ from sklearn_pgnn.exceptions import ModelError, UnitWarning
 from sklearn_pgnn.extras import is_installed
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.unit_check import check_units
+from sklearn_pgnn.whole_file import write_whole
 
 #: largest model file [byte]
 MAX_BYTES = 1_000_000
@@ -102,7 +103,7 @@ def write_model(model: PhysicsModel, path=None) -> str:
     text = io.StringIO()
     yaml.dump(_written(model.to_dict()), text)
     if path is not None:
-        _replace_file(Path(path), text.getvalue())
+        write_whole(Path(path), text.getvalue())
     return text.getvalue()
 
 
@@ -395,13 +396,3 @@ def _flow(content: dict) -> CommentedMap:
         flow[key] = value
     flow.fa.set_flow_style()
     return flow
-
-
-def _replace_file(path: Path, text: str) -> None:
-    """Write beside the file and move over it, so that nothing is left half-written."""
-    beside = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        beside.write_text(text, encoding="utf-8", newline="\n")
-        os.replace(beside, path)
-    finally:
-        beside.unlink(missing_ok=True)

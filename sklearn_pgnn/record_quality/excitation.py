@@ -9,8 +9,9 @@ from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.record_quality.finding import Finding
 from sklearn_pgnn.record_quality.limits import SHARE, SINES, TWICE
 from sklearn_pgnn.record_quality.signals import Signal
+from sklearn_pgnn.simulation.normal_equations import project
 from sklearn_pgnn.simulation.state_estimate import free_run
-from sklearn_pgnn.simulation.window_fit import WindowFit, project
+from sklearn_pgnn.simulation.window_fit import WindowFit
 from sklearn_pgnn.simulation.windows import ShootingWindows, evaluate
 
 

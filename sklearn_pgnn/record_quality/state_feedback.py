@@ -9,6 +9,7 @@ from sklearn_pgnn.record_quality.imitation import imitators
 from sklearn_pgnn.record_quality.limits import ALPHA, MOST, SHARE
 from sklearn_pgnn.record_quality.replay import Replay, replay_inputs, window_states
 from sklearn_pgnn.record_quality.state_law import StateLaw, StateRegression
+from sklearn_pgnn.record_quality.wording import listed
 from sklearn_pgnn.simulation.window_fit import WindowFit
 
 
@@ -97,9 +98,9 @@ def _is_least(value: float, others: np.ndarray, chance: float) -> bool:
 
 def _feedback(name: str, law: StateLaw, parts: tuple[str, ...]) -> Finding:
     """Return the finding that an input follows a law, and that parts act as its gain does."""
-    of = _listed(law.states)
+    of = listed(law.states)
     if parts:
-        like = f"as {_listed(parts)} {'do together' if len(parts) > 1 else 'does'}"
+        like = f"as {listed(parts)} {'do together' if len(parts) > 1 else 'does'}"
     else:
         like = f"as any missing part does that is the same function of {of}"
     percent = np.floor(1e3 * law.share) / 10
@@ -113,8 +114,3 @@ def _feedback(name: str, law: StateLaw, parts: tuple[str, ...]) -> Finding:
         f"add a test signal to the controller's output that {of} cannot predict, and record the "
         f"reference too; or record in open loop",
     )
-
-
-def _listed(names: tuple[str, ...]) -> str:
-    """Return names as a sentence lists them."""
-    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)

@@ -13,7 +13,6 @@ holds at most `MOST` bytes: what has not been read for longest goes.
 import hashlib
 import os
 import stat
-import tempfile
 from contextlib import suppress
 from functools import cache
 from itertools import count
@@ -24,6 +23,8 @@ import llvmlite
 import numba
 import sympy
 from numba.misc.appdirs import AppDirs
+
+from sklearn_pgnn.whole_file import PRIVATE, write_whole
 
 #: most bytes that are kept, and how many files are written until they are counted again
 MOST, COUNTED_EVERY = 100_000_000, 500
@@ -147,22 +148,9 @@ def keep(key: str, content: bytes) -> None:
         return
     with suppress(OSError):
         where.mkdir(parents=True, exist_ok=True, mode=0o700)
-        _write(where, key, _seal(key, content) + content)
+        write_whole(where / key, _seal(key, content) + content, PRIVATE)
         if next(_WRITTEN) % COUNTED_EVERY == 0:
             _make_room(where)
-
-
-def _write(where: Path, key: str, whole: bytes) -> None:
-    """Write a file at one stroke: other processes see all of it, or none."""
-    number, name = tempfile.mkstemp(dir=where)
-    try:
-        with open(number, "wb") as file:
-            file.write(whole)
-        os.replace(name, where / key)
-    except BaseException:
-        with suppress(OSError):
-            os.unlink(name)
-        raise
 
 
 def _make_room(where: Path) -> None:

@@ -36,7 +36,7 @@ _F1, _F2, _F3 = types.float64[::1], types.float64[:, ::1], types.float64[:, :, :
 _I1 = types.int64[::1]
 #: decades of the hidden input's variance that are tried, about that of the channel, and of the time
 #: in which it changes, about that of a window
-DECADES = [(v, T) for v in (-8.0, -6.0, -4.0, -2.0, 0.0, 2.0) for T in (-1.0, 0.0, 1.0)]
+FIRST_DECADES = [(v, T) for v in (-8.0, -6.0, -4.0, -2.0, 0.0, 2.0) for T in (-1.0, 0.0, 1.0)]
 #: runs of the filter with which both are refined
 RUNS = 30
 
@@ -233,7 +233,7 @@ def likeliest(
         return -innovations(linear, at(decades)).log_likelihood
 
     if start is None:
-        first = min(DECADES, key=badness)
+        first = min(FIRST_DECADES, key=badness)
     else:
         first = (math.log10(start.variance / size**2), math.log10(start.time / time))
     simplex = np.add(first, [[0.0, 0.0], [1.0, 0.0], [0.0, 0.5]])

@@ -7,10 +7,11 @@ import numpy as np
 from sklearn_pgnn.exceptions import SimulationWarning
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.simulate import Simulation, simulate, start_of
+from sklearn_pgnn.simulation.substeps import double_substeps
 from sklearn_pgnn.trajectories.record import Record
 
-#: finest steps that are tried, and the change of a quantity, as a share of its range, that is small
-MAX_SUBSTEPS, SMALL = 32, 1e-3
+#: change of a quantity, as a share of its range, that is small
+SMALL = 1e-3
 
 
 def simulate_record(model: PhysicsModel, record: Record, **options) -> Simulation:
@@ -87,7 +88,7 @@ def enough_substeps(model: PhysicsModel, records, **options) -> int:
     Returns
     -------
     int
-        Steps from sample to sample, at most `MAX_SUBSTEPS`.
+        Steps from sample to sample, see `double_substeps`.
 
     Examples
     --------
@@ -101,11 +102,8 @@ def enough_substeps(model: PhysicsModel, records, **options) -> int:
         runs = [simulate_record(model, record, substeps=substeps, **options) for record in records]
         return np.concatenate([np.array([*each.x.T, *each.y.T]) for each in runs], axis=1)
 
-    substeps, coarse = 1, run(1)
-    while substeps < MAX_SUBSTEPS:
-        finer = run(2 * substeps)
+    def is_close(coarse, finer):
         change = np.max(np.abs(finer - coarse), axis=1)
-        if np.all(change <= SMALL * np.ptp(finer, axis=1)):
-            return substeps
-        substeps, coarse = 2 * substeps, finer
-    return substeps
+        return bool(np.all(change <= SMALL * np.ptp(finer, axis=1)))
+
+    return double_substeps(run, is_close)

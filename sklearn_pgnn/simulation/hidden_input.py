@@ -33,9 +33,7 @@ from sklearn_pgnn.simulation.windows import ShootingWindows
 #: the state that stands for the hidden input
 HIDDEN = "hidden_input"
 #: decades searched for q, about a change as large as the channel itself within its time
-DECADES = (-9.0, 4.0)
-#: standard deviation of a state at the start of a record, in units of its spread
-START = 1.0
+EXPONENTS = (-9.0, 4.0)
 
 
 @dataclass(frozen=True)
@@ -52,15 +50,12 @@ class HiddenInput:
         Standard errors of the values.
     states : ndarray of shape (n_samples, n_states)
         The model's states, smoothed with it.
-    likelihood : float
-        Logarithm of the likelihood of the records.
     """
 
     channel: str
     values: np.ndarray
     errors: np.ndarray
     states: np.ndarray
-    likelihood: float
 
 
 def channels(model: PhysicsModel) -> tuple[str, ...]:
@@ -159,12 +154,12 @@ def find_hidden_input(
             each_run()
         return -filtered.likelihood(size**2 / time * 10.0**exponent)
 
-    best = min(np.arange(DECADES[0], DECADES[1] + 1, 2.0), key=badness)
+    best = min(np.arange(EXPONENTS[0], EXPONENTS[1] + 1, 2.0), key=badness)
     found = minimize_scalar(
         badness, bounds=(best - 2, best + 2), method="bounded", options={"xatol": 0.3}
     )
     states, errors = filtered.smooth(size**2 / time * 10.0**found.x)
-    return HiddenInput(channel, states[:, -1], errors, states[:, :-1], -float(found.fun))
+    return HiddenInput(channel, states[:, -1], errors, states[:, :-1])
 
 
 class _Filter:
@@ -178,7 +173,7 @@ class _Filter:
             list(zip(windows.bounds[:-1], windows.bounds[1:], strict=True)),
         )
         self.starts = [np.append(x[a], 0.0) for a, _ in self.spans]
-        self.P0 = np.diag(np.append((START * spread) ** 2, size**2))
+        self.P0 = np.diag(np.append(spread**2, size**2))
 
     def _run(self, intensity, span, start):
         (a, b), nx, windows = span, start.size, self.windows

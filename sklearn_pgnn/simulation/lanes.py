@@ -22,7 +22,7 @@ LANES = 8
 _FLOAT, _INT = ir.DoubleType(), ir.IntType(64)
 _FLOATS, _INTS = ir.VectorType(_FLOAT, LANES), ir.VectorType(_INT, LANES)
 #: added to a number below 2**51 it leaves the nearest integer in the last bits
-_ROUNDING = 1.5 * 2.0**52
+_TO_NEAREST = 1.5 * 2.0**52
 #: ln 2 in two parts, of which the first has few digits: its products with integers are exact
 _LN2 = 6.93147180369123816490e-01, 1.90821492927058770002e-10
 _COEFFICIENTS = [1.0 / math.factorial(k) for k in range(14)]
@@ -98,8 +98,8 @@ def _tanh(builder, v):
 
 def _exponential(builder, v):
     """Emit the exponential function of a vector of moderate numbers."""
-    moved = _fused(builder, v, _constant(1.0 / math.log(2.0)), _constant(_ROUNDING))
-    n = builder.fsub(moved, _constant(_ROUNDING))
+    moved = _fused(builder, v, _constant(1.0 / math.log(2.0)), _constant(_TO_NEAREST))
+    n = builder.fsub(moved, _constant(_TO_NEAREST))
     r = v
     for part in _LN2:
         r = _fused(builder, n, _constant(-part), r)

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from sklearn_pgnn.simulation.windows import ShootingWindows
 
 #: share of what a record's start is off that is left in a window in which it does not matter
-FORGOTTEN = 1e-9
+REMEMBERED = 1e-9
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class Lead:
     def remembers(self, x0: np.ndarray) -> np.ndarray:
         """Return in which windows it matters that led states begin the record elsewhere."""
         size = np.abs(self.reached) + np.abs(x0[:, self.states] - self.start)
-        return (np.abs(self._moved(x0)) > FORGOTTEN * size).any(axis=1)
+        return (np.abs(self._moved(x0)) > REMEMBERED * size).any(axis=1)
 
     def _moved(self, x0: np.ndarray) -> np.ndarray:
         """Return how far other starts of the record move the windows' starts, to first order."""

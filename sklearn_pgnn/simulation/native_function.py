@@ -97,7 +97,7 @@ def _compiled(call: NumericFunction):
     """Compile a function of time, states, inputs and parameters as one of two addresses."""
     n_x, n_u, n_p = map(len, call.parts)
     written = numba.njit(boundscheck=True)(_translated(call.function, _places(call.parts)))
-    take = _taker(call, call.function)
+    take = _taker(call)
     behind_x, behind_u = 1 + n_x, 1 + n_x + n_u
     n, m = behind_u + n_p, len(call.names or ())
 
@@ -119,7 +119,7 @@ def _compiled(call: NumericFunction):
     return entry
 
 
-def _taker(call: NumericFunction, function):
+def _taker(call: NumericFunction):
     """Return what writes the results of a function, whatever they come in, into an array."""
     names, sample = call.names, call.raw(call.points[0])
     if isinstance(sample, Mapping):

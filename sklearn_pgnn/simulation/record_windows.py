@@ -12,6 +12,7 @@ from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.record_start import find_starts
 from sklearn_pgnn.simulation.simulate import hold_of
 from sklearn_pgnn.simulation.state_estimate import StateEstimator
+from sklearn_pgnn.simulation.substeps import double_substeps
 from sklearn_pgnn.simulation.windows import ShootingWindows, evaluate
 from sklearn_pgnn.trajectories.gaps import split_at_gaps
 from sklearn_pgnn.trajectories.noise import noise_level, rough_noise_level
@@ -23,13 +24,12 @@ MIN_SAMPLES, MIN_WINDOWS = 20, 8
 WINDOW_SHARE = 1 / 3
 #: samples over which an output's rate is taken: the shortest lag above the noise is used
 LAGS = (1, 2, 4, 8, 16, 32, 64)
-MAX_SUBSTEPS = 32
 #: the window that is a whole record
 WHOLE = "trajectory"
 #: share of a power that is negligible
 NEGLIGIBLE = 0.01
 #: relative tolerance of a length compared with a clock
-ROUNDING = 1e-6
+JITTER = 1e-6
 
 
 @dataclass(frozen=True)
@@ -341,7 +341,7 @@ def check_length(whole: ShootingWindows, window_length) -> float:
     least = float(np.max(MIN_SAMPLES * durations / np.diff(whole.bounds)))
     least, most = min(least, durations.max()), float(durations.max())
     known = isinstance(window_length, Real) and not isinstance(window_length, bool)
-    if not known or not least * (1 - ROUNDING) <= window_length <= most * (1 + ROUNDING):
+    if not known or not least * (1 - JITTER) <= window_length <= most * (1 + JITTER):
         raise OptionError(
             f"window_length: expected a length from {least:.4g} s ({MIN_SAMPLES} samples) to "
             f"{most:.4g} s (the longest record), got {window_length!r}. Remedy: choose one of "
@@ -365,16 +365,16 @@ def enough_substeps(model: PhysicsModel, windows: ShootingWindows, x0: np.ndarra
     Returns
     -------
     int
-        Integration steps from sample to sample, at most `MAX_SUBSTEPS`.
+        Integration steps from sample to sample, see `double_substeps`.
     """
-    substeps = windows.substeps
-    residual = evaluate(model, windows, x0, ()).residual
-    while substeps < MAX_SUBSTEPS:
-        finer = evaluate(model, replace(windows, substeps=2 * substeps), x0, ()).residual
+
+    def run(substeps):
+        return evaluate(model, replace(windows, substeps=substeps), x0, ()).residual
+
+    def is_close(coarse, finer):
         with warnings.catch_warnings():  # overflow: the substeps are too coarse
             warnings.simplefilter("ignore", RuntimeWarning)
-            difference = np.sqrt(np.nanmean(((finer - residual) / windows.scale) ** 2))
-        if np.isfinite(difference) and difference < 0.1:
-            return substeps
-        substeps, residual = 2 * substeps, finer
-    return substeps
+            difference = np.sqrt(np.nanmean(((finer - coarse) / windows.scale) ** 2))
+        return bool(np.isfinite(difference) and difference < 0.1)
+
+    return double_substeps(run, is_close, windows.substeps)

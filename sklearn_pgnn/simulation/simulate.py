@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from sklearn_pgnn.exceptions import SimulationError, SimulationWarning
-from sklearn_pgnn.physics.model import HOLDS, PhysicsModel
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.model_parts import HOLDS
 from sklearn_pgnn.simulation.callbacks import report_calls
 from sklearn_pgnn.simulation.compiled import compile_model
 from sklearn_pgnn.simulation.inputs import delayed_inputs

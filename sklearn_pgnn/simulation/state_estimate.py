@@ -8,8 +8,8 @@ from functools import cached_property, lru_cache
 import numpy as np
 import sympy
 
-from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.shown_states import shown_by, shown_states
 from sklearn_pgnn.simulation.led_states import start_values
 from sklearn_pgnn.simulation.output_inverse import gain_and_offset, magnitude_in
 from sklearn_pgnn.simulation.simulate import Simulation, settled_start, simulate_acting
@@ -77,14 +77,20 @@ class StateEstimator:
 
     def _smooth_outputs(self, model) -> None:
         """Smooth what is measured."""
-        for column, (name, output) in enumerate(model.outputs.items()):
-            for state, velocity in _shown_by(model, output):
-                smoothed = _SmoothedOutput(self.windows, column)
-                self.known[state], self._from[state] = smoothed.value, (smoothed, 0)
-                self._shown[state] = name, state
-                if velocity is not None and velocity not in self.known:
-                    self.known[velocity], self._from[velocity] = smoothed.slope, (smoothed, 1)
-                    self._shown[velocity] = name, state
+        for column, name in enumerate(model.outputs):
+            shown = shown_by(model, name)
+            if shown:
+                self._smooth_output(name, column, *shown)
+
+    def _smooth_output(self, name: str, column: int, state: str, *velocities: str) -> None:
+        """Smooth an output that shows a state, whose slope is the velocity if it has one."""
+        smoothed = _SmoothedOutput(self.windows, column)
+        self.known[state], self._from[state] = smoothed.value, (smoothed, 0)
+        self._shown[state] = name, state
+        for velocity in velocities:
+            if velocity not in self.known:
+                self.known[velocity], self._from[velocity] = smoothed.slope, (smoothed, 1)
+                self._shown[velocity] = name, state
 
     def hidden(self, model: PhysicsModel) -> tuple[str, ...]:
         """Name the states of a model that no output shows, alone or as a slope."""
@@ -258,15 +264,8 @@ def hidden_states(model: PhysicsModel) -> tuple[str, ...]:
     >>> hidden_states(cart_on_spring())
     ()
     """
-    pairs = [pair for output in model.outputs.values() for pair in _shown_by(model, output)]
-    shown = {state for pair in pairs for state in pair}
+    shown = shown_states(model)
     return tuple(state for state in model.states if state not in shown)
-
-
-def _shown_by(model: PhysicsModel, output):
-    """Return the state that an output shows with its velocity, None where it has none."""
-    positions = {position: velocity for velocity, position in model.slope_pairs.items()}
-    return [(name, positions.get(name)) for name in model.states if output == symbol(name)]
 
 
 def unsigned_states(model: PhysicsModel) -> tuple[str, ...]:
@@ -294,7 +293,7 @@ def free_run(model: PhysicsModel, windows: ShootingWindows, a: int, b: int, x0) 
 
     What a delayed input did before them is known from the record.
     """
-    record = int(np.searchsorted(windows.bounds, a, side="right")) - 1
+    record = int(windows.record_at(a))
     begin = windows.bounds[record]
     acting = windows.acting_in_record(model, record)[a - begin : b - begin]
     options = {"substeps": windows.substeps, "hold": windows.hold}

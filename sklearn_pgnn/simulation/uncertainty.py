@@ -7,14 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.window_fit import (
-    Normal,
-    ParameterPrior,
-    WindowFit,
-    normal_equations,
-    prior_precision,
-    project,
-)
+from sklearn_pgnn.simulation.normal_equations import Normal, normal_equations, project
+from sklearn_pgnn.simulation.window_fit import ParameterPrior, WindowFit, prior_precision
 from sklearn_pgnn.simulation.windows import ShootingWindows, evaluate
 
 #: half-width of a 95 % interval in standard errors

@@ -25,7 +25,7 @@ from sklearn_pgnn.simulation.stepping import run_windows, usual_interval
 #: batches of windows per thread, and least steps of one: fewer take less long than handing over
 PARTS, LEAST = 4, 1000
 #: relative rounding of a double
-ROUNDING = np.finfo(float).eps
+EPSILON = np.finfo(float).eps
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,17 @@ class ShootingWindows:
     @property
     def record(self) -> np.ndarray:
         """Index of every window's record."""
-        return np.searchsorted(self.bounds, self.starts, side="right") - 1
+        return self.record_at(self.starts)
+
+    def record_at(self, sample):
+        """Return the index of the record that a sample, or every one of some, belongs to."""
+        return np.searchsorted(self.bounds, sample, side="right") - 1
+
+    @property
+    def rows(self) -> np.ndarray:
+        """The samples of the windows, window by window."""
+        spans = zip(self.starts, self.lengths, strict=True)
+        return np.concatenate([np.arange(a, a + n) for a, n in spans])
 
     @cached_property
     def usual_intervals(self) -> np.ndarray:
@@ -312,7 +322,7 @@ def _lose_arbitrary(gram, sizes):
     """Discard the windows in which rounding errors move outputs beyond the noise."""
     with np.errstate(over="ignore", invalid="ignore"):  # overflowing windows are lost as well
         slopes = np.sqrt(np.einsum("wjii->wi", gram[..., :-1, :-1]))
-        known = (ROUNDING * np.abs(sizes) * slopes <= 1.0).all(axis=1)
+        known = (EPSILON * np.abs(sizes) * slopes <= 1.0).all(axis=1)
     lost = ~(known & np.isfinite(gram).all(axis=(1, 2, 3)))
     gram[lost] = 0.0
     gram[lost, :, -1, -1] = np.inf

@@ -8,9 +8,9 @@ import pytest
 from click.testing import CliRunner
 from test_cli import MODEL, table
 
-from sklearn_pgnn import PhysicsModel
-from sklearn_pgnn.cli import commands, main
-from sklearn_pgnn.cli.template import SYSTEMS
+from sklearn_pgnn import PhysicsModel, systems
+from sklearn_pgnn.cli import main
+from sklearn_pgnn.cli.systems import SYSTEMS, make_system
 
 pytestmark = pytest.mark.core
 
@@ -37,8 +37,8 @@ def given(files, *names):
 # -- init ------------------------------------------------------------------------------------------
 
 
-def test_the_ready_systems_are_those_of_the_template():
-    assert set(commands.SYSTEMS) == set(SYSTEMS)
+def test_the_command_line_names_every_ready_system():
+    assert sorted(name.replace("-", "_") for name in SYSTEMS) == sorted(systems.__all__)
 
 
 @pytest.mark.parametrize("like", SYSTEMS)
@@ -46,7 +46,7 @@ def test_a_template_is_the_model_of_a_ready_system_with_comments(tmp_path, like)
     path = tmp_path / "mine.yaml"
     said = run("init", path, "--like", like).stdout
     assert f"sklearn-pgnn check --model {path}" in said
-    assert PhysicsModel.from_yaml(path) == SYSTEMS[like]()
+    assert PhysicsModel.from_yaml(path) == make_system(like)
     assert path.read_text().count("# ") > 10
 
 

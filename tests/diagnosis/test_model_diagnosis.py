@@ -20,6 +20,7 @@ from sklearn.base import clone
 
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects, systems
 from sklearn_pgnn.datasets import make_hidden_effect, make_two_tanks
+from sklearn_pgnn.diagnosis.verdict import Remaining
 from sklearn_pgnn.estimation.equivalence import are_equivalent
 from sklearn_pgnn.estimation.possible_causes import possible_causes
 from sklearn_pgnn.estimation.same_in_equations import same_causes, same_parameter
@@ -332,6 +333,16 @@ def test_the_dictionary_is_strict_json(friction):
     assert data["verdict"] == "cause_named"
     assert data["causes"][0]["effect"] == "coulomb_friction"
     assert set(data["gain"]["phi_measured"]) >= {"prior", "refitted", "extended", "noise"}
+
+
+@pytest.mark.slow
+def test_the_dictionary_says_none_wherever_a_number_is_not_finite(friction):
+    lost = copy.deepcopy(friction[1])
+    lost.remaining_ = Remaining("structure", {"phi_measured": np.inf})
+    lost.initial_states_[0, 0] = np.nan
+    data = json.loads(json.dumps(lost.to_dict(), allow_nan=False))
+    assert data["remaining"]["times_noise"] == {"phi_measured": None}
+    assert next(iter(data["initial_states"][0]["state"].values())) is None
 
 
 @pytest.mark.slow

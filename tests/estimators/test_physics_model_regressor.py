@@ -19,8 +19,8 @@ import sklearn_pgnn
 from sklearn_pgnn import Parameter, PhysicsModel, PhysicsModelRegressor, systems
 from sklearn_pgnn.estimators.parameter_search import find_parameters
 from sklearn_pgnn.exceptions import SimulationWarning
+from sklearn_pgnn.simulation.normal_equations import project
 from sklearn_pgnn.simulation.record_windows import window_records
-from sklearn_pgnn.simulation.window_fit import project
 from sklearn_pgnn.trajectories import read_records
 
 CART = systems.cart_on_spring()

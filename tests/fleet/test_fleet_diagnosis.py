@@ -19,10 +19,10 @@ from sledge import SLEDGE, drive
 
 import sklearn_pgnn
 from sklearn_pgnn import FleetDiagnosis, ModelDiagnosis, effects
+from sklearn_pgnn.estimation.plain_data import finite
 from sklearn_pgnn.exceptions import OptionError, RecordError
 from sklearn_pgnn.fleet.fleet_diagnosis import REPORT, SUMMARY
 from sklearn_pgnn.fleet.store import Store
-from sklearn_pgnn.inspection.strict_json import finite
 
 pytestmark = pytest.mark.core
 

@@ -14,13 +14,14 @@ import pytest
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects, systems
 from sklearn_pgnn.diagnosis import Remaining, Rival, Tried
 from sklearn_pgnn.inspection import DiagnosisDisplay, plot_diagnosis, write_report
-from sklearn_pgnn.inspection.balance import Samples, shown_states
+from sklearn_pgnn.inspection.balance import Samples
 from sklearn_pgnn.inspection.case import make_case
 from sklearn_pgnn.inspection.equations import equations_of
 from sklearn_pgnn.inspection.evidence import find_evidence
 from sklearn_pgnn.inspection.mathml import PAGE
 from sklearn_pgnn.inspection.report import render_report
 from sklearn_pgnn.inspection.words import verdict_sentence
+from sklearn_pgnn.physics.shown_states import shown_states
 from sklearn_pgnn.record_quality.finding import Finding
 
 INJECTED = "<script>alert(1)</script>"

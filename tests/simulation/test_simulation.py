@@ -18,16 +18,11 @@ from sklearn_pgnn import Parameter, PhysicsModel, effects, systems
 from sklearn_pgnn.exceptions import SimulationError, SimulationWarning
 from sklearn_pgnn.physics.expressions import FUNCTIONS, TIME, symbol
 from sklearn_pgnn.simulation import simulate
+from sklearn_pgnn.simulation.normal_equations import project
 from sklearn_pgnn.simulation.pointwise import evaluate_samples
 from sklearn_pgnn.simulation.record_windows import window_records
 from sklearn_pgnn.simulation.uncertainty import standard_errors
-from sklearn_pgnn.simulation.window_fit import (
-    ParameterPrior,
-    bounded_step,
-    expected_decrease,
-    fit_windows,
-    project,
-)
+from sklearn_pgnn.simulation.window_fit import ParameterPrior, expected_decrease, fit_windows
 from sklearn_pgnn.simulation.windows import evaluate
 from sklearn_pgnn.trajectories import read_records
 
@@ -449,24 +444,6 @@ def test_a_window_whose_outputs_are_made_of_rounding_is_lost():
     found = evaluate(model, windowed.windows, np.ones((1, 1)), ("c", "b"))
     assert found.squares.tolist() == [np.inf]
     assert not found.gram[:, :-1].any()
-
-
-@pytest.mark.parametrize("hessian", [[[-1e-20]], [[-1e35]], [[0.0]]])
-def test_what_rounding_has_made_of_a_hessian_moves_nothing(hessian):
-    step = bounded_step(np.array(hessian), np.array([1e-3]), 0.0, np.array([-1.0]), np.ones(1))
-    assert step.tolist() == [0.0]
-
-
-def test_what_the_state_explains_but_for_rounding_is_not_seen():
-    """Slopes of 1e10 times the noise: their products round to more than all that is known."""
-    rng = np.random.default_rng(0)
-    state, own, residual = rng.normal(size=(3, 200))
-    hidden, seen = 1e10 * state, 1e10 * state + 1e5 * own
-    columns = np.stack([hidden, seen, 1e10 * (1 + 1e-3 * rng.random()) * state, residual], axis=1)
-    normal = project((columns.T @ columns)[None], 2, np.ones(1), np.zeros((1, 1)))
-    assert normal.hessian[0, 0, 0] == normal.gradient[0, 0] == normal.hessian[0, 0, 1] == 0.0
-    alone = own - state * (state @ own) / (state @ state)
-    assert normal.hessian[0, 1, 1] == pytest.approx(1e10 * alone @ alone, rel=1e-3)
 
 
 def test_a_tank_that_was_empty_does_not_hide_the_slopes():

@@ -11,7 +11,8 @@ from sklearn_pgnn.cli.diagnose import fit_kept, result_texts
 from sklearn_pgnn.cli.guard import Bug
 from sklearn_pgnn.cli.output import write_files
 from sklearn_pgnn.cli.screen import described_files
-from sklearn_pgnn.cli.template import SYSTEMS, commented
+from sklearn_pgnn.cli.systems import SYSTEMS, make_system
+from sklearn_pgnn.cli.template import commented
 from sklearn_pgnn.datasets import make_cart
 from sklearn_pgnn.diagnosis import ModelDiagnosis
 from sklearn_pgnn.exceptions import ModelError, UnitWarning
@@ -48,7 +49,7 @@ def take_system(progress: Callable, system: str) -> dict:
     """Write the model file of a ready system, and return what it says."""
     if system not in SYSTEMS:
         raise ModelError(f"expected one of the systems {', '.join(SYSTEMS)}, got {system!r}.")
-    model = SYSTEMS[system]()
+    model = make_system(system)
     MODEL.write_text(commented(model), encoding="utf-8")
     return _told_model(model, f"{system}.yaml", [])
 

@@ -5,14 +5,8 @@ from markupsafe import Markup
 from sklearn_pgnn.cli.app.limits import RECORD_BYTES
 from sklearn_pgnn.cli.app.render import render
 from sklearn_pgnn.cli.app.visitor import Visitor
+from sklearn_pgnn.cli.systems import SYSTEMS
 
-#: the ready systems, with what people call them
-SYSTEMS = {
-    "cart-on-spring": "Cart on a spring",
-    "golf-robot": "Golf robot (driven pendulum)",
-    "servo-valve": "Servo valve",
-    "two-tanks": "Two tanks",
-}
 #: the pieces, in the order in which one comes to them
 PIECES = ("model", "records", "columns", "seen", "work", "result")
 

@@ -11,7 +11,8 @@ from time import monotonic
 
 from sklearn_pgnn.cli.app.limits import ALL_BYTES, NAME, PATIENCE, RECORDS
 from sklearn_pgnn.cli.app.work import Ended, Refused, Worker
-from sklearn_pgnn.cli.stages import BEST, in_words
+from sklearn_pgnn.cli.stages import in_words
+from sklearn_pgnn.estimation.progress import BEST
 
 
 @dataclass(frozen=True)

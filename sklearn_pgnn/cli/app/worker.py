@@ -14,7 +14,8 @@ from collections.abc import Callable
 from time import monotonic
 
 from sklearn_pgnn.cli.app.jobs import JOBS
-from sklearn_pgnn.cli.guard import OWN, one_line
+from sklearn_pgnn.cli.guard import one_line
+from sklearn_pgnn.exceptions import UNUSABLE
 
 #: least time between two steps of a stage that are told [s]
 EVERY = 0.1
@@ -63,7 +64,7 @@ def answer(command: dict, answers: Answers, jobs: dict[str, Callable] = JOBS) ->
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             done = jobs[name](answers.progress, **command)
-    except (*OWN, ModuleNotFoundError) as error:
+    except (*UNUSABLE, ModuleNotFoundError) as error:
         answers.write({"refused": one_line(error)})
     except Exception as error:
         traceback.print_exception(error)

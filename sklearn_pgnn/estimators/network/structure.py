@@ -22,7 +22,7 @@ _BASES = {
     "output": "constant", "increment": "state", "correction": "prior", "dissipative": "prior",
 }  # fmt: skip
 #: share of the largest eigenvalue of an energy's Hessian that counts as rounding
-ROUNDING = 1e-9
+CURVATURE_ROUNDING = 1e-9
 #: share of the squared change of the states that a model worth a correction leaves, at most
 FORETOLD = 0.5
 #: share of the dominant period of the outputs over which the model is compared with persistence
@@ -184,7 +184,7 @@ def dissipation_of(model: PhysicsModel, states, samples, x_next, prior) -> Dissi
     parts = energy_values(model, states, samples["t"], prior, samples["acting"])[0]
     m, places = len(states), [list(model.states).index(name) for name in states]
     eigenvalues = np.linalg.eigvalsh(parts[:, m:].reshape(-1, m, m))
-    if eigenvalues.min() < -ROUNDING * np.abs(eigenvalues).max():
+    if eigenvalues.min() < -CURVATURE_ROUNDING * np.abs(eigenvalues).max():
         raise ValueError(
             f"structure='dissipative': expected an energy that no motion of {', '.join(states)} "
             f"makes negative, got {model.energy['stored']}. Remedy: mend the model's 'energy', or "

@@ -6,7 +6,8 @@ from sklearn_pgnn.inspection.numbers import chance, measured, number, times, typ
 from sklearn_pgnn.inspection.report.members import Member
 from sklearn_pgnn.inspection.report.next_step import expectation
 from sklearn_pgnn.inspection.report.who_did_what import parts_of_error
-from sklearn_pgnn.inspection.words import cause_name, listed, separation_sentence
+from sklearn_pgnn.inspection.words import cause_name, separation_sentence
+from sklearn_pgnn.record_quality.wording import listed
 
 
 def told_causes(diagnosis, members: dict[int, list[Member]]) -> list[dict]:

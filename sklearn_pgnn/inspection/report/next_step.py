@@ -3,8 +3,9 @@
 from sklearn_pgnn.inspection.case import known_effects
 from sklearn_pgnn.inspection.numbers import measured, typeset_unit
 from sklearn_pgnn.inspection.report.parameter_facts import parameter_facts
-from sklearn_pgnn.inspection.words import listed, missing_place, separation_sentence
+from sklearn_pgnn.inspection.words import missing_place, separation_sentence
 from sklearn_pgnn.inspection.yardstick import is_adequate_as_given, leaves_much
+from sklearn_pgnn.record_quality.wording import listed
 
 
 def next_step(diagnosis) -> str:

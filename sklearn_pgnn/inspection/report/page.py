@@ -12,7 +12,7 @@ from sklearn.utils.validation import check_is_fitted
 from sklearn_pgnn.experiment_design.detectability import Detectability
 from sklearn_pgnn.inspection.report.content import report_content
 from sklearn_pgnn.inspection.report.provenance import Provenance
-from sklearn_pgnn.inspection.whole_file import write_whole
+from sklearn_pgnn.whole_file import write_whole
 
 TEMPLATES = "templates"
 #: a hyphen that is a minus: before a number, and neither in a word nor in a range

@@ -6,7 +6,7 @@ import numpy as np
 import sympy
 from markupsafe import Markup
 
-from sklearn_pgnn.inspection.balance import Samples, shown_states
+from sklearn_pgnn.inspection.balance import Samples
 from sklearn_pgnn.inspection.numbers import number
 from sklearn_pgnn.inspection.report.formula import FoundFormula
 from sklearn_pgnn.inspection.style import label
@@ -14,6 +14,7 @@ from sklearn_pgnn.inspection.svg import Plot, Scale
 from sklearn_pgnn.physics.derived_units import rate_unit
 from sklearn_pgnn.physics.effects.rates import unit_of_force
 from sklearn_pgnn.physics.expressions import symbol
+from sklearn_pgnn.physics.shown_states import shown_states
 
 #: cells of a side, samples that a cell needs, and shades of a colour
 CELLS, LEAST, SHADES = 34, 3, 8

@@ -8,7 +8,7 @@ from sklearn_pgnn.estimation.hypothesis import count_parameters
 from sklearn_pgnn.inspection.case import known_effects
 from sklearn_pgnn.inspection.numbers import chance, times
 from sklearn_pgnn.inspection.report.parameter_facts import ParameterFacts, parameter_facts
-from sklearn_pgnn.inspection.words import cause_name, listed, rivals
+from sklearn_pgnn.inspection.words import cause_name, rivals
 from sklearn_pgnn.inspection.yardstick import (
     in_free_run,
     over_windows,
@@ -16,6 +16,7 @@ from sklearn_pgnn.inspection.yardstick import (
     suspects,
     together,
 )
+from sklearn_pgnn.record_quality.wording import listed
 
 #: the colours of a tile, the best first, and what they mean to those who see none
 STATES = {"good": "in order", "look": "look at this", "bad": "not in order"}

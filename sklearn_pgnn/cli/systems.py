@@ -1,0 +1,32 @@
+"""The ready systems under the names of the command line."""
+
+#: by name, what people call them; each is made by a function of `sklearn_pgnn.systems`
+SYSTEMS = {
+    "cart-on-spring": "Cart on a spring",
+    "golf-robot": "Golf robot (driven pendulum)",
+    "servo-valve": "Servo valve",
+    "two-tanks": "Two tanks",
+}
+
+
+def make_system(name: str):
+    """Return a ready system.
+
+    Parameters
+    ----------
+    name : str
+        A key of `SYSTEMS`.
+
+    Returns
+    -------
+    PhysicsModel
+        The model.
+
+    Examples
+    --------
+    >>> make_system("two-tanks").name
+    'two tanks'
+    """
+    from sklearn_pgnn import systems  # loads sympy, which most commands' help does without
+
+    return getattr(systems, name.replace("-", "_"))()

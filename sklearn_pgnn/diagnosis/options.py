@@ -1,0 +1,37 @@
+"""The options of a diagnosis: what they may be, and the message where they are something else."""
+
+from numbers import Real
+
+from sklearn_pgnn.exceptions import OptionError
+from sklearn_pgnn.physics.model_parts import HOLDS
+
+
+def check_options(hold, alpha, smallest_share) -> None:
+    """Raise `OptionError` unless the rates lie between 0 and 1, and the hold is one of its choices.
+
+    Parameters
+    ----------
+    hold : {"auto", "zoh", "foh"}
+        How inputs run between samples.
+    alpha, smallest_share : float
+        Rate of false names, and the smallest share of an error worth a name.
+    """
+    for name, value in (("alpha", alpha), ("smallest_share", smallest_share)):
+        if not (isinstance(value, Real) and 0 < float(value) < 1):
+            raise OptionError(f"{name}: expected a number between 0 and 1, got {value!r}.")
+    if hold not in ("auto", *HOLDS):
+        raise OptionError(f"hold: expected one of auto, {', '.join(HOLDS)}, got {hold!r}.")
+
+
+def check_time_limit(limit) -> None:
+    """Raise `OptionError` unless a limit is a time above 0 s, or None."""
+    if limit is not None and not (isinstance(limit, Real) and float(limit) > 0):
+        raise OptionError(f"time_limit: expected a time above 0 s or None, got {limit!r}.")
+
+
+def check_detectability(power, noise) -> None:
+    """Raise `ValueError` unless a power lies between 0 and 1, and the noise is a known kind."""
+    if not 0 < power < 1:
+        raise ValueError(f"power: expected a number between 0 and 1, got {power!r}.")
+    if noise not in ("residual", "white"):
+        raise ValueError(f"noise: expected 'residual' or 'white', got {noise!r}.")

@@ -1,0 +1,64 @@
+"""A diagnosis as plain data, as ``diagnosis.json`` holds it."""
+
+from sklearn_pgnn.diagnosis.result import NamedCause
+from sklearn_pgnn.estimation.plain_data import finite, plain
+from sklearn_pgnn.experiment_design.separation import plain_separation
+
+
+def plain_diagnosis(diagnosis) -> dict:
+    """Return a diagnosis as plain data; a number that is not finite is None.
+
+    Parameters
+    ----------
+    diagnosis : ModelDiagnosis
+        A fitted diagnosis.
+
+    Returns
+    -------
+    dict
+        See `sklearn_pgnn.ModelDiagnosis.to_dict`.
+    """
+    unexplained = diagnosis.discrepancy_
+    found = {
+        "verdict": diagnosis.verdict_,
+        "data_quality": [plain(finding) for finding in diagnosis.data_quality_],
+        "causes": [_plain_cause(cause) for cause in diagnosis.causes_],
+        "separations": [plain_separation(found) for found in diagnosis.separations_],
+        "parameters": {name: plain(p) for name, p in diagnosis.parameters_.items()},
+        "gain": {name: plain(gain) for name, gain in diagnosis.gain_.items()},
+        "free_run": {name: plain(error) for name, error in diagnosis.free_run_.items()},
+        "initial_states": _named_starts(diagnosis),
+        "unexplained": None if unexplained is None else unexplained.to_dict(),
+        "remaining": plain(diagnosis.remaining_),
+        "unusable": [plain(suspect) for suspect in diagnosis.unusable_],
+        "stopped": diagnosis.stopped_,
+        "complete": diagnosis.complete_,
+        "window": diagnosis.window_,
+        "hold": diagnosis.hold_,
+        "substeps": diagnosis.substeps_,
+    }
+    return finite(found)
+
+
+def _plain_cause(cause: NamedCause) -> dict:
+    """Return a named cause, and whether its rivals are the same as it."""
+    return {
+        "effect": cause.effect,
+        "target": cause.target,
+        "parameters": {name: plain(found) for name, found in cause.parameters.items()},
+        "gain_percent": cause.gain,
+        "probability": cause.probability,
+        "confused_with": [
+            {**plain(other), "equivalent": other[:2] in cause.equivalent}
+            for other in cause.confused_with
+        ],
+    }
+
+
+def _named_starts(diagnosis) -> list[dict]:
+    """Return every trajectory's name, and where it starts."""
+    states = list(diagnosis.extended_model_.states)
+    return [
+        {"trajectory": name, "state": dict(zip(states, start.tolist(), strict=True))}
+        for name, start in zip(diagnosis.records_.names, diagnosis.initial_states_, strict=True)
+    ]

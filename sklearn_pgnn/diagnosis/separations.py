@@ -1,0 +1,101 @@
+"""Which causes are to be told apart, and which of them nothing tells apart."""
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
+
+from sklearn_pgnn.diagnosis.result import NamedCause
+from sklearn_pgnn.estimation.candidate import Candidate
+from sklearn_pgnn.experiment_design.separation import Separation
+from sklearn_pgnn.physics.effect import Effect
+
+
+def pair_of(cause) -> Candidate:
+    """Return the effect and target of a cause."""
+    return Candidate(cause.effect, cause.target)
+
+
+def effect_named(named, catalogue: Sequence[type[Effect]]) -> Effect:
+    """Return the effect of a catalogue that is named by its id and target.
+
+    Parameters
+    ----------
+    named : NamedCause, Candidate or (str, str)
+        The cause, or its effect and target.
+    catalogue : sequence of type[Effect]
+        The effects.
+
+    Returns
+    -------
+    Effect
+        The effect, on its target.
+
+    Raises
+    ------
+    ValueError
+        If there is none of that name.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.physics.effects import InputBias
+    >>> effect_named(("input_bias", "F"), (InputBias,)) == InputBias("F")
+    True
+    """
+    effect, target = (named.effect, named.target) if hasattr(named, "effect") else named[:2]
+    for kind in catalogue:
+        if effect in (kind, kind.id):
+            return kind(target)
+    raise ValueError(
+        f"cause: expected an effect of the catalogue "
+        f"({', '.join(kind.id for kind in catalogue)}), got {effect!r}."
+    )
+
+
+def with_equivalent(cause: NamedCause, separations: Collection[Separation]) -> NamedCause:
+    """Note which causes are the same as one, so that no record tells them apart."""
+    mine = pair_of(cause)
+    same = {found.other for found in separations if found.cause == mine and found.equivalent}
+    equivalent = (Candidate(o.effect, o.target) for o in cause.confused_with)
+    return replace(cause, equivalent=tuple(o for o in equivalent if o in same))
+
+
+def two_to_separate(
+    causes: Mapping[Effect, NamedCause], catalogue: Sequence[type[Effect]], cause, other
+) -> tuple[Effect, Effect]:
+    """Return a named cause, and the one to tell it from.
+
+    Parameters
+    ----------
+    causes : mapping of Effect to NamedCause
+        What was named.
+    catalogue : sequence of type[Effect]
+        The effects.
+    cause : NamedCause, Candidate, (str, str) or None
+        The cause; None for the first that was named.
+    other : Candidate, (str, str) or None
+        The other; None for the first that the cause is confused with.
+
+    Returns
+    -------
+    mine, theirs : Effect
+        The two.
+
+    Raises
+    ------
+    ValueError
+        If the cause was not named, or there is no other.
+    """
+    if cause is None and not causes:
+        raise ValueError("cause: expected a cause, but the diagnosis names none.")
+    mine = next(iter(causes)) if cause is None else effect_named(cause, catalogue)
+    if mine not in causes:
+        named = ", ".join(f"{each.id} of {each.target}" for each in causes) or "nothing"
+        raise ValueError(
+            f"cause: expected one that was named ({named}), got {mine.id} of {mine.target}."
+        )
+    confused = causes[mine].confused_with
+    if other is None and not confused:
+        raise ValueError(
+            f"other: expected a cause, got none, and {mine.id} of {mine.target} is confused "
+            f"with nothing. Remedy: name the cause to tell it from."
+        )
+    return mine, effect_named(confused[0] if other is None else other, catalogue)

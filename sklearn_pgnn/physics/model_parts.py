@@ -1,0 +1,184 @@
+"""The parts of a model as they are given: read, and refused where they say what a model cannot."""
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import fields
+from numbers import Integral
+from typing import Any
+
+import sympy
+
+from sklearn_pgnn.exceptions import ModelError
+from sklearn_pgnn.physics.expressions import parse_expression, same_name, standard_form
+from sklearn_pgnn.physics.parameter import Parameter, check_name
+
+ENERGY_PARTS = ("stored", "supplied", "dissipated")
+#: how an input may run between samples: held, or linearly interpolated
+HOLDS = ("zoh", "foh")
+
+
+def as_expression(item, names, where) -> sympy.Expr:
+    """Return an equation as an expression of known names."""
+    read = standard_form if isinstance(item, sympy.Expr) else parse_expression
+    try:
+        return read(item, names, ".".join(where))
+    except ModelError as error:
+        raise ModelError(str(error), where) from None
+
+
+def as_mapping(part, items) -> dict:
+    """Return a part that holds names and values."""
+    if not isinstance(items, Mapping):
+        raise ModelError(f"{part}: expected names and values, got {items!r}.", (part,))
+    return dict(items)
+
+
+def as_units(part, items) -> dict[str, str]:
+    """Return units by name, empty where there is none."""
+    return {name: str(unit or "") for name, unit in as_mapping(part, items).items()}
+
+
+def as_state(name, value) -> float:
+    """Return the initial value of a state."""
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        number = math.nan
+    if not math.isfinite(number):
+        raise ModelError(
+            f"initial_state.{name}: expected a finite number, got {value!r}.",
+            ("initial_state", name),
+        )
+    return number
+
+
+def as_simulation(settings: Mapping) -> dict:
+    """Return how the model is to be simulated, with a plain integer as `substeps`."""
+    found = dict(settings)
+    hold, substeps = found.get("hold", HOLDS[0]), found.get("substeps", 1)
+    if hold not in HOLDS:
+        raise ModelError(
+            f"simulation.hold: expected one of {', '.join(HOLDS)}, got {hold!r}.",
+            ("simulation", "hold"),
+        )
+    if not isinstance(substeps, Integral) or isinstance(substeps, bool) or substeps < 1:
+        raise ModelError(
+            f"simulation.substeps: expected an integer >= 1, got {substeps!r}.",
+            ("simulation", "substeps"),
+        )
+    return found | ({"substeps": int(substeps)} if "substeps" in found else {})
+
+
+def as_parameter(name, value) -> Parameter:
+    """Return a parameter, given as such, as a mapping or as a number."""
+    if isinstance(value, Parameter):
+        if value.name != name:
+            raise ModelError(f"parameter {value.name!r} is listed under another name, {name!r}.")
+        return value
+    if isinstance(value, Mapping):
+        known = {f.name for f in fields(Parameter)} - {"name"}
+        unknown = sorted(set(value) - known)
+        if unknown or "value" not in value:
+            raise ModelError(
+                f"parameter {name!r}: expected 'value' and optionally {sorted(known - {'value'})}, "
+                f"got {sorted(value)}.",
+                ("parameters", name),
+            )
+        return Parameter(name, **value)
+    return Parameter(name, value)
+
+
+def as_parameters(parameters) -> dict[str, Parameter]:
+    """Return parameters by name."""
+    if isinstance(parameters, Mapping):
+        found = {name: as_parameter(name, value) for name, value in parameters.items()}
+    else:
+        parameters = tuple(parameters)
+        strange = [p for p in parameters if not isinstance(p, Parameter)]
+        if strange:
+            raise ModelError(f"parameters: expected Parameter objects, got {strange[0]!r}.")
+        found = {parameter.name: parameter for parameter in parameters}
+        if len(found) < len(parameters):
+            raise ModelError("expected every parameter once, got the same name twice.")
+    return found
+
+
+def parameter_dict(parameter: Parameter) -> dict:
+    """Return a parameter as a dict, without the fields at their default."""
+    default = Parameter(parameter.name, parameter.value)
+    written: dict[str, Any] = {"value": parameter.value}
+    for key in ("unit", "bounds", "fixed", "spread"):
+        if getattr(parameter, key) != getattr(default, key):
+            value = getattr(parameter, key)
+            written[key] = list(value) if key == "bounds" else value
+    return written
+
+
+# -- what is refused -------------------------------------------------------------------------------
+
+
+def check_names(states, inputs, parameters) -> None:
+    """Raise `ModelError` unless every name is one, and is taken once."""
+    seen: dict[str, str] = {}
+    for what, names in (("state", states), ("input", inputs), ("parameter", parameters)):
+        for name in names:
+            check_name(name, what)
+            taken = seen.get(same_name(name))
+            if taken:
+                raise ModelError(
+                    f"{what} {name!r}: the name is taken by {taken}.", (f"{what}s", name)
+                )
+            seen[same_name(name)] = f"{'an' if what == 'input' else 'a'} {what}"
+
+
+def check_settled(settled, states, inputs) -> None:
+    """Raise `ModelError` unless states follow inputs."""
+    check_keys("settled", settled, states)
+    for state, followed in dict(settled or {}).items():
+        if followed not in inputs:
+            raise ModelError(
+                f"settled: {state!r} expects an input, got {followed!r}.", ("settled", state)
+            )
+
+
+def check_columns(columns, states, inputs, outputs) -> None:
+    """Raise `ModelError` unless columns have names, and none that of another quantity."""
+    own = ("t", "trajectory", *inputs, *states)
+    check_keys("columns", columns, dict.fromkeys((*own, *outputs)))
+    for name, column in dict(columns or {}).items():
+        if not isinstance(column, str) or not column:
+            raise ModelError(
+                f"columns.{name}: expected a column's name, got {column!r}.", ("columns", name)
+            )
+        if name in own and column in own and column != name:
+            raise ModelError(
+                f"columns.{name}: the column {column!r} has the name of another quantity; "
+                "rename one of them.",
+                ("columns", name),
+            )
+
+
+def check_keys(part: str, items, known: Iterable[str], complete: bool = False) -> None:
+    """Raise `ModelError` unless a part speaks of known names, and of all where it is complete."""
+    items = items or {}
+    known = list(known)
+    as_mapping(part, items)
+    unknown = [key for key in items if key not in known]
+    missing = [key for key in known if key not in items] if complete else []
+    if unknown:
+        expected = ", ".join(known) or "none"
+        raise ModelError(
+            f"{part}: unknown name {unknown[0]!r}; expected one of {expected}.",
+            (part, unknown[0]),
+        )
+    if missing:
+        raise ModelError(f"{part}: the equation of state {missing[0]!r} is missing.", (part,))
+
+
+def check_delays(delays, parameters) -> None:
+    """Raise `ModelError` unless every delay is a parameter."""
+    for delayed, delay in dict(delays or {}).items():
+        if delay not in parameters:
+            raise ModelError(
+                f"delays: {delayed!r} expects a parameter, got {delay!r}.", ("delays", delayed)
+            )

@@ -1,0 +1,56 @@
+"""Which states of a model its outputs show."""
+
+from sklearn_pgnn.physics.model import PhysicsModel
+
+
+def shown_by(model: PhysicsModel, output: str) -> tuple[str, ...]:
+    """Return the state that an output shows as it is, then the velocity of that position.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    output : str
+        One of its outputs.
+
+    Returns
+    -------
+    tuple of str
+        Empty where the output shows something else.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.physics import systems
+    >>> shown_by(systems.cart_on_spring(), "position")
+    ('x', 'v')
+    """
+    state = str(model.outputs[output])
+    if state not in model.states:
+        return ()
+    return (state, *(v for v, position in model.slope_pairs.items() if position == state))
+
+
+def shown_states(model: PhysicsModel) -> frozenset[str]:
+    """Return the states that the outputs show: directly, or by the position of a velocity.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.physics import systems
+    >>> sorted(shown_states(systems.golf_robot())), sorted(shown_states(systems.two_tanks()))
+    (['omega', 'phi'], ['x2'])
+    """
+    return frozenset(state for output in model.outputs for state in shown_by(model, output))
+
+
+def told_states(model: PhysicsModel) -> frozenset[str]:
+    """Return the states on which the outputs depend at once, and the velocities of such positions.
+
+    Examples
+    --------
+    >>> lever = PhysicsModel({"x": "m", "v": "m/s"}, {"x": "v", "v": "-x"}, outputs={"y": "2*x"})
+    >>> sorted(told_states(lever)), sorted(shown_states(lever))
+    (['v', 'x'], [])
+    """
+    read = {str(s) for output in model.outputs.values() for s in output.free_symbols}
+    velocities = {v for v, position in model.slope_pairs.items() if position in read}
+    return frozenset((read & set(model.states)) | velocities)
