@@ -1,6 +1,9 @@
 """How many integration steps from sample to sample are enough."""
 
+import warnings
 from collections.abc import Callable
+
+from sklearn_pgnn.exceptions import SimulationWarning
 
 #: most steps that are tried
 MAX_SUBSTEPS = 32
@@ -25,6 +28,11 @@ def double_substeps(
     int
         Steps from sample to sample, at most `MAX_SUBSTEPS`.
 
+    Warns
+    -----
+    SimulationWarning
+        If these are not enough.
+
     Examples
     --------
     >>> double_substeps(lambda n: (1 + 1 / n) ** n, lambda one, other: abs(one - other) < 0.1)
@@ -36,4 +44,12 @@ def double_substeps(
         if is_close(coarse, finer):
             return substeps
         substeps, coarse = 2 * substeps, finer
+    warnings.warn(
+        f"the simulation still changes with {MAX_SUBSTEPS} integration steps from sample to sample, "
+        f"of which there are no more: some motion of the model is far quicker than a sample, or "
+        f"diverges. Remedy: let the quickest states follow the others without delay, sample faster, "
+        f"or set substeps.",
+        SimulationWarning,
+        stacklevel=2,
+    )
     return substeps
