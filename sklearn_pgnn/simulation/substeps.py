@@ -45,10 +45,10 @@ def double_substeps(
             return substeps
         substeps, coarse = 2 * substeps, finer
     warnings.warn(
-        f"the simulation still changes with {MAX_SUBSTEPS} integration steps from sample to sample, "
-        f"of which there are no more: some motion of the model is far quicker than a sample, or "
-        f"diverges. Remedy: let the quickest states follow the others without delay, sample faster, "
-        f"or set substeps.",
+        f"the simulation still changes with {MAX_SUBSTEPS} integration steps from sample to "
+        f"sample, and more are not tried: some motion of the model is far quicker than a sample, "
+        f"or diverges. Remedy: let the quickest states follow the others without delay, sample "
+        f"faster, or set substeps.",
         SimulationWarning,
         stacklevel=2,
     )
