@@ -6,7 +6,6 @@ from functools import partial
 
 import numpy as np
 from sklearn.base import MultiOutputMixin
-from sklearn.metrics import r2_score
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
@@ -20,6 +19,7 @@ from sklearn_pgnn.extras import needed_by
 from sklearn_pgnn.simulation.ahead import Machine, predict_ahead
 from sklearn_pgnn.threads import one_thread_each
 from sklearn_pgnn.trajectories import rows_in_order
+from sklearn_pgnn.trajectories.scoring import GapScoreMixin
 from sklearn_pgnn.trajectories.tags import tags_of_records
 
 with needed_by("PGNNLRegressor"):
@@ -27,7 +27,7 @@ with needed_by("PGNNLRegressor"):
     from torch import nn
 
 
-class PGNNLRegressor(MultiOutputMixin, PreparedNet):
+class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
     r"""A network in feedback, guided by a physical model and by a physical loss (PGNN-L).
 
     .. math:: L = (1 - \lambda_{phy})\,L_{error} + \lambda_{phy}\,L_{phy}
@@ -390,28 +390,6 @@ class PGNNLRegressor(MultiOutputMixin, PreparedNet):
                 ),
             )
         return y.ravel() if self._single_output else y
-
-    def score(self, X, y, sample_weight=None):
-        """Return the coefficient of determination of `predict`, of the rows that have a y.
-
-        Parameters
-        ----------
-        X : DataFrame or array of shape (n_samples, n_columns)
-            As in `predict`.
-        y : array-like of shape (n_samples, n_outputs) or (n_samples,)
-            Measured outputs; rows with a NaN are left out.
-        sample_weight : array-like of shape (n_samples,), optional
-            Weights of the rows.
-
-        Returns
-        -------
-        float
-            1 at best; the mean over the outputs.
-        """
-        measured = np.asarray(y, dtype=float)
-        seen = ~np.isnan(measured.reshape(len(measured), -1)).any(axis=1)
-        weight = None if sample_weight is None else np.asarray(sample_weight)[seen]
-        return r2_score(measured[seen], self.predict(X)[seen], sample_weight=weight)
 
     def predict_states(self, X):
         """Simulate the states of every trajectory in free run from its initial state.

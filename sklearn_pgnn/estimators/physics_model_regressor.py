@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 from joblib import effective_n_jobs
-from sklearn.base import BaseEstimator, MultiOutputMixin, RegressorMixin
+from sklearn.base import BaseEstimator, MultiOutputMixin
 from sklearn.utils.validation import check_is_fitted
 
 from sklearn_pgnn.estimators.parameter_search import (
@@ -36,11 +36,12 @@ from sklearn_pgnn.simulation.uncertainty import (
 )
 from sklearn_pgnn.trajectories import read_records, rows_in_order
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
+from sklearn_pgnn.trajectories.scoring import GapScoreMixin
 from sklearn_pgnn.trajectories.tags import tags_of_records
 from sklearn_pgnn.trajectories.validation import check_model, validate_table
 
 
-class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
+class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
     r"""Fit a model's free parameters to records; predict by simulation in free run.
 
     The records are cut into windows, each restarted from its own initial state (multiple
@@ -316,10 +317,10 @@ class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         return self._shaped(low), self._shaped(high)
 
     def _read(self, X, y=None):
-        """Read the records of a table."""
+        """Read the records of a table; y need not be enough for a fit."""
         check_is_fitted(self)
         X = validate_table(self, X, reset=False)
-        records = read_records(self.model, X, y, time_column=self.time_column)
+        records = read_records(self.model, X, y, time_column=self.time_column, to_fit=False)
         refuse_standardised(self.model, records)
         return records
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pandas as pd
-from sklearn.base import BaseEstimator, MultiOutputMixin, RegressorMixin, clone
+from sklearn.base import BaseEstimator, MultiOutputMixin, clone
 from sklearn.linear_model import LinearRegression
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
@@ -18,12 +18,15 @@ from sklearn_pgnn.simulation.record_windows import output_noise
 from sklearn_pgnn.simulation.simulate import hold_of
 from sklearn_pgnn.trajectories import read_records, rows_in_order
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
+from sklearn_pgnn.trajectories.names import is_named, place_of, time_name
+from sklearn_pgnn.trajectories.reader import TIME, TRAJECTORY
+from sklearn_pgnn.trajectories.scoring import GapScoreMixin
 from sklearn_pgnn.trajectories.validation import check_model, validate_table
 
-TIME, TRAJECTORY, SUFFIX = "t", "trajectory", "_phy"
+SUFFIX = "_phy"
 
 
-class ResidualRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
+class ResidualRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
     r"""Add a regression of its own error to a simulated model: residual modelling.
 
     .. math:: \hat y_k = y^{phy}_k + g(u_k, x^{phy}_k, y^{phy}_k)
@@ -218,7 +221,7 @@ class ResidualRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         if self.model is None:
             raise ValueError("predict_ahead: expected a regressor with a model, got none.")
         X = validate_table(self, X, reset=False)
-        records = read_records(self.model, X, y, time_column=self.time_column)
+        records = read_records(self.model, X, y, time_column=self.time_column, to_fit=False)
         refuse_standardised(self.model, records)
         features, simulated = self._simulate(records)
         expected = self.regressor_.predict(features).reshape(simulated.shape)
@@ -269,9 +272,12 @@ class ResidualRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
 
     def _plain(self, X):
         """Return all columns of X but time and trajectory."""
-        if isinstance(X, pd.DataFrame):
-            return X.drop(columns=[self.time_column or TIME, TRAJECTORY], errors="ignore")
-        return X if self.time_column is None else np.delete(X, self.time_column, axis=1)
+        if is_named(X):
+            time = time_name(X.columns, self.time_column) or TIME
+            return X.drop(columns=[time, TRAJECTORY], errors="ignore")
+        if self.time_column is None:
+            return X
+        return np.delete(np.asarray(X), place_of(self.time_column, X.shape[1]), axis=1)
 
     def _regressor(self):
         if self.regressor is None:

@@ -4,7 +4,7 @@ import warnings
 from numbers import Integral, Real
 
 import numpy as np
-from sklearn.base import BaseEstimator, MultiOutputMixin, RegressorMixin
+from sklearn.base import BaseEstimator, MultiOutputMixin
 from sklearn.utils.validation import check_is_fitted, validate_data
 
 from sklearn_pgnn.estimators.progress import teller
@@ -34,6 +34,7 @@ from sklearn_pgnn.simulation.record_windows import noise_levels, output_noise
 from sklearn_pgnn.simulation.simulate import hold_of
 from sklearn_pgnn.trajectories import read_records, rows_in_order
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
+from sklearn_pgnn.trajectories.scoring import GapScoreMixin
 from sklearn_pgnn.trajectories.tables import as_pandas
 from sklearn_pgnn.trajectories.tags import tags_of_records
 from sklearn_pgnn.trajectories.validation import check_model, validate_table
@@ -42,7 +43,7 @@ from sklearn_pgnn.trajectories.validation import check_model, validate_table
 RUNAWAY = 1e3
 
 
-class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
+class SINDYcRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
     r"""Find few terms of a library that make up a machine's rates; predict by simulation.
 
     .. math:: \dot x = \Xi\,\Psi(x, u) \qquad \text{or} \qquad x_{k+1} = \Xi\,\Psi(x_k, u_k)
@@ -362,10 +363,13 @@ class SINDYcRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         runs = [self._simulate(record, which) for record in records]
         return rows_in_order(records, np.concatenate(runs))
 
+    def _model_of_y(self) -> PhysicsModel | None:
+        return self.model_ if self.model is None else self.model
+
     def _read(self, X, y=None):
-        """Read the records of a table."""
+        """Read the records of a table; y need not be enough for a fit."""
         X = validate_table(self, X, reset=False)
-        records = read_records(self.model_, X, y, time_column=self.time_column)
+        records = read_records(self.model_, X, y, time_column=self.time_column, to_fit=False)
         if self.model is not None:
             refuse_standardised(self.model, records)
         return records if self._interval is None else on_even_clock(records, self._interval)

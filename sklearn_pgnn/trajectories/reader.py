@@ -1,9 +1,10 @@
 """The one reader of X and y: a table of samples becomes records.
 
-A row is a sample. As a DataFrame, of pandas, polars or another library, columns count by name: the
-time ``t``, the inputs, and the states, of which only each trajectory's first row is read. As an
-array, the columns stand in that order: time, inputs, then states if there are as many more. A new
-trajectory begins wherever the time does not increase; a column ``trajectory`` overrules that.
+A row is a sample. Of a DataFrame, of pandas, polars or another library, the columns of X count by
+name: the time ``t``, the inputs, and the states, of which only each trajectory's first row is read.
+Of an array they stand in that order: time, inputs, then states if there are as many more. The
+columns of y stand in the model's order, whether they have names or not. A new trajectory begins
+wherever the time does not increase; a column ``trajectory`` overrules that.
 
 The time is in seconds, or dates or time differences: these count from a trajectory's first sample.
 
@@ -16,8 +17,11 @@ import pandas as pd
 
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.trajectories.names import column_of, is_named, once, place_of, time_name
+from sklearn_pgnn.trajectories.outputs import read_outputs
+from sklearn_pgnn.trajectories.real_numbers import read_numbers
 from sklearn_pgnn.trajectories.record import Record
-from sklearn_pgnn.trajectories.tables import TIME, as_pandas, as_table, read_clock
+from sklearn_pgnn.trajectories.tables import TIME, as_table, read_clock
 
 #: fewest samples of a trajectory with outputs
 MIN_SAMPLES = 4
@@ -25,7 +29,7 @@ TRAJECTORY = "trajectory"
 
 
 def read_records(
-    model: PhysicsModel, X, y=None, *, time_column=None, allow_unmeasured=False
+    model: PhysicsModel, X, y=None, *, time_column=None, allow_unmeasured=False, to_fit=True
 ) -> tuple[Record, ...]:
     """Read a table of samples as records of a model.
 
@@ -37,11 +41,14 @@ def read_records(
         Time [s], inputs and, where known, the states in each trajectory's first row. The time may
         be dates, or time differences, too, and stand in the index of a pandas DataFrame.
     y : DataFrame or array-like of shape (n_samples, n_outputs) or (n_samples,), optional
-        Measured outputs; NaN where there is none.
+        Measured outputs in the model's order; NaN where there is none.
     time_column : int or str, optional
-        Column of the time; by default ``"t"``, of an array the first.
+        Name or place of the column of the time; by default ``"t"``, of an array the first.
     allow_unmeasured : bool, default=False
         Whether some trajectories, but not all, may have no measured output at all.
+    to_fit : bool, default=True
+        Whether y must tell enough for a fit; with False any trajectory may be short or have no
+        measured output.
 
     Returns
     -------
@@ -62,7 +69,7 @@ def read_records(
     [3, 2]
     """
     table = _as_table(model, X, time_column)
-    outputs = None if y is None else _as_outputs(model, y, len(table))
+    outputs = None if y is None else read_outputs(model, y, len(table))
     if not len(table):
         raise RecordError("X: expected samples, got none.")
     t, tick = _clock(table)
@@ -72,14 +79,15 @@ def read_records(
     states = _states(model, table, [rows[0] for _, rows in pieces])
     records = []
     for (name, rows), x0 in zip(pieces, states, strict=True):
-        _check_clock(name, t[rows], rows, needs_outputs=y is not None)
+        _check_clock(name, t[rows], rows, needs_outputs=to_fit and y is not None)
         measured = None if outputs is None else outputs[rows]
         own = (t[rows] - t[rows[0]]) * (tick or 1.0)
         origin = 0.0 if tick else float(t[rows[0]])
         if not (tick or model.is_autonomous):
             own, origin = t[rows], 0.0
         records.append(Record(own, u[rows], measured, x0, name, rows, origin))
-    _check_outputs(records, allow_unmeasured)
+    if to_fit:
+        _check_outputs(records, allow_unmeasured)
     return tuple(records)
 
 
@@ -139,7 +147,7 @@ def rows_in_order(records: tuple[Record, ...], values: np.ndarray) -> np.ndarray
 def _as_table(model: PhysicsModel, X, time_column) -> pd.DataFrame:
     """Return the relevant columns under the model's own names; X is not modified."""
     X = as_table(X, time_column)
-    if isinstance(X, pd.DataFrame) and all(isinstance(name, str) for name in X.columns):
+    if is_named(X):
         return _from_names(model, X, time_column)
     array = np.asarray(X)
     if array.ndim != 2:
@@ -150,27 +158,19 @@ def _as_table(model: PhysicsModel, X, time_column) -> pd.DataFrame:
 def _from_names(model: PhysicsModel, X: pd.DataFrame, time_column) -> pd.DataFrame:
     """Find every quantity by its column name in the table, else by its own name."""
     found = {}
+    told = time_name(X.columns, time_column)
     for name in (TRAJECTORY, TIME, *model.inputs, *model.states):
-        given = name == TIME and time_column is not None
-        called = time_column if given else model.columns.get(name, name)
-        if called not in X.columns and not given:
-            called = name
-        if called in X.columns:
-            found[name] = _once(X, called, "X: column")
+        given = name == TIME and told is not None
+        called = told if given else column_of(model, name, X.columns)
+        if called is not None and called in X.columns:
+            found[name] = once(X, called, "X: column")
         elif name == TIME or name in model.inputs:
-            what = f"time {called!r}" if name == TIME else f"input {name!r}"
+            what = f"time {told or TIME!r}" if name == TIME else f"input {name!r}"
             raise RecordError(
                 f"X: {what} is missing; the columns are {', '.join(X.columns)}. "
                 f"Remedy: name the column in the model's 'columns'."
             )
     return pd.DataFrame(found)
-
-
-def _once(table: pd.DataFrame, name: str, what: str) -> pd.Series:
-    column = table[name]
-    if isinstance(column, pd.DataFrame):
-        raise RecordError(f"{what} {name!r} is there {column.shape[1]} times; expected it once.")
-    return column
 
 
 def _from_array(model: PhysicsModel, array: np.ndarray, time_column) -> pd.DataFrame:
@@ -183,26 +183,8 @@ def _from_array(model: PhysicsModel, array: np.ndarray, time_column) -> pd.DataF
             f"X: expected the columns time, {', '.join([*model.inputs, *model.states])} (the "
             f"states may be left out), got {array.shape[1]} columns."
         )
-    if not isinstance(time_column, int | np.integer) or not -array.shape[1] <= time_column <= width:
-        raise RecordError(
-            f"time_column: expected a column number from 0 to {width}, got {time_column!r}."
-        )
-    names.insert(time_column % array.shape[1], TIME)
+    names.insert(place_of(time_column, array.shape[1]), TIME)
     return pd.DataFrame(array, columns=names)
-
-
-def _numbers(column: pd.Series, what: str) -> np.ndarray:
-    """Read a column as real numbers, NaN where there is nothing."""
-    if column.dtype.kind in "mMc":
-        raise RecordError(f"{what}: expected real numbers, got {column.dtype}.")
-    try:
-        return column.to_numpy(dtype=float, na_value=np.nan)
-    except (TypeError, ValueError):
-        strange = pd.to_numeric(column, errors="coerce").isna() & column.notna()
-        row = int(np.argmax(strange.to_numpy()))
-        raise RecordError(
-            f"{what}: expected a number, got {column.iloc[row]!r} in row {row}."
-        ) from None
 
 
 def _clock(table: pd.DataFrame) -> tuple[np.ndarray, float | None]:
@@ -210,13 +192,13 @@ def _clock(table: pd.DataFrame) -> tuple[np.ndarray, float | None]:
     clock = read_clock(table[TIME], "X: time 't'")
     if clock is not None:
         return clock
-    t = _numbers(table[TIME], "X: time 't'")
+    t = read_numbers(table[TIME], "X: time 't'")
     _refuse_not_finite(t[:, None], [TIME], table)
     return t, None
 
 
 def _inputs(model: PhysicsModel, table: pd.DataFrame) -> np.ndarray:
-    columns = [_numbers(table[name], f"X: input {name!r}") for name in model.inputs]
+    columns = [read_numbers(table[name], f"X: input {name!r}") for name in model.inputs]
     return np.column_stack(columns) if columns else np.zeros((len(table), 0))
 
 
@@ -226,7 +208,7 @@ def _states(model: PhysicsModel, table: pd.DataFrame, firsts) -> np.ndarray:
     first = table.iloc[firsts]
     for i, name in enumerate(model.states):
         if name in table.columns:
-            states[:, i] = _numbers(first[name], f"X: state {name!r}")
+            states[:, i] = read_numbers(first[name], f"X: state {name!r}")
     states[~np.isfinite(states)] = np.nan
     return states
 
@@ -241,43 +223,6 @@ def _trajectories(table: pd.DataFrame) -> np.ndarray | None:
             f"X: column 'trajectory' is empty in row {empty[0]}; expected a name in every row."
         )
     return table[TRAJECTORY].to_numpy()
-
-
-def _as_outputs(model: PhysicsModel, y, n_samples: int) -> np.ndarray:
-    names, y = list(model.outputs), as_pandas(y)
-    if isinstance(y, pd.DataFrame):
-        y = _named_outputs(model, y)
-    table = pd.DataFrame(y if isinstance(y, pd.DataFrame) else np.asarray(y))
-    if table.shape != (n_samples, len(names)):
-        raise RecordError(
-            f"y: expected shape {(n_samples, len(names))} (the outputs {', '.join(names)}), "
-            f"got {table.shape}."
-        )
-    array = np.column_stack(
-        [_numbers(table.iloc[:, i], f"y: output {name!r}") for i, name in enumerate(names)]
-    )
-    if np.any(np.isinf(array)):
-        row, column = np.argwhere(np.isinf(array))[0]
-        raise RecordError(f"y: output {names[column]!r} is infinite in row {row}.")
-    return array
-
-
-def _named_outputs(model: PhysicsModel, y: pd.DataFrame) -> pd.DataFrame:
-    """Choose the outputs by name; without names, or if there is but one, by place."""
-    named = any(isinstance(name, str) for name in y.columns)
-    if not named or y.shape[1] == len(model.outputs) == 1:
-        return y
-    found = {}
-    for name in model.outputs:
-        called = model.columns.get(name, name)
-        called = called if called in y.columns else name
-        if called not in y.columns:
-            raise RecordError(
-                f"y: output {name!r} is missing; the columns are {', '.join(map(str, y.columns))}. "
-                f"Remedy: name the column in the model's 'columns'."
-            )
-        found[name] = _once(y, called, "y: column")
-    return pd.DataFrame(found)
 
 
 # -- checks ----------------------------------------------------------------------------------------

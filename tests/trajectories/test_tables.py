@@ -34,10 +34,10 @@ def to_arrow(table):
 
 @pytest.fixture
 def tables():
-    """X with its columns in an order that is not the array's, and y likewise."""
+    """X with its columns in an order that is not the array's, and y in the model's order."""
     two = LAG.replace(outputs={"first": "y", "second": "2*y"})
     X = pd.DataFrame({"other": 7.0, "u": U, "t": T, "y": 0.25})
-    y = pd.DataFrame({"second": 2 * np.cos(T), "first": np.cos(T)})
+    y = pd.DataFrame({"first": np.cos(T), "second": 2 * np.cos(T)})
     return two, X, y
 
 

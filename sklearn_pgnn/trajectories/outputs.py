@@ -1,0 +1,96 @@
+"""The measured outputs: columns of y stand in the model's order, whether they have names or not.
+
+scikit-learn compares predictions with y by place, in its scores, its searches and its targets that
+are transformed. Were y read by name, all these would compare one output with another.
+"""
+
+import numpy as np
+import pandas as pd
+
+from sklearn_pgnn.exceptions import RecordError
+from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.trajectories.names import column_of, once
+from sklearn_pgnn.trajectories.real_numbers import read_numbers
+from sklearn_pgnn.trajectories.tables import as_pandas
+
+
+def read_outputs(model: PhysicsModel | None, y, n_samples: int) -> np.ndarray:
+    """Read what was measured, NaN where there is nothing.
+
+    Parameters
+    ----------
+    model : PhysicsModel or None
+        Names the outputs; its `columns` say what the table calls them. Without one the columns of
+        y may be any.
+    y : DataFrame, Series or array-like of shape (n_samples, n_outputs) or (n_samples,)
+        The measured outputs in the model's order. Of a DataFrame the names are checked, but for a
+        single output, which may have any name.
+    n_samples : int
+        Number of rows that X has.
+
+    Returns
+    -------
+    ndarray of shape (n_samples, n_outputs)
+        The outputs.
+
+    Raises
+    ------
+    RecordError
+        If they are others, in another order, of another number, or no finite numbers.
+
+    Examples
+    --------
+    >>> cart = PhysicsModel({"x": "m", "v": "m/s"}, {"x": "v", "v": "-x"})
+    >>> read_outputs(cart, pd.DataFrame({"v": [0.0], "x": [1.0]}), 1)
+    Traceback (most recent call last):
+        ...
+    sklearn_pgnn.exceptions.RecordError: y: expected the outputs in the model's order, x, v; got \
+the columns v, x. Predictions are compared with y by place. Remedy: y[['x', 'v']].
+    """
+    y = as_pandas(y)
+    table = y if isinstance(y, pd.DataFrame) else pd.DataFrame(np.asarray(y))
+    names = [str(i) for i in range(table.shape[1])] if model is None else list(model.outputs)
+    if model is not None:
+        _refuse_other_names(model, table)
+    if table.shape != (n_samples, len(names)):
+        raise RecordError(
+            f"y: expected shape {(n_samples, len(names))} (the outputs {', '.join(names)}), "
+            f"got {table.shape}."
+        )
+    columns = [read_numbers(table.iloc[:, i], f"y: output {n!r}") for i, n in enumerate(names)]
+    values = np.column_stack(columns)
+    _refuse_infinite(values, names)
+    return values
+
+
+def _refuse_other_names(model: PhysicsModel, y: pd.DataFrame) -> None:
+    """Refuse names that are not those of the outputs in their order."""
+    named = any(isinstance(name, str) for name in y.columns)
+    if not named or y.shape[1] == len(model.outputs) == 1:
+        return
+    given = [_named_column(model, name, y) for name in model.outputs]
+    if given != list(y.columns):
+        raise RecordError(
+            f"y: expected the outputs in the model's order, {', '.join(given)}; got the columns "
+            f"{', '.join(map(str, y.columns))}. Predictions are compared with y by place. "
+            f"Remedy: y[{given!r}]."
+        )
+
+
+def _named_column(model: PhysicsModel, name: str, y: pd.DataFrame) -> str:
+    """Return the name of the column that holds an output."""
+    called = column_of(model, name, y.columns)
+    if called is None:
+        raise RecordError(
+            f"y: output {name!r} is missing; the columns are {', '.join(map(str, y.columns))}. "
+            f"Remedy: name the column in the model's 'columns'."
+        )
+    once(y, called, "y: column")
+    return called
+
+
+def _refuse_infinite(values: np.ndarray, names: list[str]) -> None:
+    infinite = np.argwhere(np.isinf(values))
+    if infinite.size:
+        row, column = infinite[0]
+        raise RecordError(f"y: output {names[column]!r} is infinite in row {row}.")

@@ -1,0 +1,43 @@
+"""A column of a table as real numbers."""
+
+import numpy as np
+import pandas as pd
+
+from sklearn_pgnn.exceptions import RecordError
+
+
+def read_numbers(column: pd.Series, what: str) -> np.ndarray:
+    """Read a column as real numbers, NaN where there is nothing.
+
+    Parameters
+    ----------
+    column : Series of shape (n_samples,)
+        A column of the table.
+    what : str
+        What it is called, for the error's text.
+
+    Returns
+    -------
+    ndarray of shape (n_samples,)
+        The numbers.
+
+    Raises
+    ------
+    RecordError
+        If it holds dates, complex numbers, or what is no number.
+
+    Examples
+    --------
+    >>> read_numbers(pd.Series([1, None, 3], dtype="Int64"), "X: input 'u'").tolist()
+    [1.0, nan, 3.0]
+    """
+    if column.dtype.kind in "mMc":
+        raise RecordError(f"{what}: expected real numbers, got {column.dtype}.")
+    try:
+        return column.to_numpy(dtype=float, na_value=np.nan)
+    except (TypeError, ValueError):
+        strange = pd.to_numeric(column, errors="coerce").isna() & column.notna()
+        row = int(np.argmax(strange.to_numpy()))
+        raise RecordError(
+            f"{what}: expected a number, got {column.iloc[row]!r} in row {row}."
+        ) from None

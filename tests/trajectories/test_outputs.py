@@ -1,0 +1,83 @@
+"""y is read by place: names that say another order are refused, wherever y goes in."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from sklearn.model_selection import cross_val_score
+
+from sklearn_pgnn import (
+    ConformalRegressor,
+    PhysicsModel,
+    PhysicsModelRegressor,
+    ResidualRegressor,
+)
+from sklearn_pgnn.exceptions import RecordError
+from sklearn_pgnn.model_selection import TrajectoryKFold
+from sklearn_pgnn.trajectories import read_records
+from sklearn_pgnn.trajectories.outputs import read_outputs
+
+pytestmark = pytest.mark.core
+
+CART = PhysicsModel(
+    {"x": "m", "v": "m/s"},
+    {"x": "v", "v": "F - d*v - 9*x"},
+    {"d": 0.5},
+    {"F": "N"},
+    columns={"x": "position"},
+)
+ORDER = (
+    r"^y: expected the outputs in the model's order, x, v; got the columns {}. Predictions are "
+    r"compared with y by place. Remedy: y\[\['x', 'v'\]\].$"
+)
+
+
+def records():
+    t = np.tile(np.arange(100) * 0.05, 3)
+    force = np.sin(t * np.repeat([1.0, 2.0, 3.0], 100))
+    runs = [CART.with_parameters(d=0.8).simulate(t[:100], part).y for part in force.reshape(3, 100)]
+    return pd.DataFrame({"F": force, "t": t}), pd.DataFrame(
+        np.concatenate(runs), columns=["x", "v"]
+    )
+
+
+X, Y = records()
+SWAPPED, WIDER = Y[["v", "x"]], Y.assign(temp=20.0)
+
+
+@pytest.mark.parametrize(("y", "got"), [(SWAPPED, "v, x"), (WIDER, "x, v, temp")])
+@pytest.mark.parametrize("estimator", [PhysicsModelRegressor(CART), ResidualRegressor(CART)])
+def test_names_in_another_order_are_refused_wherever_y_goes_in(estimator, y, got):
+    with pytest.raises(RecordError, match=ORDER.format(got)):
+        estimator.fit(X, y)
+    estimator.fit(X, Y)
+    with pytest.raises(RecordError, match=ORDER.format(got)):
+        estimator.score(X, y)
+    with pytest.raises(RecordError, match=ORDER.format(got)):
+        estimator.predict_ahead(X, y)
+
+
+def test_what_compares_by_place_never_sees_another_order():
+    folds = TrajectoryKFold(3)
+    with pytest.raises(RecordError, match="in the model's order"):
+        cross_val_score(PhysicsModelRegressor(CART), X, SWAPPED, cv=folds, error_score="raise")
+    with pytest.raises(RecordError, match="in the model's order"):
+        ConformalRegressor(ResidualRegressor(CART)).fit(X, SWAPPED)
+    assert cross_val_score(PhysicsModelRegressor(CART), X, Y, cv=folds).min() > 0.99
+
+
+def test_names_of_the_table_count_and_those_of_no_table_do_not():
+    named = Y.rename(columns={"x": "position"})
+    for y in (named, Y, Y.to_numpy(), pd.DataFrame(Y.to_numpy()), Y.to_numpy().tolist()):
+        np.testing.assert_array_equal(read_outputs(CART, y, len(X)), Y)
+    with pytest.raises(RecordError, match=r"order, position, v; .* y\[\['position', 'v'\]\]"):
+        read_outputs(CART, named[["v", "position"]], len(X))
+    one = CART.replace(outputs={"x": "x"})
+    np.testing.assert_array_equal(read_outputs(one, Y[["v"]], len(X)), Y[["v"]])
+    with pytest.raises(RecordError, match=r"order, x; got the columns x, v"):
+        read_records(one, X, Y)
+
+
+def test_without_a_model_columns_may_be_any():
+    np.testing.assert_array_equal(read_outputs(None, WIDER, len(X)), WIDER)
+    with pytest.raises(RecordError, match=r"expected shape \(7, 2\)"):
+        read_outputs(None, Y, 7)
