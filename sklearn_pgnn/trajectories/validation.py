@@ -6,6 +6,7 @@ import pandas as pd
 from sklearn.utils.validation import validate_data
 
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.trajectories.names import is_named
 from sklearn_pgnn.trajectories.tables import as_table
 
 
@@ -61,7 +62,8 @@ def validate_table(estimator, X, *, reset: bool):
     Returns
     -------
     DataFrame or ndarray
-        The table; a DataFrame of another library as one of pandas.
+        The table; a DataFrame of another library as one of pandas. Where `fit` saw names and X has
+        none, of which scikit-learn warns, its columns are those of `fit` in their order.
 
     Raises
     ------
@@ -80,5 +82,14 @@ def validate_table(estimator, X, *, reset: bool):
     X = as_table(X, getattr(estimator, "time_column", None))
     if isinstance(X, pd.DataFrame):
         validate_data(estimator, X, reset=reset, skip_check_array=True)
+    else:
+        X = validate_data(estimator, X, reset=reset, ensure_all_finite="allow-nan")
+    return _with_fitted_names(estimator, X)
+
+
+def _with_fitted_names(estimator, X):
+    """Name columns without names as those that `fit` saw."""
+    names = getattr(estimator, "feature_names_in_", None)
+    if names is None or is_named(X):
         return X
-    return validate_data(estimator, X, reset=reset, ensure_all_finite="allow-nan")
+    return pd.DataFrame(X).set_axis(names, axis=1)
