@@ -12,9 +12,11 @@ from sklearn_pgnn.simulation.free_run import substeps_for
 from sklearn_pgnn.simulation.simulate import hold_of
 from sklearn_pgnn.trajectories import read_records, rows_in_order, split_rows
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
+from sklearn_pgnn.trajectories.names import column_of, time_name
+from sklearn_pgnn.trajectories.reader import TIME, TRAJECTORY
 from sklearn_pgnn.trajectories.validation import check_model, validate_table
 
-SUFFIX, TIME, TRAJECTORY = "_phy", "t", "trajectory"
+SUFFIX = "_phy"
 
 
 class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
@@ -22,10 +24,11 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
 
     Every trajectory is simulated in free run from its first row: of the measured states only that
     row is read, and only it is passed on, held along the trajectory, for what is measured later may
-    not leak into a model that shall predict it. ``trajectory`` is no feature and not passed on; a
-    `UserWarning` says so where the time alone does not tell the trajectories apart.
+    not leak into a model that shall predict it. ``trajectory``, or what the model's `columns` call
+    it, is no feature and not passed on; a `UserWarning` says so where the time alone does not tell
+    the trajectories apart.
 
-    Where X has names, so has the result: a DataFrame gives a DataFrame.
+    Where the X of `fit` has names, so has the result: it is a DataFrame.
 
     A trajectory whose simulation becomes non-finite tells nothing: a `SimulationWarning`
     says where, when and which remedy, and all its rows get the values of its first row. The
@@ -51,7 +54,7 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
         Whether an input is held between two samples or runs straight from one to the next; by
         default as the model's `simulation` says, else held.
     time_column : int or str, optional
-        Column of X that holds the time; by default the first, or ``"t"``.
+        Place or name of the column of X that holds the time; by default the first, or ``"t"``.
 
     Attributes
     ----------
@@ -200,8 +203,9 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
         kept = self._on_own_clocks(X, records).iloc[:, self._kept()]
         if self.append is not True:
             return kept
-        if TRAJECTORY in X.columns:
-            _warn_of_merging(records)
+        named = column_of(self.model, TRAJECTORY, self._column_names())
+        if named is not None:
+            _warn_of_merging(records, named)
         first = np.empty((len(X), len(self.model.states)))
         for record in records:
             first[record.rows] = record.x0
@@ -213,9 +217,7 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
     def _on_own_clocks(self, X: pd.DataFrame, records) -> pd.DataFrame:
         """Return X with the time of the records: seconds that tell trajectories apart."""
         names = self._column_names()
-        called = next(
-            c for c in (self.time_column, self.model.columns.get(TIME), TIME) if c in names
-        )
+        called = time_name(names, self.time_column) or column_of(self.model, TIME, names) or TIME
         table = X.copy(deep=False)
         seconds = np.concatenate([record.t for record in records])
         table.isetitem(names.index(called), rows_in_order(records, seconds))
@@ -233,9 +235,8 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
         """Return the place in X of every state that X holds, by the state's number."""
         names, found = self._column_names(), {}
         for i, state in enumerate(self.model.states):
-            called = self.model.columns.get(state, state)
-            called = called if called in names else state
-            if called in names:
+            called = column_of(self.model, state, names)
+            if called is not None:
                 found[i] = names.index(called)
         return found
 
@@ -243,8 +244,13 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
         """Return the columns of X that are passed on."""
         if not self.append:
             return []
-        left_out = () if self.append == "all" else (TRAJECTORY,)
+        left_out = set() if self.append == "all" else self._trajectory_columns()
         return [i for i, name in enumerate(self._column_names()) if name not in left_out]
+
+    def _trajectory_columns(self) -> set[str]:
+        """Return the columns of X that a reader may take for the trajectory."""
+        called = {TRAJECTORY, self.model.columns.get(TRAJECTORY, TRAJECTORY)}
+        return called.intersection(self._column_names())
 
     def __sklearn_tags__(self):
         tags = super().__sklearn_tags__()
@@ -252,7 +258,7 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
         return tags
 
 
-def _warn_of_merging(records) -> None:
+def _warn_of_merging(records, named: str) -> None:
     """Warn where trajectories that have names are not told apart by the time."""
     t = rows_in_order(records, np.concatenate([record.t for record in records]))
     by_time = [rows for _, rows in split_rows(t)]
@@ -260,9 +266,9 @@ def _warn_of_merging(records) -> None:
     if apart and all(map(np.array_equal, by_time, [record.rows for record in records])):
         return
     warnings.warn(
-        "X: the column 'trajectory' is left out, and the time alone does not tell the trajectories "
-        "apart: what reads this table as records would read others. Remedy: append='all', or let "
-        "the time of every trajectory begin anew.",
+        f"X: the column {named!r} is left out, and the time alone does not tell the trajectories "
+        f"apart: what reads this table as records would read others. Remedy: append='all', or let "
+        f"the time of every trajectory begin anew.",
         UserWarning,
         stacklevel=4,
     )

@@ -150,6 +150,19 @@ def test_model_may_call_columns_otherwise():
     )
 
 
+def test_the_trajectory_is_no_feature_whatever_it_is_called():
+    renamed = CART.replace(columns={"trajectory": "run"})
+    other = X.assign(run=X["trajectory"].map("run {}".format)).drop(columns="trajectory")
+    transformer = PhysicsModelTransformer(renamed).fit(other)
+    assert "run" not in transformer.get_feature_names_out()
+    expected = PhysicsModelTransformer(CART).fit_transform(X)
+    pd.testing.assert_frame_equal(transformer.transform(other), expected)
+    both = PhysicsModelTransformer(renamed).fit_transform(other.assign(trajectory="all"))
+    pd.testing.assert_frame_equal(both, expected)
+    with pytest.warns(UserWarning, match="'run' is left out, and the time alone does not tell"):
+        transformer.transform(other.sort_values("t", kind="stable"))
+
+
 def test_substeps_are_as_many_as_needed():
     stiff = CART.with_parameters(m=0.1, k=900.0, d=2.0)  # 95 rad/s at 0.02 s
     auto = PhysicsModelTransformer(stiff, append=False).fit(X)
