@@ -6,9 +6,11 @@ import re
 import numpy as np
 import pandas as pd
 
+from sklearn_pgnn.estimators.made_up_names import apart_from
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.physics.expressions import RESERVED
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.trajectories.names import is_named, time_name
 from sklearn_pgnn.trajectories.reader import TIME, TRAJECTORY
 from sklearn_pgnn.trajectories.tables import as_table
 
@@ -47,15 +49,16 @@ def blank_model(X, y, time_column) -> PhysicsModel:
     >>> blank_model(X, pd.DataFrame({"phi": [0.0, 0.2]}), None).inputs
     mappingproxy({'torque_N_m': ''})
     """
-    states = target_names(y)
-    if isinstance(X, pd.DataFrame) and all(isinstance(name, str) for name in X.columns):
-        aside = {TIME if time_column is None else time_column, TRAJECTORY, *states}
-        inputs = [name for name in X.columns if name not in aside]
+    columns = list(X.columns) if is_named(X) else []
+    states = target_names(y, columns=columns)
+    if columns:
+        aside = {time_name(columns, time_column) or TIME, TRAJECTORY, *states}
+        inputs = [name for name in columns if name not in aside]
         _refuse_gaps(X, inputs, states)
     else:
         inputs = [f"u{i}" for i in range(X.shape[1] - 1)]
     called = [*states, *inputs]
-    names = identifiers(called)
+    names = identifiers(called, columns)
     return PhysicsModel(
         states=dict.fromkeys(names[: len(states)], ""),
         equations=dict.fromkeys(names[: len(states)], "0"),
@@ -66,23 +69,26 @@ def blank_model(X, y, time_column) -> PhysicsModel:
     )
 
 
-def target_names(y, letter: str = "x") -> list[str]:
-    """Name the columns of y; ``x0``, ``x1`` ... where they have no names."""
+def target_names(y, letter: str = "x", columns=()) -> list[str]:
+    """Name the columns of y; ``x0``, ``x1`` ..., as no column of X is called, without names."""
     if isinstance(y, pd.DataFrame):
         return [str(name) for name in y.columns]
     if isinstance(getattr(y, "name", None), str):
         return [y.name]
     shape = np.asarray(y).shape
-    return [f"{letter}{i}" for i in range(shape[1] if len(shape) == 2 else 1)]
+    n_targets = shape[1] if len(shape) == 2 else 1
+    return apart_from([f"{letter}{i}" for i in range(n_targets)], columns)
 
 
-def identifiers(called) -> list[str]:
+def identifiers(called, columns=()) -> list[str]:
     """Turn names of columns into names that an equation may hold, each another one.
 
     Parameters
     ----------
     called : sequence of str
         Names of columns.
+    columns : sequence of str, default=()
+        All columns of the table: a name that is changed becomes none of them.
 
     Returns
     -------
@@ -98,7 +104,8 @@ def identifiers(called) -> list[str]:
     for column in called:
         name = re.sub(r"\W+", "_", str(column)).strip("_") or "x"
         name = f"x{name}" if name[0].isdigit() else name
-        while name in names or name in RESERVED or keyword.iskeyword(name):
+        others = {*names, *RESERVED, *(set(columns) - {column})}
+        while name in others or keyword.iskeyword(name):
             name += "_"
         names.append(name)
     return names

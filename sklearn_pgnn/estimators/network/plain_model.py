@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 
+from sklearn_pgnn.estimators.made_up_names import apart_from
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.trajectories.reader import TRAJECTORY
 
@@ -56,19 +57,23 @@ def plain_model(X: pd.DataFrame, y, time_column: str, states) -> PhysicsModel:
     missing = [name for name in named if name not in X.columns]
     if missing:
         raise ValueError(f"states: X has no column {missing[0]!r}; it has {', '.join(X.columns)}.")
-    positions = [f"x{i}" for i in range(n_outputs)]
-    velocities = [] if len(named) == n_outputs else [f"v{i}" for i in range(n_outputs)]
+    positions = apart_from([f"x{i}" for i in range(n_outputs)], X.columns)
+    velocities = apart_from([f"v{i}" for i in range(n_outputs)], X.columns)
+    velocities = [] if len(named) == n_outputs else velocities
     equations = dict.fromkeys(positions, "0") | dict.fromkeys(velocities, "0")
     equations |= dict(zip(positions, velocities, strict=False))
     taken = {time_column, TRAJECTORY, *named}
-    inputs = {f"u{i}": c for i, c in enumerate(c for c in X.columns if c not in taken)}
+    given = [c for c in X.columns if c not in taken]
+    own = apart_from([f"u{i}" for i in range(len(given))], X.columns)
+    inputs = dict(zip(own, given, strict=True))
+    outputs = apart_from([f"y{i}" for i in range(n_outputs)], X.columns)
     first = np.nan_to_num(np.asarray(y, dtype=float).reshape(len(X), n_outputs)[0])
     return PhysicsModel(
         name="plain network",
         states=dict.fromkeys(equations, ""),
         equations=equations,
         inputs=dict.fromkeys(inputs, ""),
-        outputs={f"y{i}": state for i, state in enumerate(positions)},
+        outputs=dict(zip(outputs, positions, strict=True)),
         initial_state=dict(zip(positions, first.tolist(), strict=True)),
         columns=inputs | dict(zip(equations, named, strict=False)),
     )

@@ -41,6 +41,7 @@ from sklearn_pgnn.simulation.record_windows import dominant_period, output_noise
 from sklearn_pgnn.simulation.simulate import hold_of
 from sklearn_pgnn.trajectories import read_records
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
+from sklearn_pgnn.trajectories.names import is_named, time_name
 from sklearn_pgnn.trajectories.tables import TIME, as_pandas, as_table
 from sklearn_pgnn.trajectories.validation import check_model, validate_table
 
@@ -104,30 +105,30 @@ class PreparedNet(TrajectoryNet):
         named = TIME in getattr(as_table(X), "columns", ())
         return self.model is not None or named or self.time_column is not None
 
-    @property
-    def _time_name(self) -> str:
+    def _time_name(self, X: pd.DataFrame) -> str:
         """Name the column of the time where there is no model."""
-        named = self.time_column is None or isinstance(self.time_column, str)
-        return (self.time_column or "t") if named else f"column {self.time_column}"
+        return time_name(X.columns, self.time_column) or TIME
 
-    def _with_time_name(self, X) -> pd.DataFrame:
+    def _with_column_names(self, X) -> pd.DataFrame:
         """Name the columns of an array that has a time but no model."""
-        if isinstance(X, pd.DataFrame):
+        if is_named(X):
             return X
-        return pd.DataFrame(X, columns=[f"column {i}" for i in range(X.shape[1])])
+        return pd.DataFrame(X).set_axis([f"column {i}" for i in range(X.shape[1])], axis=1)
 
     def _named(self, X):
         """Name the columns of X where they have no names, and the one that holds the time."""
         if self.model is None:
-            return self._with_time_name(X), self._time_name
+            X = self._with_column_names(X)
+            return X, self._time_name(X)
         named = with_names(self.model, X, self.time_column)
         return named, self.time_column if named is X else None
 
     def _read_ready(self, X, y=None):
-        """Read X as trajectories that the loop can run along."""
+        """Read X as trajectories that the loop can run along; y need not be enough for a fit."""
         X = validate_table(self, X, reset=False)
         X, time_column = self._named(X)
-        records = read_records(self.model_, X, y, time_column=time_column)
+        y = y if y is None or self.model is not None else np.asarray(y)
+        records = read_records(self.model_, X, y, time_column=time_column, to_fit=False)
         if self.model is not None:
             refuse_standardised(self.model, records)
         return Runs(records, self._prepare(X, records), [])
@@ -157,8 +158,8 @@ class PreparedNet(TrajectoryNet):
         self._single_output = np.asarray(y).ndim == 1
         self.model_ = self.model if anew else self.model_
         if self.model is None:
-            X, y = self._with_time_name(X), np.asarray(y)  # y names nothing that a model knows
-            self.model_ = plain_model(X, y, self._time_name, self.states)
+            X, y = self._with_column_names(X), np.asarray(y)  # y names nothing that a model knows
+            self.model_ = plain_model(X, y, self._time_name(X), self.states)
         self._settle_dissipation()
         X, time_column = self._named(X)
         given = read_records(self.model_, X, y, time_column=time_column, allow_unmeasured=True)
