@@ -494,6 +494,9 @@ def test_further_column_is_learnt():
 def test_further_column_that_is_no_number():
     with pytest.raises(RecordError, match=r"column 'shift' is not numeric. Remedy: encode it"):
         quick().fit(X.assign(shift="late"), Y)
+    dates = pd.Timestamp("2026-01-31") + pd.to_timedelta(X["t"], unit="s")
+    with pytest.raises(RecordError, match=r"column 'date' is not numeric. Remedy: encode it"):
+        quick().fit(X.assign(date=dates), Y)
     gappy = X.assign(heat=1.0)
     gappy.loc[7, "heat"] = np.nan
     with pytest.raises(RecordError, match=r"column 'heat' is nan in row 7; expected a finite numb"):

@@ -5,7 +5,9 @@ import pandas as pd
 
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.trajectories.names import once, time_name
 from sklearn_pgnn.trajectories.reader import TIME, TRAJECTORY
+from sklearn_pgnn.trajectories.real_numbers import read_numbers
 
 #: what `PhysicsModelTransformer` adds to a name
 SIMULATED = "_phy"
@@ -84,7 +86,11 @@ def further_columns(model: PhysicsModel, X, time_column) -> list[str]:
     if not isinstance(X, pd.DataFrame):
         return []
     own = [TIME, TRAJECTORY, *model.inputs, *model.states, *model.outputs]
-    taken = {time_column, *own, *(model.columns.get(name, name) for name in own)}
+    taken = {
+        time_name(X.columns, time_column),
+        *own,
+        *(model.columns.get(name, name) for name in own),
+    }
     taken |= {name + SIMULATED for name in (*model.states, *model.outputs)}
     return [name for name in X.columns if name not in taken]
 
@@ -114,13 +120,7 @@ def feature_values(X, names: list[str]) -> np.ndarray:
 
 def _numbers(X: pd.DataFrame, names) -> np.ndarray:
     """Read columns as finite numbers."""
-    try:
-        values = X[names].to_numpy(dtype=float)
-    except (TypeError, ValueError):
-        strange = [name for name in names if X[name].dtype.kind not in "biuf"]
-        raise RecordError(
-            f"X: column {strange[0]!r} is not numeric. Remedy: encode it, or leave it out."
-        ) from None
+    values = np.column_stack([_column(X, name) for name in names])
     if not np.isfinite(values).all():
         row, column = np.argwhere(~np.isfinite(values))[0]
         raise RecordError(
@@ -129,3 +129,13 @@ def _numbers(X: pd.DataFrame, names) -> np.ndarray:
             f"'states'; else fill the gap or leave the column out."
         )
     return values
+
+
+def _column(X: pd.DataFrame, name: str) -> np.ndarray:
+    column = once(X, name, "X: column")
+    try:
+        return read_numbers(column, f"X: column {name!r}")
+    except RecordError as error:
+        raise RecordError(
+            f"X: column {name!r} is not numeric. Remedy: encode it, or leave it out."
+        ) from error
