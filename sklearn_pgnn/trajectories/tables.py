@@ -52,10 +52,15 @@ def as_pandas(X):
     Returns
     -------
     DataFrame, Series or array-like
-        The table.
+        The table, its numbers in the byte order of this machine: pandas reads no other.
+
+    Examples
+    --------
+    >>> as_pandas(np.array([1.0], dtype=">f8")).dtype
+    dtype('float64')
     """
-    if isinstance(X, pd.DataFrame | pd.Series):
-        return X
+    if isinstance(X, pd.DataFrame | pd.Series | np.ndarray):
+        return _in_native_order(X)
     native = nw.from_native(X, pass_through=True, allow_series=True)  # polars, pyarrow and others
     if isinstance(native, nw.LazyFrame):
         native = native.collect()
@@ -64,6 +69,25 @@ def as_pandas(X):
     if isinstance(native, nw.Series):
         return pd.Series(native.to_numpy(), name=native.name)
     return X
+
+
+def _in_native_order(X):
+    """Return numbers in the byte order of this machine; a table that has no others as it came."""
+    if isinstance(X, pd.DataFrame):
+        other = {i: _native(X.iloc[:, i]) for i, d in enumerate(X.dtypes) if _is_foreign(d)}
+        X = X.copy(deep=False) if other else X
+        for i, column in other.items():
+            X.isetitem(i, column)
+        return X
+    return _native(X) if _is_foreign(X.dtype) else X
+
+
+def _is_foreign(dtype) -> bool:
+    return isinstance(dtype, np.dtype) and not dtype.isnative
+
+
+def _native(values):
+    return values.astype(values.dtype.newbyteorder("="))
 
 
 def take_rows(table, rows):

@@ -60,6 +60,21 @@ def test_every_library_is_read_by_name(tables, kind):
     np.testing.assert_array_equal(found[1].u[:, 0], U[60:120])
 
 
+def test_numbers_may_come_in_the_byte_order_of_other_machines(tables):
+    model, X, y = tables
+    X = X[["t", "u", "y"]]
+    expected = read_records(model, X, y)
+    foreign = X.astype(">f8")
+    assert_same(read_records(model, foreign.to_numpy(), y.to_numpy().astype(">f8")), expected)
+    assert_same(read_records(model, foreign, y.astype(">f8")), expected)
+    assert foreign.dtypes.eq(np.dtype(">f8")).all()
+    fitted = ResidualRegressor(model).fit(X, y)
+    np.testing.assert_array_equal(
+        ResidualRegressor(model).fit(X.to_numpy().astype(">f8"), y).predict(X.to_numpy()),
+        fitted.predict(X),
+    )
+
+
 @pytest.mark.parametrize("kind", [to_polars, to_arrow])
 def test_a_lost_column_is_missed_by_name(tables, kind):
     model, X, _ = tables
