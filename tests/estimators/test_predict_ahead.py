@@ -66,6 +66,28 @@ def test_far_ahead_is_the_free_run_and_near_ahead_is_near(estimator):
     assert errors[0] < 0.5 * errors[1]
 
 
+@pytest.mark.parametrize(
+    "estimator",
+    [
+        PhysicsModelRegressor(CART, search="local"),
+        ResidualRegressor(CART),
+        SINDYcRegressor(CART, degree=1),
+        SINDYcRegressor(CART, degree=1, discrete=True),
+        PGNNLRegressor(CART, **QUICK),
+    ],
+    ids=lambda each: type(each).__name__,
+)
+def test_short_trajectories_and_those_without_y_are_the_free_run(estimator):
+    free = estimator.fit(X, Y).predict(X)
+    for n in (1, 3):
+        first = n >= FIRSTS + 1
+        assert np.allclose(estimator.predict_ahead(X[first], Y[first], steps=20), free[first])
+    blind = X["trajectory"].to_numpy() == 1
+    found = estimator.predict_ahead(X, np.where(blind, np.nan, Y + 0.5), steps=2)
+    assert np.allclose(found[blind], free[blind], atol=1e-6)
+    assert np.abs(found - free)[~blind].max() > 0.1
+
+
 @pytest.mark.parametrize("estimator", [SINDYcRegressor(), PGNNLRegressor(max_epochs=2)])
 def test_independent_rows_have_no_state(estimator):
     A = np.random.default_rng(0).normal(size=(60, 3))
