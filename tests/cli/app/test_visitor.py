@@ -34,7 +34,7 @@ def test_a_file_that_arrives_when_a_diagnosis_has_begun_does_not_end_it():
     visitor = Visitor()
     number = visitor.new_number()
     visitor.running = going_on = Stages("diagnose")
-    with pytest.raises(Refused, match=r"A diagnosis is going on: wait for it, or stop it first\."):
+    with pytest.raises(Refused, match=r"A diagnosis is running: wait for it, or stop it first\."):
         asyncio.run(visitor.take_record(number, "late.csv", b"t,v\n0,1\n"))
     assert visitor.running is going_on
     assert visitor.records == []
