@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 from joblib import effective_n_jobs
-from sklearn.base import BaseEstimator, MultiOutputMixin, RegressorMixin, clone
+from sklearn.base import BaseEstimator, MultiOutputMixin, clone
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
@@ -58,11 +58,12 @@ from sklearn_pgnn.threads import one_thread_each
 from sklearn_pgnn.trajectories import read_records
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
 from sklearn_pgnn.trajectories.record import Record
+from sklearn_pgnn.trajectories.scoring import GapScoreMixin
 from sklearn_pgnn.trajectories.tags import tags_of_records
 from sklearn_pgnn.trajectories.validation import check_model, validate_table
 
 
-class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
+class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
     r"""Name the physical causes of a model's error and extend the model by them.
 
     Every cause of the catalogue is fitted together with the model's free parameters and the

@@ -6,7 +6,7 @@ from numbers import Integral, Real
 
 import numpy as np
 from joblib import Parallel, delayed
-from sklearn.base import BaseEstimator, MultiOutputMixin, RegressorMixin, clone
+from sklearn.base import BaseEstimator, MultiOutputMixin, clone
 from sklearn.utils.validation import check_is_fitted
 
 from sklearn_pgnn.diagnosis import ModelDiagnosis
@@ -28,6 +28,7 @@ from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.intervals import beside, check_coverage, quantile_of
 from sklearn_pgnn.trajectories import read_records, rows_in_order
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
+from sklearn_pgnn.trajectories.scoring import GapScoreMixin
 from sklearn_pgnn.trajectories.tags import tags_of_records
 from sklearn_pgnn.trajectories.validation import check_model, validate_table
 
@@ -36,7 +37,7 @@ DEPTHS = ("prior", "fitted", "extended", "formula", "state_network", "network")
 NETWORKS = DEPTHS[-2:]
 
 
-class GreyBoxRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
+class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
     r"""Grey-box model of records: as much physics as they want, and a network only if it helps.
 
     .. math:: \hat e_d = \exp \frac{1}{n} \sum_{f, r} \log e_{d, f, r}, \qquad
@@ -293,7 +294,7 @@ class GreyBoxRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
             If a `network` of one's own was chosen that has no ``predict_ahead``.
         """
         check_is_fitted(self)
-        records = self._records(validate_table(self, X, reset=False), y)
+        records = self._records(validate_table(self, X, reset=False), y, to_fit=False)
         table = plain_table(self.model, records)
         started = table.starting(self.model_, usual_starts(self.model_, table))
         ahead = self.estimator_.predict_ahead(started, table.y, steps)
@@ -399,8 +400,8 @@ class GreyBoxRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         """Return whether the network can be told to see the states only."""
         return self.network is None or self.network.get_params(deep=False).get("sees", 0) is None
 
-    def _records(self, X, y=None):
-        records = read_records(self.model, X, y, time_column=self.time_column)
+    def _records(self, X, y=None, to_fit=True):
+        records = read_records(self.model, X, y, time_column=self.time_column, to_fit=to_fit)
         refuse_standardised(self.model, records)
         return records
 

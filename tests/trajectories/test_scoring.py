@@ -6,7 +6,14 @@ import pytest
 from sklearn.metrics import r2_score
 from sklearn.model_selection import cross_val_score
 
-from sklearn_pgnn import PhysicsModel, PhysicsModelRegressor, ResidualRegressor
+from sklearn_pgnn import (
+    GreyBoxRegressor,
+    ModelDiagnosis,
+    PhysicsModel,
+    PhysicsModelRegressor,
+    ResidualRegressor,
+    effects,
+)
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.model_selection import TrajectoryKFold
 
@@ -24,7 +31,12 @@ Y += 0.02 * np.random.default_rng(0).normal(size=Y.shape)
 GAPPY = Y.copy()
 GAPPY[::2, 0] = GAPPY[1::2, 1] = np.nan  # no row has both
 
-REGRESSORS = [PhysicsModelRegressor(CART, search="local"), ResidualRegressor(CART)]
+REGRESSORS = [
+    PhysicsModelRegressor(CART, search="local"),
+    ResidualRegressor(CART),
+    GreyBoxRegressor(CART, depths=("prior", "fitted")),
+    ModelDiagnosis(CART, catalogue=(effects.QuadraticDrag,), max_causes=1),
+]
 
 
 @pytest.mark.parametrize("estimator", REGRESSORS)
