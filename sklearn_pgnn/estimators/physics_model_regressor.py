@@ -20,6 +20,7 @@ from sklearn_pgnn.simulation.ahead import model_machine, predict_ahead
 from sklearn_pgnn.simulation.finite_run import simulate_quantities
 from sklearn_pgnn.simulation.free_run import simulate_record
 from sklearn_pgnn.simulation.intervals import beside, check_coverage, output_variance, quantile_of
+from sklearn_pgnn.simulation.noise_option import read_noise_std
 from sklearn_pgnn.simulation.record_windows import (
     WHOLE,
     WindowedRecords,
@@ -66,7 +67,8 @@ class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         from the model's values and from those of a fit to short windows; a state that the first
         rows of all trajectories tell is taken as it is, others are fitted.
     noise_std : array-like of shape (n_outputs,), optional
-        Standard deviation of the outputs' noise, which weights them; by default estimated.
+        Standard deviation of each output's noise, in its unit, which weights it: finite and
+        above 0. One number is taken where there is one output. By default estimated.
     hold : {"zoh", "foh"}, optional
         Whether an input is held between two samples or runs straight from one to the next; by
         default as the model's `simulation` says, else held.
@@ -170,9 +172,11 @@ class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         Raises
         ------
         ValueError
-            If X and y cannot be read as records of the model, or a parameter is unknown.
+            If X and y cannot be read as records of the model, or a parameter is unknown or none of
+            what it can be.
         """
         check_model(self.model)
+        told = read_noise_std(self.noise_std, list(self.model.outputs))
         if y is None:
             raise ValueError(
                 f"{type(self).__name__} requires y to be passed, but the target y is None."
@@ -196,8 +200,7 @@ class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         unknown = np.full(len(self.model.states), np.nan)
         self.initial_states_ = np.array([starts.get(record.rows[0], unknown) for record in records])
         self.window_ = median_window_length(windows)
-        told = self.noise_std
-        self.noise_ = output_noise(records) if told is None else np.array(told, dtype=float)
+        self.noise_ = output_noise(records) if told is None else told
         self._single_output = np.asarray(y).ndim == 1
         self._keep_errors(found, records)
         return self
