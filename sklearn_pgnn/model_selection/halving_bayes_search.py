@@ -12,7 +12,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.extras import needed_by
-from sklearn_pgnn.model_selection.trajectory_k_fold import TrajectoryKFold
+from sklearn_pgnn.model_selection.own_folds import own_folds
 from sklearn_pgnn.trajectories.tables import take_rows
 
 
@@ -54,7 +54,8 @@ class HalvingBayesSearchCV(MetaEstimatorMixin, BaseEstimator):
     n_iter : int, default=20
         Number of candidates, the estimator as it is among them.
     cv : int or cross-validation splitter, default=3
-        Folds, in the order in which they are scored; a number means `TrajectoryKFold`.
+        Folds, in the order in which they are scored; a number means `TrajectoryKFold`, by the
+        time that the estimator reads.
     scoring : str or callable, optional
         As scikit-learn's; by default the estimator's own score.
     own_first : bool, default=True
@@ -151,8 +152,7 @@ class HalvingBayesSearchCV(MetaEstimatorMixin, BaseEstimator):
                 "search_spaces: expected at least one dimension, got none. Remedy: "
                 "search_space(estimator) has those of the package's estimators."
             )
-        splitter = self.cv if hasattr(self.cv, "split") else TrajectoryKFold(self.cv)
-        folds = list(splitter.split(X, y))
+        folds = list(own_folds(self.cv, self.estimator, X).split(X, y))
         self.n_splits_ = len(folds)
         scores = np.full((self.n_iter, len(folds)), np.nan)
         candidates, seconds = [], []

@@ -31,7 +31,8 @@ class TrajectoryKFold(BaseCrossValidator):
     random_state : int, RandomState instance or None, default=None
         What draws it.
     time_column : int or str, optional
-        Column of X that holds the time; by default the first, or ``"t"``. Where X has a column
+        Column of X that holds the time; by default ``"t"``, the first where the columns
+        have no names. Where X has a column
         ``trajectory`` the time is not read.
 
     See Also
