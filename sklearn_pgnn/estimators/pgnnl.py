@@ -14,6 +14,7 @@ from sklearn_pgnn.estimators.network.batches import TensorBatches
 from sklearn_pgnn.estimators.network.cores import FeedForward
 from sklearn_pgnn.estimators.network.free_run import ready_to_run, run_core
 from sklearn_pgnn.estimators.network.prepared_net import PreparedNet
+from sklearn_pgnn.estimators.network.random_numbers import own_random_numbers
 from sklearn_pgnn.estimators.network.stepper import Stepper
 from sklearn_pgnn.exceptions import SimulationWarning
 from sklearn_pgnn.extras import needed_by
@@ -140,7 +141,8 @@ class PGNNLRegressor(MultiOutputMixin, PreparedNet):
     time_column : int or str, optional
         Column of X that holds the time; by default ``"t"``, of an array the first.
     random_state : int, RandomState instance or None, default=0
-        What draws the weights, the batches and the held-out trajectories.
+        What draws the weights, the batches and the held-out trajectories. Torch draws from one
+        stream in a process: trainings on several threads wait for each other.
     module : Module class, default=FeedForward
         The core: takes ``n_inputs`` and ``n_outputs``, and maps features to outputs; see
         `FeedForward` (``module__neurons``, ``module__layers``, ``module__activation``) and
@@ -602,7 +604,7 @@ class PGNNLRegressor(MultiOutputMixin, PreparedNet):
         self._check_parameters()
         random = check_random_state(self.random_state)
         has_time = self._has_time(X)
-        with torch.random.fork_rng(devices=[]), one_thread_each() as self._threads:
+        with own_random_numbers(), one_thread_each() as self._threads:
             self._make_core(1, 1)  # refuses parameters that make none, before any work
             torch.manual_seed(random.randint(2**31 - 1))
             if has_time:

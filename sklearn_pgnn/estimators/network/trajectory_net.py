@@ -42,6 +42,7 @@ from sklearn_pgnn.estimators.network.least_squares import (
 from sklearn_pgnn.estimators.network.overlap import Overlap
 from sklearn_pgnn.estimators.network.parameter_errors import parameter_errors
 from sklearn_pgnn.estimators.network.physics_loss import NotFinite, PhysicsLoss
+from sklearn_pgnn.estimators.network.random_numbers import own_random_numbers
 from sklearn_pgnn.estimators.network.records import TrainingRecord, TrainingWindows
 from sklearn_pgnn.estimators.network.row_network import RowNetwork
 from sklearn_pgnn.estimators.network.step_network import StepNetwork
@@ -489,7 +490,7 @@ class TrajectoryNet(NeuralNetRegressor):
         self.__dict__.update(state)
         if weights is not None:
             history, self.history_ = self.history_, None
-            with torch.random.fork_rng(devices=[]):
+            with own_random_numbers():
                 self.initialize()
             self.history_ = history
             tensors = {name: torch.tensor(part) for name, part in weights.items()}
