@@ -31,6 +31,11 @@ def _is_inside(point, space) -> bool:
         return False
 
 
+def _plain(value):
+    """Return a number or a text of numpy as one of Python."""
+    return value.item() if isinstance(value, np.generic) else value
+
+
 class HalvingBayesSearchCV(MetaEstimatorMixin, BaseEstimator):
     """Search parameters by a Gaussian process; only the better half goes on after every fold.
 
@@ -81,6 +86,10 @@ class HalvingBayesSearchCV(MetaEstimatorMixin, BaseEstimator):
         ``n_folds`` it was scored on, ``mean_test_score`` over these, and ``fit_time`` [s].
     n_splits_ : int
         Number of folds.
+    n_features_in_ : int
+        Number of columns of X.
+    feature_names_in_ : ndarray of str
+        Their names, if X has any.
 
     See Also
     --------
@@ -170,6 +179,16 @@ class HalvingBayesSearchCV(MetaEstimatorMixin, BaseEstimator):
         self.best_estimator_ = clone(self.estimator).set_params(**self.best_params_).fit(X, y)
         return self
 
+    @property
+    def n_features_in_(self) -> int:
+        """Number of columns of X."""
+        return self.best_estimator_.n_features_in_
+
+    @property
+    def feature_names_in_(self):
+        """Names of the columns of X, if it has any."""
+        return self.best_estimator_.feature_names_in_
+
     def _optimizer(self):
         """Return what asks for points of the space."""
         with needed_by("HalvingBayesSearchCV"):
@@ -185,7 +204,7 @@ class HalvingBayesSearchCV(MetaEstimatorMixin, BaseEstimator):
         names = sorted(self.search_spaces)  # the order of scikit-optimize's dimensions
         if i or not self.own_first:
             point = optimizer.ask()
-            return point, dict(zip(names, point, strict=True))
+            return point, dict(zip(names, map(_plain, point), strict=True))
         own = self.estimator.get_params()
         params = {name: own[name] for name in names if name in own}
         point = [params.get(name) for name in names]

@@ -109,10 +109,17 @@ class ConformalRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
             left.append(np.abs(predicted - _columns(take_rows(y, test))))
             teller(self)(f"fold {len(left)}: largest error {np.nanmax(left[-1]):.4g}")
         self._left = np.sort(np.concatenate(left), axis=0)
-        for name in ("n_features_in_", "feature_names_in_"):
-            if hasattr(self.estimator_, name):
-                setattr(self, name, getattr(self.estimator_, name))
         return self
+
+    @property
+    def n_features_in_(self) -> int:
+        """Number of columns of X."""
+        return self.estimator_.n_features_in_
+
+    @property
+    def feature_names_in_(self):
+        """Names of the columns of X, if it has any."""
+        return self.estimator_.feature_names_in_
 
     def predict(self, X):
         """Predict by the regressor that was fitted to all trajectories.
