@@ -328,7 +328,7 @@ class PGNNLRegressor(MultiOutputMixin, PreparedNet):
             Measured outputs; NaN where there is none. Trajectories without any count in the
             physical loss only, and for nothing where `lambda_phy` is 0.
         **fit_params
-            Of skorch.
+            Of skorch, such as ``epochs``, which overrules `max_epochs`.
 
         Returns
         -------
@@ -354,7 +354,7 @@ class PGNNLRegressor(MultiOutputMixin, PreparedNet):
         classes : None
             Not used.
         **fit_params
-            Of skorch.
+            Of skorch, such as ``epochs``, which overrules `max_epochs`.
 
         Returns
         -------
@@ -635,7 +635,7 @@ class PGNNLRegressor(MultiOutputMixin, PreparedNet):
         self.notify("on_train_end", X=X, y=y)
         del self._rows
 
-    def _train_on_trajectories(self, X, y, random, anew, **fit_params) -> None:
+    def _train_on_trajectories(self, X, y, random, anew, epochs=None, **fit_params) -> None:
         """Train a network in feedback: single steps, rollouts, whole trajectories."""
         if self.train_split is not None:
             raise ValueError(
@@ -652,7 +652,8 @@ class PGNNLRegressor(MultiOutputMixin, PreparedNet):
         self.notify("on_train_begin", X=X, y=y)
         with contextlib.suppress(KeyboardInterrupt):
             with self._one_phase("single steps"):
-                self._train_steps(windows, **fit_params)
+                epochs = self.max_epochs if epochs is None else epochs
+                self._train_steps(windows, epochs, **fit_params)
             if self.horizon > 1:
                 with self._one_phase("rollouts"):
                     self._train_rollouts(training, windows, **fit_params)

@@ -157,7 +157,7 @@ class TrajectoryNet(NeuralNetRegressor):
                 "windows of them. Remedy: EpochScoring."
             )
 
-    def _train_steps(self, windows, **fit_params) -> None:
+    def _train_steps(self, windows, epochs, **fit_params) -> None:
         """Train on single steps; a recurrent core on stretches, the measured state fed back."""
         length = 1
         if hasattr(self.module_.core, "at_rest"):
@@ -170,7 +170,7 @@ class TrajectoryNet(NeuralNetRegressor):
         left = np.sqrt(np.mean((windows.x[after] - base) ** 2, axis=0))[own]
         self.module_.teacher_forcing = True
         target = windows.at_ends(windows.told_x[:, own], length)
-        self._run_phase(windows, length, target, left, 1.0, self.max_epochs, **fit_params)
+        self._run_phase(windows, length, target, left, 1.0, epochs, **fit_params)
 
     def _train_rollouts(self, training, windows, **fit_params) -> None:
         """Train on windows along which the prediction is fed back; the outputs are compared."""
