@@ -14,7 +14,12 @@ from sklearn_pgnn.diagnosis import frames
 from sklearn_pgnn.diagnosis.description import describe
 from sklearn_pgnn.diagnosis.free_run import free_run_errors
 from sklearn_pgnn.diagnosis.investigation import Findings, Investigation
-from sklearn_pgnn.diagnosis.options import check_detectability, check_options, check_time_limit
+from sklearn_pgnn.diagnosis.options import (
+    check_detectability,
+    check_max_causes,
+    check_options,
+    check_time_limit,
+)
 from sklearn_pgnn.diagnosis.plain_diagnosis import plain_diagnosis
 from sklearn_pgnn.diagnosis.result import (
     NamedCause,
@@ -267,6 +272,7 @@ class ModelDiagnosis(MultiOutputMixin, RegressorMixin, BaseEstimator):
         read_catalogue(self.catalogue)
         check_options(self.hold, self.alpha, self.smallest_share)
         check_targets(self.model, self.targets)
+        check_max_causes(self.max_causes)
         check_time_limit(self.time_limit)
         read_noise_std(self.noise_std, list(self.model.outputs))
         if y is None:

@@ -15,6 +15,7 @@ from sklearn_pgnn.estimators.parameter_search import (
     find_parameters,
 )
 from sklearn_pgnn.estimators.progress import teller
+from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.ahead import model_machine, predict_ahead
 from sklearn_pgnn.simulation.finite_run import simulate_quantities
@@ -372,6 +373,11 @@ class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         return windowed, find_in_free_run(self.model, short, windowed, names, *search)
 
     def _free_names(self) -> tuple[str, ...]:
+        if isinstance(self.free, str):
+            raise OptionError(
+                f"free: expected a sequence of parameters among "
+                f"{', '.join(self.model.parameters)}, got {self.free!r}. Remedy: free=[{self.free!r}]."
+            )
         names = self.model.free_parameters if self.free is None else tuple(self.free)
         unknown = [name for name in names if name not in self.model.parameters]
         if unknown:
