@@ -376,7 +376,8 @@ class PhysicsModelRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
         if isinstance(self.free, str):
             raise OptionError(
                 f"free: expected a sequence of parameters among "
-                f"{', '.join(self.model.parameters)}, got {self.free!r}. Remedy: free=[{self.free!r}]."
+                f"{', '.join(self.model.parameters)}, got {self.free!r}. Remedy: "
+                f"free=[{self.free!r}]."
             )
         names = self.model.free_parameters if self.free is None else tuple(self.free)
         unknown = [name for name in names if name not in self.model.parameters]

@@ -165,7 +165,7 @@ def _nth(X, time_column) -> np.ndarray:
     X = np.asarray(X)
     number = 0 if time_column is None else time_column
     width = X.shape[1] if X.ndim == 2 else 0
-    if not isinstance(number, Integral) or not -width <= number < width:
+    if not isinstance(number, Integral) or not -width <= int(number) < width:
         raise ValueError(
             f"time_column: expected a column number below {width}, for X of shape {X.shape} has no "
             f"names, got {number!r}."
