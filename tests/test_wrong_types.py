@@ -89,3 +89,35 @@ def test_a_width_is_a_number(core):
     core = {f"module__{name}": value for name, value in core.items()}
     with pytest.raises(ValueError, match=f"module__{name}: expected an integer >= 1, got "):
         PGNNLRegressor(LAG, **core).fit(X[:, :0], Y)  # nothing of X is read before
+
+
+def test_a_text_is_no_sequence_of_names():
+    expected = r"free: expected a sequence of parameters among T, got 'T'\. Remedy: free=\['T'\]"
+    with pytest.raises(ValueError, match=expected):
+        PhysicsModelRegressor(LAG, free="T").fit(X, Y)
+    expected = r"targets: expected a sequence of .* got 'yu'\. Remedy: targets=\['yu'\]"
+    with pytest.raises(ValueError, match=expected):
+        ModelDiagnosis(LAG, targets="yu").fit(X, Y)
+
+
+def test_targets_are_listed_once():
+    with pytest.raises(
+        ValueError, match=r"^targets: .* got 'zzz'; one of y, u, T(, |\.$)"
+    ) as raised:
+        ModelDiagnosis(LAG, targets=["zzz"]).fit(X, Y)
+    listed = str(raised.value).split("one of ")[1].rstrip(".").split(", ")
+    assert len(listed) == len(set(listed))
+
+
+@pytest.mark.parametrize("count", [-1, 1.5, "a", None])
+def test_causes_are_counted(count):
+    with pytest.raises(ValueError, match=r"^max_causes: expected an integer >= 0, got "):
+        ModelDiagnosis(LAG, max_causes=count).fit(X[:, :0], Y)  # nothing of X is read before
+
+
+@pytest.mark.parametrize("name", ["validation_fraction", "overlap"])
+def test_numbers_of_numpy_are_numbers(name):
+    net = PGNNLRegressor(LAG, max_epochs=1, refine=None, substeps=1, **{name: np.float32(0.25)})
+    assert net.fit(X, Y).score(X, Y) > 0
+    with pytest.raises(ValueError, match=f"{name}: expected a "):
+        net.set_params(**{name: "a quarter"}).fit(X, Y)

@@ -14,7 +14,12 @@ from sklearn_pgnn.diagnosis import frames
 from sklearn_pgnn.diagnosis.description import describe
 from sklearn_pgnn.diagnosis.free_run import free_run_errors
 from sklearn_pgnn.diagnosis.investigation import Findings, Investigation
-from sklearn_pgnn.diagnosis.options import check_detectability, check_options, check_time_limit
+from sklearn_pgnn.diagnosis.options import (
+    check_detectability,
+    check_max_causes,
+    check_options,
+    check_time_limit,
+)
 from sklearn_pgnn.diagnosis.plain_diagnosis import plain_diagnosis
 from sklearn_pgnn.diagnosis.result import (
     NamedCause,
@@ -52,6 +57,7 @@ from sklearn_pgnn.readings import reading
 from sklearn_pgnn.record_quality.checks import check_data_quality
 from sklearn_pgnn.record_quality.finding import Finding
 from sklearn_pgnn.simulation.finite_run import simulate_quantities
+from sklearn_pgnn.simulation.noise_option import read_noise_std
 from sklearn_pgnn.simulation.record_windows import without_gaps
 from sklearn_pgnn.simulation.simulate import hold_of
 from sklearn_pgnn.threads import one_thread_each
@@ -93,7 +99,8 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         Window length [s], kept to; by default the records tell. At least 20 samples, and at most
         so long that four windows are left.
     noise_std : array-like of shape (n_outputs,), optional
-        Standard deviation of the outputs' noise; by default the records tell.
+        Standard deviation of each output's noise, in its unit: finite and above 0. One number is
+        taken where there is one output. By default the records tell.
     alpha : float, default=0.01
         False-alarm rate: the chance that a cause is named where nothing is missing.
     smallest_share : float, default=0.05
@@ -254,8 +261,7 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         ------
         ValueError
             If X or y cannot be read as records of the model, or hold too little; if the model
-            cannot be simulated on them; if `hold` is none of its choices, a target is none of the
-            model's, or `time_limit` is no time.
+            cannot be simulated on them; if an option is none of what it can be.
 
         Notes
         -----
@@ -267,7 +273,9 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         read_catalogue(self.catalogue)
         check_options(self.hold, self.alpha, self.smallest_share)
         check_targets(self.model, self.targets)
+        check_max_causes(self.max_causes)
         check_time_limit(self.time_limit)
+        read_noise_std(self.noise_std, list(self.model.outputs))
         if y is None:
             raise ValueError(
                 f"{type(self).__name__} requires y to be passed, but the target y is None."

@@ -1,6 +1,6 @@
 """The options of a diagnosis: what they may be, and the message where they are something else."""
 
-from numbers import Real
+from numbers import Integral, Real
 
 from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.physics.model_parts import HOLDS
@@ -21,6 +21,12 @@ def check_options(hold, alpha, smallest_share) -> None:
             raise OptionError(f"{name}: expected a number between 0 and 1, got {value!r}.")
     if hold not in ("auto", *HOLDS):
         raise OptionError(f"hold: expected one of auto, {', '.join(HOLDS)}, got {hold!r}.")
+
+
+def check_max_causes(count) -> None:
+    """Raise `OptionError` unless a number of causes is an integer from 0 on."""
+    if not isinstance(count, Integral) or count < 0:
+        raise OptionError(f"max_causes: expected an integer >= 0, got {count!r}.")
 
 
 def check_time_limit(limit) -> None:

@@ -50,10 +50,16 @@ def check_targets(model: PhysicsModel, targets) -> None:
     Raises
     ------
     OptionError
-        If one is no state, input, output or parameter of the model.
+        If they are a single text, or one is no state, input, output or parameter of the model.
     """
+    if isinstance(targets, str):
+        raise OptionError(
+            f"targets: expected a sequence of states, inputs, outputs and parameters of "
+            f"{model.name!r}, got {targets!r}. Remedy: targets=[{targets!r}]."
+        )
     known = [*model.states, *model.inputs, *model.outputs, *model.parameters]
     known += [target for kind in CATALOGUE for target in kind.targets(model)]
+    known = list(dict.fromkeys(known))
     for name in targets or ():
         if name not in known:
             near = get_close_matches(str(name), known, n=1)

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import differential_evolution
+from sklearn.utils import check_random_state
 
 from sklearn_pgnn.estimators.progress import Tell, silence
 from sklearn_pgnn.physics.model import PhysicsModel
@@ -246,13 +247,18 @@ def search_globally(
         polish=False,
         init="sobol",
         x0=start,
-        rng=random_state,
+        rng=_generator(random_state),
         callback=told,
     )
     order = np.argsort(result.population_energies)[:FOLLOWED]
     found = [at(result.population[k]) for k in order]
     fits = [fit_windows(each, windows, free, expected, estimate.spread) for each in found]
     return min(fits, key=lambda each: each.objective).model
+
+
+def _generator(random_state) -> np.random.Generator:
+    """Return what scipy draws from, seeded by what scikit-learn draws from."""
+    return np.random.default_rng(check_random_state(random_state).randint(2**31 - 1))
 
 
 def _least_squares(model: PhysicsModel, windows: ShootingWindows, expected, spread) -> float:

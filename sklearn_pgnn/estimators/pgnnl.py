@@ -13,6 +13,7 @@ from sklearn_pgnn.estimators.network.batches import TensorBatches
 from sklearn_pgnn.estimators.network.cores import FeedForward
 from sklearn_pgnn.estimators.network.free_run import ready_to_run, run_core
 from sklearn_pgnn.estimators.network.prepared_net import PreparedNet
+from sklearn_pgnn.estimators.network.random_numbers import own_random_numbers
 from sklearn_pgnn.estimators.network.stepper import Stepper
 from sklearn_pgnn.exceptions import SimulationWarning
 from sklearn_pgnn.extras import needed_by
@@ -140,7 +141,8 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
     time_column : int or str, optional
         Column of X that holds the time; by default ``"t"``, of an array the first.
     random_state : int, RandomState instance or None, default=0
-        What draws the weights, the batches and the held-out trajectories.
+        What draws the weights, the batches and the held-out trajectories. Torch draws from one
+        stream in a process: trainings on several threads wait for each other.
     module : Module class, default=FeedForward
         The core: takes ``n_inputs`` and ``n_outputs``, and maps features to outputs; see
         `FeedForward` (``module__neurons``, ``module__layers``, ``module__activation``) and
@@ -326,7 +328,7 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
             Measured outputs; NaN where there is none. Trajectories without any count in the
             physical loss only, and for nothing where `lambda_phy` is 0.
         **fit_params
-            Of skorch.
+            Of skorch, such as ``epochs``, which overrules `max_epochs`.
 
         Returns
         -------
@@ -352,7 +354,7 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
         classes : None
             Not used.
         **fit_params
-            Of skorch.
+            Of skorch, such as ``epochs``, which overrules `max_epochs`.
 
         Returns
         -------
@@ -580,7 +582,7 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
         self._check_parameters()
         random = check_random_state(self.random_state)
         has_time = self._has_time(X)
-        with torch.random.fork_rng(devices=[]), one_thread_each() as self._threads:
+        with own_random_numbers(), one_thread_each() as self._threads:
             self._make_core(1, 1)  # refuses parameters that make none, before any work
             torch.manual_seed(random.randint(2**31 - 1))
             if has_time:
@@ -611,7 +613,7 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
         self.notify("on_train_end", X=X, y=y)
         del self._rows
 
-    def _train_on_trajectories(self, X, y, random, anew, **fit_params) -> None:
+    def _train_on_trajectories(self, X, y, random, anew, epochs=None, **fit_params) -> None:
         """Train a network in feedback: single steps, rollouts, whole trajectories."""
         if self.train_split is not None:
             raise ValueError(
@@ -628,7 +630,8 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
         self.notify("on_train_begin", X=X, y=y)
         with contextlib.suppress(KeyboardInterrupt):
             with self._one_phase("single steps"):
-                self._train_steps(windows, **fit_params)
+                epochs = self.max_epochs if epochs is None else epochs
+                self._train_steps(windows, epochs, **fit_params)
             if self.horizon > 1:
                 with self._one_phase("rollouts"):
                     self._train_rollouts(training, windows, **fit_params)

@@ -15,11 +15,13 @@ from sklearn_pgnn.estimators.parameter_search import (
     find_parameters,
 )
 from sklearn_pgnn.estimators.progress import teller
+from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.ahead import model_machine, predict_ahead
 from sklearn_pgnn.simulation.finite_run import simulate_quantities
 from sklearn_pgnn.simulation.free_run import simulate_record
 from sklearn_pgnn.simulation.intervals import beside, check_coverage, output_variance, quantile_of
+from sklearn_pgnn.simulation.noise_option import read_noise_std
 from sklearn_pgnn.simulation.record_windows import (
     WHOLE,
     WindowedRecords,
@@ -67,7 +69,8 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         from the model's values and from those of a fit to short windows; a state that the first
         rows of all trajectories tell is taken as it is, others are fitted.
     noise_std : array-like of shape (n_outputs,), optional
-        Standard deviation of the outputs' noise, which weights them; by default estimated.
+        Standard deviation of each output's noise, in its unit, which weights it: finite and
+        above 0. One number is taken where there is one output. By default estimated.
     hold : {"zoh", "foh"}, optional
         Whether an input is held between two samples or runs straight from one to the next; by
         default as the model's `simulation` says, else held.
@@ -171,9 +174,11 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         Raises
         ------
         ValueError
-            If X and y cannot be read as records of the model, or a parameter is unknown.
+            If X and y cannot be read as records of the model, or a parameter is unknown or none of
+            what it can be.
         """
         check_model(self.model)
+        told = read_noise_std(self.noise_std, list(self.model.outputs))
         if y is None:
             raise ValueError(
                 f"{type(self).__name__} requires y to be passed, but the target y is None."
@@ -197,8 +202,7 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         unknown = np.full(len(self.model.states), np.nan)
         self.initial_states_ = np.array([starts.get(record.rows[0], unknown) for record in records])
         self.window_ = median_window_length(windows)
-        told = self.noise_std
-        self.noise_ = output_noise(records) if told is None else np.array(told, dtype=float)
+        self.noise_ = output_noise(records) if told is None else told
         self._single_output = np.asarray(y).ndim == 1
         self._keep_errors(found, records)
         return self
@@ -370,6 +374,12 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         return windowed, find_in_free_run(self.model, short, windowed, names, *search)
 
     def _free_names(self) -> tuple[str, ...]:
+        if isinstance(self.free, str):
+            raise OptionError(
+                f"free: expected a sequence of parameters among "
+                f"{', '.join(self.model.parameters)}, got {self.free!r}. Remedy: "
+                f"free=[{self.free!r}]."
+            )
         names = self.model.free_parameters if self.free is None else tuple(self.free)
         unknown = [name for name in names if name not in self.model.parameters]
         if unknown:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.grey_box.depth import FittedDepth, find_unknown_starts, states_met
 from sklearn_pgnn.grey_box.tables import PlainTable
 
@@ -61,13 +62,41 @@ def judge(
         fitted = fit(table, ~hidden)
         starts = _starts(fitted, table, hidden, window)
         left = np.abs(fitted.predict(table, starts) - table.y)
-    unseen = np.repeat(_is_unseen(table, hidden), table.lengths)
-    counts = hidden & ~(unseen & (table.place < window))
-    left = np.where(counts[:, None], left, np.nan)
+    left = np.where(counted(table, hidden, window)[:, None], left, np.nan)
     relative = left / output_spread(table.y)
     with np.errstate(invalid="ignore"):
         squares = pd.DataFrame(relative**2).groupby(table.X["trajectory"]).mean().mean(axis=1)
     return FoldResult(fitted, np.sqrt(squares.dropna()).tolist(), left[hidden])
+
+
+def counted(table: PlainTable, hidden: np.ndarray, window: int) -> np.ndarray:
+    """Return which samples judge a fold: hidden ones, but not those that tell an initial state."""
+    unseen = np.repeat(_is_unseen(table, hidden), table.lengths)
+    return hidden & ~(unseen & (table.place < window))
+
+
+def check_window(table: PlainTable, folds: list[np.ndarray], window: int) -> None:
+    """Raise `OptionError` where no measured sample is left to judge by, in any fold.
+
+    Parameters
+    ----------
+    table : PlainTable
+        The records.
+    folds : list of ndarray of bool, shape (n_samples,)
+        What every fold hides.
+    window : int
+        First samples of wholly hidden trajectories, which do not count.
+    """
+    measured = np.isfinite(table.y).any(axis=1)
+    if any((counted(table, hidden, window) & measured).any() for hidden in folds):
+        return
+    longest = int(np.max(table.lengths))
+    raise OptionError(
+        f"initial_window: expected fewer samples than a trajectory has, for those after it judge "
+        f"a fit that has not seen the trajectory, got {window}; the longest has {longest}. "
+        f"Remedy: a smaller initial_window, such as {max(1, longest // 10)}, longer records, or "
+        f"by='time'."
+    )
 
 
 def mean_error(results: list[FoldResult]) -> float:

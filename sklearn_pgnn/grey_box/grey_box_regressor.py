@@ -13,7 +13,13 @@ from sklearn_pgnn.diagnosis import ModelDiagnosis
 from sklearn_pgnn.estimators.progress import teller
 from sklearn_pgnn.exceptions import OptionError, TrainingError
 from sklearn_pgnn.extras import is_installed, needed_by
-from sklearn_pgnn.grey_box.cross_validation import FoldResult, judge, mean_error, training_error
+from sklearn_pgnn.grey_box.cross_validation import (
+    FoldResult,
+    check_window,
+    judge,
+    mean_error,
+    training_error,
+)
 from sklearn_pgnn.grey_box.depth import (
     FittedDepth,
     find_unknown_starts,
@@ -90,7 +96,7 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         Whether folds hide whole trajectories, blocks of time, or ranges of operation.
     initial_window : int, default=0
         First samples of a hidden trajectory from which an initial state is found that X does not
-        tell; they do not count. 0 starts it as the model says.
+        tell; they do not count, so that it has to be longer. 0 starts it as the model says.
     least_gain : float, default=0.01
         Share by which a deeper model must lower the error.
     time_column : int or str, optional
@@ -210,6 +216,7 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         table = plain_table(self.model, records)
         self._single_output = np.asarray(y).ndim == 1
         folds = hidden_parts(records, self.n_splits, self.by)
+        check_window(table, folds, self.initial_window)
         candidates = self._candidates(depths, table)
         results = self._judge_all(candidates, depths, table, folds)
         self.errors_ = {depth: mean_error(found) for depth, found in results.items()}

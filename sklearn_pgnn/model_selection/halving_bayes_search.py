@@ -12,7 +12,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.extras import needed_by
-from sklearn_pgnn.model_selection.trajectory_k_fold import TrajectoryKFold
+from sklearn_pgnn.model_selection.own_folds import own_folds
 from sklearn_pgnn.trajectories.tables import take_rows
 
 
@@ -29,6 +29,11 @@ def _is_inside(point, space) -> bool:
         return point in space
     except TypeError:  # a name or None, where a number is searched
         return False
+
+
+def _plain(value):
+    """Return a number or a text of numpy as one of Python."""
+    return value.item() if isinstance(value, np.generic) else value
 
 
 class HalvingBayesSearchCV(MetaEstimatorMixin, BaseEstimator):
@@ -54,7 +59,8 @@ class HalvingBayesSearchCV(MetaEstimatorMixin, BaseEstimator):
     n_iter : int, default=20
         Number of candidates, the estimator as it is among them.
     cv : int or cross-validation splitter, default=3
-        Folds, in the order in which they are scored; a number means `TrajectoryKFold`.
+        Folds, in the order in which they are scored; a number means `TrajectoryKFold`, by the
+        time that the estimator reads.
     scoring : str or callable, optional
         As scikit-learn's; by default the estimator's own score.
     own_first : bool, default=True
@@ -80,6 +86,10 @@ class HalvingBayesSearchCV(MetaEstimatorMixin, BaseEstimator):
         ``n_folds`` it was scored on, ``mean_test_score`` over these, and ``fit_time`` [s].
     n_splits_ : int
         Number of folds.
+    n_features_in_ : int
+        Number of columns of X.
+    feature_names_in_ : ndarray of str
+        Their names, if X has any.
 
     See Also
     --------
@@ -151,8 +161,7 @@ class HalvingBayesSearchCV(MetaEstimatorMixin, BaseEstimator):
                 "search_spaces: expected at least one dimension, got none. Remedy: "
                 "search_space(estimator) has those of the package's estimators."
             )
-        splitter = self.cv if hasattr(self.cv, "split") else TrajectoryKFold(self.cv)
-        folds = list(splitter.split(X, y))
+        folds = list(own_folds(self.cv, self.estimator, X).split(X, y))
         self.n_splits_ = len(folds)
         scores = np.full((self.n_iter, len(folds)), np.nan)
         candidates, seconds = [], []
@@ -170,6 +179,16 @@ class HalvingBayesSearchCV(MetaEstimatorMixin, BaseEstimator):
         self.best_estimator_ = clone(self.estimator).set_params(**self.best_params_).fit(X, y)
         return self
 
+    @property
+    def n_features_in_(self) -> int:
+        """Number of columns of X."""
+        return self.best_estimator_.n_features_in_
+
+    @property
+    def feature_names_in_(self):
+        """Names of the columns of X, if it has any."""
+        return self.best_estimator_.feature_names_in_
+
     def _optimizer(self):
         """Return what asks for points of the space."""
         with needed_by("HalvingBayesSearchCV"):
@@ -185,7 +204,7 @@ class HalvingBayesSearchCV(MetaEstimatorMixin, BaseEstimator):
         names = sorted(self.search_spaces)  # the order of scikit-optimize's dimensions
         if i or not self.own_first:
             point = optimizer.ask()
-            return point, dict(zip(names, point, strict=True))
+            return point, dict(zip(names, map(_plain, point), strict=True))
         own = self.estimator.get_params()
         params = {name: own[name] for name in names if name in own}
         point = [params.get(name) for name in names]

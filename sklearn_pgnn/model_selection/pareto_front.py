@@ -6,7 +6,7 @@ from joblib import Parallel, delayed
 from sklearn.base import clone
 from sklearn.pipeline import Pipeline
 
-from sklearn_pgnn.model_selection.trajectory_k_fold import TrajectoryKFold
+from sklearn_pgnn.model_selection.own_folds import own_folds
 from sklearn_pgnn.trajectories.tables import take_rows
 
 #: weights of the physical loss that are tried
@@ -50,7 +50,8 @@ def pareto_front(
     X_test, y_test : as X and y, optional
         What to test on.
     cv : int or cross-validation splitter, optional
-        Instead, folds of X; a number means `TrajectoryKFold`. By default, without test records, 5.
+        Instead, folds of X; a number means `TrajectoryKFold`, by the time that the estimator
+        reads. By default, without test records, 5.
     param : str, default="lambda_phy"
         The weight's parameter, found wherever it stands in a pipeline; or its full name.
     n_jobs : int, optional
@@ -84,7 +85,7 @@ def pareto_front(
     >>> front["on_front"].tolist()
     [True, True]
     """
-    sets = _test_sets(X, y, X_test, y_test, cv)
+    sets = _test_sets(estimator, X, y, X_test, y_test, cv)
     name = _full_name(estimator, param)
     judged = Parallel(n_jobs=n_jobs)(
         delayed(_fit_and_judge)(clone(estimator).set_params(**{name: weight}), *each)
@@ -108,7 +109,7 @@ def pareto_front(
 # -- what is fitted, and on what it is tested ------------------------------------------------------
 
 
-def _test_sets(X, y, X_test, y_test, cv) -> list[tuple]:
+def _test_sets(estimator, X, y, X_test, y_test, cv) -> list[tuple]:
     """Return training and test sets: X, y, X_test, y_test of every fold."""
     if (X_test is None) != (y_test is None):
         raise ValueError("X_test, y_test: expected both or none, got one of them.")
@@ -116,7 +117,7 @@ def _test_sets(X, y, X_test, y_test, cv) -> list[tuple]:
         raise ValueError("expected either cv or X_test and y_test, got both.")
     if X_test is not None:
         return [(X, y, X_test, y_test)]
-    splitter = cv if hasattr(cv, "split") else TrajectoryKFold(5 if cv is None else cv)
+    splitter = own_folds(5 if cv is None else cv, estimator, X)
     return [
         (take_rows(X, train), take_rows(y, train), take_rows(X, test), take_rows(y, test))
         for train, test in splitter.split(X, y)

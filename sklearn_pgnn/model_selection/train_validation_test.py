@@ -44,7 +44,8 @@ def train_validation_test_split(
     random_state : int, RandomState instance or None, default=None
         What draws it.
     time_column : int or str, optional
-        Column of X that holds the time; by default the first, or ``"t"``.
+        Column of X that holds the time; by default ``"t"``, the first where the columns
+        have no names.
 
     Returns
     -------

@@ -4,6 +4,7 @@ from numbers import Integral
 from typing import ClassVar
 
 import numpy as np
+import pandas as pd
 from sklearn.model_selection import BaseCrossValidator
 from sklearn.utils import check_random_state
 
@@ -31,7 +32,8 @@ class TrajectoryKFold(BaseCrossValidator):
     random_state : int, RandomState instance or None, default=None
         What draws it.
     time_column : int or str, optional
-        Column of X that holds the time; by default the first, or ``"t"``. Where X has a column
+        Column of X that holds the time; by default ``"t"``, the first where the columns
+        have no names. Where X has a column
         ``trajectory`` the time is not read.
 
     See Also
@@ -65,8 +67,8 @@ class TrajectoryKFold(BaseCrossValidator):
         X : DataFrame or array-like of shape (n_samples, n_columns)
             The table, as the estimators read it.
         y : array-like of shape (n_samples, n_outputs), optional
-            Measured outputs. Trajectories without any (NaN) are in every training set and in no
-            test set; the rest is not read.
+            Measured outputs. Trajectories without any (NaN or None) are in every training set and
+            in no test set; the rest is not read.
         groups : array-like of shape (n_samples,), optional
             Trajectory of every row; overrules what X tells.
 
@@ -125,10 +127,8 @@ class TrajectoryKFold(BaseCrossValidator):
 
 
 def _are_measured(pieces, y) -> np.ndarray:
-    """Return for every trajectory whether some of its outputs are not NaN."""
+    """Return for every trajectory whether some of its outputs are measured."""
     if y is None:
         return np.ones(len(pieces), dtype=bool)
-    y = np.asarray(y)
-    if y.dtype.kind != "f":
-        return np.ones(len(pieces), dtype=bool)
-    return np.array([not np.isnan(y[rows]).all() for rows in pieces])
+    empty = pd.isna(np.asarray(y))
+    return np.array([not empty[rows].all() for rows in pieces])

@@ -1,6 +1,7 @@
 """The rows of every trajectory of a table, and how whole trajectories are distributed."""
 
 from itertools import pairwise
+from numbers import Integral
 
 import numpy as np
 import pandas as pd
@@ -21,7 +22,7 @@ def read_pieces(X, groups=None, time_column=None) -> list[np.ndarray]:
     groups : array-like of shape (n_samples,), optional
         Trajectory of every row; overrules X.
     time_column : int or str, optional
-        Column of the time; by default ``"t"``, of an array the first.
+        Column of the time; by default ``"t"``, the first where the columns have no names.
 
     Returns
     -------
@@ -130,16 +131,7 @@ def _column(X, name) -> np.ndarray | None:
 
 def _read_time(X, time_column) -> np.ndarray:
     """Read the time [s] of every row."""
-    if isinstance(X, pd.DataFrame) and not isinstance(time_column, int | np.integer):
-        t = _column(X, TIME if time_column is None else time_column)
-        if t is None:
-            raise ValueError(
-                f"X: no column 'trajectory' and no time {time_column or TIME!r} among "
-                f"{', '.join(map(str, X.columns))}. Remedy: name the time (time_column=...), or "
-                f"give the trajectory of every row (groups=...)."
-            )
-    else:
-        t = np.asarray(X)[:, 0 if time_column is None else time_column]
+    t = _time_by_name(X, time_column) if _has_names(X, time_column) else _nth(X, time_column)
     clock = read_clock(pd.Series(t), "X: time")
     if clock is not None:
         return (clock[0] - clock[0][0]) * clock[1]
@@ -148,3 +140,34 @@ def _read_time(X, time_column) -> np.ndarray:
     if bad.size:
         raise ValueError(f"X: time is {t[bad[0]]} in row {bad[0]}; expected a finite number.")
     return t
+
+
+def _has_names(X, time_column) -> bool:
+    """Whether the time is told by its name, as the estimators read a table."""
+    if not isinstance(X, pd.DataFrame) or isinstance(time_column, Integral):
+        return False
+    return time_column is not None or all(isinstance(name, str) for name in X.columns)
+
+
+def _time_by_name(X, time_column) -> np.ndarray:
+    t = _column(X, TIME if time_column is None else time_column)
+    if t is None:
+        raise ValueError(
+            f"X: no column 'trajectory' and no time {time_column or TIME!r} among "
+            f"{', '.join(map(str, X.columns))}. Remedy: name the time by time_column=..., where "
+            f"folds are asked for by cv=TrajectoryKFold(..., time_column=...); or give X a column "
+            f"'trajectory'."
+        )
+    return t
+
+
+def _nth(X, time_column) -> np.ndarray:
+    X = np.asarray(X)
+    number = 0 if time_column is None else time_column
+    width = X.shape[1] if X.ndim == 2 else 0
+    if not isinstance(number, Integral) or not -width <= int(number) < width:
+        raise ValueError(
+            f"time_column: expected a column number below {width}, for X of shape {X.shape} has no "
+            f"names, got {number!r}."
+        )
+    return X[:, number]

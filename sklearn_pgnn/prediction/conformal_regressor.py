@@ -6,7 +6,7 @@ from sklearn.utils import get_tags
 from sklearn.utils.validation import check_is_fitted
 
 from sklearn_pgnn.estimators.progress import teller
-from sklearn_pgnn.model_selection import TrajectoryKFold
+from sklearn_pgnn.model_selection.own_folds import own_folds, time_column_of
 from sklearn_pgnn.model_selection.trajectory_rows import read_pieces
 from sklearn_pgnn.simulation.intervals import beside, check_coverage, quantile_of
 from sklearn_pgnn.trajectories.tables import take_rows
@@ -34,8 +34,8 @@ class ConformalRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
     estimator : regressor
         Any regressor: `SINDYcRegressor`, `PGNNLRegressor`, `ResidualRegressor`, a pipeline.
     cv : int or cross-validation splitter, optional
-        Folds; a number means `TrajectoryKFold`. By default as many as there are trajectories, but
-        at most 6.
+        Folds; a number means `TrajectoryKFold`, by the time that the regressor reads. By default
+        as many as there are trajectories, but at most 6.
     verbose : int, default=0
         Whether to print a line for every fold.
 
@@ -109,10 +109,17 @@ class ConformalRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
             left.append(np.abs(predicted - _columns(take_rows(y, test))))
             teller(self)(f"fold {len(left)}: largest error {np.nanmax(left[-1]):.4g}")
         self._left = np.sort(np.concatenate(left), axis=0)
-        for name in ("n_features_in_", "feature_names_in_"):
-            if hasattr(self.estimator_, name):
-                setattr(self, name, getattr(self.estimator_, name))
         return self
+
+    @property
+    def n_features_in_(self) -> int:
+        """Number of columns of X."""
+        return self.estimator_.n_features_in_
+
+    @property
+    def feature_names_in_(self):
+        """Names of the columns of X, if it has any."""
+        return self.estimator_.feature_names_in_
 
     def predict(self, X):
         """Predict by the regressor that was fitted to all trajectories.
@@ -155,13 +162,11 @@ class ConformalRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
         return beside(np.asarray(self.predict(X)), quantile_of(self._left, coverage))
 
     def _splitter(self, X):
-        if hasattr(self.cv, "split"):
-            return self.cv
-        time_column = getattr(self.estimator, "time_column", None)
-        n_splits = self.cv
-        if n_splits is None:
-            n_splits = max(2, min(FOLDS, len(read_pieces(X, None, time_column))))
-        return TrajectoryKFold(n_splits, time_column=time_column)
+        cv = self.cv
+        if cv is None:
+            pieces = read_pieces(X, None, time_column_of(self.estimator, X))
+            cv = max(2, min(FOLDS, len(pieces)))
+        return own_folds(cv, self.estimator, X)
 
     def __sklearn_tags__(self):
         tags, inner = super().__sklearn_tags__(), get_tags(self.estimator)

@@ -192,9 +192,10 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
         known = quantities_of(self.model)
         names = known if self.outputs is None else list(self.outputs)
         unknown = [name for name in names if name not in known]
-        if unknown:
+        if unknown or not names:
             raise ValueError(
-                f"outputs: expected states or outputs among {', '.join(known)}, got {unknown[0]!r}."
+                f"outputs: expected states or outputs among {', '.join(known)}, got "
+                f"{unknown[0] if unknown else self.outputs!r}."
             )
         return names
 

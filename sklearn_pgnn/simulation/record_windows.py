@@ -9,6 +9,7 @@ import numpy as np
 
 from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.noise_option import read_noise_std
 from sklearn_pgnn.simulation.record_start import find_starts
 from sklearn_pgnn.simulation.simulate import hold_of
 from sklearn_pgnn.simulation.state_estimate import StateEstimator
@@ -97,7 +98,8 @@ def window_records(
     Raises
     ------
     OptionError
-        If `window_length` is no length, or shorter than `MIN_SAMPLES` samples.
+        If `window_length` is no length, or shorter than `MIN_SAMPLES` samples, or `noise_std` is
+        not one number above 0 for every output.
     """
     hold = hold_of(model, hold)
     substeps = model.simulation.get("substeps") if substeps is None else substeps
@@ -105,10 +107,10 @@ def window_records(
     u = np.ascontiguousarray(np.concatenate([record.u for record in records]), dtype=float)
     y = np.ascontiguousarray(np.concatenate([record.y for record in records]), dtype=float)
     bounds = np.concatenate([[0], np.cumsum([record.t.size for record in records])])
-    if noise_std is None:
+    scale = read_noise_std(noise_std, list(model.outputs))
+    if scale is None:
         levels = noise_levels(records) if levels is None else levels
-        noise_std = output_noise(records, levels)
-    scale = np.asarray(noise_std, dtype=float).ravel()
+        scale = output_noise(records, levels)
     whole = ShootingWindows(t, u, y, bounds, bounds[:-1], np.diff(bounds), scale, hold, 1, threads)
     told = [_told_start(model, record) for record in records]
     states = StateEstimator(model, whole, told)

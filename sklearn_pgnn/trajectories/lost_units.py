@@ -3,9 +3,11 @@
 No number tells its unit. What gives a scaler away is that it moves the time too: to the mean 0 and
 the deviation 1. A part of such a table, as a fold is, has them nearly, and so have its inputs; its
 trajectories begin below zero, and its even steps are no round number of seconds, nor their rate:
-clocks are set, a standard deviation is not. What a ``MinMaxScaler`` leaves, inputs that were scaled
-without the time, and a part of a standardised clock with uneven steps look like records of their
-own.
+clocks are set, a standard deviation is not. So are the levels of an input: a column that runs
+between round numbers, as a square wave of 1 N or a clock from -1 s to 1 s does, has its mean and
+its deviation by chance, unless the others have them too. What a ``MinMaxScaler`` leaves, inputs
+that were scaled without the time, and a part of a standardised clock with uneven steps look like
+records of their own.
 """
 
 import numpy as np
@@ -18,7 +20,7 @@ EXACT = 1e-6
 #: and of a part of one: two thirds of a column cannot have a larger mean than this, for the rest
 #: has the opposite one; a deviation is less than this factor away from 1
 PART_MEAN, PART_FACTOR = 0.5**0.5, 2.0
-#: significant digits of a sample interval or rate that was set by hand
+#: significant digits of a sample interval, rate or level that was set by hand
 DIGITS = 6
 #: fewest samples for a decision
 FEWEST = 10
@@ -38,7 +40,8 @@ def refuse_standardised(model: PhysicsModel, records, *, energies: bool = False)
     records : tuple of Record
         The records.
     energies : bool, default=False
-        Whether energies are taken from them: one column that is standardised is then enough.
+        Whether energies are taken from them: one column that is standardised, and not set by hand,
+        is then enough.
 
     Raises
     ------
@@ -63,7 +66,7 @@ def refuse_standardised(model: PhysicsModel, records, *, energies: bool = False)
     below_zero = sum(record.origin + record.t[0] < 0 for record in records)
     part = below_zero > len(records) / 2 and not _has_set_clock(records)
     part = part and u.shape[1] and all(map(_is_nearly, [t, *u.T]))
-    if part or _is_standardised(t):
+    if part or _is_standardised(t) or _are_standardised_together(t, u):
         raise RecordError(
             f"X: the time is standardised, so that its unit is lost: it begins at {t[0]:.3g} s, "
             f"its mean is {t.mean():.2g} s, its deviation {t.std():.2g} s, but a simulation needs "
@@ -87,15 +90,30 @@ def _refuse_each(model, records, u) -> None:
             )
 
 
+def _are_standardised_together(t, u) -> bool:
+    """Whether one scaler moved the time and every input, of which one at least is no constant."""
+    return bool(u.any()) and bool(set.intersection(*map(_scalers, [t, *u.T])))
+
+
 def _is_standardised(values) -> bool:
-    """Whether a whole column left StandardScaler or RobustScaler."""
-    if values.size < FEWEST:
+    """Whether a whole column left a scaler, and does not run between levels that were set."""
+    if values.size < FEWEST or not _scalers(values):
         return False
+    return not (_is_round(values.min()) and _is_round(values.max()))
+
+
+def _scalers(values) -> set[str]:
+    """Name the scalers that leave a whole column like this one; all leave a constant at 0."""
     low, middle, high = np.percentile(values, [25, 50, 75])
-    return bool(
-        (abs(values.mean()) < EXACT and abs(values.std() - 1) < EXACT)
-        or (abs(middle) < EXACT and abs(high - low - 1) < EXACT)
-    )
+    found = {
+        "StandardScaler": (values.mean(), values.std()),
+        "RobustScaler": (middle, high - low),
+    }
+    return {
+        name
+        for name, (centre, spread) in found.items()
+        if abs(centre) < EXACT and (abs(spread - 1) < EXACT or not values.any())
+    }
 
 
 def _has_set_clock(records) -> bool:
@@ -105,9 +123,12 @@ def _has_set_clock(records) -> bool:
         return True
     step = np.median(steps)
     even = np.mean(np.abs(steps / step - 1) < EXACT) > 0.5
-    return not even or any(
-        abs(float(f"{value:.{DIGITS}g}") / value - 1) < 1e-9 for value in (step, 1 / step)
-    )
+    return not even or _is_round(step) or _is_round(1 / step)
+
+
+def _is_round(value) -> bool:
+    """Whether a number has few digits, as one that was set by hand."""
+    return bool(abs(float(f"{value:.{DIGITS}g}") - value) < 1e-9 * abs(value)) or value == 0
 
 
 def _is_nearly(values) -> bool:

@@ -2,6 +2,7 @@
 
 import inspect
 
+import joblib
 import numpy as np
 import pandas as pd
 import pytest
@@ -728,3 +729,17 @@ CANNOT_HOLD = {
 )
 def test_scikit_learn_checks(estimator, check):
     check(estimator)
+
+
+def test_threads_train_the_same_network():
+    def train(_=None):
+        return PGNNLRegressor(CART, random_state=0, **QUICK).fit(X, Y)
+
+    alone, before = train(), torch.get_rng_state()
+    together = joblib.Parallel(n_jobs=4, prefer="threads")(
+        joblib.delayed(train)(k) for k in range(6)
+    )
+    for net in together:
+        assert net.history[:, "train_loss"] == alone.history[:, "train_loss"]
+        assert np.array_equal(net.predict(NEW), alone.predict(NEW))
+    assert torch.equal(torch.get_rng_state(), before)

@@ -200,6 +200,17 @@ def test_global_search_finds_what_a_local_fit_misses(shaken):
     assert again.parameters_ == found.parameters_
 
 
+@pytest.mark.parametrize("state", [0, np.random.RandomState(0), None])
+def test_any_random_state_draws_the_global_search(state):
+    few = X["trajectory"] == 0
+    local, found = (
+        PhysicsModelRegressor(CART, free=["k"], search=search, random_state=state)
+        for search in ("local", "global")
+    )
+    best = local.fit(X[few], Y[few]).parameters_["k"].value
+    assert found.fit(X[few], Y[few]).parameters_["k"].value == pytest.approx(best, rel=1e-6)
+
+
 def test_only_what_is_free_moves(fitted):
     some = PhysicsModelRegressor(CART, free=["k"]).fit(X, Y)
     assert list(some.parameters_) == ["k"]

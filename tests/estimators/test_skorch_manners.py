@@ -255,3 +255,13 @@ def test_a_term_without_weight_is_not_asked():
     net = PGNNLRegressor(LAG, physics_loss=root, **QUICK).fit(X, Y)
     with pytest.raises(ValueError, match="root is not finite"):
         net.physics_residual(X)
+
+
+def test_a_fit_may_be_given_its_epochs():
+    options = {**QUICK, "max_epochs": 5, "refine": None, "horizon": 3, "rollout_epochs": 4}
+    net = PGNNLRegressor(LAG, **options)
+    assert len(net.fit(X, Y, epochs=2).history) == 2 + 4
+    assert len(net.partial_fit(X, Y, epochs=1).history) == 2 + 4 + 1 + 4
+    assert len(net.fit(X, Y).history) == 5 + 4
+    rows = PGNNLRegressor(max_epochs=5, module__neurons=3)
+    assert len(rows.fit(ROWS, TARGETS, epochs=2).history) == 2

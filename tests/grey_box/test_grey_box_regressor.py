@@ -187,6 +187,25 @@ def test_trajectories_start_where_their_first_samples_say():
     assert np.std(grey_box.predict(X) - y) > 0.1
 
 
+@pytest.mark.parametrize("window", [400, 10000])
+def test_a_window_leaves_samples_to_judge_by(window, monkeypatch):
+    X, y = records(CART)
+    monkeypatch.setattr(GreyBoxRegressor, "_candidates", None)  # it is refused before any work
+    expected = (
+        rf"^initial_window: expected fewer samples than a trajectory has, .*got {window}; the "
+        r"longest has 400\. Remedy: a smaller initial_window, such as 40, longer records, or "
+    )
+    with pytest.raises(OptionError, match=expected):
+        GreyBoxRegressor(CART, depths=("prior",), initial_window=window).fit(X, y)
+
+
+def test_a_window_longer_than_some_trajectories():
+    X, y = records(CART)
+    kept = (X["trajectory"] > 1) | (X["t"] < 2)
+    options = {"depths": ("prior",), "initial_window": 60}
+    assert 0 < GreyBoxRegressor(CART, **options).fit(X[kept], y[kept]).errors_["prior"] < np.inf
+
+
 def test_without_a_window_nothing_tells_the_start(with_friction):
     grey_box, X, y = with_friction
     with pytest.raises(OptionError, match="initial_window"):

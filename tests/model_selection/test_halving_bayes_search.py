@@ -3,6 +3,7 @@
 import pickle
 
 import numpy as np
+import pandas as pd
 import pytest
 from sklearn.base import BaseEstimator, RegressorMixin, clone
 from sklearn.linear_model import Ridge
@@ -158,3 +159,23 @@ def test_what_the_best_can_do_the_search_can():
     found = search(estimator=Ahead()).fit(X, Y)
     assert np.array_equal(found.predict_ahead(X, Y, steps=3), found.predict(X) + 3)
     assert not hasattr(search().fit(X, Y), "predict_ahead")
+
+
+def test_what_was_found_is_plain():
+    space = {"alpha": (1e-3, 1e5), "solver": ["svd", "lsqr"], "max_iter": (5, 9)}
+    found = HalvingBayesSearchCV(Ridge(), space, n_iter=3, own_first=False, random_state=0)
+    found.fit(X, Y)
+    for params in [found.best_params_, *found.cv_results_["params"]]:
+        assert {name: type(value) for name, value in params.items()} == {
+            "alpha": float,
+            "solver": str,
+            "max_iter": int,
+        }
+
+
+def test_its_columns_are_those_of_the_best():
+    found = search(n_iter=1)
+    assert not hasattr(found, "n_features_in_")
+    assert list(found.fit(pd.DataFrame(X, columns=list("tabc")), Y).feature_names_in_) == [*"tabc"]
+    assert found.fit(X, Y).n_features_in_ == 4
+    assert not hasattr(found, "feature_names_in_")

@@ -116,6 +116,16 @@ def test_rows_of_trajectories_may_be_interleaved():
         assert len(test) == 20
 
 
+@pytest.mark.parametrize("dtype", [float, object, "Float64"])
+def test_trajectories_without_y_are_never_tested(dtype):
+    X, y = records([20, 20, 20])
+    y["y"] = y["y"].where(y.index >= 20, None).astype(dtype)
+    for measured in (y, y["y"]):
+        for train, test in TrajectoryKFold(2).split(X, measured):
+            assert test.min() >= 20
+            assert np.isin(np.arange(20), train).all()
+
+
 def test_only_shuffling_draws():
     X, _ = records([10] * 12)
 

@@ -71,6 +71,15 @@ def test_a_copy_gives_the_same_and_what_was_given_stays():
     assert list(conformal.feature_names_in_) == list(X.columns)
 
 
+def test_a_refit_forgets_the_names_of_before():
+    X, y = records(3, seed=0)
+    conformal = ConformalRegressor(ResidualRegressor(LAG))
+    assert not hasattr(conformal, "n_features_in_")
+    conformal.fit(X, y).fit(X[["t", "u"]].to_numpy(), y)
+    assert conformal.n_features_in_ == 2
+    assert not hasattr(conformal, "feature_names_in_")
+
+
 def test_one_trajectory_is_too_few():
     with pytest.raises(ValueError, match="one fold a trajectory"):
         ConformalRegressor(ResidualRegressor(LAG)).fit(*records(1, seed=0))

@@ -100,6 +100,50 @@ def test_inputs_of_unit_variance_are_none(begin):
         refuse_standardised(LAG, read_records(LAG, table))
 
 
+def square(level):
+    return level * np.where(np.arange(200) % 40 < 20, 1.0, -1.0)
+
+
+@pytest.mark.parametrize("scale", [1.0, 2.5])
+@pytest.mark.parametrize(
+    "u",
+    [square(1.0), square(0.5), np.linspace(-1, 1, 200), np.repeat([0.5, -0.5, 0.0], 80)],
+    ids=["1 V", "0.5 V", "ramp", "levels"],
+)
+def test_an_input_between_set_levels_is_none(u, scale):
+    t = scale * np.arange(u.size) / 10
+    read = read_records(LAG, np.column_stack([t, u]), LAG.simulate(t, u).y)
+    refuse_standardised(LAG, read, energies=True)
+
+
+@pytest.mark.parametrize("energies", [True, False])
+@pytest.mark.parametrize("u", [3 * np.sin(np.arange(200)), square(2.0), np.zeros(200)])
+def test_a_clock_from_minus_one_to_one_second_is_none(u, energies):
+    for samples in (200, 201):
+        t, force = np.linspace(-1, 1, samples), np.resize(u, samples)
+        read = read_records(LAG, np.column_stack([t, force]))
+        refuse_standardised(LAG, read, energies=energies)
+
+
+@pytest.mark.parametrize("scaler", [StandardScaler(), RobustScaler()], ids=["standard", "robust"])
+@pytest.mark.parametrize(
+    "u", [square(24.0), 5 + 3 * np.sin(np.arange(200))], ids=["square", "sine"]
+)
+def test_one_scaled_trajectory_is_refused(scaler, u):
+    scaled = scaler.fit_transform(np.column_stack([np.arange(200) / 50, u]))
+    with pytest.raises(ValueError, match=EXPECTED):
+        refuse_standardised(LAG, read_records(LAG, scaled))
+
+
+@pytest.mark.parametrize("scaler", [StandardScaler(), RobustScaler()], ids=["standard", "robust"])
+def test_an_input_that_was_scaled_alone_has_no_energy(scaler):
+    u = scaler.fit_transform(X[:, 1:])
+    read = read_records(LAG, np.column_stack([X[:, 0], u]), Y)
+    refuse_standardised(LAG, read)
+    with pytest.raises(ValueError, match=r"input 'u' is standardised.*Remedy.*lambda_phy=0"):
+        refuse_standardised(LAG, read, energies=True)
+
+
 def test_a_network_without_a_model_has_no_units():
     scaled = pd.DataFrame(StandardScaler().fit_transform(X), columns=["t", "u"])
     assert PGNNLRegressor(**NETWORK).fit(scaled, Y).model is None

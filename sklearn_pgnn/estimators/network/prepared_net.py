@@ -1,7 +1,7 @@
 """A network that reads tables, and settles what a step is made of before it is trained."""
 
 from dataclasses import dataclass
-from numbers import Integral
+from numbers import Integral, Real
 
 import numpy as np
 import pandas as pd
@@ -79,7 +79,7 @@ class PreparedNet(TrajectoryNet):
         check_lambda(self.lambda_phy)
         step_setup.check_structure(self.structure, self.guide, self.model is not None)
         self._free_names = names_of(self.model, self.free)
-        if not isinstance(self.overlap, int | float) or not 0 <= self.overlap < np.inf:
+        if not isinstance(self.overlap, Real) or not 0 <= float(self.overlap) < np.inf:
             raise ValueError(f"overlap: expected a number >= 0, got {self.overlap!r}.")
         if self.refine not in REFINEMENTS:
             raise ValueError(f"refine: expected one of {REFINEMENTS}, got {self.refine!r}.")
@@ -88,7 +88,7 @@ class PreparedNet(TrajectoryNet):
         if not isinstance(self.scaled, bool | np.bool_):
             raise ValueError(f"scaled: expected True or False, got {self.scaled!r}.")
         share = self.validation_fraction
-        if not isinstance(share, int | float) or not 0 <= share < 1:
+        if not isinstance(share, Real) or not 0 <= float(share) < 1:
             raise ValueError(
                 f"validation_fraction: expected a share from 0 to below 1, got {share!r}."
             )

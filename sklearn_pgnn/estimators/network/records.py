@@ -30,7 +30,7 @@ from sklearn_pgnn.simulation.simulate import start_of
 #: state estimates that are kept
 KEPT = 8
 _ESTIMATES: dict[tuple, np.ndarray] = {}
-#: guards the cache: candidates may be fitted on several threads
+#: guards the cache, for whoever calls from several threads
 _KEEPING = Lock()
 
 

@@ -42,6 +42,7 @@ from sklearn_pgnn.estimators.network.least_squares import (
 from sklearn_pgnn.estimators.network.overlap import Overlap
 from sklearn_pgnn.estimators.network.parameter_errors import parameter_errors
 from sklearn_pgnn.estimators.network.physics_loss import NotFinite, PhysicsLoss
+from sklearn_pgnn.estimators.network.random_numbers import own_random_numbers
 from sklearn_pgnn.estimators.network.records import TrainingRecord, TrainingWindows
 from sklearn_pgnn.estimators.network.row_network import RowNetwork
 from sklearn_pgnn.estimators.network.step_network import StepNetwork
@@ -156,7 +157,7 @@ class TrajectoryNet(NeuralNetRegressor):
                 "windows of them. Remedy: EpochScoring."
             )
 
-    def _train_steps(self, windows, **fit_params) -> None:
+    def _train_steps(self, windows, epochs, **fit_params) -> None:
         """Train on single steps; a recurrent core on stretches, the measured state fed back."""
         length = 1
         if hasattr(self.module_.core, "at_rest"):
@@ -169,7 +170,7 @@ class TrajectoryNet(NeuralNetRegressor):
         left = np.sqrt(np.mean((windows.x[after] - base) ** 2, axis=0))[own]
         self.module_.teacher_forcing = True
         target = windows.at_ends(windows.told_x[:, own], length)
-        self._run_phase(windows, length, target, left, 1.0, self.max_epochs, **fit_params)
+        self._run_phase(windows, length, target, left, 1.0, epochs, **fit_params)
 
     def _train_rollouts(self, training, windows, **fit_params) -> None:
         """Train on windows along which the prediction is fed back; the outputs are compared."""
@@ -489,7 +490,7 @@ class TrajectoryNet(NeuralNetRegressor):
         self.__dict__.update(state)
         if weights is not None:
             history, self.history_ = self.history_, None
-            with torch.random.fork_rng(devices=[]):
+            with own_random_numbers():
                 self.initialize()
             self.history_ = history
             tensors = {name: torch.tensor(part) for name, part in weights.items()}
