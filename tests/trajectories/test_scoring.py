@@ -7,6 +7,7 @@ from sklearn.metrics import r2_score
 from sklearn.model_selection import cross_val_score
 
 from sklearn_pgnn import (
+    ConformalRegressor,
     GreyBoxRegressor,
     ModelDiagnosis,
     PhysicsModel,
@@ -34,6 +35,7 @@ GAPPY[::2, 0] = GAPPY[1::2, 1] = np.nan  # no row has both
 REGRESSORS = [
     PhysicsModelRegressor(CART, search="local"),
     ResidualRegressor(CART),
+    ConformalRegressor(ResidualRegressor(CART)),
     GreyBoxRegressor(CART, depths=("prior", "fitted")),
     ModelDiagnosis(CART, catalogue=(effects.QuadraticDrag,), max_causes=1),
 ]
