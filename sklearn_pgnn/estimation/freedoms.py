@@ -2,10 +2,13 @@
 
 import math
 from collections.abc import Collection
+from functools import reduce
+from operator import add
 
 from sklearn_pgnn.estimation.hypothesis import Hypothesis
 from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.estimation.same_in_equations import held_parameters
+from sklearn_pgnn.exceptions import ModelError
 from sklearn_pgnn.physics.effects import WrongParameter
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.freedom import freedom_of
@@ -91,7 +94,13 @@ def held_by(model: PhysicsModel, hypothesis: Hypothesis) -> set[str]:
 
     Those are what any of the causes speaks for, see `held_parameters`, and what has no spread.
     """
-    spoken_for = {name for cause in hypothesis.causes for name in held_parameters(model, cause)}
+    spoken_for: set[str] = set()
+    for place, cause in enumerate(hypothesis.causes):
+        try:
+            held = held_parameters(model, cause)
+        except ModelError:  # it holds what the causes before it add, as a formula may
+            held = held_parameters(reduce(add, hypothesis.causes[:place], model), cause)
+        spoken_for |= set(held) & set(model.parameters)
     return spoken_for | without_spread(model, hypothesis)
 
 

@@ -202,9 +202,11 @@ def fit_text(fit: float) -> str:
 
     Examples
     --------
-    >>> fit_text(98.4), fit_text(-math.inf), fit_text(math.nan)
-    ('98 %', 'diverges', 'nothing moves')
+    >>> fit_text(98.4), fit_text(-2e4), fit_text(-math.inf), fit_text(math.nan)
+    ('98 %', 'below −1000 %', 'diverges', 'nothing moves')
     """
     if math.isnan(fit):
         return "nothing moves"
-    return f"{fit:.0f} %" if fit > -1000 else "diverges"
+    if math.isinf(fit):
+        return "diverges"
+    return f"{fit:.0f} %" if fit > -1000 else "below −1000 %"

@@ -122,7 +122,7 @@ class _Check:
     def ask_terms(self, where, expression, expected) -> None:
         """Ask every term of a sum or a bound; by default for what most of them measure."""
         if expected is None:
-            known = [m for term in expression.args if (m := self.measure(term)) is not None]
+            known = self.measures(expression)
             expected = Counter(known).most_common(1)[0][0] if known else None
         for term in expression.args:
             self.ask(where, term, expected)
@@ -182,8 +182,13 @@ class _Check:
         if isinstance(expression, sympy.Pow):
             return self.power(expression)
         if isinstance(expression, sympy.Add | sympy.Max | sympy.Min | sympy.Abs):
-            return next(filter(None, map(self.measure, expression.args)), None)
+            return next(iter(self.measures(expression)), None)
         return None if isinstance(expression, External) else _PLAIN
+
+    def measures(self, expression) -> list[Measure]:
+        """Return what the terms of a sum or a bound measure; numbers are in their unit."""
+        terms = [term for term in expression.args if not term.is_number]
+        return [measure for term in terms if (measure := self.measure(term)) is not None]
 
     def power(self, expression) -> Measure | None:
         """Return what a power measures."""
@@ -201,6 +206,8 @@ def _short(term) -> str:
 
 
 def _is_bare(term) -> bool:
-    """Whether a term has no number in front that may be a conversion."""
+    """Whether a term has no number in front that may be a conversion; SymPy puts it into sums."""
+    if term.is_Add:
+        return any(map(_is_bare, term.args))
     coefficient, rest = term.as_coeff_Mul()
     return abs(coefficient) == 1 and not rest.has(sympy.pi)

@@ -3,6 +3,8 @@
 import pytest
 
 from sklearn_pgnn import effects, systems
+from sklearn_pgnn.estimation.freedoms import held_by
+from sklearn_pgnn.estimation.hypothesis import Hypothesis
 from sklearn_pgnn.estimation.possible_causes import possible_causes
 from sklearn_pgnn.estimation.same_in_equations import held_parameters, same_causes, same_parameter
 
@@ -39,3 +41,11 @@ def test_delays_of_the_only_input_are_one_suspect():
     cart = systems.cart_on_spring()
     late, sensor = suspects = possible_causes(cart, [effects.InputDelay, effects.SensorDelay])
     assert same_causes(cart, suspects) == {late: (sensor,)}
+
+
+def test_a_formula_may_hold_a_state_that_another_cause_adds():
+    cart = systems.cart_on_spring()
+    late = effects.InputRateLimit("force")
+    (added,) = set((cart + late).states) - set(cart.states)
+    formula = effects.Formula("v", (added, "v"), (1e-3, 1e-3))
+    assert held_by(cart, Hypothesis((late, formula))) == {"d"}  # c2*v speaks for the damping

@@ -6,7 +6,8 @@ import pytest
 
 from sklearn_pgnn import PhysicsModel, effects, systems
 from sklearn_pgnn.exceptions import UnitWarning
-from sklearn_pgnn.physics.unit_check import check_units
+from sklearn_pgnn.physics.unit_check import check_units, output_measure
+from sklearn_pgnn.physics.units import read_unit
 
 pytest.importorskip("pint")
 
@@ -88,6 +89,9 @@ def one_state(rate, unit="m", **parameters):
         (one_state("a*(1 - x/b)", a="m/s", b="m"), True),
         (one_state("a*(1 - x)", a="m/s"), False),
         (one_state("a*tanh(x/b)**2", a="m/s", b="m"), True),
+        (one_state("-k*sqrt(max(b - x, 0.01))", k="m^0.5/s", b="m"), True),
+        (one_state("-k*sqrt(abs(b - x) + 1)", k="m^0.5/s", b="m"), True),
+        (one_state("-k*sqrt(max(b - x, 0.01))", k="m/s", b="m"), False),
     ],
 )
 def test_functions_powers_and_bounds_are_looked_into(model, fits):
@@ -104,3 +108,12 @@ def test_a_model_file_that_does_not_fit_is_warned_of_with_its_line(tmp_path):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         PhysicsModel.from_yaml(path)
+
+
+def test_a_number_that_converts_a_sum_is_seen_as_one():
+    cell = PhysicsModel(
+        {"v": "V"}, {"v": "-v"}, {"E": {"value": 3.0, "unit": "V"}},
+        outputs={"converted": "1000*(E - v)", "half": "E - 0.5*v", "bare": "E - v"},
+    )  # fmt: skip
+    assert output_measure(cell, "converted") is None
+    assert output_measure(cell, "half") == output_measure(cell, "bare") == read_unit("V")
