@@ -95,7 +95,7 @@ class DetectJob:
         if quiet or not never:
             return
         console.print()
-        say(console, "Not seen in these records", "bold")
+        say(console, "Without a smallest size in these records", "bold")
         rows = table("", "")
         for row in never:
             rows.add_row(cell(cause_name(row.effect, row.target)), cell(row.reason))

@@ -21,7 +21,7 @@ from sklearn_pgnn.fleet.fleet_diagnosis import REPORT
 from sklearn_pgnn.fleet.machine import SAID
 from sklearn_pgnn.inspection.numbers import chance
 from sklearn_pgnn.inspection.strict_json import as_strict_json
-from sklearn_pgnn.inspection.words import cause_name
+from sklearn_pgnn.inspection.words import VERDICTS, cause_name
 from sklearn_pgnn.trajectories.ros_bag import METADATA
 
 MACHINE = "{machine}"
@@ -186,8 +186,8 @@ def tell_fleet(fleet: FleetDiagnosis, output: str, *, as_json: bool, quiet: bool
 
 def _tell(fleet: FleetDiagnosis, report: Path, quiet: bool) -> None:
     console = screen()
-    counts = Counter(machine.verdict for machine in fleet.machines_.values())
-    told = ", ".join(f"{SAID[v].lower()} {counts[v]}" for v in SAID if counts[v])
+    counts = Counter(machine.said for machine in fleet.machines_.values())
+    told = ", ".join(f"{said.lower()} {counts[said]}" for said in SAID if counts[said])
     say(console, f"{len(fleet.machines_)} machines: {told}.", "bold")
     if quiet:
         return
@@ -196,14 +196,15 @@ def _tell(fleet: FleetDiagnosis, report: Path, quiet: bool) -> None:
         for change in fleet.changes_[:SHOWN]:
             say(console, f"- {change.machine}: {change.what}")
         _more(console, len(fleet.changes_))
-    wrong = [m for m in fleet.machines_.values() if m.verdict != "model_adequate"]
+    adequate = VERDICTS["model_adequate"]
+    wrong = [m for m in fleet.machines_.values() if m.said != adequate]
     if wrong:
         heading(console, "Machines, the surest first")
         rows = table("machine", "verdict", "cause", "how sure")
         for machine in wrong[:SHOWN]:
             causes = ", ".join(cause_name(*pair) for pair in machine.named) or machine.failed
             sure = chance(machine.sure) if machine.named else ""
-            rows.add_row(*map(cell, (machine.name, SAID[machine.verdict], causes, sure)))
+            rows.add_row(*map(cell, (machine.name, machine.said, causes, sure)))
         print_table(console, rows)
         _more(console, len(wrong))
     console.print()

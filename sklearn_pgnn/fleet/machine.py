@@ -4,10 +4,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from sklearn_pgnn.estimation.candidate import Candidate
-from sklearn_pgnn.inspection.words import VERDICTS
+from sklearn_pgnn.inspection.words import NO_CAUSE, VERDICTS, verdict_of
 
+FAILED = "Not diagnosed"
 #: the verdicts in words, with what stands where there is none
-SAID = {**VERDICTS, "failed": "Not diagnosed"}
+SAID = (*VERDICTS.values(), NO_CAUSE, FAILED)
 #: the order of verdicts in a fleet
 ORDER = ("cause_named", "ambiguous", "unexplained", "model_adequate", "failed")
 
@@ -45,6 +46,11 @@ class Machine:
     def verdict(self) -> str:
         """What the records say, as `ModelDiagnosis.verdict_`, or ``"failed"``."""
         return "failed" if self.found is None else self.found["verdict"]
+
+    @property
+    def said(self) -> str:
+        """The verdict in words, one of `SAID`."""
+        return FAILED if self.found is None else verdict_of(self.found)
 
     @property
     def named(self) -> dict[Candidate, Mapping]:

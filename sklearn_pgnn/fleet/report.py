@@ -9,16 +9,16 @@ from urllib.parse import quote
 import numpy as np
 from markupsafe import Markup
 
-from sklearn_pgnn.fleet.machine import SAID, Machine
+from sklearn_pgnn.fleet.machine import FAILED, SAID, Machine
 from sklearn_pgnn.fleet.spread import ParameterSpread
 from sklearn_pgnn.fleet.store import PAGE, Store
 from sklearn_pgnn.inspection.numbers import chance, measured, number, percent, sized
 from sklearn_pgnn.inspection.report.page import digest, render, style_sheet
 from sklearn_pgnn.inspection.svg import Scale, dot, mark, scale_text, strip
-from sklearn_pgnn.inspection.words import cause_name
+from sklearn_pgnn.inspection.words import VERDICTS, cause_name
 
 #: a verdict's colour
-COLOUR = {"model_adequate": "good", "failed": "bad"}
+COLOUR = {VERDICTS["model_adequate"]: "good", FAILED: "bad"}
 HEADERS = ("Machine", "Verdict", "Causes", "How sure", "Explained", "Unlike the others", "Records")
 
 
@@ -59,11 +59,11 @@ def _source(name: str) -> str:
 
 
 def _tiles(machines: list[Machine]) -> list[dict]:
-    counts = Counter(machine.verdict for machine in machines)
+    counts = Counter(machine.said for machine in machines)
     return [
-        {"css": COLOUR.get(verdict, "look"), "said": said, "count": counts[verdict]}
-        for verdict, said in SAID.items()
-        if counts[verdict]
+        {"css": COLOUR.get(said, "look"), "said": said, "count": counts[said]}
+        for said in SAID
+        if counts[said]
     ]
 
 
@@ -89,8 +89,8 @@ def _row(machine: Machine, fleet, folder: Path) -> dict:
     return {
         "name": machine.name,
         "page": quote(page.relative_to(folder).as_posix()) if told else "",
-        "css": COLOUR.get(machine.verdict, "look"),
-        "said": SAID[machine.verdict],
+        "css": COLOUR.get(machine.said, "look"),
+        "said": machine.said,
         "causes": _named(machine) or ([machine.failed] if machine.failed else []),
         "sure": chance(machine.sure) if machine.named else "",
         "explained": percent(machine.explained) if machine.named else "",

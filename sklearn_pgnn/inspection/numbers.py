@@ -131,20 +131,25 @@ def readable(formula: str) -> str:
     >>> readable("-0.2005*F**2*v"), readable("x**-0.5")
     ('-0.2005·F²·v', 'x**-0.5')
     """
-    return re.sub(r"(?<!\*)\*(?!\*)", "·", typeset_unit(formula))
+    return re.sub(r"(?<!\*)\*(?!\*)", "·", _raised(formula))
 
 
 def typeset_unit(unit: str) -> str:
-    """Write the powers of a unit as superscripts.
+    """Write the powers of a unit as superscripts; a unit of 1 goes without saying.
 
     Examples
     --------
     >>> typeset_unit("kg m^2"), typeset_unit("N m s**-1"), typeset_unit("m^0.5")
     ('kg m²', 'N m s⁻¹', 'm^0.5')
     """
+    return "" if unit.strip() == "1" else _raised(unit)
+
+
+def _raised(text: str) -> str:
+    """Write powers as superscripts."""
     raised = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
     power = r"(?:\^|\*\*)(-?\d+)(?![\d.])"
-    return re.sub(power, lambda found: found[1].translate(raised), unit)
+    return re.sub(power, lambda found: found[1].translate(raised), text)
 
 
 def percent(part: float) -> str:

@@ -2,7 +2,9 @@
 
 import itertools
 import math
+from collections.abc import Mapping
 
+from sklearn_pgnn.estimation.budgets import MUCH
 from sklearn_pgnn.estimation.hypothesis import commute
 from sklearn_pgnn.inspection.numbers import chance, number, percent, readable, times
 from sklearn_pgnn.inspection.yardstick import (
@@ -22,6 +24,10 @@ VERDICTS = {
     "ambiguous": "Several causes fit",
     "unexplained": "Not explained",
 }
+#: of a model that is called adequate, since nothing that was recorded tells more, with much left
+NO_CAUSE = "No cause found"
+#: smallest probability of no cause at all that stands among the others
+WORTH_SAYING = 0.01
 
 
 def verdict_title(diagnosis) -> str:
@@ -40,12 +46,38 @@ def verdict_title(diagnosis) -> str:
     if not diagnosis.complete_ and diagnosis.verdict_ == "unexplained":
         return "Unfinished"
     if diagnosis.verdict_ == "model_adequate" and leaves_much(diagnosis):
-        return "No cause found"
+        return NO_CAUSE
     return VERDICTS[diagnosis.verdict_]
+
+
+def verdict_of(found: Mapping) -> str:
+    """Return the verdict of a diagnosis that was written down, as people say it.
+
+    Parameters
+    ----------
+    found : mapping
+        What `ModelDiagnosis.to_dict` gives.
+
+    Returns
+    -------
+    str
+        As in "Cause named".
+
+    Examples
+    --------
+    >>> verdict_of({"verdict": "model_adequate", "remaining": {"times_noise": {"x": 18.2}}})
+    'No cause found'
+    """
+    left = found["remaining"]["times_noise"].values()
+    much = any(times is None or times > MUCH for times in left)
+    adequate = found["verdict"] == "model_adequate"
+    return NO_CAUSE if adequate and much else VERDICTS[found["verdict"]]
 
 
 def rivals(cause) -> str:
     """Return what a cause is confused with, each with its probability; empty if it is nothing.
+
+    That none of them acts, nor the cause, is one of the answers.
 
     Parameters
     ----------
@@ -57,10 +89,11 @@ def rivals(cause) -> str:
     str
         The list, as in a sentence.
     """
-    return listed(
-        f"{cause_name(other.effect, other.target)} ({chance(other.probability)})"
-        for other in cause.confused_with
-    )
+    others = [(cause_name(o.effect, o.target), o.probability) for o in cause.confused_with]
+    none = 1.0 - cause.probability - sum(probability for _, probability in others)
+    if others and none >= WORTH_SAYING:
+        others.append(("none of these", none))
+    return listed(f"{name} ({chance(probability)})" for name, probability in others)
 
 
 def cause_name(effect: str, target: str) -> str:

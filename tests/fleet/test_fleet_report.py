@@ -15,9 +15,10 @@ pytestmark = pytest.mark.core
 EVIL = "<script>pump</script> -1"
 
 
-def machine(name, value):
+def machine(name, value, left=1.0):
     mass = {"value": value, "low": value - 0.1, "high": value + 0.1, "prior": 2.0, "unit": "kg"}
     found = {"verdict": "model_adequate", "causes": [], "gain": {}, "stopped": None}
+    found["remaining"] = {"kind": "noise", "times_noise": {"v": left}}
     return Machine(name, found | {"parameters": {"m": mass}, "data_quality": []})
 
 
@@ -59,3 +60,12 @@ def test_what_changed_is_told_only_beside_an_earlier_time(tmp_path):
     assert "What changed" not in page(tmp_path)
     assert "No significant change" in page(tmp_path, earlier="march")
     assert "is not there now" in page(tmp_path, earlier="march", missing_=("gone",))
+
+
+def test_a_machine_that_leaves_much_is_not_shown_as_adequate(tmp_path):
+    left = machine("window open", 2.0, left=18.2)
+    assert left.verdict == "model_adequate"
+    assert left.said == "No cause found"
+    assert machine("pump", 2.0).said == "Model adequate"
+    text = page(tmp_path, machines_={m.name: m for m in (left, machine("pump", 2.0))})
+    assert "No cause found" in text

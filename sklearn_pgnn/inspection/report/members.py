@@ -97,4 +97,5 @@ def members_of(diagnosis, cause) -> list[Member]:
 
 def _size(records: DiagnosisRecords, fit: FittedWindows) -> float:
     """Return the root mean square of what a model leaves on the windows, scaled."""
-    return float(np.sqrt(np.nanmean((fit.residual / records.windows.scale) ** 2)))
+    with np.errstate(over="ignore"):  # a model that nearly diverges
+        return float(np.sqrt(np.nanmean((fit.residual / records.windows.scale) ** 2)))
