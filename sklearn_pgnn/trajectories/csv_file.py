@@ -14,8 +14,10 @@ from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.trajectories.file_table import FileTable, read_each
 
-_NOTHING = frozenset({"", "nan", "na", "n/a", "null", "none", "-"})
+_NOTHING = frozenset({"", "nan", "na", "n/a", "#n/a", "null", "none", "-"})
 _CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1f]")
+#: a first line in which Excel tells the separator
+_TOLD = re.compile(r"sep=(.)\s*")
 
 
 def read_csv(
@@ -134,7 +136,10 @@ class _CsvTable(FileTable):
     def __init__(self, path: str, model: PhysicsModel, sample_time: float | None = None):
         super().__init__(path, model, sample_time)
         self.lines, texts = self.split(self.decode(self.raw()))
-        separator = _separator(texts[0])
+        told = _TOLD.fullmatch(texts[0]) if len(texts) > 1 else None
+        if told:
+            self.lines, texts = self.lines[1:], texts[1:]
+        separator = told[1] if told else _separator(texts[0])
         self.decimal_comma = separator != ","
         self.header, *self.rows = self.parse(texts, separator)
         self.header_line, *self.lines = self.lines

@@ -241,7 +241,8 @@ class FileTable(ABC):
         values = [self.number(cell) for cell in cells]
         for row, value in enumerate(values):
             if value is None or math.isinf(value):
-                self.refuse(row, f"expected a number, got {cells[row]!r}.", self.header[k])
+                why = f"expected a number, got {cells[row]!r}. {_remedy(cells[row], name)}"
+                self.refuse(row, why, self.header[k])
         factor, offset = self.conversion(name, k)
         return factor * np.array(values, dtype=float) + offset
 
@@ -387,7 +388,8 @@ class FileTable(ABC):
             row = int(bad[0])
             self.refuse(
                 row,
-                f"expected a time such as 2026-01-31 12:00:00.005, got {self.cells(k)[row]!r}.",
+                f"expected a time such as 2026-01-31 12:00:00.005, got {self.cells(k)[row]!r}. "
+                f"Remedy: write all times that way, or as seconds.",
                 self.header[k],
             )
         ticks, tick = read_clock(dates, "t") or (np.zeros(0), 0.0)
@@ -482,3 +484,10 @@ def _unique(names: list[str]) -> list[str]:
             new = f"{name}-{count}"
         found.append(new)
     return found
+
+
+def _remedy(cell, name: str) -> str:
+    """Say what to do about a cell that is no number."""
+    if name == TIME and re.search(r"\d[:./-]\d", str(cell)):
+        return "Remedy: write dates as 2026-01-31 12:00:00.005, or the time in seconds."
+    return "Remedy: leave the cell empty where nothing was measured."

@@ -34,6 +34,14 @@ def read(file, text, model=CART, **how):
     return read_csv(file, model)
 
 
+def test_excel_may_tell_the_separator_and_that_a_value_is_missing(file):
+    X, y = read(file, "sep=;\n" + RUN.replace(",", ";").replace("0.6", "#N/A"))
+    expected, _ = read(file, RUN)
+    pd.testing.assert_frame_equal(X, expected)
+    assert np.isnan(y.iloc[1, 0])
+    assert refusal(file, "sep=;\n" + RUN.replace(",", ";").replace("0.6", "off")).startswith("4:")
+
+
 def refusal(file, text, model=CART):
     """Return the error's text after the file's name."""
     with pytest.raises(RecordError) as caught:
@@ -225,10 +233,18 @@ SORT = "Remedy: sort the record, or tell several apart by a column 'trajectory'.
         (RUN.replace("0.1,2", "0.1,two"), "3: column 'F': expected a number, got 'two'."),
         (RUN.replace("0.1,2", "# warm\n0.1,two"), "4: column 'F': expected a number, got 'two'."),
         (RUN.replace("F", "F [N]").replace(",2,", ",?,"), "3: column 'F [N]': expected a number"),
-        (RUN.replace("0.6", "off"), "3: column 'position': expected a number, got 'off'."),
+        (
+            RUN.replace("0.6", "off"),
+            "3: column 'position': expected a number, got 'off'. Remedy: leave the cell empty "
+            "where nothing was measured.",
+        ),
         (RUN.replace("0.6", "inf"), "3: column 'position': expected a number, got 'inf'."),
         (RUN.replace("0.1,2", "0.1,1_000"), "3: column 'F': expected a number, got '1_000'."),
-        (RUN.replace("0.1,2", "12:30,2"), "3: column 't': expected a number, got '12:30'."),
+        (
+            RUN.replace("0.1,2", "12:30,2"),
+            "3: column 't': expected a number, got '12:30'. Remedy: write dates as 2026-01-31 "
+            "12:00:00.005, or the time in seconds.",
+        ),
         (RUN.replace("0.1,2", "0.1,"), f"3: column 'F': {GAP}"),
         (RUN.replace("0.1,2", "0.1,nan"), f"3: column 'F': {GAP}".replace("nothing", "'nan'")),
         (RUN.replace("0.1,2", ",2"), f"3: column 't': {GAP}"),

@@ -177,7 +177,8 @@ def test_time_stamps_that_stand_still_or_are_none_have_their_line(tmp_path):
     )
     stamps[2] = "half past"
     assert refusal(write(tmp_path, "csv", RUN.assign(t=stamps))) == (
-        ":4: column 't': expected a time such as 2026-01-31 12:00:00.005, got 'half past'."
+        ":4: column 't': expected a time such as 2026-01-31 12:00:00.005, got 'half past'. "
+        "Remedy: write all times that way, or as seconds."
     )
 
 
@@ -237,7 +238,8 @@ def test_a_text_among_numbers_has_its_row(tmp_path, kind):
     texts = RUN.assign(force=["1", "2", "two", "4", "5"])
     row = {"parquet": 2, "excel": 4}[kind]
     assert refusal(write(tmp_path, kind, texts)) == (
-        f", row {row}: column 'force': expected a number, got 'two'."
+        f", row {row}: column 'force': expected a number, got 'two'. Remedy: leave the cell empty "
+        f"where nothing was measured."
     )
     found, _ = read_file(write(tmp_path, kind, texts.replace("two", "3")), CART)
     assert found["F"].tolist() == RUN["force"].tolist()
