@@ -70,7 +70,7 @@ def imported(tree):
 
 
 def test_the_table_for_contributors_is_this_one():
-    text = (Path(sklearn_pgnn.__file__).parents[1] / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[1] / "CONTRIBUTING.md").read_text(encoding="utf-8")
     rows = re.findall(r"^\| \d+ \|(.+?)\|", text, flags=re.MULTILINE)
     told = [set(re.findall(r"`(\w+)`", row)) for row in reversed(rows)]
     assert told == [layer for layer in LAYERS if not layer & {"__init__", "__main__"}]

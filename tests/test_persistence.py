@@ -241,7 +241,7 @@ def test_skops_asks_for_the_types_that_the_documentation_lists(fitted, name):
 
 
 def test_the_documentation_lists_these_types():
-    page = (ROOT / "docs" / "networks.rst").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[1] / "docs" / "networks.rst").read_text(encoding="utf-8")
     section = page[page.index(".. _persistence:") : page.index("References\n----------")]
     listed = set(
         re.findall(r"``((?:sklearn_pgnn|skorch|torch|functools|sklearn)\.[\w.]+)``", section)

@@ -14,6 +14,7 @@ from sklearn_pgnn.diagnosis import frames
 from sklearn_pgnn.diagnosis.description import describe
 from sklearn_pgnn.diagnosis.free_run import free_run_errors
 from sklearn_pgnn.diagnosis.investigation import Findings, Investigation
+from sklearn_pgnn.diagnosis.noise_units import measured_alike
 from sklearn_pgnn.diagnosis.options import (
     check_detectability,
     check_max_causes,
@@ -35,6 +36,7 @@ from sklearn_pgnn.diagnosis.separations import (
     with_equivalent,
 )
 from sklearn_pgnn.diagnosis.size import parameter_errors
+from sklearn_pgnn.diagnosis.unexplained import MissingPart
 from sklearn_pgnn.estimation.budgets import KEPT
 from sklearn_pgnn.estimation.criterion import SelectionCriterion
 from sklearn_pgnn.estimation.fitted_records import as_judged, keep_records
@@ -356,7 +358,7 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         problem, final = fitter.problem, result.final
         errors = parameter_errors(problem, final)
         proposal = found.proposal
-        self.discrepancy_ = None if proposal is None else describe(problem, proposal)
+        part = None if proposal is None else describe(problem, proposal)
         self.causes_ = name_causes(found.search, result, errors)
         self.gain_ = measure_gain(fitter, result, _seed(self.random_state))
         if proposal is not None:  # parameters are those of the model with the formula
@@ -371,6 +373,8 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         self.candidates_ = tuple(sorted(tried, key=lambda candidate: candidate.left))
         names = [record.name for record in investigation.records]
         self.records_ = keep_records(fitter, result.base, final, names)
+        measured = part and measured_alike(part, self.gain_, self.records_)
+        self.discrepancy_: MissingPart | None = measured
         self.initial_states_ = self.records_.starts
         tells = fitter.held_out(result.base).tells | fitter.held_out(final).tells
         self.free_run_ = free_run_errors(self.records_, tells)

@@ -8,7 +8,6 @@ from sklearn_pgnn.estimation.budgets import MUCH
 from sklearn_pgnn.estimation.hypothesis import commute
 from sklearn_pgnn.inspection.numbers import chance, number, percent, readable, times
 from sklearn_pgnn.inspection.yardstick import (
-    formula_error,
     in_free_run,
     is_adequate_as_given,
     leaves_much,
@@ -312,7 +311,7 @@ def _described(diagnosis) -> str:
     part = diagnosis.discrepancy_
     if part is None:
         return ""
-    on, left = dependence(diagnosis, part), times(formula_error(diagnosis))
+    on, left = dependence(diagnosis, part), times(part.error)
     return (
         f"Something is missing in {missing_place(diagnosis, part)}. {on}With "
         f"{readable(part.formula)} added there the model leaves {left} the noise."

@@ -1,18 +1,10 @@
-r"""The one yardstick of a report: errors over held-out windows in units of the noise.
-
-.. math:: e = \sqrt{\frac{\sum_o n_o (r_o / s_o)^2}{\sum_o n_o (w_o / s_o)^2}}
-
-with the root mean square error :math:`r_o` of output :math:`o` on :math:`n_o` samples, its noise
-:math:`w_o` (the white part of what the extended model leaves), and its scale :math:`s_o` in the
-fit. Of a single output it is :math:`r / w`.
-"""
+"""The one measure of a report: errors over held-out windows in units of the noise."""
 
 import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import numpy as np
-
+from sklearn_pgnn.diagnosis.noise_units import error_together, ratio
 from sklearn_pgnn.estimation.budgets import MUCH
 
 
@@ -50,30 +42,9 @@ def in_free_run(diagnosis) -> dict[str, Errors]:
 
 def together(diagnosis) -> Errors:
     """Return the errors over held-out windows of all outputs together, in units of the noise."""
-    return Errors(*(_together(diagnosis, which) for which in ("prior", "refitted", "extended")))
-
-
-def _together(diagnosis, which: str) -> float:
-    windows, gains = diagnosis.records_.windows, list(diagnosis.gain_.values())
-    weights = np.isfinite(windows.y).sum(axis=0) / windows.scale**2
-    errors, noise = (
-        float(np.sum(weights * np.array([getattr(gain, name) for gain in gains]) ** 2))
-        for name in (which, "noise")
-    )
-    return math.sqrt(ratio(errors, noise))
-
-
-def ratio(error: float, noise: float) -> float:
-    """Return an error in units of the noise; not a number where there is none.
-
-    Examples
-    --------
-    >>> ratio(3.0, 0.5), ratio(float("inf"), 0.1)
-    (6.0, inf)
-    """
-    if not noise > 0:
-        return math.nan
-    return error / noise
+    gains, records = diagnosis.gain_, diagnosis.records_
+    models = ("prior", "refitted", "extended")
+    return Errors(*(error_together(gains, records, which) for which in models))
 
 
 class Suspect(NamedTuple):
@@ -117,14 +88,6 @@ def suspects(diagnosis) -> list[Suspect]:
         Suspect(effect, target, *(refitted * math.sqrt(max(share, 0.0)) for share in shares))
         for effect, target, *shares in diagnosis.candidates_
     ]
-
-
-def formula_error(diagnosis) -> float:
-    """Return what the model with the formula for the unnamed leaves, in units of the noise."""
-    windows = diagnosis.records_.windows
-    residual = diagnosis.records_.fits["extended"].residual / windows.scale
-    without = math.sqrt(np.nansum(residual**2) / np.isfinite(residual).sum())
-    return together(diagnosis).extended * diagnosis.discrepancy_.error / without
 
 
 def leaves_much(diagnosis) -> bool:

@@ -16,7 +16,6 @@ from sklearn_pgnn.diagnosis import (
     Remaining,
     Rival,
 )
-from sklearn_pgnn.inspection import words
 from sklearn_pgnn.record_quality.finding import Finding
 
 pytestmark = pytest.mark.core
@@ -100,8 +99,7 @@ def test_the_verdict_has_a_colour_where_the_terminal_has(capsys, monkeypatch, to
     assert colour in text
 
 
-def test_what_is_left_without_a_formula_is_not_called_that_of_the_file_with_it(capsys, monkeypatch):
-    monkeypatch.setattr(words, "formula_error", lambda _: 1.1)
+def test_what_is_left_without_a_formula_is_not_called_that_of_the_file_with_it(capsys):
     with_formula = diagnosis(remaining=Remaining("structure", {"v": 2.0}, ("v",)))
     with_formula.causes_, with_formula.verdict_ = (), "unexplained"
     assert "re-tuned extended" in shown(capsys, with_formula)

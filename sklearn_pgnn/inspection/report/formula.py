@@ -13,7 +13,6 @@ from sklearn_pgnn.inspection.mathml import mathml_of
 from sklearn_pgnn.inspection.model_files import file_of
 from sklearn_pgnn.inspection.numbers import measured, number, times, typeset_unit
 from sklearn_pgnn.inspection.words import dependence, missing_place
-from sklearn_pgnn.inspection.yardstick import formula_error
 from sklearn_pgnn.physics.derived_units import rate_unit
 from sklearn_pgnn.physics.effects.rates import unit_of_force
 from sklearn_pgnn.physics.expressions import TIME, parse_expression, symbol, to_text
@@ -168,7 +167,7 @@ def told_formula(formula: FoundFormula) -> dict:
     return {
         "place": missing_place(formula.diagnosis, part),
         "dependence": dependence(formula.diagnosis, part),
-        "left": times(formula_error(formula.diagnosis)),
+        "left": times(formula.part.error),
         "unit": typeset_unit(formula.unit) or "-",
         "force": typeset_unit(formula.force),
         "inertia": to_text(formula.model.inertia[part.target]) if formula.force else "",

@@ -1,0 +1,81 @@
+r"""Errors over held-out windows in units of the noise: the one measure of all that is reported.
+
+.. math:: e = \sqrt{\frac{\sum_o n_o (r_o / s_o)^2}{\sum_o n_o (w_o / s_o)^2}}
+
+with the root mean square error :math:`r_o` of output :math:`o` on :math:`n_o` samples, its noise
+:math:`w_o` (the white part of what the extended model leaves), and its scale :math:`s_o` in the
+fit. Of a single output it is :math:`r / w`.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from sklearn_pgnn.diagnosis.result import Gain
+from sklearn_pgnn.diagnosis.unexplained import MissingPart
+from sklearn_pgnn.estimation.fitted_records import DiagnosisRecords
+
+
+def ratio(error: float, noise: float) -> float:
+    """Return an error in units of the noise; not a number where there is none.
+
+    Examples
+    --------
+    >>> ratio(3.0, 0.5), ratio(float("inf"), 0.1)
+    (6.0, inf)
+    """
+    if not noise > 0:
+        return math.nan
+    return error / noise
+
+
+def error_together(gains: Mapping[str, Gain], records: DiagnosisRecords, which: str) -> float:
+    """Return the error of all outputs together.
+
+    Parameters
+    ----------
+    gains : mapping of str to Gain
+        Errors and noise, by output.
+    records : DiagnosisRecords
+        The records.
+    which : {"prior", "refitted", "extended"}
+        The model.
+
+    Returns
+    -------
+    float
+        The error; not a number where there is no noise.
+    """
+    windows, found = records.windows, list(gains.values())
+    weights = np.isfinite(windows.y).sum(axis=0) / windows.scale**2
+    errors, noise = (
+        float(np.sum(weights * np.array([getattr(gain, name) for gain in found]) ** 2))
+        for name in (which, "noise")
+    )
+    return math.sqrt(ratio(errors, noise))
+
+
+def measured_alike(
+    part: MissingPart, gains: Mapping[str, Gain], records: DiagnosisRecords
+) -> MissingPart:
+    """Return a missing part with its error in the same measure as those of the models.
+
+    Parameters
+    ----------
+    part : MissingPart
+        The missing part, its error as a fit on all windows has it.
+    gains : mapping of str to Gain
+        Errors and noise, by output.
+    records : DiagnosisRecords
+        The records and the fits.
+
+    Returns
+    -------
+    MissingPart
+        The missing part.
+    """
+    residual = records.fits["extended"].residual / records.windows.scale
+    without = math.sqrt(np.nansum(residual**2) / np.isfinite(residual).sum())
+    return replace(part, error=error_together(gains, records, "extended") * part.error / without)
