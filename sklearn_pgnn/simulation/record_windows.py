@@ -373,10 +373,9 @@ def enough_substeps(model: PhysicsModel, windows: ShootingWindows, x0: np.ndarra
     def run(substeps):
         return evaluate(model, replace(windows, substeps=substeps), x0, ()).residual
 
-    def is_close(coarse, finer):
+    def change(coarse, finer):
         with warnings.catch_warnings():  # overflow: the substeps are too coarse
             warnings.simplefilter("ignore", RuntimeWarning)
-            difference = np.sqrt(np.nanmean(((finer - coarse) / windows.scale) ** 2))
-        return bool(np.isfinite(difference) and difference < 0.1)
+            return np.sqrt(np.nanmean(((finer - coarse) / windows.scale) ** 2)) / 0.1
 
-    return double_substeps(run, is_close, windows.substeps)
+    return double_substeps(run, change, windows.substeps)

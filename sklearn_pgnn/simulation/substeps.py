@@ -1,5 +1,6 @@
 """How many integration steps from sample to sample are enough."""
 
+import math
 import warnings
 from collections.abc import Callable
 
@@ -10,7 +11,7 @@ MAX_SUBSTEPS = 32
 
 
 def double_substeps(
-    run: Callable[[int], object], is_close: Callable[[object, object], bool], substeps: int = 1
+    run: Callable[[int], object], change: Callable[[object, object], float], substeps: int = 1
 ) -> int:
     """Double the substeps until a simulation hardly changes.
 
@@ -18,8 +19,9 @@ def double_substeps(
     ----------
     run : callable
         Simulates with so many steps from sample to sample.
-    is_close : callable
-        Whether two simulations, the coarse one first, are as good as the same.
+    change : callable
+        By how much two simulations, the coarse one first, differ, as a multiple of what may be; not
+        finite where one of them diverges.
     substeps : int, default=1
         The steps to begin with.
 
@@ -31,25 +33,27 @@ def double_substeps(
     Warns
     -----
     SimulationWarning
-        If these are not enough.
+        If these are not enough. Of a simulation that diverges others tell.
 
     Examples
     --------
-    >>> double_substeps(lambda n: (1 + 1 / n) ** n, lambda one, other: abs(one - other) < 0.1)
+    >>> double_substeps(lambda n: (1 + 1 / n) ** n, lambda one, other: abs(one - other) / 0.1)
     8
     """
-    coarse = run(substeps)
+    coarse, changed = run(substeps), math.nan
     while substeps < MAX_SUBSTEPS:
         finer = run(2 * substeps)
-        if is_close(coarse, finer):
+        changed = change(coarse, finer)
+        if changed < 1.0:
             return substeps
         substeps, coarse = 2 * substeps, finer
-    warnings.warn(
-        f"the simulation still changes with {MAX_SUBSTEPS} integration steps from sample to "
-        f"sample, and more are not tried: some motion of the model is far quicker than a sample, "
-        f"or diverges. Remedy: let the quickest states follow the others without delay, sample "
-        f"faster, or set substeps.",
-        SimulationWarning,
-        stacklevel=2,
-    )
+    if math.isfinite(changed):
+        warnings.warn(
+            f"the simulation still changes with {MAX_SUBSTEPS} integration steps from sample to "
+            f"sample, and more are not tried: some motion of the model is far quicker than a "
+            f"sample. Remedy: let the quickest states follow the others without delay, sample "
+            f"faster, or set substeps.",
+            SimulationWarning,
+            stacklevel=2,
+        )
     return substeps

@@ -315,7 +315,7 @@ def test_a_diagnosis_that_is_stopped_stops_and_another_may_begin(port):
     while "<progress max" not in client.get("/sections").sections["work"]:
         assert time.monotonic() < until
         time.sleep(0.05)
-    assert "A diagnosis is going on" in client.post("/example").message
+    assert "A diagnosis is running" in client.post("/example").message
     answer = client.send("DELETE", "/work")
     assert not answer.json["busy"]
     assert client.get("/sections").message == "Stopped."
