@@ -15,7 +15,7 @@ import numpy as np
 
 from sklearn_pgnn.diagnosis.result import Gain
 from sklearn_pgnn.diagnosis.unexplained import MissingPart
-from sklearn_pgnn.estimation.fitted_records import DiagnosisRecords
+from sklearn_pgnn.estimation.fitted_records import DiagnosisRecords, FittedWindows
 
 
 def ratio(error: float, noise: float) -> float:
@@ -57,6 +57,12 @@ def error_together(gains: Mapping[str, Gain], records: DiagnosisRecords, which: 
     return math.sqrt(ratio(errors, noise))
 
 
+def scaled_error(records: DiagnosisRecords, fit: FittedWindows) -> float:
+    """Return the root mean square of what a fitted model leaves over windows, in their scale."""
+    with np.errstate(over="ignore"):  # a model that nearly diverges
+        return float(np.sqrt(np.nanmean((fit.residual / records.windows.scale) ** 2)))
+
+
 def measured_alike(
     part: MissingPart, gains: Mapping[str, Gain], records: DiagnosisRecords
 ) -> MissingPart:
@@ -76,6 +82,5 @@ def measured_alike(
     MissingPart
         The missing part.
     """
-    residual = records.fits["extended"].residual / records.windows.scale
-    without = math.sqrt(np.nansum(residual**2) / np.isfinite(residual).sum())
+    without = scaled_error(records, records.fits["extended"])
     return replace(part, error=error_together(gains, records, "extended") * part.error / without)

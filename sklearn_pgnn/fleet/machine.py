@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from sklearn_pgnn.estimation.candidate import Candidate
-from sklearn_pgnn.inspection.words import NO_CAUSE, VERDICTS, verdict_of
+from sklearn_pgnn.inspection.words import NO_CAUSE, VERDICTS, verdict_in_words
 
 FAILED = "Not diagnosed"
 #: the verdicts in words, with what stands where there is none
@@ -50,7 +50,7 @@ class Machine:
     @property
     def said(self) -> str:
         """The verdict in words, one of `SAID`."""
-        return FAILED if self.found is None else verdict_of(self.found)
+        return FAILED if self.found is None else verdict_in_words(self.found)
 
     @property
     def named(self) -> dict[Candidate, Mapping]:

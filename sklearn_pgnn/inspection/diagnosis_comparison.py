@@ -9,7 +9,7 @@ from pathlib import Path
 
 from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.inspection.numbers import chance, measured, number
-from sklearn_pgnn.inspection.words import cause_name, verdict_of
+from sklearn_pgnn.inspection.words import cause_name, verdict_in_words
 from sklearn_pgnn.record_quality.wording import listed
 
 #: the file of a diagnosis, in the folder that the command line writes
@@ -307,7 +307,7 @@ def _quantity(title, one: Mapping, other: Mapping, name: str) -> Quantity:
 
 
 def _of_verdicts(pair, names) -> list[str]:
-    one, other = (verdict_of(data).lower() for data in pair)
+    one, other = (verdict_in_words(data).lower() for data in pair)
     return [] if one == other else [f"{names[0]}: {one}; {names[1]}: {other}."]
 
 
@@ -382,7 +382,7 @@ def _of_rest(pair, names) -> list[str]:
 
 def _verdicts(pair, names) -> Table:
     rows = [
-        ("verdict", *(verdict_of(data) for data in pair)),
+        ("verdict", *(verdict_in_words(data) for data in pair)),
         ("causes", *(_named(data) or "none" for data in pair)),
         ("what is left", *(_left(data["remaining"]) for data in pair)),
         (

@@ -49,7 +49,7 @@ def verdict_title(diagnosis) -> str:
     return VERDICTS[diagnosis.verdict_]
 
 
-def verdict_of(found: Mapping) -> str:
+def verdict_in_words(found: Mapping) -> str:
     """Return the verdict of a diagnosis that was written down, as people say it.
 
     Parameters
@@ -64,7 +64,7 @@ def verdict_of(found: Mapping) -> str:
 
     Examples
     --------
-    >>> verdict_of({"verdict": "model_adequate", "remaining": {"times_noise": {"x": 18.2}}})
+    >>> verdict_in_words({"verdict": "model_adequate", "remaining": {"times_noise": {"x": 18.2}}})
     'No cause found'
     """
     left = found["remaining"]["times_noise"].values()

@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 
 from sklearn_pgnn.trajectories import split_rows
+from sklearn_pgnn.trajectories.names import is_named
 from sklearn_pgnn.trajectories.reader import TIME, TRAJECTORY
 from sklearn_pgnn.trajectories.tables import as_table, read_clock
 
@@ -144,9 +145,9 @@ def _read_time(X, time_column) -> np.ndarray:
 
 def _has_names(X, time_column) -> bool:
     """Whether the time is told by its name, as the estimators read a table."""
-    if not isinstance(X, pd.DataFrame) or isinstance(time_column, Integral):
-        return False
-    return time_column is not None or all(isinstance(name, str) for name in X.columns)
+    if time_column is None:
+        return is_named(X)
+    return isinstance(X, pd.DataFrame) and not isinstance(time_column, Integral)
 
 
 def _time_by_name(X, time_column) -> np.ndarray:

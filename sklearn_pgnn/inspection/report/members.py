@@ -2,9 +2,8 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-
-from sklearn_pgnn.estimation.fitted_records import DiagnosisRecords, FittedWindows, as_judged
+from sklearn_pgnn.diagnosis.noise_units import scaled_error
+from sklearn_pgnn.estimation.fitted_records import FittedWindows, as_judged
 from sklearn_pgnn.experiment_design.separation import swap
 from sklearn_pgnn.inspection.case import known_effects
 from sklearn_pgnn.inspection.words import cause_name
@@ -88,14 +87,8 @@ def members_of(diagnosis, cause) -> list[Member]:
     for rival in cause.confused_with:
         effect = known[rival.effect](rival.target)
         fit = swap(records, mine, effect, None)
-        left = found[0].left * _size(records, fit) / _size(records, extended)
+        left = found[0].left * scaled_error(records, fit) / scaled_error(records, extended)
         name = cause_name(rival.effect, rival.target)
         model = as_judged(records.problem, fit)
         found.append(Member(name, effect, rival.probability, left, fit, model))
     return found
-
-
-def _size(records: DiagnosisRecords, fit: FittedWindows) -> float:
-    """Return the root mean square of what a model leaves on the windows, scaled."""
-    with np.errstate(over="ignore"):  # a model that nearly diverges
-        return float(np.sqrt(np.nanmean((fit.residual / records.windows.scale) ** 2)))
