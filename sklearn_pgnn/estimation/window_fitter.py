@@ -439,8 +439,9 @@ class WindowFitter:
             known, x0 = fit.evaluation.select(which), fit.x0[which]
             forgets = SMALL_CHANGE / self.problem.n_samples
             taught = run(fit.model, which, fit.freedoms, x0, forgets, evaluation=known, min_steps=1)
-            precision = told[which].sum(axis=0) + prior_precision(fit.freedoms)
-            if not taught.usable or not tells_more(told[~which].sum(axis=0), precision):
+            others = told[which].sum(axis=0) + prior_precision(fit.freedoms)
+            precision = keep_taught(told[~which].sum(axis=0), others)
+            if not taught.usable or precision is None:
                 return taught
             pairs = zip(fit.freedoms, taught.values, strict=True)
             free = tuple(replace(freedom, centre=float(value)) for freedom, value in pairs)
@@ -461,29 +462,41 @@ class WindowFitter:
         return validation.run(fit, self.folds, learn, judge)
 
 
-def tells_more(some: np.ndarray, others: np.ndarray) -> bool:
-    """Return whether some windows tell more than others of some direction of the parameters.
+def keep_taught(fold: np.ndarray, others: np.ndarray) -> np.ndarray | None:
+    """Return with what precision a fold's fit keeps to what the other folds have taught.
+
+    Directions of the parameters stay where the others have put them, but for those of which these
+    carry less than `SMALL_CHANGE` of the fold's information.
 
     Parameters
     ----------
-    some, others : ndarray of shape (n_parameters, n_parameters)
-        Inverse covariances of the parameters by them.
+    fold, others : ndarray of shape (n_parameters, n_parameters)
+        Inverse covariances of the parameters by the fold and by the others.
 
     Returns
     -------
-    bool
-        Whether the difference has a positive eigenvalue.
+    ndarray of shape (n_parameters, n_parameters) or None
+        Inverse covariance of the parameters about what the others have taught; None where all
+        directions stay.
 
     Examples
     --------
-    >>> tells_more(np.diag([1.0, 0.0]), np.diag([3.0, 0.0]))
-    False
-    >>> tells_more(np.array([[2.0, 2.0], [2.0, 2.0]]), np.array([[3.0, 0.0], [0.0, 3.0]]))
+    >>> keep_taught(np.diag([1.0, 5.0]), np.diag([3.0, 1.0])) is None
     True
+    >>> keep_taught(np.diag([1.0, 5.0]), np.diag([3.0, 0.0])).round(6)
+    array([[4.e+09, 0.e+00],
+           [0.e+00, 0.e+00]])
     """
-    size = np.sqrt(np.maximum(np.diag(some + others), np.finfo(float).tiny))
-    scaled = (some - others) / np.outer(size, size)
-    return bool(scaled.size and np.linalg.eigvalsh(scaled)[-1] > ROUNDING)
+    size = np.sqrt(np.maximum(np.diag(fold + others), np.finfo(float).tiny))
+    values, vectors = np.linalg.eigh((fold + others) / np.outer(size, size))
+    values = np.maximum(values, ROUNDING)
+    whitened = vectors / np.sqrt(values)
+    shares, turns = np.linalg.eigh(whitened.T @ (fold / np.outer(size, size)) @ whitened)
+    untold = shares > 1.0 / (1.0 + SMALL_CHANGE)
+    if not untold.any():
+        return None
+    along = size[:, None] * (vectors * np.sqrt(values)) @ turns
+    return along * np.where(untold, np.maximum(1.0 - shares, 0.0), 1.0 / ROUNDING) @ along.T
 
 
 def block_squares(problem: EstimationProblem, fit: WindowFit, which=slice(None)) -> np.ndarray:
