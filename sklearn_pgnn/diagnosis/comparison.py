@@ -131,6 +131,10 @@ class Comparison:
         retuned, found = map(self.fitter.held_out, (self.fitter.base(), trial))
         return self.criterion.stands_in_free_run(retuned, found)
 
+    def runs_worse(self, than: FittedHypothesis, trial: FittedHypothesis) -> bool:
+        """Return whether a hypothesis has a worse free run than another one, beyond chance."""
+        return self.criterion.runs_worse(*map(self.fitter.held_out, (than, trial)))
+
 
 def own_causes(without: FittedHypothesis, with_: FittedHypothesis) -> set[Effect]:
     """Return the causes that only the second of two hypotheses has."""

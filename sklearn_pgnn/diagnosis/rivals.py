@@ -24,7 +24,7 @@ def find_rivals(
     """Return the candidates that may stand in a cause's place, and the evidence against each.
 
     What takes more parameters to say is no rival: the simpler of two is taken. Nor is what the free
-    run speaks against.
+    run speaks against, because it is worse than that of the re-tuned prior, or of the cause.
 
     Parameters
     ----------
@@ -46,7 +46,8 @@ def find_rivals(
     for trial in ladder.in_place(final, cause):
         (other,) = set(trial.hypothesis.causes) - set(final.hypothesis.causes)
         simple = count_parameters(other) <= count_parameters(cause)
-        if simple and not compare.refutes(final, trial) and compare.stands_in_free_run(trial):
+        stands = compare.stands_in_free_run(trial) and not compare.runs_worse(final, trial)
+        if simple and stands and not compare.refutes(final, trial):
             found[other] = compare.evidence(trial, final)
     problem, rest = ladder.fitter.problem, final.hypothesis.without(cause)
     for other in ladder.candidates:

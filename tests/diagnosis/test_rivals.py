@@ -27,7 +27,7 @@ def trial_of(*causes):
     return SimpleNamespace(hypothesis=hypothesis, fit=SimpleNamespace(model=None))
 
 
-def rivals_of(evidence, resembling=(), beside=(), equal=(), falls=()):
+def rivals_of(evidence, resembling=(), beside=(), equal=(), falls=(), worse=()):
     """Return the rivals of a cause, given the evidence for it over each other."""
     trials = {other: trial_of(*beside, other) for other in evidence}
     over = {id(trial): evidence[other] for other, trial in trials.items()}
@@ -35,6 +35,7 @@ def rivals_of(evidence, resembling=(), beside=(), equal=(), falls=()):
         evidence=lambda trial, final: over[id(trial)],
         refutes=lambda final, trial: over[id(trial)] > CRITERION.to_refute,
         stands_in_free_run=lambda trial: trial.hypothesis.causes[-1] not in falls,
+        runs_worse=lambda final, trial: trial.hypothesis.causes[-1] in worse,
     )
     ladder = SimpleNamespace(
         in_place=lambda final, cause: list(trials.values()),
@@ -60,8 +61,9 @@ def test_what_takes_more_parameters_is_no_rival_however_near():
     assert rivals_of({DEARER: 0.0}) == []
 
 
-def test_what_the_free_run_speaks_against_is_no_rival_however_near_over_windows():
-    assert rivals_of({LIKE: -300.0, DRAG: 1.0}, falls=(LIKE,)) == [(DRAG, 1.0)]
+@pytest.mark.parametrize("than", ["falls", "worse"])
+def test_what_the_free_run_speaks_against_is_no_rival_however_near_over_windows(than):
+    assert rivals_of({LIKE: -300.0, DRAG: 1.0}, **{than: (LIKE,)}) == [(DRAG, 1.0)]
 
 
 def test_what_is_the_same_as_a_rival_is_one_too_with_the_same_evidence():
