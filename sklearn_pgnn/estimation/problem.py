@@ -68,6 +68,11 @@ class EstimationProblem:
         """What no simulation is finer than, in units of the noise, of shape (n_outputs,)."""
         return RESOLUTION * self.typical_outputs / self.windows.scale
 
+    @property
+    def starts_by_output(self) -> float:
+        """Initial states that are fitted to a window, by output."""
+        return len(self.prior.states) / len(self.prior.outputs)
+
 
 def build_problem(model: PhysicsModel, records: tuple[Record, ...], **options) -> EstimationProblem:
     """Cut records into windows and estimate what a diagnosis needs to know of them.

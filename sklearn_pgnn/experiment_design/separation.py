@@ -28,6 +28,7 @@ from sklearn_pgnn.estimation.freedoms import freedoms, held_by
 from sklearn_pgnn.estimation.held_out import segments
 from sklearn_pgnn.estimation.hypothesis import Hypothesis, resemble
 from sklearn_pgnn.estimation.hypothesis_models import HypothesisModels
+from sklearn_pgnn.estimation.octaves import Octaves, octaves_of
 from sklearn_pgnn.estimation.plain_data import plain
 from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.experiment_design.power import Noise
@@ -244,7 +245,7 @@ def _extend(records, causes, start=None, held=frozenset()):
 
 
 def _left(records, truth: FittedWindows, rival: FittedWindows, t, u, each_step):
-    """Re-tune a rival to what a model shows: squares left by output, states reached; else None."""
+    """Re-tune a rival to what a model shows: what is left by octave, states reached; else None."""
     bounds = np.array([0, t.size])
     y = np.zeros((t.size, records.windows.y.shape[1]))
     whole = replace(
@@ -266,9 +267,10 @@ def _left(records, truth: FittedWindows, rival: FittedWindows, t, u, each_step):
         rival.model, windows, free, x0, spread, max_steps=2 * STEPS, each_step=each_step
     )
     reached = dict(zip(truth.model.states, np.abs(run.x).max(axis=0).tolist(), strict=True))
-    signal = np.nan_to_num(fit.evaluation.residual / windows.scale)
-    squares = np.sum(signal**2, axis=0) if fit.usable else np.full(y.shape[1], np.inf)
-    return squares, reached
+    if not fit.usable:
+        return None
+    residual, fitted = fit.evaluation.residual / windows.scale, records.problem.starts_by_output
+    return octaves_of(residual, segments(windows), fitted), reached
 
 
 def _beyond(records, y) -> bool:
@@ -349,31 +351,33 @@ def _try_all(
     """Rank the experiments; also return whether each model imitates the other in all of them."""
     first = records.fits["extended"]
     noise, found, same = _noise(records), [], True
+    n_more = abs(len(first.freedoms) - len(second.freedoms))
     for design, t, u in _designs(records, reach):
         runs = [
             _left(records, a, b, t, u, each_step) for a, b in ((first, second), (second, first))
         ]
-        whole = [run for run in runs if run is not None and np.isfinite(run[0]).all()]
+        whole = [run for run in runs if run is not None]
         if len(whole) == 2:
-            shares = [run[0] / noise.power for run in whole]
-            found.append(
-                _told(records, criterion, design, t, noise, min(shares, key=np.sum), whole)
-            )
-            same = same and max(share.sum() for share in shares) < TOLERANCE * t.size
+            least, most = sorted((run[0] for run in whole), key=noise.squares_of)
+            repeats = _repeats(noise, least, n_more, criterion.to_refute)
+            found.append(_told(records, design, t, noise, least, repeats, whole[0][1]))
+            same = same and noise.squares_of(most) < TOLERANCE * t.size
     found.sort(key=lambda each: (each.repeats, -each.evidence))
     return tuple(found), same
 
 
 def _noise(records: DiagnosisRecords) -> Noise:
     """Return what the fitted model leaves over windows, as noise."""
-    windows = records.windows
+    windows, problem = records.windows, records.problem
     residual = records.fits["extended"].residual / windows.scale
-    return Noise.of(residual, segments(windows), records.problem.resolution, white=False)
+    fitted = problem.starts_by_output
+    return Noise.of(residual, segments(windows), problem.resolution, white=False, n_fitted=fitted)
 
 
-def _told(records, criterion, design, t, noise: Noise, shares, runs) -> Experiment:
-    """Describe an experiment by the squares that it leaves, in units of the noise's power."""
+def _told(records, design, t, noise: Noise, shown: Octaves, repeats: float, reached) -> Experiment:
+    """Describe an experiment by what it leaves of the better imitation."""
     name, wave, amplitude, offset = design
+    shares = shown.squares.sum(axis=0) / noise.power
     return Experiment(
         input=name,
         excitation=str(wave),
@@ -382,21 +386,23 @@ def _told(records, criterion, design, t, noise: Noise, shares, runs) -> Experime
         offset=offset,
         unit=records.problem.prior.inputs[name],
         duration=float(t[-1]),
-        reached=runs[0][1],
+        reached=reached,
         difference=float(np.sqrt(shares.sum() / (t.size * shares.size))),
-        evidence=float(np.sqrt(shares.sum())),
-        repeats=_repeats(noise, np.sqrt(shares * noise.power), t.size, criterion.to_refute),
+        evidence=math.sqrt(noise.squares_of(shown)),
+        repeats=repeats,
     )
 
 
-def _repeats(noise: Noise, size: np.ndarray, n_new: int, needed: float) -> float:
+def _repeats(noise: Noise, shown: Octaves, n_more: int, needed: float) -> float:
     """Count how often an experiment must be recorded until one of two causes is refuted.
 
     The old records, which the two explain alike, count beside the new ones.
     """
     for count in range(1, REPEATS + 1):
-        rng, both = np.random.default_rng(0), replace(noise, counts=noise.counts + count * n_new)
-        pairs = both.draws(np.sqrt(count) * size, noise.power * noise.times, rng, DRAWS)
+        both, rng = noise.beside(shown, count), np.random.default_rng(0)
+        signal = np.zeros(both.octaves.squares.shape)
+        signal[: len(shown.squares)] = count * shown.squares
+        pairs = both.draws(signal, n_more, rng, DRAWS)
         if np.mean([log_likelihood_ratio(*pair) > needed for pair in pairs]) >= POWER:
             return float(count)
     return float("inf")
