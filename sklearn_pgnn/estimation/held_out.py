@@ -118,9 +118,7 @@ class CrossValidation:
         """Return the power of the outputs about their means, in units of the noise."""
         return (self.problem.typical_outputs / self.problem.windows.scale) ** 2
 
-    def _residuals(
-        self, residual: np.ndarray, segment: np.ndarray, n_fitted: float = 0.0
-    ) -> Residuals:
+    def _residuals(self, residual: np.ndarray, segment: np.ndarray, n_fitted=0.0) -> Residuals:
         """Count what is left; what no simulation is finer than is left in any case."""
         windows = self.problem.windows
         scaled = residual / windows.scale

@@ -44,7 +44,7 @@ class Octaves(NamedTuple):
         return Octaves(self.squares[:, outputs], self.counts[:, outputs])
 
 
-def octaves_of(residual: np.ndarray, segment: np.ndarray, n_fitted: float = 0.0) -> Octaves:
+def octaves_of(residual: np.ndarray, segment: np.ndarray, n_fitted=0.0) -> Octaves:
     r"""Return the squares of residuals by octave of frequency.
 
     The known samples :math:`r_t`, :math:`t = 0, \dots, L - 1`, of a segment have the coefficients
@@ -64,7 +64,7 @@ def octaves_of(residual: np.ndarray, segment: np.ndarray, n_fitted: float = 0.0)
         Residuals; NaN where there is none.
     segment : ndarray of shape (n_samples,)
         Number of every sample's window or record; segments lie end to end.
-    n_fitted : float, default=0
+    n_fitted : float or ndarray of shape (n_outputs,), default=0
         Initial states that were fitted to every segment, by output.
 
     Returns
@@ -81,7 +81,8 @@ def octaves_of(residual: np.ndarray, segment: np.ndarray, n_fitted: float = 0.0)
     >>> found.squares.ravel().round(12), found.counts.ravel()
     (array([0., 8., 0., 0., 0.]), array([3., 2., 0., 0., 0.]))
     """
-    sums = [_sums(column, segment, n_fitted) for column in residual.T]
+    fitted = np.broadcast_to(n_fitted, residual.shape[1])
+    sums = [_sums(*of_output, segment) for of_output in zip(residual.T, fitted, strict=True)]
     n_octaves = max((squares.size for squares, _ in sums), default=0)
     padded = [
         [np.pad(each, (0, n_octaves - each.size)) for each in of_output] for of_output in sums
@@ -90,7 +91,7 @@ def octaves_of(residual: np.ndarray, segment: np.ndarray, n_fitted: float = 0.0)
     return Octaves(squares, counts)
 
 
-def _sums(values: np.ndarray, segment: np.ndarray, n_fitted: float) -> tuple[np.ndarray, ...]:
+def _sums(values: np.ndarray, n_fitted: float, segment: np.ndarray) -> tuple[np.ndarray, ...]:
     """Return the squares of every octave of one output, and the number of coefficients."""
     known = np.isfinite(values)
     values, segment = values[known], segment[known]
@@ -106,7 +107,7 @@ def _sums(values: np.ndarray, segment: np.ndarray, n_fitted: float) -> tuple[np.
             power = (coefficients**2).sum(axis=0)
         squares += np.bincount(octave, power, n_octaves)
         counts += first.size * np.bincount(octave, minlength=n_octaves)
-    return _without(squares, counts, n_fitted * lengths.size)
+    return _without(squares, counts, round(n_fitted * lengths.size, 6))
 
 
 def _without(squares, counts, fitted: float) -> tuple[np.ndarray, np.ndarray]:

@@ -69,9 +69,10 @@ class EstimationProblem:
         return RESOLUTION * self.typical_outputs / self.windows.scale
 
     @property
-    def starts_by_output(self) -> float:
-        """Initial states that are fitted to a window, by output."""
-        return len(self.prior.states) / len(self.prior.outputs)
+    def starts_by_output(self) -> np.ndarray:
+        """Initial states that are fitted to a window, shared out as the samples of the outputs."""
+        measured = np.isfinite(self.windows.y).sum(axis=0)
+        return len(self.prior.states) * measured / max(measured.sum(), 1)
 
 
 def build_problem(model: PhysicsModel, records: tuple[Record, ...], **options) -> EstimationProblem:

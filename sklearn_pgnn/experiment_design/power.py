@@ -40,7 +40,7 @@ class Noise:
         segment: np.ndarray,
         resolution,
         white: bool,
-        n_fitted: float = 0.0,
+        n_fitted=0.0,
     ) -> "Noise":
         """Measure noise.
 
@@ -54,7 +54,7 @@ class Noise:
             What no simulation is finer than.
         white : bool
             Whether it is taken as white.
-        n_fitted : float, default=0
+        n_fitted : float or ndarray of shape (n_outputs,), default=0
             See `octaves_of`.
 
         Returns
@@ -408,6 +408,6 @@ class PowerAnalysis:
         return left < (typical / self.windows.scale) ** 2
 
 
-def _measured(signal, residual, segment: np.ndarray, n_fitted: float = 0.0) -> np.ndarray:
+def _measured(signal, residual, segment: np.ndarray, n_fitted=0.0) -> np.ndarray:
     """Return the squares of a signal by octave, where there was something measured."""
     return octaves_of(np.where(np.isfinite(residual), signal, np.nan), segment, n_fitted).squares
