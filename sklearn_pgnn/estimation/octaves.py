@@ -107,7 +107,7 @@ def _sums(values: np.ndarray, n_fitted: float, segment: np.ndarray) -> tuple[np.
             power = (coefficients**2).sum(axis=0)
         squares += np.bincount(octave, power, n_octaves)
         counts += first.size * np.bincount(octave, minlength=n_octaves)
-    return _without(squares, counts, round(n_fitted * lengths.size, 6))
+    return _without(squares, counts, round(n_fitted * lengths.size, 9))
 
 
 def _without(squares, counts, fitted: float) -> tuple[np.ndarray, np.ndarray]:
