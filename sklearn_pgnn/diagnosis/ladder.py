@@ -119,12 +119,11 @@ class Ladder:
 
     def _limit(self, trial: FittedHypothesis, squares: float) -> float:
         """Return the squares on some samples above which no evidence can come into reach."""
-        rough, windows = self.fitter.rough.windows, self.fitter.problem.windows
-        left = self.fitter.held_out(trial).windows.by_octave
-        counts = np.maximum(left.counts * rough.lengths.sum() / windows.lengths.sum(), 1.0)
+        rough, windows = self.fitter.rough, self.fitter.problem.windows
+        times = np.maximum(self.fitter.held_out(trial).windows.times / rough.factor, 1.0)
+        count = float(rough.windows.lengths.sum() * windows.y.shape[1] / times.max())
         reach = self._criterion.to_refute + self._criterion.to_name
-        grown = counts * left.power * np.expm1(np.minimum(2.0 * reach / counts, 10.0))
-        return squares + float(grown.max(initial=0.0))
+        return squares * float(np.exp(min(2.0 * reach / count, 10.0)))
 
     def step(self, fit: SubsampleFit) -> SubsampleFit:
         """Note that a fit is done, and if it is the best so far."""

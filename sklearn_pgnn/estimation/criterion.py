@@ -1,18 +1,16 @@
 r"""The one comparison of two hypotheses: a held-out likelihood ratio, and the rule that reads it.
 
-Let :math:`S_{oj}` be the squares that a hypothesis leaves of output :math:`o` in octave :math:`j`
-of frequency, in :math:`n_{oj}` coefficients of samples that its parameters have not seen. With
-Gaussian errors whose variance is profiled out of every octave, the evidence for hypothesis 1 over
-hypothesis 0 is
+Let :math:`S_o` be the squares that a hypothesis leaves of output :math:`o` on :math:`n_o` samples
+its parameters have not seen. With Gaussian errors whose variance is profiled out, the evidence for
+hypothesis 1 over hypothesis 0 is
 
-.. math:: \Lambda = \sum_{o, j} \frac{n_{oj} - k}{2} \log \frac{S_{oj,0}}{S_{oj,1}} - (V_1 - V_0)
+.. math:: \Lambda = \sum_o \frac{n_o}{2 \tau_o} \log \frac{S_{o,0}}{S_{o,1}} - (V_1 - V_0)
 
-in natural units: coloured errors weigh as little as their spectrum says [1]_. :math:`k` is the
-number of parameters that one of the two has more. :math:`V` is the price of the states that a
-hypothesis adds, whose values at the start of every window are integrated out by Laplace's method.
-
-.. [1] P. Whittle, "Estimation and information in stationary time series", Arkiv foer Matematik 2,
-   1953, :doi:`10.1007/BF02590998`.
+in natural units. :math:`\tau_o` is the longer of the integrated autocorrelation times of what the
+two leave: coloured residuals count by their effective number, and what is slow in the one that is
+further off does not count for more because the other one leaves it out. :math:`V` is the price of
+the states that a hypothesis adds, whose values at the start of every window are integrated out by
+Laplace's method.
 """
 
 from collections.abc import Sequence
@@ -27,9 +25,9 @@ from sklearn_pgnn.estimation.residuals import HeldOut, Residuals
 
 
 def log_likelihood_ratio(worse: Residuals, better: Residuals) -> float:
-    r"""Return the logarithm of the ratio of two likelihoods, the errors' spectra profiled out.
+    r"""Return the logarithm of the ratio of two likelihoods, their variances profiled out.
 
-    .. math:: \sum_{o, j} \frac{n_{oj} - k}{2} \log \frac{S_{oj,0}}{S_{oj,1}}
+    .. math:: \sum_o \frac{n_o}{2 \tau_o} \log \frac{S_{o,0}}{S_{o,1}}
 
     Parameters
     ----------
@@ -51,11 +49,10 @@ def log_likelihood_ratio(worse: Residuals, better: Residuals) -> float:
     known = np.isfinite(worse.squares).all(), np.isfinite(better.squares).all()
     if not all(known):
         return 0.0 if known[0] == known[1] else float(np.inf if known[1] else -np.inf)
-    before, after = worse.by_octave, better.by_octave
-    fitted = abs(better.n_parameters - worse.n_parameters)
-    told = (before.counts > fitted) & (before.squares > 0) & (after.squares > 0)
-    ratio = np.log(before.squares[told] / after.squares[told])
-    return float(((before.counts[told] - fitted) / 2.0 * ratio).sum())
+    times = np.maximum(worse.times, better.times)
+    measured = (worse.counts > 0) & (worse.squares > 0) & (better.squares > 0)
+    ratio = np.log(worse.squares[measured] / better.squares[measured])
+    return float((worse.counts[measured] / (2.0 * times[measured]) * ratio).sum())
 
 
 def explained_share(worse: Residuals, better: Residuals) -> float:

@@ -7,7 +7,6 @@ import numpy as np
 
 from sklearn_pgnn.estimation.autocorrelation import autocorrelation_times
 from sklearn_pgnn.estimation.budgets import FOLDS, MOST_HELD_OUT, STRETCHES
-from sklearn_pgnn.estimation.octaves import Octaves, octaves_of
 from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.estimation.residuals import HeldOut, Residuals
 from sklearn_pgnn.simulation.state_estimate import free_run
@@ -98,14 +97,14 @@ class CrossValidation:
             for a, b, first in stretches(windows, inside):
                 run = free_run(learned.model, windows, a, b, begun[first])
                 over_runs[a:b] = windows.y[a:b] - run.y
-        seen = self._residuals(over_windows, segments(windows), self.problem.starts_by_output)
+        seen = self._residuals(over_windows, segments(windows))
         order = np.argsort(folds, kind="stable")
         record = record_of(windows)
         free = self._residuals(over_runs, record)
         free = replace(free, errors=over_runs / windows.scale, segment=record)
         return HeldOut(
-            windows=replace(seen, n_parameters=len(fit.freedoms)),
-            free_run=replace(free, n_parameters=len(fit.freedoms)),
+            windows=seen,
+            free_run=free,
             memory_price=self._memory_price(fit, np.concatenate(grams), x0[order], order, seen),
             block_squares=windows.sum_blocks((over_windows / windows.scale) ** 2),
             n_added=len(fit.model.states) - len(self.problem.prior.states),
@@ -118,7 +117,7 @@ class CrossValidation:
         """Return the power of the outputs about their means, in units of the noise."""
         return (self.problem.typical_outputs / self.problem.windows.scale) ** 2
 
-    def _residuals(self, residual: np.ndarray, segment: np.ndarray, n_fitted=0.0) -> Residuals:
+    def _residuals(self, residual: np.ndarray, segment: np.ndarray) -> Residuals:
         """Count what is left; what no simulation is finer than is left in any case."""
         windows = self.problem.windows
         scaled = residual / windows.scale
@@ -128,13 +127,10 @@ class CrossValidation:
         with np.errstate(over="ignore"):
             squares = np.nansum(np.where(measured, scaled, 0.0) ** 2, axis=0)
         squares = np.where(lost | ~np.isfinite(squares), np.inf, squares)
-        known, floor = np.where(measured, scaled, np.nan), self.problem.resolution**2
-        found = octaves_of(known, segment, n_fitted)
         return Residuals(
-            squares + counts * floor,
+            squares + counts * self.problem.resolution**2,
             counts,
-            autocorrelation_times(known, segment),
-            octaves=Octaves(found.squares + found.counts * floor, found.counts),
+            autocorrelation_times(np.where(measured, scaled, np.nan), segment),
         )
 
     def _memory_price(self, fit: WindowFit, gram, x0, order, seen: Residuals) -> float:

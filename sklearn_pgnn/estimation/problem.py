@@ -68,12 +68,6 @@ class EstimationProblem:
         """What no simulation is finer than, in units of the noise, of shape (n_outputs,)."""
         return RESOLUTION * self.typical_outputs / self.windows.scale
 
-    @property
-    def starts_by_output(self) -> np.ndarray:
-        """Initial states that are fitted to a window, shared out as the samples of the outputs."""
-        measured = np.isfinite(self.windows.y).sum(axis=0)
-        return len(self.prior.states) * measured / max(measured.sum(), 1)
-
 
 def build_problem(model: PhysicsModel, records: tuple[Record, ...], **options) -> EstimationProblem:
     """Cut records into windows and estimate what a diagnosis needs to know of them.

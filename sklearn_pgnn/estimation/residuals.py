@@ -1,10 +1,9 @@
 """What a hypothesis leaves of records, in the numbers that a comparison needs."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from sklearn_pgnn.estimation.octaves import Octaves
 from sklearn_pgnn.physics.model import PhysicsModel
 
 
@@ -24,10 +23,6 @@ class Residuals:
         The residuals, NaN where there is none.
     segment : ndarray of shape (n_samples,), optional
         What they were simulated in, counted from 0, -1 where nothing was.
-    octaves : Octaves, optional
-        The squares by octave of frequency; by default all are in one.
-    n_parameters : int, default=0
-        Parameters that were fitted.
 
     Examples
     --------
@@ -41,13 +36,6 @@ class Residuals:
     times: np.ndarray
     errors: np.ndarray | None = None
     segment: np.ndarray | None = None
-    octaves: Octaves | None = None
-    n_parameters: int = 0
-
-    @property
-    def by_octave(self) -> Octaves:
-        """The squares by octave of frequency, as far as they are known."""
-        return self.octaves or Octaves(self.squares[None], self.counts[None])
 
     def of(self, outputs: np.ndarray) -> "Residuals":
         """Return what is left of some outputs.
@@ -62,14 +50,9 @@ class Residuals:
         Residuals
             Of these outputs alone.
         """
-        return replace(
-            self,
-            squares=self.squares[outputs],
-            counts=self.counts[outputs],
-            times=self.times[outputs],
-            errors=None if self.errors is None else self.errors[:, outputs],
-            octaves=None if self.octaves is None else self.octaves.of(outputs),
-        )
+        errors = None if self.errors is None else self.errors[:, outputs]
+        squares, counts, times = (part[outputs] for part in (self.squares, self.counts, self.times))
+        return Residuals(squares, counts, times, errors, self.segment)
 
 
 @dataclass(frozen=True)

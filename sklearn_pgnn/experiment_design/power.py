@@ -6,12 +6,11 @@ from functools import cached_property
 
 import numpy as np
 
-from sklearn_pgnn.estimation.budgets import COARSER, STEPS, TOLERANCE
+from sklearn_pgnn.estimation.autocorrelation import autocorrelation_times
+from sklearn_pgnn.estimation.budgets import COARSER, FORGOTTEN, STEPS, TOLERANCE
 from sklearn_pgnn.estimation.criterion import SelectionCriterion
 from sklearn_pgnn.estimation.fitted_records import DiagnosisRecords
 from sklearn_pgnn.estimation.held_out import make_folds, record_of, segments, stretches
-from sklearn_pgnn.estimation.hypothesis import count_parameters
-from sklearn_pgnn.estimation.octaves import Octaves, octaves_of
 from sklearn_pgnn.estimation.residuals import HeldOut, Residuals
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.model import PhysicsModel
@@ -23,25 +22,22 @@ from sklearn_pgnn.simulation.windows import Evaluation, ShootingWindows, evaluat
 
 @dataclass(frozen=True)
 class Noise:
-    """Noise of the outputs by octave of frequency, in which a signal is seen or not.
+    """Noise of the outputs, in which a signal is seen or not.
 
     Parameters
     ----------
-    octaves : Octaves
-        Its squares.
+    power : ndarray of shape (n_outputs,)
+        Its variance.
+    counts, times : ndarray of shape (n_outputs,)
+        Number of samples, and the autocorrelation time, see `Residuals`.
     """
 
-    octaves: Octaves
+    power: np.ndarray
+    counts: np.ndarray
+    times: np.ndarray
 
     @classmethod
-    def of(
-        cls,
-        residual: np.ndarray,
-        segment: np.ndarray,
-        resolution,
-        white: bool,
-        n_fitted=0.0,
-    ) -> "Noise":
+    def of(cls, residual: np.ndarray, segment: np.ndarray, resolution, white: bool) -> "Noise":
         """Measure noise.
 
         Parameters
@@ -49,100 +45,46 @@ class Noise:
         residual : ndarray of shape (n_samples, n_outputs)
             The noise; NaN where nothing was measured.
         segment : ndarray of shape (n_samples,)
-            See `octaves_of`.
+            See `autocorrelation_times`.
         resolution : ndarray of shape (n_outputs,)
             What no simulation is finer than.
         white : bool
             Whether it is taken as white.
-        n_fitted : float or ndarray of shape (n_outputs,), default=0
-            See `octaves_of`.
 
         Returns
         -------
         Noise
             The noise.
         """
-        found = octaves_of(residual, segment, n_fitted)
-        mean = found.squares.sum(axis=0) / np.maximum(found.counts.sum(axis=0), 1.0)
-        power = (mean if white else found.power) + resolution**2
-        return cls(Octaves(power * found.counts, found.counts))
-
-    @property
-    def counts(self) -> np.ndarray:
-        """Number of samples of every output."""
-        return self.octaves.counts.sum(axis=0)
-
-    @property
-    def power(self) -> np.ndarray:
-        """Variance of every output."""
-        return self.octaves.squares.sum(axis=0) / np.maximum(self.counts, 1.0)
-
-    def power_at(self, n_octaves: int) -> np.ndarray:
-        """Return the power in so many octaves, below the lowest that is known as in it.
-
-        Parameters
-        ----------
-        n_octaves : int
-            How many.
-
-        Returns
-        -------
-        ndarray of shape (n_octaves, n_outputs)
-            The power.
-        """
-        known = self.octaves.power
-        return known[np.minimum(np.arange(n_octaves), len(known) - 1)]
-
-    def squares_of(self, signal: Octaves) -> float:
-        """Return the squares of a signal, in units of the noise's power in each octave.
-
-        Parameters
-        ----------
-        signal : Octaves
-            The signal.
-
-        Returns
-        -------
-        float
-            The sum over outputs and octaves.
-        """
-        return float((signal.squares / self.power_at(len(signal.squares))).sum())
-
-    def beside(self, more: Octaves, times: int) -> "Noise":
-        """Return the noise of these samples and of others, which were recorded so many times.
-
-        Parameters
-        ----------
-        more : Octaves
-            What the others are, of which the counts are used.
-        times : int
-            How often.
-
-        Returns
-        -------
-        Noise
-            The noise of all.
-        """
-        size = max(len(more.counts), len(self.octaves.counts))
-        counts = _longer(self.octaves.counts, size) + times * _longer(more.counts, size)
-        return Noise(Octaves(self.power_at(size) * counts, counts))
+        counts = np.isfinite(residual).sum(axis=0).astype(float)
+        power = np.nansum(residual**2, axis=0) / np.maximum(counts, 1.0) + resolution**2
+        ones = np.ones(counts.size)
+        return cls(power, counts, ones if white else autocorrelation_times(residual, segment))
 
     def draws(
-        self, signal: np.ndarray, n_parameters: int, rng: np.random.Generator, count: int
+        self,
+        size: np.ndarray,
+        times: np.ndarray,
+        along: np.ndarray,
+        rng: np.random.Generator,
+        count: int,
     ) -> list[tuple[Residuals, Residuals]]:
         r"""Draw the noise on top of a signal.
 
-        The squares of a signal of the norm :math:`s` in :math:`n` coefficients with noise of the
-        variance :math:`\sigma^2` are those of the noise across the signal,
-        :math:`\sigma^2 \chi^2_{n-1}`, and those along it, :math:`(s + \sigma e)^2` with a standard
-        normal :math:`e`.
+        The squares of a signal of the norm :math:`s` in noise of the variance :math:`\sigma^2` on
+        :math:`n` samples are those of the noise across the signal,
+        :math:`\sigma^2 \chi^2_{n-1}`, and those along it, :math:`(s + e)^2` with a normal error
+        :math:`e` of the variance that the noise has in this direction. The autocovariances of the
+        two add up, and so do their times, weighted by their squares.
 
         Parameters
         ----------
-        signal : ndarray of shape (n_octaves, n_outputs)
-            Squares of the signal.
-        n_parameters : int
-            Parameters that a model of it takes.
+        size : ndarray of shape (n_outputs,)
+            Norm of the signal.
+        times : ndarray of shape (n_outputs,)
+            Its autocorrelation time in samples.
+        along : ndarray of shape (n_outputs,)
+            Variance of the noise along it.
         rng : Generator
             Draws.
         count : int
@@ -153,25 +95,87 @@ class Noise:
         list of (Residuals, Residuals)
             What is left without a model of the signal, and with it.
         """
-        counts, power = self.octaves.counts, self.octaves.power
-        shape = (count, *counts.shape)
-        across = power * rng.chisquare(np.maximum(counts - 1.0, 1.0), shape) * (counts > 1.0)
-        error = np.sqrt(power) * rng.standard_normal(shape)
-        before, after = (across + (size + error) ** 2 for size in (np.sqrt(signal), 0.0))
+        shape = (count, size.size)
+        across = self.power * rng.chisquare(np.maximum(self.counts - 1.0, 1.0), shape)
+        error = np.sqrt(along) * rng.standard_normal(shape)
+        before, after = across + (size + error) ** 2, across + error**2
+        noise = self.counts * self.power
+        both = (noise * self.times + size**2 * times) / np.maximum(
+            noise + size**2, np.finfo(float).tiny
+        )
         return [
-            (self._left(b, 0), self._left(a, n_parameters))
+            (Residuals(b, self.counts, both), Residuals(a, self.counts, self.times))
             for b, a in zip(before, after, strict=True)
         ]
 
-    def _left(self, squares: np.ndarray, n_parameters: int) -> Residuals:
-        octaves, ones = Octaves(squares, self.octaves.counts), np.ones(squares.shape[1])
-        total = squares.sum(axis=0)
-        return Residuals(total, self.counts, ones, octaves=octaves, n_parameters=n_parameters)
+
+@dataclass(frozen=True)
+class _Seen:
+    """A signal over windows or in free run, and the noise in which it is seen."""
+
+    noise: Noise
+    residual: np.ndarray
+    signal: np.ndarray
+    segment: np.ndarray
+
+    @property
+    def measured(self) -> np.ndarray:
+        return np.where(np.isfinite(self.residual), self.signal, 0.0)
+
+    @property
+    def along(self) -> np.ndarray:
+        """The variance of the noise along the signal, by output."""
+        noise = self.noise
+        columns = zip(self.residual.T, self.measured.T, noise.times, noise.power, strict=True)
+        return np.array(
+            [strength_along(r, s, time) if time > 1.0 else power for r, s, time, power in columns]
+        )
+
+    def draws(self, rng: np.random.Generator, count: int) -> list[tuple[Residuals, Residuals]]:
+        known = np.where(np.isfinite(self.residual), self.signal, np.nan)
+        times = autocorrelation_times(known, self.segment)
+        size = np.linalg.norm(self.measured, axis=0)
+        return self.noise.draws(size, times, self.along, rng, count)
+
+    @property
+    def overdispersion(self) -> float:
+        """How much less the residuals count along the signal than their times say, at least 1."""
+        weight = (self.measured**2).sum(axis=0)
+        counted = self.noise.power * self.noise.times
+        total = float(weight.sum())
+        return max(1.0, float(weight @ (self.along / counted)) / total) if total > 0.0 else 1.0
 
 
-def _longer(values: np.ndarray, size: int) -> np.ndarray:
-    """Return octaves with empty ones below."""
-    return np.pad(values, ((0, size - len(values)), (0, 0)))
+def strength_along(noise: np.ndarray, signal: np.ndarray, time: float) -> float:
+    r"""Return the variance of coloured noise along a signal, :math:`s^T\Sigma s/s^T s`.
+
+    With the autocovariance :math:`c` of the noise and the autocorrelation :math:`\rho` of the
+    signal it is :math:`\sum_k c(k)\,\rho(k)`, tapered over the lags in which the noise forgets.
+
+    Parameters
+    ----------
+    noise, signal : ndarray of shape (n_samples,)
+        The noise, NaN where there is none, and the signal.
+    time : float
+        Integrated autocorrelation time of the noise, in samples.
+
+    Returns
+    -------
+    float
+        The variance.
+    """
+    known, noise = int(np.count_nonzero(np.isfinite(noise))), np.nan_to_num(noise)
+    power = float(signal @ signal)
+    if not (known and power > 0.0):
+        return float(noise @ noise) / max(known, 1)
+    lags = min(int(np.ceil(FORGOTTEN * time)), noise.size - 1)
+    total = 0.0
+    for lag in range(lags + 1):
+        rest = noise.size - lag
+        covariance = float(noise[lag:] @ noise[:rest]) / known
+        alike = float(signal[lag:] @ signal[:rest]) / power
+        total += (2.0 if lag else 1.0) * (1.0 - lag / (lags + 1)) * covariance * alike
+    return max(total, 0.0)
 
 
 @dataclass(frozen=True)
@@ -299,24 +303,26 @@ class PowerAnalysis:
         in_free_run = np.where(self._tells, in_free_run, over_windows)
         if self._tells.any() and not np.isfinite(in_free_run[self._inside]).all():
             return np.nan
-        return float(np.mean(list(self._named(over_windows, in_free_run, effect))))
-
-    def _named(self, over_windows, in_free_run, effect: Effect) -> Iterator[bool]:
-        """Yield for every draw of the noise whether the criterion names the cause of a signal."""
         n_added = len(effect.apply(self.model).states) - len(self.model.states)
-        sizes = count_parameters(effect)
+        return float(np.mean(list(self._named(over_windows, in_free_run, n_added))))
+
+    def _named(self, over_windows, in_free_run, n_added: int) -> Iterator[bool]:
+        """Yield for every draw of the noise whether the criterion names the cause of a signal."""
         rng = np.random.default_rng(self.seed)
-        fitted = self.records.problem.starts_by_output
-        signal = _measured(over_windows, self._left, segments(self.windows), fitted)
-        pairs = self._noise.draws(signal, sizes, rng, self.n_repeats)
+        seen = _Seen(self._noise, self._left, over_windows, segments(self.windows))
+        pairs = seen.draws(rng, self.n_repeats)
         runs = pairs
         if self._tells.any():
-            signal = _measured(in_free_run, self._left_of_runs, record_of(self.windows))
-            runs = self._free_noise.draws(signal, sizes, rng, self.n_repeats)
+            record = record_of(self.windows)
+            of_runs = _Seen(self._free_noise, self._left_of_runs, in_free_run, record)
+            runs = of_runs.draws(rng, self.n_repeats)
+        less = seen.overdispersion
         for (left, noise), (left_of_run, noise_of_run) in zip(pairs, runs, strict=True):
             without = HeldOut(left, left_of_run, 0.0, np.empty(0), 0, self._tells)
             with_ = HeldOut(noise, noise_of_run, 0.0, np.empty(0), n_added, self._tells)
-            yield self._is_sought(left, noise, rng) and self.criterion.names(without, with_)
+            yield self._is_sought(left, noise, rng) and self.criterion.names(
+                without, with_, 1, less
+            )
 
     def _is_sought(self, left: Residuals, noise: Residuals, rng: np.random.Generator) -> bool:
         r"""Return whether more than white noise is seen, which is when causes are sought.
@@ -389,9 +395,8 @@ class PowerAnalysis:
 
     @cached_property
     def _noise(self) -> Noise:
-        problem, segment = self.records.problem, segments(self.windows)
-        fitted = problem.starts_by_output
-        return Noise.of(self._left, segment, problem.resolution, self.white, fitted)
+        resolution = self.records.problem.resolution
+        return Noise.of(self._left, segments(self.windows), resolution, self.white)
 
     @cached_property
     def _free_noise(self) -> Noise:
@@ -406,8 +411,3 @@ class PowerAnalysis:
         with np.errstate(over="ignore"):
             left = np.nanmean(self._every_left_of_runs**2, axis=0) + problem.resolution**2
         return left < (typical / self.windows.scale) ** 2
-
-
-def _measured(signal, residual, segment: np.ndarray, n_fitted=0.0) -> np.ndarray:
-    """Return the squares of a signal by octave, where there was something measured."""
-    return octaves_of(np.where(np.isfinite(residual), signal, np.nan), segment, n_fitted).squares

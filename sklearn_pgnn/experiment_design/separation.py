@@ -7,9 +7,11 @@ other shows; what it leaves, in units of the noise, is what the experiment would
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
+from sklearn_pgnn.estimation.autocorrelation import autocorrelation_times
 from sklearn_pgnn.estimation.budgets import (
     DRAWS,
     KEPT,
@@ -28,7 +30,6 @@ from sklearn_pgnn.estimation.freedoms import freedoms, held_by
 from sklearn_pgnn.estimation.held_out import segments
 from sklearn_pgnn.estimation.hypothesis import Hypothesis, resemble
 from sklearn_pgnn.estimation.hypothesis_models import HypothesisModels
-from sklearn_pgnn.estimation.octaves import Octaves, octaves_of
 from sklearn_pgnn.estimation.plain_data import plain
 from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.experiment_design.power import Noise
@@ -244,8 +245,20 @@ def _extend(records, causes, start=None, held=frozenset()):
     return model.with_parameters(**values)
 
 
+class _Shown(NamedTuple):
+    """What re-tuning leaves of an experiment: squares and autocorrelation times, states reached."""
+
+    squares: np.ndarray
+    times: np.ndarray
+    reached: dict[str, float]
+
+
 def _left(records, truth: FittedWindows, rival: FittedWindows, t, u, each_step):
-    """Re-tune a rival to what a model shows: what is left by octave, states reached; else None."""
+    """Re-tune a rival to what a model shows: what is left of every output, states reached.
+
+    None where the model leaves the range of the records; what is left has its squares and its
+    autocorrelation times.
+    """
     bounds = np.array([0, t.size])
     y = np.zeros((t.size, records.windows.y.shape[1]))
     whole = replace(
@@ -269,8 +282,9 @@ def _left(records, truth: FittedWindows, rival: FittedWindows, t, u, each_step):
     reached = dict(zip(truth.model.states, np.abs(run.x).max(axis=0).tolist(), strict=True))
     if not fit.usable:
         return None
-    residual, fitted = fit.evaluation.residual / windows.scale, records.problem.starts_by_output
-    return octaves_of(residual, segments(windows), fitted), reached
+    signal = fit.evaluation.residual / windows.scale
+    times = autocorrelation_times(signal, segments(windows))
+    return _Shown(np.nansum(signal**2, axis=0), times, reached)
 
 
 def _beyond(records, y) -> bool:
@@ -351,33 +365,31 @@ def _try_all(
     """Rank the experiments; also return whether each model imitates the other in all of them."""
     first = records.fits["extended"]
     noise, found, same = _noise(records), [], True
-    n_more = abs(len(first.freedoms) - len(second.freedoms))
     for design, t, u in _designs(records, reach):
         runs = [
             _left(records, a, b, t, u, each_step) for a, b in ((first, second), (second, first))
         ]
         whole = [run for run in runs if run is not None]
         if len(whole) == 2:
-            least, most = sorted((run[0] for run in whole), key=noise.squares_of)
-            repeats = _repeats(noise, least, n_more, criterion.to_refute)
-            found.append(_told(records, design, t, noise, least, repeats, whole[0][1]))
-            same = same and noise.squares_of(most) < TOLERANCE * t.size
+            least, most = sorted(whole, key=lambda run: np.sum(run.squares / noise.power))
+            reached = whole[0].reached
+            found.append(_told(records, criterion, design, t, noise, least, reached))
+            same = same and np.sum(most.squares / noise.power) < TOLERANCE * t.size
     found.sort(key=lambda each: (each.repeats, -each.evidence))
     return tuple(found), same
 
 
 def _noise(records: DiagnosisRecords) -> Noise:
     """Return what the fitted model leaves over windows, as noise."""
-    windows, problem = records.windows, records.problem
+    windows = records.windows
     residual = records.fits["extended"].residual / windows.scale
-    fitted = problem.starts_by_output
-    return Noise.of(residual, segments(windows), problem.resolution, white=False, n_fitted=fitted)
+    return Noise.of(residual, segments(windows), records.problem.resolution, white=False)
 
 
-def _told(records, design, t, noise: Noise, shown: Octaves, repeats: float, reached) -> Experiment:
-    """Describe an experiment by what it leaves of the better imitation."""
+def _told(records, criterion, design, t, noise: Noise, left: _Shown, reached) -> Experiment:
+    """Describe an experiment by what it leaves."""
     name, wave, amplitude, offset = design
-    shares = shown.squares.sum(axis=0) / noise.power
+    shares = left.squares / noise.power
     return Experiment(
         input=name,
         excitation=str(wave),
@@ -388,21 +400,20 @@ def _told(records, design, t, noise: Noise, shown: Octaves, repeats: float, reac
         duration=float(t[-1]),
         reached=reached,
         difference=float(np.sqrt(shares.sum() / (t.size * shares.size))),
-        evidence=math.sqrt(noise.squares_of(shown)),
-        repeats=repeats,
+        evidence=float(np.sqrt(shares.sum())),
+        repeats=_repeats(noise, left, t.size, criterion.to_refute),
     )
 
 
-def _repeats(noise: Noise, shown: Octaves, n_more: int, needed: float) -> float:
+def _repeats(noise: Noise, left: _Shown, n_new: int, needed: float) -> float:
     """Count how often an experiment must be recorded until one of two causes is refuted.
 
     The old records, which the two explain alike, count beside the new ones.
     """
     for count in range(1, REPEATS + 1):
-        both, rng = noise.beside(shown, count), np.random.default_rng(0)
-        signal = np.zeros(both.octaves.squares.shape)
-        signal[: len(shown.squares)] = count * shown.squares
-        pairs = both.draws(signal, n_more, rng, DRAWS)
+        rng, both = np.random.default_rng(0), replace(noise, counts=noise.counts + count * n_new)
+        size, along = np.sqrt(count * left.squares), noise.power * noise.times
+        pairs = both.draws(size, left.times, along, rng, DRAWS)
         if np.mean([log_likelihood_ratio(*pair) > needed for pair in pairs]) >= POWER:
             return float(count)
     return float("inf")

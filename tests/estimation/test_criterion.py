@@ -8,12 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
+from sklearn_pgnn.estimation.autocorrelation import autocorrelation_times
 from sklearn_pgnn.estimation.criterion import (
     SelectionCriterion,
     explained_share,
     log_likelihood_ratio,
 )
-from sklearn_pgnn.estimation.octaves import Octaves, octaves_of
 from sklearn_pgnn.estimation.residuals import HeldOut, Residuals
 
 pytestmark = pytest.mark.core
@@ -21,20 +21,12 @@ pytestmark = pytest.mark.core
 ALPHA = 0.01
 CRITERION = SelectionCriterion(alpha=ALPHA, smallest_share=0.05, n_candidates=1)
 positive = st.floats(1e-6, 1e6)
-octaves = st.tuples(positive, positive, positive, st.floats(0, 50))
-outputs = st.lists(octaves, min_size=1)
+pairs = st.lists(st.tuples(positive, positive, st.floats(1, 50), st.floats(1, 50)), min_size=1)
 
 
-def residuals(squares, counts=100.0):
+def residuals(squares, counts=100.0, times=1.0):
     squares = np.atleast_1d(np.asarray(squares, dtype=float))
-    return Residuals(squares, np.full(squares.shape, counts), np.ones(squares.shape))
-
-
-def in_two_octaves(high, low, counts):
-    """Return what is left of outputs in a loud and in a quiet octave."""
-    squares, counts = np.stack([high, low]), np.stack([counts, counts / 2])
-    total, ones = squares.sum(axis=0), np.ones(len(high))
-    return Residuals(total, counts.sum(axis=0), ones, octaves=Octaves(squares, counts))
+    return Residuals(squares, np.full(squares.shape, counts), np.broadcast_to(times, squares.shape))
 
 
 def held_out(squares, free=None, price=0.0, counts=100.0):
@@ -42,54 +34,16 @@ def held_out(squares, free=None, price=0.0, counts=100.0):
     return HeldOut(windows, windows if free is None else residuals(free), price, np.ones((1, 1, 1)))
 
 
-@given(outputs, positive)
+@given(pairs, positive)
 def test_the_ratio_knows_no_units_no_order_and_no_favourite(values, unit):
-    first, second, low, counts = map(np.array, zip(*values, strict=True))
-
-    def ratio_of(scale=1.0, order=slice(None)):
-        return log_likelihood_ratio(
-            *(
-                in_two_octaves(scale * high[order], scale * low[order], counts[order])
-                for high in (first, second)
-            )
-        )
-
-    one, other = (in_two_octaves(high, low, counts) for high in (first, second))
+    worse, better, slow, fast = map(np.array, zip(*values, strict=True))
+    one, other = residuals(worse, times=slow), residuals(better, times=fast)
     ratio = log_likelihood_ratio(one, other)
     assert log_likelihood_ratio(other, one) == pytest.approx(-ratio)
-    assert ratio_of(scale=unit) == pytest.approx(ratio, abs=1e-6)
-    assert ratio_of(order=slice(None, None, -1)) == pytest.approx(ratio, abs=1e-6)
-    third = in_two_octaves(low, second, counts)
-    parts = log_likelihood_ratio(one, third) + log_likelihood_ratio(third, other)
-    assert parts == pytest.approx(ratio, abs=1e-6)
-
-
-def test_what_is_quiet_in_one_octave_is_seen_beside_what_is_loud_in_another():
-    loud, counts = np.array([1e4]), np.array([200.0])
-    before, after = (in_two_octaves(np.array([s]), loud, counts) for s in (300.0, 200.0))
-    assert log_likelihood_ratio(before, after) == pytest.approx(100 * np.log(1.5))
-    assert explained_share(before, after) < 0.01
-
-
-@pytest.mark.parametrize("length", [300, 3000])
-def test_a_slow_error_counts_by_the_few_coefficients_in_which_it_shows(length):
-    """And not by the samples, however white the better hypothesis leaves them."""
-    rng, segment = np.random.default_rng(0), np.repeat(np.arange(6), length)
-    white = rng.standard_normal(6 * length)
-    slow = np.tile(np.cos(np.pi * (np.arange(length) + 0.5) / length), 6)
-    one, other = (
-        simulated(white + size * slow, octaves=octaves_of((white + size * slow)[:, None], segment))
-        for size in (20.0, 10.0)
-    )
-    assert log_likelihood_ratio(one, other) == pytest.approx(6 / 2 * np.log(4), rel=0.15)
-
-
-def test_every_parameter_more_takes_a_degree_of_freedom_of_every_octave():
-    before, after = (in_two_octaves(np.array([s]), np.array([s]), np.array([20.0])) for s in (2, 1))
-    ratios = [
-        log_likelihood_ratio(before, replace(after, n_parameters=n)) for n in (0, 3, 10, 20, 30)
-    ]
-    np.testing.assert_allclose(ratios, np.log(2) / 2 * np.array([30, 24, 10, 0, 0]))
+    scaled = residuals(unit * worse, times=slow), residuals(unit * better, times=fast)
+    assert log_likelihood_ratio(*scaled) == pytest.approx(ratio, abs=1e-6)
+    turned = residuals(worse[::-1], times=slow[::-1]), residuals(better[::-1], times=fast[::-1])
+    assert log_likelihood_ratio(*turned) == pytest.approx(ratio, abs=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -99,9 +53,30 @@ def test_what_cannot_be_simulated_is_worse_than_what_can(worse, better, ratio):
     assert log_likelihood_ratio(residuals(worse), residuals(better)) == ratio
 
 
+def test_what_is_slow_counts_no_more_because_the_other_hypothesis_leaves_it_out():
+    slow, fast = residuals(120.0, times=40.0), residuals(110.0, times=2.0)
+    assert log_likelihood_ratio(slow, fast) == pytest.approx(100 / 80 * np.log(12 / 11))
+    assert log_likelihood_ratio(fast, slow) == pytest.approx(-100 / 80 * np.log(12 / 11))
+
+
 def test_evidence_grows_with_the_data():
     ratios = [log_likelihood_ratio(residuals(2, n), residuals(1, n)) for n in (10, 100, 1000)]
     np.testing.assert_allclose(ratios, np.log(2) / 2 * np.array([10, 100, 1000]))
+
+
+@pytest.mark.parametrize("kept", [0.0, 0.5, 0.9, 0.97])
+def test_the_autocorrelation_time_of_a_first_order_process_is_the_known_one(kept):
+    draws = np.random.default_rng(0).standard_normal((200_000, 1))
+    noise = lfilter([1], [1, -kept], draws, axis=0)
+    time = autocorrelation_times(noise, np.zeros(len(noise)))
+    assert time[0] == pytest.approx((1 + kept) / (1 - kept), rel=0.12)
+
+
+def test_a_segment_knows_nothing_of_the_next_one():
+    noise = np.repeat(np.random.default_rng(0).standard_normal((2000, 1)), 2, axis=0)
+    alone = np.arange(len(noise))
+    assert autocorrelation_times(noise, alone) == 1.0
+    assert autocorrelation_times(noise, np.zeros(len(noise)))[0] == pytest.approx(2.0, rel=0.15)
 
 
 def noise_of(kept, shape, rng):
@@ -113,14 +88,6 @@ def noise_of(kept, shape, rng):
         axis=0,
     )
     return noise[300:]
-
-
-def coloured(kept, shape, rng):
-    """Return first-order noise, or white noise on a random walk that goes as far in every fold."""
-    if kept != "walk":
-        return noise_of(kept, shape, rng)
-    steps = rng.standard_normal((4, shape[0] // 4, *shape[1:])) / np.sqrt(shape[0] // 4)
-    return rng.standard_normal(shape) + steps.cumsum(axis=1).reshape(shape)
 
 
 def evidence_for_a_regressor(signal, noise, folds=4):
@@ -135,21 +102,19 @@ def evidence_for_a_regressor(signal, noise, folds=4):
         Residuals(
             np.array([part @ part]),
             np.array([float(part.size)]),
-            np.ones(1),
-            octaves=octaves_of(part[:, None], fold),
-            n_parameters=n_parameters,
+            autocorrelation_times(part[:, None], fold),
         )
-        for n_parameters, part in enumerate((noise, rest))
+        for part in (noise, rest)
     )
     return log_likelihood_ratio(none, one)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kept", [0.0, 0.9, 0.97, "walk"])
-@pytest.mark.parametrize("slow", [0.95, "walk"])
-def test_false_alarms_are_no_more_frequent_than_alpha(kept, slow):
+@pytest.mark.parametrize("kept", [0.0, 0.9, 0.97])
+def test_false_alarms_are_no_more_frequent_than_alpha(kept):
     rng, draws = np.random.default_rng(1), 1000
-    noise, signals = (coloured(each, (2000, draws), rng) for each in (kept, slow))
+    noise = noise_of(kept, (2000, draws), rng)
+    signals = noise_of(0.95, (2000, draws), rng)
     found = [evidence_for_a_regressor(s, e) for s, e in zip(signals.T, noise.T, strict=True)]
     alarms = np.mean(np.array(found) > CRITERION.to_name)
     assert alarms <= ALPHA + 2 * np.sqrt(ALPHA / draws)
@@ -237,11 +202,11 @@ def test_an_output_whose_free_run_runs_away_is_not_asked(runaway):
     assert not CRITERION.stands_in_free_run(retuned, two_outputs([1100.0, runaway]))
 
 
-def simulated(errors, octaves=None):
+def simulated(errors):
     """Return what a free run with these errors leaves."""
     squares, counts = np.array([np.sum(errors**2)]), np.array([float(errors.size)])
     segment = np.zeros(errors.size, dtype=int)
-    return Residuals(squares, counts, np.ones(1), errors[:, None], segment, octaves)
+    return Residuals(squares, counts, np.ones(1), errors[:, None], segment)
 
 
 def test_a_cause_that_surely_worsens_the_free_run_is_not_named():

@@ -220,20 +220,6 @@ def test_what_one_fold_alone_tells_is_fitted_there_so_that_mirrors_leave_the_sam
     assert (one.windows.squares / one.windows.counts < 1.1).all()
 
 
-def test_initial_states_take_no_more_of_an_output_than_its_samples_can_tell():
-    """An output with one sample a window still counts: the other one has told the states."""
-    X, y = drive((400,) * 4)
-    sledge = CART.replace(outputs={"v": "v", "w": "2*v"})
-    both = np.column_stack([y, 2.0 * y + 1e-3 * np.random.default_rng(1).normal(size=y.size)])
-    rare = np.arange(len(both)) % 50 > 0
-    both[rare, 1] = np.nan
-    fitter = HypothesisFitter(build_problem(sledge, read_records(sledge, X, both)))
-    octaves = fitter.held_out(fitter.base()).windows.octaves
-    lost = np.isfinite(both).sum(axis=0) - octaves.counts.sum(axis=0)
-    assert lost.sum() == pytest.approx(len(fitter.problem.windows), rel=1e-3)
-    assert octaves.counts.sum(axis=0)[1] > 0.9 * np.isfinite(both[:, 1]).sum()
-
-
 def test_what_was_not_measured_does_not_count():
     X, y = drive((400,) * 4)
     y[np.random.default_rng(0).random(y.size) < 0.3] = np.nan

@@ -6,13 +6,11 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.signal import lfilter
 
 import sklearn_pgnn.experiment_design.power as power_module
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects
 from sklearn_pgnn.estimation.criterion import SelectionCriterion
-from sklearn_pgnn.estimation.octaves import octaves_of
-from sklearn_pgnn.experiment_design.power import Noise, PowerAnalysis
+from sklearn_pgnn.experiment_design.power import PowerAnalysis, strength_along
 from sklearn_pgnn.experiment_design.simulate_records import inject
 from sklearn_pgnn.inspection import DetectabilityDisplay
 
@@ -225,20 +223,15 @@ def test_verify_runs_the_diagnosis_itself(diagnosis):
     assert [row.found for row in rows] == [True]
 
 
-def test_coloured_noise_hides_a_slow_signal_and_white_noise_does_not():
+def test_noise_along_a_signal_is_that_of_a_long_simulation():
     rng = np.random.default_rng(0)
-    white = rng.standard_normal((40_000, 1))
-    coloured = np.sqrt(1 - 0.95**2) * lfilter([1], [1, -0.95], white, axis=0)
-    segment = np.repeat(np.arange(40), 1000)
-    slow, fast = (np.sin(w * np.arange(40_000))[:, None] for w in (0.005, 2.5))
-    signals = [octaves_of(signal, segment) for signal in (slow, fast)]
-    in_white, in_coloured = (
-        [Noise.of(noise, segment, 0.0, white=False).squares_of(each) for each in signals]
-        for noise in (white, coloured)
-    )
-    assert in_white == pytest.approx([20_000.0] * 2, rel=0.2)
-    assert in_coloured[0] < in_white[0] / 10
-    assert in_coloured[1] > in_white[1] * 10
+    white = rng.standard_normal(200_000)
+    coloured = (white + np.roll(white, 1)) / np.sqrt(2)
+    signal = np.sin(0.05 * np.arange(1000))
+    along = coloured.reshape(200, 1000) @ signal / np.sqrt(np.sum(signal**2))
+    padded = np.pad(signal, (0, coloured.size - signal.size))
+    assert strength_along(coloured, padded, 2.0) == pytest.approx(np.var(along), rel=0.25)
+    assert strength_along(white, padded, 1.0) == pytest.approx(1.0, rel=0.15)
 
 
 @pytest.mark.parametrize(
