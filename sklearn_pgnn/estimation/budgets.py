@@ -67,7 +67,9 @@ SHORTEST = 1 / 24
 
 #: finest error that counts, as a share of a signal's ups and downs: simulations are no finer
 RESOLUTION = 1e-5
-#: change of the outputs in units of the noise, or of a parameter in standard errors, that is small
+#: change of the outputs in units of the noise, or of a parameter in standard errors, that is small;
+#: share of a fold's information on a direction below which the others do not determine it. A larger
+#: one judges more by the fold's own data
 SMALL_CHANGE = 0.1
 #: relative size below which a direction is rounding
 ROUNDING = 1e-9

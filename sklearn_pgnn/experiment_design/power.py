@@ -99,10 +99,9 @@ class Noise:
         across = self.power * rng.chisquare(np.maximum(self.counts - 1.0, 1.0), shape)
         error = np.sqrt(along) * rng.standard_normal(shape)
         before, after = across + (size + error) ** 2, across + error**2
-        noise = self.counts * self.power
-        both = (noise * self.times + size**2 * times) / np.maximum(
-            noise + size**2, np.finfo(float).tiny
-        )
+        squares = self.counts * self.power
+        whole = np.maximum(squares + size**2, np.finfo(float).tiny)
+        both = (squares * self.times + size**2 * times) / whole
         return [
             (Residuals(b, self.counts, both), Residuals(a, self.counts, self.times))
             for b, a in zip(before, after, strict=True)
@@ -133,8 +132,10 @@ class _Seen:
 
     def draws(self, rng: np.random.Generator, count: int) -> list[tuple[Residuals, Residuals]]:
         known = np.where(np.isfinite(self.residual), self.signal, np.nan)
-        times = autocorrelation_times(known, self.segment)
-        size = np.linalg.norm(self.measured, axis=0)
+        size, times = (
+            np.linalg.norm(self.measured, axis=0),
+            autocorrelation_times(known, self.segment),
+        )
         return self.noise.draws(size, times, self.along, rng, count)
 
     @property

@@ -254,10 +254,9 @@ class _Shown(NamedTuple):
 
 
 def _left(records, truth: FittedWindows, rival: FittedWindows, t, u, each_step):
-    """Re-tune a rival to what a model shows: what is left of every output, states reached.
+    """Re-tune a rival to what a model shows, and return what is left.
 
-    None where the model leaves the range of the records; what is left has its squares and its
-    autocorrelation times.
+    None where the model leaves the range of the records, or where the rival cannot be fitted.
     """
     bounds = np.array([0, t.size])
     y = np.zeros((t.size, records.windows.y.shape[1]))
@@ -279,9 +278,9 @@ def _left(records, truth: FittedWindows, rival: FittedWindows, t, u, each_step):
     fit = fit_windows(
         rival.model, windows, free, x0, spread, max_steps=2 * STEPS, each_step=each_step
     )
-    reached = dict(zip(truth.model.states, np.abs(run.x).max(axis=0).tolist(), strict=True))
     if not fit.usable:
         return None
+    reached = dict(zip(truth.model.states, np.abs(run.x).max(axis=0).tolist(), strict=True))
     signal = fit.evaluation.residual / windows.scale
     times = autocorrelation_times(signal, segments(windows))
     return _Shown(np.nansum(signal**2, axis=0), times, reached)
@@ -372,8 +371,7 @@ def _try_all(
         whole = [run for run in runs if run is not None]
         if len(whole) == 2:
             least, most = sorted(whole, key=lambda run: np.sum(run.squares / noise.power))
-            reached = whole[0].reached
-            found.append(_told(records, criterion, design, t, noise, least, reached))
+            found.append(_told(records, criterion, design, t, noise, least, whole[0].reached))
             same = same and np.sum(most.squares / noise.power) < TOLERANCE * t.size
     found.sort(key=lambda each: (each.repeats, -each.evidence))
     return tuple(found), same

@@ -9,8 +9,9 @@ import pytest
 
 import sklearn_pgnn.experiment_design.power as power_module
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects
+from sklearn_pgnn.estimation.autocorrelation import autocorrelation_times
 from sklearn_pgnn.estimation.criterion import SelectionCriterion
-from sklearn_pgnn.experiment_design.power import PowerAnalysis, strength_along
+from sklearn_pgnn.experiment_design.power import Noise, PowerAnalysis, strength_along
 from sklearn_pgnn.experiment_design.simulate_records import inject
 from sklearn_pgnn.inspection import DetectabilityDisplay
 
@@ -232,6 +233,18 @@ def test_noise_along_a_signal_is_that_of_a_long_simulation():
     padded = np.pad(signal, (0, coloured.size - signal.size))
     assert strength_along(coloured, padded, 2.0) == pytest.approx(np.var(along), rel=0.25)
     assert strength_along(white, padded, 1.0) == pytest.approx(1.0, rel=0.15)
+
+
+def test_a_signal_in_noise_has_the_autocorrelation_time_of_both_together():
+    rng, segment = np.random.default_rng(0), np.repeat(np.arange(200), 500)
+    noise = rng.standard_normal((100_000, 1))
+    signal = np.repeat(rng.standard_normal(2_000), 50)[:, None]
+    found = Noise.of(noise, segment, 0.0, white=False)
+    size, times = np.linalg.norm(signal, axis=0), autocorrelation_times(signal, segment)
+    ((before, after),) = found.draws(size, times, found.power, rng, 1)
+    (expected,) = autocorrelation_times(noise + signal, segment)
+    assert before.times == pytest.approx(expected, rel=0.1)
+    assert after.times == pytest.approx(1.0, rel=0.1)
 
 
 @pytest.mark.parametrize(
