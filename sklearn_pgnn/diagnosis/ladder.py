@@ -2,10 +2,12 @@
 
 import numpy as np
 
+from sklearn_pgnn.estimation.autocorrelation import autocorrelation_times
 from sklearn_pgnn.estimation.budgets import KEPT
 from sklearn_pgnn.estimation.criterion import SelectionCriterion
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis, SubsampleFit, objective_of
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
+from sklearn_pgnn.estimation.held_out import segments
 from sklearn_pgnn.estimation.screening import Screening
 from sklearn_pgnn.estimation.share_left import ShareLeft, share_left
 from sklearn_pgnn.physics.effect import Effect
@@ -67,10 +69,12 @@ class Ladder:
 
     def converge(self, current, fits: list[SubsampleFit]) -> list[SubsampleFit]:
         """Follow fits to their end, or until the best one refutes them; nearest first."""
-        best, found = np.inf, []
+        best, found = None, []
         for fit in fits:
-            found.append(self.step(self.fitter.converge(fit, self._limit(current, best))))
-            best = min(best, found[-1].squares)
+            limit = np.inf if best is None else self._limit(best, fit)
+            found.append(self.step(self.fitter.converge(fit, limit)))
+            if found[-1].fit.usable and (best is None or found[-1].squares < best.squares):
+                best = found[-1]
         if not current.hypothesis.causes:
             self._note_alone(self.fitter.subsample(current), found)
         return usable(found)
@@ -110,20 +114,24 @@ class Ladder:
         others = [c for c in likely if c != cause and without.hypothesis.allows(c)]
         self.progress.begin("other causes", 2 * len(others))
         fits = self._first_fits(without, others)
-        limit = self._limit(current, self.fitter.subsample(current).squares)
-        near = [self.step(self.fitter.converge(fit, limit)) for fit in fits]
-        known = self.fitter.is_known
-        near = [f for f in usable(near) if f.squares <= limit or known(f.hypothesis)]
+        best, known = self.fitter.subsample(current), self.fitter.is_known
+        ends = [self.step(self.fitter.converge(fit, self._limit(best, fit))) for fit in fits]
+        near = [
+            fit
+            for fit in usable(ends)
+            if fit.squares <= self._limit(best, fit) or known(fit.hypothesis)
+        ]
         trials = [self.fitter.fit_all(fit, current) for fit in near[: 2 * KEPT]]
         return [trial for trial in trials if trial.fit.usable]
 
-    def _limit(self, trial: FittedHypothesis, squares: float) -> float:
-        """Return the squares on some samples above which no evidence can come into reach."""
-        rough, windows = self.fitter.rough, self.fitter.problem.windows
-        times = np.maximum(self.fitter.held_out(trial).windows.times / rough.factor, 1.0)
-        count = float(rough.windows.lengths.sum() * windows.y.shape[1] / times.max())
+    def _limit(self, best: SubsampleFit, fit: SubsampleFit) -> float:
+        """Return the squares from which on no fit of a hypothesis is within reach of the best."""
+        left = [each.fit.evaluation.residual for each in (best, fit)]
+        window = segments(self.fitter.rough.windows)
+        time = np.max([autocorrelation_times(residual, window) for residual in left])
+        count = np.isfinite(left[0]).sum() / time
         reach = self._criterion.to_refute + self._criterion.to_name
-        return squares * float(np.exp(min(2.0 * reach / count, 10.0)))
+        return best.squares * float(np.exp(min(2.0 * reach / count, 10.0)))
 
     def step(self, fit: SubsampleFit) -> SubsampleFit:
         """Note that a fit is done, and if it is the best so far."""

@@ -113,10 +113,10 @@ class SelectionCriterion:
 
     A cause is named beside others if the evidence for it exceeds :math:`\log(N/\alpha)`, if it
     explains the smallest share of an output over windows or in free run, and if the free run does
-    not contradict it, where it is informative: it is not surely worse than without the cause,
-    and not worse than that of the re-tuned prior by more than :math:`\log(1/\alpha)`. With a
-    memory, whose content is free at the start of every window, it is better by the smallest share
-    than both.
+    not contradict it, where it is informative: it is not worse than without the cause, beyond
+    chance and by the smallest share, and not worse than that of the re-tuned prior by more than
+    :math:`\log(1/\alpha)`. With a memory, whose content is free at the start of every window, it
+    is better by the smallest share than both.
     Of hypotheses that nothing tells apart by :math:`\log(1/\alpha)` the one with the fewest
     parameters is taken. Where more than white noise is left over windows, the evidence beside a
     disturbance must exceed :math:`\log(N/\alpha)`, too.
@@ -209,7 +209,7 @@ class SelectionCriterion:
         return any(explained_share(*pair) >= self.smallest_share for pair in pairs)
 
     def runs_worse(self, other: HeldOut, trial: HeldOut) -> bool:
-        """Return whether the free run of a hypothesis is worse than another's, beyond chance.
+        """Return whether a free run is worse than another by the smallest share, beyond chance.
 
         Parameters
         ----------
@@ -224,7 +224,8 @@ class SelectionCriterion:
         before, after = free_runs_that_tell(other, trial)
         if before.errors is None or after.errors is None or not before.counts.size:
             return False
-        return accuracy_gained(before, after) < -norm.ppf(1.0 - self.alpha)
+        surely = accuracy_gained(before, after) < -norm.ppf(1.0 - self.alpha)
+        return surely and explained_share(after, before) >= self.smallest_share
 
     def stands_in_free_run(self, retuned: HeldOut, trial: HeldOut) -> bool:
         """Return whether it is no worse than the re-tuned prior; better if it adds states.

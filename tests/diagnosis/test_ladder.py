@@ -62,12 +62,11 @@ def test_a_pair_says_nothing_of_what_its_second_cause_leaves_alone(ladder):
     assert ladder.alone == before
 
 
-def test_the_limit_grows_with_what_the_best_leaves_and_lies_above_it(ladder):
-    none = ladder.fitter.base()
-    low, high = (ladder._limit(none, squares) for squares in (1.0, 10.0))
-    assert low > 1.0
-    assert high == pytest.approx(10.0 * low)
-    assert np.isinf(ladder._limit(none, np.inf))
+def test_the_limit_lies_above_the_best_and_further_where_a_fit_leaves_what_is_slow(ladder):
+    rubbed = ladder.fitter.subsample(fitted(ladder.fitter, effects.CoulombFriction))
+    nothing = ladder.fitter.subsample(ladder.fitter.base())
+    beside_itself = ladder._limit(rubbed, rubbed)
+    assert rubbed.squares < beside_itself < ladder._limit(rubbed, nothing)
 
 
 def test_what_may_stand_in_a_place_has_another_cause_there(ladder):

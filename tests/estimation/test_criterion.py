@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
+from sklearn_pgnn.estimation.accuracy import accuracy_gained
 from sklearn_pgnn.estimation.autocorrelation import autocorrelation_times
 from sklearn_pgnn.estimation.criterion import (
     SelectionCriterion,
@@ -238,6 +239,14 @@ def test_a_free_run_that_says_nothing_is_not_worse():
     silent = np.zeros(1, dtype=bool)
     one, other = (replace(each, tells_in_free_run=silent) for each in (one, other))
     assert not CRITERION.runs_worse(one, other)
+
+
+def test_a_free_run_that_is_a_little_worse_in_every_sample_is_not_worse_by_what_matters():
+    noise = np.random.default_rng(0).normal(size=4000)
+    one, near, far = (replace(held_out(100), free_run=simulated(f * noise)) for f in (1, 1.01, 1.1))
+    assert accuracy_gained(one.free_run, near.free_run) < -10
+    assert not CRITERION.runs_worse(one, near)
+    assert CRITERION.runs_worse(one, far)
 
 
 def test_more_candidates_ask_for_more_evidence():
