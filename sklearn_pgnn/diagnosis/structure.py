@@ -4,10 +4,15 @@ What is left over windows is regressed on the states of a free-run simulation an
 now and some time ago, by boosted trees, and predicted on records that the trees have not seen. A
 sensor's noise, however coloured, and a disturbance from outside cannot be predicted so; a part of
 the physics can. Measured states are not among the features: their noise would explain itself.
+
+A wrong model leaves much in some windows and little in others, and trees that are fitted to
+squares learn the loud ones. So it is asked with every window in units of its own root mean square,
+as weighted least squares would, and also as it is: a part of the physics may show in a few
+windows only.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -57,9 +62,8 @@ def find_structure(
 
     An output's residual has structure if the share of its power that is predicted, averaged over
     groups of records, is at least the smallest share that counts and exceeds zero, see
-    `is_positive`. It is asked twice, each time at half the rate: with groups that count alike, so
-    that a loud one in which the prediction extrapolates does not decide alone, and with groups that
-    count by their power, so that a quiet one does not.
+    `is_positive`. It is asked twice, each time at half the rate: with windows in units of their own
+    root mean square, and as they are, groups counting by their power.
 
     Parameters
     ----------
@@ -83,17 +87,15 @@ def find_structure(
     significant = False
     level = alpha / len(problem.prior.outputs)
     for column, output in enumerate(problem.prior.outputs):
-        with one_thread_each():
-            predictions = list(table.predictions(column))
-        shares, powers = np.array([each[:2] for each in predictions]).reshape(-1, 2).T
-        skill[output] = float(shares.mean()) if shares.size else 0.0
-        for weights in (np.ones(shares.size), powers):
-            if not is_positive(shares, weights, level / 2):
-                continue
-            share = np.average(shares, weights=weights)
-            if share >= smallest_share:
-                significant, skill[output] = True, float(share)
-                for name, lost in table.importance(column, predictions, weights).items():
+        for asked in (table.levelled(), table):
+            with one_thread_each():
+                predictions = list(asked.predictions(column))
+            shares, powers = np.array([each[:2] for each in predictions]).reshape(-1, 2).T
+            share = float(np.average(shares, weights=powers)) if shares.size else 0.0
+            skill.setdefault(output, share)
+            if share >= smallest_share and is_positive(shares, powers, level / 2):
+                significant, skill[output] = True, share
+                for name, lost in asked.importance(column, predictions, powers).items():
                     depends[name] = max(depends.get(name, 0.0), lost / share)
                 break
     telling = [name for name, lost in depends.items() if lost >= smallest_share]
@@ -149,11 +151,12 @@ class _Prediction(NamedTuple):
 
 @dataclass(frozen=True)
 class _Table:
-    """Features and residuals of some samples, and the group of each."""
+    """Features and residuals of some samples, and the window and the group of each."""
 
     names: tuple[str, ...]
     features: np.ndarray
     residual: np.ndarray
+    window: np.ndarray
     group: np.ndarray
 
     @classmethod
@@ -180,8 +183,20 @@ class _Table:
             (*names, IN_WINDOW, IN_RECORD),
             np.column_stack([*columns, since, windows.t[rows] - windows.t[windows.bounds[record]]]),
             trial.fit.evaluation.residual[rows] / windows.scale,
+            window[rows],
             _groups(record, rows),
         )
+
+    def levelled(self) -> "_Table":
+        """Return the table with every window's residuals in units of their root mean square."""
+        place = np.unique(self.window, return_inverse=True)[1]
+        known = np.isfinite(self.residual)
+        squares, counts = (
+            np.column_stack([np.bincount(place, weights=each) for each in values.T])
+            for values in (np.where(known, self.residual, 0.0) ** 2, known)
+        )
+        rms = np.sqrt(squares / np.maximum(counts, 1))[place]
+        return replace(self, residual=self.residual / np.maximum(rms, np.finfo(float).tiny))
 
     def predictions(self, column: int) -> Iterator[_Prediction]:
         """Yield what is predicted of an output, group by group."""

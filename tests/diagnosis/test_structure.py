@@ -18,6 +18,7 @@ from sklearn_pgnn.diagnosis.structure import (
 from sklearn_pgnn.estimation.budgets import STRETCHES
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
+from sklearn_pgnn.estimation.held_out import segments
 from sklearn_pgnn.estimation.hypothesis import Hypothesis
 from sklearn_pgnn.estimation.problem import build_problem
 from sklearn_pgnn.simulation.windows import evaluate
@@ -152,6 +153,27 @@ def test_dynamics_without_a_name_leave_structure_though_windows_are_a_third_of_a
     problem = build_problem(SERVO, read_records(SERVO, *follow_sines()), window_length=1.67)
     structure = find_structure(problem, HypothesisFitter(problem).base(), ALPHA, SHARE)
     assert structure.is_significant
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_few_loud_windows_do_not_hide_what_all_of_them_share(fitted, seed):
+    problem, rng = fitted[0], np.random.default_rng(seed)
+    window = np.maximum(segments(problem.windows), 0)
+    loudness = np.exp(2 * rng.normal(size=len(problem.windows)))[window]
+    u = problem.windows.u[:, 0] / problem.windows.u.std()
+    trial = left(fitted, loudness * (u + rng.normal(size=u.size)))
+    structure = find_structure(problem, trial, ALPHA, SHARE)
+    assert structure.is_significant
+    assert structure.skill["v"] == pytest.approx(0.4, abs=0.15)  # the rest is noise
+
+
+def test_what_a_few_loud_windows_leave_is_structure_though_the_others_leave_noise(fitted):
+    problem = fitted[0]
+    above = problem.windows.u[:, 0] > 1.5 * problem.windows.u.std()
+    noise = np.random.default_rng(0).normal(size=above.size)
+    structure = find_structure(problem, left(fitted, 100.0 * above + noise), ALPHA, SHARE)
+    assert structure.is_significant
+    assert structure.depends_on[0] == "F"
 
 
 def test_less_than_the_smallest_share_is_not_worth_saying(fitted):
