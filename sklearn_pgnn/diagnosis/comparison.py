@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sklearn_pgnn.diagnosis.size import overdispersion_along
+from sklearn_pgnn.diagnosis.size import differs_from_none, overdispersion_along
 from sklearn_pgnn.estimation.budgets import MUCH
 from sklearn_pgnn.estimation.criterion import SelectionCriterion
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
@@ -82,6 +82,9 @@ class Comparison:
         if causes and causes <= self.given:
             return raw > 0.0 and self.criterion.stands_in_free_run(retuned, after)
         if raw <= n_causes * self.criterion.to_name:
+            return False
+        alpha, problem = self.criterion.alpha, self.fitter.problem
+        if not all(differs_from_none(problem, with_, cause, alpha) for cause in causes):
             return False
         less = self._overdispersion(without, with_)
         return self.criterion.names(before, after, n_causes, less, retuned)

@@ -4,6 +4,7 @@ import math
 from collections.abc import Collection, Mapping
 
 import numpy as np
+from scipy.stats import chi2
 from scipy.stats import t as student
 
 from sklearn_pgnn.estimation.budgets import FINENESS
@@ -18,6 +19,7 @@ from sklearn_pgnn.simulation.uncertainty import (
     curvatures,
     errors_by_held,
     overdispersion,
+    parameter_covariance,
     standard_errors,
 )
 
@@ -88,6 +90,46 @@ def _likelihood_interval(
         is_open = side * (limit - value) <= reach
         ends.append(bound if is_open else float(value + side * reach))
     return min(ends), max(ends)
+
+
+def differs_from_none(
+    problem: EstimationProblem, trial: FittedHypothesis, cause: Effect, alpha: float
+) -> bool:
+    r"""Return whether a cause's size differs from none, by Wald's test of all its sizes.
+
+    .. math:: s^T C^{-1} s > \chi^2_{n, 1 - \alpha}
+
+    with the :math:`n` fitted sizes :math:`s` and their covariance :math:`C`, robust to coloured
+    residuals. Where something ends, as a saturation does, is no size.
+
+    Parameters
+    ----------
+    problem : EstimationProblem
+        The problem.
+    trial : FittedHypothesis
+        The hypothesis, fitted on all windows.
+    cause : Effect
+        One of its causes.
+    alpha : float
+        Rate at which none is taken for a size.
+
+    Returns
+    -------
+    bool
+        True for a cause that has no size.
+    """
+    sizes = {cause.names()[q.name] for q in cause.quantities() if q.metadata["role"] == "size"}
+    names = [free.name for free in trial.fit.freedoms]
+    own = np.array([name in sizes for name in names])
+    if not own.any():
+        return True
+    covariance = parameter_covariance(trial.fit, *_expected_starts(problem, trial))
+    seen = own & (np.diag(covariance) > 0)
+    error = np.sqrt(np.diag(covariance)[seen])
+    size = np.array([trial.fit.model.parameters[name].value for name in names])[seen] / error
+    related = covariance[np.ix_(seen, seen)] / np.outer(error, error)
+    squares = size @ np.linalg.pinv(related, hermitian=True) @ size
+    return bool(squares > chi2.ppf(1.0 - alpha, own.sum()))
 
 
 def overdispersion_along(

@@ -65,6 +65,16 @@ def test_what_takes_more_to_say_refutes_by_what_a_name_needs(fitter, monkeypatch
     assert compare.refutes(better, worse) is not more_is_better
 
 
+def test_no_cause_is_named_whose_size_is_none_whatever_the_evidence(fitter, monkeypatch):
+    none, rubbed = fitter.base(), fitted(fitter, effects.CoulombFriction)
+    assert Comparison(fitter, CRITERION).names(none, rubbed)
+    without_size = rubbed.fit.model.with_parameters(Fc_v=0.0)
+    idle = replace(rubbed, fit=replace(rubbed.fit, model=without_size))
+    before, after = fitter.held_out(none), fitter.held_out(rubbed)
+    monkeypatch.setattr(fitter, "held_out", lambda trial: after if trial is idle else before)
+    assert not Comparison(fitter, CRITERION).names(none, idle)
+
+
 @pytest.fixture
 def likelier(fitter, monkeypatch):
     """Return a comparison in which windows speak for any hypothesis over any other."""

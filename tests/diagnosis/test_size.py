@@ -13,6 +13,7 @@ from sledge import SLEDGE, drive
 from sklearn_pgnn import effects
 from sklearn_pgnn.diagnosis import size
 from sklearn_pgnn.diagnosis.size import (
+    differs_from_none,
     likelihood_intervals,
     overdispersion_along,
     parameter_errors,
@@ -142,3 +143,61 @@ def test_the_interval_of_an_end_that_records_do_not_meet_is_open():
     low, high = likelihood_intervals(fitter, trial, {upper: errors[upper]})[upper]
     assert low <= 0.9 <= high < low + 0.02
     assert likelihood_intervals(fitter, trial, {lower: errors[lower]})[lower][0] == -np.inf
+
+
+# -- a size, or none -------------------------------------------------------------------------------
+
+
+def fitted_load(load, seed, cause=LOAD):
+    """Return a problem of a sledge under a load, and the hypothesis that there is such a cause."""
+    X, y = drive(SLEDGE + effects.ConstantLoad("v", load), seed=seed)
+    fitter = HypothesisFitter(build_problem(SLEDGE, read_records(SLEDGE, X, y)))
+    base = fitter.base()
+    first = fitter.first_fit(fitter.subsample(base), cause)
+    return fitter.problem, fitter.fit_all(fitter.converge(first), base)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_load_has_a_size_and_what_is_not_there_has_none(seed):
+    assert differs_from_none(*fitted_load(0.2, seed), LOAD, 0.01)
+    assert not differs_from_none(*fitted_load(0.0, seed), LOAD, 1e-3)
+
+
+def test_a_size_at_its_bound_is_none():
+    """Friction that would have to push stays at zero."""
+    friction = effects.CoulombFriction("v")
+    problem, trial = fitted_load(0.0, 0, friction)
+    assert trial.fit.model.parameters["Fc_v"].bounds[0] == 0.0
+    none = replace(trial, fit=replace(trial.fit, model=trial.fit.model.with_parameters(Fc_v=0.0)))
+    assert not differs_from_none(problem, none, friction, 0.5)
+
+
+def test_what_has_no_size_is_there_or_not():
+    ends, turns = effects.SensorSaturation("v"), effects.SensorRectification("v")
+    problem, trial = fitted_load(0.2, 0)
+    assert differs_from_none(problem, trial, ends, 0.01)
+    assert differs_from_none(problem, trial, turns, 0.01)
+
+
+@given(st.lists(st.floats(-3, 3), min_size=3, max_size=3), st.integers(0, 99))
+def test_units_do_not_change_whether_there_is_a_size(exponents, seed):
+    rng = np.random.default_rng(seed)
+    root, value, unit = rng.normal(size=(3, 3)), 3 * rng.normal(size=3), 10.0 ** np.array(exponents)
+    found = [
+        _asked(value * by, (root * by[:, None]) @ (root * by[:, None]).T)
+        for by in (np.ones(3), unit)
+    ]
+    assert found[0] == found[1]
+
+
+def _asked(value, covariance):
+    names = list(STRIBECK.names().values())
+    numbers = {n: SimpleNamespace(value=v) for n, v in zip(names, value, strict=True)}
+    freedoms = [SimpleNamespace(name=name) for name in names]
+    trial = SimpleNamespace(
+        fit=SimpleNamespace(model=SimpleNamespace(parameters=numbers), freedoms=freedoms)
+    )
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(size, "parameter_covariance", lambda *_: covariance)
+        patch.setattr(size, "_expected_starts", lambda *_: ())
+        return differs_from_none(None, trial, STRIBECK, 0.01)
