@@ -45,7 +45,7 @@ class FormulaSelection:
 
         A formula for what the re-tuned prior lacks takes the place of the causes if it leaves no
         structure, and refutes them or says the same with fewer parameters and no more terms than
-        they are; a formula for what they leave stands beside them.
+        they are, which no part of them does; a formula for what they leave stands beside them.
 
         Parameters
         ----------
@@ -69,7 +69,7 @@ class FormulaSelection:
         asked = has_structure or search.compare.leaves_much(final) or self.is_law(search)
         if len(causes) > 1 or asked:
             alone = self._alone(search)
-            if alone and (not causes or _takes_the_place(search, alone, final)):
+            if alone and (not causes or _takes_the_place(search, alone, result.steps)):
                 return replace(result, steps=[], rivals={}), alone
         if causes and has_structure:
             return result, self._best(search, final)
@@ -152,20 +152,23 @@ def _with_library(search: Search, n_places: int) -> SelectionCriterion:
     return replace(search.criterion, n_candidates=n_places * terms)
 
 
-def _takes_the_place(search: Search, formula: Proposal, final: FittedHypothesis) -> bool:
+def _takes_the_place(search: Search, formula: Proposal, steps: list[FittedHypothesis]) -> bool:
     """Return whether a formula explains all, and as much more simply or clearly more.
 
-    A formula that leaves structure is no law: what has a name says more to people. Each of its
-    terms is chosen from a library as a cause is from the catalogue.
+    The causes are added step by step. A formula that leaves structure is no law: what has a name
+    says more to people. Nor does it say more simply what some of the causes say as simply. Each of
+    its terms is chosen from a library as a cause is from the catalogue.
     """
-    trial, causes = formula.trial, final.hypothesis
+    trial, final = formula.trial, steps[-1]
     if search.compare.refutes(final, trial):
         return False
     if search.compare.is_nameable(trial) and search.has_structure(trial):
         return False
-    fewer_parameters = trial.hypothesis.n_parameters < causes.n_parameters
-    if fewer_parameters and len(formula.effect.terms) <= len(causes.causes):
-        return True
+    n_terms, count = len(formula.effect.terms), trial.hypothesis.n_parameters
+    if count < final.hypothesis.n_parameters and n_terms <= len(final.hypothesis.causes):
+        as_simple = (step for step in steps if step.hypothesis.n_parameters <= count)
+        if all(search.compare.refutes(trial, step) for step in as_simple):
+            return True
     left, less = (search.fitter.held_out(each).windows for each in (final, trial))
     more = explained_share(left, less) >= search.criterion.smallest_share
     return more and search.compare.refutes(trial, final)

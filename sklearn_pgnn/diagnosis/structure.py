@@ -82,24 +82,35 @@ def find_structure(
         The answer.
     """
     table = _Table.of(problem, trial)
+    ways = table.levelled(), table
+    level = alpha / len(problem.prior.outputs) / len(ways)
     skill: dict[str, float] = {}
     depends: dict[str, float] = {}
-    significant = False
-    level = alpha / len(problem.prior.outputs)
     for column, output in enumerate(problem.prior.outputs):
-        for asked in (table.levelled(), table):
-            with one_thread_each():
-                predictions = list(asked.predictions(column))
-            shares, powers = np.array([each[:2] for each in predictions]).reshape(-1, 2).T
-            share = float(np.average(shares, weights=powers)) if shares.size else 0.0
-            skill.setdefault(output, share)
-            if share >= smallest_share and is_positive(shares, powers, level / 2):
-                significant, skill[output] = True, share
-                for name, lost in asked.importance(column, predictions, powers).items():
-                    depends[name] = max(depends.get(name, 0.0), lost / share)
-                break
+        skill[output], lost = _predicted(ways, column, level, smallest_share)
+        for name, share in lost.items():
+            depends[name] = max(depends.get(name, 0.0), share)
     telling = [name for name, lost in depends.items() if lost >= smallest_share]
-    return Structure(skill, significant, tuple(sorted(telling, key=lambda n: -depends[n])))
+    return Structure(skill, bool(depends), tuple(sorted(telling, key=lambda n: -depends[n])))
+
+
+def _predicted(
+    ways: "tuple[_Table, ...]", column: int, level: float, smallest_share: float
+) -> tuple[float, dict[str, float]]:
+    """Return the share of an output that is predicted, and how much of it needs each quantity.
+
+    It is that of the first way in which it is significant; where it is in none, nothing is needed.
+    """
+    found = []
+    for table in ways:
+        with one_thread_each():
+            predictions = list(table.predictions(column))
+        shares, powers = np.array([each[:2] for each in predictions]).reshape(-1, 2).T
+        found.append(float(np.average(shares, weights=powers)) if shares.size else 0.0)
+        if found[-1] >= smallest_share and is_positive(shares, powers, level):
+            lost = table.importance(column, predictions, powers)
+            return found[-1], {name: each / found[-1] for name, each in lost.items()}
+    return found[0], {}
 
 
 def is_positive(shares: np.ndarray, weights: np.ndarray, alpha: float) -> bool:
