@@ -31,7 +31,8 @@ def find_held_samples(signal: Signal) -> Finding | None:
         signal.name,
         f"{signal.name} repeats the value before it in {held} samples although it moves",
         float(held),
-        "the logger filled missing samples with old ones: leave such samples empty",
+        "leave such samples empty where the logger filled missing ones with old ones, or reads "
+        "the sensor more often than that measures; keep them where the sensor is coarse at rest",
     )
 
 
