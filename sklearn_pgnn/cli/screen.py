@@ -22,6 +22,7 @@ from sklearn_pgnn.inspection.words import (
     remaining_sentence,
     rivals,
     separation_sentence,
+    spread_sentence,
     unusable_sentence,
     verdict_sentence,
     verdict_title,
@@ -133,6 +134,8 @@ def _tell_parameters(console, diagnosis) -> None:
         now = measured(p.value, p.low, p.high, p.unit)
         rows.add_row(cell(name), number(p.prior), cell(now), change(p.value, p.prior))
     print_table(console, rows)
+    if pinned := spread_sentence(diagnosis):
+        say(console, pinned)
 
 
 def _extended(diagnosis) -> str:

@@ -28,7 +28,7 @@ from sklearn_pgnn.grey_box.depth import (
     states_met,
 )
 from sklearn_pgnn.grey_box.hidden_parts import WAYS, hidden_parts
-from sklearn_pgnn.grey_box.spread_ends import warn_of_spreads
+from sklearn_pgnn.grey_box.spread_warning import warn_of_spreads
 from sklearn_pgnn.grey_box.tables import plain_table, usual_starts
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.intervals import beside, check_coverage, quantile_of

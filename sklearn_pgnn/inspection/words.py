@@ -15,6 +15,7 @@ from sklearn_pgnn.inspection.yardstick import (
 )
 from sklearn_pgnn.physics.effects import find_effect
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.physics.spread_ends import at_spread_ends
 from sklearn_pgnn.record_quality.wording import listed
 
 VERDICTS = {
@@ -422,10 +423,36 @@ def separation_sentence(separation) -> str:
     best = separation.experiments[0]
     reached = listed(f"{name} up to {number(top, 2)}" for name, top in best.reached.items())
     often = f", recorded {best.repeats:g} times" if best.repeats > 1 else ""
+    unit = "" if best.unit in ("", "1") else f" {best.unit}"
     return (
         f"To tell {one} from {other}: {best.excitation}, {best.input} by "
-        f"{number(best.amplitude, 2)} {best.unit} about {number(best.offset, 2)} {best.unit}, for "
+        f"{number(best.amplitude, 2)}{unit} about {number(best.offset, 2)}{unit}, for "
         f"{number(best.duration, 3)} s ({reached}){often}. The two then differ by "
         f"{number(best.difference, 2)} times the noise, {number(best.evidence, 2)} standard errors "
         f"in one record."
+    )
+
+
+def spread_sentence(diagnosis) -> str:
+    """Return which parameters lie at the end of their spread, and what to do; empty if none does.
+
+    Parameters
+    ----------
+    diagnosis : ModelDiagnosis
+        A fitted diagnosis.
+
+    Returns
+    -------
+    str
+        A sentence and its remedy.
+    """
+    values = {name: parameter.value for name, parameter in diagnosis.parameters_.items()}
+    names = at_spread_ends(diagnosis.model, diagnosis.model.with_parameters(**values))
+    if not names:
+        return ""
+    lies, spread = ("lie", "spreads") if len(names) > 1 else ("lies", "spread")
+    return (
+        f"{listed(names)} {lies} at the end of what the {spread} in the model file allowed: causes "
+        f"and what is left may stand for a wrong number. If it is not known that well, give a "
+        f"wider spread, or spread: .inf where nothing is known, and diagnose again."
     )

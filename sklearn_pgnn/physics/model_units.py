@@ -1,5 +1,6 @@
 """Units of expressions of a model's quantities."""
 
+from collections import Counter
 from collections.abc import Callable
 
 import sympy
@@ -36,6 +37,39 @@ def unit_of(expression: sympy.Expr | None, unit: Callable[[str], str]) -> str:
         return ""
     units = {unit_of(part, unit) for part in expression.args if not part.is_number}
     return units.pop() if len(units) == 1 else ""
+
+
+def unit_of_product(expression: sympy.Expr, unit: Callable[[str], str]) -> str:
+    """Return the unit of a product of quantities and their powers.
+
+    Parameters
+    ----------
+    expression : sympy.Expr
+        An expression of quantities.
+    unit : callable
+        Returns the unit of a quantity.
+
+    Returns
+    -------
+    str
+        Its unit; empty where it is no such product, where a power is no whole number above 0, or
+        where a unit is unknown or has parts of its own.
+
+    Examples
+    --------
+    >>> m, l = sympy.symbols("m l")
+    >>> units = {"m": "kg", "l": "m"}
+    >>> unit_of_product(m * l**2, units.get), unit_of_product(2 * m, units.get)
+    ('kg m^2', '')
+    """
+    powers: Counter[str] = Counter()
+    for base, power in expression.as_powers_dict().items():
+        known = unit(str(base)) if isinstance(base, sympy.Symbol) else ""
+        if not (known and known.isalpha() and power.is_Integer and power > 0):
+            return ""
+        powers[known] += int(power)
+    order = sorted(powers, key=lambda name: (powers[name], name))
+    return " ".join(name if powers[name] == 1 else f"{name}^{powers[name]}" for name in order)
 
 
 def _has_no_unit(factor: sympy.Expr) -> bool:

@@ -1,9 +1,11 @@
 """The verdict in words."""
 
+import math
 from types import SimpleNamespace
 
 import pytest
 
+from sklearn_pgnn import systems
 from sklearn_pgnn.inspection import words
 
 
@@ -24,3 +26,41 @@ def test_that_no_cause_acts_is_one_of_the_answers():
     assert words.rivals(cause) == "Coulomb friction on v (5 %)"
     cause.confused_with = ()
     assert words.rivals(cause) == ""
+
+
+def test_a_parameter_at_the_end_of_its_spread_is_told_with_the_remedy():
+    model = systems.cart_on_spring()
+    free = [name for name in model.free_parameters if 0 < model.parameters[name].reach < math.inf]
+    values = {name: model.parameters[name].value for name in free}
+    found = {name: SimpleNamespace(value=value) for name, value in values.items()}
+    assert words.spread_sentence(SimpleNamespace(model=model, parameters_=found)) == ""
+    first = free[0]
+    reach = model.parameters[first].reach
+    found[first] = SimpleNamespace(value=values[first] + reach)
+    assert words.spread_sentence(SimpleNamespace(model=model, parameters_=found)) == (
+        f"{first} lies at the end of what the spread in the model file allowed: causes and what is "
+        f"left may stand for a wrong number. If it is not known that well, give a wider spread, or "
+        f"spread: .inf where nothing is known, and diagnose again."
+    )
+
+
+@pytest.mark.parametrize(("unit", "amplitude"), [("1", "3.5 about 2"), ("V", "3.5 V about 2 V")])
+def test_an_input_without_a_unit_has_none_in_an_experiment(unit, amplitude):
+    best = SimpleNamespace(
+        excitation="steps",
+        input="u",
+        amplitude=3.5,
+        unit=unit,
+        offset=2.0,
+        reached={},
+        repeats=1,
+        duration=10.0,
+        difference=4.0,
+        evidence=5.0,
+    )
+    pair = (SimpleNamespace(effect=effect, target="u") for effect in ("input_bias", "input_gain"))
+    found = dict(zip(("cause", "other"), pair, strict=True))
+    asked = SimpleNamespace(equivalent=False, separable=True, experiments=[best], **found)
+    assert f"steps, u by {amplitude}, for 10 s" in words.separation_sentence(asked).replace(
+        ".0", ""
+    )

@@ -319,3 +319,21 @@ def test_friction_by_direction_takes_motion_in_both_directions(lowest, highest, 
     scales = Scales({"v": 1.0}, {"v": 3.0}, {}, 0.01, 1.0, extremes={"v": (lowest, highest)})
     assert effects.AsymmetricFriction("v").is_distinct(scales) is distinct
     assert effects.CoulombFriction("v").is_distinct(scales)
+
+
+def test_a_force_has_its_unit_where_the_inertia_is_a_product():
+    arm = PhysicsModel(
+        states={"phi": "rad", "w": "rad/s"},
+        equations={"phi": "w", "w": "(M - m*g*l*sin(phi))/(m*l**2)"},
+        parameters={
+            "m": {"value": 1.0, "unit": "kg"},
+            "l": {"value": 0.5, "unit": "m"},
+            "g": {"value": 9.81, "unit": "m/s^2"},
+        },
+        inputs={"M": "N m"},
+        inertia={"w": "m*l**2"},
+    )
+    friction = effects.CoulombFriction("w", level=0.1)
+    assert (arm + friction).parameters["Fc_w"].unit == "N m"
+    unknown = arm.replace(inertia={"w": "2*m*l**2"})
+    assert (unknown + friction).parameters["Fc_w"].unit == "rad/s^2"

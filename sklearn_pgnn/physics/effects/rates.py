@@ -8,6 +8,7 @@ from sklearn_pgnn.physics.characteristic import Characteristic
 from sklearn_pgnn.physics.derived_units import force_unit, rate_unit
 from sklearn_pgnn.physics.effect import Effect, quantity
 from sklearn_pgnn.physics.expressions import TIME, symbol
+from sklearn_pgnn.physics.model_units import unit_of_product
 from sklearn_pgnn.physics.typical import typical_inertia
 
 #: units that make a state a velocity even where no other state is its integral
@@ -112,7 +113,9 @@ class RateEffect(Effect):
 def unit_of_force(model, target: str) -> str:
     """Return the unit of what changes a velocity: of a force, or without an inertia of its rate."""
     inertia, velocity = model.inertia.get(target), model.unit(target)
-    return rate_unit(velocity) if inertia is None else force_unit(model.unit_of(inertia), velocity)
+    if inertia is None:
+        return rate_unit(velocity)
+    return force_unit(model.unit_of(inertia) or unit_of_product(inertia, model.unit), velocity)
 
 
 def _over_common_inertia(rate, force, inertia):

@@ -1,14 +1,14 @@
-"""Parameters at the ends of their spreads are told, and no others."""
+"""Parameters at the ends of their spreads are found, and no others."""
 
 import math
-import re
-import warnings
 from functools import partial
 
 import pytest
 
 from sklearn_pgnn import Parameter, PhysicsModel
-from sklearn_pgnn.grey_box.spread_ends import at_spread_ends, warn_of_spreads
+from sklearn_pgnn.physics.spread_ends import at_spread_ends
+
+pytestmark = pytest.mark.core
 
 
 def tank(a=None, b=None, c=None):
@@ -39,21 +39,3 @@ def test_what_stays_inside_is_none():
 def test_an_end_that_no_spread_makes_is_none(parameter, value):
     model = tank(a=parameter)
     assert at_spread_ends(model, model.with_parameters(a=value)) == ()
-
-
-def test_several_are_told_with_the_remedy():
-    said = (
-        "the diagnosis re-tuned a and c to the ends of their spreads, within which a prior's "
-        "parameters count as known, whatever cause it named beside them; the recipe fits them "
-        "between their bounds. What it named may stand for wrong numbers. Remedy: give the spread "
-        "of parameters that nobody has measured, Parameter(..., spread=inf) where nothing is known "
-        "of them."
-    )
-    with pytest.warns(UserWarning, match=f"^{re.escape(said)}$"):
-        warn_of_spreads(tank(), tank().with_parameters(a=2.2, c=1.8))
-
-
-def test_a_single_one_is_no_reason():
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        warn_of_spreads(tank(), tank().with_parameters(a=2.2))

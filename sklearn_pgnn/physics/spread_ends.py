@@ -1,13 +1,8 @@
-"""Parameters that a diagnosis re-tuned as far as their spread lets it."""
-
-import warnings
+"""Parameters that were re-tuned as far as their spread lets them."""
 
 import numpy as np
 
 from sklearn_pgnn.physics.model import PhysicsModel
-
-#: so many parameters at the ends of their spreads are no chance, and are told
-SEVERAL = 2
 
 
 def at_spread_ends(prior: PhysicsModel, retuned: PhysicsModel) -> tuple[str, ...]:
@@ -32,29 +27,6 @@ def at_spread_ends(prior: PhysicsModel, retuned: PhysicsModel) -> tuple[str, ...
     ('T',)
     """
     return tuple(name for name in prior.free_parameters if _is_at_an_end(name, prior, retuned))
-
-
-def warn_of_spreads(prior: PhysicsModel, retuned: PhysicsModel) -> None:
-    """Warn where several parameters went to the ends of their spreads.
-
-    Parameters
-    ----------
-    prior, retuned : PhysicsModel
-        See `at_spread_ends`; re-tuned beside the named causes, for what a cause explains may bend
-        the parameters of a model without it.
-    """
-    names = at_spread_ends(prior, retuned)
-    if len(names) < SEVERAL:
-        return
-    warnings.warn(
-        f"the diagnosis re-tuned {', '.join(names[:-1])} and {names[-1]} to the ends of their "
-        f"spreads, within which a prior's parameters count as known, whatever cause it named "
-        f"beside them; the recipe fits them between their bounds. What it named may stand for "
-        f"wrong numbers. Remedy: give the spread of parameters that nobody has measured, "
-        f"Parameter(..., spread=inf) where nothing is known of them.",
-        UserWarning,
-        stacklevel=5,
-    )
 
 
 def _is_at_an_end(name: str, prior: PhysicsModel, retuned: PhysicsModel) -> bool:
