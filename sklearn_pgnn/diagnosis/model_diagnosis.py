@@ -159,7 +159,7 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         How the inputs were taken to run between samples.
     remaining_ : Remaining
         What the causes leave: .kind, one of ``"noise"``, ``"disturbance"`` (coloured noise of a
-        sensor, or something from outside: it depends on nothing that was recorded) and
+        sensor, or something from outside: nothing that was recorded predicts it) and
         ``"structure"``, with .times_noise of every output and what it .depends_on.
     discrepancy_ : MissingPart or None
         Where something is missing that is not in the catalogue, what it depends on, and a

@@ -279,8 +279,8 @@ def remaining_sentence(diagnosis) -> str:
     if not diagnosis.complete_:
         return f"What is left is more than noise ({much}); what it depends on was not tested."
     return (
-        f"What is left is coloured noise or a disturbance ({much}): it depends on nothing that "
-        f"was recorded."
+        f"What is left is coloured noise or a disturbance ({much}): nothing that was recorded "
+        f"predicts it."
     )
 
 

@@ -73,7 +73,7 @@ def test_a_cause_that_is_not_sure_has_one_and_so_have_its_rivals(capsys):
         (Remaining("noise", {"v": 1.0}), "What is left is white noise."),
         (
             Remaining("disturbance", {"v": 2.34}),
-            "disturbance (2.34 × the white noise of v): it depends on nothing that was recorded",
+            "disturbance (2.34 × the white noise of v): nothing that was recorded predicts it",
         ),
         (
             Remaining("structure", {"v": 4.0}, ("F", "v")),
@@ -142,4 +142,4 @@ def test_nothing_is_said_of_what_was_not_asked(capsys):
     cut_short.complete_, cut_short.stopped_ = False, "time limit of 1 s"
     text = shown(capsys, cut_short)
     assert "what it depends on was not tested" in text
-    assert "depends on nothing" not in text
+    assert "predicts it" not in text
