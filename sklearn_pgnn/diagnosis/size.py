@@ -14,6 +14,7 @@ from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.estimation.residuals import Residuals
 from sklearn_pgnn.estimation.window_fitter import WindowFitter
 from sklearn_pgnn.physics.effect import Effect
+from sklearn_pgnn.physics.effects import CATALOGUE
 from sklearn_pgnn.simulation.uncertainty import (
     NORMAL_95,
     curvatures,
@@ -100,7 +101,8 @@ def differs_from_none(
     .. math:: s^T C^{-1} s > \chi^2_{n, 1 - \alpha}
 
     with the :math:`n` fitted sizes :math:`s` and their covariance :math:`C`, robust to coloured
-    residuals. Where something ends, as a saturation does, is no size.
+    residuals. Where something ends, as a saturation does, is no size. What is left of a cause
+    without a size may be a special case of it, as a lag is of play: the size of that counts, too.
 
     Parameters
     ----------
@@ -118,7 +120,7 @@ def differs_from_none(
     bool
         True for a cause that has no size.
     """
-    sizes = {cause.names()[q.name] for q in cause.quantities() if q.metadata["role"] == "size"}
+    sizes = {cause.names()[field] for field in _size_fields(cause)}
     names = [free.name for free in trial.fit.freedoms]
     own = np.array([name in sizes for name in names])
     if not own.any():
@@ -130,6 +132,17 @@ def differs_from_none(
     related = covariance[np.ix_(seen, seen)] / np.outer(error, error)
     squares = size @ np.linalg.pinv(related, hermitian=True) @ size
     return bool(squares > chi2.ppf(1.0 - alpha, own.sum()))
+
+
+def _size_fields(cause: Effect) -> set[str]:
+    """Return the fields that are sizes of a cause, or of a special case with the same field."""
+
+    def sizes(kind) -> set[str]:
+        return {q.name for q in kind.quantities() if q.metadata["role"] == "size"}
+
+    own, fields = sizes(cause), {q.name for q in cause.quantities()}
+    special = (kind for kind in CATALOGUE if kind.id in cause.generalises)
+    return own and own.union(*(sizes(kind) & fields for kind in special))
 
 
 def overdispersion_along(

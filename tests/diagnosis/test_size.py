@@ -13,6 +13,7 @@ from sledge import SLEDGE, drive
 from sklearn_pgnn import effects
 from sklearn_pgnn.diagnosis import size
 from sklearn_pgnn.diagnosis.size import (
+    _size_fields,
     differs_from_none,
     likelihood_intervals,
     overdispersion_along,
@@ -170,6 +171,13 @@ def test_a_size_at_its_bound_is_none():
     assert trial.fit.model.parameters["Fc_v"].bounds[0] == 0.0
     none = replace(trial, fit=replace(trial.fit, model=trial.fit.model.with_parameters(Fc_v=0.0)))
     assert not differs_from_none(problem, none, friction, 0.5)
+
+
+def test_play_without_width_is_a_lag_and_not_nothing():
+    """A rate limit has no size, though the lag that it is without an end has one."""
+    assert _size_fields(effects.InputBacklash("F")) == {"width", "time_constant"}
+    assert _size_fields(effects.InputRateLimit("F")) == set()
+    assert _size_fields(effects.StribeckFriction("v")) == {"level", "peak"}
 
 
 def test_what_has_no_size_is_there_or_not():
