@@ -83,11 +83,11 @@ class Comparison:
             return raw > 0.0 and self.criterion.stands_in_free_run(retuned, after)
         if raw <= n_causes * self.criterion.to_name:
             return False
-        alpha, problem = self.criterion.alpha, self.fitter.problem
-        if not all(differs_from_none(problem, with_, cause, alpha) for cause in causes):
-            return False
         less = self._overdispersion(without, with_)
-        return self.criterion.names(before, after, n_causes, less, retuned)
+        if not self.criterion.names(before, after, n_causes, less, retuned):
+            return False
+        alpha, problem = self.criterion.alpha, self.fitter.problem
+        return all(differs_from_none(problem, with_, cause, alpha) for cause in causes)
 
     def names_disturbed(
         self, without: FittedHypothesis, with_: FittedHypothesis, needed: float

@@ -118,7 +118,7 @@ def differs_from_none(
     Returns
     -------
     bool
-        True for a cause that has no size.
+        True for a cause without fitted sizes: it is there or not.
     """
     sizes = {cause.names()[field] for field in _size_fields(cause)}
     names = [free.name for free in trial.fit.freedoms]

@@ -61,6 +61,4 @@ def test_an_input_without_a_unit_has_none_in_an_experiment(unit, amplitude):
     pair = (SimpleNamespace(effect=effect, target="u") for effect in ("input_bias", "input_gain"))
     found = dict(zip(("cause", "other"), pair, strict=True))
     asked = SimpleNamespace(equivalent=False, separable=True, experiments=[best], **found)
-    assert f"steps, u by {amplitude}, for 10 s" in words.separation_sentence(asked).replace(
-        ".0", ""
-    )
+    assert f"steps, u by {amplitude}, for 10 s" in words.separation_sentence(asked)
