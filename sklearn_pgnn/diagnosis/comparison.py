@@ -2,7 +2,11 @@
 
 import numpy as np
 
-from sklearn_pgnn.diagnosis.size import differs_from_none, overdispersion_along
+from sklearn_pgnn.diagnosis.size import (
+    differs_from_none,
+    leaves_something,
+    overdispersion_along,
+)
 from sklearn_pgnn.estimation.budgets import MUCH
 from sklearn_pgnn.estimation.criterion import SelectionCriterion
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
@@ -68,11 +72,19 @@ class Comparison:
         return raw / self._overdispersion(worse, better) > needed
 
     def is_preferred(self, other: FittedHypothesis, current: FittedHypothesis) -> bool:
-        """Return whether a hypothesis refutes another one, or is simpler and not refuted."""
+        """Return whether a hypothesis refutes another one, or is simpler or likelier.
+
+        Where it does not refute the other one it must not be refuted by it; of two that take
+        equally much to say it must have the evidence for it, and no worse free run.
+        """
         if self.refutes(other, current):
             return True
-        simpler = other.hypothesis.complexity < current.hypothesis.complexity
-        return simpler and not self.refutes(current, other)
+        if self.refutes(current, other):
+            return False
+        simple, is_now = other.hypothesis.complexity, current.hypothesis.complexity
+        if simple != is_now:
+            return simple < is_now
+        return self.evidence(current, other) > 0.0 and not self.runs_worse(current, other)
 
     def names(self, without: FittedHypothesis, with_: FittedHypothesis, n_causes=1) -> bool:
         """Return whether the causes are named that only the second of two hypotheses has."""
@@ -87,7 +99,11 @@ class Comparison:
         if not self.criterion.names(before, after, n_causes, less, retuned):
             return False
         alpha, problem = self.criterion.alpha, self.fitter.problem
-        return all(differs_from_none(problem, with_, cause, alpha) for cause in causes)
+        return all(
+            differs_from_none(problem, with_, cause, alpha)
+            and leaves_something(problem, with_, cause, alpha)
+            for cause in causes
+        )
 
     def names_disturbed(
         self, without: FittedHypothesis, with_: FittedHypothesis, needed: float

@@ -116,12 +116,13 @@ class Moves:
     # -- other causes ------------------------------------------------------------------------------
 
     def replace(self, current: FittedHypothesis) -> Iterator[FittedHypothesis]:
-        """Put another candidate in a cause's place where that refutes it, or is simpler.
+        """Put another candidate in a cause's place where that is preferred, the likeliest first.
 
         Beside a candidate that says the same another cause may be needless.
         """
         for cause in current.hypothesis.causes:
-            for other in self.ladder.in_place(current, cause):
+            others = self.ladder.in_place(current, cause)
+            for other in sorted(others, key=lambda trial: self.compare.evidence(trial, current)):
                 if other.hypothesis.complexity < current.hypothesis.complexity:
                     other = self.fitter.refit_from(other, current)  # its own fit may have got stuck
                 if self.compare.is_preferred(other, current) and self._is_needed(other, current):

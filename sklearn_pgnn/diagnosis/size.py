@@ -4,7 +4,7 @@ import math
 from collections.abc import Collection, Mapping
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.stats import chi2, norm
 from scipy.stats import t as student
 
 from sklearn_pgnn.estimation.budgets import FINENESS
@@ -143,6 +143,49 @@ def _size_fields(cause: Effect) -> set[str]:
     own, fields = sizes(cause), {q.name for q in cause.quantities()}
     special = (kind for kind in CATALOGUE if kind.id in cause.generalises)
     return own and own.union(*(sizes(kind) & fields for kind in special))
+
+
+def leaves_something(
+    problem: EstimationProblem, trial: FittedHypothesis, cause: Effect, alpha: float
+) -> bool:
+    r"""Return whether something is left of what a cause limits.
+
+    .. math:: L - L_\mathrm{min} > z_{1 - \alpha}\, \sigma_L
+
+    with the fitted limit :math:`L`, its standard error and the lowest limit that is considered. At
+    the lowest one the limit acts in nearly all samples, and the records say nothing of what it is
+    said to limit: it stands for an equation that does not hold.
+
+    Parameters
+    ----------
+    problem : EstimationProblem
+        The problem.
+    trial : FittedHypothesis
+        The hypothesis, fitted on all windows.
+    cause : Effect
+        One of its causes.
+    alpha : float
+        Rate at which the lowest limit is taken for another one.
+
+    Returns
+    -------
+    bool
+        True for a cause that limits nothing.
+    """
+    own = cause.names()
+    limits = {own[q.name] for q in cause.quantities() if _is_limit_of_magnitude(q)}
+    free = [each for each in trial.fit.freedoms if each.name in limits]
+    if not free:
+        return True
+    error = standard_errors(trial.fit, *_expected_starts(problem, trial))
+    value = {each.name: trial.fit.model.parameters[each.name].value for each in free}
+    needed = norm.ppf(1.0 - alpha)
+    return all(value[each.name] - each.low > needed * error[each.name] for each in free)
+
+
+def _is_limit_of_magnitude(quantity) -> bool:
+    """Return whether a quantity is where a magnitude ends; at zero nothing of it is left."""
+    return quantity.metadata["role"] == "end" and quantity.metadata["low"] == 0.0
 
 
 def overdispersion_along(

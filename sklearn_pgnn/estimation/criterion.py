@@ -118,8 +118,8 @@ class SelectionCriterion:
     :math:`\log(1/\alpha)`. With a memory, whose content is free at the start of every window, it
     is better by the smallest share than both.
     Of hypotheses that nothing tells apart by :math:`\log(1/\alpha)` the one with the fewest
-    parameters is taken. Where more than white noise is left over windows, the evidence beside a
-    disturbance must exceed :math:`\log(N/\alpha)`, too.
+    parameters is taken, of as many the likelier one. Where more than white noise is left over
+    windows, the evidence beside a disturbance must exceed :math:`\log(N/\alpha)`, too.
 
     Parameters
     ----------

@@ -95,6 +95,19 @@ def test_what_takes_more_to_say_must_explain_the_smallest_share_more(
     assert likelier.refutes(less, more)
 
 
+@pytest.mark.parametrize("evidence", [-1.0, 1.0])
+@pytest.mark.parametrize("runs_worse", [True, False])
+def test_of_two_that_take_equally_much_to_say_the_likelier_is_preferred(
+    fitter, monkeypatch, evidence, runs_worse
+):
+    one, other = (fitted(fitter, kind) for kind in KINDS[1:3])
+    assert one.hypothesis.complexity == other.hypothesis.complexity
+    monkeypatch.setattr(SelectionCriterion, "evidence", lambda *_: evidence)
+    monkeypatch.setattr(SelectionCriterion, "runs_worse", lambda *_: runs_worse)
+    preferred = Comparison(fitter, CRITERION).is_preferred(other, one)
+    assert preferred is (evidence > 0.0 and not runs_worse)
+
+
 def test_windows_do_not_refute_what_runs_better(fitter, likelier, monkeypatch):
     one, other = (fitted(fitter, kind) for kind in KINDS[1:3])
     better = fitter.held_out(one)

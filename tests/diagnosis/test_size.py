@@ -15,6 +15,7 @@ from sklearn_pgnn.diagnosis import size
 from sklearn_pgnn.diagnosis.size import (
     _size_fields,
     differs_from_none,
+    leaves_something,
     likelihood_intervals,
     overdispersion_along,
     parameter_errors,
@@ -178,6 +179,22 @@ def test_play_without_width_is_a_lag_and_not_nothing():
     assert _size_fields(effects.InputBacklash("F")) == {"width", "time_constant"}
     assert _size_fields(effects.InputRateLimit("F")) == set()
     assert _size_fields(effects.StribeckFriction("v")) == {"level", "peak"}
+
+
+def test_a_limit_that_lets_nothing_pass_is_no_limit():
+    """At the lowest one that is looked at, hardly a sample is beneath it."""
+    limit = effects.InputSaturation("F")
+    X, y = drive(SLEDGE + effects.InputSaturation("F", 0.7))
+    fitter = HypothesisFitter(build_problem(SLEDGE, read_records(SLEDGE, X, y)))
+    base = fitter.base()
+    found = fitter.converge(fitter.first_fit(fitter.subsample(base), limit))
+    trial, problem = fitter.fit_all(found, base), fitter.problem
+    assert leaves_something(problem, trial, limit, 0.01)
+    (free,) = (each for each in trial.fit.freedoms if each.name == "L_F")
+    lowest = trial.fit.model.with_parameters(L_F=free.low)
+    at_its_end = replace(trial, fit=replace(trial.fit, model=lowest))
+    assert not leaves_something(problem, at_its_end, limit, 0.01)
+    assert leaves_something(problem, trial, LOAD, 0.01)  # it limits nothing
 
 
 def test_what_has_no_size_is_there_or_not():
