@@ -97,7 +97,7 @@ class Overlap:
         slopes : ndarray of shape (n_directions, n_weights)
             Its derivatives.
         """
-        core = copy.deepcopy(core)
+        core = copy.deepcopy(core).cpu()
         nn.utils.vector_to_parameters(torch.as_tensor(weights), core.parameters())
         parts = list(core.parameters())
         overlap = self(core)

@@ -18,7 +18,7 @@ from skorch.callbacks import (
     PrintLog,
 )
 from skorch.dataset import Dataset
-from skorch.utils import multi_indexing
+from skorch.utils import get_map_location, multi_indexing, to_tensor
 from torch import nn
 
 from sklearn_pgnn.estimators.network import step_setup
@@ -421,9 +421,11 @@ class TrajectoryNet(NeuralNetRegressor):
         Tensor
             The loss.
         """
+        y_true = to_tensor(y_true, device=self.device)
         if self._phase is None:
             scale = self.module_.scale_y
             return super().get_loss(y_pred / scale, y_true / scale, X, training)
+        X = to_tensor(X, device=self.device)
         error = self._error_loss(y_pred, y_true, X)
         if not torch.isfinite(error):
             raise NotFinite(self._why_not_finite(error))
@@ -489,6 +491,8 @@ class TrajectoryNet(NeuralNetRegressor):
         weights = state.pop("_weights", None)
         self.__dict__.update(state)
         if weights is not None:
+            if self.device is not None:  # skorch warns where it is missing here
+                self.device = self._check_device(self.device, get_map_location(self.device))
             history, self.history_ = self.history_, None
             with own_random_numbers():
                 self.initialize()
@@ -499,8 +503,9 @@ class TrajectoryNet(NeuralNetRegressor):
     def _outputs(self, ready, x) -> np.ndarray:
         u = ready.acting[:, : len(self.model_.inputs)]
         x, u, t = (torch.as_tensor(part) for part in (x, u, ready.t))
+        known = {} if self._free is None else self._free.values(self._changes())
         with torch.no_grad():
-            return outputs_of(self.model_, x, u, t, self._tuned()).numpy()
+            return outputs_of(self.model_, x, u, t, known).numpy()
 
 
 def _warn_of_ends(names) -> None:
