@@ -1,5 +1,7 @@
 """Comparisons of fitted hypotheses: the criterion, applied to their held-out residuals."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from sklearn_pgnn.diagnosis.size import (
@@ -125,10 +127,13 @@ class Comparison:
     def is_nameable(self, trial: FittedHypothesis) -> bool:
         """Return whether more than white noise is left, by the smallest share that matters.
 
-        It is asked over windows, and in free run where that says anything.
+        It is asked over windows, and in free run where that says anything: of what the errors of
+        the fit do not explain there.
         """
         found = self.fitter.held_out(trial)
-        in_free_run = found.tells & self._coloured(trial, found.free_run)
+        squares = found.beyond_uncertainty(self.criterion.alpha)
+        left = replace(found.free_run, squares=squares)
+        in_free_run = found.tells & self._coloured(trial, left)
         return bool(in_free_run.any()) or self.is_coloured(trial)
 
     def is_coloured(self, trial: FittedHypothesis) -> bool:

@@ -4,12 +4,15 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from sklearn_pgnn.estimation.autocorrelation import autocorrelation_times
 from sklearn_pgnn.estimation.budgets import FOLDS, MOST_HELD_OUT, STRETCHES
 from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.estimation.residuals import HeldOut, Residuals
+from sklearn_pgnn.simulation.simulate import Simulation
 from sklearn_pgnn.simulation.state_estimate import free_run
+from sklearn_pgnn.simulation.uncertainty import parameter_covariance
 from sklearn_pgnn.simulation.window_fit import WindowFit
 from sklearn_pgnn.simulation.windows import ShootingWindows
 
@@ -81,6 +84,8 @@ class CrossValidation:
         """
         windows = self.problem.windows
         over_windows, over_runs = (np.full(windows.y.shape, np.nan) for _ in range(2))
+        variance = np.zeros(windows.y.shape)
+        names = tuple(freedom.name for freedom in fit.freedoms)
         grams, models = [], []
         x0, begun = fit.x0.copy(), fit.evaluation.x0.copy()
         for fold in np.unique(folds):
@@ -94,9 +99,12 @@ class CrossValidation:
             x0[inside], begun[inside] = judged.x0, judged.evaluation.x0
             models.append(learned.model)
             grams.append(judged.evaluation.gram)
+            covariance = parameter_covariance(learned, self.expected[~inside], self.spread)
             for a, b, first in stretches(windows, inside):
-                run = free_run(learned.model, windows, a, b, begun[first])
+                run = free_run(learned.model, windows, a, b, begun[first], names)
                 over_runs[a:b] = windows.y[a:b] - run.y
+                gram = grams[-1][np.count_nonzero(inside[:first])]
+                variance[a:b] = self._variance(run, covariance, gram)
         seen = self._residuals(over_windows, segments(windows))
         order = np.argsort(folds, kind="stable")
         record = record_of(windows)
@@ -111,7 +119,22 @@ class CrossValidation:
             tells_in_free_run=free.squares < free.counts * self._power(),
             learned=tuple(models),
             x0=x0,
+            uncertain=np.where(np.isfinite(windows.y), variance, 0.0).sum(axis=0),
         )
+
+    def _variance(self, run: Simulation, covariance: np.ndarray, gram: np.ndarray) -> np.ndarray:
+        """Return the variance of outputs by the errors of parameters and initial state.
+
+        It is in units of the noise, and zero where it is unknown. What a window tells of its
+        initial state is in its Gram matrix.
+        """
+        n = len(self.spread)
+        start = np.linalg.pinv(gram[:n, :n] + np.diag(1.0 / self.spread**2), hermitian=True)
+        both, slopes = block_diag(covariance, start), np.asarray(run.sensitivities)
+        with np.errstate(over="ignore", invalid="ignore"):
+            variance = np.einsum("kop,pq,koq->ko", slopes, both, slopes)
+            variance /= self.problem.windows.scale**2
+        return np.where(np.isfinite(variance), variance, 0.0)
 
     def _power(self) -> np.ndarray:
         """Return the power of the outputs about their means, in units of the noise."""

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import chi2
 
 from sklearn_pgnn.physics.model import PhysicsModel
 
@@ -78,6 +79,9 @@ class HeldOut:
         The model of every fold, with what the other windows have taught.
     x0 : ndarray of shape (n_windows, n_states), optional
         The windows' initial states, fitted with these models.
+    uncertain : ndarray of shape (n_outputs,), optional
+        What the errors of parameters and initial states are expected to add to the squares in free
+        run.
 
     Examples
     --------
@@ -95,9 +99,30 @@ class HeldOut:
     tells_in_free_run: np.ndarray | None = None
     learned: tuple[PhysicsModel, ...] = ()
     x0: np.ndarray | None = None
+    uncertain: np.ndarray | None = None
 
     @property
     def tells(self) -> np.ndarray:
         """Whether the free run of an output is informative."""
         every = np.ones(self.free_run.squares.shape, dtype=bool)
         return every if self.tells_in_free_run is None else self.tells_in_free_run
+
+    def beyond_uncertainty(self, alpha: float) -> np.ndarray:
+        r"""Return the squares in free run that the errors of the fit do not explain.
+
+        These add :math:`z^T M z` with normal :math:`z`, whose quantile is at most that of a single
+        direction, :math:`\chi^2_{1, 1 - \alpha} \mathrm{E}\, z^T M z`.
+
+        Parameters
+        ----------
+        alpha : float
+            Rate at which they add more.
+
+        Returns
+        -------
+        ndarray of shape (n_outputs,)
+            Squares in units of the noise; negative where the errors explain more.
+        """
+        if self.uncertain is None:
+            return self.free_run.squares
+        return self.free_run.squares - chi2.ppf(1.0 - alpha, 1) * self.uncertain

@@ -288,7 +288,9 @@ def _hides_sign(output: sympy.Expr, state: str) -> bool:
     return isinstance(magnitude_in(output, state), sympy.Abs)
 
 
-def free_run(model: PhysicsModel, windows: ShootingWindows, a: int, b: int, x0) -> Simulation:
+def free_run(
+    model: PhysicsModel, windows: ShootingWindows, a: int, b: int, x0, wrt=None
+) -> Simulation:
     """Simulate samples `a` to `b` of a record; a failure is left to the reader of the result.
 
     What a delayed input did before them is known from the record.
@@ -296,7 +298,7 @@ def free_run(model: PhysicsModel, windows: ShootingWindows, a: int, b: int, x0) 
     record = int(windows.record_at(a))
     begin = windows.bounds[record]
     acting = windows.acting_in_record(model, record)[a - begin : b - begin]
-    options = {"substeps": windows.substeps, "hold": windows.hold}
+    options = {"substeps": windows.substeps, "hold": windows.hold, "wrt": wrt}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         return simulate_acting(

@@ -261,6 +261,46 @@ REMEMBERS = PhysicsModel({"v": "", "z": ""}, {"v": "u - v - z", "z": "v - z"}, {
 SPREAD = np.array([0.7, 0.3])
 
 
+RING = PhysicsModel(
+    {"x": "m", "v": "m/s"},
+    {"x": "v", "v": "F - d*v - k*x"},
+    {"d": {"value": 0.02, "spread": np.inf}, "k": {"value": 9.0, "spread": np.inf}},
+    {"F": "N"},
+    outputs={"x": "x"},
+)
+
+
+def ringing(seed, missing="0", noise=0.01):
+    """Return what is held out of records of a machine that rings, each tells k in its own way."""
+    rng, X, y = np.random.default_rng(seed), [], []
+    machine = RING.replace(equations={"x": "v", "v": f"F - d*v - k*x + {missing}"})
+    for record in range(3):
+        t = np.arange(1000) * STEP
+        force = 2 * np.sin((0.7 + 0.2 * record) * t + record) + np.sin((1.9 + record) * t)
+        run = machine.simulate(t, force, x0=[0.5, 0.0], substeps=4)
+        X.append(pd.DataFrame({"trajectory": record, "t": t, "F": force}))
+        y.append(run.y[:, 0] + noise * rng.normal(size=t.size))
+    records = read_records(RING, pd.concat(X, ignore_index=True), np.concatenate(y))
+    fitter = HypothesisFitter(build_problem(RING, records, noise_std=[noise]))
+    return fitter.held_out(fitter.base())
+
+
+@pytest.mark.slow
+def test_what_the_errors_of_a_fit_add_to_a_free_run_is_expected():
+    found = [ringing(seed) for seed in range(12)]
+    added = [each.free_run.squares[0] - each.free_run.counts[0] for each in found]
+    expected = [each.uncertain[0] for each in found]
+    assert min(added) > 1000  # more than is left by far, though nothing is missing
+    assert 0.4 < np.mean(added) / np.mean(expected) < 2.5
+    assert all(each.beyond_uncertainty(1e-3)[0] < each.free_run.counts[0] for each in found)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_errors_of_a_fit_do_not_explain_what_is_missing(seed):
+    found = ringing(seed, "-0.3*v*abs(v)")
+    assert found.beyond_uncertainty(1e-3)[0] > 10 * found.free_run.counts[0]
+
+
 def price(model, gram, x0, spread=SPREAD, dispersion=1.0):
     """Return what the initial values of the added states cost, expected ones being 0."""
     validation = CrossValidation(SimpleNamespace(prior=PRIOR), np.zeros(x0.shape), spread)
