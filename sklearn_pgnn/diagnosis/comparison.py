@@ -1,7 +1,5 @@
 """Comparisons of fitted hypotheses: the criterion, applied to their held-out residuals."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from sklearn_pgnn.diagnosis.size import (
@@ -13,7 +11,6 @@ from sklearn_pgnn.estimation.budgets import MUCH
 from sklearn_pgnn.estimation.criterion import SelectionCriterion
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
-from sklearn_pgnn.estimation.residuals import Residuals
 from sklearn_pgnn.physics.effect import Effect
 
 
@@ -132,23 +129,22 @@ class Comparison:
         """
         found = self.fitter.held_out(trial)
         squares = found.beyond_uncertainty(self.criterion.alpha)
-        left = replace(found.free_run, squares=squares)
-        in_free_run = found.tells & self._coloured(trial, left)
+        in_free_run = found.tells & self._coloured(trial, squares)
         return bool(in_free_run.any()) or self.is_coloured(trial)
 
     def is_coloured(self, trial: FittedHypothesis) -> bool:
         """Return whether more than white noise is left over windows."""
-        return bool(self._coloured(trial, self.fitter.held_out(trial).windows).any())
+        return bool(self._coloured(trial, self.fitter.held_out(trial).windows.squares).any())
 
     def leaves_much(self, trial: FittedHypothesis) -> bool:
         """Return whether far more than white noise is left of some output."""
         left, white = self.fitter.held_out(trial).windows, self.fitter.white_squares(trial)
         return bool((left.squares > MUCH**2 * white).any())
 
-    def _coloured(self, trial: FittedHypothesis, left: Residuals) -> np.ndarray:
-        """Return of which outputs more than white noise is left, by the smallest share."""
-        beyond = left.squares - self.fitter.white_squares(trial)
-        return beyond > self.criterion.smallest_share * left.squares
+    def _coloured(self, trial: FittedHypothesis, squares: np.ndarray) -> np.ndarray:
+        """Return of which outputs squares are more than white noise, by the smallest share."""
+        beyond = squares - self.fitter.white_squares(trial)
+        return beyond > self.criterion.smallest_share * squares
 
     def stands_in_free_run(self, trial: FittedHypothesis) -> bool:
         """Return whether the free run, where it is informative, does not contradict it."""

@@ -12,7 +12,7 @@ from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.estimation.residuals import HeldOut, Residuals
 from sklearn_pgnn.simulation.simulate import Simulation
 from sklearn_pgnn.simulation.state_estimate import free_run
-from sklearn_pgnn.simulation.uncertainty import parameter_covariance
+from sklearn_pgnn.simulation.uncertainty import parameter_covariance, propagated_variance
 from sklearn_pgnn.simulation.window_fit import WindowFit
 from sklearn_pgnn.simulation.windows import ShootingWindows
 
@@ -130,9 +130,9 @@ class CrossValidation:
         """
         n = len(self.spread)
         start = np.linalg.pinv(gram[:n, :n] + np.diag(1.0 / self.spread**2), hermitian=True)
-        both, slopes = block_diag(covariance, start), np.asarray(run.sensitivities)
-        with np.errstate(over="ignore", invalid="ignore"):
-            variance = np.einsum("kop,pq,koq->ko", slopes, both, slopes)
+        both = block_diag(covariance, start)
+        variance = propagated_variance(np.asarray(run.sensitivities), both)
+        with np.errstate(over="ignore"):
             variance /= self.problem.windows.scale**2
         return np.where(np.isfinite(variance), variance, 0.0)
 

@@ -54,9 +54,9 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
     It is a skorch regressor: callbacks, devices, ``module__...`` and ``optimizer__...`` work as
     there. `EarlyStopping` ends the phase it is in; `LRScheduler` takes the place of the cosine;
     data sets that callbacks see are the rows of the trajectories trained on and, of three or more
-    trajectories, of those held out; ``callbacks="disable"`` keeps the last weights. Only a large
-    core gains from a graphics card: the model's own step is computed on the processor, in double
-    precision. What was trained on a card can be loaded without one.
+    trajectories, of those held out; ``callbacks="disable"`` keeps the last weights. The model's
+    own step is computed on the processor whatever the ``device``. What was trained on a graphics
+    card can be loaded without one.
 
     Features are standardised inside, so that a scaler before it changes nothing, and energies are
     taken in physical units.

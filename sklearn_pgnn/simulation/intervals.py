@@ -7,6 +7,7 @@ import numpy as np
 from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.free_run import simulate_record
+from sklearn_pgnn.simulation.uncertainty import propagated_variance
 
 
 def check_coverage(coverage) -> float:
@@ -113,6 +114,5 @@ def output_variance(
     """
     run = simulate_record(model, record, wrt=names)
     slopes = np.asarray(run.sensitivities)[:, :, : len(names)]
-    with np.errstate(over="ignore", invalid="ignore"):
-        variance = np.einsum("kop,pq,koq->ko", slopes, covariance, slopes)
+    variance = propagated_variance(slopes, covariance)
     return np.nan_to_num(variance, nan=np.inf, posinf=np.inf)

@@ -309,6 +309,33 @@ def _block_scores(fit: WindowFit, normal: Normal) -> np.ndarray:
     return scores - scores.mean(axis=0)
 
 
+def propagated_variance(slopes: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    r"""Return the variance of simulated outputs that errors of what they depend on make.
+
+    .. math:: \sigma_k^2 = \frac{\partial \hat y_k}{\partial p} C
+              \left(\frac{\partial \hat y_k}{\partial p}\right)^T
+
+    Parameters
+    ----------
+    slopes : ndarray of shape (n_samples, n_outputs, n)
+        Derivatives of the outputs.
+    covariance : ndarray of shape (n, n)
+        Covariance :math:`C` of the errors.
+
+    Returns
+    -------
+    ndarray of shape (n_samples, n_outputs)
+        The variance; not finite where the derivatives are not, or too large.
+
+    Examples
+    --------
+    >>> propagated_variance(np.array([[[2.0, 0.0]], [[1.0, 1.0]]]), np.eye(2)).ravel().tolist()
+    [4.0, 2.0]
+    """
+    with np.errstate(over="ignore", invalid="ignore"):
+        return np.einsum("kop,pq,koq->ko", slopes, covariance, slopes)
+
+
 def invert(hessian: np.ndarray):
     """Invert a Hessian where it is not flat, and name the parameters that lie where it is.
 
