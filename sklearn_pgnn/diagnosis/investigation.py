@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from contextlib import suppress
+from copy import copy
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -32,6 +33,7 @@ from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.scales import Scales
 from sklearn_pgnn.record_quality.checks import clipped_outputs
 from sklearn_pgnn.simulation.record_windows import enough_substeps
+from sklearn_pgnn.simulation.window_fit import WindowFit
 from sklearn_pgnn.trajectories.record import Record
 
 
@@ -102,6 +104,7 @@ class Investigation:
     progress: Progress
     options: Mapping[str, Any]
     found: Findings | None = None
+    searched: Findings | None = None
     search: Search | None = None
     whole: EstimationProblem | None = None
 
@@ -120,11 +123,11 @@ class Investigation:
         Findings
             What was found.
         """
-        found = self._search(self._fitter(hold))
+        self.searched = self._search(self._fitter(hold))
         with suppress(TimeIsUp):
             if not is_told and self.progress.ended is None:
-                found = self._try_slopes(found)
-        self.found = self._judge_on_all(found)
+                self.searched = self._try_slopes(self.searched)
+        self.found = self._judge_on_all(self.searched)
         with suppress(TimeIsUp):
             if self.progress.ended is None:
                 self.found = self._in_fine_steps(self.found)
@@ -133,10 +136,11 @@ class Investigation:
     def so_far(self) -> Findings:
         """Return what was found, by a search that did not come to its end if there is no other."""
         if self.found is None:
-            if self.search is None:
-                raise LookupError("no search has begun")
-            found = Findings(self.search, self.search.so_far(), None, None)
-            self.found = self._judge_on_all(found)
+            if self.searched is None:
+                if self.search is None:
+                    raise LookupError("no search has begun")
+                self.searched = Findings(self.search, self.search.so_far(), None, None)
+            self.found = self._judge_on_all(self.searched)
         return self.found
 
     def _fitter(self, hold: str) -> HypothesisFitter:
@@ -201,14 +205,17 @@ class Investigation:
             formulas.is_law,
             given,
         )
-        searched, proposal, structure = search.run(begin), None, None
-        result = searched
-        with suppress(TimeIsUp):
+        searched = search.run(begin)
+        result, proposal, structure = searched, None, None
+        try:
             if self.progress.ended is None:
                 left = search.compare.is_nameable(result.final)
-                has_structure = left and asked.has_structure(result.final)
-                result, proposal = formulas.choose(search, result, has_structure)
+                structure = asked.of(result.final) if left else None
+                has_structure = structure is not None and structure.is_significant
+                result, proposal = formulas.choose(search, searched, has_structure)
                 structure = asked.of(result.final) if left or proposal else None
+        except TimeIsUp:
+            result = replace(result, complete=False)
         replaced = searched if len(result.steps) < len(searched.steps) else None
         return Findings(search, result, proposal, structure, replaced)
 
@@ -220,7 +227,7 @@ class Investigation:
         fitter = self._like(search.fitter.problem, self.whole)
         asked = _Structures(fitter, search.criterion)
         result = search.judge_on(found.result, fitter, asked.has_structure)
-        with suppress(TimeIsUp):
+        try:
             if self.progress.ended is None:
                 if found.proposal is not None:
                     proposal = FormulaSelection.on_other_records(
@@ -231,12 +238,14 @@ class Investigation:
                     return self._judge_on_all(causes)
                 if search.compare.is_nameable(result.final) or proposal:
                     structure = asked.of(result.final)
+        except TimeIsUp:
+            result = replace(result, complete=False)
         return Findings(search, result, proposal, structure)
 
     def _in_fine_steps(self, found: Findings) -> Findings:
         """Fit the causes in integration steps so fine that no parameter depends on them.
 
-        Where there are none, and the re-tuned prior depends on them, search again in finer ones.
+        Where there are none, or none that finer steps leave, search again in finer ones.
         """
         fitter, result = found.search.fitter, found.result
         is_dear = self.whole is not None and not result.steps
@@ -247,9 +256,22 @@ class Investigation:
         if substeps == fitter.problem.windows.substeps:
             return found
         finer = self._in_steps(fitter, substeps)
-        if not result.steps:
-            return self._search(finer)
-        return replace(found, result=found.search.in_steps_of(finer, result))
+        if result.steps:
+            refined = self._refined(found, finer)
+            if refined.result.steps:
+                return refined
+        again = self._search(finer)
+        return again if again.result.complete else found
+
+    def _refined(self, found: Findings, finer: HypothesisFitter) -> Findings:
+        """Fit the causes in finer integration steps, and ask what is left if some are dropped."""
+        search = copy(found.search)  # the one that found them stands if the time is up
+        result = search.in_steps_of(finer, found.result)
+        structure, before = found.structure, found.result.final.hypothesis
+        if len(result.steps) < len(before.causes):
+            asked, left = _Structures(finer, search.criterion), search.compare.is_nameable
+            structure = asked.of(result.final) if left(result.final) else None
+        return replace(found, search=search, result=result, structure=structure)
 
     def _try_slopes(self, held: Findings) -> Findings:
         """Search on with inputs that run straight between samples if that is refuted less."""
@@ -266,7 +288,7 @@ class Investigation:
             return held
         again = self._search(sloped, refitted)
         better = criterion.evidence(before, sloped.held_out(again.result.final)) > 0.0
-        return again if better else held
+        return again if better and again.result.complete else held
 
 
 def _distinct(candidates: tuple[Effect, ...], scales: Scales) -> tuple[Effect, ...]:
@@ -281,11 +303,11 @@ def _distinct(candidates: tuple[Effect, ...], scales: Scales) -> tuple[Effect, .
 
 
 class _Structures:
-    """Whether hypotheses leave structure, each tested once."""
+    """Whether fitted hypotheses leave structure, each asked once."""
 
     def __init__(self, fitter: HypothesisFitter, criterion: SelectionCriterion):
         self.fitter, self.criterion = fitter, criterion
-        self._known: dict[Key, Structure] = {}
+        self._known: dict[Key, tuple[WindowFit, Structure]] = {}
 
     def has_structure(self, trial: FittedHypothesis) -> bool:
         """Return whether what a hypothesis leaves depends on anything recorded."""
@@ -294,10 +316,9 @@ class _Structures:
     def of(self, trial: FittedHypothesis) -> Structure:
         """Return the structure that a hypothesis leaves."""
         key = self.fitter.key(trial.hypothesis)
-        if key not in self._known:
+        if key not in self._known or self._known[key][0] is not trial.fit:
             self.fitter.progress.begin("structure of what is left")
             rule = self.criterion
-            self._known[key] = find_structure(
-                self.fitter.problem, trial, rule.alpha, rule.smallest_share
-            )
-        return self._known[key]
+            found = find_structure(self.fitter.problem, trial, rule.alpha, rule.smallest_share)
+            self._known[key] = trial.fit, found
+        return self._known[key][1]

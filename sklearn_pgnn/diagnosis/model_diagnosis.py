@@ -272,9 +272,8 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         and `stopped_` says why the search ended.
         """
         check_model(self.model)
-        read_catalogue(self.catalogue)
         check_options(self.hold, self.alpha, self.smallest_share)
-        check_targets(self.model, self.targets)
+        check_targets(self.model, self.targets, read_catalogue(self.catalogue))
         check_max_causes(self.max_causes)
         check_time_limit(self.time_limit)
         read_noise_std(self.noise_std, list(self.model.outputs))
@@ -571,11 +570,11 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         True
         """
         check_is_fitted(self)
-        check_targets(self.model, targets)
+        catalogue = read_catalogue(self.catalogue if effects is None else effects)
+        check_targets(self.model, targets, catalogue)
         check_detectability(power, noise)
         seed, white = _seed(random_state), noise == "white"
         analysis = PowerAnalysis(self.records_, white, self._criterion(), int(n_repeats), seed)
-        catalogue = read_catalogue(self.catalogue if effects is None else effects)
         suspects = possible_causes(self.model, catalogue, targets)
         rows = detect_all(analysis, suspects, power, sizes, self.n_jobs)
         if verify:

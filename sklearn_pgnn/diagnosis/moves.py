@@ -58,7 +58,7 @@ class Moves:
         self.progress.begin("needless causes", len(current.hypothesis.causes))
         ground = self.fitter.subsample(current)
         reduced = [self.fitter.reduce(ground, cause) for cause in current.hypothesis.causes]
-        for subsample in sorted(usable(reduced), key=objective_of)[:KEPT]:
+        for subsample in sorted(usable(reduced), key=objective_of):
             without = self.fitter.fit_all(subsample, current)
             if without.fit.usable and not is_named(without, current):
                 return without

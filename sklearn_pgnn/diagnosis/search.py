@@ -104,6 +104,8 @@ class Search:
         """Return the best hypothesis so far of which every cause is named, if there is any."""
         self.progress.counts = False  # a result there must be
         self.current = self.moves.without_needless(self.current)
+        if self.compare.refutes(self._standing, self.current):
+            self.current = self._standing  # what moves led to may not stand itself
         return self._result(complete=False)
 
     def judge_on(
@@ -135,7 +137,7 @@ class Search:
         self.progress.begin("all records")
         self.has_structure = has_structure
         self._use(fitter, tuple(cause for cause in self.same if cause in likely))
-        self.current = fitter.refit_elsewhere(found.final)
+        self.current = self._standing = fitter.refit_elsewhere(found.final)
         self.progress.counts = True
         with suppress(TimeIsUp):
             if complete:
@@ -155,7 +157,8 @@ class Search:
             self.current = fitter.polish(special)
         base = fitter.base()
         steps = in_order(fitter, base, self.current)
-        rivals = {cause: found.rivals.get(cause, []) for cause in self.current.hypothesis.causes}
+        rivals = self._same_in_equations(self.current) | found.rivals
+        rivals = {cause: rivals[cause] for cause in self.current.hypothesis.causes}
         return replace(found, base=base, steps=steps, rivals=rivals)
 
     def _climb_and_simplify(self) -> None:
@@ -255,15 +258,17 @@ class Search:
     def _result(self, complete: bool) -> SearchResult:
         base, final = self.fitter.base(), self.current
         steps = in_order(self.fitter, base, final)
-        rivals = {
-            cause: [(same, 0.0) for same in self.same[cause]] for cause in final.hypothesis.causes
-        }
-        beside = {}
+        rivals, beside = self._same_in_equations(final), {}
         if complete:
             for cause in final.hypothesis.causes:
                 rivals[cause] += find_rivals(self.compare, self.ladder, final, cause)
                 beside[cause] = self._evidence_beside(final, cause)
         return SearchResult(base, steps, rivals, beside, dict(self.ladder.alone), complete)
+
+    def _same_in_equations(self, final: FittedHypothesis) -> dict[Effect, list]:
+        """Return for every cause the candidates that are the same in the equations."""
+        causes = final.hypothesis.causes
+        return {cause: [(same, 0.0) for same in self.same[cause]] for cause in causes}
 
     def _evidence_beside(self, final: FittedHypothesis, cause: Effect) -> float:
         """Return the evidence for a cause beside the others, and beside a disturbance if need be.

@@ -4,8 +4,6 @@ None decides what a cause is: that is done by the two numbers of the user, `alph
 `smallest_share`. More of a budget costs time, less of it may miss what is there.
 """
 
-from math import sqrt
-
 # -- what is held out ------------------------------------------------------------------------------
 
 #: folds of records. More cost as many fits; fewer leave less to learn from
@@ -54,9 +52,6 @@ FINENESS = 0.1
 #: error of the re-tuned prior, in units of the noise, above which shorter windows are tried. Larger
 #: keeps windows longer: they show slow causes better, and fits have more local minima
 FOLLOWED = 10.0
-#: factor by which the error of a model that is disturbed at random grows in windows of twice the
-#: length; what grows faster is lost there
-RANDOM_WALK = sqrt(2.0)
 #: time constants in which a state, or an autocorrelation, forgets. More make windows longer and
 #: autocorrelation times noisier; fewer cut off what is slow
 FORGOTTEN = 5.0

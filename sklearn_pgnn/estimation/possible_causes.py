@@ -1,5 +1,6 @@
 """What a model may lack: the effects of a catalogue, each at every target."""
 
+from collections.abc import Iterable
 from difflib import get_close_matches
 
 from sklearn_pgnn.estimation.same_in_equations import already_holds, same_parameter
@@ -37,7 +38,7 @@ def possible_causes(model: PhysicsModel, catalogue, targets=None) -> tuple[Effec
     )
 
 
-def check_targets(model: PhysicsModel, targets) -> None:
+def check_targets(model: PhysicsModel, targets, catalogue: Iterable[type[Effect]] = ()) -> None:
     """Refuse targets that a model does not have.
 
     Parameters
@@ -46,6 +47,8 @@ def check_targets(model: PhysicsModel, targets) -> None:
         The prior.
     targets : collection of str or None
         The targets; None means all.
+    catalogue : iterable of type[Effect], default=()
+        Effects besides the package's; they may have targets of their own.
 
     Raises
     ------
@@ -58,7 +61,7 @@ def check_targets(model: PhysicsModel, targets) -> None:
             f"{model.name!r}, got {targets!r}. Remedy: targets=[{targets!r}]."
         )
     known = [*model.states, *model.inputs, *model.outputs, *model.parameters]
-    known += [target for kind in CATALOGUE for target in kind.targets(model)]
+    known += [target for kind in (*CATALOGUE, *catalogue) for target in kind.targets(model)]
     known = list(dict.fromkeys(known))
     for name in targets or ():
         if name not in known:

@@ -171,9 +171,7 @@ def _explained(windows, model, x0, state, phase) -> np.ndarray:
     """Return the squares of windows that waves in a state's rate explain, by their phases."""
     waves = np.hstack([np.cos(phase), np.sin(phase)])
     responses, by_state = linear_responses(model, windows, x0, state, waves)
-    lost = ~np.isfinite(windows.y)
-    responses[lost], by_state[lost] = 0.0, 0.0
-    table = np.concatenate([np.where(lost, 0.0, windows.y)[..., None], responses], axis=-1)
+    table = np.concatenate([windows.y[..., None], responses], axis=-1)
     r, c, s = np.split(without_states(windows, table, by_state), [1, 1 + phase.shape[1]], axis=1)
     pairs = (c, c), (s, s), (c, s), (c, r), (s, r)
     cc, ss, cs, cr, sr = ((one * other).sum(axis=0) for one, other in pairs)

@@ -1,10 +1,11 @@
 """How long the windows are: as long as the re-tuned prior can follow the records."""
 
 from collections.abc import Sequence
+from math import sqrt
 
 import numpy as np
 
-from sklearn_pgnn.estimation.budgets import FOLLOWED, FORGOTTEN, RANDOM_WALK
+from sklearn_pgnn.estimation.budgets import FOLLOWED, FORGOTTEN
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
 from sklearn_pgnn.estimation.problem import EstimationProblem, longer, recut, shorter
 from sklearn_pgnn.estimation.progress import Progress
@@ -49,8 +50,11 @@ def select_windows(
 
 
 def _is_lost(shorter_windows: HypothesisFitter, longer_windows: HypothesisFitter) -> bool:
-    """Return whether the error grows faster with the windows than a random disturbance makes it."""
-    return longer_windows.base().times_noise > RANDOM_WALK * shorter_windows.base().times_noise
+    r"""Return whether the error grows faster with the windows than a random disturbance makes it.
+
+    In windows of twice the length the error of a random walk is :math:`\sqrt{2}` times as large.
+    """
+    return longer_windows.base().times_noise > sqrt(2.0) * shorter_windows.base().times_noise
 
 
 def _past_hidden_starts(fitter: HypothesisFitter) -> HypothesisFitter:

@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from sklearn_pgnn.estimation.autocorrelation import autocorrelation_times
+from sklearn_pgnn.estimation.autocorrelation import autocorrelation_times, white_power
 from sklearn_pgnn.estimation.budgets import COARSER, FORGOTTEN, STEPS, TOLERANCE
 from sklearn_pgnn.estimation.criterion import SelectionCriterion
 from sklearn_pgnn.estimation.fitted_records import DiagnosisRecords
@@ -390,9 +390,8 @@ class PowerAnalysis:
         """The share of the noise's power that is white, by output."""
         if self.white:
             return np.ones(self._noise.power.size)
-        step = np.diff(self._left, axis=0)
-        step[self.windows.starts[1:] - 1] = np.nan
-        return np.minimum(np.nanmean(step**2, axis=0) / 2.0 / self._noise.power, 1.0)
+        white = white_power(self._left, self.windows.starts)
+        return np.minimum(white / self._noise.power, 1.0)
 
     @cached_property
     def _noise(self) -> Noise:

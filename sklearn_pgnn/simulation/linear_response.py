@@ -124,13 +124,17 @@ def without_states(windows: ShootingWindows, table: np.ndarray, by_state: np.nda
     Returns
     -------
     ndarray of shape (n_residuals, n_columns)
-        What is left of the columns, in units of the noise.
+        What is left of the columns, in units of the noise; 0 where nothing was measured.
     """
     rows = []
     for a, n in zip(windows.starts, windows.lengths, strict=True):
-        part, known = table[a : a + n] / windows.scale[:, None], by_state[a : a + n]
-        part = np.nan_to_num(part).reshape(-1, table.shape[-1])
-        basis = np.linalg.qr((known / windows.scale[:, None]).reshape(-1, known.shape[-1]))[0]
+        measured = np.isfinite(windows.y[a : a + n])[..., None]
+        part, known = (
+            np.where(measured, values[a : a + n] / windows.scale[:, None], 0.0)
+            for values in (table, by_state)
+        )
+        part = part.reshape(-1, table.shape[-1])
+        basis = np.linalg.qr(known.reshape(-1, known.shape[-1]))[0]
         rows.append(part - basis @ (basis.T @ part))
     return np.concatenate(rows)
 

@@ -1,15 +1,21 @@
 """The course of a diagnosis: which candidates are looked at, and in what integration steps."""
 
+from copy import copy
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
+from rubbing_sledge import CRITERION, fitted, fresh_fitter
 from servo import SERVO, STEP, follow_steps
 
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects
 from sklearn_pgnn.diagnosis import investigation
+from sklearn_pgnn.estimation.progress import TimeIsUp
 
 FAN = PhysicsModel({"v": "rad/s"}, {"v": "(K*u - v)/T"}, {"K": 2.0, "T": 0.3}, {"u": "V"})
-DRY = effects.CoulombFriction("v", level=3.0)
+DRY, DRY_CAUSE = effects.CoulombFriction("v", level=3.0), effects.CoulombFriction("v")
+KINDS = ("coulomb_friction", "sensor_bias")
 
 
 def spin(least):
@@ -62,3 +68,83 @@ def test_where_nothing_is_found_but_the_steps_matter_it_is_searched_again(monkey
     assert found.verdict_ == "model_adequate"
     assert found.substeps_ == (told or 4)
     assert searched[1:] == ([] if told else [4])
+
+
+# -- where the time is up --------------------------------------------------------------------------
+
+
+def end(*_, **__):
+    raise TimeIsUp
+
+
+@pytest.mark.parametrize(
+    ("where", "left"),
+    [("FormulaSelection.choose", "structure"), ("find_structure", "disturbance")],
+)
+def test_a_model_is_not_adequate_where_time_ends_before_what_is_left_is_explained(
+    monkeypatch, where, left
+):
+    monkeypatch.setattr(f"{investigation.__name__}.{where}", end)
+    found = ModelDiagnosis(FAN, catalogue=("input_bias",)).fit(*spin(-8.0))
+    assert (found.remaining_.kind, found.verdict_) == (left, "unexplained")
+    assert not found.complete_
+
+
+def test_where_time_ends_in_finer_steps_all_is_of_the_steps_before(monkeypatch):
+    def use_and_end(self, fitter, found):
+        self._use(fitter, self.ladder.candidates)
+        end()
+
+    monkeypatch.setattr(investigation, "fine_substeps", lambda fitter, trial: 4)
+    monkeypatch.setattr(investigation.Search, "in_steps_of", use_and_end)
+    found = ModelDiagnosis(FAN, catalogue=("coulomb_friction",)).fit(*spin(-8.0))
+    assert (found.verdict_, found.substeps_) == ("cause_named", 1)
+
+
+def test_a_search_that_time_ends_takes_no_place_of_one_that_came_to_its_end(monkeypatch):
+    """Neither in finer integration steps, nor with inputs that run straight between samples."""
+    search = investigation.Search.run
+
+    def cut_short_in_finer_steps(self, begin=None):
+        is_first = self.fitter.problem.windows.substeps == 1
+        return search(self, begin) if is_first else self.so_far()
+
+    monkeypatch.setattr(investigation, "fine_substeps", lambda fitter, trial: 4)
+    monkeypatch.setattr(investigation.Search, "run", cut_short_in_finer_steps)
+    X, y = spin(-8.0)
+    found = ModelDiagnosis(FAN, catalogue=("input_bias",)).fit(X, y)
+    assert (found.complete_, found.substeps_) == (True, 1)
+
+
+# -- finer steps -----------------------------------------------------------------------------------
+
+
+def test_what_is_left_is_asked_again_where_finer_steps_drop_a_cause(monkeypatch):
+    def without_friction(self, fitter, found):
+        self._use(fitter, self.ladder.candidates)
+        kept = fitter.reduce(fitter.subsample(fitter.refit(found.final)), DRY_CAUSE)
+        return replace(found, base=fitter.base(), steps=[fitter.fit_all(kept, fitter.base())])
+
+    rng, t = np.random.default_rng(0), 0.01 * np.arange(1500)
+    u = np.repeat(rng.uniform(-8.0, 8.0, size=15), 100)
+    fan = FAN + DRY + effects.SensorBias("v", bias=2.0)
+    y = fan.simulate(t, u, [0.0]).y[:, 0] + 0.02 * rng.normal(size=t.size)
+    X, fit = pd.DataFrame({"t": t, "u": u}), ModelDiagnosis(FAN, catalogue=KINDS).fit
+    assert {cause.effect for cause in fit(X, y).causes_} == set(KINDS)
+    monkeypatch.setattr(investigation, "fine_substeps", lambda fitter, trial: 4)
+    monkeypatch.setattr(investigation.Search, "in_steps_of", without_friction)
+    found = fit(X, y)
+    assert [cause.effect for cause in found.causes_] == ["sensor_bias"]
+    assert found.remaining_.kind == "structure"
+
+
+def test_structure_is_asked_of_every_fit_of_a_hypothesis_once(monkeypatch):
+    asked = []
+    monkeypatch.setattr(investigation, "find_structure", lambda _, trial, *__: asked.append(trial))
+    fitter = fresh_fitter()
+    structures = investigation._Structures(fitter, CRITERION)
+    rubbed = fitted(fitter, effects.CoulombFriction)
+    other = replace(rubbed, fit=copy(rubbed.fit))
+    for trial in (rubbed, rubbed, other, other):
+        structures.of(trial)
+    assert asked == [rubbed, other]

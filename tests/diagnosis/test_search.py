@@ -128,9 +128,12 @@ def test_in_finer_steps_a_play_of_no_width_becomes_the_lag_that_it_is():
     lag, play = effects.ActuatorLag("F"), effects.InputBacklash("F")
     X, y = drive(SLEDGE + effects.ActuatorLag("F", 0.05), n_records=3)
     search = search_of(build_problem(SLEDGE, read_records(SLEDGE, X, y)), lag, play)
-    found = found_with(search, play)
+    found, same = found_with(search, play), effects.InputDelay("F")
+    search.same[lag] = (same,)  # what is the same in the equations may stand in its place there
     finer = HypothesisFitter(with_substeps(search.fitter.problem, 4))
-    assert search.in_steps_of(finer, found).final.hypothesis.causes == (lag,)
+    refined = search.in_steps_of(finer, found)
+    assert refined.final.hypothesis.causes == (lag,)
+    assert refined.rivals == {lag: [(same, 0.0)]}
 
 
 @pytest.mark.slow
@@ -189,6 +192,13 @@ def test_moves_that_go_round_in_a_circle_end_where_every_cause_is_named(search, 
 def test_a_search_that_time_ends_names_nothing_that_is_nothing(search):
     search.current = fitted(search.fitter, effects.CoulombFriction, effects.ConstantLoad)
     assert [c.id for c in search.so_far().final.hypothesis.causes] == ["coulomb_friction"]
+
+
+def test_a_search_that_time_ends_returns_the_best_that_stands(search):
+    rubbed = fitted(search.fitter, effects.CoulombFriction)
+    search._standing = rubbed
+    search.current = fitted(search.fitter, effects.ConstantLoad)  # no load hides in the records
+    assert search.so_far().final.hypothesis == rubbed.hypothesis
 
 
 @pytest.mark.parametrize(("evidence", "goes_on"), [(-1.0, False), (1.0, True)])

@@ -3,7 +3,8 @@
 import pytest
 
 from sklearn_pgnn import PhysicsModel, effects, systems
-from sklearn_pgnn.estimation.possible_causes import possible_causes
+from sklearn_pgnn.estimation.possible_causes import check_targets, possible_causes
+from sklearn_pgnn.exceptions import OptionError
 
 pytestmark = pytest.mark.core
 
@@ -28,3 +29,16 @@ def test_an_effect_that_the_model_was_extended_by_is_no_suspect(kind):
     model, target = next((model, t) for model in models for t in kind.targets(model))
     suspects = possible_causes(model + kind(target), effects.CATALOGUE)
     assert (kind(target) in suspects) is (not kind.quantities())
+
+
+def test_the_targets_of_an_effect_of_ones_own_are_known():
+    class Gear(effects.CoulombFriction):
+        id = "gear"
+
+        @classmethod
+        def targets(cls, model):
+            return ["gear of T"]
+
+    check_targets(OVEN, ["gear of T"], [Gear])
+    with pytest.raises(OptionError, match="got 'gear of T'"):
+        check_targets(OVEN, ["gear of T"])

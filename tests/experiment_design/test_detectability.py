@@ -64,6 +64,17 @@ def bench(diagnosis, seed=0):
     return PowerAnalysis(diagnosis.records_, False, SelectionCriterion(0.01, 0.05, 20), 100, seed)
 
 
+@pytest.mark.slow
+def test_an_output_that_is_measured_more_rarely_shows_effects_too():
+    table = records()
+    y = table["position"].where(np.arange(len(table)) % 2 == 0)
+    rare = ModelDiagnosis(cart(), catalogue=TRIED).fit(table[["trajectory", "t", "F"]], y)
+    white = bench(rare)._white_part
+    assert 0.8 < white[0] <= 1.0
+    (row,) = rare.detectability([effects.CoulombFriction], n_repeats=50).rows
+    assert not row.reason and np.isfinite(row.smallest)
+
+
 def of_main_size(diagnosis, kind, target, value):
     """Return an effect whose main quantity has a value, the others in step."""
     model, scales = diagnosis.extended_model_, diagnosis.records_.problem.scales
