@@ -1,11 +1,11 @@
 """The validation as tables of the documentation, with binomial intervals."""
 
 import datetime
-import itertools
 from collections import Counter
 from pathlib import Path
 
 import numpy as np
+from calibration import bins_of, draw, mean_error
 from outcome import OUTCOMES
 from scipy.stats import binomtest
 
@@ -25,8 +25,6 @@ ROWS = {
 NBSP = ".. |nbsp| unicode:: 0xA0"
 #: kinds in which what is hidden has a name in the catalogue, or is nothing
 WITH_NAMES = ("single", "pair", "triple", "nothing")
-#: edges of the bins of probabilities
-EDGES = (0.0, 0.05, 0.2, 0.4, 0.6, 0.8, 0.95, 0.99, 1.0)
 
 
 def write(outcomes, drawn) -> None:
@@ -39,7 +37,9 @@ def write(outcomes, drawn) -> None:
     )
     _lines("validation.rst", [first, "", NBSP, "", *_table(_HEAD, list(_rows(outcomes)))])
     _lines("validation_effects.rst", _effects([o for o in outcomes if o.kind == "single"]))
-    _lines("validation_chances.rst", _chances([o for o in outcomes if o.kind in WITH_NAMES]))
+    bins = bins_of([o for o in outcomes if o.kind in WITH_NAMES])
+    _lines("validation_chances.rst", _chances(bins))
+    draw(bins)
     bad = [o for o in outcomes if o.outcome in ("missed", "wrong", "failed")]
     rows = [[o.kind, o.machine, o.hidden or o.detail, o.outcome, o.said] for o in bad]
     head = ["kind", "machine", "hidden, or sensor", "", "said"]
@@ -104,21 +104,15 @@ def _counts(outcomes, machine) -> str:
     return " / ".join(map(str, found)) if sum(found) else ""
 
 
-def _chances(outcomes) -> list[str]:
+def _chances(bins) -> list[str]:
     """Compare probabilities with how often what has them is right."""
-    said = [(chance, right) for o in outcomes for chance, right in o.chances]
-    chances, rights = np.array([c for c, _ in said]), np.array([r for _, r in said], dtype=bool)
-    bins, rows, error = np.digitize(chances, EDGES[1:-1]), [], 0.0
-    for which, (low, high) in enumerate(itertools.pairwise(EDGES)):
-        of = bins == which
-        if of.any():
-            error += abs(chances[of].mean() - rights[of].mean()) * of.mean()
-            share = _share(int(rights[of].sum()), int(of.sum()))
-            rows.append(
-                [f"{low} to {high}", str(of.sum()), f"{100 * chances[of].mean():.1f}", share]
-            )
+    rows = [
+        [f"{b.low} to {b.high}", str(b.count), f"{100 * b.mean:.1f}", _share(b.right, b.count)]
+        for b in bins
+    ]
     head = ["probability", "causes and rivals", "mean of it [%]", "right, 95 % interval"]
-    return [f"Mean calibration error: {100 * error:.1f} points.", "", *_table(head, rows)]
+    error = 100 * mean_error(bins)
+    return [f"Mean calibration error: {error:.1f} points.", "", *_table(head, rows)]
 
 
 def _share(count, total) -> str:
