@@ -215,7 +215,7 @@ def test_detect_tells_the_smallest_size_of_every_effect(files):
     assert text.startswith(
         "Named with probability 90 % from this size on Coulomb friction on v level"
     )
-    assert "effects: 0 of 3" in result.stderr
+    assert "effects: 1 of 2" in result.stderr
     rows = json.loads(run(*args, "--json").stdout)["effects"]
     assert [row["effect"] for row in rows] == ["coulomb_friction", "input_bias"]
     assert all(0 < row["smallest"] < 0.1 for row in rows)
