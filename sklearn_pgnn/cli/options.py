@@ -31,7 +31,7 @@ _MODEL = click.option(
 )
 _SHARE = click.FloatRange(min=0, max=1, min_open=True, max_open=True)
 _THREADS = _jobs("Threads to use.")
-_PROCESSES = _jobs("Processes to use, one a machine at a time; a --cluster uses all that it has.")
+_PROCESSES = _jobs("Processes to use, each for a machine at a time; a --cluster uses all it has.")
 _TALK = (
     click.option("--quiet", is_flag=True, help="Print a short summary, and no progress."),
     click.option("--debug", is_flag=True, help="Show the traceback of an error as well."),
