@@ -5,16 +5,126 @@ threads of the simulation, and each of them on one thread: BLAS, OpenMP and torc
 as many again, which wait for each other.
 """
 
+import os
 import sys
+import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, contextmanager
+from functools import lru_cache
 
-from threadpoolctl import threadpool_limits
+from joblib import effective_n_jobs, parallel_config
+from joblib.parallel import (
+    LokyBackend,
+    MultiprocessingBackend,
+    SequentialBackend,
+    ThreadingBackend,
+    get_active_backend,
+)
+from threadpoolctl import OpenBLASController, ThreadpoolController
+
+#: the backends of joblib that count the cores of this computer; others may count a cluster's
+LOCAL = (SequentialBackend, ThreadingBackend, LokyBackend, MultiprocessingBackend)
+
+# -- how many threads ------------------------------------------------------------------------------
+
+
+def local_threads(n_jobs: int | None) -> int:
+    """Return how many threads of this computer are meant.
+
+    Parameters
+    ----------
+    n_jobs : int or None
+        As joblib counts: -1 means all cores of this computer, -2 all but one, also inside
+        of a cluster; None means 1, unless a `joblib.parallel_config` of a backend that works on
+        this computer says otherwise.
+
+    Returns
+    -------
+    int
+        The number.
+
+    Raises
+    ------
+    ValueError
+        If `n_jobs` is 0.
+
+    Examples
+    --------
+    >>> local_threads(None), local_threads(3)
+    (1, 3)
+    >>> with parallel_config(n_jobs=2):
+    ...     local_threads(None)
+    2
+    """
+    backend, _ = get_active_backend()
+    if type(backend) in LOCAL:
+        return effective_n_jobs(n_jobs)
+    with parallel_config(backend="threading", n_jobs=1):
+        return effective_n_jobs(n_jobs)
+
+
+@lru_cache(maxsize=8)
+def kept_pool(threads: int) -> ThreadPoolExecutor:
+    """Return the pool of so many threads, created once a process; its tasks may not wait for it."""
+    return ThreadPoolExecutor(threads)
+
+
+# -- one thread each -------------------------------------------------------------------------------
+
+
+class _Process:
+    """What a process has once, kept to one thread until the last who asked for it has left."""
+
+    def __init__(self) -> None:
+        self.lock = threading.Lock()
+        self.holders = 0
+        self.torch_threads: int | None = None
+        self.limits = ExitStack()
+
+    def ask_torch(self) -> None:
+        """Note the threads of torch once it is loaded, before anything is kept to one."""
+        torch = sys.modules.get("torch")
+        if torch and self.torch_threads is None:
+            self.torch_threads = torch.get_num_threads()
+
+    def enter(self, blas: ThreadpoolController) -> int:
+        """Take one thread of BLAS and torch; return how many torch had."""
+        self.holders += 1
+        if any(library["num_threads"] > 1 for library in blas.info()):
+            self.limits.callback(blas.limit(limits=1).restore_original_limits)
+            _release()
+        if self.torch_threads is None:
+            return 1
+        sys.modules["torch"].set_num_threads(1)
+        return self.torch_threads
+
+    def leave(self) -> None:
+        """Give the threads back, if nobody else needs one."""
+        self.holders -= 1
+        if self.holders:
+            return
+        self.limits.close()
+        _release()
+        if self.torch_threads is not None:
+            sys.modules["torch"].set_num_threads(self.torch_threads)
+        self.torch_threads = None
+
+
+def _release() -> None:
+    """Let other threads set those of OpenBLAS, where threadpoolctl leaves that to the first one."""
+    getattr(OpenBLASController, "clear_controlling_thread", lambda: None)()
+
+
+_PROCESS = _Process()
 
 
 @contextmanager
 def one_thread_each() -> Iterator[int]:
     """Keep BLAS, OpenMP and torch, where it is loaded, to one thread; a decorator, too.
+
+    OpenMP counts the threads of each caller, BLAS and torch those of the process: these get theirs
+    back when the last of several blocks has ended, whichever that is.
 
     Yields
     ------
@@ -28,13 +138,23 @@ def one_thread_each() -> Iterator[int]:
     ...     print({library["num_threads"] for library in threadpool_info()} <= {1})
     True
     """
-    torch = sys.modules.get("torch")
-    threads = torch.get_num_threads() if torch else 1
-    with threadpool_limits(1):
-        try:
-            if torch:
-                torch.set_num_threads(1)
-            yield threads
-        finally:
-            if torch:
-                torch.set_num_threads(threads)
+    with _PROCESS.lock:
+        _PROCESS.ask_torch()
+        libraries = ThreadpoolController()
+        of_caller = libraries.select(user_api="openmp").limit(limits=1)
+        threads = _PROCESS.enter(libraries.select(user_api="blas"))
+    try:
+        yield threads
+    finally:
+        with _PROCESS.lock:
+            _PROCESS.leave()
+            of_caller.restore_original_limits()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(  # a lock that another thread holds would never be released in the child
+        before=lambda: _PROCESS.lock.acquire(),
+        after_in_parent=lambda: _PROCESS.lock.release(),
+        after_in_child=lambda: _PROCESS.lock.release(),
+    )
+    os.register_at_fork(after_in_child=kept_pool.cache_clear)  # threads do not live on there

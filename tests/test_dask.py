@@ -10,7 +10,13 @@ import pandas as pd
 import pytest
 from sklearn.model_selection import GridSearchCV
 
-from sklearn_pgnn import ModelDiagnosis, PhysicsModel, PhysicsModelRegressor, effects
+from sklearn_pgnn import (
+    ModelDiagnosis,
+    PGNNLRegressor,
+    PhysicsModel,
+    PhysicsModelRegressor,
+    effects,
+)
 from sklearn_pgnn.model_selection import TrajectoryKFold
 
 distributed = pytest.importorskip("distributed")
@@ -94,3 +100,30 @@ def test_detectability_is_the_same_on_a_cluster(client):
     with joblib.parallel_config(backend="dask"):
         there = diagnosis.detectability(n_repeats=20).to_frame()
     assert here.equals(there)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("threads", [1, 2])
+def test_a_network_trains_here_and_to_the_same_weights(client, threads):
+    torch = pytest.importorskip("torch")
+    X, y = records(0.4)
+    frame, had = table(X).assign(v=y[:, 0]), torch.get_num_threads()
+    settings = {"max_epochs": 2, "module__neurons": 2, "refine_max_iter": 3, "substeps": 1}
+
+    def moves(dask_scheduler):
+        return len(dask_scheduler.transition_log)
+
+    def predict():
+        network = PGNNLRegressor(CART, random_state=0, **settings)
+        return network.fit(frame, y).predict(frame)
+
+    torch.set_num_threads(threads)
+    try:
+        here = predict()
+        with joblib.parallel_config(backend="dask"):
+            before_it = client.run_on_scheduler(moves)
+            there = predict()
+            assert client.run_on_scheduler(moves) == before_it
+    finally:
+        torch.set_num_threads(had)
+    assert np.array_equal(here, there)

@@ -62,6 +62,12 @@ def speeds(compared) -> dict[str, float]:
     return {name: theirs / mine for name, (mine, theirs) in times.items()}
 
 
+def as_recorded(found: dict[str, float]) -> str:
+    """Return ratios in the form of `RECORDED`."""
+    lines = "".join(f'    "{name}": {speed:.2g},\n' for name, speed in found.items())
+    return f"RECORDED = {{\n{lines}}}"
+
+
 def main() -> int:
     """Measure and judge; return 1 where something is slow."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -69,12 +75,15 @@ def main() -> int:
     record = parser.parse_args().record
     warnings.simplefilter("ignore")
     left = ways()
+    if record:
+        print(as_recorded(speeds(left)))
+        return 0
     for _ in range(TRIES):
         found = speeds(left)
         for name, speed in found.items():
             print(f"{name}: {speed:.2g} times as fast, recorded {RECORDED[name]:g}", flush=True)
         left = {n: left[n] for n, speed in found.items() if speed < LOWEST * RECORDED[n]}
-        if record or not left:
+        if not left:
             return 0
     print(f"slower than {LOWEST:g} of what was recorded: {', '.join(left)}", file=sys.stderr)
     return 1

@@ -32,19 +32,24 @@ def record(samples):
 
 
 def mapped(X, y, folder):
-    """Return them as memory maps of files."""
+    """Write them to files; return what gives them as memory maps."""
     for name, table in (("X", X), ("y", y)):
         np.save(folder / f"{name}.npy", table.to_numpy())
-    return [np.load(folder / f"{name}.npy", mmap_mode="r") for name in ("X", "y")]
+    return lambda: [np.load(folder / f"{name}.npy", mmap_mode="r") for name in ("X", "y")]
 
 
 def parquet(X, y, folder):
-    """Return them as they are read from a Parquet file."""
+    """Write them to a Parquet file; return what reads it."""
     pd.concat([X, y], axis=1).to_parquet(folder / "record.parquet")
-    return read_files([folder / "record.parquet"], systems.cart_on_spring())
+    return lambda: read_files([folder / "record.parquet"], systems.cart_on_spring())
 
 
-SOURCES = {"table": lambda X, y, folder: (X, y), "memory-map": mapped, "parquet": parquet}
+def table(X, y, folder):
+    """Return what gives them as they are."""
+    return lambda: (X, y)
+
+
+SOURCES = {"table": table, "memory-map": mapped, "parquet": parquet}
 
 
 def main():
@@ -55,8 +60,9 @@ def main():
     parser.add_argument("--source", choices=SOURCES, default="table")
     said = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        X, y = SOURCES[said.source](*record(said.samples), Path(folder))
+        read = SOURCES[said.source](*record(said.samples), Path(folder))
         start = time.perf_counter()
+        X, y = read()
         diagnosis = ModelDiagnosis(systems.cart_on_spring(), n_jobs=said.jobs).fit(X, y)
         seconds = time.perf_counter() - start
     most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6

@@ -12,7 +12,8 @@ from sklearn_pgnn.exceptions import RecordWarning, UnitWarning
 from sklearn_pgnn.inspection.first_look import FirstLook, first_look
 from sklearn_pgnn.inspection.numbers import fit_text, number
 from sklearn_pgnn.inspection.strict_json import as_strict_json
-from sklearn_pgnn.trajectories.files import open_file, read_files
+from sklearn_pgnn.trajectories.file_table import FileTable, read_each
+from sklearn_pgnn.trajectories.files import open_file
 
 
 class Checked(NamedTuple):
@@ -45,8 +46,13 @@ def check_model(model, data, sample_time=None) -> Checked:
         warnings.simplefilter("once", UnitWarning)
         warnings.simplefilter("once", RecordWarning)
         read = open_model(model)
-        X, y = read_files(data, read, sample_time)
-        tables = [open_file(path, read, sample_time) for path in data]
+        tables: list[FileTable] = []
+
+        def read_once(path, model, sample_time):
+            tables.append(open_file(path, model, sample_time))
+            return tables[-1].read()
+
+        X, y = read_each(read_once, data, read, sample_time)
         unused = dict.fromkeys(name for table in tables for name in table.unused())
         converted = {name: units for table in tables for name, units in table.converted().items()}
         look = first_look(read, X, y)

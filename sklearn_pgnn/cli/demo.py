@@ -121,6 +121,7 @@ def _tell_truth(model: Path, output) -> None:
     truth = ", ".join(f"{name} {getattr(HIDDEN, name):g} {unit}" for name, unit in fields.items())
     command = (
         f"sklearn-pgnn diagnose --model {shlex.quote(str(model))} "
-        f"{shlex.quote(str(model.parent))}/record_*.csv --output {shlex.quote(str(output))}"
+        f"{shlex.quote(str(model.parent))}/record_*.csv --output {shlex.quote(str(output))} "
+        f"--force"
     )
     click.echo(f"\nWhat was hidden: stick-slip with {truth}.\nThe same as a command:\n  {command}")

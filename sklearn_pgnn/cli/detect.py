@@ -57,12 +57,7 @@ class DetectJob:
             The smallest sizes that would be named.
         """
         self.diagnosis.set_params(progress=progress).fit(self.X, self.y)
-        rows: list = []
-        for done, effect in enumerate(self.effects):
-            progress("effects", done, len(self.effects))
-            found = self.diagnosis.detectability([effect], self.targets, power=self.power)
-            rows.extend(found.rows)
-        return Detectability(tuple(rows), found.power, found.sizes)
+        return self.diagnosis.detectability(self.effects, self.targets, power=self.power)
 
     def tell(self, found: Detectability, *, as_json: bool, quiet: bool) -> None:
         """Print the smallest sizes.

@@ -77,16 +77,15 @@ def export(model, target, output, name, force, quiet, debug, **options):
         with show_progress(quiet) as progress:
             progress("loading the libraries")
             from sklearn_pgnn.cli.output import refuse_existing
-            from sklearn_pgnn.physics import PhysicsModel
+            from sklearn_pgnn.cli.records import read_model
 
             given = check_options(target, options)
             refuse_existing(output, force=force)
+            progress("reading the model")
+            read = read_model(model)
             progress("writing")
             write = writer_of(target)
-            _replace(
-                Path(output),
-                lambda path: write(PhysicsModel.from_yaml(model), path, name=name, **given),
-            )
+            _replace(Path(output), lambda path: write(read, path, name=name, **given))
         if not quiet:
             click.echo(f"Written: {one_line(output)}.")
 

@@ -11,7 +11,7 @@ from sklearn_pgnn.estimation.plain_data import plain
 from sklearn_pgnn.estimators import PhysicsModelRegressor
 from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.inspection.fit_percentage import fit_percentage
-from sklearn_pgnn.inspection.numbers import measured, number
+from sklearn_pgnn.inspection.numbers import fit_text, measured, number
 from sklearn_pgnn.inspection.start_runs import run_records
 from sklearn_pgnn.inspection.strict_json import as_strict_json
 from sklearn_pgnn.physics.model import PhysicsModel
@@ -91,7 +91,7 @@ class FitJob:
         say(console, "Fit in free run (100 % is perfect)", "bold")
         rows = table("", "as given", "fitted")
         for i, name in enumerate(self.prior.outputs):
-            rows.add_row(cell(name), *(f"{fit[i]:.1f} %" for fit in self.fits.values()))
+            rows.add_row(cell(name), *(fit_text(fit[i]) for fit in self.fits.values()))
         print_table(console, rows)
         if quiet:
             return

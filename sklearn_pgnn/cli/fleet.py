@@ -4,7 +4,14 @@ import click
 
 from sklearn_pgnn.cli.completion import FILE
 from sklearn_pgnn.cli.guard import guarded
-from sklearn_pgnn.cli.options import diagnosis_options, job_options, list_effects
+from sklearn_pgnn.cli.options import (
+    diagnosis_options,
+    fleet_options,
+    list_effects,
+    model_option,
+    sample_time_option,
+    show_options,
+)
 from sklearn_pgnn.cli.progress import show_progress
 
 EXAMPLE = """\b
@@ -17,7 +24,7 @@ Example:
 
 @click.command(epilog=EXAMPLE)
 @click.argument("records", metavar="FOLDER", type=FILE)
-@click.option("--model", required=True, metavar="MODEL.yaml", type=FILE, help="The model file.")
+@model_option
 @click.option("--output", required=True, metavar="DIR", type=FILE, help="Where the results go.")
 @click.option(
     "--pattern",
@@ -31,22 +38,16 @@ Example:
     type=FILE,
     help="Results of an earlier run, to report what changed.",
 )
-@click.option(
-    "--sample-time",
-    type=click.FloatRange(min=0, min_open=True),
-    metavar="S",
-    help="Time from sample to sample [s], for files that have no time.",
-)
+@sample_time_option
 @click.option(
     "--cluster",
     metavar="ADDRESS",
     help="Scheduler of a Dask cluster that does the work, as in tcp://10.0.0.1:8786; its workers "
     "read the same files.",
 )
-@click.option("--json", "as_json", is_flag=True, help="Print JSON only.")
-@click.option("--open", "opens", is_flag=True, help="Open the report when it is written.")
+@show_options
 @diagnosis_options
-@job_options
+@fleet_options
 @list_effects
 def fleet(model, records, output, quiet, debug, as_json, opens, **options):
     """Diagnose many machines of one kind on their records.

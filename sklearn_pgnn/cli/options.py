@@ -5,10 +5,21 @@ import click
 from sklearn_pgnn.cli.completion import FILE, complete_effects
 
 
-def _threads(_context, _option, value: int) -> int:
+def _not_none(_context, _option, value: int) -> int:
     if value == 0:
-        raise click.BadParameter("expected 1 thread or more, or -1 for all cores.")
+        raise click.BadParameter("expected 1 or more, or -1 for all cores.")
     return value
+
+
+def _jobs(help: str):
+    return click.option(
+        "--jobs",
+        "n_jobs",
+        default=-1,
+        show_default="all cores",
+        callback=_not_none,
+        help=help,
+    )
 
 
 _MODEL = click.option(
@@ -19,14 +30,8 @@ _MODEL = click.option(
     help="The model file, or an FMU for model exchange.",
 )
 _SHARE = click.FloatRange(min=0, max=1, min_open=True, max_open=True)
-_THREADS = click.option(
-    "--jobs",
-    "n_jobs",
-    default=-1,
-    show_default="all cores",
-    callback=_threads,
-    help="Threads to use.",
-)
+_THREADS = _jobs("Threads to use.")
+_PROCESSES = _jobs("Processes to use, each for a machine at a time; a --cluster uses all it has.")
 _TALK = (
     click.option("--quiet", is_flag=True, help="Print a short summary, and no progress."),
     click.option("--debug", is_flag=True, help="Show the traceback of an error as well."),
@@ -155,6 +160,16 @@ def job_options(command):
     return _with(command, (_THREADS, *_TALK))
 
 
+def fleet_options(command):
+    """Add the options that control how a fleet is diagnosed: processes, output and debugging."""
+    return _with(command, (_PROCESSES, *_TALK))
+
+
+def show_options(command):
+    """Add the options that say what becomes of results: print, open."""
+    return _with(command, _SHOW)
+
+
 def result_options(command):
     """Add the options that say what becomes of a diagnosis: replace, print, open."""
     return _with(command, (_FORCE, *_SHOW))
@@ -173,6 +188,16 @@ def json_option(command):
 def force_option(command):
     """Add the option that allows a command to replace a file."""
     return _with(command, (_FORCE,))
+
+
+def model_option(command):
+    """Add the model file."""
+    return _with(command, (_MODEL,))
+
+
+def sample_time_option(command):
+    """Add the time from sample to sample of files that have none."""
+    return _with(command, (_SAMPLE_TIME,))
 
 
 def records_arguments(command):

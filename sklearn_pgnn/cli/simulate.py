@@ -7,6 +7,7 @@ from sklearn_pgnn.cli.guard import one_line
 from sklearn_pgnn.cli.records import read_inputs, read_model
 from sklearn_pgnn.cli.tables import cell, print_table, say, screen, table
 from sklearn_pgnn.inspection.fit_percentage import fit_percentage
+from sklearn_pgnn.inspection.numbers import fit_text
 from sklearn_pgnn.inspection.start_runs import run_records
 from sklearn_pgnn.physics import PhysicsModel
 from sklearn_pgnn.simulation.finite_run import quantities_of
@@ -100,5 +101,5 @@ def tell_simulation(model, fits: dict, output: str, samples: int, *, quiet: bool
     say(console, "Fit to the measured outputs in free run (100 % is perfect)", "bold")
     rows = table("", *model.outputs)
     for name, percent in fits.items():
-        rows.add_row(cell(name), *(f"{p:.1f} %" for p in percent))
+        rows.add_row(cell(name), *map(fit_text, percent))
     print_table(console, rows)

@@ -5,7 +5,6 @@ from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
-from joblib import effective_n_jobs
 from sklearn.base import BaseEstimator, MultiOutputMixin, clone
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
@@ -62,7 +61,7 @@ from sklearn_pgnn.simulation.finite_run import simulate_quantities
 from sklearn_pgnn.simulation.noise_option import read_noise_std
 from sklearn_pgnn.simulation.record_windows import without_gaps
 from sklearn_pgnn.simulation.simulate import hold_of
-from sklearn_pgnn.threads import one_thread_each
+from sklearn_pgnn.threads import local_threads, one_thread_each
 from sklearn_pgnn.trajectories import read_records
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
 from sklearn_pgnn.trajectories.record import Record
@@ -117,13 +116,14 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
     time_column : int or str, optional
         Column of X that holds the time; by default the first, or ``"t"``.
     n_jobs : int, optional
-        Threads to simulate on; -1 means all.
+        Threads to simulate on; -1 means all cores of this computer. None means 1, unless a
+        `joblib.parallel_config` that works on this computer says otherwise.
     random_state : int, RandomState or None, default=0
         Draws the resampled windows of the gain's interval.
     progress : callable, optional
         Called as ``progress(stage, done, total)`` while fitting, before every step of every fit;
         `done` is at most `total`. A stage in between that begins with ``"best suspect so far: "``
-        names what leaves least until then.
+        names what leaves least until then. `detectability` calls it, too, after every effect.
     time_limit : float, optional
         Time [s] after which the best so far is taken. The re-tuned prior, and the held-out error
         of what was found, are computed in any case.
@@ -335,7 +335,7 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
                 "window_length": self.window_length,
                 "noise_std": self.noise_std,
                 "substeps": self.substeps,
-                "threads": effective_n_jobs(self.n_jobs),
+                "threads": local_threads(self.n_jobs),
             },
         )
 
@@ -576,7 +576,7 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         seed, white = _seed(random_state), noise == "white"
         analysis = PowerAnalysis(self.records_, white, self._criterion(), int(n_repeats), seed)
         suspects = possible_causes(self.model, catalogue, targets)
-        rows = detect_all(analysis, suspects, power, sizes, self.n_jobs)
+        rows = detect_all(analysis, suspects, power, sizes, self.n_jobs, self.progress)
         if verify:
 
             def diagnose(X, y):
@@ -589,6 +589,7 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             rows = tuple(with_verdict(analysis, row, diagnose) for row in rows)
         return Detectability(rows, float(power), tuple(map(float, sizes)))
 
+    @one_thread_each()
     def separating_experiment(self, cause=None, other=None, *, reach=1.0):
         """Find the experiment that would separate a cause from another one.
 

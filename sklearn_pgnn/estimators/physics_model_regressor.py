@@ -4,7 +4,6 @@ import warnings
 from dataclasses import replace
 
 import numpy as np
-from joblib import effective_n_jobs
 from sklearn.base import BaseEstimator, MultiOutputMixin
 from sklearn.utils.validation import check_is_fitted
 
@@ -36,6 +35,7 @@ from sklearn_pgnn.simulation.uncertainty import (
     parameter_covariance,
     standard_errors,
 )
+from sklearn_pgnn.threads import local_threads, one_thread_each
 from sklearn_pgnn.trajectories import read_records, rows_in_order
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
 from sklearn_pgnn.trajectories.scoring import GapScoreMixin
@@ -80,7 +80,8 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
     time_column : int or str, optional
         Column of X that holds the time; by default the first, or ``"t"``.
     n_jobs : int, optional
-        Threads to simulate on; -1 means all.
+        Threads to simulate on; -1 means all cores of this computer. None means 1, unless a
+        `joblib.parallel_config` that works on this computer says otherwise.
     random_state : int, RandomState instance or None, default=0
         What draws the global search.
     verbose : int, default=0
@@ -340,6 +341,7 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         parts = [output_variance(self.model_, each, names, self._covariance) for each in records]
         return np.concatenate(parts) + self._error**2
 
+    @one_thread_each()
     def _keep_errors(self, found, records) -> None:
         """Keep what the fitted model leaves of its records in free run, for intervals."""
         self._covariance = parameter_covariance(found.fit, found.expected, found.spread)
@@ -352,13 +354,14 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             self._error = np.sqrt(np.maximum(square, np.finfo(float).tiny))
             self._left = np.sort(np.abs(left) / np.sqrt(self._variance(records)), axis=0)
 
+    @one_thread_each()
     def _find(self, records, names) -> tuple[WindowedRecords, ParameterFit]:
         """Cut the records into windows and fit the parameters."""
         options = {
             "noise_std": self.noise_std,
             "hold": self.hold,
             "substeps": self.substeps,
-            "threads": effective_n_jobs(self.n_jobs),
+            "threads": local_threads(self.n_jobs),
         }
         tell = teller(self)
         search = self.search, self.random_state, tell, bool(self.within_spread)

@@ -6,7 +6,7 @@ over windows and in free run, is all that any diagnosis could see. With noise dr
 criterion of the diagnosis says how often it would have named a cause.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -20,6 +20,7 @@ from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.readings import reading
 from sklearn_pgnn.simulation.windows import ShootingWindows
+from sklearn_pgnn.threads import one_thread_each
 
 
 @dataclass(frozen=True)
@@ -145,6 +146,7 @@ class Detectability:
 # -- one effect ------------------------------------------------------------------------------------
 
 
+@one_thread_each()  # here, for it may be a task of a cluster's worker
 def detect(
     analysis: PowerAnalysis, cause: Effect, power: float, multiples: Sequence[float] = ()
 ) -> Detectable:
@@ -261,6 +263,7 @@ def detect_all(
     power: float,
     multiples: Sequence[float] = (),
     n_jobs: int | None = None,
+    progress: Callable[[str, int, int], None] | None = None,
 ) -> tuple[Detectable, ...]:
     """Find the smallest size of every effect that has one and that the model does not hold yet.
 
@@ -276,18 +279,32 @@ def detect_all(
         Multiples of the smallest sizes at which the power is wanted too.
     n_jobs : int, optional
         Effects that are looked at at the same time, by joblib.
+    progress : callable, optional
+        Called as ``progress("effects", done, total)`` before the first and after every effect.
 
     Returns
     -------
     tuple of Detectable
         One an effect.
     """
-    found = Parallel(n_jobs, prefer="threads")(
-        delayed(detect)(analysis, cause, power, multiples)
-        for cause in suspects
-        if _fits(analysis.model, cause)
-    )
+    fitting = [cause for cause in suspects if _fits(analysis.model, cause)]
+    tell = progress or (lambda stage, done, total: None)
+    found: list[Detectable] = []
+    tell("effects", 0, len(fitting))
+    calls = [delayed(detect)(analysis, cause, power, multiples) for cause in fitting]
+    for each in _in_turn(calls, n_jobs):
+        found.append(each)
+        tell("effects", len(found), len(fitting))
     return tuple(found)
+
+
+def _in_turn(calls: list, n_jobs: int | None) -> Iterable[Detectable]:
+    """Return what calls give, in their order, each as soon as joblib's backend gives it."""
+    try:
+        parallel = Parallel(n_jobs, prefer="threads", return_as="generator")
+    except ValueError:  # the backend returns all results at once
+        parallel = Parallel(n_jobs, prefer="threads")
+    return parallel(calls)
 
 
 def _fits(model: PhysicsModel, cause: Effect) -> bool:

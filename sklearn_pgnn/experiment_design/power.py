@@ -203,6 +203,13 @@ class PowerAnalysis:
     n_repeats: int
     seed: int
 
+    def __sizeof__(self) -> int:
+        """Return the bytes with those of its arrays, by which joblib sends it to a cluster once."""
+        records, windows = self.records, self.records.windows
+        arrays = [windows.t, windows.u, windows.y, records.states]
+        arrays += [fit.residual for fit in records.fits.values()]
+        return object.__sizeof__(self) + sum(array.nbytes for array in arrays)
+
     @property
     def model(self) -> PhysicsModel:
         """The fitted model, extended by the causes found."""

@@ -4,7 +4,7 @@ import warnings
 from collections.abc import Mapping
 
 import numpy as np
-from joblib import Parallel, delayed, effective_n_jobs
+from joblib import Parallel, delayed
 
 from sklearn_pgnn.exceptions import OptionError, SimulationWarning
 from sklearn_pgnn.physics.model import PhysicsModel
@@ -13,6 +13,7 @@ from sklearn_pgnn.simulation.compiled import compile_model
 from sklearn_pgnn.simulation.inputs import delayed_inputs
 from sklearn_pgnn.simulation.simulate import check_arrays, check_options, hold_of, parameter_values
 from sklearn_pgnn.simulation.stepping import run_trajectory, usual_interval
+from sklearn_pgnn.threads import local_threads
 
 #: parts of the work that every thread takes in turn
 PARTS = 4
@@ -104,9 +105,9 @@ def simulate_sets(
                 substeps, source.size, usual, states, outputs[s], no_slopes,
             )  # fmt: skip
 
-    count = effective_n_jobs(n_jobs)
+    count = local_threads(n_jobs)
     parts = np.array_split(np.arange(len(values)), max(1, min(PARTS * count, len(values))))
-    Parallel(n_jobs, require="sharedmem")(delayed(run)(part) for part in parts)
+    Parallel(count, require="sharedmem")(delayed(run)(part) for part in parts)
     report_calls()
     _warn_of_lost(model, outputs)
     return outputs

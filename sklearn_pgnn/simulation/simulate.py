@@ -288,7 +288,11 @@ def check_arrays(model: PhysicsModel, t, u, x0) -> tuple[np.ndarray, np.ndarray,
         raise ValueError(f"t: expected finite times of shape (n_samples,), got shape {t.shape}.")
     forward = t[1:] > t[:-1]
     if not (np.isfinite(t[[0, -1]]).all() if forward.all() else np.isfinite(t).all()):
-        raise ValueError(f"t: expected finite times of shape (n_samples,), got shape {t.shape}.")
+        k = int(np.argmin(np.isfinite(t)))
+        raise ValueError(
+            f"t: expected finite times, got {t[k]} at sample {k}. Remedy: leave out samples whose "
+            f"time is not known."
+        )
     if not forward.all():
         k = int(np.argmin(forward))
         raise ValueError(

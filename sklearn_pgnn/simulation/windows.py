@@ -5,11 +5,9 @@ minima. Over short windows it has few (multiple shooting). Every window's initia
 nuisance: it is fitted with the parameters and projected out of their normal equations.
 """
 
-import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -21,6 +19,7 @@ from sklearn_pgnn.simulation.inputs import delayed_inputs, mean_inputs
 from sklearn_pgnn.simulation.led_states import lead
 from sklearn_pgnn.simulation.simulate import parameter_values
 from sklearn_pgnn.simulation.stepping import run_windows, usual_interval
+from sklearn_pgnn.threads import kept_pool
 
 #: batches of windows per thread, and least steps of one: fewer take less long than handing over
 PARTS, LEAST = 4, 1000
@@ -343,17 +342,7 @@ def in_parts(run: Callable[[slice], None], windows: ShootingWindows) -> None:
     if len(parts) == 1:
         run(parts[0])
     else:
-        list(_pool(windows.threads).map(run, parts))
-
-
-@lru_cache(maxsize=8)
-def _pool(threads: int) -> ThreadPoolExecutor:
-    """Return the thread pool for simulations, created once a process."""
-    return ThreadPoolExecutor(threads)
-
-
-if hasattr(os, "register_at_fork"):  # threads do not live on in a forked process
-    os.register_at_fork(after_in_child=_pool.cache_clear)
+        list(kept_pool(windows.threads).map(run, parts))
 
 
 def _parts(windows: ShootingWindows) -> list[slice]:

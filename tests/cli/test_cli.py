@@ -376,3 +376,5 @@ def test_the_demo_shows_its_input_and_names_the_stick_slip(tmp_path):
     header = (out / "input" / "record_1.csv").read_text().splitlines()[0]
     assert header == "t [s],torque [N m],phi_measured [rad]"
     assert f"--model {out}/input/golf_robot.yaml" in result.stdout
+    command = result.stdout.splitlines()[-1]
+    assert command.endswith(f" --output {out} --force")  # the folder has just been filled

@@ -100,7 +100,7 @@ REFUSED = {
     "noise below zero": (["--noise", "speed=-1"], "expected a number > 0"),
     "noise of something else": (["--noise", "sped=1"], "--noise speed=NUMBER"),
     "noise twice": (["--noise", "1", "--noise", "2"], "once"),
-    "no thread": (["--jobs", "0"], "expected 1 thread or more"),
+    "no thread": (["--jobs", "0"], "expected 1 or more, or -1"),
     "no step": (["--substeps", "0"], "--substeps"),
     "no time": (["--time-limit", "0"], "--time-limit"),
     "a false-alarm rate of 0": (["--alpha", "0"], "--alpha"),

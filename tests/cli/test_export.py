@@ -1,5 +1,6 @@
 """The command that writes a model file in the language of another tool."""
 
+import shutil
 import zipfile
 
 import pytest
@@ -50,6 +51,26 @@ def test_a_unit_and_a_text_of_modelica_are_written(model, tmp_path):
         assert b'fmiVersion="3.0"' in archive.read("modelDescription.xml")
     assert run(model, "modelica", tmp_path / "cart.mo", "--quiet").stdout == ""
     assert (tmp_path / "cart.mo").read_text(encoding="utf-8") == export.to_modelica(CART)
+
+
+def test_terms_that_do_not_fit_their_units_are_told(model, tmp_path):
+    pytest.importorskip("pint")
+    text = model.read_text(encoding="utf-8")
+    assert "unit: N s/m" in text
+    model.write_text(text.replace("unit: N s/m", "unit: N/m"), encoding="utf-8")
+    said = run(model, "modelica", tmp_path / "cart.mo").stderr
+    assert "Warning: " in said
+    assert "the term -d*v" in said
+
+
+def test_a_unit_as_a_model_is_refused_for_it_has_no_equations(tmp_path):
+    pytest.importorskip("fmpy")
+    if shutil.which("gcc") is None:
+        pytest.skip("no gcc here")
+    unit = tmp_path / "cart.fmu"
+    export.to_fmu(systems.cart_on_spring(), unit, interval=0.01)
+    said = run(unit, "c", tmp_path / "cart.c", "--interval", 0.01, code=2).stderr
+    assert "expected a model of equations" in said
 
 
 def test_nothing_is_replaced_unasked(model, tmp_path):

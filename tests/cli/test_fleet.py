@@ -54,6 +54,12 @@ def test_the_results_are_written_and_told(done):
     assert (folder / "result" / "index.html").exists()
 
 
+def test_what_runs_side_by_side_are_processes():
+    said = " ".join(call("--help").output.split())
+    assert "Processes to use" in said
+    assert "Threads" not in said
+
+
 @pytest.mark.slow
 @pytest.mark.core
 def test_a_second_call_takes_over_what_is_finished(done, monkeypatch):

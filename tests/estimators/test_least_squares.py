@@ -1,13 +1,20 @@
 """The last phase of the network's training: steps that count, its end, and divergence."""
 
+import joblib
 import numpy as np
 import pandas as pd
 import pytest
+from far_cluster import FarCluster
 
 pytest.importorskip("torch")
 
 from sklearn_pgnn import PGNNLRegressor, PhysicsModel
-from sklearn_pgnn.estimators.network.least_squares import Sums, l_bfgs, levenberg_marquardt
+from sklearn_pgnn.estimators.network.least_squares import (
+    SimulationObjective,
+    Sums,
+    l_bfgs,
+    levenberg_marquardt,
+)
 
 START = np.array([-1.2, 1.0])
 
@@ -85,6 +92,22 @@ def test_a_start_that_diverges_is_left_alone():
     theta, costs = told(levenberg_marquardt, Valley(wall=-1.15), 10)
     assert np.array_equal(theta, START)
     assert costs == []
+
+
+class Tasks(SimulationObjective):
+    """What is done for every record, without a network."""
+
+    def __init__(self, threads):
+        self.threads, self.records, self.overlap = threads, [1.0, 2.0, 3.0], None
+
+    def _cost_of(self, record, theta):
+        return record * theta
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_no_evaluation_is_sent_to_a_cluster(threads):
+    with joblib.parallel_config(backend=FarCluster()):
+        assert Tasks(threads).error(2.0) == 12.0
 
 
 @pytest.mark.slow

@@ -11,9 +11,11 @@ import joblib
 import numpy as np
 import pandas as pd
 import pytest
+from far_cluster import FarCluster
 from sklearn.base import clone
 from sklearn.compose import TransformedTargetRegressor
 from sklearn.model_selection import GridSearchCV, GroupKFold, cross_val_score
+from threadpoolctl import threadpool_info, threadpool_limits
 
 import sklearn_pgnn
 from sklearn_pgnn import Parameter, PhysicsModel, PhysicsModelRegressor, systems
@@ -341,6 +343,20 @@ def test_interleaved_rows_are_predicted_in_their_order(fitted):
 
 def test_threads_change_no_number(fitted):
     assert PhysicsModelRegressor(CART, n_jobs=2).fit(X, Y).parameters_ == fitted.parameters_
+
+
+def test_a_fit_on_a_cluster_uses_one_thread_and_linear_algebra_one_too(monkeypatch, fitted):
+    seen = []
+
+    def watched(*args, **options):
+        libraries = threadpool_info()
+        seen.append((options["threads"], {library["num_threads"] for library in libraries}))
+        return window_records(*args, **options)
+
+    monkeypatch.setattr("sklearn_pgnn.estimators.physics_model_regressor.window_records", watched)
+    with joblib.parallel_config(backend=FarCluster()), threadpool_limits(2):
+        assert PhysicsModelRegressor(CART).fit(X, Y).parameters_ == fitted.parameters_
+    assert seen == [(1, {1})]
 
 
 @pytest.mark.parametrize("window_length", [None, "trajectory"])

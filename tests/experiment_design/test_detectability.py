@@ -1,11 +1,13 @@
 """Detectability: the sizes it states are those at which the diagnosis finds or misses."""
 
+import sys
 from dataclasses import replace
 
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
 import sklearn_pgnn.experiment_design.power as power_module
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects
@@ -286,3 +288,26 @@ def test_unusable_options_are_refused(diagnosis):
         diagnosis.detectability(power=90)
     with pytest.raises(ValueError, match=r"noise: expected 'residual' or 'white', got 'pink'"):
         diagnosis.detectability(noise="pink")
+
+
+def test_every_effect_is_told_as_it_is_done_and_has_one_thread(diagnosis, monkeypatch):
+    told, threads = [], set()
+
+    def power(self, *args, **options):
+        threads.update(library["num_threads"] for library in threadpool_info())
+        return 0.0
+
+    monkeypatch.setattr(PowerAnalysis, "power", power)
+    monkeypatch.setattr(diagnosis, "progress", lambda *words: told.append(words))
+    with threadpool_limits(2):
+        diagnosis.detectability([effects.CoulombFriction, effects.InputDeadZone])
+    assert told == [("effects", done, 2) for done in (0, 1, 2)]
+    assert threads == {1}
+
+
+def test_joblib_sees_that_an_analysis_holds_records(diagnosis):
+    records = diagnosis.records_
+    analysis = PowerAnalysis(records, True, SelectionCriterion(0.01, 0.05, 3), 20, 0)
+    assert sys.getsizeof(analysis) > records.windows.t.nbytes + records.windows.y.nbytes
+    sizeof = pytest.importorskip("dask.sizeof").sizeof
+    assert sizeof(analysis) > 1e3  # what joblib sends to a cluster once is larger

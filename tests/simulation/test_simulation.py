@@ -296,7 +296,8 @@ def test_whole_solve_passes_its_own_check():
     ("change", "text"),
     [
         ({"t": [0.0, 0.2, 0.1]}, "t: expected increasing times, got 0.2 s then 0.1 s at sample 2."),
-        ({"t": [0.0, np.nan, 1.0]}, r"t: expected finite times of shape (n_samples,), got shape"),
+        ({"t": [0.0, np.nan, 1.0]}, "t: expected finite times, got nan at sample 1. Remedy: "),
+        ({"t": [0.0, 1.0, np.inf]}, "t: expected finite times, got inf at sample 2. Remedy: "),
         ({"t": [[0.0, 1.0, 2.0]]}, "t: expected finite times of shape (n_samples,)"),
         ({"u": [1.0, 2.0]}, "u: expected shape (3, 1), got (2, 1)."),
         ({"u": None}, "u: expected shape (3, 1), got ()."),

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from joblib import Parallel, delayed
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 from scipy.optimize import Bounds, minimize
 
@@ -23,6 +22,7 @@ from sklearn_pgnn.simulation.network_run import (
     parameter_units,
     run_network,
 )
+from sklearn_pgnn.threads import kept_pool
 
 #: damping to begin with, and its largest value
 DAMPING, MOST_DAMPING = 1e-3, 1e12
@@ -198,11 +198,10 @@ class SimulationObjective:
         return cost if self.overlap is None else cost + self.overlap(theta).cost
 
     def _each(self, task, theta) -> list:
-        """Apply a task to every record, in parallel."""
+        """Apply a task to every record, on threads of this process: a cluster is too far."""
         threads = min(self.threads, len(self.records))
-        return Parallel(threads, prefer="threads")(
-            delayed(task)(record, theta) for record in self.records
-        )
+        work = kept_pool(threads).map if threads > 1 else map
+        return list(work(lambda record: task(record, theta), self.records))
 
     def _cost_of(self, record, theta) -> float:
         x, failed = run_network(self.step, theta, record.record)
