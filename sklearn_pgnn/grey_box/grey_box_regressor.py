@@ -29,7 +29,7 @@ from sklearn_pgnn.grey_box.depth import (
 )
 from sklearn_pgnn.grey_box.hidden_parts import WAYS, hidden_parts
 from sklearn_pgnn.grey_box.spread_warning import warn_of_spreads
-from sklearn_pgnn.grey_box.tables import plain_table, usual_starts
+from sklearn_pgnn.grey_box.tables import plain_table, starts_for, usual_starts
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.intervals import beside, check_coverage, quantile_of
 from sklearn_pgnn.trajectories import read_records, rows_in_order
@@ -116,9 +116,11 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
     estimator_ : estimator
         What predicts: a `PhysicsModelRegressor`, or the network.
     model_ : PhysicsModel
-        The physical model in it, fitted. It starts where the first trajectory did.
+        The physical model in it, fitted; with the network where that tunes it
+        (``network=PGNNLRegressor(free=...)``). It starts where the first trajectory did.
     parameters_ : dict of str to Estimate
-        Its fitted parameters with their 95 % intervals.
+        Its fitted parameters with their 95 % intervals; of those that the network tunes they are
+        the network's.
     diagnosis_ : ModelDiagnosis
         The diagnosis, where `depths` asks for one.
     initial_states_ : ndarray of shape (n_trajectories, n_states)
@@ -337,19 +339,22 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             )
         records = self._records(validate_table(self, X, reset=False), y)
         table = plain_table(self.model, records)
+        known = starts_for(self.model_, table)
         starts = find_unknown_starts(
-            self.model_, table, self._met, self.initial_window, self._noise
+            self._fitted, table, known, self._met, self.initial_window, self._noise
         )
         outputs = rows_in_order(records, self._fitted.predict(table, starts))
         return outputs.ravel() if self._single_output else outputs
 
-    def predict_interval(self, X, coverage=0.9):
+    def predict_interval(self, X, coverage=0.9, y=None):
         r"""Return between what the measured outputs of a free run are expected.
 
         .. math:: \hat y_k \pm q
 
         with the quantile :math:`q`, for every output, of the errors on what cross-validation hid
-        from the fits. It holds for machines that are run as in the training records.
+        from the fits. It holds for machines that are run as in the training records, from initial
+        states that are as well known: where `initial_window` is set and X does not tell them, as
+        found from the first samples of y.
 
         Parameters
         ----------
@@ -357,6 +362,9 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             As in `predict`.
         coverage : float, default=0.9
             Share of the measurements that shall lie between.
+        y : array-like of shape (n_samples, n_outputs) or (n_samples,), optional
+            Measured outputs, from which `predict_from` finds the start; the interval is beside its
+            prediction. Without them it is beside that of `predict`.
 
         Returns
         -------
@@ -366,10 +374,11 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         Raises
         ------
         OptionError
-            If `coverage` is no share between 0 and 1.
+            If `coverage` is no share between 0 and 1, or y is given and `initial_window` is 0.
         """
         check_coverage(coverage)
-        return beside(self.predict(X), quantile_of(self._left, coverage))
+        predicted = self.predict(X) if y is None else self.predict_from(X, y)
+        return beside(predicted, quantile_of(self._left, coverage))
 
     # -- fitting -----------------------------------------------------------------------------------
 
@@ -491,7 +500,7 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         self._noise = training_error(fitted, table, everything)
         self.estimator_ = fitted.estimator
         self.initial_states_ = fitted.starts
-        self.parameters_ = fitted.physics.parameters_
+        self.parameters_ = fitted.parameters
         self.model_ = fitted.model
         teller(self)(f"chosen: {self.depth_}")
 
