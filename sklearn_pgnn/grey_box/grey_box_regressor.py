@@ -102,7 +102,8 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
     time_column : int or str, optional
         Column of X that holds the time; by default ``"t"``, of an array the first.
     n_jobs : int, optional
-        Folds that are fitted at once; -1 means as many as there are processors.
+        Folds that are fitted at once, and threads of the last fit; -1 means as many as there are
+        processors.
     verbose : int, default=0
         Whether to print a line for every stage.
 
@@ -443,12 +444,13 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         """Diagnose the prior; where that breaks down, take what it had found until then."""
         try:
             self.diagnosis_.fit(table.starting(self.model, table.told), table.y)
-        except Exception:
+        except Exception as error:
             if not hasattr(self.diagnosis_, "verdict_"):
                 raise
             warnings.warn(
-                f"the diagnosis broke off ({self.diagnosis_.stopped_}); the best that it had found "
-                f"is taken. Remedy: a smaller catalogue in diagnosis=ModelDiagnosis(...).",
+                f"the diagnosis broke off ({self.diagnosis_.stopped_}; {type(error).__name__}: "
+                f"{error}); the best that it had found is taken. Remedy: a smaller catalogue in "
+                f"diagnosis=ModelDiagnosis(...).",
                 UserWarning,
                 stacklevel=4,
             )
@@ -489,7 +491,7 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         everything = np.ones(len(table.X), dtype=bool)
         chosen = self.depth_
         base = self._base if chosen in NETWORKS else chosen
-        fitted = _fit_model(base, candidates[base], table, everything)
+        fitted = _fit_model(base, candidates[base], table, everything, self.n_jobs)
         if chosen in NETWORKS:
             try:
                 fitted = _fit_on(self._network(), chosen, fitted, table, everything)
@@ -508,9 +510,9 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         return tags_of_records(super().__sklearn_tags__())
 
 
-def _fit_model(depth, model, table, visible) -> FittedDepth:
+def _fit_model(depth, model, table, visible, n_jobs=None) -> FittedDepth:
     """Fit a physical depth; of the prior only where the trajectories start."""
-    return fit_physics(model, table, visible, free=() if depth == "prior" else None)
+    return fit_physics(model, table, visible, n_jobs, free=() if depth == "prior" else None)
 
 
 def _warn_of_training(error, depth, base) -> None:
