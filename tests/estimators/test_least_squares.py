@@ -8,6 +8,7 @@ pytest.importorskip("torch")
 
 from sklearn_pgnn import PGNNLRegressor, PhysicsModel
 from sklearn_pgnn.estimators.network.least_squares import Sums, l_bfgs, levenberg_marquardt
+from sklearn_pgnn.exceptions import SimulationWarning
 
 START = np.array([-1.2, 1.0])
 
@@ -85,6 +86,19 @@ def test_a_start_that_diverges_is_left_alone():
     theta, costs = told(levenberg_marquardt, Valley(wall=-1.15), 10)
     assert np.array_equal(theta, START)
     assert costs == []
+
+
+@pytest.mark.parametrize("refine", ["lm", "lbfgs"])
+def test_a_last_phase_that_cannot_begin_is_said(refine):
+    unstable = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": -0.05}, {"u": "V"})
+    t = np.concatenate([np.arange(n) * 0.05 for n in (400, 6, 6)])
+    X = pd.DataFrame({"trajectory": np.repeat([0, 1, 2], [400, 6, 6]), "t": t, "u": 1.0})
+    options = {"max_epochs": 1, "module__neurons": 2, "substeps": 1, "validation_fraction": 0}
+    net = PGNNLRegressor(unstable, structure="correction", refine=refine, **options)
+    expected = "in 1 of 3 trajectories to train on .* its last phase is left out. Remedy: rollouts"
+    with pytest.warns(SimulationWarning, match=expected):
+        net.fit(X, np.sin(t))
+    assert len(net.history) == 1
 
 
 @pytest.mark.slow
