@@ -18,12 +18,10 @@ from sklearn_pgnn.simulation.record_windows import output_noise
 from sklearn_pgnn.simulation.simulate import hold_of
 from sklearn_pgnn.trajectories import read_records, rows_in_order
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
-from sklearn_pgnn.trajectories.names import is_named, place_of, time_name
+from sklearn_pgnn.trajectories.names import SIMULATED, is_named, place_of, time_name
 from sklearn_pgnn.trajectories.reader import TIME, TRAJECTORY
 from sklearn_pgnn.trajectories.scoring import GapScoreMixin
 from sklearn_pgnn.trajectories.validation import check_model, validate_table
-
-SUFFIX = "_phy"
 
 
 class ResidualRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
@@ -266,7 +264,7 @@ class ResidualRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         names = quantities_of(self.model)
         place = {x: i for i, x in enumerate([*self.model.states, *self.model.outputs])}
         inputs = rows_in_order(records, np.concatenate([record.u for record in records]))
-        columns = [*self.model.inputs, *(name + SUFFIX for name in names)]
+        columns = [*self.model.inputs, *(name + SIMULATED for name in names)]
         once = values[:, [place[name] for name in names]]
         return pd.DataFrame(np.column_stack([inputs, once]), columns=columns)
 
