@@ -190,6 +190,33 @@ class ResidualRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             outputs = simulated + self.regressor_.predict(features).reshape(simulated.shape)
         return outputs.ravel() if self._single_output else outputs.reshape(len(outputs), -1)
 
+    def predict_states(self, X):
+        """Simulate the model's states of every trajectory in free run from its initial state.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_samples, n_columns)
+            As in `predict`.
+
+        Returns
+        -------
+        ndarray of shape (n_samples, n_states)
+            States of `model`; the regressor corrects its outputs only.
+
+        Raises
+        ------
+        ValueError
+            If there is no model, and so no state.
+        """
+        check_is_fitted(self)
+        if self.model is None:
+            raise ValueError("predict_states: expected a regressor with a model, got none.")
+        X = validate_table(self, X, reset=False)
+        records = read_records(self.model, X, time_column=self.time_column)
+        refuse_standardised(self.model, records)
+        settings = {"hold": self.hold_, "substeps": self.substeps_}
+        return simulate_quantities(self.model, records, list(self.model.states), **settings)
+
     def predict_ahead(self, X, y, steps=1):
         """Predict every sample from the outputs up to so many samples before it.
 
