@@ -58,8 +58,9 @@ class FittedDepth:
     def _tuned(self) -> PhysicsModel | None:
         """The model as the estimator has it after its fit; None where it keeps none."""
         model = getattr(self.estimator, "model_", None)
-        is_one = isinstance(model, PhysicsModel)
-        return model if is_one and [*model.states] == [*self.physics.model_.states] else None
+        if not isinstance(model, PhysicsModel):
+            return None
+        return model if [*model.states] == [*self.physics.model_.states] else None
 
     def predict(self, table: PlainTable, starts: np.ndarray) -> np.ndarray:
         """Simulate in free run from given initial states."""
@@ -153,7 +154,7 @@ def fit_network(
     """
     rows = _until_last_seen(table, visible)
     y = np.where(visible[:, None], table.y, np.nan)[rows]
-    settings = {} if sees_inputs else {"sees": list(physics.model.states)}
+    settings: dict[str, Any] = {} if sees_inputs else {"sees": list(physics.model.states)}
     if "time_column" in network.get_params(deep=False):
         settings["time_column"] = None  # a plain table calls the time "t"
     trained = clone(network).set_params(model=physics.model, **settings)
