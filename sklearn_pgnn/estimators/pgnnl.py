@@ -585,7 +585,9 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
         random = check_random_state(self.random_state)
         has_time = self._has_time(X)
         with own_random_numbers(), one_thread_each() as self._threads:
-            self._make_core(1, 1)  # refuses parameters that make none, before any work
+            core = self._make_core(1, 1)  # refuses parameters that make none, before any work
+            if has_time:
+                self._check_refinement(core)
             torch.manual_seed(random.randint(2**31 - 1))
             if has_time:
                 self._train_on_trajectories(X, y, random, anew, **fit_params)

@@ -18,12 +18,10 @@ from sklearn_pgnn.simulation.record_windows import output_noise
 from sklearn_pgnn.simulation.simulate import hold_of
 from sklearn_pgnn.trajectories import read_records, rows_in_order
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
-from sklearn_pgnn.trajectories.names import is_named, place_of, time_name
+from sklearn_pgnn.trajectories.names import SIMULATED, is_named, place_of, time_name
 from sklearn_pgnn.trajectories.reader import TIME, TRAJECTORY
 from sklearn_pgnn.trajectories.scoring import GapScoreMixin
 from sklearn_pgnn.trajectories.validation import check_model, validate_table
-
-SUFFIX = "_phy"
 
 
 class ResidualRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
@@ -192,6 +190,33 @@ class ResidualRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             outputs = simulated + self.regressor_.predict(features).reshape(simulated.shape)
         return outputs.ravel() if self._single_output else outputs.reshape(len(outputs), -1)
 
+    def predict_states(self, X):
+        """Simulate the model's states of every trajectory in free run from its initial state.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_samples, n_columns)
+            As in `predict`.
+
+        Returns
+        -------
+        ndarray of shape (n_samples, n_states)
+            States of `model`; the regressor corrects its outputs only.
+
+        Raises
+        ------
+        ValueError
+            If there is no model, and so no state.
+        """
+        check_is_fitted(self)
+        if self.model is None:
+            raise ValueError("predict_states: expected a regressor with a model, got none.")
+        X = validate_table(self, X, reset=False)
+        records = read_records(self.model, X, time_column=self.time_column)
+        refuse_standardised(self.model, records)
+        settings = {"hold": self.hold_, "substeps": self.substeps_}
+        return simulate_quantities(self.model, records, list(self.model.states), **settings)
+
     def predict_ahead(self, X, y, steps=1):
         """Predict every sample from the outputs up to so many samples before it.
 
@@ -266,7 +291,7 @@ class ResidualRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         names = quantities_of(self.model)
         place = {x: i for i, x in enumerate([*self.model.states, *self.model.outputs])}
         inputs = rows_in_order(records, np.concatenate([record.u for record in records]))
-        columns = [*self.model.inputs, *(name + SUFFIX for name in names)]
+        columns = [*self.model.inputs, *(name + SIMULATED for name in names)]
         once = values[:, [place[name] for name in names]]
         return pd.DataFrame(np.column_stack([inputs, once]), columns=columns)
 

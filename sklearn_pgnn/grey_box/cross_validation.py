@@ -9,7 +9,7 @@ import pandas as pd
 
 from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.grey_box.depth import FittedDepth, find_unknown_starts, states_met
-from sklearn_pgnn.grey_box.tables import PlainTable
+from sklearn_pgnn.grey_box.tables import PlainTable, starts_for
 
 
 @dataclass(frozen=True)
@@ -122,9 +122,9 @@ def _starts(fitted, table, hidden, window) -> np.ndarray:
     unseen = _is_unseen(table, hidden)
     if not unseen.any():
         return fitted.starts
+    known = np.where(unseen[:, None], starts_for(fitted.model, table), fitted.starts)
     noise = training_error(fitted, table, ~hidden)
-    found = find_unknown_starts(fitted.model, table, states_met(fitted, table), window, noise)
-    return np.where(unseen[:, None], found, fitted.starts)
+    return find_unknown_starts(fitted, table, known, states_met(fitted, table), window, noise)
 
 
 def _is_unseen(table, hidden) -> np.ndarray:

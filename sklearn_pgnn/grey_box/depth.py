@@ -1,17 +1,20 @@
 """A depth of the recipe, fitted to what is visible of the records."""
 
+import warnings
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from sklearn.base import clone
 
 from sklearn_pgnn.estimators import PhysicsModelRegressor
+from sklearn_pgnn.exceptions import SimulationWarning
 from sklearn_pgnn.grey_box.initial_state import find_initial_state
-from sklearn_pgnn.grey_box.tables import PlainTable, starts_for, usual_starts
+from sklearn_pgnn.grey_box.tables import PlainTable, starts_for, usual
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.free_run import simulate_record
-from sklearn_pgnn.trajectories import read_records
+from sklearn_pgnn.simulation.uncertainty import Estimate
 
 #: states of the training that are kept at most, about
 ENOUGH = 2000
@@ -37,15 +40,55 @@ class FittedDepth:
 
     @property
     def model(self) -> PhysicsModel:
-        """The fitted physical model, which starts where the first trajectory of its fit did."""
-        model = self.physics.model_
+        """The model in what predicts, fitted; it starts where the first trajectory seen did."""
+        model = self._tuned if self._tuned is not None else self.physics.model_
         first = self.starts[np.isfinite(self.starts).all(axis=1)][0]
         return model.replace(initial_state=dict(zip(model.states, first.tolist(), strict=True)))
+
+    @property
+    def parameters(self) -> dict[str, Estimate]:
+        """What was fitted of its parameters, by the network where that tunes them."""
+        found = dict(self.physics.parameters_)
+        if self._tuned is None:
+            return found
+        found |= getattr(self.estimator, "parameters_", {})
+        return {name: each for name, each in found.items() if name in self._tuned.parameters}
+
+    @property
+    def _tuned(self) -> PhysicsModel | None:
+        """The model as the estimator has it after its fit; None where it keeps none."""
+        model = getattr(self.estimator, "model_", None)
+        if not isinstance(model, PhysicsModel):
+            return None
+        return model if [*model.states] == [*self.physics.model_.states] else None
 
     def predict(self, table: PlainTable, starts: np.ndarray) -> np.ndarray:
         """Simulate in free run from given initial states."""
         predicted = self.estimator.predict(table.starting(self.physics.model_, starts))
         return np.asarray(predicted).reshape(len(table.X), -1)
+
+    def predict_from_each(self, X: pd.DataFrame, starts: np.ndarray) -> np.ndarray:
+        """Simulate one trajectory from every one of several initial states.
+
+        Parameters
+        ----------
+        X : DataFrame of shape (n_samples, n_columns)
+            The trajectory, of a `PlainTable`.
+        starts : ndarray of shape (n_starts, n_states)
+            The initial states.
+
+        Returns
+        -------
+        ndarray of shape (n_starts, n_samples, n_outputs)
+            Predicted outputs; no warning is given of those that diverge.
+        """
+        n = len(starts)
+        copies = X.iloc[np.tile(np.arange(len(X)), n)].reset_index(drop=True)
+        copies["trajectory"] = np.repeat(np.arange(n), len(X))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", SimulationWarning)
+            runs = self.predict(PlainTable(copies, np.empty((len(copies), 0)), starts), starts)
+        return runs.reshape(n, len(X), -1)
 
 
 def fit_physics(
@@ -111,31 +154,47 @@ def fit_network(
     """
     rows = _until_last_seen(table, visible)
     y = np.where(visible[:, None], table.y, np.nan)[rows]
-    sight = {} if sees_inputs else {"sees": list(physics.model.states)}
-    trained = clone(network).set_params(model=physics.model, **sight)
+    settings: dict[str, Any] = {} if sees_inputs else {"sees": list(physics.model.states)}
+    if "time_column" in network.get_params(deep=False):
+        settings["time_column"] = None  # a plain table calls the time "t"
+    trained = clone(network).set_params(model=physics.model, **settings)
     trained.fit(table.starting(physics.model, physics.starts, rows), y)
     return FittedDepth(trained, physics.physics, physics.starts)
 
 
 def states_met(fitted: FittedDepth, table: PlainTable) -> np.ndarray:
-    """Return the states of a free run of the trajectories of a fit, some of very many."""
+    """Return the states of a free run of the trajectories of a fit, some of very many.
+
+    They are those of what predicts; where that tells none, those of the physical model in it.
+    """
     rows = np.repeat(np.isfinite(fitted.starts).all(axis=1), table.lengths)
-    records = read_records(fitted.model, table.starting(fitted.model, fitted.starts, rows))
-    states = np.concatenate([simulate_record(fitted.model, record).x for record in records])
+    tells = hasattr(fitted.estimator, "predict_states")
+    source = fitted.estimator if tells else fitted.physics
+    states = source.predict_states(table.starting(fitted.model, fitted.starts, rows))
     return states[:: max(1, len(states) // ENOUGH)]
 
 
 def find_unknown_starts(
-    model: PhysicsModel, table: PlainTable, met: np.ndarray, window: int, noise: np.ndarray
+    fitted: FittedDepth,
+    table: PlainTable,
+    known: np.ndarray,
+    met: np.ndarray,
+    window: int,
+    noise: np.ndarray,
 ) -> np.ndarray:
     """Return initial states, unknown ones from the first measured samples of a trajectory.
 
+    What predicts finds them, too: a network's error in training says how near its own run comes
+    to the measurements, not that of the model in it.
+
     Parameters
     ----------
-    model : PhysicsModel
-        The fitted model.
+    fitted : FittedDepth
+        What predicts.
     table : PlainTable
         The trajectories, their first samples measured.
+    known : ndarray of shape (n_trajectories, n_states)
+        Initial states that are known, NaN of those to be found.
     met : ndarray of shape (n_samples, n_states)
         States met in training.
     window : int
@@ -148,14 +207,14 @@ def find_unknown_starts(
     ndarray of shape (n_trajectories, n_states)
         Initial states.
     """
-    known = starts_for(model, table)
-    if np.isfinite(known).all():
-        return known
     if not window:
-        return usual_starts(model, table)
-    first = table.place < window
-    records = read_records(model, table.starting(model, known)[first], table.y[first])
-    return np.array([find_initial_state(model, record, met, noise) for record in records])
+        return usual(fitted.model, known)
+    found = []
+    for i, told in enumerate(known):
+        rows = (table.X["trajectory"].to_numpy() == i) & (table.place < window)
+        run = partial(fitted.predict_from_each, table.X[rows])
+        found.append(find_initial_state(run, told, table.y[rows], met, noise))
+    return np.array(found)
 
 
 def _seen(table: PlainTable, visible) -> np.ndarray:

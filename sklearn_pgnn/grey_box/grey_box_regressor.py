@@ -29,7 +29,7 @@ from sklearn_pgnn.grey_box.depth import (
 )
 from sklearn_pgnn.grey_box.hidden_parts import WAYS, hidden_parts
 from sklearn_pgnn.grey_box.spread_warning import warn_of_spreads
-from sklearn_pgnn.grey_box.tables import plain_table, usual_starts
+from sklearn_pgnn.grey_box.tables import plain_table, starts_for, usual_starts
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.intervals import beside, check_coverage, quantile_of
 from sklearn_pgnn.trajectories import read_records, rows_in_order
@@ -102,7 +102,8 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
     time_column : int or str, optional
         Column of X that holds the time; by default ``"t"``, of an array the first.
     n_jobs : int, optional
-        Folds that are fitted at once; -1 means as many as there are processors.
+        Folds that are fitted at once, and threads of the last fit; -1 means as many as there are
+        processors.
     verbose : int, default=0
         Whether to print a line for every stage.
 
@@ -116,9 +117,11 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
     estimator_ : estimator
         What predicts: a `PhysicsModelRegressor`, or the network.
     model_ : PhysicsModel
-        The physical model in it, fitted. It starts where the first trajectory did.
+        The physical model in it, fitted; with the network where that tunes it
+        (``network=PGNNLRegressor(free=...)``). It starts where the first trajectory did.
     parameters_ : dict of str to Estimate
-        Its fitted parameters with their 95 % intervals.
+        Its fitted parameters with their 95 % intervals; of those that the network tunes they are
+        the network's.
     diagnosis_ : ModelDiagnosis
         The diagnosis, where `depths` asks for one.
     initial_states_ : ndarray of shape (n_trajectories, n_states)
@@ -337,19 +340,22 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             )
         records = self._records(validate_table(self, X, reset=False), y)
         table = plain_table(self.model, records)
+        known = starts_for(self.model_, table)
         starts = find_unknown_starts(
-            self.model_, table, self._met, self.initial_window, self._noise
+            self._fitted, table, known, self._met, self.initial_window, self._noise
         )
         outputs = rows_in_order(records, self._fitted.predict(table, starts))
         return outputs.ravel() if self._single_output else outputs
 
-    def predict_interval(self, X, coverage=0.9):
+    def predict_interval(self, X, coverage=0.9, y=None):
         r"""Return between what the measured outputs of a free run are expected.
 
         .. math:: \hat y_k \pm q
 
         with the quantile :math:`q`, for every output, of the errors on what cross-validation hid
-        from the fits. It holds for machines that are run as in the training records.
+        from the fits. It holds for machines that are run as in the training records, from initial
+        states that are as well known: where `initial_window` is set and X does not tell them, as
+        found from the first samples of y.
 
         Parameters
         ----------
@@ -357,6 +363,9 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             As in `predict`.
         coverage : float, default=0.9
             Share of the measurements that shall lie between.
+        y : array-like of shape (n_samples, n_outputs) or (n_samples,), optional
+            Measured outputs, from which `predict_from` finds the start; the interval is beside its
+            prediction. Without them it is beside that of `predict`.
 
         Returns
         -------
@@ -366,10 +375,11 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         Raises
         ------
         OptionError
-            If `coverage` is no share between 0 and 1.
+            If `coverage` is no share between 0 and 1, or y is given and `initial_window` is 0.
         """
         check_coverage(coverage)
-        return beside(self.predict(X), quantile_of(self._left, coverage))
+        predicted = self.predict(X) if y is None else self.predict_from(X, y)
+        return beside(predicted, quantile_of(self._left, coverage))
 
     # -- fitting -----------------------------------------------------------------------------------
 
@@ -434,12 +444,13 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         """Diagnose the prior; where that breaks down, take what it had found until then."""
         try:
             self.diagnosis_.fit(table.starting(self.model, table.told), table.y)
-        except Exception:
+        except Exception as error:
             if not hasattr(self.diagnosis_, "verdict_"):
                 raise
             warnings.warn(
-                f"the diagnosis broke off ({self.diagnosis_.stopped_}); the best that it had found "
-                f"is taken. Remedy: a smaller catalogue in diagnosis=ModelDiagnosis(...).",
+                f"the diagnosis broke off ({self.diagnosis_.stopped_}; {type(error).__name__}: "
+                f"{error}); the best that it had found is taken. Remedy: a smaller catalogue in "
+                f"diagnosis=ModelDiagnosis(...).",
                 UserWarning,
                 stacklevel=4,
             )
@@ -480,7 +491,7 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         everything = np.ones(len(table.X), dtype=bool)
         chosen = self.depth_
         base = self._base if chosen in NETWORKS else chosen
-        fitted = _fit_model(base, candidates[base], table, everything)
+        fitted = _fit_model(base, candidates[base], table, everything, self.n_jobs)
         if chosen in NETWORKS:
             try:
                 fitted = _fit_on(self._network(), chosen, fitted, table, everything)
@@ -491,7 +502,7 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         self._noise = training_error(fitted, table, everything)
         self.estimator_ = fitted.estimator
         self.initial_states_ = fitted.starts
-        self.parameters_ = fitted.physics.parameters_
+        self.parameters_ = fitted.parameters
         self.model_ = fitted.model
         teller(self)(f"chosen: {self.depth_}")
 
@@ -499,9 +510,9 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         return tags_of_records(super().__sklearn_tags__())
 
 
-def _fit_model(depth, model, table, visible) -> FittedDepth:
+def _fit_model(depth, model, table, visible, n_jobs=None) -> FittedDepth:
     """Fit a physical depth; of the prior only where the trajectories start."""
-    return fit_physics(model, table, visible, free=() if depth == "prior" else None)
+    return fit_physics(model, table, visible, n_jobs, free=() if depth == "prior" else None)
 
 
 def _warn_of_training(error, depth, base) -> None:

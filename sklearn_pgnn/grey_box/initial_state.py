@@ -1,34 +1,45 @@
 """The initial state of a trajectory, from its first measured samples."""
 
+from collections.abc import Callable
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.optimize import least_squares
 
-from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.free_run import simulate_record
-from sklearn_pgnn.trajectories.record import Record
-
 #: states of the training that are tried as starts, and how many are followed to their minimum
 TRIED, FOLLOWED = 200, 5
+#: what counts as an error where a run is not finite
+FAR = 1e6
+#: step of the differences by the initial state, in standard deviations of the states
+STEP = 1e-6
 
 
 def find_initial_state(
-    model: PhysicsModel, record: Record, met: np.ndarray, noise: np.ndarray
+    run: Callable[[np.ndarray], np.ndarray],
+    told: np.ndarray,
+    y: np.ndarray,
+    met: np.ndarray,
+    noise: np.ndarray,
 ) -> np.ndarray:
     r"""Find where a trajectory starts, from what was measured of its beginning.
 
     .. math:: \min_{x_0} \sum_{k,o} \left(\frac{y_{ko} - \hat y_{ko}(x_0)}{s_o}\right)^2
               + \sum_i \left(\frac{x_{0i} - \bar x_i}{\sigma_i}\right)^2
 
-    with the error :math:`s_o` that the model leaves in training, and mean and standard deviation
-    of the states met there. Some of these are tried, and the best followed to their minima.
+    with the error :math:`s_o` that the prediction leaves in training, and mean and standard
+    deviation of the states met there. Some of these are tried, and the best followed to their
+    minima.
 
     Parameters
     ----------
-    model : PhysicsModel
-        The fitted model.
-    record : Record
-        The first samples, measured; initial states that it tells are kept.
-    met : ndarray of shape (n_samples, n_states)
+    run : callable
+        What predicts: takes initial states of shape (n_starts, n_states), and gives outputs of
+        shape (n_starts, n_samples, n_outputs).
+    told : ndarray of shape (n_states,)
+        The initial state as far as it is known, which is kept; else NaN.
+    y : ndarray of shape (n_samples, n_outputs)
+        Measured outputs of the first samples; NaN where there is none.
+    met : ndarray of shape (n_met, n_states)
         States met in training.
     noise : ndarray of shape (n_outputs,)
         Error of the outputs in training.
@@ -40,43 +51,68 @@ def find_initial_state(
 
     Examples
     --------
-    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
-    >>> t, u, met = np.arange(5) * 0.1, np.zeros((5, 1)), np.linspace(0, 4, 9)[:, None]
-    >>> y = lag.simulate(t, u, [3.0]).y
-    >>> record = Record(t, u, y, np.array([np.nan]), "0", np.arange(5))
-    >>> find_initial_state(lag, record, met, np.array([1e-3])).round(3).tolist()
+    >>> decay = np.exp(-np.arange(5) / 20)[None, :, None]
+    >>> start = find_initial_state(
+    ...     lambda starts: starts[:, None] * decay, np.array([np.nan]), 3.0 * decay[0],
+    ...     met=np.linspace(0, 4, 9)[:, None], noise=np.array([1e-3]))
+    >>> start.round(3).tolist()
     [3.0]
     """
-    met = met[np.isfinite(met).all(axis=1)]
-    centre, spread = met.mean(axis=0), np.maximum(met.std(axis=0), 1e-12)
-    told = np.full(len(model.states), np.nan)
-    told[: record.x0.size] = record.x0
-    free = ~np.isfinite(told)
-    if not free.any():
+    if np.isfinite(told).all():
         return told
-    y = np.asarray(record.y)
-    measured = np.isfinite(y)
-
-    def state(z) -> np.ndarray:
-        x0 = told.copy()
-        x0[free] = (centre + z_full(z) * spread)[free]
-        return x0
-
-    def z_full(z) -> np.ndarray:
-        whole = np.zeros(free.size)
-        whole[free] = z
-        return whole
-
-    def left(z) -> np.ndarray:
-        run = simulate_record(model, _at(record, state(z)))
-        error = np.where(measured, (run.y - np.nan_to_num(y)) / noise, 0.0)
-        return np.append(np.nan_to_num(error, nan=1e6, posinf=1e6, neginf=-1e6).ravel(), z)
-
-    tried = ((met - centre) / spread)[:: max(1, len(met) // TRIED), free]
-    best = sorted(tried, key=lambda z: float(np.sum(left(z) ** 2)))[:FOLLOWED]
-    fits = [least_squares(left, z, diff_step=1e-6) for z in best]
-    return state(min(fits, key=lambda fit: fit.cost).x)
+    met = met[np.isfinite(met).all(axis=1)]
+    beginning = _Beginning(
+        run, told, y, met.mean(axis=0), np.maximum(met.std(axis=0), 1e-12), noise
+    )
+    tried = beginning.places(met[:: max(1, len(met) // TRIED)])
+    costs = np.sum(beginning.left(tried) ** 2, axis=1)
+    best = tried[np.argsort(costs, kind="stable")[:FOLLOWED]]
+    fits = [least_squares(beginning.left_of_one, z, jac=beginning.slopes) for z in best]
+    return beginning.states(min(fits, key=lambda fit: fit.cost).x[None])[0]
 
 
-def _at(record: Record, x0) -> Record:
-    return Record(record.t, record.u, None, x0, record.name, record.rows)
+@dataclass(frozen=True)
+class _Beginning:
+    """What is left of a beginning, by its unknown states in deviations from their mean.
+
+    Parameters
+    ----------
+    run, told, y, noise
+        See `find_initial_state`.
+    centre, spread : ndarray of shape (n_states,)
+        Mean and standard deviation of the states met in training.
+    """
+
+    run: Callable[[np.ndarray], np.ndarray]
+    told: np.ndarray
+    y: np.ndarray
+    centre: np.ndarray
+    spread: np.ndarray
+    noise: np.ndarray
+
+    def places(self, states: np.ndarray) -> np.ndarray:
+        """Return the unknown ones of states, in deviations from their mean."""
+        return ((states - self.centre) / self.spread)[:, np.isnan(self.told)]
+
+    def states(self, places: np.ndarray) -> np.ndarray:
+        """Return whole states: the known ones as told."""
+        states, free = np.tile(self.told, (len(places), 1)), np.isnan(self.told)
+        states[:, free] = self.centre[free] + places * self.spread[free]
+        return states
+
+    def left(self, places: np.ndarray) -> np.ndarray:
+        """Return the errors, in those of the training, and the deviations; a row a start."""
+        measured = np.isfinite(self.y)
+        error = (self.run(self.states(places)) - np.where(measured, self.y, 0.0)) / self.noise
+        error = np.nan_to_num(np.where(measured, error, 0.0), nan=FAR, posinf=FAR, neginf=-FAR)
+        return np.column_stack([error.reshape(len(places), -1), places])
+
+    def left_of_one(self, place: np.ndarray) -> np.ndarray:
+        """Return what is left of one start."""
+        return self.left(place[None])[0]
+
+    def slopes(self, place: np.ndarray) -> np.ndarray:
+        """Return the slopes of what is left, from runs that are made at once."""
+        steps = STEP * np.maximum(1.0, np.abs(place))
+        runs = self.left(place + np.vstack([np.zeros_like(place), np.diag(steps)]))
+        return (runs[1:] - runs[0]).T / steps

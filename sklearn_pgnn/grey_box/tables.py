@@ -90,9 +90,13 @@ def starts_for(model: PhysicsModel, table: PlainTable) -> np.ndarray:
 
 def usual_starts(model: PhysicsModel, table: PlainTable) -> np.ndarray:
     """Return initial states as told, else as the model says; NaN of those that it settles."""
-    starts = starts_for(model, table)
-    usual = [np.nan if k in model.settled else v for k, v in model.initial_state.items()]
-    return np.where(np.isfinite(starts), starts, usual)
+    return usual(model, starts_for(model, table))
+
+
+def usual(model: PhysicsModel, starts: np.ndarray) -> np.ndarray:
+    """Return initial states, NaN ones as the model says; those that it settles stay NaN."""
+    said = [np.nan if k in model.settled else v for k, v in model.initial_state.items()]
+    return np.where(np.isfinite(starts), starts, said)
 
 
 def _inputs(model, record) -> dict[str, np.ndarray]:

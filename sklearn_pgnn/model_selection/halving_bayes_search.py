@@ -1,6 +1,7 @@
 """Bayesian search that stops candidates by their first folds."""
 
 import time
+import warnings
 from numbers import Integral
 
 import numpy as np
@@ -10,7 +11,7 @@ from sklearn.utils import check_random_state, get_tags
 from sklearn.utils.metaestimators import available_if
 from sklearn.utils.validation import check_is_fitted
 
-from sklearn_pgnn.exceptions import OptionError
+from sklearn_pgnn.exceptions import OptionError, TrainingError
 from sklearn_pgnn.extras import needed_by
 from sklearn_pgnn.model_selection.own_folds import own_folds
 from sklearn_pgnn.trajectories.tables import take_rows
@@ -36,6 +37,35 @@ def _plain(value):
     return value.item() if isinstance(value, np.generic) else value
 
 
+def _means(scores) -> np.ndarray:
+    """Return every candidate's mean score over its folds, NaN of one without any."""
+    known = np.isfinite(scores)
+    with np.errstate(invalid="ignore"):
+        return np.where(known, scores, 0.0).sum(axis=1) / known.sum(axis=1)
+
+
+def _tell(optimizer, waiting: dict, means) -> None:
+    """Tell the process of the points that wait, once there is a score to tell.
+
+    One that could not be scored is as bad as the worst of the others.
+    """
+    if np.isnan(means).all():
+        return
+    for i, point in waiting.items():
+        optimizer.tell(point, -float(np.nanmin(means) if np.isnan(means[i]) else means[i]))
+    waiting.clear()
+
+
+def _warn_of_failure(params, fold: int, what: str) -> None:
+    """Warn of a candidate that could not be scored."""
+    warnings.warn(
+        f"the candidate {params} could not be scored in fold {fold}: {what} It counts as the "
+        f"worst. Remedy: a narrower search space.",
+        UserWarning,
+        stacklevel=4,
+    )
+
+
 class HalvingBayesSearchCV(MetaEstimatorMixin, BaseEstimator):
     """Search parameters by a Gaussian process; only the better half goes on after every fold.
 
@@ -49,6 +79,9 @@ class HalvingBayesSearchCV(MetaEstimatorMixin, BaseEstimator):
     than none, however few its candidates are. The Gaussian process learns from it where its
     parameters lie in the space; where one does not (``structure="auto"``, which is none of the
     three that are searched), it is scored all the same, and the process begins with the next one.
+
+    A candidate whose training diverges, or whose score is not finite, is warned of and counts as
+    the worst of those that have a score.
 
     Parameters
     ----------
@@ -82,8 +115,9 @@ class HalvingBayesSearchCV(MetaEstimatorMixin, BaseEstimator):
     best_index_ : int
         Its number among the candidates.
     cv_results_ : dict of str to list
-        By candidate: ``params``, ``split0_test_score`` and so on (NaN after it was stopped),
-        ``n_folds`` it was scored on, ``mean_test_score`` over these, and ``fit_time`` [s].
+        By candidate: ``params``, ``split0_test_score`` and so on (NaN after it was stopped, and of
+        one that could not be scored), ``n_folds`` it was scored on, ``mean_test_score`` over these,
+        and ``fit_time`` [s].
     n_splits_ : int
         Number of folds.
     n_features_in_ : int
@@ -132,7 +166,7 @@ class HalvingBayesSearchCV(MetaEstimatorMixin, BaseEstimator):
         self.random_state = random_state
         self.verbose = verbose
 
-    def fit(self, X, y):
+    def fit(self, X, y, groups=None):
         """Search, and fit the best to all records.
 
         Parameters
@@ -141,6 +175,8 @@ class HalvingBayesSearchCV(MetaEstimatorMixin, BaseEstimator):
             As the estimator takes it.
         y : array-like of shape (n_samples, n_outputs) or (n_samples,)
             Measured outputs.
+        groups : array-like of shape (n_samples,), optional
+            For the folds: trajectory of every row, as `cv` takes it; overrules what X tells.
 
         Returns
         -------
@@ -150,7 +186,8 @@ class HalvingBayesSearchCV(MetaEstimatorMixin, BaseEstimator):
         Raises
         ------
         ValueError
-            If a parameter is none of what it can be, or the estimator refuses a candidate.
+            If a parameter is none of what it can be, the estimator refuses a candidate, or none has
+            a finite score.
         ImportError
             If scikit-optimize is not installed.
         """
@@ -161,10 +198,10 @@ class HalvingBayesSearchCV(MetaEstimatorMixin, BaseEstimator):
                 "search_spaces: expected at least one dimension, got none. Remedy: "
                 "search_space(estimator) has those of the package's estimators."
             )
-        folds = list(own_folds(self.cv, self.estimator, X).split(X, y))
+        folds = list(own_folds(self.cv, self.estimator, X).split(X, y, groups))
         self.n_splits_ = len(folds)
         scores = np.full((self.n_iter, len(folds)), np.nan)
-        candidates, seconds = [], []
+        candidates, seconds, waiting = [], [], {}
         optimizer = self._optimizer()
         for i in range(self.n_iter):
             point, params = self._candidate(optimizer, i)
@@ -173,7 +210,8 @@ class HalvingBayesSearchCV(MetaEstimatorMixin, BaseEstimator):
             self._race(params, X, y, folds, scores, i)
             seconds.append(time.perf_counter() - start)
             if point is not None:
-                optimizer.tell(point, -float(np.nanmean(scores[i])))
+                waiting[i] = point
+            _tell(optimizer, waiting, _means(scores))
             self._show(i, scores, seconds[i])
         self._keep(candidates, scores, seconds)
         self.best_estimator_ = clone(self.estimator).set_params(**self.best_params_).fit(X, y)
@@ -212,17 +250,23 @@ class HalvingBayesSearchCV(MetaEstimatorMixin, BaseEstimator):
         return point if inside else None, params
 
     def _race(self, params, X, y, folds, scores, i) -> None:
-        """Score a candidate fold by fold, as long as it is among the better half."""
+        """Score a candidate fold by fold, as long as it is among the better half.
+
+        One that cannot be scored has no score at all, so that no other is compared with it.
+        """
         for k, (train, test) in enumerate(folds):
             fitted = clone(self.estimator).set_params(**params)
-            fitted.fit(take_rows(X, train), take_rows(y, train))
-            score = check_scoring(fitted, self.scoring)
-            scores[i, k] = score(fitted, take_rows(X, test), take_rows(y, test))
+            try:
+                fitted.fit(take_rows(X, train), take_rows(y, train))
+                score = check_scoring(fitted, self.scoring)
+                scores[i, k] = score(fitted, take_rows(X, test), take_rows(y, test))
+                what = f"expected a finite score, got {scores[i, k]}."
+            except TrainingError as error:
+                scores[i, k], what = np.nan, str(error)
             if not np.isfinite(scores[i, k]):
-                raise ValueError(
-                    f"the score of {params} in fold {k} is {scores[i, k]}; expected a finite "
-                    f"number. Remedy: another scoring, or a narrower search space."
-                )
+                scores[i] = np.nan
+                _warn_of_failure(params, k, what)
+                break
             means = scores[: i + 1, : k + 1].mean(axis=1)  # NaN of those stopped before
             if means[i] < np.nanmedian(means):
                 break
@@ -230,16 +274,21 @@ class HalvingBayesSearchCV(MetaEstimatorMixin, BaseEstimator):
     def _show(self, i, scores, seconds) -> None:
         if self.verbose:
             n_folds = int(np.isfinite(scores[i]).sum())
-            whole = scores[np.isfinite(scores).all(axis=1)]
+            best = scores.mean(axis=1)[np.isfinite(scores).all(axis=1)].max(initial=-np.inf)
             print(
                 f"[{type(self).__name__}] candidate {i + 1} of {self.n_iter}: score "
-                f"{np.nanmean(scores[i]):.4g} over {n_folds} of {self.n_splits_} folds, "
-                f"{seconds:.1f} s; best {whole.mean(axis=1).max():.4g}",
+                f"{_means(scores)[i]:.4g} over {n_folds} of {self.n_splits_} folds, "
+                f"{seconds:.1f} s; best {best:.4g}",
                 flush=True,
             )
 
     def _keep(self, candidates, scores, seconds) -> None:
         whole = np.where(np.isfinite(scores).all(axis=1), scores.mean(axis=1), -np.inf)
+        if np.isneginf(whole).all():
+            raise ValueError(
+                f"no score of {len(candidates)} candidates is a finite number, the first of them "
+                f"{candidates[0]}. Remedy: another scoring, or a narrower search space."
+            )
         self.best_index_ = int(np.argmax(whole))
         self.best_score_ = float(whole[self.best_index_])
         self.best_params_ = candidates[self.best_index_]
@@ -248,7 +297,7 @@ class HalvingBayesSearchCV(MetaEstimatorMixin, BaseEstimator):
             "params": candidates,
             **splits,
             "n_folds": np.isfinite(scores).sum(axis=1).tolist(),
-            "mean_test_score": np.nanmean(scores, axis=1).tolist(),
+            "mean_test_score": _means(scores).tolist(),
             "fit_time": seconds,
         }
 
@@ -268,6 +317,23 @@ class HalvingBayesSearchCV(MetaEstimatorMixin, BaseEstimator):
         """
         check_is_fitted(self)
         return self.best_estimator_.predict(X)
+
+    @_best_has("predict_states")
+    def predict_states(self, X):
+        """Simulate the states by the best estimator, if it can.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_samples, n_columns)
+            As in `fit`.
+
+        Returns
+        -------
+        ndarray of shape (n_samples, n_states)
+            The states.
+        """
+        check_is_fitted(self)
+        return self.best_estimator_.predict_states(X)
 
     @_best_has("predict_ahead")
     def predict_ahead(self, X, y, steps=1):
@@ -291,7 +357,7 @@ class HalvingBayesSearchCV(MetaEstimatorMixin, BaseEstimator):
         return self.best_estimator_.predict_ahead(X, y, steps)
 
     @_best_has("predict_interval")
-    def predict_interval(self, X, coverage=0.9):
+    def predict_interval(self, X, coverage=0.9, y=None):
         """Return intervals by the best estimator, if it has such.
 
         Parameters
@@ -300,6 +366,8 @@ class HalvingBayesSearchCV(MetaEstimatorMixin, BaseEstimator):
             As in `fit`.
         coverage : float, default=0.9
             Share of the measurements that shall lie between.
+        y : array-like of shape (n_samples, n_outputs) or (n_samples,), optional
+            Measured outputs, where the best estimator takes them (`GreyBoxRegressor`).
 
         Returns
         -------
@@ -307,7 +375,8 @@ class HalvingBayesSearchCV(MetaEstimatorMixin, BaseEstimator):
             The interval's ends.
         """
         check_is_fitted(self)
-        return self.best_estimator_.predict_interval(X, coverage)
+        measured = {} if y is None else {"y": y}
+        return self.best_estimator_.predict_interval(X, coverage, **measured)
 
     def score(self, X, y):
         """Return the score of the best estimator.

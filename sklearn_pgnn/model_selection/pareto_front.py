@@ -7,9 +7,9 @@ from sklearn.base import clone
 from sklearn.pipeline import Pipeline
 
 from sklearn_pgnn.model_selection.own_folds import own_folds
-from sklearn_pgnn.trajectories.tables import take_rows
+from sklearn_pgnn.trajectories.tables import as_columns, take_rows
 
-#: weights of the physical loss that are tried
+#: weights of the physical loss that a front is drawn through
 LAMBDAS = (0.0, 0.001, 0.01, 0.03, 0.1, 0.3, 0.6, 0.9)
 
 
@@ -139,7 +139,7 @@ def _full_name(estimator, param) -> str:
 def _fit_and_judge(estimator, X, y, X_test, y_test) -> tuple[np.ndarray, np.ndarray]:
     """Fit, and return the errors of the prediction and its physical residuals."""
     estimator.fit(X, y)
-    predicted, measured = _columns(estimator.predict(X_test)), _columns(y_test)
+    predicted, measured = as_columns(estimator.predict(X_test)), as_columns(y_test)
     error = predicted - measured
     error[np.isfinite(measured) & ~np.isfinite(predicted)] = np.inf
     return error, _physics_residual(estimator, X_test)
@@ -155,20 +155,15 @@ def _physics_residual(estimator, X) -> np.ndarray:
             f"{type(estimator).__name__} has no physics_residual(X). Remedy: end the pipeline in "
             f"an estimator that has, such as PGNNLRegressor."
         )
-    return _columns(estimator.physics_residual(X))
+    return as_columns(estimator.physics_residual(X))
 
 
 # -- what is judged --------------------------------------------------------------------------------
 
 
-def _columns(values) -> np.ndarray:
-    values = np.asarray(values, dtype=float)
-    return values.reshape(len(values), -1)
-
-
 def _spread(measured) -> np.ndarray:
     """Return the standard deviation of every tested output."""
-    spread = np.nanstd(np.concatenate([_columns(y) for y in measured]), axis=0)
+    spread = np.nanstd(np.concatenate([as_columns(y) for y in measured]), axis=0)
     still = np.flatnonzero(~(spread > 0))
     if still.size:
         raise ValueError(

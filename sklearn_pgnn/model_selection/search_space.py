@@ -4,8 +4,9 @@ from inspect import signature
 
 from sklearn_pgnn.extras import needed_by
 
-#: weights of the physical loss: a logarithmic range has no 0, which often is the best
-LAMBDAS = (0.0, 0.001, 0.01, 0.1, 0.3, 0.9)
+#: weights of the physical loss that a search chooses from, fewer than a front is drawn through;
+#: a logarithmic range has no 0, which often is the best
+SEARCHED_LAMBDAS = (0.0, 0.001, 0.01, 0.1, 0.3, 0.9)
 
 
 def search_space(estimator, **changes) -> dict:
@@ -114,7 +115,7 @@ def _network(parameters) -> dict:
         "module__neurons": ("neurons" in core, space.Integer(3, 20)),
         "module__layers": ("layers" in core, space.Integer(1, 2)),
         "lr": (True, space.Real(1e-3, 3e-2, prior="log-uniform")),
-        "lambda_phy": (energetic, space.Categorical(list(LAMBDAS))),
+        "lambda_phy": (energetic, space.Categorical(list(SEARCHED_LAMBDAS))),
         "structure": (model is not None, _structures(parameters, space)),
         "horizon": (True, space.Categorical([1, 20, 50])),
     }

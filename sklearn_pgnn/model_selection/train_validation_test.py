@@ -23,6 +23,7 @@ def train_validation_test_split(
     shuffle=False,
     random_state=None,
     time_column=None,
+    trajectory_column=None,
 ):
     """Split records into a training, a validation and a test set.
 
@@ -46,6 +47,9 @@ def train_validation_test_split(
     time_column : int or str, optional
         Column of X that holds the time; by default ``"t"``, the first where the columns
         have no names.
+    trajectory_column : str, optional
+        Column of X that names the trajectory of every row; by default ``"trajectory"``, where X has
+        that.
 
     Returns
     -------
@@ -56,7 +60,7 @@ def train_validation_test_split(
     ------
     ValueError
         If the sizes are no three shares, there are too few trajectories or samples, or pieces
-        would read as one.
+        would read as one, or X has no such column.
 
     Examples
     --------
@@ -67,13 +71,14 @@ def train_validation_test_split(
     """
     _check(sizes, by, shuffle)
     check_consistent_length(X, y)
-    pieces = read_pieces(X, time_column=time_column)
+    columns = {"time_column": time_column, "trajectory_column": trajectory_column}
+    pieces = read_pieces(X, **columns)
     if by == "time":
         parts = _cut_each(pieces, sizes)
     else:
         parts = _deal(pieces, sizes, check_random_state(random_state) if shuffle else None)
     for part in parts:
-        refuse_merging(X, part, time_column=time_column)
+        refuse_merging(X, part, **columns)
     rows = [np.sort(np.concatenate(part)) for part in parts]
     return [take_rows(table, each) for table in (X, y) for each in rows]
 

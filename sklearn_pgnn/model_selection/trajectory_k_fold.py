@@ -4,11 +4,15 @@ from numbers import Integral
 from typing import ClassVar
 
 import numpy as np
-import pandas as pd
 from sklearn.model_selection import BaseCrossValidator
 from sklearn.utils import check_random_state
 
-from sklearn_pgnn.model_selection.trajectory_rows import deal_in_order, read_pieces, refuse_merging
+from sklearn_pgnn.model_selection.trajectory_rows import (
+    are_measured,
+    deal_in_order,
+    read_pieces,
+    refuse_merging,
+)
 
 
 class TrajectoryKFold(BaseCrossValidator):
@@ -33,8 +37,10 @@ class TrajectoryKFold(BaseCrossValidator):
         What draws it.
     time_column : int or str, optional
         Column of X that holds the time; by default ``"t"``, the first where the columns
-        have no names. Where X has a column
-        ``trajectory`` the time is not read.
+        have no names. Where a column names the trajectories the time is not read.
+    trajectory_column : str, optional
+        Column of X that names the trajectory of every row; by default ``"trajectory"``, where X has
+        that.
 
     See Also
     --------
@@ -53,11 +59,20 @@ class TrajectoryKFold(BaseCrossValidator):
     # under metadata routing too, groups are taken where they are given
     __metadata_request__split: ClassVar = {"groups": True}
 
-    def __init__(self, n_splits=5, *, shuffle=False, random_state=None, time_column=None):
+    def __init__(
+        self,
+        n_splits=5,
+        *,
+        shuffle=False,
+        random_state=None,
+        time_column=None,
+        trajectory_column=None,
+    ):
         self.n_splits = n_splits
         self.shuffle = shuffle
         self.random_state = random_state
         self.time_column = time_column
+        self.trajectory_column = trajectory_column
 
     def split(self, X, y=None, groups=None):
         """Generate the rows of every training and test set.
@@ -82,7 +97,8 @@ class TrajectoryKFold(BaseCrossValidator):
         Raises
         ------
         ValueError
-            If there are fewer trajectories than folds, or `n_splits` is no number above one.
+            If there are fewer trajectories than folds, `n_splits` is no number above one, or X has
+            no such column.
         """
         return super().split(X, y, groups)
 
@@ -102,8 +118,9 @@ class TrajectoryKFold(BaseCrossValidator):
         return self.n_splits
 
     def _iter_test_indices(self, X=None, y=None, groups=None):
-        pieces = read_pieces(X, groups, self.time_column)
-        order = np.flatnonzero(_are_measured(pieces, y))
+        columns = self.time_column, self.trajectory_column
+        pieces = read_pieces(X, groups, *columns)
+        order = np.flatnonzero(are_measured(pieces, y))
         self._check(len(order))
         if self.shuffle:
             check_random_state(self.random_state).shuffle(order)
@@ -112,23 +129,17 @@ class TrajectoryKFold(BaseCrossValidator):
             tested = np.isin(np.arange(len(pieces)), order[fold])
             for side in (tested, ~tested):
                 kept = [pieces[i] for i in np.flatnonzero(side)]
-                refuse_merging(X, kept, groups, self.time_column)
+                refuse_merging(X, kept, groups, *columns)
             yield np.concatenate([pieces[i] for i in np.flatnonzero(tested)])
 
     def _check(self, n_trajectories):
         if not isinstance(self.n_splits, Integral) or self.n_splits < 2:
             raise ValueError(f"n_splits: expected an integer above 1, got {self.n_splits!r}.")
         if n_trajectories < self.n_splits:
+            fewer = f"n_splits={n_trajectories}, or " if n_trajectories > 1 else ""
+            things = "trajectory" if n_trajectories == 1 else "trajectories"
             raise ValueError(
-                f"n_splits: expected at most one fold a trajectory, got {self.n_splits} folds and "
-                f"{n_trajectories} trajectories. Remedy: n_splits={max(n_trajectories, 2)}, or "
-                f"more records; a long one may be cut (train_validation_test_split, by='time')."
+                f"n_splits: expected at most one fold a trajectory with a measured output, got "
+                f"{self.n_splits} folds and {n_trajectories} {things}. Remedy: {fewer}more "
+                f"records; a long one may be cut (train_validation_test_split, by='time')."
             )
-
-
-def _are_measured(pieces, y) -> np.ndarray:
-    """Return for every trajectory whether some of its outputs are measured."""
-    if y is None:
-        return np.ones(len(pieces), dtype=bool)
-    empty = pd.isna(np.asarray(y))
-    return np.array([not empty[rows].all() for rows in pieces])

@@ -12,7 +12,7 @@ from sklearn_pgnn.trajectories.reader import TIME, TRAJECTORY
 from sklearn_pgnn.trajectories.tables import as_table, read_clock
 
 
-def read_pieces(X, groups=None, time_column=None) -> list[np.ndarray]:
+def read_pieces(X, groups=None, time_column=None, trajectory_column=None) -> list[np.ndarray]:
     """Find the rows of every trajectory in a table.
 
     Parameters
@@ -24,6 +24,8 @@ def read_pieces(X, groups=None, time_column=None) -> list[np.ndarray]:
         Trajectory of every row; overrules X.
     time_column : int or str, optional
         Column of the time; by default ``"t"``, the first where the columns have no names.
+    trajectory_column : str, optional
+        Column that names the trajectory of every row; by default ``"trajectory"``.
 
     Returns
     -------
@@ -41,13 +43,13 @@ def read_pieces(X, groups=None, time_column=None) -> list[np.ndarray]:
     [[0, 1], [2]]
     """
     X = as_table(X, time_column)
-    names = _column(X, TRAJECTORY) if groups is None else np.asarray(groups)
+    names = _named(X, trajectory_column) if groups is None else np.asarray(groups)
     if names is not None:
         return [rows for _, rows in split_rows(np.empty(len(names)), names)]
     return [rows for _, rows in split_rows(_read_time(X, time_column))]
 
 
-def refuse_merging(X, pieces, groups=None, time_column=None) -> None:
+def refuse_merging(X, pieces, groups=None, time_column=None, trajectory_column=None) -> None:
     """Raise `ValueError` for trajectories that would read as one when concatenated.
 
     Without a column ``trajectory`` a table tells a new trajectory by a time that does not
@@ -63,6 +65,8 @@ def refuse_merging(X, pieces, groups=None, time_column=None) -> None:
         Trajectory of every row; whoever gives them answers for it.
     time_column : int or str, optional
         Column of the time.
+    trajectory_column : str, optional
+        Column that names the trajectory of every row.
 
     Raises
     ------
@@ -80,7 +84,7 @@ def refuse_merging(X, pieces, groups=None, time_column=None) -> None:
 for time goes on increasing from 0.1 s to 0.4 s. Remedy: give X a column 'trajectory'.
     """
     X = as_table(X, time_column)
-    if groups is not None or _column(X, TRAJECTORY) is not None:
+    if groups is not None or _named(X, trajectory_column) is not None:
         return
     t = _read_time(X, time_column)
     for before, after in pairwise(pieces):
@@ -91,6 +95,32 @@ for time goes on increasing from 0.1 s to 0.4 s. Remedy: give X a column 'trajec
                 f"as one, for time goes on increasing from {t[end]:g} s to {t[start]:g} s. "
                 f"Remedy: give X a column 'trajectory'."
             )
+
+
+def are_measured(pieces, y) -> np.ndarray:
+    """Return for every trajectory whether some of its outputs are measured.
+
+    Parameters
+    ----------
+    pieces : list of ndarray
+        Row numbers of every trajectory.
+    y : array-like of shape (n_samples, n_outputs) or (n_samples,) or None
+        Measured outputs, NaN or None where there is none.
+
+    Returns
+    -------
+    ndarray of bool, shape (n_trajectories,)
+        True of all without y.
+
+    Examples
+    --------
+    >>> are_measured([np.array([0, 1]), np.array([2])], [1.0, np.nan, np.nan]).tolist()
+    [True, False]
+    """
+    if y is None:
+        return np.ones(len(pieces), dtype=bool)
+    empty = pd.isna(np.asarray(y))
+    return np.array([not empty[rows].all() for rows in pieces])
 
 
 def deal_in_order(lengths, shares) -> list[np.ndarray]:
@@ -128,6 +158,19 @@ def _column(X, name) -> np.ndarray | None:
     if not isinstance(X, pd.DataFrame) or name not in X.columns:
         return None
     return X[name].to_numpy()
+
+
+def _named(X, trajectory_column) -> np.ndarray | None:
+    """Return the trajectory of every row; None where no column names it."""
+    names = _column(X, TRAJECTORY if trajectory_column is None else trajectory_column)
+    if names is None and trajectory_column is not None:
+        columns = ", ".join(map(str, getattr(X, "columns", ()))) or "columns without names"
+        raise ValueError(
+            f"trajectory_column: expected a column of X, got {trajectory_column!r}; X has "
+            f"{columns}. Remedy: name one of these, or leave it out where the time tells the "
+            f"trajectories apart."
+        )
+    return names
 
 
 def _read_time(X, time_column) -> np.ndarray:

@@ -3,16 +3,24 @@
 import numpy as np
 from sklearn.base import BaseEstimator, MetaEstimatorMixin, RegressorMixin, clone
 from sklearn.utils import get_tags
+from sklearn.utils.metaestimators import available_if
 from sklearn.utils.validation import check_is_fitted
 
 from sklearn_pgnn.estimators.progress import teller
-from sklearn_pgnn.model_selection.own_folds import own_folds, time_column_of
-from sklearn_pgnn.model_selection.trajectory_rows import read_pieces
+from sklearn_pgnn.model_selection.own_folds import columns_of, own_folds
+from sklearn_pgnn.model_selection.trajectory_rows import are_measured, read_pieces
 from sklearn_pgnn.simulation.intervals import beside, check_coverage, quantile_of
-from sklearn_pgnn.trajectories.tables import take_rows
+from sklearn_pgnn.trajectories.tables import as_columns, take_rows
 
 #: folds at most where none are told: every one is a fit
 FOLDS = 6
+
+
+def _inner_has(name):
+    def check(self):
+        return hasattr(getattr(self, "estimator_", self.estimator), name)
+
+    return available_if(check)
 
 
 class ConformalRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
@@ -35,7 +43,7 @@ class ConformalRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
         Any regressor: `SINDYcRegressor`, `PGNNLRegressor`, `ResidualRegressor`, a pipeline.
     cv : int or cross-validation splitter, optional
         Folds; a number means `TrajectoryKFold`, by the time that the regressor reads. By default
-        as many as there are trajectories, but at most 6.
+        as many as there are trajectories with measured outputs, but at most 6.
     verbose : int, default=0
         Whether to print a line for every fold.
 
@@ -81,7 +89,7 @@ class ConformalRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
         self.cv = cv
         self.verbose = verbose
 
-    def fit(self, X, y):
+    def fit(self, X, y, groups=None):
         """Fit to all trajectories, and without each fold.
 
         Parameters
@@ -90,6 +98,8 @@ class ConformalRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
             As the regressor takes it.
         y : array-like of shape (n_samples, n_outputs) or (n_samples,)
             Measured outputs; NaN where there is none.
+        groups : array-like of shape (n_samples,), optional
+            For the folds: trajectory of every row, as `cv` takes it; overrules what X tells.
 
         Returns
         -------
@@ -103,11 +113,12 @@ class ConformalRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
         """
         self.estimator_ = clone(self.estimator).fit(X, y)
         left = []
-        for train, test in self._splitter(X).split(X, y):
+        for train, test in self._splitter(X, y, groups).split(X, y, groups):
             fitted = clone(self.estimator).fit(take_rows(X, train), take_rows(y, train))
-            predicted = _columns(fitted.predict(take_rows(X, test)))
-            left.append(np.abs(predicted - _columns(take_rows(y, test))))
-            teller(self)(f"fold {len(left)}: largest error {np.nanmax(left[-1]):.4g}")
+            predicted = as_columns(fitted.predict(take_rows(X, test)))
+            left.append(np.abs(predicted - as_columns(take_rows(y, test))))
+            if self.verbose:
+                teller(self)(f"fold {len(left)}: largest error {np.nanmax(left[-1]):.4g}")
         self._left = np.sort(np.concatenate(left), axis=0)
         return self
 
@@ -136,6 +147,44 @@ class ConformalRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
         """
         check_is_fitted(self)
         return self.estimator_.predict(X)
+
+    @_inner_has("predict_states")
+    def predict_states(self, X):
+        """Simulate the states by the regressor that was fitted to all trajectories, if it can.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_samples, n_columns)
+            As in `fit`.
+
+        Returns
+        -------
+        ndarray of shape (n_samples, n_states)
+            The states.
+        """
+        check_is_fitted(self)
+        return self.estimator_.predict_states(X)
+
+    @_inner_has("predict_ahead")
+    def predict_ahead(self, X, y, steps=1):
+        """Predict every sample from the outputs before it, if the regressor can.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_samples, n_columns)
+            As in `fit`.
+        y : array-like of shape (n_samples, n_outputs) or (n_samples,)
+            Measured outputs, NaN where there is none.
+        steps : int, default=1
+            Samples ahead.
+
+        Returns
+        -------
+        ndarray of shape (n_samples, n_outputs) or (n_samples,)
+            Predicted outputs.
+        """
+        check_is_fitted(self)
+        return self.estimator_.predict_ahead(X, y, steps)
 
     def score(self, X, y, sample_weight=None):
         """Return what the regressor that was fitted to all trajectories scores.
@@ -182,11 +231,11 @@ class ConformalRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
         check_coverage(coverage)
         return beside(np.asarray(self.predict(X)), quantile_of(self._left, coverage))
 
-    def _splitter(self, X):
+    def _splitter(self, X, y, groups):
         cv = self.cv
         if cv is None:
-            pieces = read_pieces(X, None, time_column_of(self.estimator, X))
-            cv = max(2, min(FOLDS, len(pieces)))
+            pieces = read_pieces(X, groups, **columns_of(self.estimator, X))
+            cv = max(2, min(FOLDS, int(are_measured(pieces, y).sum())))
         return own_folds(cv, self.estimator, X)
 
     def __sklearn_tags__(self):
@@ -195,8 +244,3 @@ class ConformalRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
         tags.target_tags = inner.target_tags
         tags.regressor_tags = inner.regressor_tags
         return tags
-
-
-def _columns(values) -> np.ndarray:
-    values = np.asarray(values, dtype=float)
-    return values.reshape(len(values), -1)

@@ -12,11 +12,9 @@ from sklearn_pgnn.simulation.free_run import substeps_for
 from sklearn_pgnn.simulation.simulate import hold_of
 from sklearn_pgnn.trajectories import read_records, rows_in_order, split_rows
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
-from sklearn_pgnn.trajectories.names import column_of, time_name
+from sklearn_pgnn.trajectories.names import SIMULATED, column_of, time_name
 from sklearn_pgnn.trajectories.reader import TIME, TRAJECTORY
 from sklearn_pgnn.trajectories.validation import check_model, validate_table
-
-SUFFIX = "_phy"
 
 
 class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
@@ -162,7 +160,7 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
         )
         if not hasattr(self, "feature_names_in_"):
             return np.column_stack([self._kept_table(pd.DataFrame(X), records), simulated])
-        new = pd.DataFrame(simulated, X.index, [name + SUFFIX for name in self._quantities()])
+        new = pd.DataFrame(simulated, X.index, [name + SIMULATED for name in self._quantities()])
         return pd.concat([self._kept_table(X, records), new], axis=1)
 
     def get_feature_names_out(self, input_features=None):
@@ -184,7 +182,7 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
         names = _check_feature_names_in(self, input_features)
         if self.model is None:
             return names
-        new = [name + SUFFIX for name in self._quantities()]
+        new = [name + SIMULATED for name in self._quantities()]
         return np.asarray([*names[self._kept()], *new], dtype=object)
 
     def _quantities(self) -> list[str]:
@@ -202,7 +200,7 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
     def _kept_table(self, X: pd.DataFrame, records) -> pd.DataFrame:
         """Return the columns of X that are passed on, states as they are in the first rows."""
         kept = self._on_own_clocks(X, records).iloc[:, self._kept()]
-        if self.append is not True:
+        if isinstance(self.append, str) or not self.append:
             return kept
         named = column_of(self.model, TRAJECTORY, self._column_names())
         if named is not None:

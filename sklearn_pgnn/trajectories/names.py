@@ -6,6 +6,9 @@ import pandas as pd
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.physics.model import PhysicsModel
 
+#: what a simulated quantity has behind its name
+SIMULATED = "_phy"
+
 
 def column_of(model: PhysicsModel, name: str, columns) -> str | None:
     """Return the name of the column that holds a quantity, or None where there is none.

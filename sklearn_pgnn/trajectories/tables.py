@@ -90,6 +90,28 @@ def _native(values):
     return values.astype(values.dtype.newbyteorder("="))
 
 
+def as_columns(values) -> np.ndarray:
+    """Return numbers with a column for every output, one of a plain sequence.
+
+    Parameters
+    ----------
+    values : array-like of shape (n_samples, n_outputs) or (n_samples,)
+        The numbers.
+
+    Returns
+    -------
+    ndarray of shape (n_samples, n_outputs)
+        The numbers, in double precision.
+
+    Examples
+    --------
+    >>> as_columns([1, 2]).tolist()
+    [[1.0], [2.0]]
+    """
+    values = np.asarray(values, dtype=float)
+    return values.reshape(len(values), -1)
+
+
 def take_rows(table, rows):
     """Return some rows of a table.
 

@@ -15,6 +15,7 @@ from sklearn_pgnn.estimators.network.least_squares import (
     l_bfgs,
     levenberg_marquardt,
 )
+from sklearn_pgnn.exceptions import SimulationWarning
 
 START = np.array([-1.2, 1.0])
 
@@ -108,6 +109,19 @@ class Tasks(SimulationObjective):
 def test_no_evaluation_is_sent_to_a_cluster(threads):
     with joblib.parallel_config(backend=FarCluster()):
         assert Tasks(threads).error(2.0) == 12.0
+
+
+@pytest.mark.parametrize("refine", ["lm", "lbfgs"])
+def test_a_last_phase_that_cannot_begin_is_said(refine):
+    unstable = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": -0.05}, {"u": "V"})
+    t = np.concatenate([np.arange(n) * 0.05 for n in (400, 6, 6)])
+    X = pd.DataFrame({"trajectory": np.repeat([0, 1, 2], [400, 6, 6]), "t": t, "u": 1.0})
+    options = {"max_epochs": 1, "module__neurons": 2, "substeps": 1, "validation_fraction": 0}
+    net = PGNNLRegressor(unstable, structure="correction", refine=refine, **options)
+    expected = "in 1 of 3 trajectories to train on .* its last phase is left out. Remedy: rollouts"
+    with pytest.warns(SimulationWarning, match=expected):
+        net.fit(X, np.sin(t))
+    assert len(net.history) == 1
 
 
 @pytest.mark.slow

@@ -254,6 +254,15 @@ def test_another_authors_module():
         net.stepper()
 
 
+@pytest.mark.parametrize("refine", ["lm", "lbfgs"])
+def test_a_core_that_cannot_be_refined_is_refused_before_any_work(refine, monkeypatch):
+    monkeypatch.setattr(PGNNLRegressor, "_train_on_trajectories", None)
+    with pytest.raises(ValueError, match=f"refine='{refine}' needs .*, got Recurrent. Remedy"):
+        quick(module=network.Recurrent, refine=refine).fit(X, Y)
+    rows = np.random.default_rng(0).normal(size=(20, 2))  # they have no last phase
+    quick(None, module=network.Recurrent, refine=refine).fit(rows, rows[:, 0])
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("structure", ["increment", "correction"])
 def test_recurrent_core(structure):
@@ -356,6 +365,9 @@ def test_independent_rows():
         ({"horizon": 0}, r"horizon: expected an integer >= 1, got 0"),
         ({"horizon": 2.5}, r"horizon: expected an integer >= 1, got 2.5"),
         ({"horizon": "long"}, r"horizon: expected an integer >= 1, got 'long'"),
+        ({"refine_max_iter": 2.5}, r"refine_max_iter: expected an integer >= 0, got 2.5"),
+        ({"rollout_epochs": -1}, r"rollout_epochs: expected an integer >= 0, got -1"),
+        ({"n_iter_no_change": None}, r"n_iter_no_change: expected an integer >= 1, got None"),
         (
             {"validation_fraction": 1.0},
             r"validation_fraction: expected a share from 0 to below 1, got 1.0",

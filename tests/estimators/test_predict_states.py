@@ -9,7 +9,9 @@ from sklearn_pgnn import (
     PGNNLRegressor,
     PhysicsModel,
     PhysicsModelRegressor,
+    ResidualRegressor,
     SINDYcRegressor,
+    make_pgnn_pipeline,
 )
 
 CART = PhysicsModel(
@@ -43,6 +45,7 @@ def records(n=3):
         GreyBoxRegressor(CART, depths=("fitted",)),
         SINDYcRegressor(CART, degree=1),
         PGNNLRegressor(CART, module__neurons=3, max_epochs=3, refine=None),
+        ResidualRegressor(CART),
     ],
     ids=lambda each: type(each).__name__,
 )
@@ -50,7 +53,7 @@ def test_the_states_are_those_behind_the_outputs(estimator):
     X, y, states = records()
     found = estimator.fit(X, y).predict_states(X)
     assert found.shape == states.shape
-    assert np.allclose(found[:, 0], estimator.predict(X))
+    assert np.allclose(found[:, 0], estimator.predict(X), atol=1e-6)
     assert np.sqrt(np.mean((found - states) ** 2)) < 0.05 * states.std()
 
 
@@ -59,3 +62,19 @@ def test_independent_rows_have_none(estimator):
     A = np.random.default_rng(0).normal(size=(100, 3))
     with pytest.raises(ValueError, match="have no states"):
         estimator.fit(A, A[:, :1] ** 2).predict_states(A)
+
+
+def test_without_a_model_a_residual_has_none():
+    A = np.random.default_rng(0).normal(size=(100, 3))
+    with pytest.raises(ValueError, match="predict_states: expected a regressor with a model"):
+        ResidualRegressor().fit(A, A[:, :1]).predict_states(A)
+
+
+def test_a_pipeline_gives_them_by_its_last_step():
+    X, y, _ = records(2)
+    order = np.lexsort((X["t"], X["trajectory"]))
+    X, y = X.iloc[order], y[order]
+    pipeline = make_pgnn_pipeline(CART, module__neurons=3, max_epochs=1, refine=None).fit(X, y)
+    before = pipeline[:-1].transform(X)
+    assert pipeline[-1].predict_states(before).shape == (len(X), 2)
+    assert np.isfinite(pipeline[-1].predict_ahead(before, y)).all()

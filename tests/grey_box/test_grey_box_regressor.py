@@ -168,7 +168,7 @@ class BrokenOff(ModelDiagnosis):
 def test_a_diagnosis_that_breaks_off_is_said(with_friction):
     _, X, y = with_friction
     broken = BrokenOff(CART, catalogue=(effects.CoulombFriction,))
-    with pytest.warns(UserWarning, match="the best that it had found is taken"):
+    with pytest.warns(UserWarning, match="unexpected ModelError; ModelError: broken.*is taken"):
         grey_box = GreyBoxRegressor(CART, diagnosis=broken, depths=("extended",)).fit(X, y)
     assert grey_box.parameters_["Fc_v"].value == pytest.approx(0.4, rel=0.02)
 
@@ -185,6 +185,11 @@ def test_trajectories_start_where_their_first_samples_say():
     hidden = np.where(X.groupby("trajectory").cumcount() < 10, y, np.nan)
     assert np.std(grey_box.predict_from(X, hidden) - y) < 3e-3
     assert np.std(grey_box.predict(X) - y) > 0.1
+    low, high = grey_box.predict_interval(X, y=hidden)
+    assert np.allclose((low + high) / 2, grey_box.predict_from(X, hidden))
+    assert 0.84 < np.mean((low <= y) & (y <= high)) < 0.96
+    low, high = grey_box.predict_interval(X)
+    assert np.allclose((low + high) / 2, grey_box.predict(X))
 
 
 @pytest.mark.parametrize("window", [400, 10000])
@@ -210,6 +215,8 @@ def test_without_a_window_nothing_tells_the_start(with_friction):
     grey_box, X, y = with_friction
     with pytest.raises(OptionError, match="initial_window"):
         grey_box.predict_from(X, y)
+    with pytest.raises(OptionError, match="initial_window"):
+        grey_box.predict_interval(X, y=y)
 
 
 def some(lengths):

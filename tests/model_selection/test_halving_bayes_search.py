@@ -9,7 +9,7 @@ from sklearn.base import BaseEstimator, RegressorMixin, clone
 from sklearn.linear_model import Ridge
 from skopt import Optimizer
 
-from sklearn_pgnn.exceptions import OptionError
+from sklearn_pgnn.exceptions import OptionError, TrainingError
 from sklearn_pgnn.model_selection import HalvingBayesSearchCV
 
 RNG = np.random.default_rng(0)
@@ -136,8 +136,53 @@ class Diverging(RegressorMixin, BaseEstimator):
 
 
 def test_a_score_that_is_none_is_named():
-    with pytest.raises(ValueError, match="Remedy: another scoring"):
-        HalvingBayesSearchCV(Diverging(), SPACE).fit(X, Y)
+    with (
+        pytest.warns(UserWarning, match="could not be scored"),
+        pytest.raises(ValueError, match="Remedy: another scoring"),
+    ):
+        HalvingBayesSearchCV(Diverging(), SPACE, n_iter=3, verbose=1).fit(X, Y)
+
+
+class Breaking(Ridge):
+    """Its training diverges, or its score is none, where alpha is small; else it is a ridge."""
+
+    def fit(self, X, y):
+        if self.alpha < 0.1:
+            raise TrainingError("the training stopped in epoch 3: nan.")
+        return super().fit(X, y)
+
+    def score(self, X, y):
+        return np.nan if self.alpha > 1e4 else super().score(X, y)
+
+
+@pytest.mark.parametrize(
+    ("alpha", "why"),
+    [(1e-3, r"in fold 0: the training stopped in epoch 3"), (5e4, r"expected a finite .*got nan")],
+)
+def test_a_candidate_without_a_score_ends_no_search(alpha, why, monkeypatch):
+    told, tell = [], Optimizer.tell
+    monkeypatch.setattr(Optimizer, "tell", lambda self, x, y: told.append(y) or tell(self, x, y))
+    with pytest.warns(UserWarning, match=rf"candidate {{'alpha': {alpha}}} could not .*{why}"):
+        found = search(Breaking(alpha=alpha), n_iter=8).fit(X, Y)
+    results = found.cv_results_
+    assert results["n_folds"][0] == 0
+    assert np.isnan(results["mean_test_score"][0])
+    assert 0.1 <= found.best_params_["alpha"] <= 1e4
+    assert len(told) == 8
+    assert np.isfinite(told).all()
+    assert told[0] == max(told[:2])  # the worst so far
+
+
+def test_wrong_parameters_of_a_candidate_end_it():
+    found = HalvingBayesSearchCV(Ridge(), {"alpha": (-2.0, -1.0)}, own_first=False)
+    with pytest.raises(ValueError, match="'alpha' parameter of Ridge"):
+        found.fit(X, Y)
+
+
+def test_groups_make_the_folds():
+    groups = np.repeat([0, 1], 60)
+    found = search(n_iter=1, cv=2).fit(X[:, 1:], Y, groups=groups)
+    assert found.n_splits_ == 2
 
 
 @pytest.mark.parametrize(
@@ -150,6 +195,12 @@ def test_wrong_parameters_are_refused(wrong, what):
 
 
 class Ahead(Ridge):
+    def predict_states(self, X):
+        return np.asarray(X)[:, 1:]
+
+    def predict_interval(self, X, coverage=0.9, y=None):
+        return (self.predict(X), self.predict(X)) if y is None else (y, y)
+
     def predict_ahead(self, X, y, steps=1):
         return self.predict(X) + steps
 
@@ -158,6 +209,9 @@ class Ahead(Ridge):
 def test_what_the_best_can_do_the_search_can():
     found = search(estimator=Ahead()).fit(X, Y)
     assert np.array_equal(found.predict_ahead(X, Y, steps=3), found.predict(X) + 3)
+    assert np.array_equal(found.predict_states(X), X[:, 1:])
+    assert np.array_equal(found.predict_interval(X)[0], found.predict(X))
+    assert np.array_equal(found.predict_interval(X, y=Y)[0], Y)
     assert not hasattr(search().fit(X, Y), "predict_ahead")
 
 

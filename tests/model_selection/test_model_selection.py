@@ -181,7 +181,8 @@ def test_scikit_learn_takes_the_splitter():
         routed = cross_val_score(pipeline, X, y, cv=TrajectoryKFold(2), params={"groups": halves})
     assert np.array_equal(routed, grouped)
     assert " ".join(repr(TrajectoryKFold(3)).split()) == (
-        "TrajectoryKFold(n_splits=3, random_state=None, shuffle=False, time_column=None)"
+        "TrajectoryKFold(n_splits=3, random_state=None, shuffle=False, time_column=None, "
+        "trajectory_column=None)"
     )
 
 

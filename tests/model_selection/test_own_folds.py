@@ -21,7 +21,7 @@ from sklearn_pgnn.model_selection import (
     pareto_front,
     train_validation_test_split,
 )
-from sklearn_pgnn.model_selection.own_folds import own_folds, time_column_of
+from sklearn_pgnn.model_selection.own_folds import columns_of, own_folds
 
 LAG = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
 RENAMED = LAG.replace(columns={"t": "time"})
@@ -52,10 +52,57 @@ SETTINGS = {"search": "local", "substeps": 1}
     ],
 )
 def test_the_time_of_an_estimator(estimator, X, expected):
-    assert time_column_of(estimator, X) == expected
+    assert columns_of(estimator, X) == {"time_column": expected, "trajectory_column": None}
     assert own_folds(3, estimator, X).time_column == expected
     splitter = TrajectoryKFold(2)
     assert own_folds(splitter, estimator, X) is splitter
+
+
+NAMED = LAG.replace(columns={"trajectory": "run"})
+RUNS = pd.DataFrame({"t": np.arange(300) / 10, "u": U, "run": np.repeat([*"abc"], 100)})
+
+
+@pytest.mark.parametrize(
+    ("estimator", "X", "expected"),
+    [
+        (PhysicsModelRegressor(NAMED), RUNS, "run"),
+        (make_pgnn_pipeline(NAMED), RUNS, "run"),
+        (ConformalRegressor(ResidualRegressor(NAMED)), RUNS, "run"),
+        (PhysicsModelRegressor(NAMED), RUNS.rename(columns={"run": "trajectory"}), None),
+        (PhysicsModelRegressor(LAG), RUNS, None),
+        (PhysicsModelRegressor(NAMED), A, None),  # an array has no names
+    ],
+)
+def test_the_trajectory_of_an_estimator(estimator, X, expected):
+    assert own_folds(3, estimator, X).trajectory_column == expected
+
+
+def test_folds_are_of_the_trajectories_that_the_model_names():
+    regressor = PhysicsModelRegressor(NAMED, **SETTINGS)
+    search = HalvingBayesSearchCV(regressor, {"search": ["local"]}, n_iter=1, cv=3).fit(RUNS, Y)
+    assert search.n_splits_ == 3  # by the time it would be a single trajectory
+    low, high = ConformalRegressor(regressor).fit(RUNS, Y).predict_interval(RUNS)
+    assert (low <= high).all()
+    parts = train_validation_test_split(RUNS, Y, sizes=(1 / 3,) * 3, trajectory_column="run")
+    assert [len(part) for part in parts] == [100] * 6
+
+
+@pytest.mark.parametrize("X", [RUNS, A])
+def test_a_trajectory_that_is_no_column_is_refused(X):
+    with pytest.raises(ValueError, match="trajectory_column: expected a column of X, got 'ruhn'"):
+        next(TrajectoryKFold(3, trajectory_column="ruhn").split(X))
+
+
+@pytest.mark.parametrize(
+    ("n", "expected"),
+    [
+        (1, "1 trajectory. Remedy: more records;"),
+        (2, "2 trajectories. Remedy: n_splits=2, or more records;"),
+    ],
+)
+def test_too_few_trajectories_are_told_what_helps(n, expected):
+    with pytest.raises(ValueError, match=f"got 3 folds and {expected}"):
+        next(TrajectoryKFold(3).split(np.tile(np.arange(5.0), n)[:, None]))
 
 
 class Watched(PhysicsModelRegressor):

@@ -80,6 +80,53 @@ def test_a_refit_forgets_the_names_of_before():
     assert not hasattr(conformal, "feature_names_in_")
 
 
+def test_folds_are_counted_by_what_was_measured():
+    X, y = records(4, seed=0)
+    y = np.where(X["trajectory"] < 2, y, np.nan)
+
+    class Blind(ResidualRegressor):
+        def fit(self, X, y):
+            seen = np.isfinite(y)
+            return super().fit(X[seen], y[seen])
+
+    low, high = ConformalRegressor(Blind(LAG)).fit(X, y).predict_interval(X)
+    assert (low < high).all()
+
+
+def test_groups_make_the_folds():
+    X, y = records(4, seed=0)
+    pairs = X["trajectory"] // 2
+    asked = []
+
+    class Watched(ResidualRegressor):
+        def fit(self, X, y):
+            asked.append(sorted(set(X["trajectory"])))
+            return super().fit(X, y)
+
+    ConformalRegressor(Watched(LAG)).fit(X, y, groups=pairs)
+    assert asked == [[0, 1, 2, 3], [2, 3], [0, 1]]
+
+
+@pytest.mark.parametrize("verbose", [0, 1])
+def test_the_largest_error_is_sought_where_it_is_told_only(verbose, monkeypatch, capsys):
+    asked = []
+    monkeypatch.setattr(np, "nanmax", lambda values: asked.append(values) or 1.0)
+    ConformalRegressor(ResidualRegressor(LAG), cv=2, verbose=verbose).fit(*records(2, seed=0))
+    assert len(asked) == 2 * verbose
+    assert capsys.readouterr().out.count("largest error 1") == 2 * verbose
+
+
+def test_what_the_regressor_can_do_it_can():
+    X, y = records(3, seed=0)
+    conformal = ConformalRegressor(ResidualRegressor(LAG)).fit(X, y)
+    inner = conformal.estimator_
+    assert np.array_equal(conformal.predict_states(X), inner.predict_states(X))
+    assert np.array_equal(conformal.predict_ahead(X, y, 5), inner.predict_ahead(X, y, 5))
+    plain = ConformalRegressor(LinearRegression())
+    assert not hasattr(plain, "predict_states")
+    assert not hasattr(plain, "predict_ahead")
+
+
 def test_one_trajectory_is_too_few():
     with pytest.raises(ValueError, match="one fold a trajectory"):
         ConformalRegressor(ResidualRegressor(LAG)).fit(*records(1, seed=0))

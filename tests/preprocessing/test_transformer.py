@@ -51,6 +51,12 @@ def poisoned(X, value=np.nan):
 X, Y = table()
 
 
+@pytest.mark.parametrize("append", [np.True_, 1])
+def test_any_true_holds_the_states_of_the_first_row(append):
+    found = PhysicsModelTransformer(CART, append=append).fit_transform(X)
+    pd.testing.assert_frame_equal(found, PhysicsModelTransformer(CART).fit_transform(X))
+
+
 def test_appends_what_a_finer_simulation_gives():
     found = PhysicsModelTransformer(CART).set_output(transform="pandas").fit_transform(X)
     assert list(found) == ["t", "force", *STATES, "x_phy", "v_phy", "position_phy"]

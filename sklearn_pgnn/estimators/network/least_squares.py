@@ -1,4 +1,4 @@
-r"""The second phase: all weights at once, on the free-run simulation of whole trajectories.
+r"""The last phase: all weights at once, on the free-run simulation of whole trajectories.
 
 Minimised is :math:`F = (1 - \lambda)\,L_{error} + \lambda\,L_{phy}`, with the exact gradient from
 the compiled sensitivities, by Levenberg and Marquardt's steps or by L-BFGS, until the cost hardly

@@ -46,6 +46,8 @@ from sklearn_pgnn.trajectories.tables import TIME, as_pandas, as_table
 from sklearn_pgnn.trajectories.validation import check_model, validate_table
 
 REFINEMENTS = ("auto", "lm", "lbfgs", None)
+#: parameters that count something, and their least values
+COUNTS = {"horizon": 1, "rollout_epochs": 0, "refine_max_iter": 0, "n_iter_no_change": 1}
 #: comparisons of the outputs per dominant period in the last phase
 PER_PERIOD = 100
 
@@ -83,8 +85,10 @@ class PreparedNet(TrajectoryNet):
             raise ValueError(f"overlap: expected a number >= 0, got {self.overlap!r}.")
         if self.refine not in REFINEMENTS:
             raise ValueError(f"refine: expected one of {REFINEMENTS}, got {self.refine!r}.")
-        if not isinstance(self.horizon, Integral) or self.horizon < 1:
-            raise ValueError(f"horizon: expected an integer >= 1, got {self.horizon!r}.")
+        for name, least in COUNTS.items():
+            value = getattr(self, name)
+            if not isinstance(value, Integral) or value < least:
+                raise ValueError(f"{name}: expected an integer >= {least}, got {value!r}.")
         if not isinstance(self.scaled, bool | np.bool_):
             raise ValueError(f"scaled: expected True or False, got {self.scaled!r}.")
         share = self.validation_fraction

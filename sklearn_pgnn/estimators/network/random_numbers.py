@@ -25,11 +25,12 @@ _TURN = _Turn()
 
 @contextmanager
 def own_random_numbers() -> Iterator[None]:
-    """Have torch's stream of random numbers alone, and give it back as it was.
+    """Have torch's stream of random numbers alone, and give that of the processor back as it was.
 
     Weights, batches, and what a core, a callback or an optimizer of one's own may draw come from
     the one stream that torch has in a process. Whoever seeds it on a thread waits until no other
-    thread is in here, and so draws what it would draw alone.
+    thread is in here, and so draws what it would draw alone. A graphics card has a stream of its
+    own: `torch.manual_seed` seeds that, too, and it stays as it was left in here.
 
     Examples
     --------

@@ -5,12 +5,9 @@ import pandas as pd
 
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.trajectories.names import once, time_name
+from sklearn_pgnn.trajectories.names import SIMULATED, once, time_name
 from sklearn_pgnn.trajectories.reader import TIME, TRAJECTORY
 from sklearn_pgnn.trajectories.real_numbers import read_numbers
-
-#: what `PhysicsModelTransformer` adds to a name
-SIMULATED = "_phy"
 
 
 def with_names(model: PhysicsModel, X, time_column=None):

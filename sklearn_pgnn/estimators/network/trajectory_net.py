@@ -224,11 +224,6 @@ class TrajectoryNet(NeuralNetRegressor):
             method = "lm" if small else None
         if method is None or not self.refine_max_iter:
             return
-        if type(core) is not FeedForward:
-            raise ValueError(
-                f"refine={method!r} needs the core FeedForward, got {type(core).__name__}. "
-                f"Remedy: refine=None."
-            )
         self._is_enough = False
         bounds: tuple = (-np.inf, np.inf)
         if self._free is not None:
@@ -238,6 +233,8 @@ class TrajectoryNet(NeuralNetRegressor):
         minimise = levenberg_marquardt if method == "lm" else l_bfgs
         self._phase = None
         objective = self._objective([*training, *self._in_reach()])
+        if not _can_begin(objective, theta):
+            return
         with self._resting_optimizer():
             for _ in range(ROUNDS if objective.overlap else 1):
                 before = objective.weigh_overlap(theta)
@@ -246,6 +243,15 @@ class TrajectoryNet(NeuralNetRegressor):
                 settled = objective.error(theta) > SETTLED * before
                 if settled or self._is_enough or len(self.history) == begun:
                     break
+
+    def _check_refinement(self, core) -> None:
+        """Raise `ValueError` where a last phase is asked for that needs another core."""
+        if self.refine in ("auto", None) or not self.refine_max_iter or type(core) is FeedForward:
+            return
+        raise ValueError(
+            f"refine={self.refine!r} needs the core FeedForward, got {type(core).__name__}. "
+            f"Remedy: refine=None."
+        )
 
     def _objective(self, training) -> SimulationObjective:
         """Return the loss of whole trajectories."""
@@ -506,6 +512,22 @@ class TrajectoryNet(NeuralNetRegressor):
         known = {} if self._free is None else self._free.values(self._changes())
         with torch.no_grad():
             return outputs_of(self.model_, x, u, t, known).numpy()
+
+
+def _can_begin(objective: SimulationObjective, theta) -> bool:
+    """Return whether the last phase has finite runs and slopes to begin with; warn where not."""
+    parts = objective.parts(theta)[: len(objective.records)]
+    lost = sum(not part.is_finite for part in parts)
+    if lost:
+        warnings.warn(
+            f"in {lost} of {len(parts)} trajectories to train on the network's free run, or its "
+            f"slope by the weights, is not finite; its last phase is left out. Remedy: rollouts "
+            f"(horizon=50), structure='correction' or 'increment', more epochs, or shorter "
+            f"trajectories.",
+            SimulationWarning,
+            stacklevel=6,
+        )
+    return not lost
 
 
 def _warn_of_ends(names) -> None:
