@@ -74,7 +74,8 @@ def test_an_output_that_is_measured_more_rarely_shows_effects_too():
     white = bench(rare)._white_part
     assert 0.8 < white[0] <= 1.0
     (row,) = rare.detectability([effects.CoulombFriction], n_repeats=50).rows
-    assert not row.reason and np.isfinite(row.smallest)
+    assert not row.reason
+    assert np.isfinite(row.smallest)
 
 
 def of_main_size(diagnosis, kind, target, value):
