@@ -28,7 +28,7 @@ for cause in diagnosis.causes_:
 print("hidden was:", machine.effect)
 
 # %%
-# What could be the cause, and how much error power each suspect leaves alone, with its interval:
+# What could be the cause, and how much error power each candidate leaves alone, with its interval:
 for effect, target, *share in diagnosis.candidates_:
     left, low, high = (100 * part for part in share)
     print(f"{effect:20} {target:8} {left:6.1f} % ({low:.1f} to {high:.1f})")

@@ -17,7 +17,7 @@ from sklearn_pgnn import ModelDiagnosis, PGNNLRegressor, effects, network, syste
 PLANT = "golf robot, 250 Hz"
 #: friction of the wrong model over the prior's
 FACTOR = 1.5
-#: suspects that add no states: the network has those of the model only
+#: candidates that add no states: the network has those of the model only
 FRICTIONS = (
     effects.WrongParameter,
     effects.ViscousFriction,
@@ -61,7 +61,7 @@ def wrong_model():
 
 @lru_cache(maxsize=1)
 def extended_model():
-    """Diagnose the model, friction alone suspected; give its extension."""
+    """Diagnose the model, with friction as the only candidates; give its extension."""
     diagnosis = ModelDiagnosis(wrong_model(), catalogue=FRICTIONS)
     return diagnosis.fit(*records(PLANT)).extended_model_
 

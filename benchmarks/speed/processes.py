@@ -18,7 +18,7 @@ from pathlib import Path
 
 import joblib
 
-#: few suspects: with the whole catalogue a case would take several times as long
+#: few candidates: with the whole catalogue a case would take several times as long
 CATALOGUE = ("coulomb_friction", "cubic_stiffness", "input_bias", "quadratic_drag")
 TABLE = Path(__file__).parents[2] / "docs" / "tables" / "processes.rst"
 

@@ -75,13 +75,13 @@ def _adaptive(t, u):
 
 
 def _compiled():
-    """Time what a suspect costs before it can be simulated, the median of the catalogue."""
+    """Time what a candidate costs before it can be simulated, the median of the catalogue."""
     models = [cause.apply(peers.GOLF) for cause in possible_causes(peers.GOLF, CATALOGUE, None)]
     compile_model(peers.GOLF, ())  # loads the compiler
     compilations = [partial(compile_model, model, model.free_parameters) for model in models]
     with patch.dict(os.environ, SKLEARN_PGNN_CACHE_DIR=""):  # what was compiled before is not new
         took = float(np.median([seconds(compilation) for compilation in compilations]))
-    work = "compile of a new suspect, median of the catalogue"
+    work = "compile of a new candidate, median of the catalogue"
     return Row(work, took, "60 ms", took / 60e-3, 1.0)
 
 

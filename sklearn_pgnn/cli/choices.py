@@ -111,7 +111,7 @@ def split(words: Iterable[str]) -> list[str]:
 
 
 def choose_targets(words: Iterable[str], model: PhysicsModel) -> list[str] | None:
-    """Return the quantities of a model that may be suspected.
+    """Return the quantities of a model that may be targets.
 
     Parameters
     ----------
@@ -135,8 +135,8 @@ def choose_targets(words: Iterable[str], model: PhysicsModel) -> list[str] | Non
     return names or None
 
 
-def check_suspects(model: PhysicsModel, effects, targets) -> None:
-    """Refuse a choice of effects and targets that leaves nothing to suspect.
+def check_candidates(model: PhysicsModel, effects, targets) -> None:
+    """Refuse a choice of effects and targets that leaves no candidate.
 
     Parameters
     ----------
@@ -156,6 +156,6 @@ def check_suspects(model: PhysicsModel, effects, targets) -> None:
         ids = ", ".join(effect.id for effect in effects)
         on = f"on {', '.join(targets)} " if targets else ""
         raise OptionError(
-            f"--catalogue, --exclude, --targets: expected to leave something to suspect, but "
+            f"--catalogue, --exclude, --targets: expected to leave a candidate, but "
             f"{ids} cannot act {on}in the model {model.name!r}."
         )

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import click
 
-from sklearn_pgnn.cli.choices import check_suspects, choose_effects, choose_targets, read_noise
+from sklearn_pgnn.cli.choices import check_candidates, choose_effects, choose_targets, read_noise
 from sklearn_pgnn.cli.records import read_model_and_records
 from sklearn_pgnn.cli.tables import cell, print_table, say, screen, table, warn
 from sklearn_pgnn.diagnosis import Detectability, ModelDiagnosis
@@ -38,7 +38,7 @@ class DetectJob:
         read, self.X, self.y = read_model_and_records(model, data, sample_time)
         self.power, self.effects = power, choose_effects(catalogue, exclude)
         self.targets = choose_targets(targets, read)
-        check_suspects(read, self.effects, self.targets)
+        check_candidates(read, self.effects, self.targets)
         self.diagnosis = ModelDiagnosis(
             read, catalogue=(), noise_std=read_noise(noise, list(read.outputs)), **options
         )

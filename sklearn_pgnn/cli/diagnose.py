@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import click
 
 from sklearn_pgnn.cli.choices import (
-    check_suspects,
+    check_candidates,
     choose_effects,
     choose_targets,
     read_noise,
@@ -135,7 +135,7 @@ class Job:
         noise = read_noise(options.pop("noise", ()), list(model.outputs))
         effects = choose_effects(options.pop("catalogue", ()), options.pop("exclude", ()))
         targets = choose_targets(options.pop("targets", ()), model)
-        check_suspects(model, effects, targets)
+        check_candidates(model, effects, targets)
         chosen = {"noise_std": noise, "catalogue": effects, "targets": targets}
         return ModelDiagnosis(model, **chosen, **options, progress=progress)
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import click
 
-from sklearn_pgnn.cli.choices import check_suspects, choose_effects, choose_targets, read_noise
+from sklearn_pgnn.cli.choices import check_candidates, choose_effects, choose_targets, read_noise
 from sklearn_pgnn.cli.cluster import on_cluster
 from sklearn_pgnn.cli.guard import one_line, writing
 from sklearn_pgnn.cli.records import read_model
@@ -71,7 +71,7 @@ class FleetJob:
         noise = read_noise(options.pop("noise"), list(model.outputs))
         effects = choose_effects(options.pop("catalogue"), options.pop("exclude"))
         targets = choose_targets(options.pop("targets"), model)
-        check_suspects(model, effects, targets)
+        check_candidates(model, effects, targets)
         options |= {"noise_std": noise, "catalogue": effects, "targets": targets}
         if Path(self.output).exists() and not Path(self.output).is_dir():
             raise OptionError(

@@ -97,7 +97,7 @@ _TARGETS = click.option(
     "--targets",
     multiple=True,
     metavar="NAMES",
-    help="Suspect only these states, inputs, outputs and parameters of the model, with commas "
+    help="Consider only these states, inputs, outputs and parameters of the model, with commas "
     "between; by default all.",
 )
 _SEED = click.option(
@@ -114,13 +114,13 @@ _SAID_HOLD = click.option(
     help="Inputs are held between samples (zoh), or run straight from one to the next (foh); by "
     "default as the model file says, else held.",
 )
-_SUSPECTS = (_CATALOGUE, _EXCLUDE, _TARGETS)
+_CANDIDATES = (_CATALOGUE, _EXCLUDE, _TARGETS)
 _DIAGNOSIS = (
     _NOISE,
     _HOLD,
     _SUBSTEPS,
     _WINDOW,
-    *_SUSPECTS,
+    *_CANDIDATES,
     click.option(
         "--max-causes",
         type=click.IntRange(min=1),
@@ -213,7 +213,7 @@ def fit_options(command):
 
 def detect_options(command):
     """Add the options of a detectability."""
-    return _with(command, (_NOISE, _HOLD, _SUBSTEPS, _WINDOW, *_SUSPECTS, _SEED))
+    return _with(command, (_NOISE, _HOLD, _SUBSTEPS, _WINDOW, *_CANDIDATES, _SEED))
 
 
 def diagnosis_options(command):

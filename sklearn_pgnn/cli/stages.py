@@ -5,10 +5,10 @@ import re
 #: by stage, what is done in it
 WORDS = {
     "window length": "choosing the window length",
-    "candidates": "simulating the suspects",
+    "candidates": "simulating the candidates",
     "needless causes": "leaving out causes that others make unnecessary",
-    "other causes": "putting other suspects in the place of the causes",
-    "pairs": "fitting pairs of suspects",
+    "other causes": "putting other candidates in the place of the causes",
+    "pairs": "fitting pairs of candidates",
     "all records": "fitting all records",
     "formula": "searching for a formula",
     "inputs between samples": "inputs between samples: held or straight",
@@ -26,8 +26,8 @@ def in_words(stage: str) -> str:
     Examples
     --------
     >>> in_words("cause 2"), in_words("held-out error"), in_words("writing the report")
-    ('cause 2, fitting the suspects', 'errors on held-out windows', 'writing the report')
+    ('cause 2, fitting the candidates', 'errors on held-out windows', 'writing the report')
     """
     if re.fullmatch(r"cause \d+", stage):
-        return f"{stage}, fitting the suspects"
+        return f"{stage}, fitting the candidates"
     return WORDS.get(stage, stage)

@@ -93,7 +93,7 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
     catalogue : sequence of type[Effect] or str, optional
         Effects to think of, or their ids; by default `sklearn_pgnn.effects.CATALOGUE`.
     targets : sequence of str, optional
-        States, inputs, outputs and parameters to suspect; by default all.
+        States, inputs, outputs and parameters that may be targets; by default all.
     max_causes : int, default=4
         Causes named at most.
     window_length : float, optional
@@ -122,7 +122,7 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         Draws the resampled windows of the gain's interval.
     progress : callable, optional
         Called as ``progress(stage, done, total)`` while fitting, before every step of every fit;
-        `done` is at most `total`. A stage in between that begins with ``"best suspect so far: "``
+        `done` is at most `total`. A stage in between that begins with ``"best candidate so far: "``
         names what leaves least until then. `detectability` calls it, too, after every effect.
     time_limit : float, optional
         Time [s] after which the best so far is taken. The re-tuned prior, and the held-out error
@@ -165,14 +165,14 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         Where something is missing that is not in the catalogue, what it depends on, and a
         formula for it.
     candidates_ : tuple of Tried
-        Every suspect, the best first: .effect, .target and .left, the share of the re-tuned
+        Every candidate, the best first: .effect, .target and .left, the share of the re-tuned
         prior's error power it leaves alone.
     data_quality_ : tuple of Finding
         Faults of the records: clipping, lost samples, feedback, poor excitation.
     separations_ : tuple of Separation
         For causes that these records cannot tell apart, the experiments that would.
     unusable_ : tuple of Unusable
-        Suspects that could not be fitted for numerical reasons: .effect, .target, .reason.
+        Candidates that could not be fitted for numerical reasons: .effect, .target, .reason.
     stopped_ : str or None
         Why the diagnosis did not come to its end, and at what stage.
     complete_ : bool
@@ -575,8 +575,8 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         check_detectability(power, noise)
         seed, white = _seed(random_state), noise == "white"
         analysis = PowerAnalysis(self.records_, white, self._criterion(), int(n_repeats), seed)
-        suspects = possible_causes(self.model, catalogue, targets)
-        rows = detect_all(analysis, suspects, power, sizes, self.n_jobs, self.progress)
+        candidates = possible_causes(self.model, catalogue, targets)
+        rows = detect_all(analysis, candidates, power, sizes, self.n_jobs, self.progress)
         if verify:
 
             def diagnose(X, y):

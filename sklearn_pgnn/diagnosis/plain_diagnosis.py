@@ -30,7 +30,7 @@ def plain_diagnosis(diagnosis) -> dict:
         "initial_states": _named_starts(diagnosis),
         "unexplained": None if unexplained is None else unexplained.to_dict(),
         "remaining": plain(diagnosis.remaining_),
-        "unusable": [plain(suspect) for suspect in diagnosis.unusable_],
+        "unusable": [plain(candidate) for candidate in diagnosis.unusable_],
         "stopped": diagnosis.stopped_,
         "complete": diagnosis.complete_,
         "window": diagnosis.window_,

@@ -76,8 +76,8 @@ def are_equivalent(model: PhysicsModel, one: Effect, other: Effect, retuned: boo
     mine, theirs = _slopes(model, one), _slopes(model, other)
     if mine is None or theirs is None or not _rank(mine) or not _rank(theirs):
         return False
-    suspected = {each.target for each in (one, other) if isinstance(each, WrongParameter)}
-    free = tuple(name for name in model.free_parameters if name not in suspected)
+    wrong = {each.target for each in (one, other) if isinstance(each, WrongParameter)}
+    free = tuple(name for name in model.free_parameters if name not in wrong)
     common = np.hstack([_by_names(model, free if retuned else ()), _by_coordinates(model)])
     rank = _rank(common, mine, theirs)
     return rank == _rank(common, mine) == _rank(common, theirs)

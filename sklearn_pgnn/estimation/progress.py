@@ -7,7 +7,7 @@ from time import monotonic
 from sklearn_pgnn.estimation.budgets import BETTER
 
 #: how a report begins that is no stage, but the best so far
-BEST = "best suspect so far: "
+BEST = "best candidate so far: "
 
 
 class TimeIsUp(Exception):

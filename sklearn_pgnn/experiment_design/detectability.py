@@ -259,7 +259,7 @@ def _moved(analysis: PowerAnalysis, windows: ShootingWindows) -> str:
 
 def detect_all(
     analysis: PowerAnalysis,
-    suspects: Sequence[Effect],
+    candidates: Sequence[Effect],
     power: float,
     multiples: Sequence[float] = (),
     n_jobs: int | None = None,
@@ -271,7 +271,7 @@ def detect_all(
     ----------
     analysis : PowerAnalysis
         The fitted model on the records.
-    suspects : sequence of Effect
+    candidates : sequence of Effect
         The effects.
     power : float
         Wanted chance of naming each.
@@ -287,7 +287,7 @@ def detect_all(
     tuple of Detectable
         One an effect.
     """
-    fitting = [cause for cause in suspects if _fits(analysis.model, cause)]
+    fitting = [cause for cause in candidates if _fits(analysis.model, cause)]
     tell = progress or (lambda stage, done, total: None)
     found: list[Detectable] = []
     tell("effects", 0, len(fitting))

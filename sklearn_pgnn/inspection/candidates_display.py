@@ -1,4 +1,4 @@
-"""Every suspect of a diagnosis, and how much error it leaves alone."""
+"""Every candidate of a diagnosis, and how much error it leaves alone."""
 
 import numpy as np
 from sklearn.utils.validation import check_is_fitted
@@ -10,12 +10,12 @@ from sklearn_pgnn.inspection.yardstick import ratio, together
 
 
 class CandidatesDisplay:
-    """Dots on a logarithmic axis: the error that is left with one suspect alone.
+    """Dots on a logarithmic axis: the error that is left with one candidate alone.
 
     Parameters
     ----------
     names : sequence of str
-        The suspects in words, the best first.
+        The candidates in words, the best first.
     left : sequence of float
         Share of the re-tuned prior's error power that is left with each.
     named : sequence of bool
@@ -45,7 +45,7 @@ class CandidatesDisplay:
 
     @classmethod
     def from_estimator(cls, diagnosis, *, most=20, ax=None):
-        """Draw the suspects of a diagnosis.
+        """Draw the candidates of a diagnosis.
 
         Parameters
         ----------
@@ -94,7 +94,7 @@ class CandidatesDisplay:
             low, high = 100 * np.maximum(np.transpose(self.ends), 1e-12)
             self.ax_.hlines(places, low, high, color=COLOURS["medians"], linewidth=1.5)
         for chosen, colour, text in (
-            (~named, COLOURS["points"], "suspect, alone"),
+            (~named, COLOURS["points"], "candidate, alone"),
             (named, COLOURS["extended"], "named as a cause"),
         ):
             if chosen.any():

@@ -117,7 +117,7 @@ def cause_name(effect: str, target: str) -> str:
     return find_effect(effect).title(target)
 
 
-def suspect_name(effect: str, target: str) -> str:
+def candidate_name(effect: str, target: str) -> str:
     """Return the name of what was fitted: an effect, the model, or a part of the diagnosis."""
     if not effect:
         return "the re-tuned model"
@@ -179,7 +179,7 @@ def unusable_sentence(diagnosis) -> str:
     lost = diagnosis.unusable_
     if not lost:
         return ""
-    names = listed(dict.fromkeys(suspect_name(effect, target) for effect, target, _ in lost))
+    names = listed(dict.fromkeys(candidate_name(effect, target) for effect, target, _ in lost))
     fits = "fit" if len(lost) == 1 else "fits"
     return f"{len(lost)} {fits} failed and could not be judged: {names}."
 

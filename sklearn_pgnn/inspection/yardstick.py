@@ -47,8 +47,8 @@ def together(diagnosis) -> Errors:
     return Errors(*(error_together(gains, records, which) for which in models))
 
 
-class Suspect(NamedTuple):
-    """A suspect, and what it leaves alone beside re-tuning, in units of the noise.
+class LeftAlone(NamedTuple):
+    """A candidate, and what it leaves alone beside re-tuning, in units of the noise.
 
     Parameters
     ----------
@@ -70,8 +70,8 @@ class Suspect(NamedTuple):
         return self.effect, self.target
 
 
-def suspects(diagnosis) -> list[Suspect]:
-    """Return what every suspect leaves, the best first.
+def left_alone(diagnosis) -> list[LeftAlone]:
+    """Return what every candidate leaves, the best first.
 
     Parameters
     ----------
@@ -80,12 +80,12 @@ def suspects(diagnosis) -> list[Suspect]:
 
     Returns
     -------
-    list of Suspect
-        The suspects.
+    list of LeftAlone
+        The candidates.
     """
     refitted = together(diagnosis).refitted
     return [
-        Suspect(effect, target, *(refitted * math.sqrt(max(share, 0.0)) for share in shares))
+        LeftAlone(effect, target, *(refitted * math.sqrt(max(share, 0.0)) for share in shares))
         for effect, target, *shares in diagnosis.candidates_
     ]
 

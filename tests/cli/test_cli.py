@@ -90,7 +90,7 @@ def test_it_says_what_was_found_and_where_it_is(done):
     assert "What is left is white noise." in text
     assert all(str(out / name) in result.stdout for name in FILES)
     assert not any(line != line.rstrip() for line in result.stdout.splitlines() if line.strip())
-    assert "cause 1, fitting the suspects: 0 of" in result.stderr
+    assert "cause 1, fitting the candidates: 0 of" in result.stderr
     assert "of 1 ..." not in result.stderr
 
 
@@ -217,8 +217,8 @@ def test_rivals_have_files_and_those_of_an_earlier_result_go(tmp_path):
     biased = table(0, level=0.0)
     biased["F"] -= 0.3
     args = write(tmp_path, tables={"a.csv": biased})
-    suspects = ["--catalogue", "input_bias,constant_load"]
-    CliRunner().invoke(main, [*args, *suspects], catch_exceptions=False)
+    candidates = ["--catalogue", "input_bias,constant_load"]
+    CliRunner().invoke(main, [*args, *candidates], catch_exceptions=False)
     out = tmp_path / "out"
     assert len(list(out.glob("extended_model_with_*_for_*.yaml"))) == 1
     CliRunner().invoke(main, [*args, "--catalogue", "input_bias", "--force"])

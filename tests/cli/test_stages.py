@@ -19,5 +19,5 @@ def test_what_is_best_so_far_is_left_as_the_search_says_it():
 
 
 def test_the_number_of_a_cause_stays_and_words_are_left_as_they_are():
-    assert in_words("cause 12") == "cause 12, fitting the suspects"
+    assert in_words("cause 12") == "cause 12, fitting the candidates"
     assert in_words("writing the report") == "writing the report"

@@ -1,4 +1,4 @@
-"""A suspect whose fit breaks down is left out and named; what was found so far is never lost."""
+"""A candidate whose fit breaks down is left out and named; what was found so far is never lost."""
 
 import json
 import re
@@ -21,11 +21,11 @@ from sklearn_pgnn.trajectories.csv_file import read_csv_files
 CART = PhysicsModel(
     {"v": "m/s"}, {"v": "(F - d*v)/m"}, {"m": 2.0, "d": 0.5}, {"F": "N"}, inertia={"v": "m"}
 )
-SUSPECTS = (effects.CoulombFriction, effects.ConstantLoad)
+CANDIDATES = (effects.CoulombFriction, effects.ConstantLoad)
 
 
 class OnVelocity(Effect):
-    """What the contrived suspects share: they act on v, and start at once."""
+    """What the contrived candidates share: they act on v, and start at once."""
 
     @classmethod
     def targets(cls, model):
@@ -52,7 +52,7 @@ class Chaotic(OnVelocity):
 
 @dataclass(frozen=True)
 class Broken(OnVelocity):
-    """Drag by the third power, of which `break_fits` makes a suspect that cannot be fitted."""
+    """Drag by the third power, of which `break_fits` makes a candidate that cannot be fitted."""
 
     id = "broken"
     strength: float = quantity("br", "1/m")
@@ -64,7 +64,7 @@ class Broken(OnVelocity):
 
 @dataclass(frozen=True)
 class Unstarted(Broken):
-    """A suspect that breaks down before there is anything to fit."""
+    """A candidate that breaks down before there is anything to fit."""
 
     id = "unstarted"
     error = np.linalg.LinAlgError("Eigenvalues did not converge")
@@ -83,11 +83,11 @@ def records(level=0.4):
 
 
 def diagnose(**options):
-    return ModelDiagnosis(CART, **{"catalogue": SUSPECTS, **options}).fit(*records())
+    return ModelDiagnosis(CART, **{"catalogue": CANDIDATES, **options}).fit(*records())
 
 
 def break_fits(monkeypatch, error, after=0):
-    """Let every fit of a model with the broken suspect raise an error."""
+    """Let every fit of a model with the broken candidate raise an error."""
     calls, fit = [], window_fitter.fit_windows
 
     def breaking(model, *args, **options):
@@ -105,14 +105,14 @@ def named(diagnosis):
     return [(cause.effect, cause.target) for cause in diagnosis.causes_]
 
 
-# -- no suspect ends a diagnosis -------------------------------------------------------------------
+# -- no candidate ends a diagnosis -----------------------------------------------------------------
 
 
 @pytest.mark.filterwarnings("error::RuntimeWarning")
-def test_a_suspect_whose_slopes_explode_is_unusable_and_the_search_goes_on(capfd):
-    diagnosis = diagnose(catalogue=(*SUSPECTS, Chaotic))
+def test_a_candidate_whose_slopes_explode_is_unusable_and_the_search_goes_on(capfd):
+    diagnosis = diagnose(catalogue=(*CANDIDATES, Chaotic))
     assert named(diagnosis) == [("coulomb_friction", "v")]
-    (lost,) = {(suspect.effect, suspect.target) for suspect in diagnosis.unusable_}
+    (lost,) = {(candidate.effect, candidate.target) for candidate in diagnosis.unusable_}
     assert lost == ("chaotic", "v")
     assert "dominated by rounding errors in" in diagnosis.unusable_[0].reason
     assert capfd.readouterr().err == ""  # LAPACK complains there
@@ -120,10 +120,10 @@ def test_a_suspect_whose_slopes_explode_is_unusable_and_the_search_goes_on(capfd
 
 
 @pytest.mark.slow
-def test_a_record_on_which_a_suspect_broke_down_gets_its_verdict(real_data, capfd):
+def test_a_record_on_which_a_candidate_broke_down_gets_its_verdict(real_data, capfd):
     """A lag of a fifth of a millisecond at 5 ms: bounded states, slopes of 1e20 times the noise.
 
-    The force of such a damper levels off; its hysteresis is not among the suspects, and stays.
+    The force of such a damper levels off; its hysteresis is not among the candidates, and stays.
     """
     folder = real_data / "mr_damper"
     model = PhysicsModel.from_yaml(folder / "damper.yaml")
@@ -143,9 +143,9 @@ def test_a_record_on_which_a_suspect_broke_down_gets_its_verdict(real_data, capf
 @pytest.mark.parametrize(
     "error", [np.linalg.LinAlgError("SVD did not converge"), FloatingPointError("overflow")]
 )
-def test_a_suspect_whose_fit_breaks_down_is_unusable_and_the_search_goes_on(monkeypatch, error):
+def test_a_candidate_whose_fit_breaks_down_is_unusable_and_the_search_goes_on(monkeypatch, error):
     break_fits(monkeypatch, error)
-    diagnosis = diagnose(catalogue=(Broken, *SUSPECTS))
+    diagnosis = diagnose(catalogue=(Broken, *CANDIDATES))
     assert named(diagnosis) == [("coulomb_friction", "v")]
     assert diagnosis.unusable_[0] == ("broken", "v", str(error))
     assert json.loads(json.dumps(diagnosis.to_dict()))["unusable"][0]["reason"] == str(error)
@@ -155,14 +155,14 @@ def test_a_suspect_whose_fit_breaks_down_is_unusable_and_the_search_goes_on(monk
     assert "Broken on v</td><td>" + str(error) in render_report(diagnosis)
 
 
-def test_a_suspect_that_cannot_even_begin_is_unusable_too():
-    diagnosis = diagnose(catalogue=(Unstarted, *SUSPECTS))
+def test_a_candidate_that_cannot_even_begin_is_unusable_too():
+    diagnosis = diagnose(catalogue=(Unstarted, *CANDIDATES))
     assert named(diagnosis) == [("coulomb_friction", "v")]
     assert diagnosis.unusable_[0] == ("unstarted", "v", "Eigenvalues did not converge")
 
 
 @pytest.mark.slow
-def test_a_suspect_that_breaks_down_later_is_not_named(monkeypatch):
+def test_a_candidate_that_breaks_down_later_is_not_named(monkeypatch):
     """Its first look is fine, and it is the best of all until it is fitted on all windows."""
     calls = break_fits(monkeypatch, np.linalg.LinAlgError("SVD did not converge"), after=1)
     diagnosis = diagnose(catalogue=(Broken,))
@@ -183,7 +183,7 @@ def test_what_can_be_fitted_from_another_start_is_usable(monkeypatch):
         return fit(model, *args, **options)
 
     monkeypatch.setattr(window_fitter, "fit_windows", breaking)
-    diagnosis = diagnose(catalogue=(*SUSPECTS, effects.InputSaturation))
+    diagnosis = diagnose(catalogue=(*CANDIDATES, effects.InputSaturation))
     assert named(diagnosis) == [("coulomb_friction", "v")]
     assert diagnosis.unusable_ == ()
     assert unusable_sentence(diagnosis) == ""
@@ -219,7 +219,7 @@ class Bug(Exception):
 
 
 @pytest.mark.parametrize("error", [Bug("what now"), KeyError("br_v")])
-def test_a_bug_in_a_suspect_is_raised_and_the_best_so_far_is_kept(monkeypatch, error):
+def test_a_bug_in_a_candidate_is_raised_and_the_best_so_far_is_kept(monkeypatch, error):
     break_fits(monkeypatch, error)
     diagnosis = ModelDiagnosis(CART, catalogue=(effects.CoulombFriction, Broken))
     with pytest.raises(type(error)):
@@ -237,7 +237,7 @@ def test_a_cause_that_was_found_is_kept_where_the_program_fails_later(monkeypatc
         raise Bug("what now")
 
     monkeypatch.setattr(fitting.HypothesisFitter, "polish", breaking)
-    diagnosis = ModelDiagnosis(CART, catalogue=SUSPECTS)
+    diagnosis = ModelDiagnosis(CART, catalogue=CANDIDATES)
     with pytest.raises(Bug):
         diagnosis.fit(*records())
     assert named(diagnosis) == [("coulomb_friction", "v")]
@@ -254,7 +254,7 @@ def test_a_bug_after_the_search_does_not_lose_its_result(monkeypatch, name):
         raise Bug("what now")
 
     monkeypatch.setattr(model_diagnosis, name, breaking)
-    catalogue = (effects.InputBias, effects.ConstantLoad) if name == "are_same" else SUSPECTS
+    catalogue = (effects.InputBias, effects.ConstantLoad) if name == "are_same" else CANDIDATES
     X, y = records(level=0.0)
     diagnosis = ModelDiagnosis(CART, catalogue=catalogue)
     if name == "are_same":
@@ -274,7 +274,7 @@ def test_an_interrupt_keeps_the_best_so_far():
         if stage == "other causes":
             raise KeyboardInterrupt
 
-    diagnosis = ModelDiagnosis(CART, catalogue=SUSPECTS, progress=progress)
+    diagnosis = ModelDiagnosis(CART, catalogue=CANDIDATES, progress=progress)
     with pytest.raises(KeyboardInterrupt):
         diagnosis.fit(*records())
     assert named(diagnosis) == [("coulomb_friction", "v")]
@@ -380,7 +380,7 @@ def test_a_diagnosis_names_its_stages_and_every_step_of_a_fit_is_told(monkeypatc
         "experiments that separate",
     ]
     ends = {stage: (done, total) for stage, done, total in said}
-    assert ends["cause 1"] == (3, 4)  # two suspects: a look at each, and the nearer to its end
+    assert ends["cause 1"] == (3, 4)  # two candidates: a look at each, and the nearer to its end
 
 
 def test_the_best_so_far_is_told_while_the_search_goes_on():
@@ -403,7 +403,7 @@ def test_the_search_for_more_is_told_too():
     X, _ = records()
     y = rig.simulate(X[:, 0], X[:, 1]).y + 1e-3 * np.random.default_rng(0).normal(size=(len(X), 1))
     ModelDiagnosis(
-        CART, catalogue=SUSPECTS, hold="zoh", progress=lambda *args: said.append(args)
+        CART, catalogue=CANDIDATES, hold="zoh", progress=lambda *args: said.append(args)
     ).fit(X, y)
     stages = {stage for stage, _, _ in said}
     assert {"structure of what is left", "pairs", "formula"} <= stages

@@ -370,8 +370,8 @@ def test_fit_changes_nothing_it_was_given(friction):
 def test_the_catalogue_and_the_targets_can_be_narrowed(friction):
     hidden, _ = friction
     diagnosis = diagnose(hidden, catalogue=[effects.CoulombFriction, effects.InputBias])
-    suspects = [(tried.effect, tried.target) for tried in diagnosis.candidates_]
-    assert suspects == [("coulomb_friction", "omega"), ("input_bias", "torque")]
+    candidates = [(tried.effect, tried.target) for tried in diagnosis.candidates_]
+    assert candidates == [("coulomb_friction", "omega"), ("input_bias", "torque")]
 
 
 @pytest.mark.slow

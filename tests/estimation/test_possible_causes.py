@@ -19,16 +19,16 @@ def test_roots_of_what_may_be_negative_are_no_obstacle():
     tanks = PhysicsModel(
         {"h": "m", "g": "m"}, rates, {"k1": 0.1, "k3": 0.1, "k4": 0.2}, {"u": "V"}, {"level": "g"}
     )
-    suspects = possible_causes(tanks, effects.CATALOGUE)
-    assert {effects.Leak("h"), effects.StateLimit("g")} <= set(suspects)
+    candidates = possible_causes(tanks, effects.CATALOGUE)
+    assert {effects.Leak("h"), effects.StateLimit("g")} <= set(candidates)
 
 
 @pytest.mark.parametrize("kind", effects.CATALOGUE, ids=lambda kind: kind.id)
-def test_an_effect_that_the_model_was_extended_by_is_no_suspect(kind):
+def test_an_effect_that_the_model_was_extended_by_is_no_candidate(kind):
     models = systems.cart_on_spring(), systems.two_tanks(), OVEN
     model, target = next((model, t) for model in models for t in kind.targets(model))
-    suspects = possible_causes(model + kind(target), effects.CATALOGUE)
-    assert (kind(target) in suspects) is (not kind.quantities())
+    candidates = possible_causes(model + kind(target), effects.CATALOGUE)
+    assert (kind(target) in candidates) is (not kind.quantities())
 
 
 def test_the_targets_of_an_effect_of_ones_own_are_known():

@@ -12,13 +12,13 @@ pytestmark = pytest.mark.core
 
 
 @pytest.mark.slow
-def test_an_effect_that_a_parameter_holds_is_no_suspect():
+def test_an_effect_that_a_parameter_holds_is_no_candidate():
     golf = systems.golf_robot()
     assert same_parameter(golf, effects.ViscousFriction("omega")) == "d"
     assert same_parameter(golf, effects.CoulombFriction("omega")) is None
-    suspects = {(effect.id, effect.target) for effect in possible_causes(golf, effects.CATALOGUE)}
-    assert ("viscous_friction", "omega") not in suspects
-    assert ("wrong_parameter", "d") in suspects
+    candidates = {(effect.id, effect.target) for effect in possible_causes(golf, effects.CATALOGUE)}
+    assert ("viscous_friction", "omega") not in candidates
+    assert ("wrong_parameter", "d") in candidates
     assert held_parameters(golf, effects.AsymmetricFriction("omega")) == ("d",)
 
 
@@ -29,18 +29,20 @@ def test_a_cause_holds_what_it_can_stand_for_and_nothing_else():
     assert held_parameters(cart, effects.WrongParameter("d")) == ()
 
 
-def test_effects_that_say_the_same_are_one_suspect():
+def test_effects_that_say_the_same_are_one_candidate():
     cart = systems.cart_on_spring()
-    suspects = possible_causes(cart, [effects.ConstantLoad, effects.InputBias, effects.SensorBias])
-    load, bias, sensor = suspects
-    assert same_causes(cart, suspects)[load] == (bias,)
-    assert same_causes(cart, suspects)[sensor] == ()
+    candidates = possible_causes(
+        cart, [effects.ConstantLoad, effects.InputBias, effects.SensorBias]
+    )
+    load, bias, sensor = candidates
+    assert same_causes(cart, candidates)[load] == (bias,)
+    assert same_causes(cart, candidates)[sensor] == ()
 
 
-def test_delays_of_the_only_input_are_one_suspect():
+def test_delays_of_the_only_input_are_one_candidate():
     cart = systems.cart_on_spring()
-    late, sensor = suspects = possible_causes(cart, [effects.InputDelay, effects.SensorDelay])
-    assert same_causes(cart, suspects) == {late: (sensor,)}
+    late, sensor = candidates = possible_causes(cart, [effects.InputDelay, effects.SensorDelay])
+    assert same_causes(cart, candidates) == {late: (sensor,)}
 
 
 def test_a_formula_may_hold_a_state_that_another_cause_adds():

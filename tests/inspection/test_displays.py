@@ -166,10 +166,10 @@ def test_lacking_dynamics_show_between_input_and_residuals():
     assert np.abs(mended.cross_correlation_["F"]).max() < mended.band_
 
 
-# -- suspects, causes, parameters ------------------------------------------------------------------
+# -- candidates, causes, parameters ----------------------------------------------------------------
 
 
-def test_suspects_stand_from_the_best_and_the_cause_is_marked():
+def test_candidates_stand_from_the_best_and_the_cause_is_marked():
     diagnosis, _, _ = rough_sledge()
     display = CandidatesDisplay.from_estimator(diagnosis, most=1)
     assert display.names == ["Coulomb friction on v"]

@@ -151,7 +151,7 @@ def test_an_adequate_model_is_told_so(tmp_path):
     assert "What is missing" not in text
 
 
-def test_a_suspect_that_makes_it_worse_has_no_percentage(friction):
+def test_a_candidate_that_makes_it_worse_has_no_percentage(friction):
     changed = copy(friction)
     changed.candidates_ = (Tried("sensor_rectification", "position", 207.99, 150.0, 290.0),)
     text = render_report(changed)

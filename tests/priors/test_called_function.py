@@ -153,7 +153,7 @@ def test_a_diagnosis_on_two_cores_names_what_it_lacks():
         y = truth.simulate(t, u).y[:, 0] + rng.normal(scale=1e-4, size=t.size)
         rows.append(np.column_stack([np.full(t.size, k), t, u, y]))
     table = pd.DataFrame(np.concatenate(rows), columns=["trajectory", "t", "torque", "angle"])
-    suspects = ["coulomb_friction", "viscous_friction", "input_bias"]
-    diagnosis = ModelDiagnosis(CALLED, catalogue=suspects, n_jobs=2)
+    candidates = ["coulomb_friction", "viscous_friction", "input_bias"]
+    diagnosis = ModelDiagnosis(CALLED, catalogue=candidates, n_jobs=2)
     diagnosis.fit(table[["trajectory", "t", "torque"]], table[["angle"]])
     assert [cause.effect for cause in diagnosis.causes_] == ["coulomb_friction"]

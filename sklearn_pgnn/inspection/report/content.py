@@ -24,8 +24,8 @@ from sklearn_pgnn.inspection.report.tables import error_rows
 from sklearn_pgnn.inspection.report.tiles import make_tiles, worst
 from sklearn_pgnn.inspection.report.who_did_what import segments_of_bar
 from sklearn_pgnn.inspection.words import (
+    candidate_name,
     remaining_sentence,
-    suspect_name,
     unusable_sentence,
     verdict_sentence,
 )
@@ -86,7 +86,7 @@ def _story(diagnosis, formula: FoundFormula | None) -> dict:
         "windowed": windowed,
         "window": f"{number(diagnosis.window_, 3)} s",
         "other_records": others,
-        "suspects": dot_plot(diagnosis),
+        "candidates": dot_plot(diagnosis),
         "retuned_only": times(together(diagnosis).refitted),
         "tests": residual_tests(diagnosis, formula),
         "smallest_share": percent(diagnosis.smallest_share),
@@ -100,7 +100,7 @@ def _appendix(diagnosis, formula: FoundFormula | None) -> dict:
         "correlation": correlation(diagnosis, formula),
         "equation_blocks": _equation_blocks(diagnosis),
         "unusable": [
-            {"name": suspect_name(effect, target), "reason": reason}
+            {"name": candidate_name(effect, target), "reason": reason}
             for effect, target, reason in diagnosis.unusable_
         ],
         "unusable_sentence": unusable_sentence(diagnosis),

@@ -1,4 +1,4 @@
-"""All suspects as dots on a logarithmic axis, in units of the noise."""
+"""All candidates as dots on a logarithmic axis, in units of the noise."""
 
 import math
 from dataclasses import dataclass
@@ -9,17 +9,17 @@ from markupsafe import Markup
 from sklearn_pgnn.inspection.numbers import times
 from sklearn_pgnn.inspection.svg import Scale, dot, mark, scale_text, span, strip, whisker
 from sklearn_pgnn.inspection.words import cause_name
-from sklearn_pgnn.inspection.yardstick import suspects, together
+from sklearn_pgnn.inspection.yardstick import left_alone, together
 
-#: suspects that are shown before the rest is folded away
+#: candidates that are shown before the rest is folded away
 SHOWN = 12
 #: what is worse than re-tuning alone by more than this lies beyond the axis
 WORST = 1.25
 
 
 @dataclass(frozen=True)
-class SuspectRow:
-    """A suspect.
+class CandidateRow:
+    """A candidate.
 
     Parameters
     ----------
@@ -41,32 +41,32 @@ class SuspectRow:
 
 @dataclass(frozen=True)
 class DotPlot:
-    """The suspects.
+    """The candidates.
 
     Parameters
     ----------
-    rows : list of SuspectRow
+    rows : list of CandidateRow
         The named causes first, then the best.
     ticks : Markup
         The axis.
     """
 
-    rows: list[SuspectRow]
+    rows: list[CandidateRow]
     ticks: Markup
 
     @property
-    def shown(self) -> list[SuspectRow]:
+    def shown(self) -> list[CandidateRow]:
         """The first rows."""
         return self.rows[:SHOWN]
 
     @property
-    def folded(self) -> list[SuspectRow]:
+    def folded(self) -> list[CandidateRow]:
         """The others."""
         return self.rows[SHOWN:]
 
 
 def dot_plot(diagnosis) -> DotPlot | None:
-    """Return the dot plot; None where no suspect was looked at alone.
+    """Return the dot plot; None where no candidate was looked at alone.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def dot_plot(diagnosis) -> DotPlot | None:
     DotPlot or None
         Rows and axis.
     """
-    found, errors = suspects(diagnosis), together(diagnosis)
+    found, errors = left_alone(diagnosis), together(diagnosis)
     if not found or not math.isfinite(errors.refitted):
         return None
     entries = _entries(diagnosis, found, errors)
@@ -91,7 +91,7 @@ def dot_plot(diagnosis) -> DotPlot | None:
 
 
 class _Entry(NamedTuple):
-    """What a suspect leaves, in units of the noise, and where its interval ends."""
+    """What a candidate leaves, in units of the noise, and where its interval ends."""
 
     name: str
     left: float
@@ -100,23 +100,23 @@ class _Entry(NamedTuple):
 
 
 def _entries(diagnosis, found, errors) -> list[_Entry]:
-    """Return what every suspect leaves; a single cause as the extended model has it."""
+    """Return what every candidate leaves; a single cause as the extended model has it."""
     named = {(cause.effect, cause.target) for cause in diagnosis.causes_}
     entries = []
-    for suspect in found:
-        name, is_named = cause_name(*suspect.name), suspect.name in named
+    for candidate in found:
+        name, is_named = cause_name(*candidate.name), candidate.name in named
         if is_named and len(named) == 1:
-            factor = errors.extended / suspect.left if suspect.left > 0 else math.nan
-            ends = factor * suspect.low, factor * suspect.high
+            factor = errors.extended / candidate.left if candidate.left > 0 else math.nan
+            ends = factor * candidate.low, factor * candidate.high
             entries.append(_Entry(name, errors.extended, True, ends))
         else:
-            entries.append(_Entry(name, suspect.left, is_named, (suspect.low, suspect.high)))
+            entries.append(_Entry(name, candidate.left, is_named, (candidate.low, candidate.high)))
     if len(named) > 1:
         entries.append(_Entry("all named causes together", errors.extended, True))
     return sorted(entries, key=lambda entry: (round(entry.left, 2), not entry.named))
 
 
-def _row(scale: Scale, refitted: float, entry: _Entry) -> SuspectRow:
+def _row(scale: Scale, refitted: float, entry: _Entry) -> CandidateRow:
     is_worse = not entry.left <= WORST * refitted
     said = "makes it worse" if is_worse else times(entry.left)
     at = min(max(float(scale.place(max(entry.left, 1e-300))), 0.0), 1.0)
@@ -130,5 +130,5 @@ def _row(scale: Scale, refitted: float, entry: _Entry) -> SuspectRow:
         text += f" (95 %: {times(low)} to {times(high)})"
         first, last = (float(scale.place(end)) for end in (low, high))
         shapes.append(whisker(first, last, "whisker", text))
-    shapes.append(dot(at, "named" if entry.named else "suspect", text))
-    return SuspectRow(entry.name, said, entry.named, strip(text, shapes))
+    shapes.append(dot(at, "named" if entry.named else "candidate", text))
+    return CandidateRow(entry.name, said, entry.named, strip(text, shapes))

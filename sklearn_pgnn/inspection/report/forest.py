@@ -109,5 +109,5 @@ def _strip(scale: Scale, name: str, p, freedom, css: str) -> Markup:
     if math.isfinite(p.high - p.low):
         low, high = sorted((at(p.low), at(p.high)))
         shapes.append(whisker(low, high, "whisker", said))
-    shapes.append(dot(at(p.value), "named" if css == "look" else "suspect", f"{name}: {said}"))
+    shapes.append(dot(at(p.value), "named" if css == "look" else "candidate", f"{name}: {said}"))
     return strip(f"{name}: {said}", shapes)

@@ -11,9 +11,9 @@ from sklearn_pgnn.inspection.report.parameter_facts import ParameterFacts, param
 from sklearn_pgnn.inspection.words import cause_name, rivals
 from sklearn_pgnn.inspection.yardstick import (
     in_free_run,
+    left_alone,
     over_windows,
     retuning_counts,
-    suspects,
     together,
 )
 from sklearn_pgnn.record_quality.wording import listed
@@ -119,7 +119,7 @@ def _sure(diagnosis) -> Tile:
         return Tile("bad", about, "no name", f"{_runner_up(diagnosis)}, and is not enough")
     if not diagnosis.complete_:
         return Tile("look", about, "not complete", "the search ended early")
-    text = "no suspect of the catalogue makes it better"
+    text = "no candidate of the catalogue makes it better"
     nearest = _runner_up(diagnosis)
     return Tile("good", about, "nothing named", f"{text}; {nearest}" if nearest else text)
 
@@ -135,19 +135,19 @@ def _sure_of(diagnosis, cause) -> Tile:
 
 
 def _runner_up(diagnosis) -> str:
-    """Return what the nearest suspect that was not named leaves; empty if none was looked at."""
+    """Return what the nearest candidate that was not named leaves; empty if none was looked at."""
     named = {(cause.effect, cause.target) for cause in diagnosis.causes_}
     known = known_effects(diagnosis)
     most = max((count_parameters(known[e](target)) for e, target in named), default=math.inf)
-    for suspect in suspects(diagnosis):
-        if suspect.name not in named:
-            effect, target = suspect.name
+    for candidate in left_alone(diagnosis):
+        if candidate.name not in named:
+            effect, target = candidate.name
             more = count_parameters(known[effect](target)) > most
             with_more = ", which has more parameters," if more else ""
             alone = " alone" if len(named) != 1 else ""
             name = cause_name(effect, target)
             comma = "" if more else ","
-            return f"the runner-up, {name}{with_more}{comma} leaves {times(suspect.left)}{alone}"
+            return f"the runner-up, {name}{with_more}{comma} leaves {times(candidate.left)}{alone}"
     return ""
 
 

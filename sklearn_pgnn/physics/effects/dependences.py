@@ -124,7 +124,7 @@ class ParameterSaturation(ParameterDependence):
 
     Its term :math:`p\,s` grows ever less and ends at :math:`p/b`, as a motor's torque or an
     amplifier's output does; with a negative :math:`b` it grows ever more, as a propeller's thrust
-    over its voltage does. Suspected are the
+    over its voltage does. Candidates are the
     coefficients that stand at a function of one shown signal alone. Forces of a velocity or of a
     position are not among them: they are friction, drag and springs.
 

@@ -39,7 +39,7 @@ def add_at(model, target: str, expression) -> dict:
 class Formula(Effect):
     r"""Terms added to a rate, to an input or to an output, :math:`\sum_i c_i \theta_i(x, u, t)`.
 
-    It is no suspect of a diagnosis: it is what a diagnosis proposes where no suspect will do.
+    It is no candidate of a diagnosis: it is what a diagnosis proposes where no candidate will do.
 
     Parameters
     ----------

@@ -85,8 +85,8 @@ def test_the_table_of_errors_says_the_same_as_the_tile(both):
 
 def test_a_single_cause_leaves_in_the_dot_plot_what_the_tile_says(both):
     diagnosis, html = both
-    if len(diagnosis.causes_) == 1 and 'id="suspects"' in html:
-        row = part(html[html.index('id="suspects"') :], '<tr class="named">', "</tr>")
+    if len(diagnosis.causes_) == 1 and 'id="candidates"' in html:
+        row = part(html[html.index('id="candidates"') :], '<tr class="named">', "</tr>")
         assert f" {in_noise(diagnosis)['extended']} " in row
 
 
