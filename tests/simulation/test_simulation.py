@@ -18,6 +18,7 @@ from sklearn_pgnn import Parameter, PhysicsModel, effects, systems
 from sklearn_pgnn.exceptions import SimulationError, SimulationWarning
 from sklearn_pgnn.physics.expressions import FUNCTIONS, TIME, symbol
 from sklearn_pgnn.simulation import simulate
+from sklearn_pgnn.simulation.hidden_input import find_hidden_input
 from sklearn_pgnn.simulation.normal_equations import project
 from sklearn_pgnn.simulation.pointwise import evaluate_samples
 from sklearn_pgnn.simulation.record_windows import window_records
@@ -341,9 +342,17 @@ def test_a_gap_is_stepped_through_as_its_samples_would_be():
 SCRIPT = """
 import pickle, sys
 import numpy as np
-model, t, u, x0 = pickle.load(open(sys.argv[1], "rb"))
-run = model.simulate(t, u, x0, wrt=tuple(model.parameters))
-np.savez(sys.argv[2], x=run.x, s=run.sensitivities)
+from sklearn_pgnn.simulation.hidden_input import find_hidden_input
+from sklearn_pgnn.simulation.windows import evaluate
+(model, t, u, x0), windows, x = pickle.load(open(sys.argv[1], "rb"))
+wrt = tuple(model.parameters)
+run = model.simulate(t, u, x0, wrt=wrt)
+over_windows = evaluate(model, windows, x[windows.starts], wrt)
+hidden = find_hidden_input(model, windows, "omega", x, np.ones(2), size=1.0, time=1.0)
+np.savez(
+    sys.argv[2], x=run.x, s=run.sensitivities, gram=over_windows.block_gram,
+    residual=over_windows.residual, hidden=hidden.values, errors=hidden.errors,
+)
 """
 
 
@@ -352,17 +361,28 @@ np.savez(sys.argv[2], x=run.x, s=run.sensitivities)
 def test_pickled_model_gives_the_same_bits_in_another_process(tmp_path, plain_calls):
     model = PENDULUM + effects.CoulombFriction("omega", level=0.3)
     arguments = model, T, torque(T), np.array([0.5, 0.0])
-    (tmp_path / "model.pickle").write_bytes(pickle.dumps(arguments))
+    y = simulate(*arguments).y + 1e-3 * np.random.default_rng(0).normal(size=(T.size, 2))
+    records = read_records(model, np.column_stack([T, torque(T)]), y)
+    windowed = window_records(model, records, window_length=0.5)
+    windows, x = windowed.windows, windowed.states.estimate(model).x
+    (tmp_path / "model.pickle").write_bytes(pickle.dumps((arguments, windows, x)))
     path = os.pathsep.join([str(Path(sklearn_pgnn.__file__).parents[1]), *sys.path])
     subprocess.run(
         [sys.executable, "-c", SCRIPT, tmp_path / "model.pickle", tmp_path / "result.npz"],
         env={**os.environ, "PYTHONPATH": path, "SKLEARN_PGNN_PLAIN_CALLS": plain_calls},
         check=True,
     )
-    result = np.load(tmp_path / "result.npz")
-    here = simulate(*arguments, wrt=tuple(model.parameters))
+    result, wrt = np.load(tmp_path / "result.npz"), tuple(model.parameters)
+    here = simulate(*arguments, wrt=wrt)
     assert np.array_equal(result["x"], here.x)
     assert np.array_equal(result["s"], here.sensitivities)
+    over_windows = evaluate(model, windows, x[windows.starts], wrt)
+    assert np.array_equal(result["gram"], over_windows.block_gram)
+    assert np.array_equal(result["residual"], over_windows.residual, equal_nan=True)
+    hidden = find_hidden_input(model, windows, "omega", x, np.ones(2), size=1.0, time=1.0)
+    assert np.isfinite(hidden.values).all()  # by the Kalman filter and the smoother
+    assert np.array_equal(result["hidden"], hidden.values)
+    assert np.array_equal(result["errors"], hidden.errors)
 
 
 # -- machine code ---------------------------------------------------------------------------------
