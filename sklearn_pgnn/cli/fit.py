@@ -91,7 +91,7 @@ class FitJob:
         say(console, "Fit in free run (100 % is perfect)", "bold")
         rows = table("", "as given", "fitted")
         for i, name in enumerate(self.prior.outputs):
-            rows.add_row(cell(name), *(fit_text(fit[i]) for fit in self.fits.values()))
+            rows.add_row(cell(name), *(fit_text(fit[i], 1) for fit in self.fits.values()))
         print_table(console, rows)
         if quiet:
             return

@@ -101,5 +101,5 @@ def tell_simulation(model, fits: dict, output: str, samples: int, *, quiet: bool
     say(console, "Fit to the measured outputs in free run (100 % is perfect)", "bold")
     rows = table("", *model.outputs)
     for name, percent in fits.items():
-        rows.add_row(cell(name), *map(fit_text, percent))
+        rows.add_row(cell(name), *(fit_text(p, 1) for p in percent))
     print_table(console, rows)

@@ -311,7 +311,7 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
                 f"{late[0].origin:.12g} s. Remedy: take the first time off each trajectory before "
                 f"the extended model is simulated on it.",
                 RecordWarning,
-                stacklevel=3,
+                stacklevel=4,
             )
 
     def _forget(self) -> None:

@@ -202,16 +202,18 @@ def share(gain) -> str:
     return f"{100 * gain.explained_share:.{places}f} % ({low:.{places}f} to {high:.{places}f} %)"
 
 
-def fit_text(fit: float) -> str:
+def fit_text(fit: float, decimals: int = 0) -> str:
     """Return the fit of a simulation [%] as it is told.
 
     Examples
     --------
-    >>> fit_text(98.4), fit_text(-2e4), fit_text(-math.inf), fit_text(math.nan)
-    ('98 %', 'below −1000 %', 'diverges', 'nothing moves')
+    >>> fit_text(98.4), fit_text(99.84, decimals=1), fit_text(-2e4)
+    ('98 %', '99.8 %', 'below −1000 %')
+    >>> fit_text(-math.inf), fit_text(math.nan)
+    ('diverges', 'nothing moves')
     """
     if math.isnan(fit):
         return "nothing moves"
     if math.isinf(fit):
         return "diverges"
-    return f"{fit:.0f} %" if fit > -1000 else "below −1000 %"
+    return f"{fit:.{decimals}f} %" if fit > -1000 else "below −1000 %"

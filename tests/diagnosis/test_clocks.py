@@ -147,8 +147,10 @@ def test_a_change_in_time_is_found_on_time_stamps_with_a_warning_of_what_its_tim
         random_state=7,
     )
     X = hidden.X.drop(columns=["x", "v"])
-    with pytest.warns(RecordWarning, match=r"at 17000\d+ s. Remedy: take the first time off"):
+    told = pytest.warns(RecordWarning, match=r"at 17000\d+ s. Remedy: take the first time off")
+    with told as warned:
         found = diagnose(hidden.prior, *absolute_and_apart(X, hidden.y))
+    assert {each.filename for each in warned} == {__file__}
     assert [(c.effect, c.target) for c in found.causes_] == [("parameter_drift", "k")]
     assert found.extended_model_.parameters["drift_k"].value == pytest.approx(0.1, rel=0.05)
     assert np.isfinite(found.predict(absolute(X, hidden.y)[0])).all()
