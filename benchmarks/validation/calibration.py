@@ -12,6 +12,12 @@ PICTURE = Path(__file__).parents[2] / "docs" / "_static" / "validation_chances.p
 EDGES = (0.0, 0.05, 0.2, 0.4, 0.6, 0.8, 0.95, 0.99, 1.0)
 
 
+def binomial_interval(count: int, total: int) -> tuple[float, float]:
+    """Return the 95 % interval of a share, by Clopper and Pearson."""
+    ends = binomtest(count, total).proportion_ci()
+    return float(ends.low), float(ends.high)
+
+
 @dataclass(frozen=True)
 class Bin:
     """The causes and rivals whose probabilities lie between two edges.
@@ -39,9 +45,8 @@ class Bin:
 
     @property
     def interval(self) -> tuple[float, float]:
-        """Its 95 % interval, by Clopper and Pearson."""
-        ends = binomtest(self.right, self.count).proportion_ci()
-        return float(ends.low), float(ends.high)
+        """Its 95 % interval."""
+        return binomial_interval(self.right, self.count)
 
 
 def bins_of(outcomes) -> list[Bin]:

@@ -5,9 +5,8 @@ from collections import Counter
 from pathlib import Path
 
 import numpy as np
-from calibration import bins_of, draw, mean_error
+from calibration import binomial_interval, bins_of, draw, mean_error
 from outcome import OUTCOMES
-from scipy.stats import binomtest
 
 import sklearn_pgnn
 
@@ -116,11 +115,11 @@ def _chances(bins) -> list[str]:
 
 
 def _share(count, total) -> str:
-    """Write a share in percent with its Clopper-Pearson interval."""
+    """Write a share in percent with its interval."""
     if not total:
         return ""
-    ends = binomtest(count, total).proportion_ci()
-    return f"{100 * count / total:.0f} ({100 * ends.low:.0f} to {100 * ends.high:.0f}) %"
+    low, high = binomial_interval(count, total)
+    return f"{100 * count / total:.0f} ({100 * low:.0f} to {100 * high:.0f}) %"
 
 
 def _table(head, rows) -> list[str]:

@@ -586,10 +586,9 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
         has_time = self._has_time(X)
         with own_random_numbers(), one_thread_each() as self._threads:
             core = self._make_core(1, 1)  # refuses parameters that make none, before any work
-            if has_time:
-                self._check_refinement(core)
             torch.manual_seed(random.randint(2**31 - 1))
             if has_time:
+                self._check_refinement(core)
                 self._train_on_trajectories(X, y, random, anew, **fit_params)
             else:
                 self._train_on_rows(X, y, anew, **fit_params)

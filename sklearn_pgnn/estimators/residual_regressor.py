@@ -190,6 +190,11 @@ class ResidualRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             outputs = simulated + self.regressor_.predict(features).reshape(simulated.shape)
         return outputs.ravel() if self._single_output else outputs.reshape(len(outputs), -1)
 
+    def _check_has_model(self, method: str) -> None:
+        check_is_fitted(self)
+        if self.model is None:
+            raise ValueError(f"{method}: expected a regressor with a model, got none.")
+
     def predict_states(self, X):
         """Simulate the model's states of every trajectory in free run from its initial state.
 
@@ -208,9 +213,7 @@ class ResidualRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         ValueError
             If there is no model, and so no state.
         """
-        check_is_fitted(self)
-        if self.model is None:
-            raise ValueError("predict_states: expected a regressor with a model, got none.")
+        self._check_has_model("predict_states")
         X = validate_table(self, X, reset=False)
         records = read_records(self.model, X, time_column=self.time_column)
         refuse_standardised(self.model, records)
@@ -242,9 +245,7 @@ class ResidualRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         ValueError
             If there is no model, and so no state.
         """
-        check_is_fitted(self)
-        if self.model is None:
-            raise ValueError("predict_ahead: expected a regressor with a model, got none.")
+        self._check_has_model("predict_ahead")
         X = validate_table(self, X, reset=False)
         records = read_records(self.model, X, y, time_column=self.time_column, to_fit=False)
         refuse_standardised(self.model, records)

@@ -8,20 +8,13 @@ import numpy as np
 from sklearn.base import BaseEstimator, MetaEstimatorMixin, clone
 from sklearn.metrics import check_scoring
 from sklearn.utils import check_random_state, get_tags
-from sklearn.utils.metaestimators import available_if
 from sklearn.utils.validation import check_is_fitted
 
 from sklearn_pgnn.exceptions import OptionError, TrainingError
 from sklearn_pgnn.extras import needed_by
+from sklearn_pgnn.model_selection.delegation import inner_has
 from sklearn_pgnn.model_selection.own_folds import own_folds
 from sklearn_pgnn.trajectories.tables import take_rows
-
-
-def _best_has(name):
-    def check(self):
-        return hasattr(getattr(self, "best_estimator_", self.estimator), name)
-
-    return available_if(check)
 
 
 def _is_inside(point, space) -> bool:
@@ -301,7 +294,7 @@ class HalvingBayesSearchCV(MetaEstimatorMixin, BaseEstimator):
             "fit_time": seconds,
         }
 
-    @_best_has("predict")
+    @inner_has("best_estimator_", "predict")
     def predict(self, X):
         """Predict by the best estimator.
 
@@ -318,7 +311,7 @@ class HalvingBayesSearchCV(MetaEstimatorMixin, BaseEstimator):
         check_is_fitted(self)
         return self.best_estimator_.predict(X)
 
-    @_best_has("predict_states")
+    @inner_has("best_estimator_", "predict_states")
     def predict_states(self, X):
         """Simulate the states by the best estimator, if it can.
 
@@ -335,7 +328,7 @@ class HalvingBayesSearchCV(MetaEstimatorMixin, BaseEstimator):
         check_is_fitted(self)
         return self.best_estimator_.predict_states(X)
 
-    @_best_has("predict_ahead")
+    @inner_has("best_estimator_", "predict_ahead")
     def predict_ahead(self, X, y, steps=1):
         """Predict every sample from the outputs before it by the best estimator, if it can.
 
@@ -356,7 +349,7 @@ class HalvingBayesSearchCV(MetaEstimatorMixin, BaseEstimator):
         check_is_fitted(self)
         return self.best_estimator_.predict_ahead(X, y, steps)
 
-    @_best_has("predict_interval")
+    @inner_has("best_estimator_", "predict_interval")
     def predict_interval(self, X, coverage=0.9, y=None):
         """Return intervals by the best estimator, if it has such.
 

@@ -3,10 +3,10 @@
 import numpy as np
 from sklearn.base import BaseEstimator, MetaEstimatorMixin, RegressorMixin, clone
 from sklearn.utils import get_tags
-from sklearn.utils.metaestimators import available_if
 from sklearn.utils.validation import check_is_fitted
 
 from sklearn_pgnn.estimators.progress import teller
+from sklearn_pgnn.model_selection.delegation import inner_has
 from sklearn_pgnn.model_selection.own_folds import columns_of, own_folds
 from sklearn_pgnn.model_selection.trajectory_rows import are_measured, read_pieces
 from sklearn_pgnn.simulation.intervals import beside, check_coverage, quantile_of
@@ -14,13 +14,6 @@ from sklearn_pgnn.trajectories.tables import as_columns, take_rows
 
 #: folds at most where none are told: every one is a fit
 FOLDS = 6
-
-
-def _inner_has(name):
-    def check(self):
-        return hasattr(getattr(self, "estimator_", self.estimator), name)
-
-    return available_if(check)
 
 
 class ConformalRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
@@ -148,7 +141,7 @@ class ConformalRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
         check_is_fitted(self)
         return self.estimator_.predict(X)
 
-    @_inner_has("predict_states")
+    @inner_has("estimator_", "predict_states")
     def predict_states(self, X):
         """Simulate the states by the regressor that was fitted to all trajectories, if it can.
 
@@ -165,7 +158,7 @@ class ConformalRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
         check_is_fitted(self)
         return self.estimator_.predict_states(X)
 
-    @_inner_has("predict_ahead")
+    @inner_has("estimator_", "predict_ahead")
     def predict_ahead(self, X, y, steps=1):
         """Predict every sample from the outputs before it, if the regressor can.
 

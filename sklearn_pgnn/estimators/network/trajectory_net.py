@@ -233,8 +233,7 @@ class TrajectoryNet(NeuralNetRegressor):
         minimise = levenberg_marquardt if method == "lm" else l_bfgs
         self._phase = None
         objective = self._objective([*training, *self._in_reach()])
-        if not _can_begin(objective, theta):
-            return
+        first = len(self.history)
         with self._resting_optimizer():
             for _ in range(ROUNDS if objective.overlap else 1):
                 before = objective.weigh_overlap(theta)
@@ -243,6 +242,8 @@ class TrajectoryNet(NeuralNetRegressor):
                 settled = objective.error(theta) > SETTLED * before
                 if settled or self._is_enough or len(self.history) == begun:
                     break
+        if len(self.history) == first:
+            _warn_of_lost(objective, theta)
 
     def _check_refinement(self, core) -> None:
         """Raise `ValueError` where a last phase is asked for that needs another core."""
@@ -514,8 +515,8 @@ class TrajectoryNet(NeuralNetRegressor):
             return outputs_of(self.model_, x, u, t, known).numpy()
 
 
-def _can_begin(objective: SimulationObjective, theta) -> bool:
-    """Return whether the last phase has finite runs and slopes to begin with; warn where not."""
+def _warn_of_lost(objective: SimulationObjective, theta) -> None:
+    """Warn where runs or slopes that are not finite let the last phase make no step."""
     parts = objective.parts(theta)[: len(objective.records)]
     lost = sum(not part.is_finite for part in parts)
     if lost:
@@ -527,7 +528,6 @@ def _can_begin(objective: SimulationObjective, theta) -> bool:
             SimulationWarning,
             stacklevel=6,
         )
-    return not lost
 
 
 def _warn_of_ends(names) -> None:
