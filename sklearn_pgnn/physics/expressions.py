@@ -19,6 +19,7 @@ from sympy.printing.str import StrPrinter
 
 from sklearn_pgnn.exceptions import ModelError
 from sklearn_pgnn.physics.external import External
+from sklearn_pgnn.physics.extremes import extreme, maximum, minimum
 
 #: the functions an equation may use
 FUNCTIONS = {
@@ -33,8 +34,8 @@ FUNCTIONS = {
     "exp": sympy.exp,
     "floor": sympy.floor,
     "log": sympy.log,
-    "max": sympy.Max,
-    "min": sympy.Min,
+    "max": maximum,
+    "min": minimum,
     "sign": sympy.sign,
     "sin": sympy.sin,
     "sinh": sympy.sinh,
@@ -184,7 +185,8 @@ def _as_reread(expression: sympy.Expr) -> sympy.Expr:
     if not expression.has(sympy.Max, sympy.Min):
         return expression
     return expression.replace(
-        lambda part: isinstance(part, sympy.Max | sympy.Min), lambda part: part.func(*part.args)
+        lambda part: isinstance(part, sympy.Max | sympy.Min),
+        lambda part: extreme(part.func, part.args),
     )
 
 

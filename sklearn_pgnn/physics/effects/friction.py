@@ -17,6 +17,7 @@ from sklearn_pgnn.physics.effects.rates import (
     unit_of_force,
 )
 from sklearn_pgnn.physics.expressions import symbol
+from sklearn_pgnn.physics.extremes import maximum, minimum
 
 #: stands for the load until the model says what it is
 LOAD = sympy.Symbol("_load", real=True)
@@ -398,7 +399,7 @@ class Hysteresis(PositionEffect):
     @property
     def bounded(self) -> sympy.Expr:
         """The state, kept where it is bound to stay."""
-        return sympy.Max(sympy.Min(symbol(self.state), 1), -1)
+        return maximum(minimum(symbol(self.state), 1), -1)
 
     def rewrite(self, model, p):
         """Subtract the force and add the state."""

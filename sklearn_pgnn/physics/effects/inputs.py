@@ -4,11 +4,10 @@ import re
 from dataclasses import dataclass
 from types import MappingProxyType
 
-import sympy
-
 from sklearn_pgnn.physics.characteristic import Characteristic
 from sklearn_pgnn.physics.effect import Effect, quantity
 from sklearn_pgnn.physics.expressions import TIME, same_name, symbol
+from sklearn_pgnn.physics.extremes import maximum, minimum
 
 
 @dataclass(frozen=True)
@@ -141,7 +140,7 @@ class InputDeadZone(InputEffect):
     def seen(self, u, p):
         """Return the dead zone of u."""
         w = p["width"]
-        return sympy.Max(u - w, 0) + sympy.Min(u + w, 0)
+        return maximum(u - w, 0) + minimum(u + w, 0)
 
     @classmethod
     def starts(cls, target, model, scales):
@@ -183,7 +182,7 @@ class AsymmetricDeadZone(InputEffect):
 
     def seen(self, u, p):
         """Return the dead zone of u."""
-        return sympy.Max(u - p["above"], 0) + sympy.Min(u + p["below"], 0)
+        return maximum(u - p["above"], 0) + minimum(u + p["below"], 0)
 
     @classmethod
     def starts(cls, target, model, scales):
@@ -222,7 +221,7 @@ class InputSaturation(InputEffect):
 
     def seen(self, u, p):
         """Return u cut at the limit."""
-        return sympy.Min(sympy.Max(u, -p["limit"]), p["limit"])
+        return minimum(maximum(u, -p["limit"]), p["limit"])
 
     @classmethod
     def starts(cls, target, model, scales):
@@ -416,7 +415,7 @@ class InputRateLimit(ActuatorEffect):
     def rate(self, u, acting, p):
         """Return the rate of the lag, bounded."""
         follow = (u - acting) / p["time_constant"]
-        return sympy.Max(sympy.Min(follow, p["limit"]), -p["limit"])
+        return maximum(minimum(follow, p["limit"]), -p["limit"])
 
     @classmethod
     def starts(cls, target, model, scales):
@@ -467,7 +466,7 @@ class InputBacklash(ActuatorEffect):
     def rate(self, u, acting, p):
         """Return the rate in contact, none within the play."""
         gap, w = u - acting, p["width"]
-        return (sympy.Max(gap - w, 0) + sympy.Min(gap + w, 0)) / p["time_constant"]
+        return (maximum(gap - w, 0) + minimum(gap + w, 0)) / p["time_constant"]
 
     @classmethod
     def starts(cls, target, model, scales):

@@ -2,19 +2,18 @@
 
 from dataclasses import dataclass
 
-import sympy
-
 from sklearn_pgnn.physics.characteristic import Characteristic
 from sklearn_pgnn.physics.derived_units import rate_unit
 from sklearn_pgnn.physics.effect import Effect, quantity
 from sklearn_pgnn.physics.effects.rates import is_velocity
 from sklearn_pgnn.physics.effects.targets import pair, parts
 from sklearn_pgnn.physics.expressions import symbol
+from sklearn_pgnn.physics.extremes import maximum, minimum
 
 
 def _bounded(value, limit):
     """Keep a value between minus a limit and the limit."""
-    return sympy.Max(sympy.Min(value, limit), -limit)
+    return maximum(minimum(value, limit), -limit)
 
 
 def first_order_states(model):
@@ -137,7 +136,7 @@ class StateLimit(StateEffect):
         """Return the rate that comes to rest at the limits."""
         top = (p["limit"] - state) * p["steepness"]
         bottom = -(p["limit"] + state) * p["steepness"]
-        return sympy.Max(sympy.Min(rate, top), bottom)
+        return maximum(minimum(rate, top), bottom)
 
     @classmethod
     def starts(cls, target, model, scales):

@@ -8,6 +8,7 @@ from sklearn_pgnn.physics.characteristic import Characteristic
 from sklearn_pgnn.physics.effect import Effect, quantity
 from sklearn_pgnn.physics.effects.inputs import Delay
 from sklearn_pgnn.physics.expressions import TIME
+from sklearn_pgnn.physics.extremes import maximum, minimum
 
 
 @dataclass(frozen=True)
@@ -125,7 +126,7 @@ class SensorSaturation(OutputEffect):
 
     def shown(self, y, p):
         """Return y within the range."""
-        return sympy.Max(sympy.Min(y, p["upper"]), p["lower"])
+        return maximum(minimum(y, p["upper"]), p["lower"])
 
     @classmethod
     def starts(cls, target, model, scales):

@@ -2,8 +2,6 @@
 
 from dataclasses import dataclass
 
-import sympy
-
 from sklearn_pgnn.physics.effect import quantity
 from sklearn_pgnn.physics.effects.levels import (
     StateEffect,
@@ -12,6 +10,7 @@ from sklearn_pgnn.physics.effects.levels import (
     limits_of_a_level,
 )
 from sklearn_pgnn.physics.expressions import symbol
+from sklearn_pgnn.physics.extremes import maximum, minimum
 
 
 @dataclass(frozen=True)
@@ -63,8 +62,8 @@ class Overflow(StateEffect):
         inflow = model.equations[self.target]
         room = (p["limit"] - symbol(self.target)) * p["steepness"]
         rates = dict(model.equations)
-        rates[self.target] = sympy.Min(inflow, room)
-        rates[below] += p["share"] * sympy.Max(inflow - room, 0)
+        rates[self.target] = minimum(inflow, room)
+        rates[below] += p["share"] * maximum(inflow - room, 0)
         return {"equations": rates}
 
     @classmethod

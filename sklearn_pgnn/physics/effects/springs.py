@@ -7,6 +7,7 @@ import sympy
 
 from sklearn_pgnn.physics.effect import quantity
 from sklearn_pgnn.physics.effects.rates import FAINT, PositionEffect, force_scale
+from sklearn_pgnn.physics.extremes import maximum, minimum
 
 #: most periods of a ripple within the travel
 MOST_CYCLES = 40.0
@@ -180,13 +181,13 @@ class EndStop(PositionEffect):
 
     def force(self, v, position, p):
         """Return the stops' force."""
-        beyond = sympy.Max(position - p["upper"], 0) + sympy.Min(position - p["lower"], 0)
+        beyond = maximum(position - p["upper"], 0) + minimum(position - p["lower"], 0)
         return p["stiffness"] * beyond
 
     def potential(self, position, p):
         """Return what the stops store."""
-        above = sympy.Max(position - p["upper"], 0)
-        below = sympy.Min(position - p["lower"], 0)
+        above = maximum(position - p["upper"], 0)
+        below = minimum(position - p["lower"], 0)
         return p["stiffness"] * (above**2 + below**2) / 2
 
     @classmethod
