@@ -95,17 +95,43 @@ class Noise:
         list of (Residuals, Residuals)
             What is left without a model of the signal, and with it.
         """
-        shape = (count, size.size)
-        across = self.power * rng.chisquare(np.maximum(self.counts - 1.0, 1.0), shape)
-        error = np.sqrt(along) * rng.standard_normal(shape)
-        before, after = across + (size + error) ** 2, across + error**2
-        squares = self.counts * self.power
-        whole = np.maximum(squares + size**2, np.finfo(float).tiny)
-        both = (squares * self.times + size**2 * times) / whole
+        before, after = self._draw_squares(size, along, rng, count)
+        both = self._times_with(size, times)
         return [
             (Residuals(b, self.counts, both), Residuals(a, self.counts, self.times))
             for b, a in zip(before, after, strict=True)
         ]
+
+    def likelihood_ratios(self, size, times, along, rng, count) -> np.ndarray:
+        """Draw the noise on top of a signal, and compare the model that knows the signal.
+
+        Parameters
+        ----------
+        size, times, along, rng, count
+            See `draws`.
+
+        Returns
+        -------
+        ndarray of shape (count,)
+            `log_likelihood_ratio` of every draw.
+        """
+        before, after = self._draw_squares(size, along, rng, count)
+        counted = self.counts / (2.0 * np.maximum(self._times_with(size, times), self.times))
+        measured = (self.counts > 0) & (self.power > 0)
+        return np.log(before[:, measured] / after[:, measured]) @ counted[measured]
+
+    def _draw_squares(self, size, along, rng, count) -> tuple[np.ndarray, np.ndarray]:
+        """Return the squares without a model of the signal, and with it, by draw and output."""
+        shape = (count, size.size)
+        across = self.power * rng.chisquare(np.maximum(self.counts - 1.0, 1.0), shape)
+        error = np.sqrt(along) * rng.standard_normal(shape)
+        return across + (size + error) ** 2, across + error**2
+
+    def _times_with(self, size, times) -> np.ndarray:
+        """Return the autocorrelation times of the noise with a signal."""
+        squares = self.counts * self.power
+        whole = np.maximum(squares + size**2, np.finfo(float).tiny)
+        return (squares * self.times + size**2 * times) / whole
 
 
 @dataclass(frozen=True)

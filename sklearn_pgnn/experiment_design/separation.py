@@ -23,7 +23,7 @@ from sklearn_pgnn.estimation.budgets import (
     TOLERANCE,
 )
 from sklearn_pgnn.estimation.candidate import Candidate
-from sklearn_pgnn.estimation.criterion import SelectionCriterion, log_likelihood_ratio
+from sklearn_pgnn.estimation.criterion import SelectionCriterion
 from sklearn_pgnn.estimation.equivalence import are_equivalent
 from sklearn_pgnn.estimation.fitted_records import DiagnosisRecords, FittedWindows
 from sklearn_pgnn.estimation.freedoms import freedoms, held_by
@@ -411,8 +411,8 @@ def _repeats(noise: Noise, left: _Shown, n_new: int, needed: float) -> float:
     for count in range(1, REPEATS + 1):
         rng, both = np.random.default_rng(0), replace(noise, counts=noise.counts + count * n_new)
         size, along = np.sqrt(count * left.squares), noise.power * noise.times
-        pairs = both.draws(size, left.times, along, rng, DRAWS)
-        if np.mean([log_likelihood_ratio(*pair) > needed for pair in pairs]) >= POWER:
+        ratios = both.likelihood_ratios(size, left.times, along, rng, DRAWS)
+        if np.mean(ratios > needed) >= POWER:
             return float(count)
     return float("inf")
 

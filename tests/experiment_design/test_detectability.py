@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_info, threadpool_limits
 import sklearn_pgnn.experiment_design.power as power_module
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects
 from sklearn_pgnn.estimation.autocorrelation import autocorrelation_times
-from sklearn_pgnn.estimation.criterion import SelectionCriterion
+from sklearn_pgnn.estimation.criterion import SelectionCriterion, log_likelihood_ratio
 from sklearn_pgnn.experiment_design.power import Noise, PowerAnalysis, strength_along
 from sklearn_pgnn.experiment_design.simulate_records import inject
 from sklearn_pgnn.inspection import DetectabilityDisplay
@@ -259,6 +259,15 @@ def test_a_signal_in_noise_has_the_autocorrelation_time_of_both_together():
     (expected,) = autocorrelation_times(noise + signal, segment)
     assert before.times == pytest.approx(expected, rel=0.1)
     assert after.times == pytest.approx(1.0, rel=0.1)
+
+
+def test_likelihood_ratios_are_those_of_the_draws():
+    noise = Noise(np.array([1.0, 0.0, 2.0]), np.array([50.0, 20.0, 0.0]), np.array([3.0, 1.0, 1.0]))
+    signal = np.array([4.0, 0.0, 1.0]), np.array([9.0, 1.0, 1.0]), noise.power
+    found = noise.likelihood_ratios(*signal, np.random.default_rng(0), 7)
+    pairs = noise.draws(*signal, np.random.default_rng(0), 7)
+    np.testing.assert_allclose(found, [log_likelihood_ratio(*pair) for pair in pairs])
+    assert np.ptp(found) > 0
 
 
 @pytest.mark.parametrize(
