@@ -7,6 +7,7 @@ are samples.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
+from functools import lru_cache
 from types import MappingProxyType
 from typing import Any
 
@@ -164,12 +165,7 @@ class PhysicsModel:
     @property
     def kinematic_pairs(self) -> dict[str, str]:
         """Velocity to position, for every state whose rate is another state, bounded or not."""
-        moving, found = {symbol(name) for name in (*self.states, *self.inputs)}, {}
-        for position, rate in self.equations.items():
-            rates = [part for part in _compared(rate) if part.free_symbols & moving]
-            if len(rates) == 1 and rates[0].is_Symbol and rates[0].name in self.states:
-                found[rates[0].name] = position
-        return found
+        return dict(_kinematic_pairs(tuple(self.equations.items()), tuple(self.inputs)))
 
     @property
     def slope_pairs(self) -> dict[str, str]:
@@ -528,6 +524,17 @@ class PhysicsModel:
 
     def _repr_latex_(self) -> str:
         return reading("model_latex")(self)
+
+
+@lru_cache(maxsize=1024)
+def _kinematic_pairs(equations, inputs) -> dict[str, str]:
+    states = dict(equations)
+    moving, found = {symbol(name) for name in (*states, *inputs)}, {}
+    for position, rate in equations:
+        rates = [part for part in _compared(rate) if part.free_symbols & moving]
+        if len(rates) == 1 and rates[0].is_Symbol and rates[0].name in states:
+            found[rates[0].name] = position
+    return found
 
 
 def _compared(rate: sympy.Expr) -> list[sympy.Expr]:

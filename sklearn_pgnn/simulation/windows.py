@@ -347,7 +347,9 @@ def in_parts(run: Callable[[slice], None], windows: ShootingWindows) -> None:
 
 def _parts(windows: ShootingWindows) -> list[slice]:
     """Deal windows to threads, several parts to each: some windows take longer."""
+    if windows.threads == 1:
+        return [slice(None)]
     count, steps = len(windows), int(windows.lengths.sum()) * windows.substeps
-    most = min(PARTS * windows.threads, count, steps // LEAST) if windows.threads > 1 else 1
-    edges = np.linspace(0, count, max(1, most) + 1).astype(int)
+    edges = np.linspace(0, count, max(1, min(PARTS * windows.threads, count, steps // LEAST)) + 1)
+    edges = edges.astype(int)
     return [slice(a, b) for a, b in pairwise(edges)]
