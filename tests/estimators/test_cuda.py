@@ -79,6 +79,17 @@ def test_a_card_trains_what_the_processor_trains(options):
     assert np.isfinite(on_card.physics_residual(X)[1:]).any()
 
 
+def test_a_number_to_the_power_of_a_state_is_trained_on_a_card():
+    shown = {"r": "2**x + 0.1*v"}
+    model, machine = (each.replace(outputs=shown) for each in (CART, MACHINE))
+    y = np.concatenate([machine.simulate(r.t, r.F).y for _, r in X.groupby("trajectory")])
+    nets = [
+        PGNNLRegressor(model, device=device, horizon=5, **QUICK).fit(X, y)
+        for device in ("cuda", "cpu")
+    ]
+    np.testing.assert_allclose(*(net.predict(X) for net in nets), rtol=1e-4, atol=1e-4)
+
+
 def test_rows_without_a_time_are_learned_on_a_card_too():
     rng = np.random.default_rng(0)
     rows = rng.normal(size=(200, 3))

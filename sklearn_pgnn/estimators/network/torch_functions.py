@@ -100,4 +100,9 @@ def _power(base, exponent, known):
     if known.is_number:
         number = float(known)
         return lambda values: torch.pow(base(values), number)
-    return lambda values: torch.pow(base(values), exponent(values))
+    return lambda values: _raised(base(values), exponent(values))
+
+
+def _raised(base, exponent):
+    """Raise to a power; torch takes a number beside a card's tensor as exponent, not as base."""
+    return torch.pow(base if base.dim() else base.to(exponent.device), exponent)
