@@ -73,6 +73,18 @@ MACHINES = {
             ("linear state space [3]_", (0.224, 0.384)),
         ),
     ),
+    "silverbox": Machine(
+        datasets.load_silverbox,
+        "mV",
+        1e3,
+        (
+            ("GP NARX [3]_", (0.301, 0.60, 0.259)),
+            ("polynomial state space [5]_", (None, 0.26, None)),
+            ("pNARX [3]_", (0.640, 2.25, 0.571)),
+            ("GRU [3]_", (1.49, 2.80, 0.947)),
+            ("linear state space [3]_", (6.96, 14.4, 6.58)),
+        ),
+    ),
 }
 
 
@@ -117,7 +129,7 @@ def described(grey_box) -> str:
 
 def numbers(factor, errors) -> str:
     """Write the errors of the trajectories."""
-    return " / ".join(f"{factor * error:.3g}" for error in errors)
+    return " / ".join("–" if error is None else f"{factor * error:.3g}" for error in errors)
 
 
 def write(name, lines):

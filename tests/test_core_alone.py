@@ -30,6 +30,7 @@ USES = {
         "sklearn_pgnn.datasets.load_emps()",
         "sklearn_pgnn.datasets.load_cascaded_tanks()",
         "sklearn_pgnn.datasets.load_coupled_drives()",
+        "sklearn_pgnn.datasets.load_silverbox()",
     ],
     "dask": [
         "from sklearn_pgnn.cli.cluster import on_cluster\nwith on_cluster('tcp://x'): pass",

@@ -8,6 +8,7 @@ from sklearn_pgnn.datasets.public import (
     load_cascaded_tanks,
     load_coupled_drives,
     load_emps,
+    load_silverbox,
 )
 from sklearn_pgnn.datasets.servo_valve import make_servo_valve, servo_valve_plant
 from sklearn_pgnn.datasets.two_tanks import make_two_tanks
@@ -19,6 +20,7 @@ __all__ = [
     "load_cascaded_tanks",
     "load_coupled_drives",
     "load_emps",
+    "load_silverbox",
     "make_cart",
     "make_golf_robot",
     "make_hidden_effect",

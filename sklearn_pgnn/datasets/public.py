@@ -16,6 +16,10 @@ from sklearn_pgnn.physics.parameter import Parameter
 DRIVE_GAIN = 35.15065188
 #: training samples of the drives' records, and their sample interval [s]
 DRIVES_TRAIN, DRIVES_STEP = 400, 0.02
+#: the silverbox's sample rate [Hz], its samples whose amplitude grows, how many of them stay within
+#: what was learned, its samples with multisines, and how many of these are for learning
+SILVERBOX_RATE, ARROW, ARROW_WITHIN = 610.35, slice(100, 40_575), 32_000
+MULTISINE, MULTISINE_TRAIN = slice(40_650, 127_400), 65_062
 
 
 @dataclass(frozen=True)
@@ -207,6 +211,63 @@ def load_coupled_drives(*, data_home=None) -> PublicBenchmark:
     return _benchmark(train, rest, 10, _drives_prior())
 
 
+def load_silverbox(*, data_home=None) -> PublicBenchmark:
+    r"""Load the silverbox: an electronic oscillator whose spring hardens, at 610 Hz.
+
+    .. math:: \ddot y = b\,u - d\,\dot y - k\,y
+
+    Input ``drive`` [V], output ``response`` [V], some nine samples a period. Three quarters of the
+    multisine are for learning. Trajectories of the test are the rest, ``multisine``; the ``arrow``,
+    noise with an amplitude that grows beyond what was learned; and ``arrow_within``, the part of it
+    that does not. Gain, damping and stiffness are not known: the prior's values are a start, and
+    their spread has no end.
+
+    Parameters
+    ----------
+    data_home : path-like, optional
+        Folder that holds, itself or in a folder inside it, ``SNLS80mV.mat``; by default the
+        package ``nonlinear_benchmarks`` downloads it.
+
+    Returns
+    -------
+    PublicBenchmark
+        A record to learn from, three to judge on; 50 samples may find the initial state.
+
+    Raises
+    ------
+    FileNotFoundError
+        If the file is not in the folder.
+    ImportError
+        If there is neither a folder nor the package.
+    ValueError
+        If the file does not hold the record.
+
+    References
+    ----------
+    .. [1] T. Wigren, J. Schoukens, "Three free data sets for development and benchmarking in
+       nonlinear system identification", European Control Conference, 2013.
+
+    Examples
+    --------
+    >>> silverbox = load_silverbox(data_home="downloads")  # doctest: +SKIP
+    >>> silverbox.initial_window  # doctest: +SKIP
+    50
+    """
+    *_, file = _files("Silverbox", ("SNLS80mV.mat",), data_home)
+    u, y = _read(file, "V1", "V2")
+    train, multisine = np.split(np.arange(u.size)[MULTISINE], [MULTISINE_TRAIN])
+    arrow = np.arange(u.size)[ARROW]
+
+    def record(name, rows):
+        inputs = {"t": np.arange(rows.size) / SILVERBOX_RATE, "drive": u[rows]}
+        return _tables(name, inputs, {"response": y[rows]})
+
+    tests = {"multisine": multisine, "arrow": arrow, "arrow_within": arrow[:ARROW_WITHIN]}
+    pairs = zip(*(record(*item) for item in tests.items()), strict=True)
+    test = tuple(pd.concat(tables, ignore_index=True) for tables in pairs)
+    return _benchmark(record("train", train), test, 50, _silverbox_prior())
+
+
 def _benchmark(train, test, initial_window, prior) -> PublicBenchmark:
     (X_train, y_train), (X_test, y_test) = train, test
     return PublicBenchmark(X_train, X_test, y_train, y_test, initial_window, prior)
@@ -250,7 +311,8 @@ def _read(file: Path, *names) -> list[np.ndarray]:
             f"{file}: expected the variables {', '.join(names)}; {missing[0]!r} is missing. "
             f"Remedy: check that it is the benchmark's own file."
         )
-    return [np.asarray(found[name], dtype=float)[:, 0] for name in names]
+    columns = (np.asarray(found[name], dtype=float) for name in names)
+    return [column[0] if len(column) == 1 else column[:, 0] for column in columns]
 
 
 def _tables(trajectory: str, inputs: dict, outputs: dict) -> tuple[pd.DataFrame, pd.DataFrame]:
@@ -320,4 +382,20 @@ def _drives_prior() -> PhysicsModel:
             "acceleration": "omega0**2*(drive - speed) - 2*xi*omega0*acceleration",
             "drive": "alpha*(k*voltage - drive)",
         },
+    )
+
+
+def _silverbox_prior() -> PhysicsModel:
+    unknown = partial(Parameter, bounds=(0.0, 1e7), spread=np.inf)
+    return PhysicsModel(
+        name="silverbox",
+        states={"y": "V", "v": "V/s"},
+        inputs={"drive": "V"},
+        outputs={"response": "y"},
+        parameters=_by_name(
+            unknown("b", 1.8e5, unit="1/s^2"),
+            unknown("d", 20.0, unit="1/s"),
+            unknown("k", 1.8e5, unit="1/s^2"),
+        ),
+        equations={"y": "v", "v": "b*drive - d*v - k*y"},
     )

@@ -10,7 +10,12 @@ from scipy.io import savemat
 from snippets import ROOT, blocked, read_page
 
 from sklearn_pgnn import PhysicsModelRegressor
-from sklearn_pgnn.datasets import load_cascaded_tanks, load_coupled_drives, load_emps
+from sklearn_pgnn.datasets import (
+    load_cascaded_tanks,
+    load_coupled_drives,
+    load_emps,
+    load_silverbox,
+)
 
 RNG = np.random.default_rng(0)
 EMPS = {
@@ -19,7 +24,9 @@ EMPS = {
     for name, n in (("DATA_EMPS.mat", 60), ("DATA_EMPS_PULSES.mat", 50))
 }
 TANKS = {key: RNG.normal(size=(70, 1)) for key in ("uEst", "yEst", "uVal", "yVal")} | {"Ts": 4.0}
+SILVERBOX = {key: RNG.normal(size=(1, 127_500)) for key in ("V1", "V2")}
 DRIVES = {key: RNG.normal(size=(500, 1)) for key in ("u11", "z11", "u12", "z12")}
+LOADERS = [load_emps, load_cascaded_tanks, load_coupled_drives, load_silverbox]
 
 
 @pytest.fixture
@@ -29,6 +36,7 @@ def home(tmp_path):
         "EMPS": EMPS,
         "Cascaded_Tanks/CascadedTanksFiles": {"dataBenchmark.mat": TANKS},
         "CED": {"DATAUNIF.MAT": DRIVES},
+        "Silverbox/SilverboxFiles": {"SNLS80mV.mat": SILVERBOX},
     }
     for folder, files in places.items():
         (tmp_path / folder).mkdir(parents=True)
@@ -39,6 +47,7 @@ def home(tmp_path):
         "EMPS/EMPS.zip",
         "Cascaded_Tanks/CascadedTanksFiles.zip",
         "CED/FULLTEXT01.zip",
+        "Silverbox/SilverboxFiles.zip",
     ):
         (tmp_path / archive).touch()
     return tmp_path
@@ -67,6 +76,20 @@ def test_tanks_have_a_file_for_both_records(home):
         np.testing.assert_array_equal(y["level"], TANKS[f"y{name}"][:, 0])
 
 
+def test_the_silverbox_is_learned_from_multisines_and_judged_beyond_them(home):
+    box = load_silverbox(data_home=home)
+    u, y = SILVERBOX["V1"][0], SILVERBOX["V2"][0]
+    np.testing.assert_array_equal(box.X_train["drive"], u[40_650 : 40_650 + 65_062])
+    for name, rows in {
+        "multisine": slice(40_650 + 65_062, 127_400),
+        "arrow": slice(100, 40_575),
+        "arrow_within": slice(100, 32_100),
+    }.items():
+        mine = (box.X_test["trajectory"] == name).to_numpy()
+        np.testing.assert_array_equal(box.X_test["drive"][mine], u[rows])
+        np.testing.assert_array_equal(box.y_test["response"][mine], y[rows])
+
+
 def test_nobody_claims_to_know_the_flows_of_the_tanks(home):
     prior = load_cascaded_tanks(data_home=home).prior
     assert {parameter.spread for parameter in prior.parameters.values()} == {np.inf}
@@ -91,7 +114,12 @@ def gain(name):
 
 @pytest.mark.parametrize(
     ("name", "load"),
-    [("EMPS", load_emps), ("Cascaded_Tanks", load_cascaded_tanks), ("CED", load_coupled_drives)],
+    [
+        ("EMPS", load_emps),
+        ("Cascaded_Tanks", load_cascaded_tanks),
+        ("CED", load_coupled_drives),
+        ("Silverbox", load_silverbox),
+    ],
 )
 def test_records_splits_and_windows_are_those_of_the_package(home, name, load):
     package = pytest.importorskip("nonlinear_benchmarks")
@@ -113,7 +141,7 @@ def test_files_may_lie_in_the_folder_itself(home):
     assert len(load_emps(data_home=home / "EMPS").X_test) == 50
 
 
-@pytest.mark.parametrize("load", [load_emps, load_cascaded_tanks, load_coupled_drives])
+@pytest.mark.parametrize("load", LOADERS)
 def test_a_missing_file_is_named_with_its_folder(load, tmp_path):
     with pytest.raises(
         FileNotFoundError, match=rf"expected \w+\.(mat|MAT) in {re.escape(str(tmp_path))}.*Remedy"
@@ -143,7 +171,7 @@ def test_the_snippet_of_the_documentation_runs(home, tmp_path):
     assert result.returncode == 0, result.stderr
 
 
-@pytest.mark.parametrize("load", [load_emps, load_cascaded_tanks, load_coupled_drives])
+@pytest.mark.parametrize("load", LOADERS)
 def test_the_prior_reads_the_tables(load, home):
     data = load(data_home=home)
     regressor = PhysicsModelRegressor(data.prior, free=(), search="local")
