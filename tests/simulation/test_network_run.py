@@ -1,7 +1,12 @@
 """The compiled loop of a network in feedback, against slower loops that are easy to believe."""
 
+import os
+import pickle
+import subprocess
+import sys
 from dataclasses import replace
 from itertools import product
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,6 +14,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import sklearn_pgnn
 from sklearn_pgnn import effects, systems
 from sklearn_pgnn.estimators.network.cores import FeedForward, Recurrent
 from sklearn_pgnn.estimators.network.free_run import run_core, step_with, weights_of
@@ -400,3 +406,35 @@ def test_gradient_of_a_rollout_is_that_of_the_sensitivities(structure, guide):
 )
 def test_the_terms_that_guide_a_network_are_parts_of_the_rates(model, quantities):
     assert names_in_terms(model) == quantities
+
+
+SCRIPT = """
+import pickle, sys
+import numpy as np
+from sklearn_pgnn.simulation.network_run import NetworkSensitivities, run_network
+step, theta, record = pickle.load(open(sys.argv[1], "rb"))
+samples = np.arange(record.t.size)
+*_, (_, x, S) = NetworkSensitivities(step, theta, record).pieces(samples)
+np.savez(sys.argv[2], alone=run_network(step, theta, record)[0], x=x, S=S)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("plain_calls", ["0", "1"], ids=["by address", "by numba's objects"])
+def test_a_network_gives_the_same_bits_in_another_process(tmp_path, plain_calls):
+    rng = np.random.default_rng(4)
+    step = step_of(CART, "correction", "step", rng)
+    core, record = core_for(step, "tanh"), bare(record_of(CART, rng), step)
+    given = step_with(core, step), weights_of(core), record
+    (tmp_path / "network.pickle").write_bytes(pickle.dumps(given))
+    path = os.pathsep.join([str(Path(sklearn_pgnn.__file__).parents[1]), *sys.path])
+    subprocess.run(
+        [sys.executable, "-c", SCRIPT, tmp_path / "network.pickle", tmp_path / "result.npz"],
+        env={**os.environ, "PYTHONPATH": path, "SKLEARN_PGNN_PLAIN_CALLS": plain_calls},
+        check=True,
+    )
+    result = np.load(tmp_path / "result.npz")
+    assert np.array_equal(result["alone"], run_network(*given)[0])
+    *_, (_, x, S) = NetworkSensitivities(*given).pieces(np.arange(record.t.size))
+    assert np.array_equal(result["x"], x)
+    assert np.array_equal(result["S"], S)
