@@ -14,6 +14,7 @@ import warnings
 from pathlib import Path
 
 import diagnoses
+import long_record
 import machines
 import networks
 import regressions
@@ -25,7 +26,10 @@ from sklearn_pgnn import PGNNLRegressor, datasets, systems
 from sklearn_pgnn.model_selection import TrajectoryKFold
 
 TABLES = Path(__file__).parents[2] / "docs" / "tables"
-PARTS = {part.__name__: part for part in (simulations, regressions, networks, diagnoses, machines)}
+PARTS = {
+    part.__name__: part
+    for part in (simulations, regressions, networks, diagnoses, machines, long_record)
+}
 HEAD = ["work", "takes [ms]", "against", "ratio", "bar", ""]
 
 

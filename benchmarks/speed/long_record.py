@@ -7,18 +7,23 @@ arrays that are memory maps of files, or as a Parquet file. Run:
 
 import argparse
 import resource
+import subprocess
+import sys
 import tempfile
 import time
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from measure import Row
 from scipy.signal import lfilter
 
 from sklearn_pgnn import ModelDiagnosis, effects, systems
 from sklearn_pgnn.trajectories import read_files
 
 STEP, FADES, FORCE, NOISE = 1e-3, 0.3, 10.0, 1e-3
+#: an hour, the time [s] and the memory [GB] that it may take, and two lengths to compare
+HOUR, LONGEST, MOST, GROWTH = 3_600_000, 120.0, 4.0, (50_000, 500_000)
 
 
 def record(samples):
@@ -52,22 +57,53 @@ def table(X, y, folder):
 SOURCES = {"table": table, "memory-map": mapped, "parquet": parquet}
 
 
+def measure(samples, jobs, source) -> tuple[float, float, ModelDiagnosis]:
+    """Return the time of reading and diagnosing [s], the memory of it all [GB], and the result."""
+    with tempfile.TemporaryDirectory() as folder:
+        read = SOURCES[source](*record(samples), Path(folder))
+        start = time.perf_counter()
+        X, y = read()
+        diagnosis = ModelDiagnosis(systems.cart_on_spring(), n_jobs=jobs).fit(X, y)
+        seconds = time.perf_counter() - start
+    return seconds, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6, diagnosis
+
+
+def measured_apart(samples, source="table") -> tuple[float, float]:
+    """Return time [s] and memory [GB] of a process of its own."""
+    command = [sys.executable, __file__, "--samples", str(samples), "--source", source, "--plain"]
+    said = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout
+    seconds, gigabytes = map(float, said.split())
+    return seconds, gigabytes
+
+
+def rows():
+    """Yield the rows of the table of all that is meant to be fast."""
+    for source in SOURCES:
+        seconds, gigabytes = measured_apart(HOUR, source)
+        work = f"an hour at 1 kHz, {source}, 2 cores"
+        yield Row(work, seconds, f"{LONGEST:g} s", seconds / LONGEST, 1.0)
+        work = f"its memory, {gigabytes:.1f} GB"
+        yield Row(work, seconds, f"{MOST:g} GB", gigabytes / MOST, 1.0)
+    few, many = (measured_apart(n)[0] / n for n in GROWTH)
+    work = f"a long record, per sample of {GROWTH[1]}"
+    yield Row(work, many * GROWTH[1], f"per sample of {GROWTH[0]}", many / few, 1.0)
+
+
 def main():
     """Diagnose and tell."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--samples", type=int, default=3_600_000)
+    parser.add_argument("--samples", type=int, default=HOUR)
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--source", choices=SOURCES, default="table")
+    parser.add_argument("--plain", action="store_true", help=argparse.SUPPRESS)
     said = parser.parse_args()
-    with tempfile.TemporaryDirectory() as folder:
-        read = SOURCES[said.source](*record(said.samples), Path(folder))
-        start = time.perf_counter()
-        X, y = read()
-        diagnosis = ModelDiagnosis(systems.cart_on_spring(), n_jobs=said.jobs).fit(X, y)
-        seconds = time.perf_counter() - start
-    most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
+    seconds, gigabytes, diagnosis = measure(said.samples, said.jobs, said.source)
+    if said.plain:
+        print(seconds, gigabytes)
+        return
     names = ", ".join(f"{cause.effect} ({cause.target})" for cause in diagnosis.causes_)
-    print(f"{said.samples} samples: {seconds:.0f} s, {most:.1f} GB; {diagnosis.verdict_}: {names}")
+    found = f"{diagnosis.verdict_}: {names}"
+    print(f"{said.samples} samples: {seconds:.0f} s, {gigabytes:.1f} GB; {found}")
 
 
 if __name__ == "__main__":
