@@ -7,7 +7,7 @@ from numbers import Integral, Real
 import numpy as np
 from joblib import Parallel, delayed
 from sklearn.base import BaseEstimator, MultiOutputMixin, clone
-from sklearn.utils.validation import check_is_fitted
+from sklearn.utils.validation import check_is_fitted, check_memory
 
 from sklearn_pgnn.diagnosis import ModelDiagnosis
 from sklearn_pgnn.estimators.progress import teller
@@ -104,6 +104,11 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
     n_jobs : int, optional
         Folds that are fitted at once, and threads of the last fit; -1 means as many as there are
         processors.
+    memory : str or joblib.Memory, optional
+        Where the diagnosis and the cross-validation of the physical depths are kept, so that a
+        search over the network's parameters does not repeat them on the same records; a str is a
+        folder. What is kept are pickles, which are code: let nobody else write there. The
+        diagnosis warns only when it is made.
     verbose : int, default=0
         Whether to print a line for every stage.
 
@@ -173,6 +178,7 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         least_gain=0.01,
         time_column=None,
         n_jobs=None,
+        memory=None,
         verbose=0,
     ):
         self.model = model
@@ -185,7 +191,40 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         self.least_gain = least_gain
         self.time_column = time_column
         self.n_jobs = n_jobs
+        self.memory = memory
         self.verbose = verbose
+
+    def set_params(self, **params):
+        """Set parameters; those of a diagnosis or network that is None are of the default one.
+
+        Parameters
+        ----------
+        **params
+            Parameters, such as ``network__lr`` or ``diagnosis__max_causes``.
+
+        Returns
+        -------
+        self : GreyBoxRegressor
+            The regressor.
+
+        Raises
+        ------
+        ValueError
+            If there is no such parameter.
+        ImportError
+            If one of the default network is set, and its extra is not installed.
+
+        Examples
+        --------
+        >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
+        >>> GreyBoxRegressor(lag).set_params(diagnosis__max_causes=1).diagnosis.max_causes
+        1
+        """
+        for name, default in (("diagnosis", self._diagnosis), ("network", self._network)):
+            nested = any(each.startswith(f"{name}__") for each in params)
+            if nested and params.get(name, getattr(self, name)) is None:
+                params[name] = default()
+        return super().set_params(**params)
 
     def fit(self, X, y):
         """Diagnose, fit every depth in every fold, and the chosen one to all records.
@@ -386,6 +425,7 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
     def _check_parameters(self) -> tuple[str, ...]:
         """Check the parameters, and return the depths in their order."""
         check_model(self.model)
+        check_memory(self.memory)
         if self.by not in WAYS:
             raise OptionError(f"by: expected one of {', '.join(WAYS)}, got {self.by!r}.")
         for name, least in (("n_splits", 2), ("initial_window", 0)):
@@ -427,8 +467,8 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         models = dict.fromkeys(("prior", "fitted"), self.model)
         if {"extended", "formula"} & set(depths):
             teller(self)("diagnosis")
-            diagnosis = ModelDiagnosis(self.model) if self.diagnosis is None else self.diagnosis
-            self.diagnosis_ = clone(diagnosis).set_params(model=self.model, time_column=None)
+            own = {"model": self.model, "time_column": None}
+            self.diagnosis_ = clone(self._diagnosis()).set_params(**own)
             self._diagnose(table)
             said = {"hold": self.diagnosis_.hold_, "substeps": self.diagnosis_.substeps_}
             models["prior"] = self.model.replace(simulation=said)
@@ -443,7 +483,8 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
     def _diagnose(self, table) -> None:
         """Diagnose the prior; where that breaks down, take what it had found until then."""
         try:
-            self.diagnosis_.fit(table.starting(self.model, table.told), table.y)
+            X = table.starting(self.model, table.told)
+            self.diagnosis_ = self._kept(_diagnosed)(self.diagnosis_, X, table.y)
         except Exception as error:
             if not hasattr(self.diagnosis_, "verdict_"):
                 raise
@@ -472,12 +513,20 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         return results
 
     def _judge(self, depth, fits, table, folds) -> list[FoldResult]:
+        score = judge if depth in NETWORKS else self._kept(judge)
         found = Parallel(n_jobs=self.n_jobs)(
-            delayed(judge)(fit, table, hidden, self.initial_window)
+            delayed(score)(fit, table, hidden, self.initial_window)
             for fit, hidden in zip(fits, folds, strict=True)
         )
         teller(self)(f"{depth}: cross-validated error {mean_error(found):.4g}")
         return found
+
+    def _kept(self, function):
+        """Return a function whose results are kept in `memory`."""
+        return check_memory(self.memory).cache(function)
+
+    def _diagnosis(self):
+        return ModelDiagnosis(self.model) if self.diagnosis is None else self.diagnosis
 
     def _network(self):
         if self.network is not None:
@@ -485,6 +534,13 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         with needed_by("the depths 'state_network' and 'network'"):
             from sklearn_pgnn.estimators.pgnnl import PGNNLRegressor
         return PGNNLRegressor()
+
+    def _searched_parts(self) -> dict:
+        """Return what `search_space` finds inside: the network as it is trained; None if never."""
+        tried = NETWORKS if self.depths is None else self.depths
+        if not set(NETWORKS) & set(tried):
+            return {"network": None}
+        return {"network": clone(self._network()).set_params(model=self.model)}
 
     def _fit_chosen(self, candidates, table) -> None:
         """Fit the chosen depth to all records."""
@@ -508,6 +564,11 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
 
     def __sklearn_tags__(self):
         return tags_of_records(super().__sklearn_tags__())
+
+
+def _diagnosed(diagnosis, X, y) -> ModelDiagnosis:
+    """Fit a diagnosis; where it breaks off, what was given has the best until then."""
+    return diagnosis.fit(X, y)
 
 
 def _fit_model(depth, model, table, visible, n_jobs=None) -> FittedDepth:

@@ -13,7 +13,9 @@ def search_space(estimator, **changes) -> dict:
     r"""Return the dimensions of a search with scikit-optimize's `BayesSearchCV`.
 
     They follow from the parameters that an estimator has, wherever it stands: alone, in a
-    `Pipeline`, or inside another estimator such as `ResidualRegressor`.
+    `Pipeline`, or inside another estimator such as `ResidualRegressor`. The network of a
+    `GreyBoxRegressor` has the prior as its model, and where ``network`` is None it is the default
+    one; where no depth is a network it is not searched.
 
     =================  =====================================================  ====================
     short name         dimension                                              of whom
@@ -97,7 +99,12 @@ def _dimensions_of(estimator) -> dict:
 def _parts(estimator) -> dict:
     """Return the estimator and every one inside it, by the prefix of its parameters."""
     inside = {f"{name}__": part for name, part in estimator.get_params().items() if _is_one(part)}
-    return {"": estimator, **inside}
+    parts = {"": estimator, **inside}
+    for prefix, part in list(parts.items()):
+        if hasattr(part, "_searched_parts"):  # its parameters do not tell what it fits
+            parts |= {f"{prefix}{name}__": own for name, own in part._searched_parts().items()}
+    unused = tuple(prefix for prefix, part in parts.items() if part is None)
+    return {prefix: part for prefix, part in parts.items() if not prefix.startswith(unused)}
 
 
 def _is_one(part) -> bool:

@@ -19,7 +19,7 @@ from sklearn.utils.validation import check_is_fitted
 from skopt import BayesSearchCV
 from skopt.space import Categorical, Integer, Real
 
-from sklearn_pgnn import PhysicsModelTransformer, datasets, systems
+from sklearn_pgnn import GreyBoxRegressor, PhysicsModelTransformer, datasets, systems
 from sklearn_pgnn.estimators.residual_regressor import ResidualRegressor
 from sklearn_pgnn.model_selection import (
     TrajectoryKFold,
@@ -402,6 +402,27 @@ def test_names_lead_to_the_step_they_belong_to():
     space = search_space(pipeline)
     assert {name.removeprefix("network__") for name in space} == set(search_space(Network(GOLF)))
     pipeline.set_params(**dict.fromkeys(space, 1))  # every name is a parameter
+
+
+@pytest.mark.parametrize("network", [None, Network(), Network(GOLF.replace(energy={}))])
+def test_the_network_of_a_recipe_has_the_prior_as_its_model(network):
+    recipe = GreyBoxRegressor(GOLF, network=network)
+    space = search_space(make_pipeline(recipe))
+    inner = search_space(Network(GOLF))
+    assert space == {f"greyboxregressor__network__{name}": inner[name] for name in inner}
+    assert recipe.network is network
+    make_pipeline(recipe).set_params(**{name: inner[name[27:]].rvs(1)[0] for name in space})
+
+
+def test_a_recipe_without_networks_has_nothing_to_search():
+    for network in (None, Network(), ResidualRegressor(GOLF, Sparse())):
+        with pytest.raises(ValueError, match="GreyBoxRegressor has no parameter"):
+            search_space(GreyBoxRegressor(GOLF, depths=("prior", "fitted"), network=network))
+    inside = GreyBoxRegressor(GOLF, network=ResidualRegressor(GOLF, Sparse()))
+    assert set(search_space(inside)) == {
+        "network__regressor__library",
+        "network__regressor__threshold",
+    }
 
 
 def test_changes_replace_drop_and_add():
