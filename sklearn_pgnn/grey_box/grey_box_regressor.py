@@ -102,8 +102,8 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
     time_column : int or str, optional
         Column of X that holds the time; by default ``"t"``, of an array the first.
     n_jobs : int, optional
-        Folds that are fitted at once, and threads of the last fit; -1 means as many as there are
-        processors.
+        Folds that are fitted at once, and threads of the diagnosis, unless it has its own
+        ``n_jobs``, and of the last fit; -1 means as many as there are processors.
     memory : str or joblib.Memory, optional
         Where the diagnosis and the cross-validation of the physical depths are kept, so that a
         search over the network's parameters does not repeat them on the same records; a str is a
@@ -467,7 +467,7 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         models = dict.fromkeys(("prior", "fitted"), self.model)
         if {"extended", "formula"} & set(depths):
             teller(self)("diagnosis")
-            own = {"model": self.model, "time_column": None}
+            own = {"model": self.model, "time_column": None, "n_jobs": None}
             self.diagnosis_ = clone(self._diagnosis()).set_params(**own)
             self._diagnose(table)
             said = {"hold": self.diagnosis_.hold_, "substeps": self.diagnosis_.substeps_}
@@ -484,7 +484,8 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         """Diagnose the prior; where that breaks down, take what it had found until then."""
         try:
             X = table.starting(self.model, table.told)
-            self.diagnosis_ = self._kept(_diagnosed)(self.diagnosis_, X, table.y)
+            kept = self._kept(_diagnosed, ignore=["n_jobs"])
+            self.diagnosis_ = kept(self.diagnosis_, X, table.y, n_jobs=self._diagnosis_threads())
         except Exception as error:
             if not hasattr(self.diagnosis_, "verdict_"):
                 raise
@@ -521,9 +522,14 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         teller(self)(f"{depth}: cross-validated error {mean_error(found):.4g}")
         return found
 
-    def _kept(self, function):
+    def _kept(self, function, **options):
         """Return a function whose results are kept in `memory`."""
-        return check_memory(self.memory).cache(function)
+        return check_memory(self.memory).cache(function, **options)
+
+    def _diagnosis_threads(self) -> int | None:
+        """Return `n_jobs`, or that of a diagnosis of one's own where it has one."""
+        own = None if self.diagnosis is None else self.diagnosis.n_jobs
+        return self.n_jobs if own is None else own
 
     def _diagnosis(self):
         return ModelDiagnosis(self.model) if self.diagnosis is None else self.diagnosis
@@ -566,9 +572,9 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         return tags_of_records(super().__sklearn_tags__())
 
 
-def _diagnosed(diagnosis, X, y) -> ModelDiagnosis:
+def _diagnosed(diagnosis, X, y, n_jobs) -> ModelDiagnosis:
     """Fit a diagnosis; where it breaks off, what was given has the best until then."""
-    return diagnosis.fit(X, y)
+    return diagnosis.set_params(n_jobs=n_jobs).fit(X, y)
 
 
 def _fit_model(depth, model, table, visible, n_jobs=None) -> FittedDepth:

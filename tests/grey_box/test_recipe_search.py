@@ -190,3 +190,14 @@ def test_bayesian_search_over_the_recipe(cart, tmp_path, search, network):
     loaded = pickle.loads(pickle.dumps(found))
     for each in (best, loaded):
         assert np.array_equal(each.predict(X), found.predict(X))
+
+
+@pytest.mark.slow
+def test_the_diagnosis_has_the_recipe_s_threads_unless_it_has_its_own(cart, made, tmp_path):
+    options = {"depths": ("fitted", "extended"), "memory": str(tmp_path)}
+    two, one = (recipe(n_jobs=n, **options).fit(*cart) for n in (2, 1))
+    assert two.diagnosis_.n_jobs == 2
+    assert len(made) == 1  # the numbers do not depend on threads: it is found
+    assert one.errors_ == two.errors_
+    own = recipe(n_jobs=2, **options).set_params(diagnosis__n_jobs=1, memory=None).fit(*cart)
+    assert own.diagnosis_.n_jobs == 1
