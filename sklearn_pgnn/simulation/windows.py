@@ -22,7 +22,7 @@ from sklearn_pgnn.simulation.stepping import run_windows, usual_interval
 from sklearn_pgnn.threads import kept_pool
 
 #: batches of windows per thread, and least steps of one: fewer take less long than handing over
-PARTS, LEAST = 4, 1000
+PARTS, LEAST = 4, 4000
 #: relative rounding of a double
 EPSILON = np.finfo(float).eps
 
