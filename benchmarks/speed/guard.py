@@ -25,7 +25,7 @@ RECORDED = {
     "dry friction": 0.5,
     "six sensitivities": 0.4,
     "six sensitivities, dry friction": 0.33,
-    "a short record": 0.2,
+    "a short record": 0.13,
     "SINDYc": 0.48,
 }
 
