@@ -70,9 +70,9 @@ def write(found, estimators, plants):
     ]
     text = (
         f".. list-table:: Measurements of unseen records in intervals of {100 * COVERAGE:.0f} %: "
-        "share in per cent, mean and range of the seeds; median width in standard deviations of the "
-        f"outputs. Written by ``python benchmarks/coverage.py`` on {datetime.date.today()} with "
-        f"sklearn_pgnn {sklearn_pgnn.__version__}; seeds 0 to {seeds - 1}.\n"
+        "share in per cent, mean and range of the seeds; median width in standard deviations of "
+        f"the outputs. Written by ``python benchmarks/coverage.py`` on {datetime.date.today()} "
+        f"with sklearn_pgnn {sklearn_pgnn.__version__}; seeds 0 to {seeds - 1}.\n"
         "   :header-rows: 1\n\n"
     )
     for line in [["estimator", *plants, "mean share"], *lines]:
