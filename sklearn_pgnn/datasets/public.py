@@ -203,7 +203,7 @@ def load_coupled_drives(*, data_home=None) -> PublicBenchmark:
         _tables(name, {"t": t, "voltage": u}, {"pulses": z})
         for name, u, z in (("low", u_low, z_low), ("high", u_high, z_high))
     ]
-    X, y = (pd.concat(tables, ignore_index=True) for tables in zip(*pairs, strict=True))
+    X, y = _joined(pairs)
     test = np.tile(np.arange(t.size) >= DRIVES_TRAIN, 2)
     train, rest = (
         (X[rows].reset_index(drop=True), y[rows].reset_index(drop=True)) for rows in (~test, test)
@@ -263,8 +263,7 @@ def load_silverbox(*, data_home=None) -> PublicBenchmark:
         return _tables(name, inputs, {"response": y[rows]})
 
     tests = {"multisine": multisine, "arrow": arrow, "arrow_within": arrow[:ARROW_WITHIN]}
-    pairs = zip(*(record(*item) for item in tests.items()), strict=True)
-    test = tuple(pd.concat(tables, ignore_index=True) for tables in pairs)
+    test = _joined([record(name, rows) for name, rows in tests.items()])
     return _benchmark(record("train", train), test, 50, _silverbox_prior())
 
 
@@ -320,6 +319,11 @@ def _tables(trajectory: str, inputs: dict, outputs: dict) -> tuple[pd.DataFrame,
     X = pd.DataFrame(inputs)
     X.insert(0, "trajectory", trajectory)
     return X, pd.DataFrame(outputs)
+
+
+def _joined(records) -> list[pd.DataFrame]:
+    """Return the two tables of several records."""
+    return [pd.concat(tables, ignore_index=True) for tables in zip(*records, strict=True)]
 
 
 # -- priors ----------------------------------------------------------------------------------------
