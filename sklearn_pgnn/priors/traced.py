@@ -15,6 +15,7 @@ from numpy.lib.mixins import NDArrayOperatorsMixin
 
 from sklearn_pgnn.exceptions import ModelError
 from sklearn_pgnn.physics.expressions import symbol
+from sklearn_pgnn.physics.extremes import maximum, minimum
 
 
 def _step(difference):
@@ -46,8 +47,8 @@ UFUNCS: dict[np.ufunc, Callable] = {
     np.fabs: sympy.Abs,
     np.float_power: operator.pow,
     np.floor: sympy.floor,
-    np.fmax: sympy.Max,
-    np.fmin: sympy.Min,
+    np.fmax: maximum,
+    np.fmin: minimum,
     np.greater: lambda a, b: _step(a - b),
     np.greater_equal: lambda a, b: _step(a - b),
     np.hypot: lambda a, b: sympy.sqrt(a**2 + b**2),
@@ -61,8 +62,8 @@ UFUNCS: dict[np.ufunc, Callable] = {
     np.logical_and: operator.mul,
     np.logical_not: lambda a: 1 - a,
     np.logical_or: lambda a, b: a + b - a * b,
-    np.maximum: sympy.Max,
-    np.minimum: sympy.Min,
+    np.maximum: maximum,
+    np.minimum: minimum,
     np.multiply: operator.mul,
     np.negative: operator.neg,
     np.positive: operator.pos,
@@ -81,7 +82,7 @@ UFUNCS: dict[np.ufunc, Callable] = {
 #: numpy calls these by name on the elements of an array
 _METHODS = {f.__name__: f for f in UFUNCS if f.nin == 1}
 _FUNCTIONS: dict[Callable, Callable] = {
-    np.clip: lambda x, low, high: sympy.Min(sympy.Max(x, low), high),
+    np.clip: lambda x, low, high: minimum(maximum(x, low), high),
     np.where: _choose,
 }
 
