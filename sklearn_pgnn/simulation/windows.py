@@ -350,6 +350,6 @@ def _parts(windows: ShootingWindows) -> list[slice]:
     if windows.threads == 1:
         return [slice(None)]
     count, steps = len(windows), int(windows.lengths.sum()) * windows.substeps
-    edges = np.linspace(0, count, max(1, min(PARTS * windows.threads, count, steps // LEAST)) + 1)
-    edges = edges.astype(int)
+    most = max(1, min(PARTS * windows.threads, count, steps // LEAST))
+    edges = np.linspace(0, count, most + 1).astype(int)
     return [slice(a, b) for a, b in pairwise(edges)]
