@@ -8,12 +8,13 @@ as many again, which wait for each other.
 import os
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from functools import lru_cache
+from typing import Any
 
-from joblib import effective_n_jobs, parallel_config
+from joblib import Parallel, effective_n_jobs, parallel_config
 from joblib.parallel import (
     LokyBackend,
     MultiprocessingBackend,
@@ -62,6 +63,63 @@ def local_threads(n_jobs: int | None) -> int:
         return effective_n_jobs(n_jobs)
     with parallel_config(backend="threading", n_jobs=1):
         return effective_n_jobs(n_jobs)
+
+
+def other_processes(n_jobs: int | None) -> int:
+    """Return how many processes are meant, of this computer or of a cluster.
+
+    Parameters
+    ----------
+    n_jobs : int or None
+        As joblib counts in its active backend.
+
+    Returns
+    -------
+    int
+        The number; 1 where work goes to no other process, and in a process that is such a one.
+
+    Examples
+    --------
+    >>> other_processes(None), other_processes(2)
+    (1, 2)
+    >>> with parallel_config(backend="threading"):
+    ...     other_processes(2)
+    1
+    """
+    backend, _ = get_active_backend()
+    if backend.nesting_level or isinstance(backend, (SequentialBackend, ThreadingBackend)):
+        return 1
+    return effective_n_jobs(n_jobs)
+
+
+def in_turn(calls: list, n_jobs: int | None, **options) -> Iterable[Any]:
+    """Return what calls give, in their order, each as soon as joblib's backend gives it.
+
+    Parameters
+    ----------
+    calls : list
+        Calls that are `joblib.delayed`.
+    n_jobs : int or None
+        As joblib counts.
+    **options
+        Of `joblib.Parallel`.
+
+    Returns
+    -------
+    iterable
+        What they give.
+
+    Examples
+    --------
+    >>> from joblib import delayed
+    >>> list(in_turn([delayed(abs)(-1), delayed(abs)(2)], None))
+    [1, 2]
+    """
+    try:
+        parallel = Parallel(n_jobs, return_as="generator", **options)
+    except ValueError:  # the backend returns all results at once
+        parallel = Parallel(n_jobs, **options)
+    return parallel(calls)
 
 
 @lru_cache(maxsize=8)

@@ -17,6 +17,7 @@ from sklearn_pgnn import (
     PhysicsModelRegressor,
     effects,
 )
+from sklearn_pgnn.estimation import fits_ahead
 from sklearn_pgnn.model_selection import TrajectoryKFold
 
 distributed = pytest.importorskip("distributed")
@@ -24,6 +25,7 @@ distributed = pytest.importorskip("distributed")
 CART = PhysicsModel(
     {"v": "m/s"}, {"v": "(F - d*v)/m"}, {"m": 2.0, "d": 0.5}, {"F": "N"}, inertia={"v": "m"}
 )
+run_batch = fits_ahead._run
 CATALOGUE = (effects.CoulombFriction, effects.QuadraticDrag)
 
 
@@ -43,14 +45,25 @@ def table(X):
     return pd.DataFrame(X, columns=["trajectory", "t", "F"])
 
 
+def die_once(lost):
+    """End the process, unless another one has left the file behind and died."""
+    try:
+        os.close(os.open(lost, os.O_CREAT | os.O_EXCL))
+        os.kill(os.getpid(), signal.SIGKILL)
+    except FileExistsError:
+        pass
+
+
+def run_or_die(lost, *of_batch):
+    """Fit a hypothesis in a worker, the first of which dies."""
+    die_once(lost)
+    return run_batch(*of_batch)
+
+
 def diagnose(level, lost=None):
     """Diagnose records; the first worker that is told of a file dies once, and leaves it behind."""
     if lost is not None:
-        try:
-            os.close(os.open(lost, os.O_CREAT | os.O_EXCL))
-            os.kill(os.getpid(), signal.SIGKILL)
-        except FileExistsError:
-            pass
+        die_once(lost)
     X, y = records(level)
     diagnosis = ModelDiagnosis(CART, catalogue=CATALOGUE).fit(table(X), y)
     return diagnosis.to_dict()
@@ -77,6 +90,21 @@ def test_diagnoses_are_complete_and_the_same_where_a_worker_is_lost(client, tmp_
         )
     assert (tmp_path / "lost").exists()
     assert [str(each) for each in there] == [str(each) for each in here]
+
+
+@pytest.mark.slow
+def test_the_hypotheses_of_a_diagnosis_are_fitted_on_a_cluster_also_where_a_worker_is_lost(
+    client, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(fits_ahead, "WORTH_STARTING", -1.0)
+    monkeypatch.setattr(fits_ahead, "WORTH", -1.0)
+    monkeypatch.setattr(fits_ahead, "_run", partial(run_or_die, str(tmp_path / "lost")))
+    here = diagnose(0.4)
+    assert not (tmp_path / "lost").exists()
+    with joblib.parallel_config(backend="dask"):
+        there = diagnose(0.4)
+    assert (tmp_path / "lost").exists()
+    assert str(there) == str(here)
 
 
 @pytest.mark.slow

@@ -54,6 +54,7 @@ class Ladder:
 
     def _first_fits(self, ground: SubsampleFit, candidates) -> list[SubsampleFit]:
         fits = []
+        self.fitter.prepare_first_fits((ground, cause) for cause in candidates)
         for cause in candidates:
             fits.append(self.fitter.first_fit(ground, cause))
             self._learn(ground, fits[-1])
@@ -101,6 +102,7 @@ class Ladder:
         if self._screening is None:
             self._screening = Screening(self.fitter.windows_of, self.fitter.progress.tick)
             base = self.fitter.subsample(self.fitter.base())
+            self.fitter.prepare_first_fits((base, cause) for cause in self.candidates)
             for cause in self.candidates:
                 alone = self.fitter.first_fit(base, cause)
                 self._note_alone(base, [alone])
@@ -121,6 +123,7 @@ class Ladder:
             for fit in usable(ends)
             if fit.squares <= self._limit(best, fit) or known(fit.hypothesis)
         ]
+        self.fitter.prepare_fits(near[: 2 * KEPT], current)
         trials = [self.fitter.fit_all(fit, current) for fit in near[: 2 * KEPT]]
         return [trial for trial in trials if trial.fit.usable]
 

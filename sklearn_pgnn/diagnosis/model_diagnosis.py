@@ -61,7 +61,7 @@ from sklearn_pgnn.simulation.finite_run import simulate_quantities
 from sklearn_pgnn.simulation.noise_option import read_noise_std
 from sklearn_pgnn.simulation.record_windows import without_gaps
 from sklearn_pgnn.simulation.simulate import hold_of
-from sklearn_pgnn.threads import local_threads, one_thread_each
+from sklearn_pgnn.threads import local_threads, one_thread_each, other_processes
 from sklearn_pgnn.trajectories import read_records
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
 from sklearn_pgnn.trajectories.record import Record
@@ -116,8 +116,10 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
     time_column : int or str, optional
         Column of X that holds the time; by default the first, or ``"t"``.
     n_jobs : int, optional
-        Threads to simulate on; -1 means all cores of this computer. None means 1, unless a
-        `joblib.parallel_config` that works on this computer says otherwise.
+        Processes that fit hypotheses side by side, where that takes longer than starting them, and
+        threads that simulate meanwhile; -1 means all cores. None means 1, unless a
+        `joblib.parallel_config` says otherwise; its backend decides where the processes are, the
+        threads are those of this computer. No result depends on it.
     random_state : int, RandomState or None, default=0
         Draws the resampled windows of the gain's interval.
     progress : callable, optional
@@ -336,6 +338,7 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
                 "noise_std": self.noise_std,
                 "substeps": self.substeps,
                 "threads": local_threads(self.n_jobs),
+                "n_processes": other_processes(self.n_jobs),
             },
         )
 

@@ -7,7 +7,7 @@ from itertools import combinations
 from sklearn_pgnn.diagnosis.comparison import Comparison, own_causes
 from sklearn_pgnn.diagnosis.ladder import Ladder, usable
 from sklearn_pgnn.estimation.budgets import KEPT, PAIRS
-from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis, SubsampleFit, objective_of
+from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis, SubsampleFit
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects import WrongParameter
 
@@ -57,8 +57,9 @@ class Moves:
             return None
         self.progress.begin("needless causes", len(current.hypothesis.causes))
         ground = self.fitter.subsample(current)
-        reduced = [self.fitter.reduce(ground, cause) for cause in current.hypothesis.causes]
-        for subsample in sorted(usable(reduced), key=objective_of):
+        reduced = usable([self.fitter.reduce(ground, c) for c in current.hypothesis.causes])
+        self.fitter.prepare_fits(reduced, current)
+        for subsample in reduced:
             without = self.fitter.fit_all(subsample, current)
             if without.fit.usable and not is_named(without, current):
                 return without
@@ -79,18 +80,24 @@ class Moves:
     def add_pair(self, current: FittedHypothesis) -> Iterator[FittedHypothesis]:
         """Add the best of the pairs that are expected to explain most together."""
         self.progress.begin("pairs", 2 * PAIRS)
-        ground, fits = self.fitter.subsample(current), []
+        ground = self.fitter.subsample(current)
         ranked = self.ladder.screen().rank(ground, 2)
         allowed = [pair for _, pair in ranked if ground.hypothesis.plus(pair[0]).allows(pair[1])]
-        for pair in allowed[:PAIRS]:
-            alone = usable([self.fitter.first_fit(ground, cause) for cause in pair])
-            if len(alone) == 2:
-                other = alone[1].hypothesis.causes[-1]
-                fits.append(self.ladder.step(self.fitter.first_fit(alone[0], other)))
+        fits = [self.ladder.step(fit) for fit in self._first_fits_of_pairs(ground, allowed[:PAIRS])]
         yield from self._choose(current, self.ladder.converge(current, usable(fits)), n_causes=2)
+
+    def _first_fits_of_pairs(self, ground: SubsampleFit, pairs) -> list[SubsampleFit]:
+        """Fit every pair on some samples: the other cause beside the one that leaves less alone."""
+        fitter = self.fitter
+        fitter.prepare_first_fits((ground, cause) for pair in pairs for cause in pair)
+        alone = [usable([fitter.first_fit(ground, cause) for cause in pair]) for pair in pairs]
+        both = [(fits[0], fits[1].hypothesis.causes[-1]) for fits in alone if len(fits) == 2]
+        fitter.prepare_first_fits(both)
+        return [fitter.first_fit(fit, other) for fit, other in both]
 
     def _choose(self, current, fits: list[SubsampleFit], n_causes=1) -> Iterator[FittedHypothesis]:
         """Yield the finalists that are named, first the simplest of those that none refutes."""
+        self.fitter.prepare_fits(fits[:KEPT], current)
         trials = [self.fitter.fit_all(fit, current) for fit in fits[:KEPT]]
         while trials := [trial for trial in trials if trial.fit.usable]:
             best = self._simplest_of_the_best(trials)

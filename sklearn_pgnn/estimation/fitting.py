@@ -1,11 +1,13 @@
 """Fit hypotheses from rung to rung: from the best start, on some of the samples, on all windows."""
 
+from collections.abc import Iterable
 from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 
 from sklearn_pgnn.estimation.budgets import COARSER, STEPS, TOLERANCE
+from sklearn_pgnn.estimation.fits_ahead import FitsAhead
 from sklearn_pgnn.estimation.fitted_hypothesis import (
     FittedHypothesis,
     Start,
@@ -16,15 +18,21 @@ from sklearn_pgnn.estimation.fitted_hypothesis import (
 )
 from sklearn_pgnn.estimation.hypothesis import Hypothesis
 from sklearn_pgnn.estimation.hypothesis_models import Key
-from sklearn_pgnn.estimation.problem import EstimationProblem, Subsample, subsample_windows
+from sklearn_pgnn.estimation.problem import (
+    EstimationProblem,
+    Subsample,
+    on_one_thread,
+    subsample_windows,
+)
 from sklearn_pgnn.estimation.progress import Progress
+from sklearn_pgnn.estimation.residuals import HeldOut
 from sklearn_pgnn.estimation.spectral_lines import ripples_left, tones_left
 from sklearn_pgnn.estimation.starts import best_start
 from sklearn_pgnn.estimation.window_fitter import WindowFitter
 from sklearn_pgnn.physics.effect import Effect, Scales
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.state_estimate import unsigned_states
-from sklearn_pgnn.simulation.window_fit import lost_fit
+from sklearn_pgnn.simulation.window_fit import WindowFit, lost_fit
 from sklearn_pgnn.simulation.windows import ShootingWindows
 
 
@@ -43,6 +51,14 @@ class HypothesisFitter(WindowFitter):
         super().__init__(problem, progress)
         self._subsamples: dict[Key, SubsampleFit] = {}
         self._begun: dict[Key, float] = {}
+        self._ahead = FitsAhead(problem.n_processes)
+
+    def on_one_thread(self) -> "HypothesisFitter":
+        """Return a fitter for another process, which has fitted nothing yet."""
+        alone = HypothesisFitter(on_one_thread(self.problem))
+        windows = replace(self.rough.windows, threads=1)
+        vars(alone).update(rough=replace(self.rough, windows=windows), scales=self.scales)
+        return alone
 
     @cached_property
     def rough(self) -> Subsample:
@@ -82,15 +98,46 @@ class HypothesisFitter(WindowFitter):
         FittedHypothesis
             The hypothesis.
         """
-        hypothesis, objective = subsample.hypothesis, subsample.fit.objective
-        key, model = self.key(hypothesis), subsample.fit.model
-        better = is_clearly_less(objective, self._begun.get(key, np.inf))
-        if key not in self._trials or better:
-            self._begun[key] = objective
-            known = self.rough.which, subsample.fit.x0
-            self._keep(self._fit(hypothesis, model, beside.fit, known))
-            return self.refit_from_held_out(self._known(hypothesis))
-        return self._known(hypothesis)
+        hypothesis = subsample.hypothesis
+        if not self._is_due(subsample):
+            return self._known(hypothesis)
+        key, task = self.key(hypothesis), HypothesisFitter.fit_and_validate
+        made = self._ahead.take(task, key, subsample, beside)
+        if made is None:
+            trial = self._from_subsample(subsample, beside)
+        else:
+            fit, held_out = made.result
+            trial = FittedHypothesis(hypothesis, fit)
+            self.failures.absorb(made.failures, key)
+            self._validated[key] = fit, held_out, made.failures
+        self._begun[key] = subsample.fit.objective
+        self._keep(trial)
+        return self.refit_from_held_out(self._known(hypothesis))
+
+    def _is_due(self, subsample: SubsampleFit) -> bool:
+        """Return whether a hypothesis was not fitted on all windows, or from less good numbers."""
+        key = self.key(subsample.hypothesis)
+        better = is_clearly_less(subsample.fit.objective, self._begun.get(key, np.inf))
+        return key not in self._trials or better
+
+    def _from_subsample(
+        self, subsample: SubsampleFit, beside: FittedHypothesis
+    ) -> FittedHypothesis:
+        known = self.rough.which, subsample.fit.x0
+        return self._fit(subsample.hypothesis, subsample.fit.model, beside.fit, known)
+
+    def fit_and_validate(
+        self, subsample: SubsampleFit, beside: FittedHypothesis
+    ) -> tuple[WindowFit, HeldOut]:
+        """Return a fit on all windows, and what it leaves of those that are held out."""
+        trial = self._from_subsample(subsample, beside)
+        return trial.fit, self._cross_validate(trial.hypothesis, trial.fit)
+
+    def prepare_fits(self, subsamples: Iterable[SubsampleFit], beside: FittedHypothesis) -> None:
+        """Let other processes fit hypotheses on all windows for `fit_all`, where that pays."""
+        due = filter(self._is_due, subsamples)
+        asked = {self.key(each.hypothesis): (each, beside) for each in due}
+        self._ahead.make(self, HypothesisFitter.fit_and_validate, asked)
 
     def refit_from(self, trial: FittedHypothesis, better: FittedHypothesis) -> FittedHypothesis:
         """Fit a hypothesis again from the numbers of a finer one: its own may have got stuck."""
@@ -144,8 +191,24 @@ class HypothesisFitter(WindowFitter):
     ) -> SubsampleFit:
         key = self.key(hypothesis)
         if key not in self._subsamples:
-            self._subsamples[key] = self._from_best_start(subsample, hypothesis, cause)
+            made = self._ahead.take(HypothesisFitter.fit_from_starts, key, subsample)
+            if made is None:
+                found = self.fit_from_starts(subsample, hypothesis, cause)
+            else:
+                found = made.result
+                self.failures.absorb(made.failures, key)
+            self._subsamples[key] = found
         return replace(self._subsamples[key], hypothesis=hypothesis)
+
+    def prepare_first_fits(self, pairs: Iterable[tuple[SubsampleFit, Effect]]) -> None:
+        """Let other processes make what `first_fit` will be asked for, where that pays."""
+        asked = {}
+        for subsample, cause in pairs:
+            for hypothesis in self.models.orders(subsample.hypothesis, cause):
+                asked[self.key(hypothesis)] = subsample, hypothesis, cause
+        asked = {key: fit for key, fit in asked.items() if key not in self._subsamples}
+        self.scales  # noqa: B018  computed now: no single fit takes the time for it
+        self._ahead.make(self, HypothesisFitter.fit_from_starts, asked)
 
     def _lost(self, hypothesis: Hypothesis, beside: SubsampleFit) -> SubsampleFit:
         """Return what stands for a hypothesis that cannot be fitted."""
@@ -179,9 +242,10 @@ class HypothesisFitter(WindowFitter):
                 self._subsamples[key] = known
         return min(fits, key=objective_of)
 
-    def _from_best_start(
+    def fit_from_starts(
         self, subsample: SubsampleFit, hypothesis: Hypothesis, cause: Effect
     ) -> SubsampleFit:
+        """Fit one more cause for some steps, from the best of its starts."""
         with self._tolerate(hypothesis):
             model = best_start(self, subsample, hypothesis, cause)
             found = self._from(subsample, hypothesis, model, max_steps=STEPS)

@@ -49,6 +49,8 @@ class EstimationProblem:
         Number of measured values in all windows.
     period : float
         Dominant period of the outputs [s].
+    n_processes : int, default=1
+        Processes that fit hypotheses side by side.
     """
 
     prior: PhysicsModel
@@ -57,6 +59,7 @@ class EstimationProblem:
     scales: Scales
     n_samples: int
     period: float
+    n_processes: int = 1
 
     @property
     def typical_outputs(self) -> np.ndarray:
@@ -69,7 +72,9 @@ class EstimationProblem:
         return RESOLUTION * self.typical_outputs / self.windows.scale
 
 
-def build_problem(model: PhysicsModel, records: tuple[Record, ...], **options) -> EstimationProblem:
+def build_problem(
+    model: PhysicsModel, records: tuple[Record, ...], n_processes: int = 1, **options
+) -> EstimationProblem:
     """Cut records into windows and estimate what a diagnosis needs to know of them.
 
     Parameters
@@ -78,6 +83,8 @@ def build_problem(model: PhysicsModel, records: tuple[Record, ...], **options) -
         The prior.
     records : tuple of Record
         Measured trajectories.
+    n_processes : int, default=1
+        Processes that fit hypotheses side by side.
     **options
         See `sklearn_pgnn.simulation.record_windows.window_records`.
 
@@ -102,6 +109,7 @@ def build_problem(model: PhysicsModel, records: tuple[Record, ...], **options) -
         scales,
         int(np.isfinite(windows.y).sum()),
         ground.period,
+        n_processes,
     )
 
 
@@ -191,6 +199,11 @@ def with_hold(problem: EstimationProblem, hold: str) -> EstimationProblem:
 def with_substeps(problem: EstimationProblem, substeps: int) -> EstimationProblem:
     """Return the problem with so many integration steps from sample to sample."""
     return _simulated(problem, substeps=substeps)
+
+
+def on_one_thread(problem: EstimationProblem) -> EstimationProblem:
+    """Return the problem for a process that has one thread to simulate on."""
+    return replace(_simulated(problem, threads=1), n_processes=1)
 
 
 def _simulated(problem: EstimationProblem, **options) -> EstimationProblem:

@@ -45,6 +45,13 @@ class Progress:
         self.ended: str | None = None
         self._least = inf  # times the noise that the best so far leaves
 
+    @property
+    def time_left(self) -> float | None:
+        """Time [s] after which `TimeIsUp` is raised; None where it is not."""
+        if self._limit is None or not self.counts or self.ended is not None:
+            return None
+        return self._limit - (monotonic() - self._begun)
+
     def begin(self, stage: str, total: int = 1) -> None:
         """Begin a stage.
 
@@ -80,9 +87,9 @@ class Progress:
         """
         if self._report is not None:
             self._report(self.stage, self._done, self._total)
-        limit = self._limit if self.counts and self.ended is None else None
-        if limit is not None and monotonic() - self._begun >= limit:
-            self.ended = f"time limit of {limit:g} s, at {self.stage!r}"
+        left = self.time_left
+        if left is not None and left <= 0:
+            self.ended = f"time limit of {self._limit:g} s, at {self.stage!r}"
             raise TimeIsUp
 
     def note(self, times_noise: float, causes: str) -> None:

@@ -2,7 +2,7 @@
 
 from collections.abc import Hashable, Iterator
 from contextlib import contextmanager
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -35,8 +35,8 @@ class FailureLog:
     """
 
     def __init__(self):
-        self._lost: dict[Hashable, Unusable] = {}
-        self._fitted: set[Hashable] = set()
+        self._lost: dict[Any, Unusable] = {}
+        self._fitted: set[Any] = set()
 
     def fitted(self, key: Hashable) -> None:
         """Note that something could be fitted."""
@@ -45,6 +45,24 @@ class FailureLog:
     def lost(self, key: Hashable, effect: str, target: str, beside: str = "", *, reason) -> None:
         """Note what could not be fitted."""
         self._lost.setdefault(key, Unusable(effect, target, f"{reason}{beside}"))
+
+    def absorb(self, other: "FailureLog", key: Hashable, *what: str) -> None:
+        """Note what another log has of one thing, whose key begins with a name of its own.
+
+        Parameters
+        ----------
+        other : FailureLog
+            The log.
+        key : hashable
+            How this log names what the other one is about.
+        *what : str
+            What comes after the name.
+        """
+        for (_, *about), one in other._lost.items():
+            if tuple(about) == what:
+                self._lost.setdefault((key, *what), one)
+        if any(tuple(about) == what for _, *about in other._fitted):
+            self._fitted.add((key, *what))
 
     @contextmanager
     def tolerate(self, key: Hashable, effect: str, target: str, beside: str = "") -> Iterator[None]:

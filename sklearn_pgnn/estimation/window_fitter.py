@@ -62,6 +62,7 @@ class WindowFitter:
         self.models, self.failures = HypothesisModels(problem), FailureLog()
         self._trials: dict[Key, FittedHypothesis] = {}
         self._held_out: dict[Key, tuple[WindowFit, HeldOut]] = {}
+        self._validated: dict[Key, tuple[WindowFit, HeldOut, FailureLog]] = {}  # not yet asked for
         self._disturbed: dict[tuple, tuple[HeldOut, float]] = {}
 
     def key(self, hypothesis: Hypothesis) -> Key:
@@ -315,11 +316,21 @@ class WindowFitter:
         key = self.key(trial.hypothesis)
         fit, known = self._held_out.get(key, (None, None))
         if known is None or fit is not trial.fit:
-            found = self._cross_validate(trial.hypothesis, trial.fit)
+            found = self._validate(trial)
             if known is None or log_likelihood_ratio(known.windows, found.windows) > 0.0:
                 known = found
             self._held_out[key] = trial.fit, known
         return known
+
+    def _validate(self, trial: FittedHypothesis) -> HeldOut:
+        """Return what a fit leaves of records that are held out, as it was found or found now."""
+        key = self.key(trial.hypothesis)
+        known = self._validated.pop(key, None)
+        if known is None or known[0] is not trial.fit:
+            return self._cross_validate(trial.hypothesis, trial.fit)
+        _, held_out, failures = known
+        self.failures.absorb(failures, key, HELD_OUT)
+        return held_out
 
     def evidence_disturbed(
         self, without: FittedHypothesis, with_: FittedHypothesis, smallest_share: float

@@ -6,12 +6,12 @@ over windows and in free run, is all that any diagnosis could see. With noise dr
 criterion of the diagnosis says how often it would have named a cause.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 import pandas as pd
-from joblib import Parallel, delayed
+from joblib import delayed
 
 from sklearn_pgnn.estimation.budgets import DECADES
 from sklearn_pgnn.exceptions import ModelError
@@ -20,7 +20,7 @@ from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.readings import reading
 from sklearn_pgnn.simulation.windows import ShootingWindows
-from sklearn_pgnn.threads import one_thread_each
+from sklearn_pgnn.threads import in_turn, one_thread_each
 
 
 @dataclass(frozen=True)
@@ -292,19 +292,10 @@ def detect_all(
     found: list[Detectable] = []
     tell("effects", 0, len(fitting))
     calls = [delayed(detect)(analysis, cause, power, multiples) for cause in fitting]
-    for each in _in_turn(calls, n_jobs):
+    for each in in_turn(calls, n_jobs, prefer="threads"):
         found.append(each)
         tell("effects", len(found), len(fitting))
     return tuple(found)
-
-
-def _in_turn(calls: list, n_jobs: int | None) -> Iterable[Detectable]:
-    """Return what calls give, in their order, each as soon as joblib's backend gives it."""
-    try:
-        parallel = Parallel(n_jobs, prefer="threads", return_as="generator")
-    except ValueError:  # the backend returns all results at once
-        parallel = Parallel(n_jobs, prefer="threads")
-    return parallel(calls)
 
 
 def _fits(model: PhysicsModel, cause: Effect) -> bool:
