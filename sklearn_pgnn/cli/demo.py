@@ -33,7 +33,7 @@ def run_demo(
     output : str or path-like
         Folder; the input goes to its folder ``input``.
     n_jobs : int, default=-1
-        Threads to use.
+        Threads, and processes where these pay, to use.
     quiet : bool, default=False
         Whether to print the verdict only.
     force : bool, default=False

@@ -30,7 +30,7 @@ _MODEL = click.option(
     help="The model file, or an FMU for model exchange.",
 )
 _SHARE = click.FloatRange(min=0, max=1, min_open=True, max_open=True)
-_THREADS = _jobs("Threads to use.")
+_CORES = _jobs("Threads, and processes where these pay, to use.")
 _PROCESSES = _jobs("Processes to use, each for a machine at a time; a --cluster uses all it has.")
 _TALK = (
     click.option("--quiet", is_flag=True, help="Print a short summary, and no progress."),
@@ -157,7 +157,7 @@ _DIAGNOSIS = (
 
 def job_options(command):
     """Add the options that control how a command runs: threads, output and debugging."""
-    return _with(command, (_THREADS, *_TALK))
+    return _with(command, (_CORES, *_TALK))
 
 
 def fleet_options(command):

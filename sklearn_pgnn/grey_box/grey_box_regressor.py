@@ -102,8 +102,8 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
     time_column : int or str, optional
         Column of X that holds the time; by default ``"t"``, of an array the first.
     n_jobs : int, optional
-        Folds that are fitted at once, and threads of the diagnosis, unless it has its own
-        ``n_jobs``, and of the last fit; -1 means as many as there are processors.
+        Folds that are fitted at once, and ``n_jobs`` of the diagnosis, unless it has its own, and
+        of the last fit; -1 means as many as there are processors.
     memory : str or joblib.Memory, optional
         Where the diagnosis and the cross-validation of the physical depths are kept, so that a
         search over the network's parameters does not repeat them on the same records; a str is a
