@@ -28,6 +28,7 @@ from sklearn_pgnn.estimation.progress import Progress
 from sklearn_pgnn.estimation.residuals import HeldOut
 from sklearn_pgnn.estimation.spectral_lines import ripples_left, tones_left
 from sklearn_pgnn.estimation.starts import best_start
+from sklearn_pgnn.estimation.stretches import is_long
 from sklearn_pgnn.estimation.window_fitter import WindowFitter
 from sklearn_pgnn.physics.effect import Effect, Scales
 from sklearn_pgnn.physics.model import PhysicsModel
@@ -51,7 +52,8 @@ class HypothesisFitter(WindowFitter):
         super().__init__(problem, progress)
         self._subsamples: dict[Key, SubsampleFit] = {}
         self._begun: dict[Key, float] = {}
-        self._ahead = FitsAhead(problem.n_processes)
+        #: of long records the threads of this process simulate enough at once
+        self._ahead = FitsAhead(1 if is_long(problem) else problem.n_processes)
 
     def on_one_thread(self) -> "HypothesisFitter":
         """Return a fitter for another process, which has fitted nothing yet."""
@@ -207,7 +209,8 @@ class HypothesisFitter(WindowFitter):
             for hypothesis in self.models.orders(subsample.hypothesis, cause):
                 asked[self.key(hypothesis)] = subsample, hypothesis, cause
         asked = {key: fit for key, fit in asked.items() if key not in self._subsamples}
-        self.scales  # noqa: B018  computed now: no single fit takes the time for it
+        if asked and self._ahead.n_processes > 1:
+            self.scales  # noqa: B018  no single fit shall take the time for it
         self._ahead.make(self, HypothesisFitter.fit_from_starts, asked)
 
     def _lost(self, hypothesis: Hypothesis, beside: SubsampleFit) -> SubsampleFit:
