@@ -1,5 +1,6 @@
 """What a diagnosis works on: windows, estimated states and the scales of the signals."""
 
+import math
 from copy import copy
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -239,6 +240,8 @@ class Subsample:
 def subsample_windows(problem: EstimationProblem, squares: np.ndarray) -> Subsample:
     """Take about `SAMPLES` samples: every so many of a window, then every so many windows.
 
+    Where the windows are few, and so long that these are far more, their beginnings are taken.
+
     Parameters
     ----------
     problem : EstimationProblem
@@ -254,7 +257,10 @@ def subsample_windows(problem: EstimationProblem, squares: np.ndarray) -> Subsam
     factor = _thinning(problem)
     thinned = problem.windows.thin(factor) if factor > 1 else problem.windows
     which = np.sort(worst_first(squares)[:: one_of(thinned)])
-    return Subsample(thinned.select(which), which, factor)
+    few = thinned.select(which)
+    period = math.ceil(problem.period / (factor * problem.scales.sample_time))
+    most = max(3 * SAMPLES // (2 * len(few)), period, MIN_SAMPLES)
+    return Subsample(replace(few, lengths=np.minimum(few.lengths, most)), which, factor)
 
 
 def one_of(windows: ShootingWindows) -> int:
