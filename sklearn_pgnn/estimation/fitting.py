@@ -204,12 +204,14 @@ class HypothesisFitter(WindowFitter):
 
     def prepare_first_fits(self, pairs: Iterable[tuple[SubsampleFit, Effect]]) -> None:
         """Let other processes make what `first_fit` will be asked for, where that pays."""
+        if self._ahead.n_processes == 1:
+            return
         asked = {}
         for subsample, cause in pairs:
             for hypothesis in self.models.orders(subsample.hypothesis, cause):
                 asked[self.key(hypothesis)] = subsample, hypothesis, cause
         asked = {key: fit for key, fit in asked.items() if key not in self._subsamples}
-        if asked and self._ahead.n_processes > 1:
+        if asked:
             self.scales  # noqa: B018  no single fit shall take the time for it
         self._ahead.make(self, HypothesisFitter.fit_from_starts, asked)
 
