@@ -259,6 +259,7 @@ def subsample_windows(problem: EstimationProblem, squares: np.ndarray) -> Subsam
     which = np.sort(worst_first(squares)[:: one_of(thinned)])
     few = thinned.select(which)
     period = math.ceil(problem.period / (factor * problem.scales.sample_time))
+    # half more than the budget is what `one_of` may leave by rounding
     most = max(3 * SAMPLES // (2 * len(few)), period, MIN_SAMPLES)
     return Subsample(replace(few, lengths=np.minimum(few.lengths, most)), which, factor)
 
