@@ -21,7 +21,7 @@ from plants import PLANTS
 from seed_table import cell, command_line, run_seeds, write_table
 from skopt.space import Categorical, Real
 
-from sklearn_pgnn import PGNNLRegressor, SINDYcRegressor, datasets, systems
+from sklearn_pgnn import EnsembleRegressor, PGNNLRegressor, SINDYcRegressor, datasets, systems
 from sklearn_pgnn.model_selection import HalvingBayesSearchCV, TrajectoryKFold, search_space
 
 FOLDS = 3
@@ -70,9 +70,11 @@ MACHINES = {
 def methods(prior, seed):
     """Return every method as an estimator and what is searched in it."""
     guided = PGNNLRegressor(prior, random_state=seed)
+    several = EnsembleRegressor(PGNNLRegressor(prior), random_state=seed)
     sparse = SINDYcRegressor(prior, degree=2)
     found = {
         "PGNN-L": (guided, search_space(guided, layers=None, horizon=None)),
+        "PGNN-L, median of 5": (several, search_space(several, layers=None, horizon=None)),
         "SINDYcRegressor": (sparse, search_space(sparse, library=None)),
         "NARX, scikit-learn": (
             NetworkNarx(prior, random_state=seed),

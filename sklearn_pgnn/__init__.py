@@ -17,6 +17,7 @@ __version__ = "0.1.0.dev0"
 _OBJECTS = {
     "ConformalRegressor": "sklearn_pgnn.prediction",
     "Effect": "sklearn_pgnn.physics",
+    "EnsembleRegressor": "sklearn_pgnn.prediction",
     "FleetDiagnosis": "sklearn_pgnn.fleet",
     "GreyBoxRegressor": "sklearn_pgnn.grey_box",
     "ModelDiagnosis": "sklearn_pgnn.diagnosis",

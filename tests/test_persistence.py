@@ -15,10 +15,12 @@ import pandas as pd
 import pytest
 import torch
 from sklearn.base import clone
+from sklearn.neural_network import MLPRegressor
 
 import sklearn_pgnn
 from sklearn_pgnn import (
     ConformalRegressor,
+    EnsembleRegressor,
     GreyBoxRegressor,
     ModelDiagnosis,
     PGNNLRegressor,
@@ -63,6 +65,9 @@ ESTIMATORS = {
     "SINDYcRegressor": SINDYcRegressor(CART),
     "ModelDiagnosis": ModelDiagnosis(CART, targets=["v", "d"], catalogue=EFFECTS, max_causes=1),
     "ConformalRegressor": ConformalRegressor(ResidualRegressor(CART)),
+    "EnsembleRegressor": EnsembleRegressor(
+        ResidualRegressor(CART, MLPRegressor(hidden_layer_sizes=(3,), solver="lbfgs", max_iter=20)), 2
+    ),
     "GreyBoxRegressor": GreyBoxRegressor(CART, depths=["prior", "fitted"]),
     "PGNNLRegressor": PGNNLRegressor(CART, structure="correction", **QUICK),
     "PGNNLRegressor with physics": PGNNLRegressor(
@@ -144,6 +149,11 @@ TRUSTED = {
         MODEL,
         "sklearn_pgnn.estimators.residual_regressor.ResidualRegressor",
         "sklearn_pgnn.prediction.conformal_regressor.ConformalRegressor",
+    },
+    "EnsembleRegressor": {
+        MODEL,
+        "sklearn_pgnn.estimators.residual_regressor.ResidualRegressor",
+        "sklearn_pgnn.prediction.ensemble_regressor.EnsembleRegressor",
     },
     "GreyBoxRegressor": {
         MODEL,

@@ -1,5 +1,6 @@
-"""How sure a prediction is: intervals of any estimator's free runs."""
+"""How sure a prediction is: intervals of any estimator's free runs, and ensembles."""
 
 from sklearn_pgnn.prediction.conformal_regressor import ConformalRegressor
+from sklearn_pgnn.prediction.ensemble_regressor import EnsembleRegressor
 
-__all__ = ["ConformalRegressor"]
+__all__ = ["ConformalRegressor", "EnsembleRegressor"]

@@ -1,0 +1,217 @@
+"""The median of fits of one regressor that draw differently."""
+
+from numbers import Integral
+
+import numpy as np
+from joblib import Parallel, delayed
+from sklearn.base import BaseEstimator, MetaEstimatorMixin, clone
+from sklearn.utils import check_random_state, get_tags
+from sklearn.utils.validation import check_is_fitted
+
+from sklearn_pgnn.exceptions import OptionError
+from sklearn_pgnn.model_selection.delegation import inner_has
+from sklearn_pgnn.trajectories.scoring import GapScoreMixin
+
+#: the parameter by which an estimator draws
+RANDOM_STATE = "random_state"
+
+
+class EnsembleRegressor(MetaEstimatorMixin, GapScoreMixin, BaseEstimator):
+    r"""Fit a regressor several times from other random numbers, and predict by the median.
+
+    .. math:: \hat y_k = \operatorname{median}_i \, \hat y^{(i)}_k
+
+    Networks that are trained from other weights fit the records alike and differ elsewhere, so that
+    together they are nearer to the truth than most of them alone [1]_, and one that ended in a bad
+    minimum, or whose free run diverges, does not count. How far they are apart tells where the
+    records say little; intervals of a promised coverage are `ConformalRegressor`'s.
+
+    Every trajectory is predicted by each fit in free run; what is predicted is no trajectory of
+    a single one of them.
+
+    Parameters
+    ----------
+    estimator : regressor
+        What is fitted, alone or in a pipeline: `PGNNLRegressor`, or any regressor that draws.
+    n_estimators : int, default=5
+        Number of fits.
+    random_state : int, RandomState instance or None, default=0
+        What draws every ``random_state`` of the regressor and of what it contains.
+    n_jobs : int, optional
+        Processes to fit in; -1 means all.
+
+    Attributes
+    ----------
+    estimators_ : list of regressors
+        The fits.
+    n_features_in_ : int
+        Number of columns of X.
+    feature_names_in_ : ndarray of str
+        Their names, if X has any.
+
+    See Also
+    --------
+    ConformalRegressor : Intervals of any regressor, this one too.
+
+    References
+    ----------
+    .. [1] B. Lakshminarayanan, A. Pritzel, C. Blundell, "Simple and scalable predictive uncertainty
+       estimation using deep ensembles", NeurIPS 2017, arXiv:1612.01474.
+
+    Examples
+    --------
+    >>> from sklearn.neural_network import MLPRegressor
+    >>> from sklearn_pgnn import PhysicsModel, ResidualRegressor
+    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
+    >>> t = np.linspace(0, 20, 401)
+    >>> X, y = np.column_stack([t, np.sin(t)]), np.sin(t - 1.2)
+    >>> residual = ResidualRegressor(lag, MLPRegressor(hidden_layer_sizes=(8,), solver="lbfgs"))
+    >>> ensemble = EnsembleRegressor(residual, n_estimators=3).fit(X, y)
+    >>> predicted, spread = ensemble.predict(X, return_std=True)
+    >>> len(ensemble.estimators_), predicted.shape, spread.shape
+    (3, (401,), (401,))
+    """
+
+    def __init__(self, estimator, n_estimators=5, *, random_state=0, n_jobs=None):
+        self.estimator = estimator
+        self.n_estimators = n_estimators
+        self.random_state = random_state
+        self.n_jobs = n_jobs
+
+    def fit(self, X, y, **fit_params):
+        """Fit as often as was asked for.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_samples, n_columns)
+            As the regressor takes it.
+        y : array-like of shape (n_samples, n_outputs) or (n_samples,)
+            Measured outputs.
+        **fit_params
+            Passed on to every fit.
+
+        Returns
+        -------
+        self : EnsembleRegressor
+            The fitted regressor.
+
+        Raises
+        ------
+        OptionError
+            If `n_estimators` is not at least 1, or the regressor draws nothing.
+        """
+        count, names = self.n_estimators, self._drawing()
+        if not isinstance(count, Integral) or count < 1:
+            raise OptionError(f"n_estimators: expected an integer >= 1, got {count!r}.")
+        if not names:
+            raise OptionError(
+                f"estimator: expected one with a parameter 'random_state', got {self.estimator!r}, "
+                f"whose fits would all be the same. Remedy: fit it alone."
+            )
+        draw = check_random_state(self.random_state)
+        seeds = [{name: int(draw.randint(2**31 - 1)) for name in names} for _ in range(count)]
+        calls = (delayed(_fit)(self.estimator, each, X, y, fit_params) for each in seeds)
+        self.estimators_ = Parallel(self.n_jobs)(calls)
+        return self
+
+    def _drawing(self) -> list[str]:
+        """Return the parameters by which the regressor draws."""
+        names = self.estimator.get_params()
+        return [name for name in names if name.rpartition("__")[2] == RANDOM_STATE]
+
+    @property
+    def n_features_in_(self) -> int:
+        """Number of columns of X."""
+        return self._first.n_features_in_
+
+    @property
+    def feature_names_in_(self):
+        """Names of the columns of X, if it has any."""
+        return self._first.feature_names_in_
+
+    @property
+    def _first(self):
+        if not hasattr(self, "estimators_"):
+            raise AttributeError(f"{type(self).__name__} is not fitted yet.")
+        return self.estimators_[0]
+
+    def predict(self, X, return_std=False):
+        """Return the median of what the fits predict.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_samples, n_columns)
+            As in `fit`.
+        return_std : bool, default=False
+            Whether to return, too, how far the fits are apart.
+
+        Returns
+        -------
+        y : ndarray of shape (n_samples, n_outputs) or (n_samples,)
+            Predicted outputs.
+        std : ndarray of the same shape
+            Standard deviation of the fits' predictions, if asked for.
+        """
+        each = self._each("predict", X)
+        middle = np.median(each, axis=0)
+        return (middle, np.std(each, axis=0)) if return_std else middle
+
+    @inner_has("estimator", "predict_states")
+    def predict_states(self, X):
+        """Return the median of the fits' states, if they have such.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_samples, n_columns)
+            As in `fit`.
+
+        Returns
+        -------
+        ndarray of shape (n_samples, n_states)
+            The states.
+        """
+        return np.median(self._each("predict_states", X), axis=0)
+
+    @inner_has("estimator", "predict_ahead")
+    def predict_ahead(self, X, y, steps=1):
+        """Return the median of what the fits predict from the outputs before, if they can.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_samples, n_columns)
+            As in `fit`.
+        y : array-like of shape (n_samples, n_outputs) or (n_samples,)
+            Measured outputs, NaN where there is none.
+        steps : int, default=1
+            Samples ahead.
+
+        Returns
+        -------
+        ndarray of shape (n_samples, n_outputs) or (n_samples,)
+            Predicted outputs.
+        """
+        return np.median(self._each("predict_ahead", X, y, steps), axis=0)
+
+    def _each(self, method: str, *args) -> np.ndarray:
+        """Return what a method of every fit gives."""
+        check_is_fitted(self)
+        return np.stack([np.asarray(getattr(each, method)(*args)) for each in self.estimators_])
+
+    def _model_of_y(self):
+        return getattr(self.estimator, "model", None)
+
+    def __sklearn_is_fitted__(self):
+        """Return whether the fits are there."""
+        return hasattr(self, "estimators_")
+
+    def __sklearn_tags__(self):
+        tags, inner = super().__sklearn_tags__(), get_tags(self.estimator)
+        tags.input_tags = inner.input_tags
+        tags.target_tags = inner.target_tags
+        tags.regressor_tags = inner.regressor_tags
+        return tags
+
+
+def _fit(estimator, seeds, X, y, fit_params):
+    """Fit a copy that draws from other numbers."""
+    return clone(estimator).set_params(**seeds).fit(X, y, **fit_params)
