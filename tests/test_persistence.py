@@ -15,7 +15,7 @@ import pandas as pd
 import pytest
 import torch
 from sklearn.base import clone
-from sklearn.neural_network import MLPRegressor
+from sklearn.linear_model import SGDRegressor
 
 import sklearn_pgnn
 from sklearn_pgnn import (
@@ -65,9 +65,7 @@ ESTIMATORS = {
     "SINDYcRegressor": SINDYcRegressor(CART),
     "ModelDiagnosis": ModelDiagnosis(CART, targets=["v", "d"], catalogue=EFFECTS, max_causes=1),
     "ConformalRegressor": ConformalRegressor(ResidualRegressor(CART)),
-    "EnsembleRegressor": EnsembleRegressor(
-        ResidualRegressor(CART, MLPRegressor(hidden_layer_sizes=(3,), solver="lbfgs", max_iter=20)), 2
-    ),
+    "EnsembleRegressor": EnsembleRegressor(ResidualRegressor(CART, SGDRegressor()), 2),
     "GreyBoxRegressor": GreyBoxRegressor(CART, depths=["prior", "fitted"]),
     "PGNNLRegressor": PGNNLRegressor(CART, structure="correction", **QUICK),
     "PGNNLRegressor with physics": PGNNLRegressor(
