@@ -12,9 +12,6 @@ from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.model_selection.delegation import inner_has
 from sklearn_pgnn.trajectories.scoring import GapScoreMixin
 
-#: the parameter by which an estimator draws
-RANDOM_STATE = "random_state"
-
 
 class EnsembleRegressor(MetaEstimatorMixin, GapScoreMixin, BaseEstimator):
     r"""Fit a regressor several times from other random numbers, and predict by the median.
@@ -100,7 +97,7 @@ class EnsembleRegressor(MetaEstimatorMixin, GapScoreMixin, BaseEstimator):
         OptionError
             If `n_estimators` is not at least 1, or the regressor draws nothing.
         """
-        count, names = self.n_estimators, self._drawing()
+        count, names = self.n_estimators, self._called("random_state")
         if not isinstance(count, Integral) or count < 1:
             raise OptionError(f"n_estimators: expected an integer >= 1, got {count!r}.")
         if not names:
@@ -114,10 +111,9 @@ class EnsembleRegressor(MetaEstimatorMixin, GapScoreMixin, BaseEstimator):
         self.estimators_ = Parallel(self.n_jobs)(calls)
         return self
 
-    def _drawing(self) -> list[str]:
-        """Return the parameters by which the regressor draws."""
-        names = self.estimator.get_params()
-        return [name for name in names if name.rpartition("__")[2] == RANDOM_STATE]
+    def _called(self, name: str) -> list[str]:
+        """Return the parameters with this name, of the regressor and of what it contains."""
+        return [full for full in self.estimator.get_params() if full.rpartition("__")[2] == name]
 
     @property
     def n_features_in_(self) -> int:
@@ -198,7 +194,8 @@ class EnsembleRegressor(MetaEstimatorMixin, GapScoreMixin, BaseEstimator):
         return np.stack([np.asarray(getattr(each, method)(*args)) for each in self.estimators_])
 
     def _model_of_y(self):
-        return getattr(self.estimator, "model", None)
+        models = (self.estimator.get_params()[name] for name in self._called("model"))
+        return next((model for model in models if model is not None), None)
 
     def __sklearn_is_fitted__(self):
         """Return whether the fits are there."""

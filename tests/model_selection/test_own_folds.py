@@ -9,6 +9,7 @@ from sklearn.preprocessing import FunctionTransformer
 
 from sklearn_pgnn import (
     ConformalRegressor,
+    EnsembleRegressor,
     PGNNLRegressor,
     PhysicsModel,
     PhysicsModelRegressor,
@@ -48,6 +49,7 @@ SETTINGS = {"search": "local", "substeps": 1}
         (make_pipeline(FunctionTransformer(), PGNNLRegressor(time_column="time")), CALLED, "time"),
         (TransformedTargetRegressor(ResidualRegressor(LAG, time_column=1)), A, 1),
         (ConformalRegressor(ResidualRegressor(LAG, time_column=1)), A, 1),
+        (EnsembleRegressor(ResidualRegressor(LAG, time_column=1)), A, 1),
         (FunctionTransformer(), A, None),
     ],
 )

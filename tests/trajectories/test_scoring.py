@@ -5,9 +5,11 @@ import pandas as pd
 import pytest
 from sklearn.metrics import r2_score
 from sklearn.model_selection import cross_val_score
+from sklearn.tree import DecisionTreeRegressor
 
 from sklearn_pgnn import (
     ConformalRegressor,
+    EnsembleRegressor,
     GreyBoxRegressor,
     ModelDiagnosis,
     PhysicsModel,
@@ -32,10 +34,12 @@ Y += 0.02 * np.random.default_rng(0).normal(size=Y.shape)
 GAPPY = Y.copy()
 GAPPY[::2, 0] = GAPPY[1::2, 1] = np.nan  # no row has both
 
+TREE = DecisionTreeRegressor(max_depth=2)
 REGRESSORS = [
     PhysicsModelRegressor(CART, search="local"),
     ResidualRegressor(CART),
     ConformalRegressor(ResidualRegressor(CART)),
+    EnsembleRegressor(ResidualRegressor(CART, TREE), 2),
     GreyBoxRegressor(CART, depths=("prior", "fitted")),
     ModelDiagnosis(CART, catalogue=(effects.QuadraticDrag,), max_causes=1),
 ]
