@@ -76,6 +76,9 @@ class HalvingBayesSearchCV(MetaEstimatorMixin, BaseEstimator):
     A candidate whose training diverges, or whose score is not finite, is warned of and counts as
     the worst of those that have a score.
 
+    A last fit that scores all records less than every fold's fit did records that it had not seen
+    has ended in a bad minimum, and is warned of.
+
     Parameters
     ----------
     estimator : estimator
@@ -208,7 +211,21 @@ class HalvingBayesSearchCV(MetaEstimatorMixin, BaseEstimator):
             self._show(i, scores, seconds[i])
         self._keep(candidates, scores, seconds)
         self.best_estimator_ = clone(self.estimator).set_params(**self.best_params_).fit(X, y)
+        self._check_fit(X, y, scores[self.best_index_].min())
         return self
+
+    def _check_fit(self, X, y, least: float) -> None:
+        """Warn where the last fit scores its own records less than all folds' fits did others."""
+        score = self.score(X, y)
+        if not score >= least:
+            warnings.warn(
+                f"the best candidate, fitted to all records, scores {score:.4g} on them; in the "
+                f"folds it scored at least {least:.4g} on records that it had not seen: this fit "
+                f"has ended in a bad minimum. Remedy: another random_state of the estimator, or "
+                f"EnsembleRegressor(estimator), of which one such fit does not count.",
+                UserWarning,
+                stacklevel=3,
+            )
 
     @property
     def n_features_in_(self) -> int:

@@ -173,6 +173,22 @@ def test_a_candidate_without_a_score_ends_no_search(alpha, why, monkeypatch):
     assert told[0] == max(told[:2])  # the worst so far
 
 
+class Stuck(Ridge):
+    """A regressor that ends in a bad minimum where it has all records."""
+
+    def fit(self, X, y):
+        return super().fit(X, y if len(y) < len(Y) else 0.1 * y)
+
+
+def test_a_last_fit_in_a_bad_minimum_is_named():
+    expected = (
+        r"fitted to all records, scores 0\.\d+ on them; in the folds it scored at least 0\.99\d* "
+        r"on records that it had not seen.* Remedy: another random_state .*EnsembleRegressor"
+    )
+    with pytest.warns(UserWarning, match=expected):
+        search(Stuck(), n_iter=2).fit(X, Y)
+
+
 def test_wrong_parameters_of_a_candidate_end_it():
     found = HalvingBayesSearchCV(Ridge(), {"alpha": (-2.0, -1.0)}, own_first=False)
     with pytest.raises(ValueError, match="'alpha' parameter of Ridge"):
