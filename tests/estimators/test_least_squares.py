@@ -148,3 +148,31 @@ def test_by_default_a_hidden_cubic_spring_is_learnt_to_the_noise():
     net = PGNNLRegressor(model).fit(X, y + noise * random.standard_normal(y.size))
     left = net.predict(pd.concat(tables[6:])) - np.concatenate(clean[6:])
     assert np.sqrt(np.mean(left**2)) < 1.5 * noise
+
+
+@pytest.mark.slow
+def test_a_held_out_free_run_that_first_becomes_worse_ends_no_last_phase():
+    model = PhysicsModel(
+        states={"x": "m", "v": "m/s"},
+        parameters={"m": 1.0, "d": 0.3, "k": 4.0},
+        equations={"x": "v", "v": "(force - d*v - k*x)/m"},
+        inputs={"force": "N"},
+        outputs={"position": "x"},
+    )
+    truth = model.replace(equations={"x": "v", "v": "(force - d*v - k*x)/m - (3*x**3/m)"})
+    random, noise, t = np.random.default_rng([14, False]), 0.002, 0.05 * np.arange(400)
+    tables, outputs = [], []
+    for i in range(6):
+        force = np.repeat(random.uniform(-6, 6, 21), 20)[:400]
+        y = truth.simulate(t, force, substeps=16).y
+        first = np.where(t == 0, 0.0, np.nan)
+        tables.append(
+            pd.DataFrame({"trajectory": i, "t": t, "force": force, "x": first, "v": first})
+        )
+        outputs.append(y + noise * random.standard_normal(y.shape))
+    X, y = pd.concat(tables), np.concatenate(outputs)
+    net = PGNNLRegressor(model, random_state=9).fit(X, y)
+    held_out = np.array(net.history[:, "free_run"])
+    rise = held_out[net.max_epochs :].max() / held_out[: net.max_epochs].min()
+    assert rise > 1.5  # worse than where the last phase began
+    assert np.sqrt(np.mean((net.predict(X) - y) ** 2)) < 3 * noise

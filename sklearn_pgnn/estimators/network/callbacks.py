@@ -54,12 +54,12 @@ class BestFreeRun(Callback):
 
     Parameters
     ----------
-    n_iter_no_change : int, default=20
+    n_iter_no_change : int, default=100
         Epochs without a better free run after which rollouts or the last phase end. Single steps
         go on: their free run varies until the learning rate has decayed.
     """
 
-    def __init__(self, n_iter_no_change=20):
+    def __init__(self, n_iter_no_change=100):
         self.n_iter_no_change = n_iter_no_change
 
     def on_train_begin(self, net, **kwargs):
