@@ -14,7 +14,6 @@ import argparse
 import datetime
 import time
 import warnings
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -85,18 +84,12 @@ def simulated(model):
     return predict
 
 
-@cache
-def records(make, seed, **options):
-    """Make records once."""
-    return make(random_state=seed, **options)
-
-
 def measure(plant, change, seed):
     """Fit once; give the error over the physical model's, and the processor time [s]."""
     warnings.simplefilter("ignore")
     model, make = PLANTS[plant]
-    references = [records(make, reference, reference=True) for reference in (0, 1)]
-    X, y = records(make, seed)
+    references = [make(random_state=reference, reference=True) for reference in (0, 1)]
+    X, y = make(random_state=seed)
     start = time.process_time()
     net = PGNNLRegressor(model, random_state=seed, **CHANGES[change]).fit(X, y)
     seconds = time.process_time() - start
