@@ -74,7 +74,7 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
         What the network's output means. ``"auto"`` corrects the model's step where the model
         foretells more than half of how the measured states change, a tenth of their dominant
         period ahead (of the squares, against persistence), and is ``"increment"`` where not. The
-        paper's ``"output"`` costs 2.6 (1.1 to 180); the wrong one of the other two costs 4 to 10
+        paper's ``"output"`` costs 2.6 (1.0 to 120); the wrong one of the other two costs 10 to 13
         where it matters. ``"dissipative"`` is passive by construction [4]_: whatever its weights,
         the network brings no energy into the states that the model's stored energy depends on,
         :math:`E(x_{k+1}) \le E(\Phi(x_k, u_k))`. Its outputs are the lower triangle of L, beside
@@ -84,13 +84,13 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
         :math:`(\Phi(x_k, u_k) - x_k)/\Delta t`, the terms that the model's rates are sums of (a
         friction's sign, a sine; not the limit of a whole rate) at the state that is fed back, or
         nothing. ``"auto"`` is the simulation for outputs and increments, and the terms for
-        corrections. None costs 1.0 (0.8 to 1.0).
+        corrections. None costs 1.0 (1.0 to 1.7).
     lambda_phy : float in [0, 1) or "adaptive", default=0.0
         Weight of the physical loss, or the rule of Wang, Teng and Perdikaris [2]_ that balances
         the gradients of both. With the balance of the prior, which lacks what is to be learnt,
-        0.01 costs 2.2 (0.9 to 15), 0.1 costs 6 (1.0 to 60) and ``"adaptive"`` 2.8 (1.1 to 9); with
-        `Passivity` instead, 0.1 costs 1.0, but 20 where the energy of the missing spring is not in
-        the balance.
+        0.01 costs 1.3 (0.6 to 34), 0.1 costs 2.5 (1.0 to 78) and ``"adaptive"`` 2.3 (1.1 to 27);
+        with `Passivity` instead, 0.1 costs 1.0, but 33 where the energy of the missing spring is
+        not in the balance.
     physics_loss : PhysicsTerm, callable or list of them, optional
         The physical terms; by default the model's energy balance.
     scaled : bool, default=True
@@ -115,16 +115,16 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
         speed and sees the speed leaves the inertia to the model.
     horizon : int, default=1
         Steps of the rollouts; 1 for none: with the last phase they add nothing, without it 20
-        steps cost 4.4 (1.0 to 27) where none cost 5 (1.0 to 31).
+        steps cost 4.3 (1.8 to 34) where none cost 4.7 (1.8 to 34).
     rollout_epochs : int, default=20
         Epochs of rollouts.
     refine : {"auto", "lm", "lbfgs", None}, default="auto"
         Last phase, on the simulation of whole trajectories: Levenberg-Marquardt, L-BFGS or none.
         ``"auto"`` is Levenberg-Marquardt for a `FeedForward` core of at most 1000 weights. L-BFGS
-        costs 1.5 (1.0 to 31), none 5 (1.0 to 31).
+        costs 1.6 (1.1 to 24), none 4.7 (1.8 to 34).
     refine_max_iter : int, default=500
         Most steps of that phase, which ends by itself where five steps lower the loss by less than
-        a thousandth; steps that are tried in vain do not count. 30 cost 1.0 (1.0 to 3).
+        a thousandth; steps that are tried in vain do not count. 30 cost 1.1 (1.0 to 6).
     validation_fraction : float, default=0.2
         Share of the trajectories held out to choose the weights; of less than three
         trajectories, the share at the end of each.
@@ -149,19 +149,19 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
     module : Module class, default=FeedForward
         The core: takes ``n_inputs`` and ``n_outputs``, and maps features to outputs; see
         `FeedForward` (``module__neurons``, ``module__layers``, ``module__activation``) and
-        `Recurrent`. 4 neurons a layer cost 0.98 (0.7 to 1.1), 13 cost 0.99 (0.6 to 1.0); one layer
-        0.97 (0.6 to 1.5); ``"silu"`` 1.1 (0.6 to 1.3).
+        `Recurrent`. 4 neurons a layer cost 1.07 (1.0 to 1.3), 13 cost 1.10 (1.0 to 2.4); one layer
+        1.05 (0.8 to 1.2); ``"silu"`` 1.2 (0.9 to 1.8).
     criterion : Module class, default=torch.nn.MSELoss
         Measures the scaled errors.
     optimizer : Optimizer class, default=torch.optim.Adam
         Of the first two phases; the learning rate decays by a cosine in each
         (``callbacks__decay=None`` holds it).
     lr : float, default=0.01
-        Learning rate; a tenth of it in rollouts. 0.003 costs 1.0 (0.8 to 1.05), 0.03 costs
-        1.0 (0.9 to 1.1).
+        Learning rate; a tenth of it in rollouts. 0.003 costs 0.99 (0.96 to 1.5), 0.03 costs
+        1.0 (1.0 to 2.8).
     max_epochs : int, default=50
-        Epochs on single steps; 20 cost 1.0 (0.8 to 1.4), 100 cost 1.0 (1.0 to
-        1.1).
+        Epochs on single steps; 20 cost 1.0 (1.0 to 1.6), 100 cost 1.0 (0.9 to
+        1.2).
     batch_size : int, default=2048
         Most steps in a batch; small sets are cut in at least 16 batches.
     iterator_train : class, default=TensorBatches
