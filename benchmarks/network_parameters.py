@@ -6,7 +6,8 @@ seeds, which draw the records and the weights, and the processor time of a fit, 
 plants. The golf robot is sampled at 250 Hz, which makes a fit four times as fast as at the usual
 1 kHz. The column before the last compares with the defaults: median and range, over plants, of the
 line's median over the defaults'. The table is written to ``docs/tables/network_parameters.rst``
-after every seed, and when the run is broken off; all takes a quarter of an hour. Run:
+after every seed, and when the run is broken off; three seeds take half an hour in two processes.
+Run:
 ``python benchmarks/network_parameters.py [--seeds 3] [--jobs 2] [--plants valve ...]``.
 """
 
