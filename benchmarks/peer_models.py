@@ -4,6 +4,9 @@ They take time, inputs and outputs only. What a lagged model needs before the fi
 as if the machine had rested at the prior's first outputs.
 """
 
+import io
+from contextlib import redirect_stderr, redirect_stdout
+
 import numpy as np
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.neural_network import MLPRegressor
@@ -171,6 +174,54 @@ class FrolsNarx(Peer):
             begun = np.full((model.max_lag, 1), start)
             columns.append(model.predict(X=u, y=begun)[self.lags :, 0])
         return np.column_stack(columns)
+
+
+class Subnet(Peer):
+    """deepSI's neural state-space model, whose encoder sees the first output at rest.
+
+    Every trajectory begins with rows at rest, of which the encoder estimates the first state.
+    """
+
+    def __init__(
+        self, prior, states=4, lags=5, horizon=50, learning_rate=3e-3, steps=1500, random_state=0
+    ):
+        self.prior = prior
+        self.states = states
+        self.lags = lags
+        self.horizon = horizon
+        self.learning_rate = learning_rate
+        self.steps = steps
+        self.random_state = random_state
+
+    def _learn(self, parts):
+        import torch
+        from deepSI import SUBNET, Input_output_data, get_nu_ny_and_auto_norm
+        from deepSI.fitting import fit_minimal_implementation
+
+        torch.manual_seed(self.random_state)
+        data = [Input_output_data(*(self._begun(each) for each in part)) for part in parts]
+        n = int(self.lags)
+        sizes = {"nx": int(self.states), "nb": n, "na": n, "feedthrough": False}
+        self.model_ = SUBNET(*get_nu_ny_and_auto_norm(data), **sizes)
+        with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
+            fit_minimal_implementation(
+                self.model_, data[:-1], data[-1], self.steps, T=int(self.horizon), batch_size=64,
+                val_freq=100,
+                optimizer=torch.optim.Adam(self.model_.parameters(), lr=self.learning_rate),
+            )  # fmt: skip
+
+    def _begun(self, rows):
+        return np.vstack([np.repeat(rows[:1], int(self.lags), axis=0), rows])
+
+    def _run(self, u, first):
+        import torch
+
+        n = int(self.lags)
+        at_rest = np.repeat(first[None], n, axis=0)
+        parts = np.repeat(u[:1], n, axis=0), at_rest, u
+        with torch.no_grad():
+            run = self.model_(*(torch.tensor(part[None], dtype=torch.float32) for part in parts))
+        return run[0].numpy()
 
 
 def _trajectories(X):

@@ -16,7 +16,7 @@ import warnings
 from functools import partial
 
 import numpy as np
-from peer_models import FrolsNarx, NetworkNarx, PysindyModel
+from peer_models import FrolsNarx, NetworkNarx, PysindyModel, Subnet
 from plants import PLANTS
 from seed_table import cell, command_line, run_seeds, write_table
 from skopt.space import Categorical, Real
@@ -89,6 +89,16 @@ def methods(prior, seed):
             },
         ),
     }
+    if importlib.util.find_spec("deepSI"):
+        found["deepSI, SUBNET"] = (
+            Subnet(prior, random_state=seed),
+            {
+                "states": (2, 6),
+                "lags": (2, 12),
+                "horizon": (20, 80),
+                "learning_rate": Real(5e-4, 1e-2, prior="log-uniform"),
+            },
+        )
     if importlib.util.find_spec("sysidentpy"):
         space = {"lags": (1, 6), "degree": (1, 3), "n_terms": (3, 15)}
         found["SysIdentPy, FROLS"] = FrolsNarx(prior), space
