@@ -7,12 +7,12 @@ from numbers import Integral
 import numpy as np
 from sklearn.base import BaseEstimator, MetaEstimatorMixin, clone
 from sklearn.metrics import check_scoring
-from sklearn.utils import check_random_state, get_tags
+from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
 from sklearn_pgnn.exceptions import OptionError, TrainingError
 from sklearn_pgnn.extras import needed_by
-from sklearn_pgnn.model_selection.delegation import inner_has
+from sklearn_pgnn.model_selection.outer_estimator import OuterEstimatorMixin, inner_has
 from sklearn_pgnn.model_selection.own_folds import own_folds
 from sklearn_pgnn.trajectories.tables import take_rows
 
@@ -59,7 +59,7 @@ def _warn_of_failure(params, fold: int, what: str) -> None:
     )
 
 
-class HalvingBayesSearchCV(MetaEstimatorMixin, BaseEstimator):
+class HalvingBayesSearchCV(OuterEstimatorMixin, MetaEstimatorMixin, BaseEstimator):
     """Search parameters by a Gaussian process; only the better half goes on after every fold.
 
     Candidates are drawn one after the other, as by scikit-optimize's `BayesSearchCV`, and scored
@@ -140,6 +140,8 @@ class HalvingBayesSearchCV(MetaEstimatorMixin, BaseEstimator):
     >>> search.best_params_["alpha"] < 1, sum(search.cv_results_["n_folds"]) < 8 * 4
     (True, True)
     """
+
+    _fitted = "best_estimator_"
 
     def __init__(
         self,
@@ -227,16 +229,6 @@ class HalvingBayesSearchCV(MetaEstimatorMixin, BaseEstimator):
                 stacklevel=3,
             )
 
-    @property
-    def n_features_in_(self) -> int:
-        """Number of columns of X."""
-        return self.best_estimator_.n_features_in_
-
-    @property
-    def feature_names_in_(self):
-        """Names of the columns of X, if it has any."""
-        return self.best_estimator_.feature_names_in_
-
     def _optimizer(self):
         """Return what asks for points of the space."""
         with needed_by("HalvingBayesSearchCV"):
@@ -311,62 +303,7 @@ class HalvingBayesSearchCV(MetaEstimatorMixin, BaseEstimator):
             "fit_time": seconds,
         }
 
-    @inner_has("best_estimator_", "predict")
-    def predict(self, X):
-        """Predict by the best estimator.
-
-        Parameters
-        ----------
-        X : DataFrame or array of shape (n_samples, n_columns)
-            As in `fit`.
-
-        Returns
-        -------
-        ndarray of shape (n_samples, n_outputs) or (n_samples,)
-            Predicted outputs.
-        """
-        check_is_fitted(self)
-        return self.best_estimator_.predict(X)
-
-    @inner_has("best_estimator_", "predict_states")
-    def predict_states(self, X):
-        """Simulate the states by the best estimator, if it can.
-
-        Parameters
-        ----------
-        X : DataFrame or array of shape (n_samples, n_columns)
-            As in `fit`.
-
-        Returns
-        -------
-        ndarray of shape (n_samples, n_states)
-            The states.
-        """
-        check_is_fitted(self)
-        return self.best_estimator_.predict_states(X)
-
-    @inner_has("best_estimator_", "predict_ahead")
-    def predict_ahead(self, X, y, steps=1):
-        """Predict every sample from the outputs before it by the best estimator, if it can.
-
-        Parameters
-        ----------
-        X : DataFrame or array of shape (n_samples, n_columns)
-            As in `fit`.
-        y : array-like of shape (n_samples, n_outputs) or (n_samples,)
-            Measured outputs, NaN where there is none.
-        steps : int, default=1
-            Samples ahead.
-
-        Returns
-        -------
-        ndarray of shape (n_samples, n_outputs) or (n_samples,)
-            Predicted outputs.
-        """
-        check_is_fitted(self)
-        return self.best_estimator_.predict_ahead(X, y, steps)
-
-    @inner_has("best_estimator_", "predict_interval")
+    @inner_has("predict_interval")
     def predict_interval(self, X, coverage=0.9, y=None):
         """Return intervals by the best estimator, if it has such.
 
@@ -384,9 +321,8 @@ class HalvingBayesSearchCV(MetaEstimatorMixin, BaseEstimator):
         low, high : ndarray of shape (n_samples, n_outputs) or (n_samples,)
             The interval's ends.
         """
-        check_is_fitted(self)
         measured = {} if y is None else {"y": y}
-        return self.best_estimator_.predict_interval(X, coverage, **measured)
+        return self._ask("predict_interval", X, coverage, **measured)
 
     def score(self, X, y):
         """Return the score of the best estimator.
@@ -405,14 +341,3 @@ class HalvingBayesSearchCV(MetaEstimatorMixin, BaseEstimator):
         """
         check_is_fitted(self)
         return float(check_scoring(self.best_estimator_, self.scoring)(self.best_estimator_, X, y))
-
-    def __sklearn_is_fitted__(self):
-        """Return whether the search is over."""
-        return hasattr(self, "best_estimator_")
-
-    def __sklearn_tags__(self):
-        tags, inner = super().__sklearn_tags__(), get_tags(self.estimator)
-        tags.estimator_type = inner.estimator_type
-        tags.input_tags, tags.target_tags = inner.input_tags, inner.target_tags
-        tags.regressor_tags = inner.regressor_tags
-        return tags

@@ -2,11 +2,10 @@
 
 import numpy as np
 from sklearn.base import BaseEstimator, MetaEstimatorMixin, RegressorMixin, clone
-from sklearn.utils import get_tags
 from sklearn.utils.validation import check_is_fitted
 
 from sklearn_pgnn.estimators.progress import teller
-from sklearn_pgnn.model_selection.delegation import inner_has
+from sklearn_pgnn.model_selection.outer_estimator import OuterEstimatorMixin
 from sklearn_pgnn.model_selection.own_folds import columns_of, own_folds
 from sklearn_pgnn.model_selection.trajectory_rows import are_measured, read_pieces
 from sklearn_pgnn.simulation.intervals import beside, check_coverage, quantile_of
@@ -16,7 +15,7 @@ from sklearn_pgnn.trajectories.tables import as_columns, take_rows
 FOLDS = 6
 
 
-class ConformalRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
+class ConformalRegressor(OuterEstimatorMixin, MetaEstimatorMixin, RegressorMixin, BaseEstimator):
     r"""Intervals for any regressor, from its errors on trajectories that it has not seen.
 
     .. math:: \hat y_k \pm q_o, \qquad
@@ -115,70 +114,6 @@ class ConformalRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
         self._left = np.sort(np.concatenate(left), axis=0)
         return self
 
-    @property
-    def n_features_in_(self) -> int:
-        """Number of columns of X."""
-        return self.estimator_.n_features_in_
-
-    @property
-    def feature_names_in_(self):
-        """Names of the columns of X, if it has any."""
-        return self.estimator_.feature_names_in_
-
-    def predict(self, X):
-        """Predict by the regressor that was fitted to all trajectories.
-
-        Parameters
-        ----------
-        X : DataFrame or array of shape (n_samples, n_columns)
-            As in `fit`.
-
-        Returns
-        -------
-        ndarray of shape (n_samples, n_outputs) or (n_samples,)
-            Predicted outputs.
-        """
-        check_is_fitted(self)
-        return self.estimator_.predict(X)
-
-    @inner_has("estimator_", "predict_states")
-    def predict_states(self, X):
-        """Simulate the states by the regressor that was fitted to all trajectories, if it can.
-
-        Parameters
-        ----------
-        X : DataFrame or array of shape (n_samples, n_columns)
-            As in `fit`.
-
-        Returns
-        -------
-        ndarray of shape (n_samples, n_states)
-            The states.
-        """
-        check_is_fitted(self)
-        return self.estimator_.predict_states(X)
-
-    @inner_has("estimator_", "predict_ahead")
-    def predict_ahead(self, X, y, steps=1):
-        """Predict every sample from the outputs before it, if the regressor can.
-
-        Parameters
-        ----------
-        X : DataFrame or array of shape (n_samples, n_columns)
-            As in `fit`.
-        y : array-like of shape (n_samples, n_outputs) or (n_samples,)
-            Measured outputs, NaN where there is none.
-        steps : int, default=1
-            Samples ahead.
-
-        Returns
-        -------
-        ndarray of shape (n_samples, n_outputs) or (n_samples,)
-            Predicted outputs.
-        """
-        check_is_fitted(self)
-        return self.estimator_.predict_ahead(X, y, steps)
-
     def score(self, X, y, sample_weight=None):
         """Return what the regressor that was fitted to all trajectories scores.
 
@@ -196,9 +131,8 @@ class ConformalRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
         float
             1 at best.
         """
-        check_is_fitted(self)
         weights = {} if sample_weight is None else {"sample_weight": sample_weight}
-        return self.estimator_.score(X, y, **weights)
+        return self._ask("score", X, y, **weights)
 
     def predict_interval(self, X, coverage=0.9):
         """Return between what the measured outputs are expected.
@@ -230,10 +164,3 @@ class ConformalRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
             pieces = read_pieces(X, groups, **columns_of(self.estimator, X))
             cv = max(2, min(FOLDS, int(are_measured(pieces, y).sum())))
         return own_folds(cv, self.estimator, X)
-
-    def __sklearn_tags__(self):
-        tags, inner = super().__sklearn_tags__(), get_tags(self.estimator)
-        tags.input_tags = inner.input_tags
-        tags.target_tags = inner.target_tags
-        tags.regressor_tags = inner.regressor_tags
-        return tags

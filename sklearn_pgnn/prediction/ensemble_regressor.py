@@ -5,15 +5,15 @@ from numbers import Integral
 import numpy as np
 from joblib import Parallel, delayed
 from sklearn.base import BaseEstimator, MetaEstimatorMixin, clone
-from sklearn.utils import check_random_state, get_tags
+from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
 from sklearn_pgnn.exceptions import OptionError
-from sklearn_pgnn.model_selection.delegation import inner_has
+from sklearn_pgnn.model_selection.outer_estimator import OuterEstimatorMixin
 from sklearn_pgnn.trajectories.scoring import GapScoreMixin
 
 
-class EnsembleRegressor(MetaEstimatorMixin, GapScoreMixin, BaseEstimator):
+class EnsembleRegressor(OuterEstimatorMixin, MetaEstimatorMixin, GapScoreMixin, BaseEstimator):
     r"""Fit a regressor several times from other random numbers, and predict by the median.
 
     .. math:: \hat y_k = \operatorname{median}_i \, \hat y^{(i)}_k
@@ -69,6 +69,8 @@ class EnsembleRegressor(MetaEstimatorMixin, GapScoreMixin, BaseEstimator):
     (3, (401,), (401,))
     """
 
+    _fitted = "_first"
+
     def __init__(self, estimator, n_estimators=5, *, random_state=0, n_jobs=None):
         self.estimator = estimator
         self.n_estimators = n_estimators
@@ -116,19 +118,7 @@ class EnsembleRegressor(MetaEstimatorMixin, GapScoreMixin, BaseEstimator):
         return [full for full in self.estimator.get_params() if full.rpartition("__")[2] == name]
 
     @property
-    def n_features_in_(self) -> int:
-        """Number of columns of X."""
-        return self._first.n_features_in_
-
-    @property
-    def feature_names_in_(self):
-        """Names of the columns of X, if it has any."""
-        return self._first.feature_names_in_
-
-    @property
     def _first(self):
-        if not hasattr(self, "estimators_"):
-            raise AttributeError(f"{type(self).__name__} is not fitted yet.")
         return self.estimators_[0]
 
     def predict(self, X, return_std=False):
@@ -152,41 +142,9 @@ class EnsembleRegressor(MetaEstimatorMixin, GapScoreMixin, BaseEstimator):
         middle = np.median(each, axis=0)
         return (middle, np.std(each, axis=0)) if return_std else middle
 
-    @inner_has("estimator", "predict_states")
-    def predict_states(self, X):
-        """Return the median of the fits' states, if they have such.
-
-        Parameters
-        ----------
-        X : DataFrame or array of shape (n_samples, n_columns)
-            As in `fit`.
-
-        Returns
-        -------
-        ndarray of shape (n_samples, n_states)
-            The states.
-        """
-        return np.median(self._each("predict_states", X), axis=0)
-
-    @inner_has("estimator", "predict_ahead")
-    def predict_ahead(self, X, y, steps=1):
-        """Return the median of what the fits predict from the outputs before, if they can.
-
-        Parameters
-        ----------
-        X : DataFrame or array of shape (n_samples, n_columns)
-            As in `fit`.
-        y : array-like of shape (n_samples, n_outputs) or (n_samples,)
-            Measured outputs, NaN where there is none.
-        steps : int, default=1
-            Samples ahead.
-
-        Returns
-        -------
-        ndarray of shape (n_samples, n_outputs) or (n_samples,)
-            Predicted outputs.
-        """
-        return np.median(self._each("predict_ahead", X, y, steps), axis=0)
+    def _ask(self, method: str, *args):
+        """Return the median of what a method of every fit gives."""
+        return np.median(self._each(method, *args), axis=0)
 
     def _each(self, method: str, *args) -> np.ndarray:
         """Return what a method of every fit gives."""
@@ -196,17 +154,6 @@ class EnsembleRegressor(MetaEstimatorMixin, GapScoreMixin, BaseEstimator):
     def _model_of_y(self):
         models = (self.estimator.get_params()[name] for name in self._called("model"))
         return next((model for model in models if model is not None), None)
-
-    def __sklearn_is_fitted__(self):
-        """Return whether the fits are there."""
-        return hasattr(self, "estimators_")
-
-    def __sklearn_tags__(self):
-        tags, inner = super().__sklearn_tags__(), get_tags(self.estimator)
-        tags.input_tags = inner.input_tags
-        tags.target_tags = inner.target_tags
-        tags.regressor_tags = inner.regressor_tags
-        return tags
 
 
 def _fit(estimator, seeds, X, y, fit_params):

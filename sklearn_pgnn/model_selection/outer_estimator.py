@@ -1,0 +1,110 @@
+"""What an estimator around another one passes on to it."""
+
+from sklearn.utils import get_tags
+from sklearn.utils.metaestimators import available_if
+from sklearn.utils.validation import check_is_fitted
+
+
+def inner_has(method: str):
+    """Return the decorator of a method that is there where the estimator inside has it.
+
+    Parameters
+    ----------
+    method : str
+        The method.
+
+    Returns
+    -------
+    callable
+        The decorator, of methods of an `OuterEstimatorMixin`.
+    """
+
+    def check(outer) -> bool:
+        return hasattr(getattr(outer, outer._fitted, outer.estimator), method)
+
+    return available_if(check)
+
+
+class OuterEstimatorMixin:
+    """An estimator around another one, its parameter ``estimator``, which it fits and asks."""
+
+    #: attribute that holds the fitted estimator
+    _fitted = "estimator_"
+
+    @property
+    def n_features_in_(self) -> int:
+        """Number of columns of X."""
+        return getattr(self, self._fitted).n_features_in_
+
+    @property
+    def feature_names_in_(self):
+        """Names of the columns of X, if it has any."""
+        return getattr(self, self._fitted).feature_names_in_
+
+    @inner_has("predict")
+    def predict(self, X):
+        """Predict by the fitted estimator.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_samples, n_columns)
+            As in `fit`.
+
+        Returns
+        -------
+        ndarray of shape (n_samples, n_outputs) or (n_samples,)
+            Predicted outputs.
+        """
+        return self._ask("predict", X)
+
+    @inner_has("predict_states")
+    def predict_states(self, X):
+        """Simulate the states by the fitted estimator, if it can.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_samples, n_columns)
+            As in `fit`.
+
+        Returns
+        -------
+        ndarray of shape (n_samples, n_states)
+            The states.
+        """
+        return self._ask("predict_states", X)
+
+    @inner_has("predict_ahead")
+    def predict_ahead(self, X, y, steps=1):
+        """Predict every sample from the outputs before it by the fitted estimator, if it can.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_samples, n_columns)
+            As in `fit`.
+        y : array-like of shape (n_samples, n_outputs) or (n_samples,)
+            Measured outputs, NaN where there is none.
+        steps : int, default=1
+            Samples ahead.
+
+        Returns
+        -------
+        ndarray of shape (n_samples, n_outputs) or (n_samples,)
+            Predicted outputs.
+        """
+        return self._ask("predict_ahead", X, y, steps)
+
+    def _ask(self, method: str, *args, **kwargs):
+        """Return what a method of the fitted estimator gives."""
+        check_is_fitted(self)
+        return getattr(getattr(self, self._fitted), method)(*args, **kwargs)
+
+    def __sklearn_is_fitted__(self):
+        """Return whether there is a fitted estimator."""
+        return hasattr(self, self._fitted)
+
+    def __sklearn_tags__(self):
+        tags, inner = super().__sklearn_tags__(), get_tags(self.estimator)
+        tags.estimator_type = inner.estimator_type
+        tags.input_tags, tags.target_tags = inner.input_tags, inner.target_tags
+        tags.regressor_tags = inner.regressor_tags
+        return tags
