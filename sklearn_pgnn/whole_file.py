@@ -30,12 +30,12 @@ def write_whole(path: Path, content: str | bytes, mode: int = USUAL) -> None:
     ['note.txt']
     """
     data = content.encode() if isinstance(content, str) else content
-    beside = path.with_name(f".{path.name}.{uuid4().hex[:12]}")
+    temporary = path.with_name(f".{path.name}.{uuid4().hex[:12]}")
     try:
-        with open(beside, "xb", opener=lambda name, flags: os.open(name, flags, mode)) as file:
+        with open(temporary, "xb", opener=lambda name, flags: os.open(name, flags, mode)) as file:
             file.write(data)
-        os.replace(beside, path)
+        os.replace(temporary, path)
     except BaseException:
         with suppress(OSError):
-            beside.unlink()
+            temporary.unlink()
         raise

@@ -83,7 +83,7 @@ def diagnose(data, model, output, quiet, debug, force, as_json, opens, **options
 
             job = Job(model, data, output, quiet, force, as_json, opens, options)
             done = job.run(progress)
-        job.tell(done)
+        job.print_summary(done)
 
 
 @main.command()

@@ -60,7 +60,7 @@ def check_model(model, data, sample_time=None) -> Checked:
     return Checked(replace(look, warnings=(*said, *look.warnings)), list(unused), converted)
 
 
-def tell_check(checked: Checked, *, as_json: bool, quiet: bool) -> None:
+def print_check(checked: Checked, *, as_json: bool, quiet: bool) -> None:
     """Print what a check found.
 
     Parameters
@@ -81,9 +81,9 @@ def tell_check(checked: Checked, *, as_json: bool, quiet: bool) -> None:
     say(console, _summary(look), "bold")
     warn(console, look.warnings)
     if not quiet:
-        _tell_records(console, look)
-        _tell_quantities(console, checked)
-    _tell_fit(console, look)
+        _print_records(console, look)
+        _print_quantities(console, checked)
+    _print_fit(console, look)
 
 
 def _summary(look: FirstLook) -> str:
@@ -97,7 +97,7 @@ def _summary(look: FirstLook) -> str:
     return f"The model of the {model.name} ({', '.join(counts)}) and the records {held}."
 
 
-def _tell_records(console, look) -> None:
+def _print_records(console, look) -> None:
     heading(console, "Records")
     outputs = look.outputs if len(look.records) > 1 else ()  # of one record, the last table tells
     fits = [f"fit of {cell(o.output)}" for o in outputs]
@@ -109,7 +109,7 @@ def _tell_records(console, look) -> None:
     print_table(console, rows)
 
 
-def _tell_quantities(console, checked) -> None:
+def _print_quantities(console, checked) -> None:
     heading(console, "What they hold")
     rows = table("", "", "from", "to", "", "missing")
     for q in checked.look.quantities:
@@ -124,7 +124,7 @@ def _tell_quantities(console, checked) -> None:
         say(console, f"Not used: {', '.join(checked.unused)}.")
 
 
-def _tell_fit(console, look) -> None:
+def _print_fit(console, look) -> None:
     heading(console, "First simulation of the model as given, in free run")
     rows = table("", "fit", "error (rms)", "noise", "")
     for o in look.outputs:

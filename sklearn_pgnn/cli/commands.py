@@ -58,11 +58,11 @@ def check(model, data, sample_time, as_json, quiet, debug):
     with guarded(debug):
         with show_progress(quiet) as progress:
             progress("loading the libraries")
-            from sklearn_pgnn.cli.check import check_model, tell_check
+            from sklearn_pgnn.cli.check import check_model, print_check
 
             progress("reading and simulating")
             checked = check_model(model, data, sample_time)
-        tell_check(checked, as_json=as_json, quiet=quiet)
+        print_check(checked, as_json=as_json, quiet=quiet)
 
 
 @click.command()
@@ -80,13 +80,13 @@ def simulate(model, data, sample_time, output, force, quiet, debug):
         with show_progress(quiet) as progress:
             progress("loading the libraries")
             from sklearn_pgnn.cli.output import refuse_existing, write_file
-            from sklearn_pgnn.cli.simulate import simulate_files, tell_simulation, to_csv
+            from sklearn_pgnn.cli.simulate import print_simulation, simulate_files, to_csv
 
             refuse_existing(output, force=force)
             progress("simulating")
             read, rows, fits = simulate_files(model, data, sample_time)
             write_file(output, to_csv(rows), force=force)
-        tell_simulation(read, fits, output, len(rows), quiet=quiet)
+        print_simulation(read, fits, output, len(rows), quiet=quiet)
 
 
 @click.command()
@@ -122,7 +122,7 @@ def fit(model, data, output, force, as_json, quiet, debug, **options):
             with told_warnings(UserWarning):
                 job.run()
             write_file(output, job.regressor.model_.to_yaml(), force=force)
-        job.tell(output, as_json=as_json, quiet=quiet)
+        job.print_summary(output, as_json=as_json, quiet=quiet)
 
 
 @click.command()
@@ -139,7 +139,7 @@ def compare(one, other, output, force, as_json, opens, quiet, debug):
     with guarded(debug):
         with show_progress(quiet) as progress:
             progress("loading the libraries")
-            from sklearn_pgnn.cli.compare import tell_comparison, write_comparison
+            from sklearn_pgnn.cli.compare import print_comparison, write_comparison
             from sklearn_pgnn.exceptions import OptionError
             from sklearn_pgnn.inspection import compare as compare_diagnoses
 
@@ -148,7 +148,7 @@ def compare(one, other, output, force, as_json, opens, quiet, debug):
             found = compare_diagnoses(one, other)
             if output is not None:
                 write_comparison(found, output, force=force, opens=opens)
-        tell_comparison(found, as_json=as_json, quiet=quiet)
+        print_comparison(found, as_json=as_json, quiet=quiet)
 
 
 @click.command()
@@ -200,4 +200,4 @@ def detect(model, data, as_json, quiet, debug, **options):
             progress("reading the model and the records")
             job = DetectJob(model, data, **options)
             found = job.run(progress)
-        job.tell(found, as_json=as_json, quiet=quiet)
+        job.print_summary(found, as_json=as_json, quiet=quiet)

@@ -30,7 +30,7 @@ def write_comparison(found: DiagnosisComparison, output: str, *, force: bool, op
         click.launch(str(Path(output).absolute()))
 
 
-def tell_comparison(found: DiagnosisComparison, *, as_json: bool, quiet: bool) -> None:
+def print_comparison(found: DiagnosisComparison, *, as_json: bool, quiet: bool) -> None:
     """Print a comparison.
 
     Parameters

@@ -50,13 +50,13 @@ def run_demo(
         with writing(place):
             model, data = write_input(place)
     if words:
-        _tell_what(model, data)
+        _print_task(model, data)
     job = Job(model, data, output, quiet, force, as_json, opens, {"n_jobs": n_jobs})
     with show_progress(quiet) as progress:
         done = job.run(progress)
-    job.tell(done)
+    job.print_summary(done)
     if words:
-        _tell_truth(model, output)
+        _print_truth(model, output)
 
 
 def write_input(folder: Path) -> tuple[Path, list[Path]]:
@@ -107,7 +107,7 @@ def _rounded(model):
     return model.with_parameters(**values)
 
 
-def _tell_what(model: Path, data: list[Path]) -> None:
+def _print_task(model: Path, data: list[Path]) -> None:
     click.echo(
         f"A golf robot, a driven pendulum, was simulated with stick-slip in its bearing: "
         f"{len(data)} records of {DURATION:g} s.\n"
@@ -116,7 +116,7 @@ def _tell_what(model: Path, data: list[Path]) -> None:
     )
 
 
-def _tell_truth(model: Path, output) -> None:
+def _print_truth(model: Path, output) -> None:
     fields = {"level": "N m", "peak": "N m", "velocity": "rad/s"}
     truth = ", ".join(f"{name} {getattr(HIDDEN, name):g} {unit}" for name, unit in fields.items())
     command = (

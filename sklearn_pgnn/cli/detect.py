@@ -59,7 +59,7 @@ class DetectJob:
         self.diagnosis.set_params(progress=progress).fit(self.X, self.y)
         return self.diagnosis.detectability(self.effects, self.targets, power=self.power)
 
-    def tell(self, found: Detectability, *, as_json: bool, quiet: bool) -> None:
+    def print_summary(self, found: Detectability, *, as_json: bool, quiet: bool) -> None:
         """Print the smallest sizes.
 
         Parameters

@@ -25,7 +25,7 @@ from sklearn_pgnn.cli.output import (
     write_files,
 )
 from sklearn_pgnn.cli.records import read_model, told_warnings
-from sklearn_pgnn.cli.screen import tell
+from sklearn_pgnn.cli.screen import print_diagnosis
 from sklearn_pgnn.diagnosis import ModelDiagnosis
 from sklearn_pgnn.exceptions import UNUSABLE, RecordWarning
 from sklearn_pgnn.inspection.model_files import EXTENDED, RIVALS, model_files
@@ -115,7 +115,7 @@ class Job:
             raise Bug(error, self._kept(kept)) from error
         return Done(diagnosis, warned, bool(earlier))
 
-    def tell(self, done: Done) -> None:
+    def print_summary(self, done: Done) -> None:
         """Print what was found, and where it is."""
         if done.replaced and not self.quiet:
             place = one_line(self.output)
@@ -125,7 +125,7 @@ class Job:
         if self.as_json:
             click.echo(strict_json(done.diagnosis), nl=False)
         else:
-            tell(done.diagnosis, Path(self.output), quiet=self.quiet)
+            print_diagnosis(done.diagnosis, Path(self.output), quiet=self.quiet)
         if self.opens:
             click.launch(str(Path(self.output, "report.html").absolute()))
 

@@ -166,10 +166,10 @@ def _replace(path: Path, write: Callable[[Path], None]) -> None:
     """Write a file whole or not at all."""
     from sklearn_pgnn.cli.signals import held
 
-    beside = path.with_name(f".{path.name}.{os.getpid()}")
+    temporary = path.with_name(f".{path.name}.{os.getpid()}")
     with held(), writing(path):
         try:
-            write(beside)
-            os.replace(beside, path)
+            write(temporary)
+            os.replace(temporary, path)
         finally:
-            beside.unlink(missing_ok=True)
+            temporary.unlink(missing_ok=True)

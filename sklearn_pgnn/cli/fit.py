@@ -72,7 +72,7 @@ class FitJob:
             "substeps": self.regressor.substeps_,
         }
 
-    def tell(self, output: str, *, as_json: bool, quiet: bool) -> None:
+    def print_summary(self, output: str, *, as_json: bool, quiet: bool) -> None:
         """Print what was fitted.
 
         Parameters

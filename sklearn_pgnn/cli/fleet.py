@@ -60,9 +60,9 @@ def fleet(model, records, output, quiet, debug, as_json, opens, **options):
     with guarded(debug):
         with show_progress(quiet) as progress:
             progress("loading the libraries")
-            from sklearn_pgnn.cli.fleet_job import FleetJob, tell_fleet
+            from sklearn_pgnn.cli.fleet_job import FleetJob, print_fleet
 
             progress("reading the model")
             job = FleetJob(model, records, output, options)
             found = job.run(progress)
-        tell_fleet(found, output, as_json=as_json, quiet=quiet, opens=opens)
+        print_fleet(found, output, as_json=as_json, quiet=quiet, opens=opens)

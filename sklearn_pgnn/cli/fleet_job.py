@@ -159,7 +159,7 @@ def _reader(pattern: str) -> Callable[[Path], str | None]:
     return read
 
 
-def tell_fleet(fleet: FleetDiagnosis, output: str, *, as_json: bool, quiet: bool, opens: bool):
+def print_fleet(fleet: FleetDiagnosis, output: str, *, as_json: bool, quiet: bool, opens: bool):
     """Print what was found of a fleet.
 
     Parameters
@@ -179,12 +179,12 @@ def tell_fleet(fleet: FleetDiagnosis, output: str, *, as_json: bool, quiet: bool
     if as_json:
         click.echo(as_strict_json(fleet.to_dict()), nl=False)
     else:
-        _tell(fleet, report, quiet)
+        _print_summary(fleet, report, quiet)
     if opens:
         click.launch(str(report.absolute()))
 
 
-def _tell(fleet: FleetDiagnosis, report: Path, quiet: bool) -> None:
+def _print_summary(fleet: FleetDiagnosis, report: Path, quiet: bool) -> None:
     console = screen()
     counts = Counter(machine.said for machine in fleet.machines_.values())
     told = ", ".join(f"{said.lower()} {counts[said]}" for said in SAID if counts[said])

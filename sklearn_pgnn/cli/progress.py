@@ -77,13 +77,13 @@ def _bars(console: Console) -> Progress:
 class _Column(TextColumn):
     """A column whose text a function tells."""
 
-    def __init__(self, tell: Callable):
+    def __init__(self, text: Callable):
         super().__init__("")
-        self.tell = tell
+        self.text = text
 
     def render(self, task) -> Text:
         """Return the text of a task."""
-        return self.tell(task)
+        return self.text(task)
 
 
 class _Live:

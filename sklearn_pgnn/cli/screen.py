@@ -60,11 +60,11 @@ def described_files(diagnosis) -> dict[str, str]:
     }
 
 
-def tell(diagnosis, output: Path, *, quiet: bool) -> None:
+def print_diagnosis(diagnosis, output: Path, *, quiet: bool) -> None:
     """Print what a diagnosis found and where its files are."""
     console = screen()
     if not quiet:
-        _tell_quality(console, diagnosis.data_quality_)
+        _print_quality(console, diagnosis.data_quality_)
     _say_verdict(console, diagnosis)
     left = "" if diagnosis.remaining_.kind == "noise" else "yellow"
     say(console, remaining_sentence(diagnosis), left)
@@ -73,11 +73,11 @@ def tell(diagnosis, output: Path, *, quiet: bool) -> None:
     if quiet:
         return
     for place, cause in enumerate(diagnosis.causes_, start=1):
-        _tell_cause(console, place, cause, diagnosis.separations_)
-    _tell_parameters(console, diagnosis)
-    _tell_gain(console, diagnosis)
-    _tell_free_run(console, diagnosis)
-    _tell_files(console, diagnosis, output)
+        _print_cause(console, place, cause, diagnosis.separations_)
+    _print_parameters(console, diagnosis)
+    _print_gain(console, diagnosis)
+    _print_free_run(console, diagnosis)
+    _print_files(console, diagnosis, output)
 
 
 def _say_verdict(console, diagnosis) -> None:
@@ -87,7 +87,7 @@ def _say_verdict(console, diagnosis) -> None:
     print_trimmed(console, Text.assemble((title, colour), (sentence, "bold")))
 
 
-def _tell_quality(console, findings) -> None:
+def _print_quality(console, findings) -> None:
     """Print the flaws of the records, before the verdict."""
     if not findings:
         return
@@ -98,7 +98,7 @@ def _tell_quality(console, findings) -> None:
     console.print()
 
 
-def _tell_cause(console, place: int, cause, separations) -> None:
+def _print_cause(console, place: int, cause, separations) -> None:
     worth = f"{abs(cause.gain):.0f} % {'smaller' if cause.gain >= 0 else 'larger'}"
     heading(console, f"Cause {place}: {cause_name(cause.effect, cause.target)}")
     if cause.summary:
@@ -118,7 +118,7 @@ def _tell_cause(console, place: int, cause, separations) -> None:
     print_table(console, rows)
 
 
-def _tell_parameters(console, diagnosis) -> None:
+def _print_parameters(console, diagnosis) -> None:
     parameters = diagnosis.parameters_
     changed = {name: p for name, p in parameters.items() if p.changed}
     if not parameters:
@@ -143,7 +143,7 @@ def _extended(diagnosis) -> str:
     return "extended" if diagnosis.discrepancy_ is None else "without formula"
 
 
-def _tell_gain(console, diagnosis) -> None:
+def _print_gain(console, diagnosis) -> None:
     heading(
         console, f"Error on held-out windows of {number(diagnosis.window_, 3)} s (root mean square)"
     )
@@ -154,7 +154,7 @@ def _tell_gain(console, diagnosis) -> None:
     print_table(console, rows)
 
 
-def _tell_free_run(console, diagnosis) -> None:
+def _print_free_run(console, diagnosis) -> None:
     heading(console, "Error in free run, every record from its own start (root mean square)")
     rows = table("", "as given", "re-tuned", _extended(diagnosis), "")
     for output, error in diagnosis.free_run_.items():
@@ -164,7 +164,7 @@ def _tell_free_run(console, diagnosis) -> None:
     print_table(console, rows)
 
 
-def _tell_files(console, diagnosis, output: Path) -> None:
+def _print_files(console, diagnosis, output: Path) -> None:
     heading(console, "Written")
     for name, what in described_files(diagnosis).items():
         console.print(Text(f"  {one_line(output / name)}  ({what})"), soft_wrap=True)

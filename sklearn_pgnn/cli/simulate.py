@@ -75,7 +75,7 @@ def to_csv(rows: pd.DataFrame) -> str:
     return rows.to_csv(index=False, float_format="%.9g", lineterminator="\n")
 
 
-def tell_simulation(model, fits: dict, output: str, samples: int, *, quiet: bool) -> None:
+def print_simulation(model, fits: dict, output: str, samples: int, *, quiet: bool) -> None:
     """Print how the records are followed, and where the simulation is.
 
     Parameters

@@ -85,14 +85,14 @@ class HypothesisFitter(WindowFitter):
 
     # -- on all windows ------------------------------------------------------------------------
 
-    def fit_all(self, subsample: SubsampleFit, beside: FittedHypothesis) -> FittedHypothesis:
+    def fit_all(self, subsample: SubsampleFit, base: FittedHypothesis) -> FittedHypothesis:
         """Fit a hypothesis on all windows, again where its subsample has become better.
 
         Parameters
         ----------
         subsample : SubsampleFit
             The hypothesis, and where its parameters start.
-        beside : FittedHypothesis
+        base : FittedHypothesis
             Another hypothesis on all windows; the initial states start where its are.
 
         Returns
@@ -104,9 +104,9 @@ class HypothesisFitter(WindowFitter):
         if not self._is_due(subsample):
             return self._known(hypothesis)
         key, task = self.key(hypothesis), HypothesisFitter.fit_and_validate
-        made = self._ahead.take(task, key, subsample, beside)
+        made = self._ahead.take(task, key, subsample, base)
         if made is None:
-            trial = self._from_subsample(subsample, beside)
+            trial = self._from_subsample(subsample, base)
         else:
             fit, held_out = made.result
             trial = FittedHypothesis(hypothesis, fit)
@@ -122,23 +122,21 @@ class HypothesisFitter(WindowFitter):
         better = is_clearly_less(subsample.fit.objective, self._begun.get(key, np.inf))
         return key not in self._trials or better
 
-    def _from_subsample(
-        self, subsample: SubsampleFit, beside: FittedHypothesis
-    ) -> FittedHypothesis:
+    def _from_subsample(self, subsample: SubsampleFit, base: FittedHypothesis) -> FittedHypothesis:
         known = self.rough.which, subsample.fit.x0
-        return self._fit(subsample.hypothesis, subsample.fit.model, beside.fit, known)
+        return self._fit(subsample.hypothesis, subsample.fit.model, base.fit, known)
 
     def fit_and_validate(
-        self, subsample: SubsampleFit, beside: FittedHypothesis
+        self, subsample: SubsampleFit, base: FittedHypothesis
     ) -> tuple[WindowFit, HeldOut]:
         """Return a fit on all windows, and what it leaves of those that are held out."""
-        trial = self._from_subsample(subsample, beside)
+        trial = self._from_subsample(subsample, base)
         return trial.fit, self._cross_validate(trial.hypothesis, trial.fit)
 
-    def prepare_fits(self, subsamples: Iterable[SubsampleFit], beside: FittedHypothesis) -> None:
+    def prepare_fits(self, subsamples: Iterable[SubsampleFit], base: FittedHypothesis) -> None:
         """Let other processes fit hypotheses on all windows for `fit_all`, where that pays."""
         due = filter(self._is_due, subsamples)
-        asked = {self.key(each.hypothesis): (each, beside) for each in due}
+        asked = {self.key(each.hypothesis): (each, base) for each in due}
         self._ahead.make(self, HypothesisFitter.fit_and_validate, asked)
 
     def refit_from(self, trial: FittedHypothesis, better: FittedHypothesis) -> FittedHypothesis:
@@ -215,11 +213,11 @@ class HypothesisFitter(WindowFitter):
             self.scales  # noqa: B018  no single fit shall take the time for it
         self._ahead.make(self, HypothesisFitter.fit_from_starts, asked)
 
-    def _lost(self, hypothesis: Hypothesis, beside: SubsampleFit) -> SubsampleFit:
+    def _lost(self, hypothesis: Hypothesis, base: SubsampleFit) -> SubsampleFit:
         """Return what stands for a hypothesis that cannot be fitted."""
-        known = beside.fit
+        known = base.fit
         lost = lost_fit(known.model, self.rough.windows, known.freedoms, known.x0)
-        return SubsampleFit(hypothesis, lost, beside.start)
+        return SubsampleFit(hypothesis, lost, base.start)
 
     def restart(self, subsample: SubsampleFit, cause: Effect) -> SubsampleFit:
         """Fit a hypothesis again, one of its causes from its starts beside the others.
@@ -324,11 +322,11 @@ class HypothesisFitter(WindowFitter):
         return self.converge(replace(self._subsamples[key], hypothesis=hypothesis))
 
     def _from(
-        self, beside: SubsampleFit, hypothesis: Hypothesis, model: PhysicsModel, **options
+        self, base: SubsampleFit, hypothesis: Hypothesis, model: PhysicsModel, **options
     ) -> SubsampleFit:
         """Fit a model, its initial states beginning where another hypothesis' are."""
-        start = self.start_beside(model, beside)
-        x0 = carry_over(beside.fit, beside.start.x0, model, start.x0)
+        start = self.start_from(model, base)
+        x0 = carry_over(base.fit, base.start.x0, model, start.x0)
         return self._to_end(hypothesis, model, x0, start, **options)
 
     def _to_end(
@@ -353,14 +351,14 @@ class HypothesisFitter(WindowFitter):
         converged = is_whole and fit.objective <= prune_above
         return SubsampleFit(hypothesis, self._noted(hypothesis, fit), start, converged)
 
-    def start_beside(self, model: PhysicsModel, beside: SubsampleFit) -> Start:
+    def start_from(self, model: PhysicsModel, base: SubsampleFit) -> Start:
         """Return the expected initial states of a model; another one's, if they are shown the same.
 
         Parameters
         ----------
         model : PhysicsModel
             The model.
-        beside : SubsampleFit
+        base : SubsampleFit
             Another hypothesis.
 
         Returns
@@ -368,10 +366,10 @@ class HypothesisFitter(WindowFitter):
         Start
             Expected initial states of the subsample's windows.
         """
-        other = beside.fit.model
+        other = base.fit.model
         same = tuple(model.states) == tuple(other.states)
         same = same and model.outputs == other.outputs
-        return beside.start if same else self._rough_start(model)
+        return base.start if same else self._rough_start(model)
 
     def _rough_start(self, model: PhysicsModel) -> Start:
         return self._start(model).select(self.rough.which)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def best_start(
-    fitter: "HypothesisFitter", beside: SubsampleFit, hypothesis: Hypothesis, cause: Effect
+    fitter: "HypothesisFitter", base: SubsampleFit, hypothesis: Hypothesis, cause: Effect
 ) -> PhysicsModel:
     """Return the model of a hypothesis at the start of its new cause that promises most.
 
@@ -31,7 +31,7 @@ def best_start(
     ----------
     fitter : HypothesisFitter
         What fits models.
-    beside : SubsampleFit
+    base : SubsampleFit
         The hypothesis without the cause.
     hypothesis : Hypothesis
         The hypothesis with it.
@@ -43,8 +43,8 @@ def best_start(
     PhysicsModel
         The model.
     """
-    few = _Few(fitter, beside, hypothesis)
-    models = _at_starts(fitter, beside, hypothesis, cause)
+    few = _Few(fitter, base, hypothesis)
+    models = _at_starts(fitter, base, hypothesis, cause)
     if len(models) == 1:
         return models[0]
     held = _differing(models, cause)
@@ -71,9 +71,9 @@ def _objective(glance: _Glance) -> float:
 class _Few:
     """A hypothesis on a few of the windows of a subsample: the worst, and as many of all kinds."""
 
-    def __init__(self, fitter: "HypothesisFitter", beside: SubsampleFit, hypothesis: Hypothesis):
-        self.fitter, self.beside, self.hypothesis = fitter, beside, hypothesis
-        order = worst_first(beside.fit.evaluation.squares)
+    def __init__(self, fitter: "HypothesisFitter", base: SubsampleFit, hypothesis: Hypothesis):
+        self.fitter, self.base, self.hypothesis = fitter, base, hypothesis
+        order = worst_first(base.fit.evaluation.squares)
         count = max(order.size // KEPT, STRETCHES) // 2
         self.which = np.unique(
             np.concatenate([order[:count], order[:: max(1, order.size // count)]])
@@ -82,7 +82,7 @@ class _Few:
     def fit(self, model: PhysicsModel, held: tuple[str, ...] = (), steps: int = STEPS) -> _Glance:
         """Take some steps from a model, some of its parameters being held."""
         fitter, which = self.fitter, self.which
-        whole = fitter.start_beside(model, self.beside)
+        whole = fitter.start_from(model, self.base)
         start = whole.select(which)
         model, free = fitter.models.free(self.hypothesis, model)
         fit = fitter.fit_model(
@@ -91,7 +91,7 @@ class _Few:
             fitter.windows_of(model).select(which),
             tuple(freedom for freedom in free if freedom.name not in held),
             start,
-            carry_over(self.beside.fit, self.beside.start.x0, model, whole.x0)[which],
+            carry_over(self.base.fit, self.base.start.x0, model, whole.x0)[which],
             max_steps=steps,
             tolerance=COARSER**2 * TOLERANCE,
         )
@@ -100,10 +100,10 @@ class _Few:
 
 
 def _at_starts(
-    fitter: "HypothesisFitter", beside: SubsampleFit, hypothesis: Hypothesis, cause: Effect
+    fitter: "HypothesisFitter", base: SubsampleFit, hypothesis: Hypothesis, cause: Effect
 ) -> list[PhysicsModel]:
     """Return the model at all starts of a cause; also from the untuned prior where they are few."""
-    model = fitter.models.extend(hypothesis, beside.fit.model)
+    model = fitter.models.extend(hypothesis, base.fit.model)
     scales = fitter.scales.of_either_sign(unsigned_states(model))
     starts, models = cause.proposals(fitter.problem.prior, scales), [model]
     if len(starts) <= KEPT:

@@ -255,7 +255,7 @@ class WindowFitter:
         self,
         hypothesis: Hypothesis,
         model: PhysicsModel,
-        beside: WindowFit | None = None,
+        base: WindowFit | None = None,
         known: tuple[np.ndarray, np.ndarray] | None = None,
         tolerance: float = TOLERANCE,
     ) -> FittedHypothesis:
@@ -266,10 +266,10 @@ class WindowFitter:
         model, free = self.models.free(hypothesis, model)
         start, windows = self._start(model), self.problem.windows
         x0 = start.x0.copy()
-        if beside is not None:
-            shows_the_same = beside.model.outputs == model.outputs  # no distance is kept then
-            before = start if shows_the_same else self._start(beside.model)
-            x0 = carry_over(beside, before.x0, model, start.x0)
+        if base is not None:
+            shows_the_same = base.model.outputs == model.outputs  # no distance is kept then
+            before = start if shows_the_same else self._start(base.model)
+            x0 = carry_over(base, before.x0, model, start.x0)
         if known is not None:
             which, there = known
             x0[which] = there

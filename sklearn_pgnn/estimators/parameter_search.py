@@ -12,7 +12,7 @@ import numpy as np
 from scipy.optimize import differential_evolution
 from sklearn.utils import check_random_state
 
-from sklearn_pgnn.estimators.progress import Tell, silence
+from sklearn_pgnn.estimators.progress import PrintLine, silence
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.freedom import freedom_of
 from sklearn_pgnn.simulation.normal_equations import project
@@ -61,7 +61,7 @@ def find_parameters(
     names: tuple[str, ...],
     search: str = "auto",
     random_state=None,
-    tell: Tell = silence,
+    progress: PrintLine = silence,
     within_spread: bool = False,
 ) -> ParameterFit:
     """Fit parameters of a model to windows.
@@ -91,12 +91,12 @@ def find_parameters(
     """
     free = tuple(freedom_of(model, name, within_spread) for name in names)
     local = fit_locally(model, windowed, free)
-    tell(f"fit from the model's values: {_left(local, windowed)}")
+    progress(f"fit from the model's values: {_left(local, windowed)}")
     if search == "local" or not names or (search == "auto" and not _is_poor(local, windowed)):
         return local
-    start = search_globally(local.fit.model, windowed, free, random_state, tell)
+    start = search_globally(local.fit.model, windowed, free, random_state, progress)
     found = fit_locally(start, windowed, free)
-    tell(f"fit from the best values between the bounds: {_left(found, windowed)}")
+    progress(f"fit from the best values between the bounds: {_left(found, windowed)}")
     return min(local, found, key=lambda each: each.fit.objective)
 
 
@@ -107,7 +107,7 @@ def find_in_free_run(
     names: tuple[str, ...],
     search: str = "auto",
     random_state=None,
-    tell: Tell = silence,
+    progress: PrintLine = silence,
     within_spread: bool = False,
 ) -> ParameterFit:
     """Fit parameters to whole records, from the model's values and from a fit to short windows.
@@ -139,12 +139,12 @@ def find_in_free_run(
     near = model
     if names:
         near = find_parameters(
-            model, short, names, search, random_state, tell, within_spread
+            model, short, names, search, random_state, progress, within_spread
         ).fit.model
     free = tuple(freedom_of(model, name, within_spread) for name in names)
     fits = [fit_locally(start, whole, free) for start in dict.fromkeys((model, near))]
     best = min(fits, key=lambda each: each.fit.objective)
-    tell(f"fit to whole trajectories: {_left(best, whole)}")
+    progress(f"fit to whole trajectories: {_left(best, whole)}")
     return best
 
 
@@ -192,7 +192,11 @@ def _where_told(windowed: WindowedRecords, expected, spread):
 
 
 def search_globally(
-    model: PhysicsModel, windowed: WindowedRecords, free, random_state=None, tell: Tell = silence
+    model: PhysicsModel,
+    windowed: WindowedRecords,
+    free,
+    random_state=None,
+    progress: PrintLine = silence,
 ):
     """Search the bounds for values from which a local fit ends lowest.
 
@@ -231,7 +235,7 @@ def search_globally(
     def told(intermediate_result) -> None:
         samples = windows.lengths.sum() * windows.y.shape[1]
         size = np.sqrt(np.exp(intermediate_result.fun) / samples)
-        tell(
+        progress(
             f"search between the bounds, generation {intermediate_result.nit} of at most "
             f"{GENERATIONS}: error {size:.4g} times the noise"
         )

@@ -13,13 +13,18 @@ from sklearn_pgnn.estimators.parameter_search import (
     find_in_free_run,
     find_parameters,
 )
-from sklearn_pgnn.estimators.progress import teller
+from sklearn_pgnn.estimators.progress import progress_printer
 from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.ahead import model_machine, predict_ahead
 from sklearn_pgnn.simulation.finite_run import simulate_quantities
 from sklearn_pgnn.simulation.free_run import simulate_record
-from sklearn_pgnn.simulation.intervals import beside, check_coverage, output_variance, quantile_of
+from sklearn_pgnn.simulation.intervals import (
+    check_coverage,
+    interval_around,
+    output_variance,
+    quantile_of,
+)
 from sklearn_pgnn.simulation.noise_option import read_noise_std
 from sklearn_pgnn.simulation.record_windows import (
     WHOLE,
@@ -318,7 +323,9 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         records = self._read(X)
         predicted = self._simulate(records, self.model_.outputs)
         variance = rows_in_order(records, self._variance(records))
-        low, high = beside(predicted, quantile_of(self._left, coverage) * np.sqrt(variance))
+        low, high = interval_around(
+            predicted, quantile_of(self._left, coverage) * np.sqrt(variance)
+        )
         return self._shaped(low), self._shaped(high)
 
     def _read(self, X, y=None):
@@ -363,11 +370,11 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             "substeps": self.substeps,
             "threads": local_threads(self.n_jobs),
         }
-        tell = teller(self)
-        search = self.search, self.random_state, tell, bool(self.within_spread)
+        progress = progress_printer(self)
+        search = self.search, self.random_state, progress, bool(self.within_spread)
         windowed = window_records(self.model, records, window_length=self.window_length, **options)
         windows = windowed.windows
-        tell(
+        progress(
             f"{len(records)} trajectories, {windows.t.size} samples, {len(windows)} windows, "
             f"{windows.substeps} substeps; free: {', '.join(names) or 'none'}"
         )

@@ -3,14 +3,14 @@
 from collections.abc import Callable
 
 #: takes one line of text
-Tell = Callable[[str], None]
+PrintLine = Callable[[str], None]
 
 
 def silence(text: str) -> None:
     """Do nothing: the progress of a search without ``verbose``."""
 
 
-def teller(estimator) -> Tell:
+def progress_printer(estimator) -> PrintLine:
     """Return a function that prints a line if the estimator is verbose, and else does nothing.
 
     Parameters
@@ -26,14 +26,14 @@ def teller(estimator) -> Tell:
     Examples
     --------
     >>> from sklearn_pgnn import PhysicsModelRegressor
-    >>> teller(PhysicsModelRegressor(None, verbose=1))("3 records")
+    >>> progress_printer(PhysicsModelRegressor(None, verbose=1))("3 records")
     [PhysicsModelRegressor] 3 records
     """
     if not estimator.verbose:
         return silence
     name = type(estimator).__name__
 
-    def tell(text: str) -> None:
+    def print_line(text: str) -> None:
         print(f"[{name}] {text}", flush=True)
 
-    return tell
+    return print_line

@@ -7,7 +7,7 @@ import numpy as np
 from sklearn.base import BaseEstimator, MultiOutputMixin
 from sklearn.utils.validation import check_is_fitted, validate_data
 
-from sklearn_pgnn.estimators.progress import teller
+from sklearn_pgnn.estimators.progress import progress_printer
 from sklearn_pgnn.estimators.sindyc_library import read_library, term_function, term_texts
 from sklearn_pgnn.estimators.sindyc_model import (
     complete,
@@ -320,8 +320,8 @@ class SINDYcRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         self.hold_, self.noise_ = hold_of(base, self.hold), output_noise(records, levels)
         options = {"hold": self.hold_, "substeps": self.substeps, "levels": levels}
         states = measure_states(base, records, **options)
-        tell = teller(self)
-        tell(f"{len(records)} trajectories, {len(states.x)} samples: states estimated")
+        progress = progress_printer(self)
+        progress(f"{len(records)} trajectories, {len(states.x)} samples: states estimated")
         library = read_library(self.library, [*base.states, *base.inputs], self.degree, self.model)
         found = self._identify(base, states, library)
         terms, self.coefficients_ = complete(base, library, found, self.discrete)
@@ -337,7 +337,7 @@ class SINDYcRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         self.substeps_ = 1 if self.discrete else self._enough_substeps(records)
         said = {"hold": self.hold_, "substeps": self.substeps_}
         self.model_ = self.model_.replace(simulation=said)
-        tell(f"{self.substeps_} substeps from sample to sample")
+        progress(f"{self.substeps_} substeps from sample to sample")
         return self
 
     def _identify(self, base, states, library) -> np.ndarray:
@@ -423,7 +423,7 @@ class SINDYcRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             optimizer = stepwise_least_squares(self.threshold, self.alpha, *terms.shape)
         found = sparse_coefficients(terms, targets, optimizer, squares_only=self.optimizer is None)
         n_found, (n_rows, n_terms) = np.count_nonzero(found), terms.shape
-        teller(self)(
+        progress_printer(self)(
             f"{n_rows} rows, {n_terms} terms, targets: {', '.join(names)}; {n_found} terms are left"
         )
         for name, row, target in zip(names, found, targets.T, strict=True):

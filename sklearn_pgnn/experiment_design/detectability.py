@@ -288,13 +288,13 @@ def detect_all(
         One an effect.
     """
     fitting = [cause for cause in candidates if _fits(analysis.model, cause)]
-    tell = progress or (lambda stage, done, total: None)
+    report = progress or (lambda stage, done, total: None)
     found: list[Detectable] = []
-    tell("effects", 0, len(fitting))
+    report("effects", 0, len(fitting))
     calls = [delayed(detect)(analysis, cause, power, multiples) for cause in fitting]
     for each in in_turn(calls, n_jobs, prefer="threads"):
         found.append(each)
-        tell("effects", len(found), len(fitting))
+        report("effects", len(found), len(fitting))
     return tuple(found)
 
 

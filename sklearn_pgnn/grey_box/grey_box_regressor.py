@@ -10,7 +10,7 @@ from sklearn.base import BaseEstimator, MultiOutputMixin, clone
 from sklearn.utils.validation import check_is_fitted, check_memory
 
 from sklearn_pgnn.diagnosis import ModelDiagnosis
-from sklearn_pgnn.estimators.progress import teller
+from sklearn_pgnn.estimators.progress import progress_printer
 from sklearn_pgnn.exceptions import OptionError, TrainingError
 from sklearn_pgnn.extras import is_installed, needed_by
 from sklearn_pgnn.grey_box.cross_validation import (
@@ -31,7 +31,7 @@ from sklearn_pgnn.grey_box.hidden_parts import WAYS, hidden_parts
 from sklearn_pgnn.grey_box.spread_warning import warn_of_spreads
 from sklearn_pgnn.grey_box.tables import plain_table, starts_for, usual_starts
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.intervals import beside, check_coverage, quantile_of
+from sklearn_pgnn.simulation.intervals import check_coverage, interval_around, quantile_of
 from sklearn_pgnn.trajectories import read_records, rows_in_order
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
 from sklearn_pgnn.trajectories.scoring import GapScoreMixin
@@ -403,8 +403,8 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         coverage : float, default=0.9
             Share of the measurements that shall lie between.
         y : array-like of shape (n_samples, n_outputs) or (n_samples,), optional
-            Measured outputs, from which `predict_from` finds the start; the interval is beside its
-            prediction. Without them it is beside that of `predict`.
+            Measured outputs, from which `predict_from` finds the start; the interval is around its
+            prediction. Without them it is around that of `predict`.
 
         Returns
         -------
@@ -418,7 +418,7 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         """
         check_coverage(coverage)
         predicted = self.predict(X) if y is None else self.predict_from(X, y)
-        return beside(predicted, quantile_of(self._left, coverage))
+        return interval_around(predicted, quantile_of(self._left, coverage))
 
     # -- fitting -----------------------------------------------------------------------------------
 
@@ -466,7 +466,7 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         """Return the model of every physical depth, to start its fits from."""
         models = dict.fromkeys(("prior", "fitted"), self.model)
         if {"extended", "formula"} & set(depths):
-            teller(self)("diagnosis")
+            progress_printer(self)("diagnosis")
             own = {"model": self.model, "time_column": None, "n_jobs": None}
             self.diagnosis_ = clone(self._diagnosis()).set_params(**own)
             self._diagnose(table)
@@ -519,7 +519,7 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             delayed(score)(fit, table, hidden, self.initial_window)
             for fit, hidden in zip(fits, folds, strict=True)
         )
-        teller(self)(f"{depth}: cross-validated error {mean_error(found):.4g}")
+        progress_printer(self)(f"{depth}: cross-validated error {mean_error(found):.4g}")
         return found
 
     def _kept(self, function, **options):
@@ -566,7 +566,7 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         self.initial_states_ = fitted.starts
         self.parameters_ = fitted.parameters
         self.model_ = fitted.model
-        teller(self)(f"chosen: {self.depth_}")
+        progress_printer(self)(f"chosen: {self.depth_}")
 
     def __sklearn_tags__(self):
         return tags_of_records(super().__sklearn_tags__())

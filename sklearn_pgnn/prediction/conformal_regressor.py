@@ -4,11 +4,11 @@ import numpy as np
 from sklearn.base import BaseEstimator, MetaEstimatorMixin, RegressorMixin, clone
 from sklearn.utils.validation import check_is_fitted
 
-from sklearn_pgnn.estimators.progress import teller
+from sklearn_pgnn.estimators.progress import progress_printer
 from sklearn_pgnn.model_selection.outer_estimator import OuterEstimatorMixin
 from sklearn_pgnn.model_selection.own_folds import columns_of, own_folds
 from sklearn_pgnn.model_selection.trajectory_rows import are_measured, read_pieces
-from sklearn_pgnn.simulation.intervals import beside, check_coverage, quantile_of
+from sklearn_pgnn.simulation.intervals import check_coverage, interval_around, quantile_of
 from sklearn_pgnn.trajectories.tables import as_columns, take_rows
 
 #: folds at most where none are told: every one is a fit
@@ -110,7 +110,7 @@ class ConformalRegressor(OuterEstimatorMixin, MetaEstimatorMixin, RegressorMixin
             predicted = as_columns(fitted.predict(take_rows(X, test)))
             left.append(np.abs(predicted - as_columns(take_rows(y, test))))
             if self.verbose:
-                teller(self)(f"fold {len(left)}: largest error {np.nanmax(left[-1]):.4g}")
+                progress_printer(self)(f"fold {len(left)}: largest error {np.nanmax(left[-1]):.4g}")
         self._left = np.sort(np.concatenate(left), axis=0)
         return self
 
@@ -156,7 +156,7 @@ class ConformalRegressor(OuterEstimatorMixin, MetaEstimatorMixin, RegressorMixin
         """
         check_is_fitted(self)
         check_coverage(coverage)
-        return beside(np.asarray(self.predict(X)), quantile_of(self._left, coverage))
+        return interval_around(np.asarray(self.predict(X)), quantile_of(self._left, coverage))
 
     def _splitter(self, X, y, groups):
         cv = self.cv

@@ -1,4 +1,4 @@
-"""Intervals of predictions: how far outputs may lie beside a free run."""
+"""Intervals of predictions: how far outputs may lie from a free run."""
 
 from numbers import Real
 
@@ -56,7 +56,7 @@ def quantile_of(magnitudes: np.ndarray, coverage: float) -> np.ndarray:
     return np.nanquantile(magnitudes, check_coverage(coverage), axis=0, method="inverted_cdf")
 
 
-def beside(predicted: np.ndarray, half: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def interval_around(predicted: np.ndarray, half: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the ends of intervals about a prediction.
 
     Parameters
@@ -73,7 +73,7 @@ def beside(predicted: np.ndarray, half: np.ndarray) -> tuple[np.ndarray, np.ndar
 
     Examples
     --------
-    >>> beside(np.array([1.0, 2.0]), np.array([0.5]))
+    >>> interval_around(np.array([1.0, 2.0]), np.array([0.5]))
     (array([0.5, 1.5]), array([1.5, 2.5]))
     """
     half = np.broadcast_to(half, (len(predicted), np.shape(half)[-1])).reshape(predicted.shape)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sklearn_pgnn import PhysicsModel, effects
-from sklearn_pgnn.cli.screen import tell
+from sklearn_pgnn.cli.screen import print_diagnosis
 from sklearn_pgnn.diagnosis import (
     FreeRunError,
     Gain,
@@ -50,7 +50,7 @@ def diagnosis(probability=1.0, rivals=(), remaining=None):
 
 
 def shown(capsys, what, *, quiet=False):
-    tell(what, Path("out"), quiet=quiet)
+    print_diagnosis(what, Path("out"), quiet=quiet)
     return " ".join(capsys.readouterr().out.split())
 
 
@@ -93,7 +93,7 @@ def test_the_verdict_has_a_colour_where_the_terminal_has(capsys, monkeypatch, to
     monkeypatch.setenv("FORCE_COLOR", "1")
     for name, value in told.items():
         monkeypatch.setenv(name, value)
-    tell(diagnosis(), Path("out"), quiet=True)
+    print_diagnosis(diagnosis(), Path("out"), quiet=True)
     text = capsys.readouterr().out
     assert ("\x1b[1;36m" in text) == bool(colour)
     assert colour in text

@@ -194,13 +194,13 @@ def test_a_free_run_that_runs_away_is_null_and_has_words():
 
 
 def test_the_report_and_the_terminal_state_the_number(one_record, capsys):
-    from sklearn_pgnn.cli.screen import tell
+    from sklearn_pgnn.cli.screen import print_diagnosis
 
     diagnosis = one_record[2]
     stated = f"{diagnosis.free_run_['position'].extended:.3g}"
     row = re.search(r"<td>free run</td>.*?</tr>", render_report(diagnosis), re.DOTALL)
     assert f">{stated} <b>" in row.group()
-    tell(diagnosis, Path("out"), quiet=False)
+    print_diagnosis(diagnosis, Path("out"), quiet=False)
     said = capsys.readouterr().out
     assert "Error in free run, every record from its own start" in said
     assert stated in said.split("free run")[1]

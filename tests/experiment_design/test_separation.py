@@ -8,7 +8,7 @@ import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects, systems
-from sklearn_pgnn.cli.screen import tell
+from sklearn_pgnn.cli.screen import print_diagnosis
 from sklearn_pgnn.diagnosis import model_diagnosis
 from sklearn_pgnn.estimation.equivalence import are_equivalent
 from sklearn_pgnn.estimation.problem import build_problem
@@ -113,7 +113,7 @@ def test_what_no_experiment_separates_is_said_so(loaded, tmp_path, capsys):
     loaded.to_html(tmp_path / "report.html")
     text = "No experiment with these inputs and outputs separates"
     assert text in (tmp_path / "report.html").read_text()
-    tell(loaded, tmp_path, quiet=False)
+    print_diagnosis(loaded, tmp_path, quiet=False)
     assert text in " ".join(capsys.readouterr().out.split())
 
 

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects, systems
-from sklearn_pgnn.cli.screen import tell
+from sklearn_pgnn.cli.screen import print_diagnosis
 from sklearn_pgnn.datasets import make_hidden_effect, make_two_tanks
 
 NOISE = 2e-3
@@ -286,7 +286,7 @@ def test_the_report_and_the_screen_begin_with_the_findings(tmp_path, capsys):
     diagnosis.to_html(tmp_path / "report.html")
     report = (tmp_path / "report.html").read_text()
     assert report.index("Quality of the records") < report.index("Measured and simulated")
-    tell(diagnosis, tmp_path, quiet=False)
+    print_diagnosis(diagnosis, tmp_path, quiet=False)
     (line,) = [line for line in capsys.readouterr().out.splitlines() if "  clipping: " in line]
     assert "position stands still" in line
     assert "Remedy: choose a wider range" in line

@@ -9,6 +9,7 @@ from sklearn.utils.validation import validate_data
 
 from sklearn_pgnn.estimators.network import step_setup
 from sklearn_pgnn.estimators.network.balance import ADAPTIVE, check_lambda
+from sklearn_pgnn.estimators.network.features import check_features
 from sklearn_pgnn.estimators.network.free_parameters import names_of
 from sklearn_pgnn.estimators.network.physics_loss import (
     PhysicsLoss,
@@ -32,7 +33,6 @@ from sklearn_pgnn.estimators.network.records import (
     told_samples,
     unmeasured_record,
 )
-from sklearn_pgnn.estimators.network.sight import check_sight
 from sklearn_pgnn.estimators.network.structure import ON_THE_MODEL, lossy_states
 from sklearn_pgnn.estimators.network.trajectory_net import TrajectoryNet
 from sklearn_pgnn.exceptions import RecordError
@@ -266,7 +266,7 @@ class PreparedNet(TrajectoryNet):
             self._guide = None if unseen else by_structure
         with_parameters = bool(self._free_names) and self.structure_ == "correction"
         self._middle = with_parameters and self._guide != "step"
-        check_sight(
+        check_features(
             self.model_, self.structure_, self._guide, self.corrects, self.sees,
             self.further_columns_,
         )  # fmt: skip

@@ -8,7 +8,7 @@ from threading import RLock
 import torch
 
 
-class _Turn:
+class _StreamLock:
     """Whose turn it is; in a forked process that of nobody, whoever had it in the first one."""
 
     def __init__(self):
@@ -20,7 +20,7 @@ class _Turn:
         self.lock = RLock()
 
 
-_TURN = _Turn()
+_STREAM_LOCK = _StreamLock()
 
 
 @contextmanager
@@ -40,5 +40,5 @@ def own_random_numbers() -> Iterator[None]:
     >>> torch.equal(before, torch.get_rng_state())
     True
     """
-    with _TURN.lock, torch.random.fork_rng(devices=[]):
+    with _STREAM_LOCK.lock, torch.random.fork_rng(devices=[]):
         yield

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from sklearn_pgnn.estimators.network.features import feature_scale
 from sklearn_pgnn.estimators.network.records import TrainingRecord, TrainingWindows, spread_of
-from sklearn_pgnn.estimators.network.sight import scale_of_seen
 from sklearn_pgnn.estimators.network.structure import (
     ON_THE_MODEL,
     STRUCTURES,
@@ -164,7 +164,7 @@ def make_step(
         windows.x[after].mean(axis=0),
         gain,
         z.mean(axis=0),
-        scale_of_seen(model, guide, spread_of(z), sees, further),
+        feature_scale(model, guide, spread_of(z), sees, further),
         mean + REACH * np.array([[-1.0], [1.0]]) * spread,
         substeps=substeps,
         hold=hold,

@@ -10,7 +10,7 @@ from sklearn_pgnn.simulation.network_run import names_in_terms
 UNSEEN = 1e30
 
 
-def check_sight(model: PhysicsModel, structure, guide, corrects, sees, further=()) -> None:
+def check_features(model: PhysicsModel, structure, guide, corrects, sees, further=()) -> None:
     """Refuse what a network shall correct or see where it cannot.
 
     Parameters
@@ -57,7 +57,7 @@ def _check_names(name, given, expected) -> None:
         )
 
 
-def scale_of_seen(model: PhysicsModel, guide, scale, sees, further) -> np.ndarray:
+def feature_scale(model: PhysicsModel, guide, scale, sees, further) -> np.ndarray:
     """Return what the features are divided by: so much, where they are not seen, that 0 is left.
 
     Parameters
