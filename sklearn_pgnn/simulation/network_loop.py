@@ -316,6 +316,83 @@ def _carry(M, S, S_old, gain, by_theta):
                     S[i, w] += factor * by_theta[o, w]
 
 
+@njit(**INNER)
+def _by_features(
+    delta, scale, guide, n_inputs, n_seen, seen, step_S, dt, by_z, by_free,
+):  # fmt: skip
+    """Turn derivatives by the features into those by the state seen and by the model's numbers."""
+    nx, n_free = by_z.size, by_free.size
+    first = nx + n_inputs
+    for j in range(nx):
+        by_z[j] = delta[j] / scale[j]
+    for q in range(n_free):
+        by_free[q] = 0.0
+    if guide == 2:
+        for i in range(nx):
+            by_step = delta[first + i] / scale[first + i] / dt
+            for j in range(nx):
+                by_z[j] += by_step * (step_S[i, n_free + j] - (1.0 if i == j else 0.0))
+            for q in range(n_free):
+                by_free[q] += by_step * step_S[i, q]
+    elif guide == 3:
+        slopes = nx + n_seen + nx * (nx + n_free)
+        for i in range(n_seen):
+            for j in range(nx):
+                by_z[j] += delta[first + i] / scale[first + i] * seen[slopes + i * nx + j]
+
+
+@njit(**INNER)
+def _gain_of(gain, dt, found):
+    """Fill in what the network's outputs count over a step."""
+    for i in range(found.shape[0]):
+        for o in range(found.shape[1]):
+            found[i, o] = gain[0, i, o] + dt * (gain[1, i, o] + dt * gain[2, i, o])
+
+
+@njit(**INNER)
+def _advance_state(base, offset, prior, gain, out, n_out, x):
+    """Advance x in place by the model's step, or from what else it is counted, and the network."""
+    for i in range(x.size):
+        if base == 0:
+            x[i] = offset[i]
+        elif base == 2:
+            x[i] = prior[i]
+        for o in range(n_out):
+            x[i] += gain[i, o] * out[o]
+
+
+@njit(**INNER)
+def _transition(base, gain, by_z, step_S, M):
+    """Fill in how the next state follows the state."""
+    nx = M.shape[0]
+    n_free = step_S.shape[1] - nx
+    for i in range(nx):
+        for j in range(nx):
+            M[i, j] = 0.0
+            if base == 2:
+                M[i, j] = step_S[i, n_free + j]
+            elif base == 1 and i == j:
+                M[i, j] = 1.0
+            for o in range(gain.shape[1]):
+                M[i, j] += gain[i, o] * by_z[o, j]
+
+
+@njit(**INNER)
+def _carry_numbers(base, lossy, by_prior, step_S, S):
+    """Add to the sensitivities, in place, what the model's numbers change of its step."""
+    nx = S.shape[0]
+    n_free = step_S.shape[1] - nx
+    n_weights = S.shape[1] - n_free
+    if base == 2:
+        for i in range(nx):
+            for q in range(n_free):
+                S[i, n_weights + q] += step_S[i, q]
+    for i in range(lossy.size):
+        for j in range(nx):
+            for q in range(n_free):
+                S[lossy[i], n_weights + q] += by_prior[i, j] * step_S[j, q]
+
+
 @njit(
     void(
         FUNCTION, FUNCTION, FUNCTION, _F1, _F2, boolean, _F2, _F2, _F2, _F1, _B1, int64, int64,
@@ -336,6 +413,7 @@ def run_sensitive(
     """
     nx, n_out, n_weights = x.size, gain.shape[2], theta.size
     n_free = S.shape[1] - n_weights
+    n_seen = mean.size - nx - u.shape[1] - features.shape[1]
     widest = _in_lanes(sizes.max())
     before, after = np.zeros((sizes.size, widest)), np.zeros((sizes.size, widest))
     z, delta, lower = np.zeros(widest), np.zeros(widest), np.zeros(widest)
@@ -374,30 +452,13 @@ def run_sensitive(
         _forward(turned, sizes, activation, before, after)
         for o in range(n_out):
             _backward(theta, sizes, activation, before, after, o, by_theta[o], delta, lower)
-            for j in range(nx):
-                by_z[o, j] = delta[j] / scale[j]
-                if guide == 2:
-                    for i in range(nx):
-                        place = nx + u.shape[1] + i
-                        slope = step_S[i, n_free + j] - (1.0 if i == j else 0.0)
-                        by_z[o, j] += delta[place] / scale[place] * slope / dt
-                elif guide == 3:
-                    first = nx + u.shape[1]
-                    n_seen = mean.size - first - features.shape[1]
-                    slopes = nx + n_seen + nx * (nx + n_free)
-                    for i in range(n_seen):
-                        slope = seen[slopes + i * nx + j]
-                        by_z[o, j] += delta[first + i] / scale[first + i] * slope
-            for q in range(n_free):
-                by_theta[o, n_weights + q] = 0.0
-                for i in range(nx if guide == 2 else 0):
-                    place = nx + u.shape[1] + i
-                    by_theta[o, n_weights + q] += delta[place] / scale[place] * step_S[i, q] / dt
+            _by_features(
+                delta, scale, guide, u.shape[1], n_seen, seen, step_S, dt, by_z[o],
+                by_theta[o, n_weights:],
+            )  # fmt: skip
             if seen_at > 0.0:
                 _along_the_step(seen_at, by_z[o], by_at, step_S, by_theta[o, n_weights:])
-        for i in range(nx):
-            for o in range(n_out):
-                gain_k[i, o] = gain[0, i, o] + dt * (gain[1, i, o] + dt * gain[2, i, o])
+        _gain_of(gain, dt, gain_k)
         if lossy.size:
             evaluate(energy, OUTPUTS, t[k], prior, step_S, acting[k], p, s, stuck, parts)
             lose(after[sizes.size - 1], parts[nx:], root, dt, matrices, vectors)
@@ -407,31 +468,12 @@ def run_sensitive(
             )  # fmt: skip
             for i in range(lossy.size):
                 gain_k[lossy[i]] = by_out[i]
-        for i in range(nx):
-            if base == 0:
-                x[i] = offset[i]
-            elif base == 2:
-                x[i] = prior[i]
-            for o in range(n_out if lossy.size == 0 else 0):
-                x[i] += gain_k[i, o] * after[sizes.size - 1, o]
-            for j in range(nx):
-                M[i, j] = 0.0
-                if base == 2:
-                    M[i, j] = step_S[i, n_free + j]
-                elif base == 1 and i == j:
-                    M[i, j] = 1.0
-                for o in range(n_out):
-                    M[i, j] += gain_k[i, o] * by_z[o, j]
+        linear = n_out if lossy.size == 0 else 0
+        _advance_state(base, offset, prior, gain_k, after[sizes.size - 1], linear, x)
+        _transition(base, gain_k, by_z, step_S, M)
         _carry_loss(lossy, vectors[3], by_prior, step_S, n_free, x, M)
         _carry(M, S, S_old, gain_k, by_theta)
-        if base == 2:
-            for i in range(nx):
-                for q in range(n_free):
-                    S[i, n_weights + q] += step_S[i, q]
-        for i in range(lossy.size):
-            for j in range(nx):
-                for q in range(n_free):
-                    S[lossy[i], n_weights + q] += by_prior[i, j] * step_S[j, q]
+        _carry_numbers(base, lossy, by_prior, step_S, S)
         if _out_of_reach(x, reach):
             X[row:] = np.inf
             SX[row:] = 0.0
