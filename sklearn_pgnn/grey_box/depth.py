@@ -13,6 +13,7 @@ from sklearn_pgnn.estimators import PhysicsModelRegressor
 from sklearn_pgnn.exceptions import SimulationWarning
 from sklearn_pgnn.grey_box.initial_state import find_initial_state
 from sklearn_pgnn.grey_box.tables import PlainTable, starts_for, usual
+from sklearn_pgnn.model_selection.nested_parameters import parameters_named
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.uncertainty import Estimate
 
@@ -137,7 +138,7 @@ def fit_network(
     Parameters
     ----------
     network : estimator
-        It has a parameter ``model``.
+        It, or what it contains, has a parameter ``model``.
     physics : FittedDepth
         The model under it, fitted to the same samples.
     table : PlainTable
@@ -154,10 +155,13 @@ def fit_network(
     """
     rows = _until_last_seen(table, visible)
     y = np.where(visible[:, None], table.y, np.nan)[rows]
-    settings: dict[str, Any] = {} if sees_inputs else {"sees": list(physics.model.states)}
-    if "time_column" in network.get_params(deep=False):
-        settings["time_column"] = None  # a plain table calls the time "t"
-    trained = clone(network).set_params(model=physics.model, **settings)
+    # a plain table calls the time "t"
+    settings: dict[str, Any] = {"model": physics.model, "time_column": None}
+    if not sees_inputs:
+        settings["sees"] = list(physics.model.states)
+    trained = clone(network)
+    for name, value in settings.items():
+        trained.set_params(**dict.fromkeys(parameters_named(trained, name), value))
     trained.fit(table.starting(physics.model, physics.starts, rows), y)
     return FittedDepth(trained, physics.physics, physics.starts)
 

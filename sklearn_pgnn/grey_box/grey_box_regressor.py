@@ -30,6 +30,7 @@ from sklearn_pgnn.grey_box.depth import (
 from sklearn_pgnn.grey_box.hidden_parts import WAYS, hidden_parts
 from sklearn_pgnn.grey_box.spread_warning import warn_of_spreads
 from sklearn_pgnn.grey_box.tables import plain_table, starts_for, usual_starts
+from sklearn_pgnn.model_selection.nested_parameters import parameters_named
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.intervals import check_coverage, interval_around, quantile_of
 from sklearn_pgnn.trajectories import read_records, rows_in_order
@@ -87,9 +88,10 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         How to diagnose: its parameters count, its model does not; by default
         ``ModelDiagnosis(model)``.
     network : estimator, optional
-        What learns the rest: any regressor with a parameter ``model``, such as `PGNNLRegressor`
-        or `ResidualRegressor`; by default ``PGNNLRegressor(model)``. A regressor without a
-        parameter ``sees``, or with one that is set, has no depth ``"state_network"``.
+        What learns the rest: any regressor that has a parameter ``model``, itself or in what it
+        contains, such as `PGNNLRegressor`, `ResidualRegressor` or an `EnsembleRegressor` of one; by
+        default ``PGNNLRegressor(model)``. A regressor without a parameter ``sees``, or with one
+        that is set, has no depth ``"state_network"``.
     n_splits : int, default=3
         Number of folds.
     by : {"auto", "trajectory", "time", "range"}, default="auto"
@@ -441,6 +443,11 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
                 f"depths: expected some of {', '.join(DEPTHS)}, one at least besides the "
                 f"networks, got {self.depths!r}."
             )
+        if self.network is not None and not parameters_named(self.network, "model"):
+            raise OptionError(
+                f"network: expected a regressor with a parameter 'model', itself or in what it "
+                f"contains, got {self.network!r}. Remedy: ResidualRegressor(model, regressor)."
+            )
         if "state_network" in depths and not self._can_see_less():
             raise OptionError(
                 f"depths: 'state_network' expects a network whose parameter 'sees' is None, got "
@@ -455,7 +462,10 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
 
     def _can_see_less(self) -> bool:
         """Return whether the network can be told to see the states only."""
-        return self.network is None or self.network.get_params(deep=False).get("sees", 0) is None
+        if self.network is None:
+            return True
+        seen = parameters_named(self.network, "sees").values()
+        return bool(seen) and all(each is None for each in seen)
 
     def _records(self, X, y=None, to_fit=True):
         records = read_records(self.model, X, y, time_column=self.time_column, to_fit=to_fit)
@@ -546,7 +556,9 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         tried = NETWORKS if self.depths is None else self.depths
         if not set(NETWORKS) & set(tried):
             return {"network": None}
-        return {"network": clone(self._network()).set_params(model=self.model)}
+        network = clone(self._network())
+        models = parameters_named(network, "model")
+        return {"network": network.set_params(**dict.fromkeys(models, self.model))}
 
     def _fit_chosen(self, candidates, table) -> None:
         """Fit the chosen depth to all records."""

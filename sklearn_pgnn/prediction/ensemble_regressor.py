@@ -9,6 +9,7 @@ from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
 from sklearn_pgnn.exceptions import OptionError
+from sklearn_pgnn.model_selection.nested_parameters import parameters_named
 from sklearn_pgnn.model_selection.outer_estimator import OuterEstimatorMixin
 from sklearn_pgnn.trajectories.scoring import GapScoreMixin
 
@@ -99,7 +100,7 @@ class EnsembleRegressor(OuterEstimatorMixin, MetaEstimatorMixin, GapScoreMixin, 
         OptionError
             If `n_estimators` is not at least 1, or the regressor draws nothing.
         """
-        count, names = self.n_estimators, self._called("random_state")
+        count, names = self.n_estimators, parameters_named(self.estimator, "random_state")
         if not isinstance(count, Integral) or count < 1:
             raise OptionError(f"n_estimators: expected an integer >= 1, got {count!r}.")
         if not names:
@@ -112,10 +113,6 @@ class EnsembleRegressor(OuterEstimatorMixin, MetaEstimatorMixin, GapScoreMixin, 
         calls = (delayed(_fit)(self.estimator, each, X, y, fit_params) for each in seeds)
         self.estimators_ = Parallel(self.n_jobs)(calls)
         return self
-
-    def _called(self, name: str) -> list[str]:
-        """Return the parameters with this name, of the regressor and of what it contains."""
-        return [full for full in self.estimator.get_params() if full.rpartition("__")[2] == name]
 
     @property
     def _first(self):
@@ -152,7 +149,7 @@ class EnsembleRegressor(OuterEstimatorMixin, MetaEstimatorMixin, GapScoreMixin, 
         return np.stack([np.asarray(getattr(each, method)(*args)) for each in self.estimators_])
 
     def _model_of_y(self):
-        models = (self.estimator.get_params()[name] for name in self._called("model"))
+        models = parameters_named(self.estimator, "model").values()
         return next((model for model in models if model is not None), None)
 
 

@@ -7,11 +7,19 @@ import numpy as np
 import pandas as pd
 import pytest
 from sklearn.base import clone
-from sklearn.linear_model import LinearRegression
+from sklearn.ensemble import RandomForestRegressor
+from sklearn.linear_model import LinearRegression, Ridge
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import PolynomialFeatures
 
-from sklearn_pgnn import GreyBoxRegressor, ModelDiagnosis, PhysicsModel, ResidualRegressor, effects
+from sklearn_pgnn import (
+    EnsembleRegressor,
+    GreyBoxRegressor,
+    ModelDiagnosis,
+    PhysicsModel,
+    ResidualRegressor,
+    effects,
+)
 from sklearn_pgnn.exceptions import ModelError, OptionError, TrainingError
 from sklearn_pgnn.grey_box.hidden_parts import hidden_parts
 from sklearn_pgnn.grey_box.operating_ranges import operating_ranges
@@ -273,6 +281,20 @@ def test_a_network_of_the_states_is_a_depth_of_its_own():
     assert grey_box.estimator_.sees == ["v"]
 
 
+def test_the_parameters_of_an_ensemble_are_those_of_what_it_contains():
+    X, y = records(CART)
+    X, y = X.assign(v=0.0), y + 0.3 * X["F"].to_numpy() ** 2
+    forest = RandomForestRegressor(10, min_samples_leaf=20)
+    network = EnsembleRegressor(Sighted(CART, forest), n_estimators=2)
+    grey_box = GreyBoxRegressor(
+        CART, depths=("prior", "state_network", "network"), network=network, n_splits=2
+    )
+    assert list(grey_box.fit(X, y).errors_) == ["prior", "state_network", "network"]
+    assert grey_box.depth_ == "network"
+    assert [each.model == grey_box.model_ for each in grey_box.estimator_.estimators_] == [True] * 2
+    assert network.estimator.model is CART  # what was given is not changed
+
+
 @pytest.mark.parametrize("network", [ResidualRegressor(CART), Sighted(CART, sees=["v"])])
 def test_only_a_network_that_can_see_less_has_that_depth(network):
     X, y = records(CART, n=2)
@@ -293,6 +315,7 @@ def test_only_a_network_that_can_see_less_has_that_depth(network):
         {"n_splits": 1},
         {"initial_window": -1},
         {"least_gain": "much"},
+        {"network": Ridge()},
     ],
 )
 def test_wrong_parameters_are_refused(wrong, with_friction):

@@ -1,0 +1,27 @@
+"""Parameters of an estimator, or of what it contains, by their own names."""
+
+
+def parameters_named(estimator, name: str) -> dict[str, object]:
+    """Return the parameters with a name, of an estimator and of all it contains.
+
+    Parameters
+    ----------
+    estimator : estimator
+        The estimator.
+    name : str
+        Their own name.
+
+    Returns
+    -------
+    dict of str to object
+        Values by full name.
+
+    Examples
+    --------
+    >>> from sklearn.linear_model import Ridge
+    >>> from sklearn.pipeline import make_pipeline
+    >>> parameters_named(make_pipeline(Ridge(alpha=2.0)), "alpha")
+    {'ridge__alpha': 2.0}
+    """
+    found = estimator.get_params().items()
+    return {full: value for full, value in found if full.rpartition("__")[2] == name}
