@@ -55,6 +55,7 @@ SHAPES = {
     ("overflow", "limit"): _below_peak,
     ("overflow", "steepness"): lambda size, scale: 20.0 / scale["s"],
     ("overflow", "share"): lambda size, scale: 0.5,
+    ("sensor_curvature", "curvature"): lambda size, scale: 0.4 * size / scale["peak"],
     ("sensor_saturation", "upper"): _below_peak,
     ("sensor_saturation", "lower"): lambda size, scale: -scale["peak"],
     ("sensor_delay", "delay"): lambda size, scale: 0.3 * size * scale["s"],

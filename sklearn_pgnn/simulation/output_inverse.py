@@ -1,4 +1,4 @@
-"""The state behind an output that shows it enlarged, or shifted."""
+"""The state behind an output that shows it on another scale: enlarged, shifted, or bent."""
 
 from functools import lru_cache
 
@@ -9,11 +9,19 @@ from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.pointwise import numpy_function
 
+#: steps of Newton's method at most, its accuracy as a share of the largest reading, and of none
+ITERATIONS, ACCURACY, TINY = 50, 1e-12, 1e-300
 
-def gain_and_offset(model: PhysicsModel, output: str, state: str) -> tuple[float, float]:
-    r"""Return how an output shows a state, or its magnitude, one and zero where it is no line.
 
-    .. math:: y = a x + b, \qquad y = a |x| + b
+def state_behind(
+    model: PhysicsModel, output: str, state: str, shown: np.ndarray
+) -> tuple[np.ndarray, np.ndarray] | None:
+    r"""Return the state, or its magnitude, behind what an output shows, by Newton's method.
+
+    .. math:: y = g(x), \qquad y = g(|x|)
+
+    with a polynomial :math:`g`, whose limits are ignored: a reading at a limit is taken as if the
+    scale went on.
 
     Parameters
     ----------
@@ -21,25 +29,43 @@ def gain_and_offset(model: PhysicsModel, output: str, state: str) -> tuple[float
         The model, at its present parameters.
     output, state : str
         One of its outputs, and one of its states.
+    shown : ndarray of shape (n_samples,)
+        What the output shows.
 
     Returns
     -------
-    gain, offset : float
-        The slope :math:`a` [output/state] and the offset :math:`b` [output].
+    x, slope : ndarray of shape (n_samples,)
+        The state, and how it changes with what is shown; of a reading that no state gives, the
+        reading itself, and 1. None where the output shows the state as it is, or is no such scale.
 
     Examples
     --------
     >>> from sklearn_pgnn.physics.effects import SensorGain
     >>> from sklearn_pgnn.physics.systems import cart_on_spring
-    >>> gain_and_offset(cart_on_spring() + SensorGain("position", error=0.25), "position", "x")
-    (1.25, 0.0)
+    >>> cart = cart_on_spring() + SensorGain("position", error=0.25)
+    >>> state_behind(cart, "position", "x", np.array([1.0, 2.0]))
+    (array([0.8, 1.6]), array([0.8, 0.8]))
     """
-    line = _line(model.outputs[output], state, tuple(model.parameters))
-    if line is None:
-        return 1.0, 0.0
+    scale = _scale(model.outputs[output], state, tuple(model.parameters))
+    if scale is None:
+        return None
     numbers = [parameter.value for parameter in model.parameters.values()]
-    gain, offset = (float(each(*numbers)) for each in line)
-    return (gain, offset) if np.isfinite([gain, offset]).all() and gain else (1.0, 0.0)
+    x, least = shown.copy(), ACCURACY * max(float(np.abs(shown).max(initial=0.0)), TINY)
+    with np.errstate(all="ignore"):
+        for _ in range(ITERATIONS):
+            value, slope = scale(*numbers, x)
+            step = (value - shown) / slope
+            x -= step
+            if np.abs(step).max(initial=0.0) <= least:
+                break
+        value, slope = scale(*numbers, x)
+        found = (np.abs(value - shown) <= 1e3 * least) & (slope * np.ones_like(x) != 0)
+        return np.where(found, x, shown), np.where(found, 1 / slope, 1.0)
+
+
+def has_scale(model: PhysicsModel, output: str, state: str) -> bool:
+    """Return whether an output shows a state on a scale of its own, see `state_behind`."""
+    return _scale(model.outputs[output], state, tuple(model.parameters)) is not None
 
 
 def magnitude_in(output: sympy.Expr, state: str) -> sympy.Expr:
@@ -71,13 +97,24 @@ def magnitude_in(output: sympy.Expr, state: str) -> sympy.Expr:
 
 
 @lru_cache(maxsize=256)
-def _line(output: sympy.Expr, state: str, parameters: tuple[str, ...]):
-    """Return gain and offset as functions of the parameters; None where the output is no line."""
+def _scale(output: sympy.Expr, state: str, parameters: tuple[str, ...]):
+    """Return reading and slope as a function of parameters and state; None where there is none."""
     shown, seen = magnitude_in(output, state), symbol(state)
     if isinstance(shown, sympy.Abs):
         output = output.xreplace({shown: shown.args[0]})
-    gain = sympy.diff(output, seen)
-    allowed = {symbol(name) for name in parameters}
-    if not (gain.free_symbols <= allowed and output.free_symbols <= allowed | {seen}):
+    output = _without_limits(output, seen)
+    allowed = {symbol(name) for name in parameters} | {seen}
+    if output == seen or not output.free_symbols <= allowed or not output.is_polynomial(seen):
         return None
-    return tuple(numpy_function(parameters, each) for each in (gain, output.subs(seen, 0)))
+    return numpy_function((*parameters, state), [output, sympy.diff(output, seen)])
+
+
+def _without_limits(output: sympy.Expr, seen: sympy.Symbol) -> sympy.Expr:
+    """Return an output without the limits between which it shows the state."""
+    if isinstance(output, (sympy.Max, sympy.Min)):
+        inside = [each for each in output.args if seen in each.free_symbols]
+        if len(inside) == 1:
+            return _without_limits(inside[0], seen)
+    if output.args and seen in output.free_symbols:
+        return output.func(*(_without_limits(each, seen) for each in output.args))
+    return output

@@ -10,10 +10,12 @@ from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.windows import ShootingWindows
 
-#: NumPy's own functions do not mix numbers and arrays
-_EXTREMES = {
+#: NumPy's own extremes do not mix numbers and arrays; SymPy writes a step out as conditions, within
+#: which NumPy takes no others
+_FUNCTIONS = {
     "amax": lambda values, axis: reduce(np.maximum, values),
     "amin": lambda values, axis: reduce(np.minimum, values),
+    "Heaviside": np.heaviside,
 }
 
 
@@ -37,7 +39,7 @@ def numpy_function(names, expression):
     >>> numpy_function(["x"], sympy.Max(symbol("x"), 0))(np.array([-1.0, 2.0]))
     array([0., 2.])
     """
-    return sympy.lambdify([symbol(n) for n in names], expression, [_EXTREMES, "numpy"])
+    return sympy.lambdify([symbol(n) for n in names], expression, [_FUNCTIONS, "numpy"])
 
 
 def evaluate_samples(expression, table: Mapping[str, np.ndarray | float], size: int) -> np.ndarray:

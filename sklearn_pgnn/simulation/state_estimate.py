@@ -11,7 +11,7 @@ import sympy
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.shown_states import shown_by, shown_states
 from sklearn_pgnn.simulation.led_states import start_values
-from sklearn_pgnn.simulation.output_inverse import gain_and_offset, magnitude_in
+from sklearn_pgnn.simulation.output_inverse import has_scale, magnitude_in, state_behind
 from sklearn_pgnn.simulation.simulate import Simulation, settled_start, simulate_acting
 from sklearn_pgnn.simulation.windows import ShootingWindows
 from sklearn_pgnn.trajectories.smoothing import FEWEST, Smoothed, choose_penalty, smooth
@@ -110,7 +110,7 @@ class StateEstimator:
             Its states at every sample.
         """
         states = tuple(model.states)
-        if self._is_simulated(model) or any(self._sensors(model).values()):
+        if self._is_simulated(model) or self._is_scaled(model):
             return self._estimate(model)
         if states not in self._estimates:
             self._estimates[states] = self._estimate(model)
@@ -125,6 +125,10 @@ class StateEstimator:
     def _is_simulated(self, model) -> bool:
         """Return whether some state, or its sign, is not shown."""
         return bool(self.hidden(model)) or any(s in self.known for s in unsigned_states(model))
+
+    def _is_scaled(self, model) -> bool:
+        """Return whether an output shows a state on a scale that parameters change."""
+        return any(has_scale(model, *shown) for shown in self._shown.values())
 
     def expected_starts(
         self, model: PhysicsModel, windows: ShootingWindows
@@ -183,17 +187,12 @@ class StateEstimator:
     def _known(self, model) -> dict[str, np.ndarray]:
         """Return what is measured, behind the model's sensors."""
         known = dict(self.known)
-        for state, line in self._sensors(model).items():
-            if line is not None:
-                gain, offset = line
-                shift = offset if self._from[state][1] == 0 else 0.0
-                known[state] = (known[state] - shift) / gain
+        for state, (output, position) in self._shown.items():
+            behind = state_behind(model, output, position, self.known[position])
+            if behind is not None:
+                x, slope = behind
+                known[state] = x if state == position else self.known[state] * slope
         return known
-
-    def _sensors(self, model) -> dict[str, tuple[float, float] | None]:
-        """Return the gain and offset behind which a state is shown; None where it is as it is."""
-        lines = {state: gain_and_offset(model, *shown) for state, shown in self._shown.items()}
-        return {state: None if line == (1.0, 0.0) else line for state, line in lines.items()}
 
     def _simulate(self, model, known) -> np.ndarray:
         """Simulate every record in free run; where that fails the state stays at its start."""

@@ -290,6 +290,33 @@ def test_a_gain_that_bends_may_grow_or_fall_and_its_words_say_both():
     assert effect.check.endswith("or more if the bend is below 0.")
 
 
+@pytest.mark.parametrize("ends", [(-2.0, 3.0), (0.0, 3.0), (0.5, 3.0), (-3.0, -0.5)])
+def test_a_bent_scale_does_not_turn_back_within_the_readings(ends):
+    """Its slope at a reading is the root of 1 + 4 c r, and between a tenth and ten."""
+    scales = Scales({}, {"y": 3.0}, {}, 0.01, 2.0, extremes={"y": ends})
+    least, most = effects.SensorCurvature.limits("y", None, scales)["curvature"]
+    assert least < 0 < most
+    readings = np.linspace(*ends)
+    for curvature in (least, most):
+        slopes = np.sqrt(1 + 4 * curvature * readings)
+        y = (slopes - 1) / (2 * curvature)
+        np.testing.assert_allclose(
+            effects.SensorCurvature("y").shown(y, {"curvature": curvature}), readings, atol=1e-12
+        )
+        assert slopes.min() > 0.1 - 1e-9
+        assert slopes.max() < 10 + 1e-9
+        assert np.isclose(slopes, 0.1).any() or np.isclose(slopes, 10.0).any()
+    no_range = Scales({}, {"y": 0.0}, {}, 0.01, 2.0)
+    assert effects.SensorCurvature.limits("y", None, no_range) == {}
+
+
+def test_the_unit_of_a_curvature_is_one_over_the_outputs():
+    cart = systems.cart_on_spring() + effects.SensorCurvature("position", curvature=0.1)
+    assert cart.parameters["cy_position"].unit == "1/m"
+    plain = PhysicsModel({"y": ""}, {"y": "-k*y"}, {"k": 0.3}) + effects.SensorCurvature("y", 0.1)
+    assert plain.parameters["cy_y"].unit == ""
+
+
 PAIRED = [
     (effects.ParameterSlope, "d(x)"),
     (effects.ParameterSaturation, "d(x)"),

@@ -39,6 +39,26 @@ def test_states_are_estimated_behind_a_sensor_that_enlarges_and_shifts_them():
     )
 
 
+@pytest.mark.parametrize("curvature", [-0.8, 0.8])
+@pytest.mark.parametrize("cut", [(), (effects.SensorSaturation("position", 0.9, -0.9),)])
+def test_states_are_estimated_behind_a_sensor_with_a_bent_scale(curvature, cut):
+    """Also where the reading is cut, but for the samples beyond."""
+    cart = systems.cart_on_spring()
+    seen = cart + effects.SensorGain("position", 0.25)
+    seen += effects.SensorCurvature("position", curvature)
+    for effect in cut:
+        seen += effect
+    t = np.arange(400) / 50
+    run = seen.simulate(t, 10 * np.sin(2 * t), x0=[0.1, 0.2])
+    assert np.abs(run.y).max() > 0.4  # the bend matters
+    noise = 1e-6 * np.random.default_rng(0).normal(size=run.y.shape)
+    records = read_records(cart, np.c_[t, 10 * np.sin(2 * t)], run.y + noise)
+    states = build_problem(cart, records).states.values(seen)
+    inside = np.abs(run.y[:, 0]) < 0.85
+    inside[:5] = inside[-5:] = False
+    np.testing.assert_allclose(states[inside], run.x[inside], atol=5e-3)
+
+
 @pytest.mark.parametrize(
     "sensors", [("SensorRectification",), ("SensorRectification", "SensorGain"),
                 ("SensorGain", "SensorRectification"), ("SensorRectification", "SensorBias")]

@@ -36,6 +36,7 @@ from sklearn_pgnn.physics.effects.levels import (
 )
 from sklearn_pgnn.physics.effects.outputs import (
     SensorBias,
+    SensorCurvature,
     SensorDelay,
     SensorGain,
     SensorRectification,
@@ -84,6 +85,7 @@ CATALOGUE: tuple[type[Effect], ...] = (
     InputBacklash,
     SensorBias,
     SensorGain,
+    SensorCurvature,
     SensorSaturation,
     SensorRectification,
     SensorDelay,

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+import numpy as np
 import sympy
 
 from sklearn_pgnn.physics.characteristic import Characteristic
@@ -9,6 +10,9 @@ from sklearn_pgnn.physics.effect import Effect, quantity
 from sklearn_pgnn.physics.effects.inputs import Delay
 from sklearn_pgnn.physics.expressions import TIME
 from sklearn_pgnn.physics.extremes import maximum, minimum
+
+#: a bent scale is at most so many times as steep, or as flat, as at zero
+STEEPEST = 10.0
 
 
 @dataclass(frozen=True)
@@ -99,6 +103,60 @@ class SensorGain(OutputEffect):
     def starts(cls, target, model, scales):
         """Start without an error."""
         return (cls(target),)
+
+
+@dataclass(frozen=True)
+class SensorCurvature(OutputEffect):
+    r"""A sensor whose scale is bent, :math:`y + c\,y^2`.
+
+    The slope of the scale is one at zero, and :math:`\sqrt{1 + 4 c r}` at the reading :math:`r`: a
+    fit keeps it between a tenth and ten over all readings.
+
+    Parameters
+    ----------
+    target : str
+        The output.
+    curvature : float, default=0
+        Curvature :math:`c` [1/output].
+
+    Examples
+    --------
+    >>> SensorCurvature("level", curvature=0.02).names()
+    {'curvature': 'cy_level'}
+    """
+
+    curvature: float = quantity("cy", "{per_target}")
+    id = "sensor_curvature"
+    summary = "The sensor's scale is bent: a float on an arm, a thermistor, a worn potentiometer."
+    check = "Move through several known positions and plot the reading over them."
+
+    def shown(self, y, p):
+        """Return y + c*y^2."""
+        return y + p["curvature"] * y**2
+
+    def units(self, model):
+        """Return one over the output's unit."""
+        unit = model.unit(self.target)
+        return {"per_target": f"1/({unit})" if unit else ""}
+
+    @classmethod
+    def typical(cls, target, model, scales):
+        """Return one over the output's largest magnitude."""
+        return {"per_target": 1.0 / max(scales.peak[target], 1e-300)}
+
+    @classmethod
+    def starts(cls, target, model, scales):
+        """Start with a straight scale."""
+        return (cls(target),)
+
+    @classmethod
+    def limits(cls, target, model, scales):
+        """Keep the slope of the scale within its range at both ends of the readings."""
+        slopes = np.array([1 / STEEPEST, STEEPEST])
+        ends = [np.sort((slopes**2 - 1) / (4 * end)) for end in scales.ends(target) if end]
+        if not ends:
+            return {}
+        return {"curvature": (float(max(e[0] for e in ends)), float(min(e[1] for e in ends)))}
 
 
 @dataclass(frozen=True)
