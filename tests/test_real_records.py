@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from sklearn_pgnn import ModelDiagnosis, PhysicsModelRegressor
+from sklearn_pgnn import ModelDiagnosis, PhysicsModelRegressor, effects
 from sklearn_pgnn.physics import Parameter, PhysicsModel
 from sklearn_pgnn.trajectories.csv_file import read_csv_files
 from sklearn_pgnn.trajectories.reader import read_records
@@ -131,15 +131,11 @@ def test_drives_have_a_sensor_that_sees_the_magnitude(real_data):
     assert "sensor_rectification" in {cause.effect for cause in diagnosis.causes_}
 
 
-@pytest.mark.slow
-def test_tanks_run_over_and_their_sensor_ends(real_data):
-    """The prior alone is 0.8 V off in the free run of the record that is held out.
-
-    Nobody has measured the tanks' flows, so that their spread has no end.
-    """
+def tanks():
+    """Return two tanks; nobody has measured the flows, so that their spread has no end."""
     names = ("k1", "k2", "k3", "k4")
     flows = {k: Parameter(k, 0.05, bounds=(1e-4, 10.0), spread=np.inf) for k in names}
-    tanks = PhysicsModel(
+    return PhysicsModel(
         name="tanks",
         states={"x1": "V", "x2": "V"},
         inputs={"u": "V"},
@@ -147,10 +143,15 @@ def test_tanks_run_over_and_their_sensor_ends(real_data):
         parameters=flows,
         equations={"x1": "k4*u - k1*sqrt(x1)", "x2": "k2*sqrt(x1) - k3*sqrt(x2)"},
     )
+
+
+@pytest.mark.slow
+def test_tanks_run_over_and_their_sensor_ends(real_data):
+    """The prior alone is 0.8 V off in the free run of the record that is held out."""
     learn, held_out = (
         pd.read_csv(real_data / "cascaded_tanks" / f"cts_{name}.csv") for name in ("train", "test")
     )
-    diagnosis = ModelDiagnosis(tanks).fit(learn[["t", "u_V"]].to_numpy(), learn["y_V"])
+    diagnosis = ModelDiagnosis(tanks()).fit(learn[["t", "u_V"]].to_numpy(), learn["y_V"])
     found = {(cause.effect, cause.target) for cause in diagnosis.causes_}
     assert found & {("overflow", "x1"), ("state_limit", "x1")}
     assert ("sensor_saturation", "y") in found
@@ -159,3 +160,15 @@ def test_tanks_run_over_and_their_sensor_ends(real_data):
     start.fit(learn[["t", "u_V"]].to_numpy(), learn["y_V"])
     y = model.simulate(held_out["t"], held_out[["u_V"]], start.initial_states_[0]).y[:, 0]
     assert np.sqrt(np.mean((y - held_out["y_V"])[50:] ** 2)) < 0.6
+
+
+@pytest.mark.slow
+def test_the_scale_of_the_tanks_sensor_is_bent(real_data):
+    """Where the model knows that both tanks can run over, a free run comes three times as near."""
+    model = tanks() + effects.Overflow("x1", 8.0, 0.25, 0.6) + effects.StateLimit("x2", 10.0, 0.25)
+    learn = pd.read_csv(real_data / "cascaded_tanks" / "cts_train.csv")
+    diagnosis = ModelDiagnosis(model).fit(learn[["t", "u_V"]].to_numpy(), learn["y_V"])
+    found = {(cause.effect, cause.target) for cause in diagnosis.causes_}
+    assert ("sensor_curvature", "y") in found
+    gain = diagnosis.gain_["y"]
+    assert gain.free_run_extended < 0.5 * gain.free_run_refitted
