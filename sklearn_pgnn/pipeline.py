@@ -21,9 +21,9 @@ def make_pgnn_pipeline(model: PhysicsModel, *, memory=None, verbose=0, **network
     model : PhysicsModel
         The model.
     memory : str or joblib.Memory, optional
-        Where the simulation is kept, so that a search does not repeat it.
+        Where the simulation is cached, so that a search does not repeat it.
     verbose : int, default=0
-        Whether to print the steps' times, and the network's phases and epochs.
+        Whether to print the times of the steps, and the network's phases and epochs.
     **network
         Parameters of `PGNNLRegressor`.
 

@@ -1,4 +1,4 @@
-"""Judgement: which physical cause a model misses, and what naming it is worth."""
+"""Diagnosis: which physical causes a model lacks, and how much each reduces its error."""
 
 from sklearn_pgnn.diagnosis.free_run import FreeRunError
 from sklearn_pgnn.diagnosis.model_diagnosis import ModelDiagnosis

@@ -15,16 +15,16 @@ from sklearn_pgnn.physics.effect import Effect
 
 
 class Comparison:
-    """Compare fitted hypotheses; the same comparison has the same answer at any time.
+    """Compare fitted hypotheses; a comparison does not depend on when it is made.
 
     Parameters
     ----------
     fitter : HypothesisFitter
-        What fitted them.
+        The fitter of the hypotheses.
     criterion : SelectionCriterion
-        When a cause is named.
+        The rule by which a cause is named.
     given : frozenset of Effect, default=frozenset()
-        Causes that the records show by themselves: any evidence for them will do.
+        Causes that the records show by themselves: any positive evidence for them is enough.
     """
 
     def __init__(
@@ -40,23 +40,25 @@ class Comparison:
     def evidence(self, without: FittedHypothesis, with_: FittedHypothesis) -> float:
         """Return the evidence for the second of two hypotheses over the first.
 
-        It counts less where residuals are larger along the causes that only the second one has.
+        It is divided by the overdispersion of the residuals along the causes that only the second
+        one has.
         """
         held_out = self.fitter.held_out
         evidence = self.criterion.evidence(held_out(without), held_out(with_))
         return evidence / self._overdispersion(without, with_)
 
     def evidence_disturbed(self, without: FittedHypothesis, with_: FittedHypothesis) -> float:
-        """Return the evidence for the second of two hypotheses beside disturbances."""
+        """Return the evidence for the second of two hypotheses, each with a disturbance."""
         share = self.criterion.smallest_share
         return self.fitter.evidence_disturbed(without, with_, share)
 
     def refutes(self, better: FittedHypothesis, worse: FittedHypothesis) -> bool:
         """Return whether the second of two hypotheses is refuted by the first.
 
-        One that takes more to say pays for the candidates it was chosen from, and explains the
-        smallest share more. None refutes another whose free run is surely better; a memory that
-        makes the free run worse is refuted by that.
+        A more complex hypothesis must also pay for the number of candidates it was chosen from, and
+        explain at least the smallest share more. No hypothesis refutes another one whose free run
+        is better beyond chance; a hypothesis with more added states is refuted if its free run is
+        worse.
         """
         before, after = map(self.fitter.held_out, (worse, better))
         if before.n_added > after.n_added and self.criterion.runs_worse(after, before):
@@ -71,10 +73,10 @@ class Comparison:
         return raw / self._overdispersion(worse, better) > needed
 
     def is_preferred(self, other: FittedHypothesis, current: FittedHypothesis) -> bool:
-        """Return whether a hypothesis refutes another one, or is simpler or likelier.
+        """Return whether a hypothesis refutes the current one, or is simpler or likelier.
 
-        Where it does not refute the other one it must not be refuted by it; of two that take
-        equally much to say it must have the evidence for it, and no worse free run.
+        If it does not refute the current one, it must not be refuted by it; if the two are equally
+        complex, it must have the evidence in its favour, and no worse free run.
         """
         if self.refutes(other, current):
             return True
@@ -86,7 +88,7 @@ class Comparison:
         return self.evidence(current, other) > 0.0 and not self.runs_worse(current, other)
 
     def names(self, without: FittedHypothesis, with_: FittedHypothesis, n_causes=1) -> bool:
-        """Return whether the causes are named that only the second of two hypotheses has."""
+        """Return whether the causes that only the second of two hypotheses has are named."""
         trials = without, with_, self.fitter.base()
         before, after, retuned = (self.fitter.held_out(trial) for trial in trials)
         causes, raw = own_causes(without, with_), self.criterion.evidence(before, after)
@@ -107,13 +109,13 @@ class Comparison:
     def names_disturbed(
         self, without: FittedHypothesis, with_: FittedHypothesis, needed: float
     ) -> bool:
-        """Return whether the evidence for causes beside a disturbance exceeds a number."""
+        """Return whether the evidence for causes, given a disturbance, exceeds a threshold."""
         if own_causes(without, with_) <= self.given:
             return True
         return self.evidence_disturbed(without, with_) > needed
 
     def _overdispersion(self, without: FittedHypothesis, with_: FittedHypothesis) -> float:
-        """Return how much less residuals count along the own causes of the second, at least 1."""
+        """Return the overdispersion along the causes that only the second one has, at least 1."""
         left = self.fitter.held_out(with_).windows
         if not np.isfinite(left.squares).all():
             return 1.0
@@ -124,8 +126,8 @@ class Comparison:
     def is_nameable(self, trial: FittedHypothesis) -> bool:
         """Return whether more than white noise is left, by the smallest share that matters.
 
-        It is asked over windows, and in free run where that says anything: of what the errors of
-        the fit do not explain there.
+        This is tested over windows and, where the free run is informative, on the part of the
+        free-run error that the uncertainty of the fit does not explain.
         """
         found = self.fitter.held_out(trial)
         squares = found.beyond_uncertainty(self.criterion.alpha)
@@ -142,12 +144,12 @@ class Comparison:
         return bool((left.squares > MUCH**2 * white).any())
 
     def _coloured(self, trial: FittedHypothesis, squares: np.ndarray) -> np.ndarray:
-        """Return of which outputs squares are more than white noise, by the smallest share."""
+        """Return for which outputs the squares exceed white noise by the smallest share."""
         beyond = squares - self.fitter.white_squares(trial)
         return beyond > self.criterion.smallest_share * squares
 
     def stands_in_free_run(self, trial: FittedHypothesis) -> bool:
-        """Return whether the free run, where it is informative, does not contradict it."""
+        """Return whether the free run, where informative, does not contradict a hypothesis."""
         retuned, found = map(self.fitter.held_out, (self.fitter.base(), trial))
         return self.criterion.stands_in_free_run(retuned, found)
 

@@ -1,4 +1,4 @@
-"""What a formula stands for: the quantities that something missing depends on, and how far."""
+"""Describe a formula: the quantities that the missing part depends on, and how strongly."""
 
 import re
 
@@ -42,7 +42,7 @@ def describe(problem: EstimationProblem, proposal: Proposal) -> MissingPart:
 
 
 def _groups(problem) -> np.ndarray:
-    """Deal the samples into groups: records, or stretches of a few records."""
+    """Assign the samples to groups: records, or stretches of a few records."""
     windows = problem.windows
     record = windows.record_at(np.arange(windows.t.size))
     if record.max() + 1 >= FOLDS:
@@ -51,7 +51,7 @@ def _groups(problem) -> np.ndarray:
 
 
 def _explained(columns, values, groups) -> float:
-    """Return the share of a variance that some quantities explain on groups not seen."""
+    """Return the share of a variance that some quantities explain on held-out groups."""
     forest = HistGradientBoostingRegressor(max_iter=TREES, max_leaf_nodes=LEAVES, random_state=0)
     found = cross_val_predict(forest, columns, values, groups=groups, cv=GroupKFold(FOLDS))
     return float(max(0.0, 1.0 - np.mean((values - found) ** 2) / np.var(values)))

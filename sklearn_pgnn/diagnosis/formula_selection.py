@@ -24,9 +24,9 @@ class FormulaSelection:
         self._known: dict[tuple, Proposal | None] = {}
 
     def is_law(self, search: Search) -> bool:
-        """Return whether a formula of as few parameters leaves noise where causes leave more.
+        """Return whether a formula with no more parameters leaves noise where causes leave more.
 
-        What is but a sum of causes that have names is for the search to find.
+        A formula that is only a sum of candidates does not count: the search finds those.
         """
         if not search.compare.is_nameable(search.current):
             return False
@@ -41,11 +41,12 @@ class FormulaSelection:
     def choose(
         self, search: Search, result: SearchResult, has_structure: bool
     ) -> tuple[SearchResult, Proposal | None]:
-        """Return what is still believed of a search's result, and the formula that is accepted.
+        """Return the part of a search's result that is kept, and the accepted formula.
 
-        A formula for what the re-tuned prior lacks takes the place of the causes if it leaves no
-        structure, and refutes them or says the same with fewer parameters and no more terms than
-        they are, which no part of them does; a formula for what they leave stands beside them.
+        A formula for what the re-tuned prior lacks replaces the causes if it leaves no structure,
+        and either refutes them or explains the same with fewer parameters and no more terms than
+        there are causes, while no subset of the causes does; a formula for what the causes leave
+        is added to them.
 
         Parameters
         ----------
@@ -77,14 +78,14 @@ class FormulaSelection:
 
     @staticmethod
     def on_other_records(search: Search, ground: FittedHypothesis, proposal: Proposal):
-        """Return a formula as other records have it, or None where they do not name it.
+        """Return a formula re-fitted on other records, or None where they do not name it.
 
         Parameters
         ----------
         search : Search
             The search, on these records.
         ground : FittedHypothesis
-            What it stands beside.
+            The hypothesis to which the formula is added.
         proposal : Proposal
             The formula.
 
@@ -110,7 +111,7 @@ class FormulaSelection:
 
 
 def _best_formula(search: Search, ground: FittedHypothesis) -> Proposal | None:
-    """Return the formula with the most evidence for the price of its terms, if it is named."""
+    """Return the formula with the most evidence net of the price of its terms, if it is named."""
     problem, progress, found = search.fitter.problem, search.fitter.progress, []
     places = channels(problem.prior)
     progress.begin("formula", len(places))
@@ -132,7 +133,7 @@ def _best_formula(search: Search, ground: FittedHypothesis) -> Proposal | None:
 
 
 def _has_names(search: Search, proposal: Proposal) -> bool:
-    """Return whether every term of a formula is that of some candidate."""
+    """Return whether every term of a formula is the same as some candidate."""
     formula = proposal.effect
     terms = [replace(formula, terms=(term,), coefficients=(1.0,)) for term in formula.terms]
     known = same_causes(search.fitter.problem.prior, (*search.ladder.candidates, *terms))
@@ -140,14 +141,14 @@ def _has_names(search: Search, proposal: Proposal) -> bool:
 
 
 def _is_named(search: Search, ground: FittedHypothesis, proposal: Proposal) -> bool:
-    """Return whether the rule is met by a formula's terms, the library being paid for."""
+    """Return whether a formula's terms meet the rule, with the whole library as candidates."""
     criterion = _with_library(search, len(channels(search.fitter.problem.prior)))
     compare = Comparison(search.fitter, criterion)
     return compare.names(ground, proposal.trial, len(proposal.effect.terms))
 
 
 def _with_library(search: Search, n_places: int) -> SelectionCriterion:
-    """Return the criterion that pays for the library's terms at every place."""
+    """Return the criterion with the library's terms at every place as candidates."""
     terms = library_size(search.fitter.problem.prior)
     return replace(search.criterion, n_candidates=n_places * terms)
 
@@ -155,9 +156,10 @@ def _with_library(search: Search, n_places: int) -> SelectionCriterion:
 def _takes_the_place(search: Search, formula: Proposal, steps: list[FittedHypothesis]) -> bool:
     """Return whether a formula explains all, and as much more simply or clearly more.
 
-    The causes are added step by step. A formula that leaves structure is no law: what has a name
-    says more to people. Nor does it say more simply what some of the causes say as simply. Each of
-    its terms is chosen from a library as a cause is from the catalogue.
+    The causes are given as hypotheses to which they are added one by one. A formula that leaves
+    structure does not replace them, since named causes are easier to interpret. Nor is it simpler
+    if some of the causes explain as much with no more parameters. Each of its terms is chosen from
+    a library, as a cause is from the catalogue.
     """
     trial, final = formula.trial, steps[-1]
     if search.compare.refutes(final, trial):

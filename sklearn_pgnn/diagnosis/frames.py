@@ -6,7 +6,7 @@ import pandas as pd
 
 
 def causes_frame(diagnosis) -> pd.DataFrame:
-    """Return the named causes as a table, a row for each of their parameters.
+    """Return the named causes as a table, one row per parameter.
 
     Parameters
     ----------
@@ -16,9 +16,9 @@ def causes_frame(diagnosis) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        Place of the cause, its effect and target, a parameter with its value, 95 % interval and
-        unit, by how much the cause lowers the error [%], its probability, and what it is
-        confused with.
+        Rank of the cause, its effect and target, a parameter with its value, 95 % interval and
+        unit, the reduction of the error by the cause [%], its probability, and the candidates it
+        is confused with.
 
     Examples
     --------
@@ -48,7 +48,7 @@ _WORTH = ("gain_percent", "probability", "confused_with")
 
 
 def _sizes(cause) -> list[dict]:
-    """Return a cause's parameters; one without any has one empty row."""
+    """Return a cause's parameters; one empty row where it has none."""
     found = [
         dict(zip(_SIZE, (name, e.value, e.low, e.high, e.unit), strict=True))
         for name, e in cause.parameters.items()
@@ -57,7 +57,7 @@ def _sizes(cause) -> list[dict]:
 
 
 def parameters_frame(diagnosis) -> pd.DataFrame:
-    """Return the re-tuned parameters of the prior as a table, a row each.
+    """Return the re-tuned parameters of the prior as a table, one row each.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ def parameters_frame(diagnosis) -> pd.DataFrame:
     -------
     DataFrame
         By name: prior value, estimate, 95 % interval, unit, change [%], and whether the interval
-        leaves the prior value out.
+        excludes the prior value.
 
     Examples
     --------
@@ -96,7 +96,7 @@ def parameters_frame(diagnosis) -> pd.DataFrame:
 
 
 def gain_frame(diagnosis) -> pd.DataFrame:
-    """Return what re-tuning and extending are worth as a table, a row an output.
+    """Return the error reduction by re-tuning and extending as a table, one row per output.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Free runs of the records: what whoever simulates the models without restarts will see."""
+"""Free-run simulation of the records: the models simulated without restarts."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -12,7 +12,7 @@ from sklearn_pgnn.simulation.state_estimate import free_run
 
 @dataclass(frozen=True)
 class FreeRunError:
-    """The error of an output over whole records, nothing measured read again after the start.
+    """The free-run error of an output over whole records, without restarts.
 
     Parameters
     ----------
@@ -21,7 +21,7 @@ class FreeRunError:
         where a simulation becomes non-finite.
     tells : bool, default=True
         Whether the re-tuned prior or the extended model is nearer to the records than their mean
-        is. The free run of a chaotic or unstable motion is not, and is not informative.
+        is. Where neither is, as for a chaotic or unstable motion, the free run is not informative.
 
     Examples
     --------
@@ -37,7 +37,7 @@ class FreeRunError:
 
 
 def free_runs(records: DiagnosisRecords, which: str) -> list[Simulation]:
-    """Simulate every record in free run, from where the extended model found it to start.
+    """Simulate every record in free run, from the initial state found with the extended model.
 
     Parameters
     ----------
@@ -61,14 +61,14 @@ def free_runs(records: DiagnosisRecords, which: str) -> list[Simulation]:
 
 
 def free_run_errors(records: DiagnosisRecords, tells: np.ndarray) -> dict[str, FreeRunError]:
-    """Measure the free runs of all models over all records.
+    """Return the free-run errors of all models over all records.
 
     Parameters
     ----------
     records : DiagnosisRecords
         The records.
     tells : ndarray of shape (n_outputs,)
-        Whether the free run of an output says anything.
+        Whether the free run of an output is informative.
 
     Returns
     -------

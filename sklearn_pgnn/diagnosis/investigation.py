@@ -1,4 +1,4 @@
-"""The course of a diagnosis: from records to what is missing and what is left."""
+"""The steps of a diagnosis: from records to what is missing and what is left."""
 
 from collections.abc import Mapping
 from contextlib import suppress
@@ -39,7 +39,7 @@ from sklearn_pgnn.trajectories.record import Record
 
 @dataclass(frozen=True)
 class Findings:
-    """What a diagnosis has come to.
+    """The findings of a diagnosis.
 
     Parameters
     ----------
@@ -50,9 +50,9 @@ class Findings:
     proposal : Proposal or None
         The formula for what no cause explains.
     structure : Structure or None
-        Whether what is left depends on anything recorded; None if that was not asked.
+        Whether what is left depends on anything recorded; None if that was not tested.
     replaced : SearchResult or None, default=None
-        The causes whose place the formula took.
+        The causes that the formula replaced.
     """
 
     search: Search
@@ -63,19 +63,19 @@ class Findings:
 
     @property
     def remaining(self) -> Remaining:
-        """What the causes leave."""
+        """What is left of the records with the causes."""
         share = self.search.criterion.smallest_share
         return describe_remaining(self.search.fitter, self.result.final, self.structure, share)
 
     @property
     def verdict(self) -> str:
-        """The verdict in a word."""
+        """The verdict, one of the values of `verdict_of`."""
         return verdict_of(self.result, self.remaining, self.proposal is not None)
 
 
 @dataclass
 class Investigation:
-    """Search the causes of a model's error on records; the best so far can be had at any time.
+    """Search for the causes of a model's error; the best so far is available at any time.
 
     Parameters
     ----------
@@ -84,15 +84,15 @@ class Investigation:
     records : tuple of Record
         Measured trajectories, without gaps.
     candidates : tuple of Effect
-        The causes to think of.
+        The causes to consider.
     alpha, smallest_share : float
         See `SelectionCriterion`.
     max_causes : int
-        Causes named at most.
+        Largest number of causes named.
     progress : Progress
-        Where the diagnosis stands.
+        The progress of the diagnosis.
     options : mapping
-        Of `build_problem`; the windows are of the length that is told, else selected.
+        Options of `build_problem`; the window length is selected unless it is given.
     """
 
     model: PhysicsModel
@@ -109,14 +109,14 @@ class Investigation:
     whole: EstimationProblem | None = None
 
     def run(self, hold: str, is_told: bool) -> Findings:
-        """Search with inputs that are held, or not, and the other way if the records support it.
+        """Search with one hold of the inputs, and with the other if the records support it.
 
         Parameters
         ----------
         hold : {"zoh", "foh"}
             How inputs run between samples.
         is_told : bool
-            Whether the user, or the model, says so.
+            Whether the user or the model specifies the hold.
 
         Returns
         -------
@@ -134,7 +134,7 @@ class Investigation:
         return self.found
 
     def so_far(self) -> Findings:
-        """Return what was found, by a search that did not come to its end if there is no other."""
+        """Return what was found, by an unfinished search if there is no finished one."""
         if self.found is None:
             if self.searched is None:
                 if self.search is None:
@@ -144,7 +144,7 @@ class Investigation:
         return self.found
 
     def _fitter(self, hold: str) -> HypothesisFitter:
-        """Return the fitter on windows as long as the user or the records say."""
+        """Return the fitter with the user's window length, else with one selected from records."""
         self.progress.begin("reading the records")
         problem = build_problem(self.model, self.records, hold=hold, **self.options)
         records = self.records
@@ -160,7 +160,7 @@ class Investigation:
         return self._in_enough_steps(fitter)
 
     def _in_enough_steps(self, fitter: HypothesisFitter) -> HypothesisFitter:
-        """Return the fitter in the integration steps that the prior needs, if not given."""
+        """Return the fitter with as many integration steps as the prior needs, if not given."""
         if self._steps_are_told:
             return fitter
         windows, base = fitter.problem.windows, fitter.base().fit
@@ -168,7 +168,7 @@ class Investigation:
         return fitter if substeps == windows.substeps else self._in_steps(fitter, substeps)
 
     def _in_steps(self, fitter: HypothesisFitter, substeps: int) -> HypothesisFitter:
-        """Return a fitter in other integration steps, its prior re-tuned from there as well."""
+        """Return a fitter with other integration steps, its prior re-tuned with them as well."""
         other = HypothesisFitter(with_substeps(fitter.problem, substeps), self.progress)
         other.base()
         other.refit(fitter.base())
@@ -176,11 +176,11 @@ class Investigation:
 
     @property
     def _steps_are_told(self) -> bool:
-        """Whether the user, or the model, says how many integration steps there are."""
+        """Whether the user or the model specifies the number of integration steps."""
         return bool(self.options.get("substeps") or self.model.simulation.get("substeps"))
 
     def _like(self, problem: EstimationProblem, whole: EstimationProblem) -> HypothesisFitter:
-        """Return the fitter on all records, in windows as long as those that were searched."""
+        """Return the fitter on all records, with the window length of the search."""
         if problem.windows.hold != whole.windows.hold:
             whole = with_hold(whole, problem.windows.hold)
         whole = with_substeps(whole, problem.windows.substeps)
@@ -190,7 +190,7 @@ class Investigation:
         return fitter
 
     def _search(self, fitter: HypothesisFitter, begin: FittedHypothesis | None = None) -> Findings:
-        """Search the catalogue, and a formula for what it does not explain."""
+        """Search the catalogue, and search a formula for what it does not explain."""
         given = frozenset(map(SensorSaturation, clipped_outputs(fitter.problem)))
         criterion = SelectionCriterion(self.alpha, self.smallest_share, len(self.candidates))
         asked = _Structures(fitter, criterion)
@@ -243,9 +243,9 @@ class Investigation:
         return Findings(search, result, proposal, structure)
 
     def _in_fine_steps(self, found: Findings) -> Findings:
-        """Fit the causes in integration steps so fine that no parameter depends on them.
+        """Fit the causes with integration steps so fine that no parameter depends on them.
 
-        Where there are none, or none that finer steps leave, search again in finer ones.
+        If there are no causes, or none remains with finer steps, search again with finer steps.
         """
         fitter, result = found.search.fitter, found.result
         is_dear = self.whole is not None and not result.steps
@@ -264,7 +264,7 @@ class Investigation:
         return again if again.result.complete else found
 
     def _refined(self, found: Findings, finer: HypothesisFitter) -> Findings:
-        """Fit the causes in finer integration steps, and ask what is left if some are dropped."""
+        """Fit the causes with finer integration steps; test what is left if some are dropped."""
         search = copy(found.search)  # the one that found them stands if the time is up
         result = search.in_steps_of(finer, found.result)
         structure, before = found.structure, found.result.final.hypothesis
@@ -274,7 +274,7 @@ class Investigation:
         return replace(found, search=search, result=result, structure=structure)
 
     def _try_slopes(self, held: Findings) -> Findings:
-        """Search on with inputs that run straight between samples if that is refuted less."""
+        """Continue with inputs interpolated between samples if the records refute that less."""
         fitter, final = held.search.fitter, held.result.final
         has_structure = held.structure is not None and held.structure.is_significant
         if not (held.result.steps or has_structure):
@@ -292,7 +292,7 @@ class Investigation:
 
 
 def _distinct(candidates: tuple[Effect, ...], scales: Scales) -> tuple[Effect, ...]:
-    """Leave out the candidates that equal one of their special cases here."""
+    """Drop the candidates that equal one of their special cases on these records."""
     all_named = {(cause.id, cause.target) for cause in candidates}
 
     def is_needed(cause: Effect) -> bool:
@@ -303,14 +303,14 @@ def _distinct(candidates: tuple[Effect, ...], scales: Scales) -> tuple[Effect, .
 
 
 class _Structures:
-    """Whether fitted hypotheses leave structure, each asked once."""
+    """Whether fitted hypotheses leave structure, each tested once."""
 
     def __init__(self, fitter: HypothesisFitter, criterion: SelectionCriterion):
         self.fitter, self.criterion = fitter, criterion
         self._known: dict[Key, tuple[WindowFit, Structure]] = {}
 
     def has_structure(self, trial: FittedHypothesis) -> bool:
-        """Return whether what a hypothesis leaves depends on anything recorded."""
+        """Return whether the residuals of a hypothesis depend on anything recorded."""
         return self.of(trial).is_significant
 
     def of(self, trial: FittedHypothesis) -> Structure:

@@ -1,4 +1,4 @@
-"""The ladder of fits: candidates go on from some steps on few samples to a fit on all windows."""
+"""Successive fits of candidates: from a few steps on few samples to a fit on all windows."""
 
 import numpy as np
 
@@ -14,23 +14,24 @@ from sklearn_pgnn.physics.effect import Effect
 
 
 class Ladder:
-    """Fit candidates beside the causes of a hypothesis, on every rung fewer of them on more.
+    """Fit candidates added to a hypothesis; every rung fits fewer of them on more samples.
 
     Parameters
     ----------
     fitter : HypothesisFitter
         Fits hypotheses.
     criterion : SelectionCriterion
-        Says how far behind a candidate may be.
+        The rule, which also limits how far behind the best a candidate may be.
     candidates : tuple of Effect
-        The causes to think of.
+        The causes to consider.
     same : dict
         By candidate, the effects that are the same in the equations of the prior.
 
     Attributes
     ----------
     alone : dict
-        Share of the re-tuned prior's squares that every candidate leaves alone, as far as known.
+        Share of the re-tuned prior's squares that each candidate leaves as the only cause, as far
+        as known.
     """
 
     def __init__(
@@ -62,14 +63,14 @@ class Ladder:
         return usable(fits)
 
     def _learn(self, ground: SubsampleFit, fit: SubsampleFit) -> None:
-        """Note what a candidate leaves alone, or changes beside other causes."""
+        """Note what a candidate leaves as the only cause, or what it changes beside others."""
         if ground.hypothesis.causes:
             self.screen().learn(ground, fit)
         else:
             self._note_alone(ground, [fit])
 
     def converge(self, current, fits: list[SubsampleFit]) -> list[SubsampleFit]:
-        """Follow fits to their end, or until the best one refutes them; nearest first."""
+        """Run fits to convergence, or until the best one refutes them; nearest first."""
         best, found = None, []
         for fit in fits:
             limit = np.inf if best is None else self._limit(best, fit)
@@ -81,10 +82,10 @@ class Ladder:
         return usable(found)
 
     def promising(self, ground: SubsampleFit) -> tuple[Effect, ...]:
-        """Return the half of the candidates that are expected to leave least; all of them alone.
+        """Return the half of the candidates expected to leave least; all if there is no cause yet.
 
-        What was fitted beside the same causes before is known, not only expected. Those of which
-        nothing is expected, since no fit of them could be made, go on as well.
+        For candidates already fitted beside the same causes the known value is used if it is lower.
+        Candidates without an expectation, since no fit of them could be made, are kept as well.
         """
         if not ground.hypothesis.causes:
             return self.candidates
@@ -110,7 +111,7 @@ class Ladder:
         return self._screening
 
     def in_place(self, current, cause: Effect) -> list[FittedHypothesis]:
-        """Return what may stand in a cause's place, fitted on all windows."""
+        """Return the hypotheses with another candidate in a cause's place, on all windows."""
         without = self.fitter.reduce(self.fitter.subsample(current), cause)
         likely = self.promising(without)
         others = [c for c in likely if c != cause and without.hypothesis.allows(c)]
@@ -128,7 +129,7 @@ class Ladder:
         return [trial for trial in trials if trial.fit.usable]
 
     def _limit(self, best: SubsampleFit, fit: SubsampleFit) -> float:
-        """Return the squares from which on no fit of a hypothesis is within reach of the best."""
+        """Return the sum of squares above which a fit can no longer compete with the best one."""
         left = [each.fit.evaluation.residual for each in (best, fit)]
         window = segments(self.fitter.rough.windows)
         time = np.max([autocorrelation_times(residual, window) for residual in left])
@@ -137,14 +138,14 @@ class Ladder:
         return best.squares * float(np.exp(min(2.0 * reach / count, 10.0)))
 
     def step(self, fit: SubsampleFit) -> SubsampleFit:
-        """Note that a fit is done, and if it is the best so far."""
+        """Report that a fit is done, and whether it is the best so far."""
         causes = fit.hypothesis.causes
         self.progress.note(fit.times_noise, " and ".join(c.title(c.target) for c in causes))
         self.progress.step()
         return fit
 
     def _note_alone(self, ground: SubsampleFit, fits: list[SubsampleFit]) -> None:
-        """Note the share of the squares that every candidate leaves alone."""
+        """Note the share of the squares that each candidate leaves as the only cause."""
         for fit in fits:
             if len(fit.hypothesis.causes) == 1 and fit.fit.usable and ground.fit.usable:
                 (cause,) = fit.hypothesis.causes
@@ -154,5 +155,5 @@ class Ladder:
 
 
 def usable(fits: list[SubsampleFit]) -> list[SubsampleFit]:
-    """Return the fits that could be made, the nearest first."""
+    """Return the usable fits, those closest to the records first."""
     return sorted((fit for fit in fits if fit.fit.usable), key=objective_of)

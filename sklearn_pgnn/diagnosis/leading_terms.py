@@ -1,18 +1,19 @@
-"""A sparse formula for samples of a quantity, term by term, the most telling first."""
+"""A sparse formula for samples of a quantity, term by term, the most important first."""
 
 import numpy as np
 
-#: share of a column's power below which what the terms before it leave of it is rounding
+#: share of a column's power below which its remainder after earlier terms counts as rounding error
 EPSILON = np.finfo(float).eps
 
 
 def leading_terms(columns: np.ndarray, target: np.ndarray, count: int) -> list[np.ndarray]:
-    r"""Fit a quantity by one, two, and more of the columns of a library.
+    r"""Fit a quantity with one, two, and more of the columns of a library.
 
-    The columns are taken in by forward regression with orthogonal least squares,
-    :math:`\min_\xi |d - \Theta\xi|^2` with :math:`|\xi|_0 = 1, 2, \dots`: the next is the one that
-    lowers the squares most, together with those taken before. (Orthogonal matching pursuit takes
-    the one most like the rest, and is misled where columns are alike.)
+    The columns are selected by forward regression with orthogonal least squares,
+    :math:`\min_\xi |d - \Theta\xi|^2` with :math:`|\xi|_0 = 1, 2, \dots`: the next column is the
+    one that, together with those selected before, lowers the squares most. (Orthogonal matching
+    pursuit selects the column most correlated with the residual, and is misled by columns that are
+    nearly collinear.)
 
     Parameters
     ----------
@@ -21,13 +22,13 @@ def leading_terms(columns: np.ndarray, target: np.ndarray, count: int) -> list[n
     target : ndarray of shape (n_samples,)
         The quantity :math:`d`.
     count : int
-        Most terms.
+        Largest number of terms.
 
     Returns
     -------
     list of ndarray of shape (n_terms,)
-        Coefficients :math:`\xi` with one term, with two, and so on; it ends where every further
-        column is a sum of those taken.
+        Coefficients :math:`\xi` with one term, with two, and so on; the list ends where every
+        further column is a linear combination of those selected.
 
     References
     ----------

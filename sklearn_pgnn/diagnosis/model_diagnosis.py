@@ -74,113 +74,116 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
     r"""Name the physical causes of a model's error and extend the model by them.
 
     Every cause of the catalogue is fitted together with the model's free parameters and the
-    initial states on short windows of the records. Hypotheses are compared by one statistic, a
-    held-out likelihood ratio,
+    initial states on short windows of the records (multiple shooting). Hypotheses are compared by
+    one statistic, a held-out likelihood ratio,
 
     .. math:: \Lambda = \sum_o \frac{n_o}{2 \tau_o} \log \frac{S_{o,0}}{S_{o,1}} - (V_1 - V_0),
 
     see `sklearn_pgnn.estimation.criterion`. With :math:`N` candidates and the overdispersion
     :math:`\phi` of the residuals along it, a cause is named if
     :math:`\Lambda > \phi \log(N/\alpha)`, if it explains `smallest_share` of an output's error,
-    and if the free run does not contradict it; a cause that adds states must also improve the free
-    run, since over windows their initial values are free. A free run that is not informative, as
-    that of a chaotic machine, does not count.
+    and if the free-run simulation does not contradict it; a cause that adds states must also
+    improve the free run, since the initial values of these states are free in every window. A free
+    run that is not informative, such as that of a chaotic machine, does not count.
 
     Parameters
     ----------
     model : PhysicsModel
         The prior.
     catalogue : sequence of type[Effect] or str, optional
-        Effects to think of, or their ids; by default `sklearn_pgnn.effects.CATALOGUE`.
+        Effects to consider, or their ids; by default `sklearn_pgnn.effects.CATALOGUE`.
     targets : sequence of str, optional
         States, inputs, outputs and parameters that may be targets; by default all.
     max_causes : int, default=4
-        Causes named at most.
+        Largest number of causes named.
     window_length : float, optional
-        Window length [s], kept to; by default the records tell. At least 20 samples, and at most
-        so long that four windows are left.
+        Window length [s], used as given; by default selected from the records. At least 20
+        samples, and at most so long that four windows are left.
     noise_std : array-like of shape (n_outputs,), optional
-        Standard deviation of each output's noise, in its unit: finite and above 0. One number is
-        taken where there is one output. By default the records tell.
+        Standard deviation of each output's noise, in its unit: finite and above 0. A single number
+        is accepted if there is one output. By default estimated from the records.
     alpha : float, default=0.01
         False-alarm rate: the chance that a cause is named where nothing is missing.
     smallest_share : float, default=0.05
         Smallest share of an output's error power, over windows or in free run, that matters.
     hold : {"auto", "zoh", "foh"}, default="auto"
-        Whether an input is held between two samples (``"zoh"``) or runs straight from one to the
-        next (``"foh"``); by default as the model's `simulation` says, else held, unless the
-        records contradict it.
+        Whether an input is held constant between two samples (``"zoh"``) or interpolated linearly
+        (``"foh"``); by default as the model's `simulation` specifies, else held, unless the records
+        contradict it.
     substeps : int, optional
-        Integration steps from sample to sample; by default as the model's `simulation` says, else
-        as many as accuracy needs.
+        Integration steps per sample; by default as the model's `simulation` specifies, else as many
+        as accuracy needs.
     time_column : int or str, optional
         Column of X that holds the time; by default the first, or ``"t"``.
     n_jobs : int, optional
-        Processes that fit hypotheses side by side, where that takes longer than starting them, and
-        threads that simulate meanwhile; -1 means all cores. None means 1, unless a
-        `joblib.parallel_config` says otherwise; its backend decides where the processes are, the
-        threads are those of this computer. No result depends on it.
+        Processes that fit hypotheses in parallel, if the fits take longer than starting the
+        processes, and threads for simulation; -1 means all cores. None means 1, unless a
+        `joblib.parallel_config` says otherwise; its backend decides where the processes run, the
+        threads run on this computer. No result depends on it.
     random_state : int, RandomState or None, default=0
-        Draws the resampled windows of the gain's interval.
+        Draws the resampled windows for the gain's interval.
     progress : callable, optional
         Called as ``progress(stage, done, total)`` while fitting, before every step of every fit;
-        `done` is at most `total`. A stage in between that begins with ``"best candidate so far: "``
-        names what leaves least until then. `detectability` calls it, too, after every effect.
+        `done` is at most `total`. An intermediate stage that begins with
+        ``"best candidate so far: "`` names the causes that leave the least error until then.
+        `detectability` calls it, too, after every effect.
     time_limit : float, optional
-        Time [s] after which the best so far is taken. The re-tuned prior, and the held-out error
-        of what was found, are computed in any case.
+        Time [s] after which the search stops and the best so far is returned. The re-tuned prior,
+        and the held-out error of what was found, are computed in any case.
 
     Attributes
     ----------
     verdict_ : {"model_adequate", "cause_named", "ambiguous", "unexplained"}
-        What the records say.
+        The verdict.
     causes_ : tuple of NamedCause
-        What is missing, the most telling first, each with its probability and its rivals'.
+        The missing causes, the most important first, each with its probability and those of its
+        rivals.
     extended_model_ : PhysicsModel
-        The prior, re-tuned and extended by the causes. Its `simulation` says with which hold and
-        substeps it was judged, and its `initial_state` where the first record was found to start.
+        The prior, re-tuned and extended by the causes. Its `simulation` holds the hold and the
+        substeps with which it was judged, its `initial_state` the estimated state at the start of
+        the first record.
     refitted_model_ : PhysicsModel
         The prior, re-tuned only.
     parameters_ : dict of str to RetunedParameter
         The prior's free parameters in the extended model, the formula included if there is one.
     gain_ : dict of str to Gain
-        Held-out error of every output before, after re-tuning and after extending, over windows
+        Held-out error of every output for the prior as given, re-tuned, and extended, over windows
         and in free run.
     free_run_ : dict of str to FreeRunError
         Error of every output over whole records: .prior, .refitted and .extended, simulated from
         `initial_states_` without restarts; infinite where a simulation becomes non-finite.
         Its .tells is false where the free run of a chaotic or unstable machine is not informative.
     initial_states_ : ndarray of shape (n_trajectories, n_states)
-        State of the extended model at the start of every trajectory: what X tells, `settled`
-        states at the first input, and else as the first window was fitted.
+        State of the extended model at the start of every trajectory: as given in X, for `settled`
+        states as the first input determines it, and otherwise as fitted in the first window.
     window_ : float
         Window length used [s].
     substeps_ : int
-        Integration steps from sample to sample.
+        Integration steps per sample.
     hold_ : {"zoh", "foh"}
-        How the inputs were taken to run between samples.
+        How inputs were interpolated between samples.
     remaining_ : Remaining
-        What the causes leave: .kind, one of ``"noise"``, ``"disturbance"`` (coloured noise of a
-        sensor, or something from outside: nothing that was recorded predicts it) and
-        ``"structure"``, with .times_noise of every output and what it .depends_on.
+        The residuals that the causes leave: .kind, one of ``"noise"``, ``"disturbance"`` (coloured
+        noise of a sensor, or an external disturbance: nothing that was recorded predicts it) and
+        ``"structure"``, with .times_noise of every output and the quantities in .depends_on.
     discrepancy_ : MissingPart or None
-        Where something is missing that is not in the catalogue, what it depends on, and a
+        A missing part that is not in the catalogue: where it acts, what it depends on, and a
         formula for it.
     candidates_ : tuple of Tried
         Every candidate, the best first: .effect, .target and .left, the share of the re-tuned
-        prior's error power it leaves alone.
+        prior's error power that remains with this candidate alone.
     data_quality_ : tuple of Finding
         Faults of the records: clipping, lost samples, feedback, poor excitation.
     separations_ : tuple of Separation
-        For causes that these records cannot tell apart, the experiments that would.
+        For causes that these records cannot distinguish, the experiments that would.
     unusable_ : tuple of Unusable
         Candidates that could not be fitted for numerical reasons: .effect, .target, .reason.
     stopped_ : str or None
-        Why the diagnosis did not come to its end, and at what stage.
+        Why the diagnosis ended early, and at what stage.
     complete_ : bool
-        Whether the search came to its end; else what is said is the best so far.
+        Whether the search ran to completion; otherwise the results are the best so far.
     records_ : DiagnosisRecords
-        The records and what the models make of them, for pictures.
+        The records and the fits of the models, for plots.
     n_features_in_ : int
         Number of columns of X.
     feature_names_in_ : ndarray of str
@@ -238,11 +241,11 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         self.time_limit = time_limit
 
     def __sklearn_is_fitted__(self):
-        """Return whether there is a verdict."""
+        """Return whether the diagnosis has a verdict."""
         return hasattr(self, "verdict_")
 
     def __sklearn_tags__(self):
-        """Return tags: states may be NaN and that random numbers follow no physical model."""
+        """Return tags: X may hold NaN, and scores on random data are poor."""
         return tags_of_records(super().__sklearn_tags__())
 
     @one_thread_each()
@@ -264,14 +267,14 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         Raises
         ------
         ValueError
-            If X or y cannot be read as records of the model, or hold too little; if the model
-            cannot be simulated on them; if an option is none of what it can be.
+            If X or y cannot be read as records of the model, or hold too few data; if the model
+            cannot be simulated on them; if an option has an invalid value.
 
         Notes
         -----
-        Where the search ends with an error of the program, or is interrupted, the best so far is
-        kept before the error is raised again: there is something to show if there is a `verdict_`,
-        and `stopped_` says why the search ended.
+        If the search ends with a program error, or is interrupted, the best result so far is kept
+        before the error is raised again: there is a result if there is a `verdict_`, and `stopped_`
+        says why the search ended.
         """
         check_model(self.model)
         check_options(self.hold, self.alpha, self.smallest_share)
@@ -303,7 +306,7 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         return self
 
     def _warn_of_clocks(self, records) -> None:
-        """Warn where the extended model alone contains the time, and a clock did not begin at 0."""
+        """Warn if only the extended model depends on time and a record does not begin at t = 0."""
         counted = self.model.is_autonomous and not self.extended_model_.is_autonomous
         late = [record for record in records if record.origin]
         if counted and late:
@@ -317,7 +320,7 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             )
 
     def _forget(self) -> None:
-        """Drop what an earlier fit has learned, so that it is not taken for this one's."""
+        """Delete the fitted attributes of an earlier fit, so that none is taken for this one's."""
         for name in list(vars(self)):
             if name.endswith("_") and name not in ("n_features_in_", "feature_names_in_"):
                 delattr(self, name)
@@ -351,7 +354,7 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             self.stopped_: str | None = investigation.progress.ended
 
     def _keep(self, investigation: Investigation) -> None:
-        """Turn the best so far into learned attributes; the verdict, the last, says it is whole."""
+        """Set the fitted attributes from the best so far; the verdict is set last."""
         progress = investigation.progress
         progress.counts = False
         progress.begin("held-out error")
@@ -388,7 +391,7 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         self.verdict_ = found.verdict  # the last: it says that all is there
 
     def _conclude(self, investigation: Investigation, whole: tuple[Record, ...]) -> None:
-        """Find what else there is to say, as far as the time allows."""
+        """Compute the remaining results, as far as the time allows."""
         progress, found = investigation.progress, investigation.so_far()
         failures = found.search.fitter.failures
         progress.counts = True
@@ -415,7 +418,7 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         )
 
     def _separate(self, progress: Progress) -> None:
-        """Find what separates every cause from its equivalents, and from the first other rival."""
+        """Find experiments that separate each cause from its equivalents and its next rival."""
         try:
             self._separate_all(progress)
         finally:  # also of those that the time sufficed for
@@ -439,11 +442,11 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         return SelectionCriterion(self.alpha, self.smallest_share, len(candidates))
 
     def _with_equivalent(self, cause: NamedCause) -> NamedCause:
-        """Note which causes are the same as one, so that no record separates them."""
+        """Return a named cause with its equivalent causes, which no record separates from it."""
         return with_equivalent(cause, self.separations_)
 
     def _cause(self, named) -> Effect:
-        """Return the effect of the catalogue that is named by its id and target."""
+        """Return the effect of the catalogue with a given id and target."""
         return effect_named(named, read_catalogue(self.catalogue))
 
     def predict(self, X):
@@ -457,8 +460,8 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         Returns
         -------
         ndarray of shape (n_samples, n_outputs) or (n_samples,)
-            Simulated outputs. All rows of a trajectory whose simulation becomes non-finite
-            get the values of the first one, of which a `SimulationWarning` tells.
+            Simulated outputs. If a simulation becomes non-finite, all rows of that trajectory get
+            the values of its first row, and a `SimulationWarning` is issued.
         """
         check_is_fitted(self)
         records = read_records(
@@ -470,27 +473,27 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         return outputs.ravel() if self._single_output else outputs
 
     def to_dict(self) -> dict:
-        """Return the diagnosis as plain data, as ``diagnosis.json`` holds it.
+        """Return the diagnosis as plain data, as in ``diagnosis.json``.
 
         Returns
         -------
         dict
-            Verdict, data quality, causes with their probabilities and how to separate them, what
-            is left, parameters, gain and free runs. A number that is not finite is None.
+            Verdict, data quality, causes with their probabilities and how to separate them, the
+            remaining residuals, parameters, gain and free runs. Non-finite numbers are None.
         """
         check_is_fitted(self)
         return plain_diagnosis(self)
 
     def causes_frame(self):
-        """Return the named causes as a DataFrame, a row for each of their parameters."""
+        """Return the named causes as a DataFrame, one row per parameter."""
         return frames.causes_frame(self)
 
     def parameters_frame(self):
-        """Return the prior's re-tuned parameters as a DataFrame, a row each."""
+        """Return the prior's re-tuned parameters as a DataFrame, one row each."""
         return frames.parameters_frame(self)
 
     def gain_frame(self):
-        """Return what re-tuning and extending are worth as a DataFrame, a row an output."""
+        """Return the errors before and after extending as a DataFrame, one row per output."""
         return frames.gain_frame(self)
 
     def _html_repr(self) -> str:
@@ -521,28 +524,29 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         verify=False,
         random_state=0,
     ):
-        r"""Return how large an effect must be before records like these would show it.
+        r"""Return the smallest size at which records like these would reveal each effect.
 
-        Every effect is put into the extended model, with the records' own inputs, initial states
-        and noise; the model is re-tuned, and the diagnosis' own rules judge what is left.
+        Every effect is added to the extended model, which is simulated with the records' own
+        inputs, initial states and noise; the model is then re-tuned, and the rules of the diagnosis
+        are applied to the residuals.
 
         Parameters
         ----------
         effects : sequence of type[Effect] or str, optional
             The effects, or their ids; by default the catalogue of the diagnosis.
         targets : sequence of str, optional
-            What they act on; by default all that is possible.
+            The targets they act on; by default all that are possible.
         power : float, default=0.9
-            Chance with which the smallest size shall be named.
+            Probability with which an effect of the smallest size is to be named.
         sizes : sequence of float, default=(0.25, 0.5, 1, 2)
             Multiples of the smallest size at which the table gives the power.
         noise : {"residual", "white"}, default="residual"
-            Noise as correlated as what the extended model leaves, or white of the same power.
+            Noise as correlated as the residuals of the extended model, or white of the same power.
         n_repeats : int, default=200
             Draws of the noise for every size.
         verify : bool, default=False
-            Whether to run the diagnosis itself on simulated records with every effect at its
-            smallest size; as costly as that many diagnoses.
+            Whether to run the diagnosis itself on simulated records, one run for every effect at
+            its smallest size; as costly as that many diagnoses.
         random_state : int, RandomState or None, default=0
             Draws the noise.
 
@@ -597,24 +601,24 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         """Find the experiment that would separate a cause from another one.
 
         Both causes are fitted and simulated under designed inputs: steps, slow ramps, pulses with
-        a long rest, sines and a sweep, each at several amplitudes. Each model is re-tuned to what
-        the other shows; what it leaves is what the experiment would tell. Experiments that would
-        drive an output beyond twice its range in the records are left out.
+        a long rest, sines and a sweep, each at several amplitudes. Each model is re-tuned to the
+        outputs of the other; the remaining difference is the information of the experiment.
+        Experiments that would drive an output beyond twice its range in the records are left out.
 
         Parameters
         ----------
         cause : NamedCause, Candidate or (str, str), optional
             A named cause, or its effect and target; by default the first.
         other : Candidate or (str, str), optional
-            The cause to tell it from; by default the first that it is confused with.
+            The cause to separate it from; by default the first that it is confused with.
         reach : float, default=1
-            Largest amplitude, as a multiple of the records'.
+            Largest amplitude, as a multiple of that in the records.
 
         Returns
         -------
         Separation
-            Whether the two are the same in the equations, and if not the experiments, the most
-            telling first.
+            Whether the two are equivalent in the equations, and if not the experiments, the most
+            informative first.
 
         Raises
         ------
@@ -642,7 +646,7 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         return separate(self.records_, mine, theirs, self._criterion(), reach)
 
     def plot(self):
-        """Draw measured against prior and extended simulation.
+        """Plot the measured outputs with the simulations of the prior and the extended model.
 
         Returns
         -------
@@ -653,7 +657,7 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
 
 
 def _said(error: BaseException) -> str:
-    """Return in short what ended a fit."""
+    """Return a short description of what ended a fit."""
     if isinstance(error, KeyboardInterrupt):
         return "interrupted"
     return f"unexpected {type(error).__name__}: {error}"

@@ -13,7 +13,7 @@ from sklearn_pgnn.physics.effects import WrongParameter
 
 
 class Moves:
-    """Moves from a hypothesis; most yield what they lead to and the criterion accepts, best first.
+    """Moves from a hypothesis; most yield the hypotheses that the criterion accepts, best first.
 
     Parameters
     ----------
@@ -30,9 +30,9 @@ class Moves:
     # -- fewer causes ------------------------------------------------------------------------------
 
     def pruned(self, trial: FittedHypothesis, needed: float) -> FittedHypothesis:
-        """Return a hypothesis without what has too little evidence beside a disturbance.
+        """Return a hypothesis without the causes that have too little evidence given a disturbance.
 
-        Nor has it what has no name then.
+        Causes that are then no longer named are dropped, too.
         """
         while (fewer := self._drop_disturbed(trial, needed)) is not None:
             trial = self.without_needless(fewer)
@@ -45,13 +45,13 @@ class Moves:
         return trial
 
     def _drop_disturbed(self, current: FittedHypothesis, needed: float) -> FittedHypothesis | None:
-        """Drop the cause that is needed least beside a disturbance, if more than noise is left."""
+        """Drop the least needed cause given a disturbance, if more than white noise is left."""
         if not self.compare.is_coloured(current):
             return None
         return self.drop(current, partial(self.compare.names_disturbed, needed=needed))
 
     def drop(self, current: FittedHypothesis, is_named=None) -> FittedHypothesis | None:
-        """Drop the cause that is needed least, unless it is named beside the others."""
+        """Drop the least needed cause, unless it is named beside the others."""
         is_named = self.compare.names if is_named is None else is_named
         if not current.hypothesis.causes:
             return None
@@ -68,17 +68,17 @@ class Moves:
     # -- more causes -------------------------------------------------------------------------------
 
     def add(self, current: FittedHypothesis) -> Iterator[FittedHypothesis]:
-        """Add the best candidate: the better half of the first fits is followed to its end."""
+        """Add the best candidate; only the better half of the first fits is run to convergence."""
         fits = self.ladder.first_fits(current, self.ladder.candidates)
         yield from self._choose(current, self.ladder.converge(current, fits[: -(-len(fits) // 2)]))
 
     def add_patiently(self, current: FittedHypothesis) -> Iterator[FittedHypothesis]:
-        """Add the best candidate, every first fit being followed to its end."""
+        """Add the best candidate; every first fit is run to convergence."""
         fits = self.ladder.first_fits(current, self.ladder.candidates)
         yield from self._choose(current, self.ladder.converge(current, fits))
 
     def add_pair(self, current: FittedHypothesis) -> Iterator[FittedHypothesis]:
-        """Add the best of the pairs that are expected to explain most together."""
+        """Add the best of the pairs of candidates that are expected to explain most together."""
         self.progress.begin("pairs", 2 * PAIRS)
         ground = self.fitter.subsample(current)
         ranked = self.ladder.screen().rank(ground, 2)
@@ -87,7 +87,7 @@ class Moves:
         yield from self._choose(current, self.ladder.converge(current, usable(fits)), n_causes=2)
 
     def _first_fits_of_pairs(self, ground: SubsampleFit, pairs) -> list[SubsampleFit]:
-        """Fit every pair on some samples: the other cause beside the one that leaves less alone."""
+        """Fit every pair on some samples, starting with the cause that leaves less by itself."""
         fitter = self.fitter
         fitter.prepare_first_fits((ground, cause) for pair in pairs for cause in pair)
         alone = [usable([fitter.first_fit(ground, cause) for cause in pair]) for pair in pairs]
@@ -96,7 +96,7 @@ class Moves:
         return [fitter.first_fit(fit, other) for fit, other in both]
 
     def _choose(self, current, fits: list[SubsampleFit], n_causes=1) -> Iterator[FittedHypothesis]:
-        """Yield the finalists that are named, first the simplest of those that none refutes."""
+        """Yield the named finalists; the simplest of those not refuted by another comes first."""
         self.fitter.prepare_fits(fits[:KEPT], current)
         trials = [self.fitter.fit_all(fit, current) for fit in fits[:KEPT]]
         while trials := [trial for trial in trials if trial.fit.usable]:
@@ -106,7 +106,7 @@ class Moves:
             trials.remove(best)
 
     def _simplest_of_the_best(self, trials: list[FittedHypothesis]) -> FittedHypothesis:
-        """Return the hypothesis with the fewest parameters among those that the best leaves."""
+        """Return the simplest hypothesis among those that no other one refutes."""
         best = trials[0]
         for trial in trials[1:]:
             if self.compare.evidence(best, trial) > 0.0:
@@ -123,9 +123,9 @@ class Moves:
     # -- other causes ------------------------------------------------------------------------------
 
     def replace(self, current: FittedHypothesis) -> Iterator[FittedHypothesis]:
-        """Put another candidate in a cause's place where that is preferred, the likeliest first.
+        """Replace a cause by another candidate where that is preferred, the likeliest first.
 
-        Beside a candidate that says the same another cause may be needless.
+        With a candidate that explains as much, another cause may become unnecessary.
         """
         for cause in current.hypothesis.causes:
             others = self.ladder.in_place(current, cause)
@@ -143,7 +143,7 @@ class Moves:
                     return
 
     def _is_needed(self, other: FittedHypothesis, current: FittedHypothesis) -> bool:
-        """Return whether a hypothesis has a cause that another one has not, and it is named."""
+        """Return whether a hypothesis has a cause that the current one lacks, and it is named."""
         own = own_causes(current, other)
         if not own:
             return False
@@ -153,7 +153,7 @@ class Moves:
         return not without.fit.usable or self.compare.names(without, other)
 
     def replace_by_pair(self, current: FittedHypothesis) -> Iterator[FittedHypothesis]:
-        """Put the best of the promising pairs in a cause's place where that refutes the cause."""
+        """Replace a cause by the best of the promising pairs where these refute the cause."""
         ground = self.fitter.subsample(current)
         for cause in current.hypothesis.causes:
             without = self.fitter.fit_all(self.fitter.reduce(ground, cause), current)
@@ -161,7 +161,7 @@ class Moves:
             yield from (pair for pair in pairs if self.compare.refutes(pair, current))
 
     def split(self, current: FittedHypothesis) -> Iterator[FittedHypothesis]:
-        """Replace a cause by its special cases where these explain as much more simply."""
+        """Replace a cause by its special cases where these explain as much with less complexity."""
         ground = self.fitter.subsample(current)
         apart = [a for c in current.hypothesis.causes for a in self._apart(ground, c)]
         fewer = [
@@ -173,7 +173,7 @@ class Moves:
                 yield split
 
     def _apart(self, ground: SubsampleFit, cause: Effect) -> list[SubsampleFit]:
-        """Fit a cause beside a part of it, and its special cases without it."""
+        """Fit a cause together with a part of it, and its special cases in its place."""
         others = [c for c in self.ladder.candidates if c not in ground.hypothesis.causes]
         kin = [c for c in others if c.target == cause.target]
         found = [self.fitter.split(ground, cause, c) for c in kin if c.id in cause.shared]
@@ -186,7 +186,7 @@ class Moves:
         return found
 
     def begin_anew(self, current: FittedHypothesis) -> FittedHypothesis:
-        """Fit earlier causes from their starts again: they may have stood for the last one too."""
+        """Fit earlier causes again from their starts: they may have absorbed the last one."""
         earlier = current.hypothesis.causes[:-1]
         if not earlier:
             return current

@@ -1,4 +1,4 @@
-r"""Errors over held-out windows in units of the noise: the one measure of all that is reported.
+r"""Errors over held-out windows in units of the noise: the common measure of all reported errors.
 
 .. math:: e = \sqrt{\frac{\sum_o n_o (r_o / s_o)^2}{\sum_o n_o (w_o / s_o)^2}}
 
@@ -19,7 +19,7 @@ from sklearn_pgnn.estimation.fitted_records import DiagnosisRecords, FittedWindo
 
 
 def ratio(error: float, noise: float) -> float:
-    """Return an error in units of the noise; not a number where there is none.
+    """Return an error in units of the noise; NaN where there is no noise.
 
     Examples
     --------
@@ -46,7 +46,7 @@ def error_together(gains: Mapping[str, Gain], records: DiagnosisRecords, which: 
     Returns
     -------
     float
-        The error; not a number where there is no noise.
+        The error; NaN where there is no noise.
     """
     windows, found = records.windows, list(gains.values())
     weights = np.isfinite(windows.y).sum(axis=0) / windows.scale**2
@@ -58,7 +58,7 @@ def error_together(gains: Mapping[str, Gain], records: DiagnosisRecords, which: 
 
 
 def scaled_error(records: DiagnosisRecords, fit: FittedWindows) -> float:
-    """Return the root mean square of what a fitted model leaves over windows, in their scale."""
+    """Return the root mean square residual of a fitted model over windows, in their scale."""
     with np.errstate(over="ignore"):  # a model that nearly diverges
         return float(np.sqrt(np.nanmean((fit.residual / records.windows.scale) ** 2)))
 
@@ -66,12 +66,12 @@ def scaled_error(records: DiagnosisRecords, fit: FittedWindows) -> float:
 def measured_alike(
     part: MissingPart, gains: Mapping[str, Gain], records: DiagnosisRecords
 ) -> MissingPart:
-    """Return a missing part with its error in the same measure as those of the models.
+    """Return a missing part with its error in the same unit as those of the models.
 
     Parameters
     ----------
     part : MissingPart
-        The missing part, its error as a fit on all windows has it.
+        The missing part, with the error of a fit on all windows.
     gains : mapping of str to Gain
         Errors and noise, by output.
     records : DiagnosisRecords

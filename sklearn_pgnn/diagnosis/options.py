@@ -1,4 +1,4 @@
-"""The options of a diagnosis: what they may be, and the message where they are something else."""
+"""The options of a diagnosis: their valid values, and the messages for invalid ones."""
 
 from numbers import Integral, Real
 
@@ -14,7 +14,7 @@ def check_options(hold, alpha, smallest_share) -> None:
     hold : {"auto", "zoh", "foh"}
         How inputs run between samples.
     alpha, smallest_share : float
-        Rate of false names, and the smallest share of an error worth a name.
+        False-alarm rate, and the smallest share of an error for which a cause is named.
     """
     for name, value in (("alpha", alpha), ("smallest_share", smallest_share)):
         if not (isinstance(value, Real) and 0 < float(value) < 1):
@@ -24,7 +24,7 @@ def check_options(hold, alpha, smallest_share) -> None:
 
 
 def check_max_causes(count) -> None:
-    """Raise `OptionError` unless a number of causes is an integer from 0 on."""
+    """Raise `OptionError` unless a number of causes is a non-negative integer."""
     if not isinstance(count, Integral) or count < 0:
         raise OptionError(f"max_causes: expected an integer >= 0, got {count!r}.")
 

@@ -1,4 +1,4 @@
-"""A diagnosis as plain data, as ``diagnosis.json`` holds it."""
+"""A diagnosis as plain data, as in ``diagnosis.json``."""
 
 from sklearn_pgnn.diagnosis.result import NamedCause
 from sklearn_pgnn.estimation.plain_data import finite, plain
@@ -6,7 +6,7 @@ from sklearn_pgnn.experiment_design.separation import plain_separation
 
 
 def plain_diagnosis(diagnosis) -> dict:
-    """Return a diagnosis as plain data; a number that is not finite is None.
+    """Return a diagnosis as plain data; non-finite numbers are None.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ def plain_diagnosis(diagnosis) -> dict:
 
 
 def _plain_cause(cause: NamedCause) -> dict:
-    """Return a named cause, and whether its rivals are the same as it."""
+    """Return a named cause as plain data, with whether each rival is equivalent to it."""
     return {
         "effect": cause.effect,
         "target": cause.target,
@@ -56,7 +56,7 @@ def _plain_cause(cause: NamedCause) -> dict:
 
 
 def _named_starts(diagnosis) -> list[dict]:
-    """Return every trajectory's name, and where it starts."""
+    """Return every trajectory's name and initial state."""
     states = list(diagnosis.extended_model_.states)
     return [
         {"trajectory": name, "state": dict(zip(states, start.tolist(), strict=True))}

@@ -1,4 +1,4 @@
-"""What a diagnosis says: causes with their sizes, parameters, and what the extension is worth."""
+"""The results of a diagnosis: causes with sizes, parameters, and the gain of the extension."""
 
 import math
 from dataclasses import dataclass, replace
@@ -22,7 +22,7 @@ from sklearn_pgnn.simulation.window_fit import WindowFit
 
 
 class Rival(NamedTuple):
-    """A candidate that may stand in a cause's place.
+    """A candidate that explains the records in place of a named cause.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ class Rival(NamedTuple):
 
 
 class Tried(NamedTuple):
-    """A candidate, and what it leaves where it is the only cause.
+    """A candidate, and the error that remains with it as the only cause.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ class Tried(NamedTuple):
     target : str
         The state in whose rate it acts, or the input, output or parameter.
     left, low, high : float
-        Share of the re-tuned prior's error power that is left, with its 95 % interval.
+        Remaining share of the re-tuned prior's error power, with its 95 % interval.
 
     Examples
     --------
@@ -72,7 +72,7 @@ class Tried(NamedTuple):
 
 @dataclass(frozen=True)
 class NamedCause:
-    """A cause of the model's error.
+    """A named cause of the model's error.
 
     Parameters
     ----------
@@ -83,15 +83,15 @@ class NamedCause:
     parameters : dict of str to Estimate
         Its physical parameters.
     gain : float
-        By how much it lowers the held-out error of the model without it [%].
+        Reduction of the held-out error relative to the model without this cause [%].
     confused_with : tuple of Rival
         Candidates that the records do not refute in its place, with their probabilities.
     summary, check : str
-        What it is, and how to check it on the rig.
+        A description of the cause, and how to check it on the rig.
     equivalent : tuple of Candidate
-        Those among `confused_with` that are the same in the equations: no record separates them.
+        Those in `confused_with` that are equivalent in the equations: no record separates them.
     probability : float
-        Probability that it is the cause, rather than another one of the catalogue or none.
+        Probability that this is the cause, rather than another one of the catalogue or none.
 
     Examples
     --------
@@ -132,12 +132,12 @@ class RetunedParameter:
     Parameters
     ----------
     prior, value, low, high : float
-        Prior value, estimate and its 95 % interval [unit]; the bounds of a parameter that was held
-        because the causes leave the records nothing to say of it.
+        Prior value, estimate and its 95 % interval [unit]. For a parameter that was held, because
+        the records cannot determine it beside the causes, the interval is its bounds.
     unit : str
         Its unit.
     changed : bool
-        Whether the interval leaves the prior value out.
+        Whether the interval excludes the prior value.
 
     Examples
     --------
@@ -156,22 +156,22 @@ class RetunedParameter:
 
 @dataclass(frozen=True)
 class Gain:
-    """The error of an output over windows that the parameters have not seen.
+    """The held-out error of an output over windows, for the three models.
 
     Parameters
     ----------
     prior, refitted, extended : float
         Root mean square error of the prior, the re-tuned prior and the extended model.
     noise : float
-        The white part of what the extended model leaves.
+        The white part of the residuals of the extended model.
     explained_share, low, high : float
         Share of the prior's error power above the noise that the extension removes, with its
-        95 % interval from resampled windows.
+        95 % interval from bootstrapped windows.
     unit : str
         Unit of the errors.
     free_run_refitted, free_run_extended : float
-        Root mean square error in free run, over records that the parameters have not seen, or
-        over the stretches that were held out.
+        Root mean square error in free run, over held-out records, or over the stretches that were
+        held out.
 
     Examples
     --------
@@ -193,7 +193,7 @@ class Gain:
 
 
 def name_causes(search: Search, result: SearchResult, errors) -> tuple[NamedCause, ...]:
-    """Describe the causes of the accepted hypothesis, the most telling first."""
+    """Describe the causes of the accepted hypothesis, the most important first."""
     fitter = search.fitter
     causes, before = [], result.base
     for step in result.steps:
@@ -259,7 +259,7 @@ def retuned_parameters(
 
 
 def measure_gain(fitter: HypothesisFitter, result: SearchResult, seed: int) -> dict[str, Gain]:
-    """Measure what re-tuning and extending are worth on held-out windows and in free run."""
+    """Measure the errors before and after extending, on held-out windows and in free run."""
     problem, rng = fitter.problem, np.random.default_rng(seed)
     windows = problem.windows
     counts = windows.sum_blocks(np.isfinite(windows.y).astype(float)).sum(axis=1)
@@ -300,7 +300,7 @@ def _rms(residuals: Residuals, output: int, scale: float) -> float:
 
 
 def share_above_noise(before, after, noise):
-    """Return the share of the error power above the noise that is gone, between 0 and 1."""
+    """Return the removed share of the error power above the noise, between 0 and 1."""
     before, after = np.asarray(before), np.asarray(after)
     known = np.isfinite(before) & np.isfinite(after)
     finite = np.where(known, before, 1.0)

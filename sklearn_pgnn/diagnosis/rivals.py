@@ -1,4 +1,4 @@
-"""What may stand in a cause's place: candidates that the records do not refute."""
+"""Rivals of a cause: candidates that the records do not refute in its place."""
 
 from sklearn_pgnn.diagnosis.comparison import Comparison
 from sklearn_pgnn.diagnosis.ladder import Ladder
@@ -10,7 +10,7 @@ from sklearn_pgnn.physics.effect import Effect
 
 
 def _is_same(fitter: HypothesisFitter, rest: Hypothesis, cause: Effect, other: Effect) -> bool:
-    """Return whether two causes of one parameter are the same in the equations beside others."""
+    """Return whether two one-parameter causes are equivalent in the equations beside others."""
     if not count_parameters(other) == count_parameters(cause) == 1:
         return False
     if any(fitter.models.orders(rest, each) != [rest.plus(each)] for each in (cause, other)):
@@ -21,10 +21,10 @@ def _is_same(fitter: HypothesisFitter, rest: Hypothesis, cause: Effect, other: E
 def find_rivals(
     compare: Comparison, ladder: Ladder, final: FittedHypothesis, cause: Effect
 ) -> list[tuple[Effect, float]]:
-    """Return the candidates that may stand in a cause's place, and the evidence against each.
+    """Return the candidates that may replace a cause, and the evidence against each.
 
-    What takes more parameters to say is no rival: the simpler of two is taken. Nor is what the free
-    run speaks against, because it is worse than that of the re-tuned prior, or of the cause.
+    A candidate with more parameters is no rival: the simpler of two is preferred. Nor is one that
+    the free run contradicts, being worse than that of the re-tuned prior or of the cause.
 
     Parameters
     ----------

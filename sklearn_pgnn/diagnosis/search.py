@@ -1,4 +1,4 @@
-"""Search for what is missing: moves from hypothesis to hypothesis, the cheap ones first."""
+"""Stepwise search for missing causes: moves from hypothesis to hypothesis, the cheap ones first."""
 
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
@@ -20,12 +20,12 @@ from sklearn_pgnn.estimation.same_in_equations import same_causes
 from sklearn_pgnn.estimation.stretches import is_long
 from sklearn_pgnn.physics.effect import Effect
 
-#: yields the hypotheses that a move leads to and the criterion accepts, the best first
+#: yields the hypotheses reached by a move that the criterion accepts, the best first
 Move = Callable[[FittedHypothesis], Iterator[FittedHypothesis]]
 
 
 class Search:
-    """Search the causes of a model's error, by the first move that the criterion accepts.
+    """Search for the causes of a model's error; each step takes the first accepted move.
 
     Parameters
     ----------
@@ -34,17 +34,17 @@ class Search:
     candidates : tuple of Effect
         The causes to consider.
     criterion : SelectionCriterion
-        When a cause is named.
+        The rule by which a cause is named.
     max_causes : int
-        Causes named at most.
+        Largest number of causes named.
     has_structure : callable
-        Whether what a hypothesis leaves depends on anything that was recorded; where no cause was
-        found, costly moves are tried only then.
+        Returns whether the residuals of a hypothesis depend on anything that was recorded; where
+        no cause was found, costly moves are tried only then.
     find_law : callable
-        Called with the search where a cause leaves something; whether a formula alone leaves
-        nothing, so that the search is over.
+        Called with the search where a cause leaves something; returns whether a formula alone
+        leaves nothing, so that the search is over.
     given : frozenset of Effect, default=frozenset()
-        Causes that the records show by themselves: any evidence for them will do.
+        Causes that the records show by themselves: any positive evidence for them is enough.
     """
 
     def __init__(
@@ -69,7 +69,7 @@ class Search:
         self._needed = 0.0  # evidence beside a disturbance: a disturbance stands for later causes
 
     def _use(self, fitter: HypothesisFitter, candidates: tuple[Effect, ...]) -> None:
-        """Let moves go on with a fitter and some candidates."""
+        """Use a fitter and some candidates for the following moves."""
         self.fitter = fitter
         self.compare = Comparison(fitter, self.criterion, self.given)
         self.ladder = Ladder(fitter, self.criterion, candidates, self.same)
@@ -81,12 +81,12 @@ class Search:
         Parameters
         ----------
         begin : FittedHypothesis, optional
-            Where to begin; by default at the re-tuned prior with what the records show.
+            Where to begin; by default the re-tuned prior with the causes that the records show.
 
         Returns
         -------
         SearchResult
-            The accepted hypothesis and what may stand in its causes' places.
+            The accepted hypothesis and the rivals of its causes.
         """
         self.progress.counts = True
         with suppress(TimeIsUp):
@@ -101,7 +101,7 @@ class Search:
         return self.so_far()
 
     def so_far(self) -> SearchResult:
-        """Return the best hypothesis so far of which every cause is named, if there is any."""
+        """Return the best hypothesis so far all of whose causes are named, if there is any."""
         self.progress.counts = False  # a result there must be
         self.current = self.moves.without_needless(self.current)
         if self.compare.refutes(self._standing, self.current):
@@ -114,7 +114,7 @@ class Search:
         fitter: HypothesisFitter,
         has_structure: Callable[[FittedHypothesis], bool],
     ) -> SearchResult:
-        """Fit what was found, and what may stand in its place, on other records.
+        """Fit the causes that were found, and their rivals, on other records.
 
         Parameters
         ----------
@@ -123,12 +123,12 @@ class Search:
         fitter : HypothesisFitter
             Fits hypotheses on these records.
         has_structure : callable
-            As above, of these records.
+            As for `Search`, on these records.
 
         Returns
         -------
         SearchResult
-            The causes that these records name; complete if all was, and the time suffices.
+            The causes that these records name; complete if the search was, and the time suffices.
         """
         complete = self.progress.ended is None
         rivals = {other for others in found.rivals.values() for other, _ in others}
@@ -146,10 +146,10 @@ class Search:
         return replace(self.so_far(), alone=found.alone)
 
     def in_steps_of(self, fitter: HypothesisFitter, found: SearchResult) -> SearchResult:
-        """Fit what was found in other integration steps, or special cases that say the same there.
+        """Fit the causes with other integration steps, or special cases that explain as much there.
 
-        A cause that stood for the error of the steps is dropped. What may stand in the place of the
-        others stays.
+        A cause that only compensated the integration error is dropped. The rivals of the others
+        stay.
         """
         self._use(fitter, self.ladder.candidates)
         self.current = self.moves.without_needless(fitter.polish(fitter.refit(found.final)))
@@ -169,7 +169,7 @@ class Search:
             self._climb()
 
     def _prune_and_climb(self) -> None:
-        """Drop causes not named beside a disturbance, and see where moves lead from there."""
+        """Drop causes that are not named given a disturbance, and search on from there."""
         self._needed, refused = self.criterion.to_name, {}
         while (pruned := self.moves.pruned(self.current, self._needed)) is not self.current:
             refused[self.fitter.key(self.current.hypothesis)] = self.current.fit.objective
@@ -188,13 +188,13 @@ class Search:
         self.current = self.fitter.polish(self.current)
 
     def _simpler(self, current: FittedHypothesis) -> FittedHypothesis | None:
-        """Return what explains as much with fewer parameters, or with fewer causes."""
+        """Return a hypothesis that explains as much with fewer parameters or fewer causes."""
         fewer = self.moves.drop(current)
         moves = (self.moves.replace, self.moves.split) if current.hypothesis.causes else ()
         return self._first_of(moves, current) if fewer is None else fewer
 
     def _next(self, current: FittedHypothesis) -> FittedHypothesis | None:
-        """Return what the cheapest move leads to that the criterion accepts."""
+        """Return the hypothesis of the cheapest move that the criterion accepts."""
         self._visited[self.fitter.key(current.hypothesis)] = current.fit.objective
         fewer = self.moves.drop(current)
         if fewer is not None and self._is_new(fewer):
@@ -206,9 +206,9 @@ class Search:
     def _first_of(
         self, moves: Iterable[Move], current: FittedHypothesis, goes_aside: bool = False
     ) -> FittedHypothesis | None:
-        """Return what stands of the first accepted move's hypothesis, if it is new and better.
+        """Return the first accepted hypothesis after pruning, if it is new and better.
 
-        Where none is, what is better beside a disturbance only may be a way on.
+        If there is none, one that is better only given a disturbance may serve as the next step.
         """
         aside = None
         for better in (better for move in moves for better in move(current)):
@@ -224,7 +224,7 @@ class Search:
         return aside
 
     def _is_new(self, trial: FittedHypothesis) -> bool:
-        """Return whether no moves have gone on from a hypothesis, or from a fit that got stuck."""
+        """Return whether a hypothesis was not visited yet, or only with a clearly worse fit."""
         known = self._visited.get(self.fitter.key(trial.hypothesis), np.inf)
         return is_clearly_less(trial.fit.objective, known)
 
@@ -266,14 +266,14 @@ class Search:
         return SearchResult(base, steps, rivals, beside, dict(self.ladder.alone), complete)
 
     def _same_in_equations(self, final: FittedHypothesis) -> dict[Effect, list]:
-        """Return for every cause the candidates that are the same in the equations."""
+        """Return for every cause the candidates that are equivalent in the equations."""
         causes = final.hypothesis.causes
         return {cause: [(same, 0.0) for same in self.same[cause]] for cause in causes}
 
     def _evidence_beside(self, final: FittedHypothesis, cause: Effect) -> float:
-        """Return the evidence for a cause beside the others, and beside a disturbance if need be.
+        """Return the evidence for a cause beside the others, given a disturbance where needed.
 
-        Long records have answered for disturbances on the stretches that were searched.
+        For long records, disturbances were already considered on the stretches that were searched.
         """
         reduced = self.fitter.reduce(self.fitter.subsample(final), cause)
         without = self.fitter.fit_all(reduced, final)

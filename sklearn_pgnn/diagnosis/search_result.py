@@ -10,23 +10,23 @@ from sklearn_pgnn.physics.effect import Effect
 
 @dataclass(frozen=True)
 class SearchResult:
-    """What a search found.
+    """The result of a search.
 
     Parameters
     ----------
     base : FittedHypothesis
         The re-tuned prior.
     steps : list of FittedHypothesis
-        The final hypothesis, cause by cause, the most telling first.
+        The final hypothesis, cause by cause, the most important first.
     rivals : dict
-        For every cause, the candidates that may stand in its place, and the evidence for the cause
-        over each.
+        For every cause, the candidates that may replace it, and the evidence for the cause over
+        each.
     evidence : dict
         For every cause, the evidence for it beside the others; empty where time ran out.
     alone : dict
-        The share of the re-tuned prior's squares that every candidate leaves alone.
+        The share of the re-tuned prior's squares that each candidate leaves as the only cause.
     complete : bool, default=True
-        Whether the search came to its end.
+        Whether the search ran to completion.
     """
 
     base: FittedHypothesis
@@ -45,7 +45,7 @@ class SearchResult:
 def in_order(
     fitter: HypothesisFitter, base: FittedHypothesis, final: FittedHypothesis
 ) -> list[FittedHypothesis]:
-    """Add the causes of a hypothesis one by one, the most telling first.
+    """Add the causes of a hypothesis one by one, the most important first.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Which causes are to be told apart, and which of them nothing tells apart."""
+"""Pairs of causes to separate, and causes that no record can separate."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
@@ -15,7 +15,7 @@ def pair_of(cause) -> Candidate:
 
 
 def effect_named(named, catalogue: Sequence[type[Effect]]) -> Effect:
-    """Return the effect of a catalogue that is named by its id and target.
+    """Return the effect of a catalogue with a given id and target.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def effect_named(named, catalogue: Sequence[type[Effect]]) -> Effect:
 
 
 def with_equivalent(cause: NamedCause, separations: Collection[Separation]) -> NamedCause:
-    """Note which causes are the same as one, so that no record tells them apart."""
+    """Return a named cause with its equivalent causes, which no record separates from it."""
     mine = pair_of(cause)
     same = {found.other for found in separations if found.cause == mine and found.equivalent}
     equivalent = (Candidate(o.effect, o.target) for o in cause.confused_with)
@@ -61,12 +61,12 @@ def with_equivalent(cause: NamedCause, separations: Collection[Separation]) -> N
 def two_to_separate(
     causes: Mapping[Effect, NamedCause], catalogue: Sequence[type[Effect]], cause, other
 ) -> tuple[Effect, Effect]:
-    """Return a named cause, and the one to tell it from.
+    """Return a named cause, and the cause to separate it from.
 
     Parameters
     ----------
     causes : mapping of Effect to NamedCause
-        What was named.
+        The named causes.
     catalogue : sequence of type[Effect]
         The effects.
     cause : NamedCause, Candidate, (str, str) or None

@@ -1,4 +1,4 @@
-"""How well records fix the sizes of causes."""
+"""How accurately records determine the sizes of causes."""
 
 import math
 from collections.abc import Collection, Mapping
@@ -26,10 +26,10 @@ from sklearn_pgnn.simulation.uncertainty import (
 
 
 def parameter_errors(problem: EstimationProblem, trial: FittedHypothesis) -> dict[str, float]:
-    """Return the parameters' standard errors, with what comes from those that causes hold.
+    """Return the parameters' standard errors, including the uncertainty of those held by causes.
 
-    They are scaled so that 1.96 of them make a 95 % interval by Student's t-distribution, the
-    blocks less the parameters being its degrees of freedom.
+    They are scaled so that 1.96 of them make a 95 % interval by Student's t-distribution, with the
+    number of blocks less that of the parameters as its degrees of freedom.
     """
     fit, expected = trial.fit, _expected_starts(problem, trial)
     blocks = len(problem.windows) * problem.windows.blocks
@@ -45,17 +45,17 @@ def parameter_errors(problem: EstimationProblem, trial: FittedHypothesis) -> dic
 def likelihood_intervals(
     fitter: WindowFitter, trial: FittedHypothesis, errors: Mapping[str, float]
 ) -> dict[str, tuple[float, float]]:
-    r"""Return the 95 % intervals of parameters, reaching as far as their likelihood does.
+    r"""Return the 95 % intervals of parameters, widened by profile likelihood where needed.
 
-    Where the objective is the parabola of its curvature :math:`c` an interval ends at
-    :math:`\pm 1.96 \sigma`, which costs :math:`c (1.96 \sigma)^2`. A limit that records hardly meet
-    costs less beyond: there the interval reaches on until it costs as much, with all other
-    parameters and the initial states fitted again.
+    Where the objective is a parabola of curvature :math:`c`, an interval ends at
+    :math:`\pm 1.96 \sigma`, where the objective has risen by :math:`c (1.96 \sigma)^2`. For a limit
+    that the records hardly reach it rises by less: there the interval is extended until it has
+    risen by as much, with all other parameters and the initial states fitted again.
 
     Parameters
     ----------
     fitter : WindowFitter
-        What fitted the hypothesis.
+        The fitter of the hypothesis.
     trial : FittedHypothesis
         The hypothesis, at its minimum.
     errors : mapping of str to float
@@ -64,7 +64,7 @@ def likelihood_intervals(
     Returns
     -------
     dict of str to tuple of float
-        By parameter, lower and upper end, open (at its bounds) where a limit of the fit is reached.
+        Lower and upper end by parameter; open (at its bounds) where a limit of the fit is reached.
     """
     sharp = curvatures(trial.fit, *_expected_starts(fitter.problem, trial))
     return {
@@ -96,13 +96,13 @@ def _likelihood_interval(
 def differs_from_none(
     problem: EstimationProblem, trial: FittedHypothesis, cause: Effect, alpha: float
 ) -> bool:
-    r"""Return whether a cause's size differs from none, by Wald's test of all its sizes.
+    r"""Return whether a cause's size differs from zero, by a Wald test of all its sizes.
 
     .. math:: s^T C^{-1} s > \chi^2_{n, 1 - \alpha}
 
     with the :math:`n` fitted sizes :math:`s` and their covariance :math:`C`, robust to coloured
-    residuals. Where something ends, as a saturation does, is no size. What is left of a cause
-    without a size may be a special case of it, as a lag is of play: the size of that counts, too.
+    residuals. The position of a limit, such as a saturation, is no size. A cause of zero size may
+    reduce to a special case of it, as play reduces to a lag: the size of that counts, too.
 
     Parameters
     ----------
@@ -113,12 +113,12 @@ def differs_from_none(
     cause : Effect
         One of its causes.
     alpha : float
-        Rate at which none is taken for a size.
+        False-alarm rate of the test.
 
     Returns
     -------
     bool
-        True for a cause without fitted sizes: it is there or not.
+        True for a cause without fitted sizes: it is either present or not.
     """
     sizes = {cause.names()[field] for field in _size_fields(cause)}
     names = [free.name for free in trial.fit.freedoms]
@@ -148,13 +148,13 @@ def _size_fields(cause: Effect) -> set[str]:
 def leaves_something(
     problem: EstimationProblem, trial: FittedHypothesis, cause: Effect, alpha: float
 ) -> bool:
-    r"""Return whether something is left of what a cause limits.
+    r"""Return whether the fitted limit of a cause exceeds the lowest limit considered.
 
     .. math:: L - L_\mathrm{min} > z_{1 - \alpha}\, \sigma_L
 
     with the fitted limit :math:`L`, its standard error and the lowest limit that is considered. At
-    the lowest one the limit acts in nearly all samples, and the records say nothing of what it is
-    said to limit: it stands for an equation that does not hold.
+    the lowest one the limit acts in nearly all samples, and the records say nothing of the
+    quantity that it is said to limit: the cause then only compensates for a wrong equation.
 
     Parameters
     ----------
@@ -165,12 +165,12 @@ def leaves_something(
     cause : Effect
         One of its causes.
     alpha : float
-        Rate at which the lowest limit is taken for another one.
+        Rate at which the lowest limit is taken for a higher one.
 
     Returns
     -------
     bool
-        True for a cause that limits nothing.
+        True for a cause without a limit.
     """
     own = cause.names()
     limits = {own[q.name] for q in cause.quantities() if _is_limit_of_magnitude(q)}
@@ -184,7 +184,7 @@ def leaves_something(
 
 
 def _is_limit_of_magnitude(quantity) -> bool:
-    """Return whether a quantity is where a magnitude ends; at zero nothing of it is left."""
+    """Return whether a quantity is the limit of a magnitude, so that nothing is left at zero."""
     return quantity.metadata["role"] == "end" and quantity.metadata["low"] == 0.0
 
 
@@ -194,7 +194,7 @@ def overdispersion_along(
     causes: Collection[Effect],
     residuals: Residuals,
 ) -> float:
-    """Return how much less the residuals of a hypothesis count along some of its causes.
+    """Return the overdispersion of the residuals of a hypothesis along some of its causes.
 
     Parameters
     ----------
@@ -205,7 +205,7 @@ def overdispersion_along(
     causes : collection of Effect
         The causes.
     residuals : Residuals
-        What it leaves over windows that its parameters have not seen.
+        Its residuals over held-out windows.
 
     Returns
     -------

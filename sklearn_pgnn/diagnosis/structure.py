@@ -1,14 +1,14 @@
-r"""Whether what a model leaves depends on anything that was recorded.
+r"""Test whether the residuals of a model depend on anything that was recorded.
 
-What is left over windows is regressed on the states of a free-run simulation and on the inputs,
-now and some time ago, by boosted trees, and predicted on records that the trees have not seen. A
-sensor's noise, however coloured, and a disturbance from outside cannot be predicted so; a part of
-the physics can. Measured states are not among the features: their noise would explain itself.
+The residuals over windows are regressed on the states of a free-run simulation and on the inputs,
+present and past, by boosted trees, and predicted on held-out records. A sensor's noise, however
+coloured, and an external disturbance cannot be predicted in this way; missing physics can.
+Measured states are not among the features: their noise would explain itself.
 
-A wrong model leaves much in some windows and little in others, and trees that are fitted to
-squares learn the loud ones. So it is asked with every window in units of its own root mean square,
-as weighted least squares would, and also as it is: a part of the physics may show in a few
-windows only.
+A wrong model leaves much in some windows and little in others, and trees that minimise squared
+errors learn mainly the former. The test is therefore made with every window in units of its own
+root mean square, as in weighted least squares, and also without scaling: missing physics may show
+in a few windows only.
 """
 
 from collections.abc import Iterator
@@ -29,22 +29,22 @@ from sklearn_pgnn.simulation.state_estimate import free_run
 from sklearn_pgnn.simulation.windows import ShootingWindows
 from sklearn_pgnn.threads import one_thread_each
 
-#: what the time since a window began, and since a record began, are called
+#: names of the time since the start of the window, and since the start of the record
 IN_WINDOW, IN_RECORD = "simulated time", "time in the record"
 
 
 @dataclass(frozen=True)
 class Structure:
-    """How far what is left can be predicted from what was recorded.
+    """How well the residuals can be predicted from what was recorded.
 
     Parameters
     ----------
     skill : dict of str to float
-        Share of every output's residual power that is predicted on groups not seen.
+        Share of every output's residual power that is predicted on held-out groups.
     is_significant : bool
-        Whether any output is predicted more than by chance.
+        Whether any output is predicted better than by chance.
     depends_on : tuple of str
-        States, inputs and the time without which less is predicted, the most telling first.
+        States, inputs and the time without which less is predicted, the most important first.
     """
 
     skill: dict[str, float]
@@ -58,12 +58,12 @@ def find_structure(
     alpha: float,
     smallest_share: float,
 ) -> Structure:
-    r"""Ask whether what a hypothesis leaves can be predicted from what was recorded.
+    r"""Test whether the residuals of a hypothesis can be predicted from what was recorded.
 
     An output's residual has structure if the share of its power that is predicted, averaged over
     groups of records, is at least the smallest share that counts and exceeds zero, see
-    `is_positive`. It is asked twice, each time at half the rate: with windows in units of their own
-    root mean square, and as they are, groups counting by their power.
+    `is_positive`. It is tested twice, each time at half the rate: with windows in units of their
+    own root mean square, and without scaling, groups weighted by their power.
 
     Parameters
     ----------
@@ -97,9 +97,10 @@ def find_structure(
 def _predicted(
     ways: "tuple[_Table, ...]", column: int, level: float, smallest_share: float
 ) -> tuple[float, dict[str, float]]:
-    """Return the share of an output that is predicted, and how much of it needs each quantity.
+    """Return the predicted share of an output, and the part of it that needs each quantity.
 
-    It is that of the first way in which it is significant; where it is in none, nothing is needed.
+    The share is that of the first of the two tests that is significant; if neither is, no quantity
+    is needed.
     """
     found = []
     for table in ways:
@@ -120,7 +121,7 @@ def is_positive(shares: np.ndarray, weights: np.ndarray, alpha: float) -> bool:
               e^2 = \frac{k}{k - 1} \frac{\sum_i w_i^2 (s_i - m)^2}{(\sum_i w_i)^2},
               \qquad k = \frac{(\sum_i w_i)^2}{\sum_i w_i^2}
 
-    with :math:`k - 1` degrees of freedom: unequal groups are as many as :math:`k` alike.
+    with :math:`k - 1` degrees of freedom: unequal groups count as :math:`k` equal ones.
 
     Parameters
     ----------
@@ -129,12 +130,12 @@ def is_positive(shares: np.ndarray, weights: np.ndarray, alpha: float) -> bool:
     weights : ndarray of shape (n_groups,)
         Their weights :math:`w`.
     alpha : float
-        Rate of false answers where the shares have no meaning.
+        False-alarm rate.
 
     Returns
     -------
     bool
-        Whether it does.
+        Whether it exceeds zero.
 
     Examples
     --------
@@ -152,7 +153,7 @@ def is_positive(shares: np.ndarray, weights: np.ndarray, alpha: float) -> bool:
 
 
 class _Prediction(NamedTuple):
-    """What the other groups predict of one."""
+    """The prediction of one group by the others."""
 
     share: float
     power: float
@@ -210,7 +211,7 @@ class _Table:
         return replace(self, residual=self.residual / np.maximum(rms, np.finfo(float).tiny))
 
     def predictions(self, column: int) -> Iterator[_Prediction]:
-        """Yield what is predicted of an output, group by group."""
+        """Yield the predictions of an output, group by group."""
         y = self.residual[:, column]
         known = np.isfinite(y)
         for group in np.unique(self.group[known]):
@@ -225,7 +226,7 @@ class _Table:
             yield _Prediction(share, float(np.sum(y[inside] ** 2)), trees, inside)
 
     def importance(self, column: int, predictions, weights) -> dict[str, float]:
-        """Return by how much less is predicted if a quantity is shuffled."""
+        """Return the loss of predicted share if a quantity is permuted."""
         y, rng, lost = self.residual[:, column], np.random.default_rng(0), {}
         for name in dict.fromkeys(self.names):
             own, falls = np.array([n == name for n in self.names]), []
@@ -243,13 +244,13 @@ def _share(trees, features, y) -> float:
 
 
 def _longest_lag(windows: ShootingWindows) -> float:
-    """Return the samples of a window, or of so short a part of a record that most have a past."""
+    """Return the samples of a window, or of a part of a record so short that most have a past."""
     record = float(np.median(np.diff(windows.bounds)))
     return max(min(float(np.median(windows.lengths)), record / STRETCHES), 1.0)
 
 
 def _held_where_endless(x: np.ndarray) -> np.ndarray:
-    """Return the states of a run, the last finite ones held where it leaves all numbers."""
+    """Return the states of a run, the last finite ones held after it becomes non-finite."""
     finite = np.isfinite(x)
     rows = np.arange(len(x))[:, None]
     last = np.maximum.accumulate(np.where(finite, rows, 0), axis=0)
@@ -257,7 +258,7 @@ def _held_where_endless(x: np.ndarray) -> np.ndarray:
 
 
 def _groups(record: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """Deal samples into groups: records, or stretches of them where these are few."""
+    """Assign samples to groups: records, or stretches of them where there are few records."""
     stretches = -(-STRETCHES // (record.max() + 1))
     first = np.searchsorted(record, record)
     size = np.bincount(record)[record]

@@ -1,4 +1,4 @@
-"""Which terms of a library tell what is missing, by what they do to the outputs."""
+"""Select the terms of a library that describe a missing part, by their effect on the outputs."""
 
 import numpy as np
 
@@ -13,23 +13,23 @@ from sklearn_pgnn.simulation.windows import evaluate
 def telling_terms(
     problem: EstimationProblem, base: FittedHypothesis, channel: str, columns: np.ndarray
 ) -> list[np.ndarray]:
-    """Choose terms by their effect on the outputs, what re-tuning explains projected out.
+    """Select terms by their effect on the outputs, with the effect of re-tuning projected out.
 
     Parameters
     ----------
     problem : EstimationProblem
         The problem.
     base : FittedHypothesis
-        The model without them.
+        The model without the terms.
     channel : str
-        Where they are added.
+        Where the terms are added.
     columns : ndarray of shape (n_samples, n_terms)
         The terms at every sample.
 
     Returns
     -------
     list of ndarray of shape (n_terms,)
-        Coefficients of one term, of two, and of more; zero of all others.
+        Coefficients of formulas with one term, with two, and with more; zero for all others.
     """
     windows, fit = problem.windows, base.fit
     responses, by_state = linear_responses(fit.model, windows, fit.evaluation.x0, channel, columns)
@@ -49,7 +49,7 @@ def telling_terms(
 
 
 def _slope_by(problem, base, freedom) -> np.ndarray:
-    """Return the change of the outputs by a parameter, for a small step."""
+    """Return the derivative of the outputs by a parameter, from a small step."""
     fit, value = base.fit, base.fit.model.parameters[freedom.name].value
     moved = freedom.beside(value, 1e-3 * freedom.scale)
     model = fit.model.with_parameters(**{freedom.name: moved})
@@ -58,7 +58,7 @@ def _slope_by(problem, base, freedom) -> np.ndarray:
 
 
 def independent(columns: np.ndarray) -> list[int]:
-    """Return the columns that are not sums of those before them.
+    """Return the columns that are not linear combinations of those before them.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""The terms that a formula for something missing may be made of."""
+"""The terms from which a formula for a missing part may be built."""
 
 from collections.abc import Iterable
 from itertools import combinations
@@ -16,7 +16,7 @@ def term_library(model: PhysicsModel, quantities: Iterable[str]) -> list[sympy.E
     Parameters
     ----------
     model : PhysicsModel
-        The model, whose units and velocities tell which functions make sense.
+        The model, whose units and velocities determine which functions make sense.
     quantities : iterable of str
         States, inputs and the time.
 

@@ -1,4 +1,4 @@
-"""Where no cause of the catalogue will do: where something is missing, and what it depends on."""
+"""Missing parts that no cause of the catalogue explains: where, and what they depend on."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -20,24 +20,24 @@ from sklearn_pgnn.simulation.window_fit import ParameterPrior, WindowFit, fit_wi
 
 @dataclass(frozen=True)
 class MissingPart:
-    """Something that is missing in a model and not in the catalogue.
+    """A missing part of a model that is not in the catalogue.
 
     Parameters
     ----------
     target : str
         The state in whose rate it is missing, or the input or output.
     quantities : tuple of str
-        What it depends on.
+        The quantities it depends on.
     share : float
-        Share of its smoothed course that they explain, on records not used for it; from 0 to 1.
+        Share of its smoothed trajectory that they explain, on held-out records; from 0 to 1.
     effect : Formula
-        Terms that describe it; any model plus the effect has them.
+        Terms that describe it; a model plus this effect contains them.
     error : float
-        Error over windows that the re-tuned prior with these terms leaves, in units of the noise.
+        Error over windows of the re-tuned prior with these terms, in units of the noise.
     model : PhysicsModel
         The model with the terms, fitted together.
     course : ndarray of shape (n_samples,)
-        Its smoothed course [unit of the target; per second for a state].
+        Its smoothed trajectory [unit of the target; per second for a state].
 
     Examples
     --------
@@ -67,7 +67,7 @@ class MissingPart:
         return " + ".join(written).replace("+ -", "- ")
 
     def to_dict(self) -> dict:
-        """Return it as plain data, as ``diagnosis.json`` holds it.
+        """Return the missing part as plain data, as in ``diagnosis.json``.
 
         Returns
         -------
@@ -94,7 +94,7 @@ class Proposal:
     effect : Formula
         The terms.
     trial : FittedHypothesis
-        The hypothesis that it stands beside, with its terms fitted.
+        The hypothesis to which it is added, with its terms fitted.
     """
 
     hidden: HiddenInput
@@ -108,7 +108,7 @@ def propose(
     channel: str,
     each_step: Callable[[], None] | None = None,
 ) -> list[Proposal]:
-    """Find the hidden input of a channel, and formulas for it with one term, with two, and more.
+    """Estimate the hidden input of a channel, and formulas for it with one, two, and more terms.
 
     The terms are those whose effect on the outputs, along the trajectories of the model and with
     its parameters and initial states re-tuned, explains most of the residuals.
@@ -122,12 +122,12 @@ def propose(
     channel : str
         The place.
     each_step : callable, optional
-        Called before every run of the filter and every step of a fit; what it raises ends both.
+        Called before every filter run and every step of a fit; an exception it raises ends both.
 
     Returns
     -------
     list of Proposal
-        Empty where no smoother ran to the end.
+        Empty if no smoother ran to completion.
 
     Raises
     ------
@@ -155,7 +155,7 @@ def propose_again(
     proposal: Proposal,
     each_step: Callable[[], None] | None = None,
 ) -> Proposal | None:
-    """Fit a formula that was found on other records.
+    """Fit a formula again that was found on other records.
 
     Parameters
     ----------
@@ -180,7 +180,7 @@ def propose_again(
 
 
 def _hidden_input(problem, base, channel, each_step) -> HiddenInput:
-    """Smooth what acts at a channel and is not in the model."""
+    """Estimate by smoothing what acts at a channel and is not in the model."""
     model, scales = base.fit.model, problem.scales
     estimate = problem.states.estimate(model)
     return find_hidden_input(
@@ -196,14 +196,14 @@ def _hidden_input(problem, base, channel, each_step) -> HiddenInput:
 
 
 def _proposal(problem, base, hidden: HiddenInput, formula: Formula, each_step) -> Proposal:
-    """Fit a formula beside a model."""
+    """Fit a formula added to a model."""
     fit = _fit(problem, base, formula, each_step)
     found = _at_fit(formula, fit) if fit.usable else formula
     return Proposal(hidden, found, FittedHypothesis(base.hypothesis.plus(formula), fit))
 
 
 def _fit(problem, base, effect, each_step) -> WindowFit:
-    """Fit a model with a formula on all windows, its other parameters with it."""
+    """Fit a model with a formula on all windows, together with its other parameters."""
     model = effect.apply(base.fit.model)
     free = [
         ParameterPrior(name, -np.inf, np.inf, value, np.inf, max(abs(value), 1e-12))

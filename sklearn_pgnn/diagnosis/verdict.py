@@ -12,17 +12,17 @@ from sklearn_pgnn.estimation.fitting import HypothesisFitter
 
 @dataclass(frozen=True)
 class Remaining:
-    """What the extended model leaves of the records.
+    """The residuals that the extended model leaves.
 
     Parameters
     ----------
     kind : {"noise", "disturbance", "structure"}
-        White noise; coloured noise or a disturbance from outside, which depend on nothing that was
-        recorded; or something that does.
+        White noise; coloured noise or an external disturbance, which depend on nothing that was
+        recorded; or structure, which does.
     times_noise : dict of str to float
-        What is left of every output over held-out windows, as a multiple of its white part.
+        Held-out error of every output over windows, as a multiple of its white part.
     depends_on : tuple of str
-        States, inputs and the time that structure depends on, the most telling first.
+        States, inputs and the time that structure depends on, the most important first.
 
     Examples
     --------
@@ -41,16 +41,16 @@ def describe_remaining(
     structure: Structure | None,
     smallest_share: float,
 ) -> Remaining:
-    """Describe what a hypothesis leaves.
+    """Describe the residuals that a hypothesis leaves.
 
     Parameters
     ----------
     fitter : HypothesisFitter
-        What fitted it.
+        The fitter of the hypothesis.
     final : FittedHypothesis
         The hypothesis that was accepted.
     structure : Structure or None
-        Whether what is left depends on anything recorded; None if that was not asked.
+        Whether what is left depends on anything recorded; None if that was not tested.
     smallest_share : float
         Smallest share of an output's squares that counts.
 
@@ -69,12 +69,12 @@ def describe_remaining(
 
 
 def verdict_of(result: SearchResult, remaining: Remaining, has_formula: bool) -> str:
-    """Return the verdict in a word.
+    """Return the verdict.
 
     Parameters
     ----------
     result : SearchResult
-        The causes, and what may stand in their places.
+        The causes and their rivals.
     remaining : Remaining
         What they leave.
     has_formula : bool

@@ -1,4 +1,4 @@
-"""Whether one of two simulations is nearer to the records, beyond chance."""
+"""Test whether one of two simulations is nearer to the records, beyond chance."""
 
 import numpy as np
 
@@ -12,8 +12,8 @@ def accuracy_gained(before: Residuals, after: Residuals) -> float:
     .. math:: z = \frac{\sum_k d_k}{\sqrt{n \tau_d \operatorname{var} d}}, \qquad
         d_k = \sum_o \frac{e_{o,0}^2(k) - e_{o,1}^2(k)}{S_{o,0} + S_{o,1}}
 
-    Two wrong models may differ by chance in much more than a likelihood ratio tells: where the one
-    sticks, the other slips.
+    The errors of two wrong models may differ by chance by much more than a likelihood ratio says:
+    where one of them sticks, the other slips.
 
     Parameters
     ----------
@@ -28,7 +28,7 @@ def accuracy_gained(before: Residuals, after: Residuals) -> float:
     Raises
     ------
     ValueError
-        If the errors are not told.
+        If the errors are not given.
 
     References
     ----------

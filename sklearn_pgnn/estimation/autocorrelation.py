@@ -12,8 +12,8 @@ def autocorrelation_times(residual: np.ndarray, segment: np.ndarray) -> np.ndarr
     .. math:: \tau = 1 + \frac{2}{\sum_t r_t^2} \sum_{k=1}^{K} \sum_t r_t\, r_{t+k},
               \qquad K \ge 5 \tau,
 
-    over pairs of samples of the same segment, counted among those that are known; never below 1,
-    and of what stays all through a segment, the length of it.
+    over pairs of known samples of the same segment, the lag counted in known samples; at least 1,
+    and equal to the length of a segment for residuals that are constant throughout it.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def _sum_over_lags(values: np.ndarray, segment: np.ndarray) -> np.ndarray:
 
 
 def white_power(residual: np.ndarray, starts: np.ndarray) -> np.ndarray:
-    r"""Return the power of the white part of residuals, from what neighbours differ by.
+    r"""Return the power of the white part of residuals, from the differences of neighbours.
 
     .. math:: \tfrac12\, \mathrm{mean}\,(r_{k+1} - r_k)^2,
 

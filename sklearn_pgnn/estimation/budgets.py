@@ -1,7 +1,7 @@
 """Every number of estimation, diagnosis and experiment design: budgets, and limits of arithmetic.
 
-None decides what a cause is: that is done by the two numbers of the user, `alpha` and
-`smallest_share`. More of a budget costs time, less of it may miss what is there.
+None of them decides whether a cause is named: that is done by the user's `alpha` and
+`smallest_share`. A larger budget costs time; a smaller one may miss a cause.
 """
 
 # -- what is held out ------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-r"""The one comparison of two hypotheses: a held-out likelihood ratio, and the rule that reads it.
+r"""The comparison of two hypotheses: a held-out likelihood ratio, and a decision rule based on it.
 
 Let :math:`S_o` be the squares that a hypothesis leaves of output :math:`o` on :math:`n_o` samples
 its parameters have not seen. With Gaussian errors whose variance is profiled out, the evidence for
@@ -6,10 +6,10 @@ hypothesis 1 over hypothesis 0 is
 
 .. math:: \Lambda = \sum_o \frac{n_o}{2 \tau_o} \log \frac{S_{o,0}}{S_{o,1}} - (V_1 - V_0)
 
-in natural units. :math:`\tau_o` is the longer of the integrated autocorrelation times of what the
-two leave: coloured residuals count by their effective number, and what is slow in the one that is
-further off does not count for more because the other one leaves it out. :math:`V` is the price of
-the states that a hypothesis adds, whose values at the start of every window are integrated out by
+in natural units. :math:`\tau_o` is the longer of the integrated autocorrelation times of the two
+residuals: coloured residuals count by their effective number, and a slow residual of the worse
+hypothesis does not count for more because the better one removes it. :math:`V` is the price of the
+states that a hypothesis adds, whose values at the start of every window are integrated out by
 Laplace's method.
 """
 
@@ -111,15 +111,16 @@ def free_runs_that_tell(first: HeldOut, second: HeldOut) -> tuple[Residuals, Res
 class SelectionCriterion:
     r"""The rule by which a cause is named.
 
-    A cause is named beside others if the evidence for it exceeds :math:`\log(N/\alpha)`, if it
-    explains the smallest share of an output over windows or in free run, and if the free run does
-    not contradict it, where it is informative: it is not worse than without the cause, beyond
-    chance and by the smallest share, and not worse than that of the re-tuned prior by more than
-    :math:`\log(1/\alpha)`. With a memory, whose content is free at the start of every window, it
-    is better by the smallest share than both.
-    Of hypotheses that nothing tells apart by :math:`\log(1/\alpha)` the one with the fewest
-    parameters is taken, of as many the likelier one. Where more than white noise is left over
-    windows, the evidence beside a disturbance must exceed :math:`\log(N/\alpha)`, too.
+    A cause is named in addition to others if the evidence for it exceeds :math:`\log(N/\alpha)`, if
+    it explains the smallest share of an output over windows or in free run, and if the free run,
+    where informative, does not contradict it: the free run is not worse than without the cause,
+    beyond chance and by the smallest share, and not worse than that of the re-tuned prior by more
+    than :math:`\log(1/\alpha)`. For a cause that adds states, whose initial values are free in
+    every window, the free run must be better than both by the smallest share.
+    Of hypotheses that are not separated by evidence of :math:`\log(1/\alpha)`, the one with the
+    fewest parameters is preferred, and of equally many the likelier one. Where more than white
+    noise is left over windows, the evidence given a disturbance must exceed :math:`\log(N/\alpha)`,
+    too.
 
     Parameters
     ----------
@@ -128,7 +129,7 @@ class SelectionCriterion:
     smallest_share : float
         Smallest share of an output's squares that matters.
     n_candidates : int
-        Candidates that are looked at, :math:`N`.
+        Number of candidates considered, :math:`N`.
 
     Examples
     --------
@@ -145,12 +146,12 @@ class SelectionCriterion:
 
     @property
     def to_name(self) -> float:
-        """Evidence that a cause needs to be named."""
+        """Evidence required for a cause to be named."""
         return log(max(self.n_candidates, 1) / self.alpha)
 
     @property
     def to_refute(self) -> float:
-        """Evidence by which one of two given hypotheses is refuted."""
+        """Evidence required to refute one of two given hypotheses."""
         return log(1.0 / self.alpha)
 
     @staticmethod
@@ -174,9 +175,9 @@ class SelectionCriterion:
         without, with_ : HeldOut
             The hypothesis without the causes, and with them.
         n_causes : int, default=1
-            How many they are.
+            Number of these causes.
         overdispersion : float, default=1
-            How much less the residuals count along the causes, over windows.
+            Overdispersion of the residuals along the causes, over windows.
         retuned : HeldOut, optional
             The prior, re-tuned; by default the hypothesis without the causes.
 
@@ -203,7 +204,7 @@ class SelectionCriterion:
         Returns
         -------
         bool
-            Whether it does of an output over windows, or in free run where that says anything.
+            Whether it does for some output over windows, or in free run where that is informative.
         """
         pairs = (without.windows, with_.windows), free_runs_that_tell(without, with_)
         return any(explained_share(*pair) >= self.smallest_share for pair in pairs)
@@ -228,7 +229,7 @@ class SelectionCriterion:
         return surely and explained_share(after, before) >= self.smallest_share
 
     def stands_in_free_run(self, retuned: HeldOut, trial: HeldOut) -> bool:
-        """Return whether it is no worse than the re-tuned prior; better if it adds states.
+        """Return whether the free run is no worse than the re-tuned prior's; better if with states.
 
         Parameters
         ----------
@@ -244,9 +245,9 @@ class SelectionCriterion:
         return not is_worse and not self._remembers_in_vain(retuned, trial)
 
     def _remembers_in_vain(self, simpler: HeldOut, trial: HeldOut) -> bool:
-        """Return whether a memory leaves the free run as a hypothesis without it does.
+        """Return whether added states do not improve the free run.
 
-        What a memory says that may begin anew in every window is no explanation.
+        An explanation by states that start anew in every window does not count.
         """
         before, after = free_runs_that_tell(simpler, trial)
         if not before.counts.size or trial.n_added <= simpler.n_added:
@@ -256,7 +257,8 @@ class SelectionCriterion:
     def probabilities(self, evidence: Sequence[float]) -> np.ndarray:
         """Return the probability of a cause, of each of its rivals, and of no cause.
 
-        A cause's prior odds against none are alpha to the number of candidates, the same for all.
+        The prior odds of a cause against none are alpha to the number of candidates, the same for
+        all.
 
         Parameters
         ----------

@@ -1,19 +1,19 @@
-r"""How likely held-out windows are under a hypothesis, something unmeasured acting besides.
+r"""The likelihood of held-out windows under a hypothesis, with an unmeasured disturbance.
 
-A window's simulation knows a disturbance through its initial state only. So where one acts, a law
-by which the machine forgets its past predicts records better than the true one, also those that
-were held out. Here a hypothesis has a hidden input beside its causes,
+A window's simulation contains a disturbance through its initial state only. So where one acts, a
+law that makes the machine forget its past predicts records better than the true law, also held-out
+ones. Here a hypothesis has a hidden input in addition to its causes,
 see `sklearn_pgnn.simulation.disturbance`: at the place, and with the variance and the time, that
 make the records likeliest. Least squares over windows weighs residuals as if nothing disturbed
-them, so the parameters of every fold are learned again from the innovations of the others,
+them, so the parameters of every fold are estimated again from the innovations of the others,
 
 .. math:: p \leftarrow \arg\min_p \sum_w \left\| \nu_w + N_w (p - p_w) \right\|^2
           + \sum_i \left(\frac{p_i - \bar p_i}{\sigma_i}\right)^2,
 
 with the innovations :math:`\nu` and :math:`N` of the residuals and of their derivatives by the
-parameters. No hypothesis is exact, so what is worth no name counts as noise of the outputs: without
-that, where a sensor is fine, the one would be likelier that tells the next sample a little better,
-wherever it lets the machine go.
+parameters. No hypothesis is exact, so errors too small for a cause to be named count as output
+noise: otherwise, with an accurate sensor, the hypothesis with the slightly better one-step
+prediction would be likelier, however wrong its trajectory.
 """
 
 import warnings
@@ -49,7 +49,7 @@ def disturbed_likelihood(
     variance: np.ndarray,
     each_run: Callable[[], None] = lambda: None,
 ) -> float:
-    """Return the logarithmic likelihood of held-out windows beside the likeliest disturbance.
+    """Return the log-likelihood of held-out windows with the likeliest disturbance.
 
     Parameters
     ----------
@@ -64,12 +64,12 @@ def disturbed_likelihood(
     variance : ndarray of shape (n_outputs,)
         Of the noise of the outputs.
     each_run : callable, optional
-        Called before every run of the filter; what it raises ends them.
+        Called before every run of the filter; an exception it raises ends them.
 
     Returns
     -------
     float
-        But for a constant; minus infinity where numbers break down.
+        The log-likelihood up to a constant; minus infinity if the computation fails numerically.
     """
     if held_out.x0 is None:
         return -np.inf

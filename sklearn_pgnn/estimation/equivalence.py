@@ -1,4 +1,4 @@
-"""Effects that are one and the same in the equations, whatever is recorded."""
+"""Effects that are equivalent in the equations, whatever is recorded."""
 
 from functools import lru_cache
 
@@ -29,8 +29,8 @@ def are_equivalent(model: PhysicsModel, one: Effect, other: Effect, retuned: boo
         \left[\frac{\partial (f, g)}{\partial p}, S, \frac{\partial (f, g)}{\partial b}\right]
 
     are the same over states, inputs and time, :math:`f` being the rates and :math:`g` the outputs.
-    The columns :math:`S` are what another zero or another scale of a state changes: with a spring,
-    a load that is constant is the same as a sensor that is biased. In a shifted or scaled
+    The columns :math:`S` are the changes by another zero or another scale of a state: with a
+    spring, a constant load is the same as a biased sensor. In a shifted or scaled
     coordinate :math:`x + \epsilon \xi(x)` the rates change by
     :math:`\epsilon (\xi_x f - f_x \xi)` and the outputs by :math:`-\epsilon g_x \xi`.
 

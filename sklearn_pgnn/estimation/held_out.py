@@ -1,4 +1,4 @@
-"""Hypotheses on records that their parameters have not seen: over windows, and in free run."""
+"""Cross-validation of hypotheses on held-out records: over windows, and in free run."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -18,10 +18,10 @@ from sklearn_pgnn.simulation.windows import ShootingWindows
 
 
 def make_folds(problem: EstimationProblem) -> np.ndarray:
-    """Deal the windows into folds: by whole records, or by stretches.
+    """Split the windows into folds: by whole records, or by stretches.
 
-    Stretches are taken of a single record, or where one holds so many of the windows that the
-    others would teach too little about them.
+    Stretches are used for a single record, or if one record holds so many of the windows that the
+    others would leave too little to learn from.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ def make_folds(problem: EstimationProblem) -> np.ndarray:
 
 @dataclass
 class CrossValidation:
-    """What the held-out fits of a hypothesis leave, fold by fold.
+    """The held-out residuals of a hypothesis, fold by fold.
 
     Parameters
     ----------

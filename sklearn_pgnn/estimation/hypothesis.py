@@ -11,7 +11,7 @@ from sklearn_pgnn.physics.model import PhysicsModel
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """What is said to be missing: effects and their targets, in the order they were found.
+    """A set of missing effects with their targets, in the order they were found.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ class Hypothesis:
 
     @property
     def complexity(self) -> tuple[int, int]:
-        """What orders hypotheses: fewest parameters, then a wrong number before a new part."""
+        """Sort key of hypotheses: fewest parameters, then a wrong parameter before a new effect."""
         parts = [cause for cause in self.causes if not isinstance(cause, WrongParameter)]
         return self.n_parameters, len(parts)
 
@@ -113,7 +113,7 @@ def count_parameters(cause: Effect) -> int:
 
 
 def resemble(problem: EstimationProblem, model: PhysicsModel, cause: Effect, other: Effect) -> bool:
-    """Return whether a cause is so small that it may be another, which is not sought so small.
+    """Return whether a cause is so small that these records cannot distinguish it from another.
 
     Parameters
     ----------
@@ -127,7 +127,7 @@ def resemble(problem: EstimationProblem, model: PhysicsModel, cause: Effect, oth
     Returns
     -------
     bool
-        Whether records with these samples cannot tell.
+        Whether records with these samples cannot distinguish the two.
     """
     if cause.target != other.target or other.id not in cause.resembles:
         return False

@@ -1,9 +1,9 @@
-"""Windows that got stuck at initial states from which no small step leads on.
+"""Windows whose fit is stuck at initial states that no small step improves.
 
-Where a sensor shows the magnitude of a state only, a way through zero, or near it, can be fitted
-with either sign. Where dry friction holds a state at rest, it stays there however the initial state
-is moved a little. Where a record starts, nothing tells what an actuator with a play or a limit
-remembers, and a small change of that may change nothing.
+Where a sensor shows only the magnitude of a state, a trajectory through zero, or near it, can be
+fitted with either sign. Where dry friction holds a state at rest, small changes of the initial
+state leave it at rest. At the start of a record, the internal state of an actuator with play or a
+limit is unknown, and a small change of it may change nothing.
 """
 
 from collections.abc import Callable, Iterator

@@ -1,4 +1,4 @@
-"""What a model may lack: the effects of a catalogue, each at every target."""
+"""The possible causes of a model's error: the effects of a catalogue, each at every target."""
 
 from collections.abc import Iterable
 from difflib import get_close_matches
@@ -13,16 +13,17 @@ from sklearn_pgnn.physics.model import PhysicsModel
 def possible_causes(model: PhysicsModel, catalogue, targets=None) -> tuple[Effect, ...]:
     """List the causes of a catalogue that a model does not already hold.
 
-    An effect that the model was extended by is none: it may have wrong parameters only.
+    An effect by which the model was already extended is no candidate; only its parameters can be
+    wrong.
 
     Parameters
     ----------
     model : PhysicsModel
         The prior.
     catalogue : iterable of type[Effect]
-        The effects to think of.
+        The effects to consider.
     targets : collection of str, optional
-        Targets to think of; by default all.
+        Targets to consider; by default all.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""How far a diagnosis is, and when its time is up."""
+"""The progress of a diagnosis, and its time limit."""
 
 from collections.abc import Callable
 from math import inf
@@ -15,7 +15,7 @@ class TimeIsUp(Exception):
 
 
 class Progress:
-    """Where a diagnosis stands; everything that takes long says here that it goes on.
+    """The progress of a diagnosis, to which all long computations report.
 
     Parameters
     ----------

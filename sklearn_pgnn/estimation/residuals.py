@@ -1,4 +1,4 @@
-"""What a hypothesis leaves of records, in the numbers that a comparison needs."""
+"""The residuals of a hypothesis, as the statistics that a comparison needs."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ from sklearn_pgnn.physics.model import PhysicsModel
 
 @dataclass(frozen=True)
 class Residuals:
-    """What a hypothesis leaves of the outputs, in numbers that a comparison needs.
+    """The residuals of a hypothesis by output, as the statistics that a comparison needs.
 
     Parameters
     ----------
@@ -23,7 +23,7 @@ class Residuals:
     errors : ndarray of shape (n_samples, n_outputs), optional
         The residuals, NaN where there is none.
     segment : ndarray of shape (n_samples,), optional
-        What they were simulated in, counted from 0, -1 where nothing was.
+        Number of the segment in which each sample was simulated, counted from 0; -1 where none was.
 
     Examples
     --------
@@ -58,7 +58,7 @@ class Residuals:
 
 @dataclass(frozen=True)
 class HeldOut:
-    """A hypothesis on records that its parameters have not seen.
+    """The residuals of a hypothesis on held-out records.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ class HeldOut:
         Whether the free run of an output is nearer to the records than their mean is; that of a
         chaotic or unstable motion is not. By default all are.
     learned : tuple of PhysicsModel, default=()
-        The model of every fold, with what the other windows have taught.
+        The model of every fold, with the parameters estimated from the other windows.
     x0 : ndarray of shape (n_windows, n_states), optional
         The windows' initial states, fitted with these models.
     uncertain : ndarray of shape (n_outputs,), optional

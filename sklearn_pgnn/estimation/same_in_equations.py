@@ -1,4 +1,4 @@
-"""Parameters and effects that do one and the same in the equations, whatever their size."""
+"""Parameters and effects that are equivalent in the equations, whatever their size."""
 
 from dataclasses import dataclass
 from functools import lru_cache

@@ -1,4 +1,4 @@
-"""What share of the squares one fit leaves of another's, and how sure that is."""
+"""The share of another fit's squares that a fit leaves, with its interval."""
 
 from typing import NamedTuple
 

@@ -1,4 +1,4 @@
-r"""What repeats in the part of a rate that a model lacks: tones in time, ripples over position.
+r"""Periodic components of a missing rate: tones in time, ripples over position.
 
 A fit of a wave has a local minimum at every frequency, so it must begin near the right one. What
 a model lacks of a velocity's rate, :math:`\dot v - f(x, u, p)`, is taken from the estimated states;

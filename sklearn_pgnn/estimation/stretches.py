@@ -25,7 +25,7 @@ def is_long(problem: EstimationProblem) -> bool:
 def on_stretches(
     whole: EstimationProblem, records: tuple[Record, ...], options: Mapping[str, Any]
 ) -> tuple[EstimationProblem, tuple[Record, ...]]:
-    """Return the problem that the telling stretches of long records make, and the stretches.
+    """Return the problem on the informative stretches of long records, and the stretches.
 
     Parameters
     ----------

@@ -2,19 +2,19 @@
 
 
 def apart_from(names, columns) -> list[str]:
-    """Return names that no column has, so that none is read as what is not meant.
+    """Return names that no column has, so that none is mistaken for another quantity.
 
     Parameters
     ----------
     names : sequence of str
-        Proposals, each another one.
+        Proposed names, all different.
     columns : sequence of str
         The columns of the table.
 
     Returns
     -------
     list of str
-        The proposals, with an underscore behind those that a column has.
+        The proposals, with an underscore appended to those that a column has.
 
     Examples
     --------

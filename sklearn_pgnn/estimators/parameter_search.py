@@ -1,9 +1,9 @@
 r"""Fit a model's parameters to windows: a local fit, and a global search for poor starts.
 
 The local fit follows the gradient from the model's own values and finds the nearest minimum. The
-global search looks, on some of the windows, at the error that the best initial states leave,
-:math:`\sum_w \min_{x_w} |r_w(p, x_w)|^2` to first order in :math:`x_w`, all over the
-parameters' bounds by differential evolution, and fits locally from the best it meets.
+global search takes, on some of the windows, the error that the best initial states leave,
+:math:`\sum_w \min_{x_w} |r_w(p, x_w)|^2` to first order in :math:`x_w`, minimises it between the
+parameters' bounds by differential evolution, and fits locally from the best members.
 """
 
 from dataclasses import dataclass
@@ -20,13 +20,13 @@ from sklearn_pgnn.simulation.record_windows import WindowedRecords
 from sklearn_pgnn.simulation.window_fit import ParameterPrior, WindowFit, fit_windows
 from sklearn_pgnn.simulation.windows import ShootingWindows, evaluate
 
-#: a search is local, global, or global only where the local one leaves so many times the noise
+#: kinds of search; "auto" searches globally if the local fit leaves this many times the noise
 SEARCHES, POOR = ("local", "global", "auto"), 3.0
-#: how far beyond its value a parameter without a bound is searched, in times the value
+#: how far from its value a parameter without a bound is searched, in multiples of the value
 REACH = 10.0
-#: a global search takes every so many windows that about so many samples remain
+#: a global search uses every k-th window, so that about this many samples or windows remain
 SOME_SAMPLES, SOME_WINDOWS = 2000, 12
-#: members per parameter, generations, and members that are followed to their minimum
+#: members per parameter, generations, and members that are refined to their minimum
 POPULATION, GENERATIONS, FOLLOWED = 15, 40, 4
 #: logarithm of the error of a diverging simulation
 WORST = 700.0
@@ -47,7 +47,7 @@ class ParameterFit:
     expected : ndarray of shape (n_windows, n_states)
         Expected initial states of the windows.
     spread : ndarray of shape (n_states,)
-        How uncertain they are.
+        Their uncertainty.
     """
 
     fit: WindowFit
@@ -78,9 +78,9 @@ def find_parameters(
         Whether to start from the model's values only, to search their bounds first, or to do so
         where the local fit leaves much more than the noise.
     random_state : int, RandomState instance or None, default=None
-        What draws the global search.
-    tell : callable, optional
-        Is told of every stage.
+        Controls the random numbers of the global search.
+    progress : callable, optional
+        Receives a line of text at every stage.
     within_spread : bool, default=False
         Whether parameters stay within their spread.
 
@@ -119,15 +119,15 @@ def find_in_free_run(
     short : WindowedRecords
         The records in short windows, where there are few local minima.
     whole : WindowedRecords
-        The same records, a window each.
+        The same records, one window each.
     names : tuple of str
         The parameters to fit.
     search : {"local", "global", "auto"}, default="auto"
         As in `find_parameters`, for the short windows.
     random_state : int, RandomState instance or None, default=None
-        What draws the global search.
-    tell : callable, optional
-        Is told of every stage.
+        Controls the random numbers of the global search.
+    progress : callable, optional
+        Receives a line of text at every stage.
     within_spread : bool, default=False
         Whether parameters stay within their spread.
 
@@ -198,7 +198,7 @@ def search_globally(
     random_state=None,
     progress: PrintLine = silence,
 ):
-    """Search the bounds for values from which a local fit ends lowest.
+    """Search between the bounds for the values from which a local fit ends lowest.
 
     Parameters
     ----------
@@ -209,14 +209,14 @@ def search_globally(
     free : tuple of ParameterPrior
         The parameters to fit.
     random_state : int, RandomState instance or None, default=None
-        What draws the members.
-    tell : callable, optional
-        Is told of every generation.
+        Controls the random draw of the members.
+    progress : callable, optional
+        Receives a line of text at every generation.
 
     Returns
     -------
     PhysicsModel
-        The model at the best values met.
+        The model at the best values found.
     """
     scales = [_Scale.of(freedom) for freedom in free]
     which = _some(windowed.windows)
@@ -261,12 +261,12 @@ def search_globally(
 
 
 def _generator(random_state) -> np.random.Generator:
-    """Return what scipy draws from, seeded by what scikit-learn draws from."""
+    """Return a random generator for scipy, seeded from scikit-learn's ``random_state``."""
     return np.random.default_rng(check_random_state(random_state).randint(2**31 - 1))
 
 
 def _least_squares(model: PhysicsModel, windows: ShootingWindows, expected, spread) -> float:
-    """Return the squares left by the best initial states, to first order about the expected."""
+    """Return the squared error at the best initial states, to first order about the expected."""
     gram = evaluate(model, windows, expected, ()).gram
     if not np.isfinite(gram).all():
         return np.inf

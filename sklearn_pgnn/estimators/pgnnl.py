@@ -33,9 +33,9 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
 
     .. math:: L = (1 - \lambda_{phy})\,L_{error} + \lambda_{phy}\,L_{phy}
 
-    :math:`L_{error}` is the mean squared error as a share of what the step's base alone leaves
-    over the same horizon, :math:`L_{phy}` the mean cost of dimensionless physical residuals; both
-    are free of units. One step of the network is, by `structure`,
+    :math:`L_{error}` is the mean squared error as a share of that of the step's base alone over
+    the same horizon, :math:`L_{phy}` the mean cost of the dimensionless physical residuals; both
+    are dimensionless. One step of the network is, by `structure`,
 
     .. math::
         \text{output:}\quad x_{k+1} &= n(u_k, x_k, x_{phy,k+1}) \\
@@ -47,75 +47,76 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
 
     with the model's simulation :math:`x_{phy}` and its own step :math:`\Phi` from the state that is
     fed back. The network is trained on single steps (teacher forcing), then on rollouts with its
-    prediction fed back, then on the simulation of whole trajectories; of all epochs the weights
-    whose free run of held-out trajectories is best are kept. ``predict`` is the free run from each
-    trajectory's first row.
+    prediction fed back, then on the simulation of whole trajectories; the weights of the epoch
+    with the best free run of the held-out trajectories are kept. ``predict`` is the free run from
+    each trajectory's first row.
 
     It is a skorch regressor: callbacks, devices, ``module__...`` and ``optimizer__...`` work as
-    there. `EarlyStopping` ends the phase it is in; `LRScheduler` takes the place of the cosine;
-    data sets that callbacks see are the rows of the trajectories trained on and, of three or more
-    trajectories, of those held out; ``callbacks="disable"`` keeps the last weights. The model's
-    own step is computed on the processor whatever the ``device``. What was trained on a graphics
-    card can be loaded without one.
+    in skorch. `EarlyStopping` ends the current phase; `LRScheduler` replaces the cosine decay; the
+    data sets that callbacks see are the rows of the training trajectories and, with three or more
+    trajectories, of the held-out ones; ``callbacks="disable"`` keeps the last weights. The model's
+    own step is computed on the CPU whatever the ``device``. A network trained on a GPU can be
+    loaded without one.
 
-    Features are standardised inside, so that a scaler before it changes nothing, and energies are
-    taken in physical units.
+    Features are standardised internally, so that a preceding scaler changes nothing, and energies
+    are computed in physical units.
 
-    Where a parameter below says "costs 1.2 (0.9 to 3)", its free-run error on five simulated plants
-    was 1.2 times that of the defaults, as the median of the plants, and from 0.9 to 3 times that on
-    each; 0.6 to 1.5 is within the spread of the seeds. The documentation has the table.
+    "Costs 1.2 (0.9 to 3)" at a parameter below means that the free-run error on five simulated
+    plants was 1.2 times that of the defaults in the median over the plants, and 0.9 to 3 times on
+    the single plants; 0.6 to 1.5 is within the spread of the seeds. The documentation has the
+    table.
 
     Parameters
     ----------
     model : PhysicsModel, optional
-        The model that guides. Without it, and with a time, the network is plain; without a time
-        too, the rows are independent of each other.
+        The model that guides the network. Without a model but with a time the network is purely
+        data-driven; without a time as well, the rows are independent of each other.
     structure : {"auto", "output", "increment", "correction", "dissipative"}, default="auto"
-        What the network's output means. ``"auto"`` corrects the model's step where the model
-        foretells more than half of how the measured states change, a tenth of their dominant
-        period ahead (of the squares, against persistence), and is ``"increment"`` where not. The
-        paper's ``"output"`` costs 2.6 (1.0 to 120); the wrong one of the other two costs 10 to 13
-        where it matters. ``"dissipative"`` is passive by construction [4]_: whatever its weights,
-        the network brings no energy into the states that the model's stored energy depends on,
-        :math:`E(x_{k+1}) \le E(\Phi(x_k, u_k))`. Its outputs are the lower triangle of L, beside
-        a unit diagonal in which the network takes out what the model leaves.
+        Meaning of the network's output. ``"auto"`` is ``"correction"`` where the model predicts
+        more than half of the change of the measured states a tenth of their dominant period ahead
+        (in squares, relative to persistence), else ``"increment"``. The paper's ``"output"`` costs
+        2.6 (1.0 to 120); the wrong one of the other two costs 10 to 13 where it matters.
+        ``"dissipative"`` is passive by construction [4]_: whatever its weights, the network adds
+        no energy to the states that the model's stored energy depends on,
+        :math:`E(x_{k+1}) \le E(\Phi(x_k, u_k))`. Its outputs are the lower triangle of L, added to
+        a unit diagonal, in a scale given by the size of the model's errors.
     guide : {"auto", "simulation", "step", "terms", None}, default="auto"
-        What of the model the network sees: its open-loop simulation at the next sample, the rate
-        :math:`(\Phi(x_k, u_k) - x_k)/\Delta t`, the terms that the model's rates are sums of (a
-        friction's sign, a sine; not the limit of a whole rate) at the state that is fed back, or
-        nothing. ``"auto"`` is the simulation for outputs and increments, and the terms for
+        What the network sees of the model: its open-loop simulation at the next sample, the rate
+        :math:`(\Phi(x_k, u_k) - x_k)/\Delta t`, the terms whose sums are the model's rates (such
+        as the sign in a friction, or a sine; not the limit of a whole rate) at the fed-back state,
+        or nothing. ``"auto"`` is the simulation for outputs and increments, and the terms for
         corrections. None costs 1.0 (1.0 to 1.7).
     lambda_phy : float in [0, 1) or "adaptive", default=0.0
         Weight of the physical loss, or the rule of Wang, Teng and Perdikaris [2]_ that balances
-        the gradients of both. With the balance of the prior, which lacks what is to be learnt,
-        0.01 costs 1.3 (0.6 to 34), 0.1 costs 2.5 (1.0 to 78) and ``"adaptive"`` 2.3 (1.1 to 27);
-        with `Passivity` instead, 0.1 costs 1.0, but 33 where the energy of the missing spring is
-        not in the balance.
+        the gradients of both losses. With the energy balance of the prior, which lacks the effect
+        to be learnt, 0.01 costs 1.3 (0.6 to 34), 0.1 costs 2.5 (1.0 to 78) and ``"adaptive"`` 2.3
+        (1.1 to 27); with `Passivity` instead, 0.1 costs 1.0, but 33 where the energy of the
+        missing spring is not in the balance.
     physics_loss : PhysicsTerm, callable or list of them, optional
         The physical terms; by default the model's energy balance.
     scaled : bool, default=True
-        Whether both losses are free of units. With False they are the paper's, so that a
-        `lambda_phy` compares with one of [1]_: :math:`L_{error}` is the mean over the samples of
-        the summed squares of the errors, of states in single steps and of outputs later, and
+        Whether both losses are dimensionless. With False they are those of the paper, so that
+        `lambda_phy` is comparable with [1]_: :math:`L_{error}` is the mean over the samples of the
+        sum of squared errors, of the states in single steps and of the outputs later, and
         :math:`L_{phy}` the mean square of the energy that a step lacks [J].
     free : sequence of str or "all", optional
-        Parameters of the model that are trained with the network, inside their spread and bounds;
-        ``"all"`` are those that are not fixed. By default the model is taken as it is.
+        Parameters of the model that are trained with the network, within their spread and bounds;
+        ``"all"`` means all that are not fixed. By default the model stays as it is.
     overlap : float, default=0.1
-        What it may cost, as a share of the error, that the network leaves to the free parameters
-        what they can express [3]_: the weight of the part of its output over the training rows
-        that lies in the column space of the model's derivatives by the parameters. Small, it only
-        decides between values that fit equally well; with 0 nothing decides.
+        Weight, as a share of the error, of a penalty that leaves to the free parameters what they
+        can express [3]_: it penalises the part of the network's output over the training rows that
+        lies in the column space of the model's derivatives by the parameters. A small weight only
+        decides between values that fit equally well; with 0 nothing does.
     corrects : sequence of str, optional
-        Of a correction the only states whose rates the network corrects; of a dissipative network
-        the only ones that it takes energy out of.
+        For a correction, the only states whose rates the network corrects; for a dissipative
+        network, the only states that it takes energy out of.
     sees : sequence of str, optional
         The only states, inputs and further columns that the network sees, with the model's terms
-        of these. What the network cannot say, only the parameters can: a network that corrects the
-        speed and sees the speed leaves the inertia to the model.
+        of these. What the network cannot express is left to the parameters: a network that
+        corrects the speed and sees the speed leaves the inertia to the model.
     horizon : int, default=1
-        Steps of the rollouts; 1 for none: with the last phase they add nothing, without it 20
-        steps cost 4.3 (1.8 to 34) where none cost 4.7 (1.8 to 34).
+        Steps per rollout; 1 means no rollouts: with the last phase they add nothing, without it
+        20 steps cost 4.3 (1.8 to 34) and no rollouts 4.7 (1.8 to 34).
     rollout_epochs : int, default=20
         Epochs of rollouts.
     refine : {"auto", "lm", "lbfgs", None}, default="auto"
@@ -123,11 +124,11 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
         ``"auto"`` is Levenberg-Marquardt for a `FeedForward` core of at most 1000 weights. L-BFGS
         costs 1.6 (1.1 to 24), none 4.7 (1.8 to 34).
     refine_max_iter : int, default=500
-        Most steps of that phase, which ends by itself where five steps lower the loss by less than
-        a thousandth; steps that are tried in vain do not count. 30 cost 1.1 (1.0 to 6).
+        Maximum number of steps of that phase, which ends earlier if five steps lower the loss by
+        less than a thousandth; rejected steps do not count. 30 cost 1.1 (1.0 to 6).
     validation_fraction : float, default=0.2
-        Share of the trajectories held out to choose the weights; of less than three
-        trajectories, the share at the end of each.
+        Share of the trajectories held out to choose the weights; with fewer than three
+        trajectories, the share held out at the end of each.
     n_iter_no_change : int, default=100
         Epochs of rollouts, or steps of `refine`, without a better free run of the held-out
         trajectories after which that phase ends. While the loss still falls by orders of magnitude
@@ -136,16 +137,16 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
         Without a model: columns of X whose first row in every trajectory is the initial state, the
         outputs and then their rates.
     hold : {"zoh", "foh"}, optional
-        Whether an input is held between two samples or runs straight from one to the next; by
-        default as the model's `simulation` says, else held.
+        Whether an input is held between two samples or interpolated linearly; by default as the
+        model's `simulation` says, else held.
     substeps : int, optional
         Integration steps of the model from sample to sample; by default as the model's
         `simulation` says, else as many as accuracy needs.
     time_column : int or str, optional
         Column of X that holds the time; by default ``"t"``, of an array the first.
     random_state : int, RandomState instance or None, default=0
-        What draws the weights, the batches and the held-out trajectories. Torch draws from one
-        stream in a process: trainings on several threads wait for each other.
+        Controls the random initial weights, batches and held-out trajectories. Torch has one
+        random stream per process: trainings on several threads wait for each other.
     module : Module class, default=FeedForward
         The core: takes ``n_inputs`` and ``n_outputs``, and maps features to outputs; see
         `FeedForward` (``module__neurons``, ``module__layers``, ``module__activation``) and
@@ -154,8 +155,8 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
     criterion : Module class, default=torch.nn.MSELoss
         Measures the scaled errors.
     optimizer : Optimizer class, default=torch.optim.Adam
-        Of the first two phases; the learning rate decays by a cosine in each
-        (``callbacks__decay=None`` holds it).
+        Optimizer of the first two phases; the learning rate follows a cosine decay in each
+        (``callbacks__decay=None`` keeps it constant).
     lr : float, default=0.01
         Learning rate; a tenth of it in rollouts. 0.003 costs 0.99 (0.96 to 1.5), 0.03 costs
         1.0 (1.0 to 2.8).
@@ -163,17 +164,17 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
         Epochs on single steps; 20 cost 1.0 (1.0 to 1.6), 100 cost 1.0 (0.9 to
         1.2).
     batch_size : int, default=2048
-        Most steps in a batch; small sets are cut in at least 16 batches.
+        Maximum number of steps in a batch; small data sets are cut into at least 16 batches.
     iterator_train : class, default=TensorBatches
         Makes batches for the training.
     iterator_train__shuffle : bool, default=True
-        Whether it draws the order.
+        Whether to shuffle the samples.
     train_split : callable or None, default=None
-        As in skorch, for rows that have no time; of trajectories `validation_fraction` holds
-        some out.
+        As in skorch, for rows without a time; trajectories are held out by `validation_fraction`
+        instead.
     use_caching : bool, default=False
         Whether scores of skorch's callbacks are taken from a training step's own predictions,
-        which of trajectories are windows; otherwise from `predict`, which is a free run.
+        which for trajectories are windows; otherwise from `predict`, which is a free run.
     verbose : int, default=0
         Whether to print every phase and every epoch.
     **kwargs
@@ -182,21 +183,22 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
     Attributes
     ----------
     model_ : PhysicsModel
-        The model with the parameters that were trained.
+        The model with its trained parameters.
     parameters_ : dict of str to Estimate
         Value, 95 % interval and unit of every parameter that was trained with the network. A
-        parameter that the records do not tell from what the network learns is at the value at which
-        the network says least of what the model could say; its interval holds for that value.
+        parameter whose effect the records cannot distinguish from what the network learns takes the
+        value at which the network expresses least of what the model could; its interval holds for
+        that value.
     dissipation_ : dict of str to float
-        Value of every parameter of an `EnergyBalance` of one's own that was trained.
+        Value of every trained parameter of a user-defined `EnergyBalance`.
     structure_ : str
         The structure that was used.
     lambda_phy_ : float
         The last weight of the physical loss.
     step_ : NetworkStep
-        What a step is made of.
+        Definition of the network's step.
     hold_ : {"zoh", "foh"}
-        How the inputs were taken to run between samples.
+        How the inputs were assumed to vary between samples.
     substeps_ : int
         Integration steps of the model from sample to sample.
     noise_ : ndarray of shape (n_outputs,)
@@ -206,13 +208,13 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
     further_columns_ : sequence of str
         Columns of X that are neither time, inputs nor states, and that the network sees.
     guide_line_ : (ndarray, ndarray)
-        Slope and offset by which simulated columns of X followed the simulation, for every state.
+        Slope and offset of the simulated columns of X over the simulation, for every state.
     free_run_error_ : float
         Error of the held-out free run: root mean square, in standard deviations of the outputs.
     n_features_in_ : int
         Number of columns of X.
     feature_names_in_ : ndarray of str
-        Their names, if X has any.
+        Names of the columns of X, if it has any.
 
     See Also
     --------
@@ -326,12 +328,12 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
         ----------
         X : DataFrame or array of shape (n_samples, n_columns)
             Time [s], inputs, where known the states in each trajectory's first row, and whatever
-            else the network shall see; without a model and a time, any features.
+            else the network is to see; without a model and a time, any features.
         y : array-like of shape (n_samples, n_outputs) or (n_samples,)
-            Measured outputs; NaN where there is none. Trajectories without any count in the
-            physical loss only, and for nothing where `lambda_phy` is 0.
+            Measured outputs; NaN where there is none. Trajectories without any measured output
+            count in the physical loss only, and are ignored where `lambda_phy` is 0.
         **fit_params
-            Of skorch, such as ``epochs``, which overrules `max_epochs`.
+            Fit parameters of skorch, such as ``epochs``, which overrides `max_epochs`.
 
         Returns
         -------
@@ -341,14 +343,14 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
         Raises
         ------
         ValueError
-            If a parameter is none of what it can be, X and y cannot be read as records of the
-            model, an energy is weighted that the model lacks or a scaler has spoilt, or a loss
-            is not finite.
+            If a parameter is invalid, X and y cannot be read as records of the model, the energy
+            in a weighted loss is missing from the model or distorted by a scaler, or a loss is
+            not finite.
         """
         return self._fit(X, y, anew=not (self.warm_start and self.initialized_), **fit_params)
 
     def partial_fit(self, X, y=None, classes=None, **fit_params):
-        """Train on, from the present weights and with the present scaling.
+        """Continue the training from the present weights, with the present scaling.
 
         Parameters
         ----------
@@ -357,7 +359,7 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
         classes : None
             Not used.
         **fit_params
-            Of skorch, such as ``epochs``, which overrules `max_epochs`.
+            Fit parameters of skorch, such as ``epochs``, which overrides `max_epochs`.
 
         Returns
         -------
@@ -377,8 +379,8 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
         Returns
         -------
         ndarray of shape (n_samples, n_outputs) or (n_samples,)
-            Outputs. Of a trajectory that diverges, of which a `SimulationWarning` tells, the last
-            sample in reach is repeated.
+            Outputs. If a trajectory diverges, which a `SimulationWarning` reports, its last sample
+            before the divergence is repeated.
         """
         check_is_fitted(self)
         if self.model_ is None:
@@ -424,7 +426,7 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
         return rows_in_order(runs.records, np.concatenate(runs.x))
 
     def predict_ahead(self, X, y, steps=1):
-        """Predict every sample from the outputs up to so many samples before it.
+        """Predict every sample from the outputs up to `steps` samples before it.
 
         Parameters
         ----------
@@ -434,7 +436,8 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
             Measured outputs, NaN where there is none; the state is estimated from them by a
             Kalman filter.
         steps : int, default=1
-            Samples ahead. The first `steps` rows of a trajectory are the free run's.
+            Prediction horizon in samples. The first `steps` rows of a trajectory are those of the
+            free run.
 
         Returns
         -------
@@ -444,9 +447,10 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
         Raises
         ------
         OptionError
-            If `steps` is no integer from 1 on.
+            If `steps` is not an integer of at least 1.
         ValueError
-            If it was fitted to independent rows, or with a core whose hidden state no output tells.
+            If it was fitted to independent rows, or with a core whose hidden state cannot be
+            estimated from the outputs.
         """
         check_is_fitted(self)
         if self.model_ is None:
@@ -491,10 +495,9 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
         Returns
         -------
         ndarray of shape (n_samples, n_terms)
-            The terms' residuals of the step that ends in each row, of energies dimensionless or,
-            with ``scaled=False``, in joules (of an inequality
-            what is above zero; of a term with several columns their root mean square); NaN in the
-            first row of a trajectory.
+            Residual of every term for the step that ends in each row, for energies dimensionless
+            or, with ``scaled=False``, in joules (for an inequality, the part above zero; for a term
+            with several columns, their root mean square); NaN in the first row of a trajectory.
 
         Raises
         ------

@@ -52,8 +52,8 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
     r"""Fit a model's free parameters to records; predict by simulation in free run.
 
     The records are cut into windows, each restarted from its own initial state (multiple
-    shooting), and the parameters minimise the squared error over all windows. Against poor starts
-    the bounds can be searched first, as the particle swarm of [1]_ does.
+    shooting), and the parameters minimise the squared error over all windows. For poor starting
+    values the range between the bounds can be searched first, as the particle swarm of [1]_ does.
 
     Parameters
     ----------
@@ -62,23 +62,24 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
     free : sequence of str, optional
         Parameters to fit; by default all that are not fixed.
     within_spread : bool, default=False
-        Whether parameters stay within their `Parameter.spread`, where any value is as likely, as in
-        a diagnosis and beside a network. By default they go anywhere between their bounds.
+        Whether parameters stay within their `Parameter.spread`, where all values are equally
+        likely, as in a diagnosis and in the training with a network. By default they may take any
+        value between their bounds.
     search : {"local", "global", "auto"}, default="auto"
-        Whether to start from the model's values only, to search the parameters' bounds first, or
-        to do so where the local fit leaves more than three times the noise. A parameter without a
-        bound is searched up to ten times its value away.
+        Whether to start from the model's values only, to search between the parameters' bounds
+        first, or to do so if the local fit leaves more than three times the noise. A parameter
+        without a bound is searched up to ten times its value away.
     window_length : float or "trajectory", optional
         Window length [s]; by default a third of the dominant period of the outputs. With
         ``"trajectory"`` every trajectory is one window: the error of the free run is minimised,
-        from the model's values and from those of a fit to short windows; a state that the first
-        rows of all trajectories tell is taken as it is, others are fitted.
+        from the model's values and from those of a fit to short windows; an initial state given
+        in the first rows of all trajectories is kept, others are fitted.
     noise_std : array-like of shape (n_outputs,), optional
-        Standard deviation of each output's noise, in its unit, which weights it: finite and
-        above 0. One number is taken where there is one output. By default estimated.
+        Standard deviation of each output's noise, in its unit, as the weight of the output: finite
+        and above 0. A single number is accepted where there is one output. By default estimated.
     hold : {"zoh", "foh"}, optional
-        Whether an input is held between two samples or runs straight from one to the next; by
-        default as the model's `simulation` says, else held.
+        Whether an input is held between two samples or interpolated linearly; by default as the
+        model's `simulation` says, else held.
     substeps : int, optional
         Integration steps from sample to sample; by default as the model's `simulation` says, else
         as many as accuracy needs.
@@ -88,7 +89,7 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         Threads to simulate on; -1 means all cores of this computer. None means 1, unless a
         `joblib.parallel_config` that works on this computer says otherwise.
     random_state : int, RandomState instance or None, default=0
-        What draws the global search.
+        Controls the random numbers of the global search.
     verbose : int, default=0
         Whether to print a line for every stage of the fit.
 
@@ -98,7 +99,7 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         The model at the fitted values; its `simulation` says how it was simulated for the fit.
     parameters_ : dict of str to Estimate
         Value, 95 % interval and unit of every fitted parameter. The interval holds also where the
-        residuals are not white; it is as wide as the bounds where the records say nothing.
+        residuals are not white; it is as wide as the bounds where the records carry no information.
     initial_states_ : ndarray of shape (n_trajectories, n_states)
         Fitted state at the start of every trajectory, in the order of their first rows.
     window_ : float
@@ -106,17 +107,17 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
     noise_ : ndarray of shape (n_outputs,)
         Standard deviation of the training records' noise, by which `predict_ahead` weighs outputs.
     hold_ : {"zoh", "foh"}
-        How the inputs were taken to run between samples.
+        How the inputs were assumed to vary between samples.
     substeps_ : int
         Integration steps from sample to sample.
     n_features_in_ : int
         Number of columns of X.
     feature_names_in_ : ndarray of str
-        Their names, if X has any.
+        Names of the columns of X, if it has any.
 
     See Also
     --------
-    ModelDiagnosis : Finds what the model lacks, besides other parameters.
+    ModelDiagnosis : Also finds what the model lacks.
 
     References
     ----------
@@ -175,13 +176,13 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         Returns
         -------
         self : PhysicsModelRegressor
-            The fitted regressor. Parameters that the records do not fix are named in a warning.
+            The fitted regressor. A warning names parameters that the records do not determine.
 
         Raises
         ------
         ValueError
-            If X and y cannot be read as records of the model, or a parameter is unknown or none of
-            what it can be.
+            If X and y cannot be read as records of the model, or a parameter is unknown or
+            invalid.
         """
         check_model(self.model)
         told = read_noise_std(self.noise_std, list(self.model.outputs))
@@ -224,8 +225,8 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         Returns
         -------
         ndarray of shape (n_samples, n_outputs) or (n_samples,)
-            Simulated outputs. All rows of a trajectory whose simulation becomes non-finite
-            get the values of the first one, of which a `SimulationWarning` tells.
+            Simulated outputs. All rows of a trajectory whose simulation becomes non-finite get the
+            values of the first row, which a `SimulationWarning` reports.
         """
         return self._shaped(self._simulate(self._read(X), self.model_.outputs))
 
@@ -245,7 +246,7 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         return self._simulate(self._read(X), self.model_.states)
 
     def predict_ahead(self, X, y, steps=1):
-        """Predict every sample from the outputs up to so many samples before it.
+        """Predict every sample from the outputs up to `steps` samples before it.
 
         Parameters
         ----------
@@ -255,7 +256,8 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             Measured outputs, NaN where there is none; the state is estimated from them by a
             Kalman filter.
         steps : int, default=1
-            Samples ahead. The first `steps` rows of a trajectory are the free run's.
+            Prediction horizon in samples. The first `steps` rows of a trajectory are those of the
+            free run.
 
         Returns
         -------
@@ -265,7 +267,7 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         Raises
         ------
         OptionError
-            If `steps` is no integer from 1 on.
+            If `steps` is not an integer of at least 1.
 
         Examples
         --------
@@ -282,32 +284,32 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         return self._shaped(predict_ahead(machines, steps, self.noise_)[1])
 
     def predict_interval(self, X, coverage=0.9):
-        r"""Return between what the measured outputs of a free run are expected.
+        r"""Return the interval in which the measured outputs of a free run are expected.
 
         .. math:: \hat y_k \pm q \sqrt{J_k C J_k^T + s^2}
 
-        with the slopes :math:`J_k` of the simulation by the parameters, their covariance
-        :math:`C`, the root mean square :math:`s` of what the fitted model leaves of the training
-        records in free run, and the quantile :math:`q` of what it leaves there in units of the
-        root. It holds for machines that are run as in the training records, from initial states
-        that are as well known.
+        with the sensitivities :math:`J_k` of the simulation to the parameters, their covariance
+        :math:`C`, the root mean square :math:`s` of the fitted model's free-run error on the
+        training records, and the quantile :math:`q` of that error in units of the square root. It
+        holds for machines operated as in the training records, from initial states that are known
+        equally well.
 
         Parameters
         ----------
         X : DataFrame or array of shape (n_samples, n_columns)
             As in `predict`.
         coverage : float, default=0.9
-            Share of the measurements that shall lie between.
+            Share of the measurements that should lie in the interval.
 
         Returns
         -------
         low, high : ndarray of shape (n_samples, n_outputs) or (n_samples,)
-            The interval's ends.
+            Bounds of the interval.
 
         Raises
         ------
         OptionError
-            If `coverage` is no share between 0 and 1.
+            If `coverage` is not a share between 0 and 1.
 
         Examples
         --------
@@ -343,14 +345,14 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         return outputs.ravel() if self._single_output else outputs
 
     def _variance(self, records) -> np.ndarray:
-        """Return the variance of measurements beside a free run, laid end to end."""
+        """Return the variance of measurements about a free run, records concatenated."""
         names = tuple(self.parameters_)
         parts = [output_variance(self.model_, each, names, self._covariance) for each in records]
         return np.concatenate(parts) + self._error**2
 
     @one_thread_each()
     def _keep_errors(self, found, records) -> None:
-        """Keep what the fitted model leaves of its records in free run, for intervals."""
+        """Keep the fitted model's free-run errors on its records, for intervals."""
         self._covariance = parameter_covariance(found.fit, found.expected, found.spread)
         starts = zip(records, self.initial_states_, strict=True)
         records = [replace(record, x0=x0) for record, x0 in starts]
@@ -432,7 +434,7 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
 
 
 def _warn_of_ends(freedoms, model) -> None:
-    """Warn of parameters that went to an end of their spread."""
+    """Warn of parameters that ended at a limit of their spread."""
     values = {each.name: model.parameters[each.name].value for each in freedoms}
     ends = [
         each.name

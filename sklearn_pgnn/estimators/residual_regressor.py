@@ -25,36 +25,36 @@ from sklearn_pgnn.trajectories.validation import check_model, validate_table
 
 
 class ResidualRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
-    r"""Add a regression of its own error to a simulated model: residual modelling.
+    r"""Simulate a model and add a regression of its error: residual modelling.
 
     .. math:: \hat y_k = y^{phy}_k + g(u_k, x^{phy}_k, y^{phy}_k)
 
     :math:`x^{phy}, y^{phy}` are the model's simulation in free run from each trajectory's first
-    row, and any regressor of scikit-learn is fitted as :math:`g` to :math:`y - y^{phy}`. For it
-    every row stands alone; it sees neither time nor trajectory nor measured states. Rows without
-    all outputs measured (NaN) are left out of its fit.
+    row, and any regressor of scikit-learn is fitted as :math:`g` to :math:`y - y^{phy}`. The
+    regressor treats every row separately; it sees neither time nor trajectory nor measured states.
+    Rows in which an output is not measured (NaN) are left out of its fit.
 
-    A simulation that becomes non-finite is named in a `SimulationWarning`; its rows get the
+    A simulation that becomes non-finite is reported by a `SimulationWarning`; its rows get the
     values of the trajectory's first row, as in `PhysicsModelTransformer`.
 
     Parameters
     ----------
     model : PhysicsModel, optional
-        The model. Without one, :math:`y = g(X)` on all columns of X but time and trajectory.
+        The model. Without one, :math:`y = g(X)` on all columns of X except time and trajectory.
     regressor : regressor, optional
-        What is fitted to the error; by default least squares on standardised features. It is
-        cloned, and draws what it draws by its own `random_state`. Of a model with several outputs
-        it must predict several (`sklearn.multioutput.MultiOutputRegressor` makes it do so).
+        Regressor of the error; by default least squares on standardised features. It is cloned,
+        and its own `random_state` controls its random numbers. For a model with several outputs it
+        must predict several (`sklearn.multioutput.MultiOutputRegressor` makes it do so).
     time_column : int or str, optional
         Column of X that holds the time; by default ``"t"``, of an array the first, or without a
         model none.
     hold : {"zoh", "foh"}, optional
-        Whether an input is held between two samples or runs straight from one to the next; by
-        default as the model's `simulation` says, else held.
+        Whether an input is held between two samples or interpolated linearly; by default as the
+        model's `simulation` says, else held.
     substeps : int, optional
         Integration steps from sample to sample; by default as the model's `simulation` says, else
-        as many as the records of `fit` need until nothing changes by more than a thousandth of
-        its range.
+        as many as needed until, on the records of `fit`, no quantity changes by more than a
+        thousandth of its range.
 
     Attributes
     ----------
@@ -65,13 +65,13 @@ class ResidualRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         Standard deviation of the training records' noise, by which `predict_ahead` weighs outputs;
         where there is a model.
     hold_ : {"zoh", "foh"}
-        How the inputs were taken to run between samples, where there is a model.
+        How the inputs were assumed to vary between samples, where there is a model.
     substeps_ : int
         Integration steps from sample to sample, where there is a model.
     n_features_in_ : int
         Number of columns of X.
     feature_names_in_ : ndarray of str
-        Their names, if X has any.
+        Names of the columns of X, if it has any.
 
     See Also
     --------
@@ -221,7 +221,7 @@ class ResidualRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         return simulate_quantities(self.model, records, list(self.model.states), **settings)
 
     def predict_ahead(self, X, y, steps=1):
-        """Predict every sample from the outputs up to so many samples before it.
+        """Predict every sample from the outputs up to `steps` samples before it.
 
         Parameters
         ----------
@@ -229,9 +229,10 @@ class ResidualRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             As in `predict`.
         y : array-like of shape (n_samples, n_outputs) or (n_samples,)
             Measured outputs, NaN where there is none; the model's state is estimated by a
-            Kalman filter from what the error that is expected in free run leaves of them.
+            Kalman filter from these outputs less the error predicted in free run.
         steps : int, default=1
-            Samples ahead. The first `steps` rows of a trajectory are the free run's.
+            Prediction horizon in samples. The first `steps` rows of a trajectory are those of the
+            free run.
 
         Returns
         -------
@@ -241,7 +242,7 @@ class ResidualRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         Raises
         ------
         OptionError
-            If `steps` is no integer from 1 on.
+            If `steps` is not an integer of at least 1.
         ValueError
             If there is no model, and so no state.
         """
@@ -288,7 +289,7 @@ class ResidualRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         return self._features(records, values), values[:, len(self.model.states) :]
 
     def _features(self, records, values) -> pd.DataFrame:
-        """Return the inputs, and of all states and outputs every quantity once."""
+        """Return the inputs, and every state and output once."""
         names = quantities_of(self.model)
         place = {x: i for i, x in enumerate([*self.model.states, *self.model.outputs])}
         inputs = rows_in_order(records, np.concatenate([record.u for record in records]))
@@ -297,7 +298,7 @@ class ResidualRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         return pd.DataFrame(np.column_stack([inputs, once]), columns=columns)
 
     def _plain(self, X):
-        """Return all columns of X but time and trajectory."""
+        """Return all columns of X except time and trajectory."""
         if is_named(X):
             time = time_name(X.columns, self.time_column) or TIME
             return X.drop(columns=[time, TRAJECTORY], errors="ignore")

@@ -39,19 +39,19 @@ from sklearn_pgnn.trajectories.tables import as_pandas
 from sklearn_pgnn.trajectories.tags import tags_of_records
 from sklearn_pgnn.trajectories.validation import check_model, validate_table
 
-#: a simulation so many times larger than any measured output has diverged
+#: a simulation this many times larger than any measured output has diverged
 RUNAWAY = 1e3
 
 
 class SINDYcRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
-    r"""Find few terms of a library that make up a machine's rates; predict by simulation.
+    r"""Find the few terms of a library that make up a machine's rates; predict by simulation.
 
     .. math:: \dot x = \Xi\,\Psi(x, u) \qquad \text{or} \qquad x_{k+1} = \Xi\,\Psi(x_k, u_k)
 
     with the library's terms :math:`\Psi` and a sparse matrix :math:`\Xi` [1]_. The states are
     estimated from the records' outputs; a position's rate is its velocity, which is not
-    identified. Rates are averaged over a short span, for which the equations hold as well: from
-    one sample to the next they would be noise. No span reaches from one trajectory to another.
+    identified. Rates are averaged over a short span, over which the equations hold as well: from
+    one sample to the next they would be noise. No span reaches from one trajectory into another.
 
     Without a model the states are the columns of y, under their own names, and every other column
     of X is an input. Without a model and a time (plain arrays, no column ``t``) the rows are
@@ -63,33 +63,32 @@ class SINDYcRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         Names states, inputs and outputs, and gives the terms of ``"model"``.
     library : str, pysindy library or list of these, default="polynomial"
         Candidate terms: ``"polynomial"`` of states and inputs; ``"fourier"`` or
-        ``"trigonometric"``, the sine and cosine of each; ``"model"``, what the model's own rates
-        are sums of, besides states and inputs; an expression such as ``"tanh(omega/0.02)"``; a
-        library of pysindy whose terms are named by what they compute; of a list all together.
+        ``"trigonometric"``, the sine and cosine of each; ``"model"``, the terms whose sums are the
+        model's own rates, besides states and inputs; an expression such as ``"tanh(omega/0.02)"``;
+        a library of pysindy whose terms are named by what they compute; a list combines them.
     degree : int, default=2
         Degree of ``"polynomial"``.
     threshold : float, default=0.005
-        Least share of a rate (of a step, for a map) that a term must make up: its root mean square
-        with its coefficient, over the rate's standard deviation. 0.005 drops what moves a state by
-        less than half a percent of all that moves it.
+        Least share of a rate (of a step, for a map) that a term must contribute: the root mean
+        square of the term times its coefficient, over the rate's standard deviation. 0.005 drops
+        terms that contribute less than half a percent of a state's motion.
     alpha : float, default=1e-4
         Ridge penalty while terms are chosen, as a share of the terms' own mean squares.
     optimizer : pysindy optimizer, optional
-        What chooses the terms, instead of sequentially thresholded least squares with `threshold`
-        and `alpha`. It is cloned. It sees every term divided by its root mean square and every
-        rate by its standard deviation; `coefficients_` are in physical units all the same.
+        Chooses the terms, instead of sequentially thresholded least squares with `threshold` and
+        `alpha`. It is cloned. It sees every term divided by its root mean square and every rate by
+        its standard deviation; `coefficients_` are in physical units all the same.
     discrete : bool, default=False
-        Whether to identify a map from sample to sample, in which every state's own last value
-        stands whatever the library, instead of rates.
+        Whether to identify, instead of rates, a map from sample to sample; it contains every
+        state's own last value whatever the library.
     span : float, optional
         Time over which rates and steps are averaged [s]; by default a thirtieth of the dominant
         period of the outputs. 0 takes neighbouring samples.
     time_column : int or str, optional
         Column of X that holds the time; by default ``"t"`` or, with a model, an array's first.
     hold : {"zoh", "foh"}, optional
-        Whether an input is held between two samples or runs straight from one to the next; by
-        default as the model's `simulation` says, else held. A map knows only the input at its
-        sample.
+        Whether an input is held between two samples or interpolated linearly; by default as the
+        model's `simulation` says, else held. A map uses only the input at its sample.
     substeps : int, optional
         Integration steps from sample to sample; by default as the model's `simulation` says, else
         as many as accuracy needs. A map takes one.
@@ -101,7 +100,7 @@ class SINDYcRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
     model_ : PhysicsModel or None
         The identified model, coefficients as parameters such as ``c_omega_sin_phi``. Units,
         inputs, outputs, delays and inertia are those of `model`, their parameters fixed; there are
-        no energy terms, for nobody knows the power of what was identified. A map is written as the
+        no energy terms, as the power of the identified terms is unknown. A map is written as the
         rate :math:`(\Xi\Psi(x, u) - x)/T` with the sample interval :math:`T`: an explicit Euler
         step of one sample (``simulate(..., method="euler")``) is exactly the map. None if rows are
         independent.
@@ -110,19 +109,19 @@ class SINDYcRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
     terms_ : list of str
         The library, term by term.
     equations_ : list of str
-        What was found, an equation a state, coefficients rounded to four digits.
+        The identified equations, one per state, with coefficients rounded to four digits.
     noise_ : ndarray of shape (n_outputs,)
         Standard deviation of the training records' noise, by which `predict_ahead` weighs outputs;
         where rows are samples in time.
     hold_ : {"zoh", "foh"}
-        How the inputs were taken to run between samples, where rows are samples in time.
+        How the inputs were assumed to vary between samples, where rows are samples in time.
     substeps_ : int
         Integration steps from sample to sample, where rows are samples in time; `model_` carries
         both.
     n_features_in_ : int
         Number of columns of X.
     feature_names_in_ : ndarray of str
-        Their names, if X has any.
+        Names of the columns of X, if it has any.
 
     See Also
     --------
@@ -136,8 +135,8 @@ class SINDYcRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
     and so doubles to quadruples its error in free run. `alpha` did not matter up to 1e-3. A span
     of zero costs the golf robot and the cart two to twenty times the error.
 
-    In a map a term that acts through another state (a force on a position) moves its state by a
-    share that falls with the sample interval; fast samples need a lower threshold.
+    In a map a term that acts through another state (a force on a position) contributes a share
+    that falls with the sample interval; fast sampling needs a lower threshold.
 
     References
     ----------
@@ -232,15 +231,15 @@ class SINDYcRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         Parameters
         ----------
         X : DataFrame or array of shape (n_samples, n_columns)
-            As in `fit`; of the states only the first row of a trajectory is read, and one that is
-            not there starts at ``model_.initial_state``.
+            As in `fit`; of the states only the first row of a trajectory is read, and a state that
+            X lacks starts at ``model_.initial_state``.
 
         Returns
         -------
         ndarray of shape (n_samples, n_outputs) or (n_samples,)
             Simulated outputs. All rows of a trajectory whose simulation becomes non-finite,
-            or grows to a thousand times what was measured, get the values of the first one, of
-            which a `SimulationWarning` tells.
+            or grows to a thousand times what was measured, get the values of the first row, which
+            a `SimulationWarning` reports.
         """
         check_is_fitted(self)
         outputs = self._predict_rows(X) if self.model_ is None else self._predict_records(X)
@@ -273,7 +272,7 @@ class SINDYcRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         return self._predict_records(X, "x")
 
     def predict_ahead(self, X, y, steps=1):
-        """Predict every sample from the outputs up to so many samples before it.
+        """Predict every sample from the outputs up to `steps` samples before it.
 
         Parameters
         ----------
@@ -283,7 +282,8 @@ class SINDYcRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             Measured outputs, NaN where there is none; the state is estimated from them by a
             Kalman filter.
         steps : int, default=1
-            Samples ahead. The first `steps` rows of a trajectory are the free run's.
+            Prediction horizon in samples. The first `steps` rows of a trajectory are those of the
+            free run.
 
         Returns
         -------
@@ -293,7 +293,7 @@ class SINDYcRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         Raises
         ------
         OptionError
-            If `steps` is no integer from 1 on.
+            If `steps` is not an integer of at least 1.
         ValueError
             If it was fitted to independent rows, which have no states.
         """

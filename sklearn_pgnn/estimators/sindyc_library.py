@@ -1,7 +1,7 @@
 r"""Libraries: the candidate terms :math:`\Psi(x, u)` of a sparse regression, as expressions.
 
-Whatever a library is given as (a name, text, the terms of a model, an object of pysindy), it ends
-as a list of symbolic terms, so that what is identified can be simulated, printed and kept.
+Whatever a library is given as (a name, text, the terms of a model, an object of pysindy), it
+becomes a list of symbolic terms, so that the identified model can be simulated, printed and saved.
 """
 
 import copy
@@ -33,13 +33,13 @@ def read_library(
     ----------
     library : str, pysindy library or list of these
         ``"polynomial"``, ``"fourier"`` (or ``"trigonometric"``), ``"model"``, an expression such
-        as ``"tanh(omega/0.02)"``, or an object of pysindy; of a list all together.
+        as ``"tanh(omega/0.02)"``, or an object of pysindy; a list combines them.
     names : sequence of str
         The states and inputs.
     degree : int, default=2
         Degree of ``"polynomial"``.
     model : PhysicsModel, optional
-        What ``"model"`` means.
+        The model whose terms ``"model"`` stands for.
 
     Returns
     -------
@@ -149,8 +149,8 @@ def term_function(terms, names: Sequence[str]):
     Returns
     -------
     callable
-        Of their values, of shape (n_samples, n_names), and the time [s] (0 by default): gives the
-        terms' values of shape (n_samples, n_terms), not finite where a term has none.
+        Takes their values, of shape (n_samples, n_names), and the time [s] (0 by default), and
+        returns the terms' values, of shape (n_samples, n_terms), not finite where undefined.
 
     Examples
     --------
@@ -176,7 +176,7 @@ def term_function(terms, names: Sequence[str]):
 
 
 class _Products(dict):
-    """Products of quantities by their places, each made from the one with a factor less."""
+    """Products of quantities by their indices, each made from the one with one factor fewer."""
 
     def __init__(self, quantities):
         super().__init__({(): 1.0})
@@ -188,7 +188,7 @@ class _Products(dict):
 
 
 def _factors(term: sympy.Expr, quantities: Sequence[str]) -> tuple[int, ...] | None:
-    """Return the places of a monomial's factors among the quantities; None where it is none."""
+    """Return the indices of a monomial's factors among the quantities; None for no monomial."""
     powers = {} if term == 1 else term.as_powers_dict()
     places: list[int] = []
     for base, power in powers.items():

@@ -90,7 +90,7 @@ def complete(base: PhysicsModel, library, found, discrete: bool):
     Returns
     -------
     terms : list of sympy.Expr
-        The library and what it lacked.
+        The library and the terms that it lacked.
     coefficients : ndarray of shape (n_states, n_terms)
         Coefficients of the map or of rates.
     """
@@ -184,9 +184,9 @@ def _free_name(wanted: str, taken: set[str]) -> str:
 
 
 def _without_sticking(expression, base: PhysicsModel):
-    """Write the sign of a state so that a simulation does not cut its steps there.
+    """Write the sign of a state so that a simulation does not split its steps there.
 
-    A state under dry friction sticks between two samples; a map knows nothing between them.
+    A state under dry friction sticks between two samples; a map describes nothing between them.
     """
     signs = {sympy.sign(symbol(s)): sympy.sign(sympy.tanh(symbol(s))) for s in base.states}
     return expression.xreplace(signs)

@@ -36,7 +36,7 @@ def blank_model(X, y, time_column) -> PhysicsModel:
     Returns
     -------
     PhysicsModel
-        A model whose states rest.
+        A model whose states are constant.
 
     Raises
     ------
@@ -70,7 +70,7 @@ def blank_model(X, y, time_column) -> PhysicsModel:
 
 
 def target_names(y, letter: str = "x", columns=()) -> list[str]:
-    """Name the columns of y; ``x0``, ``x1`` ..., as no column of X is called, without names."""
+    """Name the columns of y; without names ``x0``, ``x1`` ..., unlike any column of X."""
     if isinstance(y, pd.DataFrame):
         return [str(name) for name in y.columns]
     if isinstance(getattr(y, "name", None), str):
@@ -81,14 +81,14 @@ def target_names(y, letter: str = "x", columns=()) -> list[str]:
 
 
 def identifiers(called, columns=()) -> list[str]:
-    """Turn names of columns into names that an equation may hold, each another one.
+    """Turn column names into distinct names that are valid in an equation.
 
     Parameters
     ----------
     called : sequence of str
         Names of columns.
     columns : sequence of str, default=()
-        All columns of the table: a name that is changed becomes none of them.
+        All columns of the table; a changed name never equals one of them.
 
     Returns
     -------

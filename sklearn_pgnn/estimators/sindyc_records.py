@@ -25,11 +25,11 @@ from sklearn_pgnn.trajectories.record import Record
 
 #: span of a rate as a share of the outputs' dominant period
 SPAN_SHARE = 1 / 30
-#: a sample interval that differs by more than this share is another one
+#: a sample interval that differs by more than this share counts as a different one
 UNEVEN = 0.01
-#: at least this share of a map's spans has no other interval in it
+#: least share of a map's spans that must contain no different interval
 EVEN_SHARE = 0.5
-#: a span that lasts so many times as long as its samples should holds a gap
+#: a span this many times longer than expected from its number of samples contains a gap
 GAP = 1.5
 
 

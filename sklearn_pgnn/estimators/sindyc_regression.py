@@ -15,7 +15,7 @@ from sklearn.base import clone
 from sklearn_pgnn.extras import needed_by
 from sklearn_pgnn.trajectories.triangle import blocks, triangle
 
-#: below this share of its root mean square a target does not move
+#: a target whose variation is below this share of its root mean square counts as constant
 STILL = 1e-9
 
 
@@ -27,7 +27,7 @@ def sparse_coefficients(terms, targets, optimizer, *, squares_only=False) -> np.
     terms : ndarray of shape (n_rows, n_terms)
         Values of the terms.
     targets : ndarray of shape (n_rows, n_targets)
-        What they shall make up.
+        The targets to be explained.
     optimizer : pysindy optimizer or linear regressor without intercept
         It sees scaled terms and targets; it is cloned, not fitted itself.
     squares_only : bool, default=False
@@ -69,16 +69,16 @@ def stepwise_least_squares(threshold: float, alpha: float, n_rows: int, n_terms:
     r"""Return the sequentially thresholded ridge regression of the SINDy paper.
 
     It minimises :math:`\frac1n |y - \Psi\theta|^2 + \alpha |\theta|^2`, drops every coefficient
-    below the threshold, begins anew until none is left there, and ends without the ridge.
+    below the threshold, repeats until none is left below it, and ends without the ridge.
 
     Parameters
     ----------
     threshold : float
-        Least coefficient that stays.
+        Smallest coefficient that is kept.
     alpha : float
         Ridge penalty per row.
     n_rows, n_terms : int
-        How large the regression is.
+        Size of the regression.
 
     Returns
     -------
@@ -88,7 +88,7 @@ def stepwise_least_squares(threshold: float, alpha: float, n_rows: int, n_terms:
     Raises
     ------
     ImportError
-        If pysindy is not there.
+        If pysindy is not installed.
 
     References
     ----------

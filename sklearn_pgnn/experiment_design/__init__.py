@@ -1,1 +1,1 @@
-"""What an experiment can show: sizes that would be seen, and inputs that tell two causes apart."""
+"""Design of experiments: detectable sizes of effects, and inputs that separate two causes."""

@@ -1,9 +1,9 @@
 r"""Detectability: how large an effect must be before these records would show it.
 
-An effect of some size is put into the fitted model and simulated with the records' own inputs and
-initial states. The fitted model is then re-tuned to what comes out, without noise. What it leaves,
-over windows and in free run, is all that any diagnosis could see. With noise drawn on top, the
-criterion of the diagnosis says how often it would have named a cause.
+An effect of some size is added to the fitted model, which is simulated with the records' own inputs
+and initial states. The fitted model is then re-tuned to the simulated outputs, without noise. The
+remaining residuals, over windows and in free run, are all that any diagnosis could see. With noise
+drawn on top, the criterion of the diagnosis gives how often it would have named a cause.
 """
 
 from collections.abc import Callable, Sequence
@@ -25,24 +25,24 @@ from sklearn_pgnn.threads import in_turn, one_thread_each
 
 @dataclass(frozen=True)
 class Detectable:
-    """How well one effect would be seen.
+    """The detectability of one effect.
 
     Parameters
     ----------
     effect, target : str
         Id of the effect, and what it acts on.
     parameter, unit : str
-        The quantity that measures its size, and its unit; its other quantities grow in step.
+        The parameter that measures its size, and its unit; its other parameters scale with it.
     smallest : float
-        Smallest size that is found with the power asked for; NaN if none is.
+        Smallest size that is detected with the requested power; NaN if none is.
     curve : tuple of (float, float)
-        Sizes and the power there, from where it does nothing to a large effect.
+        Sizes and the power at each, from a size without any effect to a large one.
     reason : str
-        Why it is never seen; empty if it is.
+        Why it is never detected; empty if it is.
     found : bool or None
-        Whether the diagnosis itself found it at the smallest size, if that was tried.
+        Whether the diagnosis itself found it at the smallest size; None if that was not tried.
     at_smallest : Effect or None
-        The effect of the smallest size.
+        The effect at its smallest size.
 
     Examples
     --------
@@ -65,16 +65,16 @@ class Detectable:
 
 @dataclass(frozen=True)
 class Detectability:
-    """What a rig with its excitation and noise can show.
+    """The detectability of effects on a rig with its excitation and noise.
 
     Parameters
     ----------
     rows : tuple of Detectable
-        One an effect, in the order of the catalogue.
+        One per effect, in the order of the catalogue.
     power : float
-        Chance with which the smallest size is found.
+        Probability with which the smallest size is detected.
     sizes : tuple of float
-        Multiples of the smallest size at which `to_frame` tells the power.
+        Multiples of the smallest size at which `to_frame` gives the power.
 
     Examples
     --------
@@ -99,13 +99,13 @@ class Detectability:
         return reading("detectability_html")(self)
 
     def to_frame(self) -> pd.DataFrame:
-        """Return the table, a row an effect.
+        """Return the results as a table, one row per effect.
 
         Returns
         -------
         DataFrame
             Effect, target, the smallest size with its parameter and unit, the power at multiples
-            of it, why an effect is never seen, and whether the diagnosis itself found it.
+            of it, why an effect is never detected, and whether the diagnosis itself found it.
         """
         table = []
         for row in self.rows:
@@ -128,7 +128,7 @@ class Detectability:
             yield multiple, float(power)
 
     def plot(self, **options):
-        """Draw the smallest sizes and the power over the size.
+        """Plot the smallest sizes, and the power as a function of size.
 
         Parameters
         ----------
@@ -138,7 +138,7 @@ class Detectability:
         Returns
         -------
         DetectabilityDisplay
-            The picture, drawn.
+            The plotted display.
         """
         return reading("plot_detectability")(self, **options)
 
@@ -159,14 +159,14 @@ def detect(
     cause : Effect
         The effect.
     power : float
-        Wanted chance of naming it.
+        Required probability of naming it.
     multiples : sequence of float, default=()
-        Multiples of the smallest size at which the power is wanted too.
+        Further multiples of the smallest size at which to compute the power.
 
     Returns
     -------
     Detectable
-        The smallest size and the power over the size.
+        The smallest size, and the power as a function of size.
     """
     sizes = _Sizes(analysis, cause)
     curve: dict[float, float] = {}
@@ -187,7 +187,7 @@ def detect(
 
 
 class _Sizes:
-    """An effect of every size in the fitted model."""
+    """One effect at any size in the fitted model."""
 
     def __init__(self, analysis: PowerAnalysis, cause: Effect):
         scales = analysis.records.problem.scales
@@ -196,14 +196,14 @@ class _Sizes:
         self.none = cause.nothing(cause.target, analysis.model, scales)
         self.field = cause.size_field()
         least = self.of_size(0.0)
-        #: an effect with a memory is something even without size, as play without width is a lag
+        #: an effect with a memory is not neutral at zero size: play without width is a lag
         self.bare = least if self.size_of(least) == self.none else None
 
     def size_of(self, effect: Effect) -> float:
         return float(getattr(effect, self.field))
 
     def power(self, share: float) -> float:
-        """Return the power to find the effect; NaN where a simulation does not stay finite."""
+        """Return the power to detect the effect; NaN where a simulation becomes non-finite."""
         return self.analysis.power(self.of_size(share), self.bare)
 
     def described(self, curve: dict[float, float], power: float) -> Detectable:
@@ -227,7 +227,7 @@ class _Sizes:
         return effect.apply(self.analysis.model).unit(effect.names()[self.field])
 
     def _why_not(self, share: float, power: float) -> str:
-        """Return why even the largest size that the machine bears is not seen."""
+        """Return why even the largest size that can be simulated is not detected."""
         analysis, effect = self.analysis, self.of_size(share)
         if share and analysis.power(effect, self.bare) >= power:
             return "is seen by its being there, however small it is"
@@ -265,7 +265,7 @@ def detect_all(
     n_jobs: int | None = None,
     progress: Callable[[str, int, int], None] | None = None,
 ) -> tuple[Detectable, ...]:
-    """Find the smallest size of every effect that has one and that the model does not hold yet.
+    """Find the smallest size of every effect that has a size and is not yet in the model.
 
     Parameters
     ----------
@@ -274,18 +274,18 @@ def detect_all(
     candidates : sequence of Effect
         The effects.
     power : float
-        Wanted chance of naming each.
+        Required probability of naming each.
     multiples : sequence of float, default=()
-        Multiples of the smallest sizes at which the power is wanted too.
+        Further multiples of the smallest sizes at which to compute the power.
     n_jobs : int, optional
-        Effects that are looked at at the same time, by joblib.
+        Number of effects processed in parallel, by joblib.
     progress : callable, optional
         Called as ``progress("effects", done, total)`` before the first and after every effect.
 
     Returns
     -------
     tuple of Detectable
-        One an effect.
+        One per effect.
     """
     fitting = [cause for cause in candidates if _fits(analysis.model, cause)]
     report = progress or (lambda stage, done, total: None)

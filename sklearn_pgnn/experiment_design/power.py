@@ -1,4 +1,4 @@
-"""The power of a diagnosis: how often its criterion would name what is put into a fitted model."""
+"""The power of a diagnosis: how often its criterion names an effect added to a fitted model."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -22,7 +22,7 @@ from sklearn_pgnn.simulation.windows import Evaluation, ShootingWindows, evaluat
 
 @dataclass(frozen=True)
 class Noise:
-    """Noise of the outputs, in which a signal is seen or not.
+    """Noise of the outputs, in which a signal is to be detected.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ class Noise:
 
     @classmethod
     def of(cls, residual: np.ndarray, segment: np.ndarray, resolution, white: bool) -> "Noise":
-        """Measure noise.
+        """Return the noise with the power and the autocorrelation times of residuals.
 
         Parameters
         ----------
@@ -47,9 +47,9 @@ class Noise:
         segment : ndarray of shape (n_samples,)
             See `autocorrelation_times`.
         resolution : ndarray of shape (n_outputs,)
-            What no simulation is finer than.
+            Numerical resolution of the simulations.
         white : bool
-            Whether it is taken as white.
+            Whether to treat it as white.
 
         Returns
         -------
@@ -71,11 +71,11 @@ class Noise:
     ) -> list[tuple[Residuals, Residuals]]:
         r"""Draw the noise on top of a signal.
 
-        The squares of a signal of the norm :math:`s` in noise of the variance :math:`\sigma^2` on
-        :math:`n` samples are those of the noise across the signal,
-        :math:`\sigma^2 \chi^2_{n-1}`, and those along it, :math:`(s + e)^2` with a normal error
-        :math:`e` of the variance that the noise has in this direction. The autocovariances of the
-        two add up, and so do their times, weighted by their squares.
+        The squares of a signal of norm :math:`s` in noise of variance :math:`\sigma^2` on :math:`n`
+        samples are those of the noise orthogonal to the signal, :math:`\sigma^2 \chi^2_{n-1}`, and
+        those along it, :math:`(s + e)^2` with a normal error :math:`e` of the variance that the
+        noise has in this direction. The autocovariances of signal and noise add up, and so do their
+        autocorrelation times, weighted by their squares.
 
         Parameters
         ----------
@@ -88,12 +88,12 @@ class Noise:
         rng : Generator
             Draws.
         count : int
-            How often.
+            Number of draws.
 
         Returns
         -------
         list of (Residuals, Residuals)
-            What is left without a model of the signal, and with it.
+            The residuals without a model of the signal, and with it.
         """
         before, after = self._draw_squares(size, along, rng, count)
         both = self._times_with(size, times)
@@ -103,7 +103,7 @@ class Noise:
         ]
 
     def likelihood_ratios(self, size, times, along, rng, count) -> np.ndarray:
-        """Draw the noise on top of a signal, and compare the model that knows the signal.
+        """Draw the noise on top of a signal, and compare the models without and with the signal.
 
         Parameters
         ----------
@@ -136,7 +136,7 @@ class Noise:
 
 @dataclass(frozen=True)
 class _Seen:
-    """A signal over windows or in free run, and the noise in which it is seen."""
+    """A signal over windows or in free run, and the noise in which it is to be detected."""
 
     noise: Noise
     residual: np.ndarray
@@ -166,7 +166,7 @@ class _Seen:
 
     @property
     def overdispersion(self) -> float:
-        """How much less the residuals count along the signal than their times say, at least 1."""
+        """Overdispersion along the signal beyond the autocorrelation times, at least 1."""
         weight = (self.measured**2).sum(axis=0)
         counted = self.noise.power * self.noise.times
         total = float(weight.sum())
@@ -177,7 +177,7 @@ def strength_along(noise: np.ndarray, signal: np.ndarray, time: float) -> float:
     r"""Return the variance of coloured noise along a signal, :math:`s^T\Sigma s/s^T s`.
 
     With the autocovariance :math:`c` of the noise and the autocorrelation :math:`\rho` of the
-    signal it is :math:`\sum_k c(k)\,\rho(k)`, tapered over the lags in which the noise forgets.
+    signal it is :math:`\sum_k c(k)\,\rho(k)`, tapered over the correlation length of the noise.
 
     Parameters
     ----------
@@ -207,20 +207,20 @@ def strength_along(noise: np.ndarray, signal: np.ndarray, time: float) -> float:
 
 @dataclass(frozen=True)
 class PowerAnalysis:
-    """The fitted model on the records, and the noise, ready to have effects put in.
+    """The fitted model on the records, and the noise, to which effects are added.
 
     Parameters
     ----------
     records : DiagnosisRecords
         The records and the fits.
     white : bool
-        Whether noise is taken as white.
+        Whether to treat the noise as white.
     criterion : SelectionCriterion
-        When a cause is named.
+        The rule by which a cause is named.
     n_repeats : int
-        Draws of the noise for a power.
+        Number of noise draws for each power.
     seed : int
-        What draws them; the same for every size.
+        Seed of the draws, the same for every size.
     """
 
     records: DiagnosisRecords
@@ -257,14 +257,14 @@ class PowerAnalysis:
     # -- what an effect shows ------------------------------------------------------------------
 
     def windows_with(self, effect: Effect, bare: Effect | None) -> ShootingWindows | None:
-        """Return the windows with what the size of an effect shows, without noise.
+        """Return the windows with the outputs that an effect of some size causes, without noise.
 
         Parameters
         ----------
         effect : Effect
             The effect.
         bare : Effect or None
-            The same effect without size, where that is something even then.
+            The same effect at zero size, where it is not neutral even then.
 
         Returns
         -------
@@ -297,7 +297,7 @@ class PowerAnalysis:
         )
 
     def moves_outputs(self, windows: ShootingWindows) -> bool:
-        """Return whether other outputs of the windows are further off than noise hides."""
+        """Return whether other outputs of the windows differ by more than the noise hides."""
         residual, noise = self._residual(windows, self.model, self.start(self.model)), self._noise
         changed = np.nansum(residual**2, axis=0)
         return bool((changed >= self.criterion.smallest_share * noise.counts * noise.power).any())
@@ -305,21 +305,21 @@ class PowerAnalysis:
     # -- the power -----------------------------------------------------------------------------
 
     def power(self, effect: Effect, bare: Effect | None = None, retuned: bool = True) -> float:
-        """Return the chance that the criterion names an effect.
+        """Return the probability that the criterion names an effect.
 
         Parameters
         ----------
         effect : Effect
             The effect.
         bare : Effect or None, default=None
-            The same effect without size, where that is something even then.
+            The same effect at zero size, where it is not neutral even then.
         retuned : bool, default=True
-            Whether the model is re-tuned to what the effect shows.
+            Whether the model is re-tuned to the outputs with the effect.
 
         Returns
         -------
         float
-            The power; NaN where a simulation does not stay finite.
+            The power; NaN where a simulation becomes non-finite.
         """
         windows = self.windows_with(effect, bare)
         if windows is None:
@@ -359,10 +359,10 @@ class PowerAnalysis:
             )
 
     def _is_sought(self, left: Residuals, noise: Residuals, rng: np.random.Generator) -> bool:
-        r"""Return whether more than white noise is seen, which is when causes are sought.
+        r"""Return whether more than white noise is seen, the condition for a search for causes.
 
-        The white part is taken from the differences of neighbours: of white noise of the variance
-        :math:`\sigma^2` on :math:`n` samples it is off by :math:`\sigma^2\sqrt{n}`.
+        The white part is estimated from the differences of neighbours: for white noise of variance
+        :math:`\sigma^2` on :math:`n` samples its error is :math:`\sigma^2\sqrt{n}`.
         """
         error = self._noise.power * np.sqrt(noise.counts) * rng.standard_normal(noise.counts.size)
         white = self._white_part * (noise.squares + error)
@@ -376,7 +376,7 @@ class PowerAnalysis:
         return segments(self.windows) >= 0
 
     def _residual(self, windows: ShootingWindows, model, x0) -> np.ndarray:
-        """Return what a model leaves of the windows, in units of the noise."""
+        """Return the residuals of a model over windows, in units of the noise."""
         return evaluate(model, windows, x0, ()).residual / windows.scale
 
     @cached_property
@@ -402,18 +402,18 @@ class PowerAnalysis:
 
     @cached_property
     def _left(self) -> np.ndarray:
-        """What the fitted model leaves over windows, in units of the noise."""
+        """Residuals of the fitted model over windows, in units of the noise."""
         residual = self.records.fits["extended"].residual / self.windows.scale
         return np.where(self._inside[:, None], residual, np.nan)
 
     @cached_property
     def _left_of_runs(self) -> np.ndarray:
-        """What the fitted model leaves in free run where that tells, in units of the noise."""
+        """Residuals in free run, or over windows where it is not informative, in units of noise."""
         return np.where(self._tells, self._every_left_of_runs, self._left)
 
     @cached_property
     def _every_left_of_runs(self) -> np.ndarray:
-        """What the fitted model leaves in free run, in units of the noise."""
+        """Residuals of the fitted model in free run, in units of the noise."""
         simulated = np.nan_to_num(self._own_run, nan=np.inf)
         residual = (self.windows.y - simulated) / self.windows.scale
         return np.where(self._inside[:, None], residual, np.nan)

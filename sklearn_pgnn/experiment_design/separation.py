@@ -1,7 +1,8 @@
 r"""The experiment that would separate two causes, found by simulating both.
 
-Both fitted models are driven by a small set of designed inputs. Each is then re-tuned to what the
-other shows; what it leaves, in units of the noise, is what the experiment would tell.
+Both fitted models are driven by a small set of designed inputs. Each is then re-tuned to the
+outputs of the other; the remaining difference, in units of the noise, is the information of the
+experiment.
 """
 
 import math
@@ -43,16 +44,16 @@ from sklearn_pgnn.simulation.window_fit import fit_windows
 
 @dataclass(frozen=True)
 class Experiment:
-    """A designed experiment, begun in the state of the first record, and what it would tell.
+    """A designed experiment from the initial state of the first record, and its information.
 
     Parameters
     ----------
     input : str
         The input that is driven; the others rest.
     excitation : str
-        How it is driven.
+        The excitation in words.
     wave : Wave
-        The same as a function of time.
+        The excitation as a function of time.
     amplitude, offset : float
         Amplitude about an offset [unit of the input].
     unit : str
@@ -64,10 +65,10 @@ class Experiment:
     difference : float
         Root mean square difference of the two models after re-tuning, in units of the noise.
     evidence : float
-        The same as a number of standard errors over the whole experiment.
+        The same difference as a number of standard errors over the whole experiment.
     repeats : float
-        How often it must be recorded, beside the old records, so that the diagnosis tells the two
-        apart in nine cases of ten; infinite where ten times are not enough.
+        Number of recordings, in addition to the old records, with which the diagnosis separates the
+        two in nine cases of ten; infinite where ten are not enough.
 
     Examples
     --------
@@ -108,17 +109,17 @@ class Experiment:
 
 @dataclass(frozen=True)
 class Separation:
-    """How two causes can be told apart.
+    """How two causes can be separated by experiment.
 
     Parameters
     ----------
     cause, other : Candidate
         The causes.
     equivalent : bool
-        Whether they are the same, in the equations or in all that was tried, so that no experiment
-        separates them.
+        Whether they are equivalent, in the equations or in all experiments that were tried, so that
+        no experiment separates them.
     experiments : tuple of Experiment
-        The experiments, the most telling first.
+        The experiments, the most informative first.
 
     Examples
     --------
@@ -135,7 +136,7 @@ class Separation:
 
     @property
     def separable(self) -> bool:
-        """Whether the first experiment separates them when it is recorded a few times."""
+        """Whether the first experiment separates them if it is recorded a few times."""
         return bool(self.experiments) and math.isfinite(self.experiments[0].repeats)
 
 
@@ -143,7 +144,7 @@ class Separation:
 
 
 def _designs(records: DiagnosisRecords, reach: float):
-    """Lay out every input, excitation and amplitude: its description and its inputs."""
+    """Yield every experiment to try: its description, its times and its inputs."""
     windows, period = records.windows, records.problem.period
     longest = np.diff(windows.bounds).max()
     t = records.problem.scales.sample_time * np.arange(min(int(longest), SAMPLES // KEPT))
@@ -206,8 +207,8 @@ def put_in_place(
 ) -> Hypothesis:
     """Return the hypothesis with one cause in the place of another.
 
-    Where a cause after it could then not act, for the new one has changed its target's equation,
-    the new one acts later, as late as it can.
+    If a later cause could then not act, because the new cause changes its target's equation, the
+    new cause is moved behind it, as late as it can act.
 
     Parameters
     ----------
@@ -246,7 +247,7 @@ def _extend(records, causes, start=None, held=frozenset()):
 
 
 class _Shown(NamedTuple):
-    """What re-tuning leaves of an experiment: squares and autocorrelation times, states reached."""
+    """Residuals of an experiment after re-tuning: squares and times, with the states reached."""
 
     squares: np.ndarray
     times: np.ndarray
@@ -254,9 +255,9 @@ class _Shown(NamedTuple):
 
 
 def _left(records, truth: FittedWindows, rival: FittedWindows, t, u, each_step):
-    """Re-tune a rival to what a model shows, and return what is left.
+    """Re-tune a rival to the outputs of a model, and return the residuals.
 
-    None where the model leaves the range of the records, or where the rival cannot be fitted.
+    None if the outputs leave the range of the records, or if the rival cannot be fitted.
     """
     bounds = np.array([0, t.size])
     y = np.zeros((t.size, records.windows.y.shape[1]))
@@ -332,18 +333,18 @@ def separate(
     records : DiagnosisRecords
         The records and the fits.
     cause, other : Effect
-        The cause that was named and the one that does as well.
+        The named cause, and the one that explains the records as well.
     criterion : SelectionCriterion
         The rule by which one of two causes is refuted.
     reach : float, default=1
-        Largest amplitude, as a multiple of the records'.
+        Largest amplitude, as a multiple of that in the records.
     each_step : callable, optional
-        Called before every step of a fit; what it raises ends the search.
+        Called before every step of a fit; an exception it raises ends the search.
 
     Returns
     -------
     Separation
-        The experiments, the most telling first.
+        The experiments, the most informative first.
     """
     pair = Candidate(cause.id, cause.target), Candidate(other.id, other.target)
     if are_same(records, cause, other):
@@ -378,14 +379,14 @@ def _try_all(
 
 
 def _noise(records: DiagnosisRecords) -> Noise:
-    """Return what the fitted model leaves over windows, as noise."""
+    """Return the residuals of the fitted model over windows, as noise."""
     windows = records.windows
     residual = records.fits["extended"].residual / windows.scale
     return Noise.of(residual, segments(windows), records.problem.resolution, white=False)
 
 
 def _told(records, criterion, design, t, noise: Noise, left: _Shown, reached) -> Experiment:
-    """Describe an experiment by what it leaves."""
+    """Describe an experiment by its residuals after re-tuning."""
     name, wave, amplitude, offset = design
     shares = left.squares / noise.power
     return Experiment(
@@ -418,12 +419,12 @@ def _repeats(noise: Noise, left: _Shown, n_new: int, needed: float) -> float:
 
 
 def plain_separation(separation: Separation) -> dict:
-    """Turn a separation into what JSON holds.
+    """Return a separation as plain data for JSON.
 
     Parameters
     ----------
     separation : Separation
-        How two causes can be told apart.
+        How two causes can be separated by experiment.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Simulated records of a fitted machine with one effect more, to try the diagnosis itself on."""
+"""Simulated records of a fitted machine with one more effect, for testing the diagnosis itself."""
 
 from collections.abc import Callable, Collection, Iterable
 from dataclasses import replace
@@ -14,16 +14,16 @@ from sklearn_pgnn.trajectories.reader import TIME, TRAJECTORY
 
 
 def inject(analysis: PowerAnalysis, effect: Effect | None, random_state=0):
-    """Simulate the records of a diagnosis with an effect in the machine.
+    """Simulate the records of a diagnosis with an effect added to the machine.
 
     Parameters
     ----------
     analysis : PowerAnalysis
         The fitted model on the records.
     effect : Effect or None
-        What is put in.
+        The added effect.
     random_state : int, default=0
-        Draws the noise: like what the extended model leaves, with random phases.
+        Draws the noise: like the residuals of the extended model, with random phases.
 
     Returns
     -------
@@ -78,7 +78,7 @@ def with_verdict(
     row: Detectable,
     diagnose: Callable[[pd.DataFrame, pd.DataFrame], Iterable[Collection[tuple[str, str]]]],
 ) -> Detectable:
-    """Run the diagnosis itself on records with an effect of its smallest size.
+    """Run the diagnosis itself on records with an effect at its smallest size.
 
     Parameters
     ----------
@@ -87,13 +87,13 @@ def with_verdict(
     row : Detectable
         The effect and its smallest size.
     diagnose : callable
-        Called with X and y; returns every cause that it names as a group of effects and targets
-        that cannot be told apart.
+        Called with X and y; returns each named cause as a group of effects and targets that cannot
+        be distinguished.
 
     Returns
     -------
     Detectable
-        The row, saying whether the effect was named, alone or in a group.
+        The row, with whether the effect was named, alone or in a group.
     """
     if row.at_smallest is None:
         return row

@@ -7,7 +7,7 @@ import numpy as np
 from sklearn_pgnn.estimation.budgets import OCTAVES
 from sklearn_pgnn.simulation.record_windows import MIN_SAMPLES
 
-#: what every kind of wave is called
+#: the name of every kind of wave
 NAMES = {
     "steps": "steps with rests between",
     "ramp": "slow ramp up and down",
@@ -24,7 +24,7 @@ class Wave:
     Parameters
     ----------
     kind : {"steps", "ramp", "pulse", "sine", "sweep"}
-        What it looks like.
+        Shape of the wave.
     low, high : float, default=0
         Lowest and highest frequency [Hz] of a sine, or of a sweep.
 

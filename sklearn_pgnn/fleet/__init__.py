@@ -1,7 +1,7 @@
 """Many machines of one kind: which of them has which cause, and what changed since last time.
 
-Every machine is diagnosed alone, as `ModelDiagnosis` would; what is asked of the fleet is asked of
-the results.
+Every machine is diagnosed separately, as by `ModelDiagnosis`; the fleet is evaluated from the
+results.
 """
 
 from sklearn_pgnn.fleet.changes import Change

@@ -14,26 +14,27 @@ from sklearn_pgnn.inspection.diagnosis_comparison import Quantity, compare
 from sklearn_pgnn.inspection.numbers import measured
 from sklearn_pgnn.inspection.words import VERDICTS, cause_name
 
-#: what the two times are called
+#: the names of the two times
 NAMES = ("before", "now")
 
 
 @dataclass(frozen=True)
 class Change:
-    """What is not on a machine as it was.
+    """A change on a machine since the last time.
 
     Parameters
     ----------
     machine : str
         The machine.
     kind : {"cause", "gone", "verdict", "quantity"}
-        A cause that was not there, one that is there no more, another verdict without either, or
-        a parameter or size that differs.
+        A new cause, a cause that is gone, another verdict without either, or a parameter or size
+        that differs.
     what : str
         The change in a sentence.
     sure : float
-        Probability that it is none of chance: that the cause acts, or acted, or one minus that of
-        so large a difference between two estimates of the same number; NaN of a verdict alone.
+        Probability that the change is not due to chance: that the cause acts, or acted, or one
+        minus the probability of so large a difference between two estimates of the same number;
+        NaN for a verdict alone.
 
     Examples
     --------
@@ -58,10 +59,10 @@ def changes_between(
     before : mapping of str to Machine
         The machines the last time, by name.
     now : iterable of Machine
-        The machines; those that were not there the last time have not changed.
+        The machines; those that are new count as unchanged.
     rate : float
-        Share of changes by chance alone among the quantities that are told, at most: with many
-        machines, some estimates always leave their intervals.
+        Largest expected share of chance changes among the reported quantities: with many machines,
+        some estimates always leave their intervals.
 
     Returns
     -------
@@ -116,7 +117,7 @@ def chance_of(quantity: Quantity) -> float:
 
 
 def _of_causes(old: Machine, new: Machine) -> list[Change]:
-    """Return which causes came and went, or that the verdict alone is another one."""
+    """Return the causes that are new or gone, or else the change of the verdict."""
     found = []
     for kind, here, there in (("cause", new, old), ("gone", old, new)):
         for pair, cause in here.named.items():

@@ -1,4 +1,4 @@
-"""Which causes a fleet has, and on how many of its machines."""
+"""The causes named in a fleet, and on how many of its machines."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -18,11 +18,11 @@ class FleetCause:
     effect, target : str
         Id of the effect in the catalogue, and what it acts on.
     machines : tuple of str
-        Where it is named, the surest first.
+        The machines where it is named, the surest first.
     possible : tuple of str
-        Where something else is named that it is not refuted against.
+        The machines where another cause is named and this one is not refuted in its place.
     low, high : float
-        Ends of the 95 % interval (Wilson) of the share of such machines where it is named.
+        Ends of the 95 % interval (Wilson) of the share of machines of this kind where it is named.
 
     Examples
     --------
@@ -40,7 +40,7 @@ class FleetCause:
 
     @property
     def is_of_the_model(self) -> bool:
-        """Whether most machines have it, so that it belongs into the model they share."""
+        """Whether most machines have it, so that it belongs in the model they share."""
         return self.low > 0.5
 
 

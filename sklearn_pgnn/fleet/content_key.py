@@ -1,4 +1,4 @@
-"""What a result depends on, as one hash: the model, the options, the records, the package."""
+"""A hash of all that a result depends on: the model, the options, the records, the package."""
 
 import hashlib
 import json
@@ -20,7 +20,7 @@ from sklearn_pgnn.trajectories.tables import as_table
 
 #: options that change no result
 HOW = ("n_jobs", "progress")
-#: the modules whose code the package's version tells
+#: the modules whose code is identified by the package's version
 OURS = ("sklearn_pgnn.", "builtins", "abc")
 
 
@@ -56,7 +56,7 @@ def setting_key(model, options: Mapping) -> str:
     model : PhysicsModel
         The prior.
     options : mapping
-        Of `ModelDiagnosis`, by name.
+        Options of `ModelDiagnosis`, by name.
 
     Returns
     -------
@@ -66,7 +66,7 @@ def setting_key(model, options: Mapping) -> str:
     Raises
     ------
     OptionError
-        If an option is neither numbers nor texts, so that it cannot be told from another one.
+        If an option consists of neither numbers nor texts, so that it cannot be identified.
     """
     said = {name: value for name, value in options.items() if name not in HOW}
     catalogue = said.pop("catalogue", None)
@@ -99,7 +99,7 @@ def records_key(X, y) -> str:
 
 
 def files_key(paths: Iterable[str | PathLike], sample_time: float | None) -> str:
-    """Return the hash of files of records: their names and what they hold now.
+    """Return the hash of files of records: their names and their present contents.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ def files_key(paths: Iterable[str | PathLike], sample_time: float | None) -> str
 
 
 def _contents(path: Path) -> Iterator[str | bytes]:
-    """Yield a record's name and what it holds: a file, or the files of a folder."""
+    """Yield the name and the contents of a record: a file, or the files of a folder."""
     yield path.name
     for file in sorted(path.iterdir()) if path.is_dir() else (path,):
         yield file.read_bytes()
@@ -141,7 +141,7 @@ def _table_bytes(table) -> tuple[bytes, ...]:
 
 
 def _effect_key(kind: type[Effect]) -> list:
-    """Return what an effect is called and, of one from outside the package, what it says."""
+    """Return the name of an effect and, for one from outside the package, its definition."""
     own = [base for base in kind.__mro__ if not base.__module__.startswith(OURS)]
     quantities = [
         (f.name, repr(f.default), repr(dict(f.metadata))) for f in fields(kind) if f.metadata
@@ -150,13 +150,13 @@ def _effect_key(kind: type[Effect]) -> list:
 
 
 def _class_key(kind: type) -> dict[str, str]:
-    """Return what a class says, by name: its constants, and its methods' code and defaults."""
+    """Return the definition of a class by name: its constants, its methods' code and defaults."""
     said = {name: _said(value) for name, value in vars(kind).items()}
     return {name: text for name, text in said.items() if " at 0x" not in text}  # is no content
 
 
 def _said(value) -> str:
-    """Return what an entry of a class says, as text."""
+    """Return the definition of an entry of a class, as text."""
     functions = _functions(value)
     if functions:
         return repr([_function_key(function) for function in functions])
@@ -164,7 +164,7 @@ def _said(value) -> str:
 
 
 def _functions(value) -> list[FunctionType]:
-    """Return the functions that an entry of a class stands for."""
+    """Return the functions that an entry of a class contains."""
     if isinstance(value, property):
         parts = [value.fget, value.fset, value.fdel]
     else:  # also of a class method, a static method or a cached property

@@ -1,4 +1,4 @@
-"""The diagnosis of many machines as an estimator: spread over processes, kept as they finish."""
+"""The diagnosis of many machines as an estimator: run in parallel, saved as they finish."""
 
 import os
 from collections.abc import Iterator, Mapping
@@ -26,7 +26,7 @@ from sklearn_pgnn.trajectories.validation import check_model
 from sklearn_pgnn.whole_file import write_whole
 
 REPORT, SUMMARY = "index.html", "fleet.json"
-#: machines a process gets at once where a backend returns no results one by one
+#: machines per process in a batch where a backend does not return results one by one
 AT_ONCE = 4
 
 
@@ -34,29 +34,30 @@ class FleetDiagnosis(BaseEstimator):
     """Diagnose many machines of one kind with one model.
 
     The machines share the model's equations; each has its own parameters and causes, exactly as
-    `ModelDiagnosis` finds them alone. What is asked of the fleet is asked of the results: which
-    machine has which cause, which parameters are usual and who is odd, what changed.
+    `ModelDiagnosis` finds them for it alone. The fleet is evaluated from these results: which
+    machine has which cause, which parameter values are usual and which machines are odd, and what
+    changed.
 
     Parameters
     ----------
     model : PhysicsModel
         The prior of every machine.
     options : mapping, optional
-        Options of `ModelDiagnosis` by name, the same for all machines; ``time_limit`` is the time
-        of one.
+        Options of `ModelDiagnosis` by name, the same for all machines; ``time_limit`` applies to
+        each machine.
     folder : path-like, optional
-        Where finished machines and the report are kept; a fit that was killed goes on from there.
-        By default nothing is kept, and there are no reports of single machines.
+        Folder in which finished machines and the report are saved; an interrupted fit resumes from
+        there. By default nothing is saved, and there are no reports of single machines.
     earlier : path-like or FleetDiagnosis, optional
-        The folder of an earlier fit, or the fit, to be compared with.
+        The folder of an earlier fit, or the fit itself, to compare with.
     rate : float, default=0.01
-        Share, at most, of those by chance alone among the odd parameters and the changes of
-        parameters and sizes that are told.
+        Largest expected share of chance findings among the reported odd parameters and among the
+        reported changes of parameters and sizes.
     sample_time : float, optional
-        Time from sample to sample [s] of files without a time.
+        Sample time [s] of files without a time.
     n_jobs : int, optional
-        Machines at once, each in a process of its own; -1 means as many as there are cores. Another
-        backend is chosen by `joblib.parallel_config`, a cluster among them.
+        Machines diagnosed in parallel, each in a process of its own; -1 means as many as there are
+        cores. Another backend, such as a cluster, is chosen by `joblib.parallel_config`.
     progress : callable, optional
         Called as ``progress("machines", done, total)`` when a machine is finished.
 
@@ -71,9 +72,9 @@ class FleetDiagnosis(BaseEstimator):
     changes_ : tuple of Change
         What changed since the earlier fit, the surest first; empty without one.
     new_, missing_ : tuple of str
-        Machines that were not there the earlier time, and those that are there no more.
+        Machines that are not in the earlier fit, and machines that are only in the earlier fit.
     computed_ : tuple of str
-        The machines that this fit has computed; the others were kept from before.
+        The machines that this fit has computed; the others were loaded from `folder`.
 
     Examples
     --------
@@ -116,9 +117,9 @@ class FleetDiagnosis(BaseEstimator):
         self.progress = progress
 
     def fit(self, records, y=None):
-        """Diagnose the machines, or go on where an earlier fit was ended.
+        """Diagnose the machines, or resume where an earlier fit was interrupted.
 
-        A machine whose records cannot be used is told in `machines_`, and stops no other one.
+        A machine whose records cannot be used is marked in `machines_` and does not affect others.
 
         Parameters
         ----------
@@ -136,9 +137,10 @@ class FleetDiagnosis(BaseEstimator):
         Raises
         ------
         OptionError
-            If an option is none of `ModelDiagnosis`, or `earlier` is no fleet or this folder.
+            If an option is not one of `ModelDiagnosis`, or if `earlier` is not a fleet or is the
+            same folder.
         RecordError
-            If there are no machines, or a file is not there.
+            If there are no machines, or a file does not exist.
         """
         check_model(self.model)
         options = self._checked_options()
@@ -215,7 +217,7 @@ class FleetDiagnosis(BaseEstimator):
             ) from None
 
     def _run(self, jobs: Mapping, options: Mapping, with_page: bool) -> Iterator[Outcome]:
-        """Yield what is found of the machines, as they finish."""
+        """Yield the outcomes of the machines, as they finish."""
         run = Job(self.model, options, self.sample_time, with_page).run
         calls = [delayed(run)(name, records) for name, records in jobs.items()]
         if not calls:
@@ -235,7 +237,7 @@ class FleetDiagnosis(BaseEstimator):
             self.progress("machines", done, total)
 
     def _conclude(self, machines: dict[str, Machine], before: dict[str, Machine] | None) -> None:
-        """Keep the machines in their order, and what they show together."""
+        """Set the fitted attributes: the machines in order, and the evaluation of the fleet."""
         ranked = sorted(machines.values(), key=lambda machine: machine.rank)
         self.machines_ = {machine.name: machine for machine in ranked}
         self.causes_ = common_causes(ranked)
@@ -262,13 +264,13 @@ class FleetDiagnosis(BaseEstimator):
 
     @property
     def typical_model_(self) -> PhysicsModel:
-        """The prior with what is usual in the fleet as its parameters, for one more machine."""
+        """The prior with the usual parameter values of the fleet, for one more machine."""
         check_is_fitted(self)
         usual = {name: spread.usual for name, spread in self.parameters_.items()}
         return self.model.with_parameters(**usual)
 
     def to_dict(self) -> dict:
-        """Return the fleet as plain data, as ``fleet.json`` holds it.
+        """Return the fleet as plain data, as in ``fleet.json``.
 
         Returns
         -------
@@ -279,40 +281,40 @@ class FleetDiagnosis(BaseEstimator):
         return frames.fleet_dict(self)
 
     def to_frame(self) -> pd.DataFrame:
-        """Return the machines as a DataFrame, a row each, the surest first."""
+        """Return the machines as a DataFrame, one row each, the surest first."""
         check_is_fitted(self)
         return frames.machines_frame(self)
 
     def parameters_frame(self) -> pd.DataFrame:
-        """Return the parameters of all machines as a DataFrame, a row for each of a machine."""
+        """Return all parameters as a DataFrame, one row per machine and parameter."""
         check_is_fitted(self)
         return frames.parameters_frame(self)
 
     def causes_frame(self) -> pd.DataFrame:
-        """Return the named causes of all machines as a DataFrame, a row for each of a machine."""
+        """Return all named causes as a DataFrame, one row per machine and cause."""
         check_is_fitted(self)
         return frames.causes_frame(self)
 
     def changes_frame(self) -> pd.DataFrame:
-        """Return what changed since the earlier fit as a DataFrame, a row a change."""
+        """Return the changes since the earlier fit as a DataFrame, one row per change."""
         check_is_fitted(self)
         return frames.changes_frame(self)
 
     def to_html(self, path) -> None:
-        """Write the report of the fleet, a row a machine.
+        """Write the report of the fleet as HTML, one row per machine.
 
         Parameters
         ----------
         path : str or path-like
-            Where to write. Beside the folder `machines` of a fit that was kept, each row leads to
-            the report of its machine.
+            Where to write. Next to the folder `machines` of a saved fit, each row links to the
+            report of its machine.
         """
         check_is_fitted(self)
         write_whole(Path(path), render_fleet(self, Path(path).parent))
 
 
 def _as_jobs(records) -> dict[str, tuple | list[str]]:
-    """Return by machine its (X, y), or the list of its files."""
+    """Return the (X, y) of every machine, or the list of its files."""
     if not isinstance(records, Mapping) or not records:
         raise RecordError(
             f"records: expected a mapping from machines to their records, got {records!r:.60}."

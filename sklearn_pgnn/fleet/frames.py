@@ -11,7 +11,7 @@ CHANGE = ["machine", "kind", "what", "sure"]
 
 
 def machines_frame(fleet) -> pd.DataFrame:
-    """Return the machines, a row each."""
+    """Return the machines, one row each."""
     changes = _changes_by_machine(fleet)
     rows = [
         {
@@ -60,7 +60,7 @@ def changes_frame(fleet) -> pd.DataFrame:
 
 
 def fleet_dict(fleet) -> dict:
-    """Return all that the fleet shows as plain data."""
+    """Return the results of the fleet as plain data."""
     parameters = {
         name: {
             "unit": spread.unit,

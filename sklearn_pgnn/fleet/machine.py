@@ -1,4 +1,4 @@
-"""One machine of a fleet, and how sure it is that something is the matter with it."""
+"""One machine of a fleet, and the probability that a cause acts on it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -7,7 +7,7 @@ from sklearn_pgnn.estimation.candidate import Candidate
 from sklearn_pgnn.inspection.words import NO_CAUSE, VERDICTS, verdict_in_words
 
 FAILED = "Not diagnosed"
-#: the verdicts in words, with what stands where there is none
+#: the verdicts in words, with an entry for no verdict
 SAID = (*VERDICTS.values(), NO_CAUSE, FAILED)
 #: the order of verdicts in a fleet
 ORDER = ("cause_named", "ambiguous", "unexplained", "model_adequate", "failed")
@@ -15,14 +15,14 @@ ORDER = ("cause_named", "ambiguous", "unexplained", "model_adequate", "failed")
 
 @dataclass(frozen=True)
 class Machine:
-    """What was found of one machine.
+    """The results of one machine.
 
     Parameters
     ----------
     name : str
-        What it is called.
+        Its name.
     found : mapping or None
-        What `ModelDiagnosis.to_dict` gives; None where the records could not be used.
+        The result of `ModelDiagnosis.to_dict`; None where the records could not be used.
     failed : str, default=""
         Why there is no diagnosis.
     seconds : float, default=0
@@ -44,7 +44,7 @@ class Machine:
 
     @property
     def verdict(self) -> str:
-        """What the records say, as `ModelDiagnosis.verdict_`, or ``"failed"``."""
+        """The verdict, as `ModelDiagnosis.verdict_`, or ``"failed"``."""
         return "failed" if self.found is None else self.found["verdict"]
 
     @property
@@ -54,13 +54,13 @@ class Machine:
 
     @property
     def named(self) -> dict[Candidate, Mapping]:
-        """The named causes, the most telling first: by effect and target what was found."""
+        """The named causes by effect and target, the most important first."""
         causes = () if self.found is None else self.found["causes"]
         return {Candidate(cause["effect"], cause["target"]): cause for cause in causes}
 
     @property
     def alike(self) -> dict[Candidate, set[Candidate]]:
-        """By named cause itself and those that the records do not separate from it."""
+        """For every named cause, itself and those that the records do not separate from it."""
         return {
             pair: {pair, *(Candidate(r["effect"], r["target"]) for r in cause["confused_with"])}
             for pair, cause in self.named.items()
@@ -73,7 +73,7 @@ class Machine:
 
     @property
     def rank(self) -> tuple:
-        """What machines are sorted by, the surest first."""
+        """Sort key of machines, the surest first."""
         first = next(iter(self.named.values()), None)
         alone = 0.0 if first is None else first["probability"]
         return ORDER.index(self.verdict), -self.sure, -alone, -self.explained, self.name
@@ -86,7 +86,7 @@ class Machine:
 
 
 def acts(cause: Mapping) -> float:
-    """Return the probability that a cause, or one that stands in its place, acts.
+    """Return the probability that a cause, or one of its rivals, acts.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The diagnosis of one machine, as a worker does it: plain data in, plain data out."""
+"""The diagnosis of one machine in a worker process: plain data in, plain data out."""
 
 import time
 import warnings
@@ -17,18 +17,18 @@ from sklearn_pgnn.trajectories.files import read_files
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a worker has found of a machine.
+    """The outcome of one machine, as returned by a worker.
 
     Parameters
     ----------
     name : str
         The machine.
     found : dict or None
-        What `ModelDiagnosis.to_dict` gives, None where nothing was found.
+        The result of `ModelDiagnosis.to_dict`; None where there is none.
     failed : str, default=""
         Why there is no diagnosis.
     is_final : bool, default=True
-        Whether the same records would give the same again; not after a bug.
+        Whether the same records would give the same outcome again; false after a bug.
     seconds : float, default=0
         Processor time [s].
     warned : tuple of str, default=()
@@ -49,14 +49,14 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Job:
-    """What is to be done for every machine.
+    """The task to run for every machine.
 
     Parameters
     ----------
     model : PhysicsModel
         The prior.
     options : mapping
-        Of `ModelDiagnosis`, by name.
+        Options of `ModelDiagnosis`, by name.
     sample_time : float or None
         Time from sample to sample [s] of files without a time.
     with_page : bool

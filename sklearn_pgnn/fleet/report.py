@@ -1,4 +1,4 @@
-"""The report of a fleet: one HTML file, a row a machine, each leading to its own report."""
+"""The report of a fleet: one HTML file with one row per machine, each linked to its own report."""
 
 import math
 from collections import Counter
@@ -30,7 +30,7 @@ def render_fleet(fleet, folder: Path) -> str:
     fleet : FleetDiagnosis
         The fitted fleet.
     folder : Path
-        Where the report is going to be; pages of machines that are there are led to.
+        Where the report will be written; existing reports of machines there are linked.
 
     Returns
     -------
@@ -68,7 +68,7 @@ def _tiles(machines: list[Machine]) -> list[dict]:
 
 
 def _changes(fleet) -> list[dict] | None:
-    """Return what changed; None where there is no earlier time."""
+    """Return the changes; None where there is no earlier fit."""
     if fleet.earlier is None:
         return None
     told = [
@@ -158,7 +158,7 @@ def _parameter(spread: ParameterSpread) -> dict:
 
 
 def _strip(spread: ParameterSpread, scale: Scale, values: np.ndarray) -> Markup:
-    """Return a strip with a dot a machine; the odd ones lie on top."""
+    """Return a strip with one dot per machine; the odd ones lie on top."""
     shapes = [mark(float(scale.place(spread.usual)), "usual", "median")]
     places = dict(zip(spread.values, scale.place(values), strict=True))
     for name in sorted(places, key=spread.odd.__contains__):

@@ -1,4 +1,4 @@
-"""A number of every machine: what is usual in the fleet, how far machines lie apart, who is odd."""
+"""A quantity over all machines: the usual value, the spread between machines, and odd machines."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -17,8 +17,8 @@ FEWEST = 5
 class ParameterSpread:
     r"""A parameter over the machines of a fleet.
 
-    With the estimates :math:`v_i` and their standard errors :math:`s_i`, what is usual is the
-    median :math:`c`, and the spread between machines is what the estimates' own errors leave:
+    With the estimates :math:`v_i` and their standard errors :math:`s_i`, the usual value is the
+    median :math:`c`, and the spread between machines is the part beyond the estimates' own errors:
 
     .. math:: \tau^2 = \max(0,\ (1.48\ \mathrm{med}|v_i - c|)^2 - \mathrm{med}\,s_i^2),
         \qquad z_i = \frac{v_i - c}{\sqrt{\tau^2 + s_i^2}}
@@ -34,8 +34,8 @@ class ParameterSpread:
     values : dict of str to tuple of float
         By machine the value and the ends of its 95 % interval [unit].
     odd : dict of str to float
-        The machines that are not like the others, each with the probability of a value so far off
-        in a machine that is like them.
+        The machines that are unlike the others, each with the probability of a value so far off on
+        a machine that is like them.
 
     Examples
     --------
@@ -67,7 +67,7 @@ def spread_of(name: str, found: Mapping[str, Mapping], rate: float) -> Parameter
     found : mapping of str to mapping
         By machine its estimate: ``value``, ``low``, ``high``, ``prior`` and ``unit``.
     rate : float
-        Share of wrongly odd machines among those that are called odd, at most.
+        Largest expected share of false ones among the machines that are called odd.
 
     Returns
     -------
@@ -110,7 +110,7 @@ def spread_of(name: str, found: Mapping[str, Mapping], rate: float) -> Parameter
 
 
 def standard_error(low: float | None, high: float | None) -> float:
-    """Return the standard error behind a 95 % interval; infinite where an end of it is open.
+    """Return the standard error of a 95 % interval; infinite where one of its ends is open.
 
     Examples
     --------
@@ -121,10 +121,10 @@ def standard_error(low: float | None, high: float | None) -> float:
 
 
 def first_ones(chances: Sequence[float] | np.ndarray, rate: float) -> np.ndarray:
-    r"""Choose the small ones among many probabilities, by Benjamini and Hochberg.
+    r"""Select the significant ones among many p-values, by the Benjamini-Hochberg procedure.
 
-    Of those that are chosen, at most the share `rate` is expected to be there by chance alone:
-    sorted, the largest :math:`k` with :math:`p_{(k)} \le k\,\text{rate}/n` and all below it.
+    At most the share `rate` of the selected ones is expected to be due to chance alone: of the
+    sorted values, the largest :math:`k` with :math:`p_{(k)} \le k\,\text{rate}/n` and all below it.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Finished machines on disk: each whole or not at all, and none of another model or record.
+"""Finished machines on disk: each complete or absent, and none of another model or record.
 
 A machine's folder holds ``report.html``, ``extended_model.yaml``, ``diagnosis.json`` and, written
 last, ``finished.json`` with the hash of all that the result depends on.
@@ -35,18 +35,18 @@ class Store:
         self.folder = Path(folder)
 
     def place(self, name: str) -> Path:
-        """Return the folder of a machine; what no file system takes in its name is quoted."""
+        """Return the folder of a machine; characters that file systems do not allow are quoted."""
         quoted = quote(name, safe=" ()[]+,=@")
         only_dots = not name.strip(".")
         return self.folder / MACHINES / (quoted.replace(".", "%2E") if only_dots else quoted)
 
     def names(self) -> list[str]:
-        """Return the machines that are finished, by name."""
+        """Return the finished machines, by name."""
         files = self.folder.glob(f"{MACHINES}/*/{FINISHED}")
         return sorted(json.loads(file.read_text(encoding="utf-8"))["machine"] for file in files)
 
     def load(self, name: str, key: str | None = None) -> Machine | None:
-        """Return a machine that is finished, None if it is not, or depends on something else.
+        """Return a finished machine; None if it is not finished, or its hash differs.
 
         Parameters
         ----------
@@ -68,14 +68,14 @@ class Store:
         return Machine(name, found, about["failed"], about["seconds"], tuple(about["warned"]))
 
     def save(self, outcome: Outcome, key: str) -> None:
-        """Write what was found of a machine; it is finished with the last file.
+        """Save the outcome of a machine; it counts as finished with the last file.
 
         Parameters
         ----------
         outcome : Outcome
-            What was found.
+            The outcome.
         key : str
-            The hash of what it depends on.
+            The hash of all that the outcome depends on.
         """
         place = self.place(outcome.name)
         place.mkdir(parents=True, exist_ok=True)

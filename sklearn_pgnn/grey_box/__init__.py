@@ -1,4 +1,4 @@
-"""One recipe for records: diagnose, fit, learn the rest; its depth is cross-validated."""
+"""The grey-box recipe: diagnose, fit, learn the rest; its depth is cross-validated."""
 
 from sklearn_pgnn.grey_box.grey_box_regressor import GreyBoxRegressor
 

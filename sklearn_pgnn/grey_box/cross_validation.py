@@ -1,4 +1,4 @@
-"""What a depth is worth on records that its fit has not seen."""
+"""Cross-validated errors of a depth, on samples that its fit has not seen."""
 
 import warnings
 from collections.abc import Callable
@@ -14,7 +14,7 @@ from sklearn_pgnn.grey_box.tables import PlainTable, starts_for
 
 @dataclass(frozen=True)
 class FoldResult:
-    """A depth, fitted without what a fold hides, and its errors there.
+    """A depth fitted without the hidden samples of a fold, and its errors on them.
 
     Parameters
     ----------
@@ -38,19 +38,19 @@ def judge(
     hidden: np.ndarray,
     window: int,
 ) -> FoldResult:
-    """Fit a depth without the hidden samples, and compare its free run with these.
+    """Fit a depth without the hidden samples, and compare its free run with them.
 
     Parameters
     ----------
     fit : callable
-        Takes the records and which samples are visible.
+        Takes the records and the mask of the visible samples.
     table : PlainTable
         The records.
     hidden : ndarray of bool, shape (n_samples,)
-        What the fit must not see.
+        Samples that the fit must not see.
     window : int
-        First samples of wholly hidden trajectories from which an unknown initial state is found;
-        they do not count.
+        Number of first samples of wholly hidden trajectories from which an unknown initial state is
+        estimated; they do not count.
 
     Returns
     -------
@@ -70,22 +70,22 @@ def judge(
 
 
 def counted(table: PlainTable, hidden: np.ndarray, window: int) -> np.ndarray:
-    """Return which samples judge a fold: hidden ones, but not those that tell an initial state."""
+    """Return which samples count in a fold: hidden, and not used for an initial state."""
     unseen = np.repeat(_is_unseen(table, hidden), table.lengths)
     return hidden & ~(unseen & (table.place < window))
 
 
 def check_window(table: PlainTable, folds: list[np.ndarray], window: int) -> None:
-    """Raise `OptionError` where no measured sample is left to judge by, in any fold.
+    """Raise `OptionError` if in any fold no measured sample is left to evaluate on.
 
     Parameters
     ----------
     table : PlainTable
         The records.
     folds : list of ndarray of bool, shape (n_samples,)
-        What every fold hides.
+        Hidden samples of every fold.
     window : int
-        First samples of wholly hidden trajectories, which do not count.
+        Number of first samples of wholly hidden trajectories, which do not count.
     """
     measured = np.isfinite(table.y).any(axis=1)
     if any((counted(table, hidden, window) & measured).any() for hidden in folds):
@@ -100,7 +100,7 @@ def check_window(table: PlainTable, folds: list[np.ndarray], window: int) -> Non
 
 
 def mean_error(results: list[FoldResult]) -> float:
-    """Return the geometric mean of the errors, so that no fold or trajectory decides alone."""
+    """Return the geometric mean of the errors, so that no fold or trajectory dominates."""
     errors = np.concatenate([result.errors for result in results])
     with np.errstate(divide="ignore"):
         return float(np.exp(np.mean(np.log(errors))))

@@ -1,4 +1,4 @@
-"""A depth of the recipe, fitted to what is visible of the records."""
+"""A depth of the recipe, fitted to the visible samples of the records."""
 
 import warnings
 from dataclasses import dataclass
@@ -17,22 +17,22 @@ from sklearn_pgnn.model_selection.nested_parameters import parameters_named
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.uncertainty import Estimate
 
-#: states of the training that are kept at most, about
+#: approximate maximum number of training states that are kept
 ENOUGH = 2000
 
 
 @dataclass(frozen=True)
 class FittedDepth:
-    """A depth, fitted.
+    """A fitted depth.
 
     Parameters
     ----------
     estimator : estimator
-        What predicts.
+        The estimator that predicts.
     physics : PhysicsModelRegressor
         The fitted physical model in it.
     starts : ndarray of shape (n_trajectories, n_states)
-        Initial states of the model, NaN of a trajectory of which the fit saw nothing.
+        Initial states of the model, NaN for trajectories of which the fit saw nothing.
     """
 
     estimator: Any
@@ -41,14 +41,14 @@ class FittedDepth:
 
     @property
     def model(self) -> PhysicsModel:
-        """The model in what predicts, fitted; it starts where the first trajectory seen did."""
+        """The fitted model in the estimator; it starts where the first trajectory seen did."""
         model = self._tuned if self._tuned is not None else self.physics.model_
         first = self.starts[np.isfinite(self.starts).all(axis=1)][0]
         return model.replace(initial_state=dict(zip(model.states, first.tolist(), strict=True)))
 
     @property
     def parameters(self) -> dict[str, Estimate]:
-        """What was fitted of its parameters, by the network where that tunes them."""
+        """The model's fitted parameters, those of the network where it tunes them."""
         found = dict(self.physics.parameters_)
         if self._tuned is None:
             return found
@@ -104,7 +104,7 @@ def fit_physics(
     table : PlainTable
         The records.
     visible : ndarray of bool, shape (n_samples,)
-        What the fit may see; inputs are always seen.
+        Samples that the fit may see; inputs are always seen.
     n_jobs : int, optional
         Threads to simulate on.
     free : sequence of str, optional
@@ -113,7 +113,7 @@ def fit_physics(
     Returns
     -------
     FittedDepth
-        The fitted model, and where every trajectory starts that it has seen.
+        The fitted model, and the initial state of every trajectory that it has seen.
     """
     regressor = PhysicsModelRegressor(
         model, free=free, search="local", window_length="trajectory", n_jobs=n_jobs
@@ -130,21 +130,21 @@ def fit_physics(
 def fit_network(
     network, physics: FittedDepth, table: PlainTable, visible: np.ndarray, *, sees_inputs=True
 ) -> FittedDepth:
-    """Train a network, or another regressor with a model, on what a fitted model leaves.
+    """Train a network, or another regressor with a model, on the error of a fitted model.
 
-    What follows a trajectory's last visible measurement is left out: it teaches nothing, and a
-    network that holds out the end of its records to know when to stop would find nothing there.
+    Samples after a trajectory's last visible measurement are left out: they carry no information,
+    and a network that holds out the end of its records for early stopping would find nothing there.
 
     Parameters
     ----------
     network : estimator
-        It, or what it contains, has a parameter ``model``.
+        The network; it, or an estimator in it, has a parameter ``model``.
     physics : FittedDepth
-        The model under it, fitted to the same samples.
+        The underlying model, fitted to the same samples.
     table : PlainTable
         The records.
     visible : ndarray of bool, shape (n_samples,)
-        What the fit may see.
+        Samples that the fit may see.
     sees_inputs : bool, default=True
         Whether the network sees the inputs besides the states.
 
@@ -167,9 +167,9 @@ def fit_network(
 
 
 def states_met(fitted: FittedDepth, table: PlainTable) -> np.ndarray:
-    """Return the states of a free run of the trajectories of a fit, some of very many.
+    """Return the states of free runs of a fit's trajectories, a subset if there are very many.
 
-    They are those of what predicts; where that tells none, those of the physical model in it.
+    They are those of the predicting estimator or, if it gives none, of the physical model in it.
     """
     rows = np.repeat(np.isfinite(fitted.starts).all(axis=1), table.lengths)
     tells = hasattr(fitted.estimator, "predict_states")
@@ -186,23 +186,23 @@ def find_unknown_starts(
     window: int,
     noise: np.ndarray,
 ) -> np.ndarray:
-    """Return initial states, unknown ones from the first measured samples of a trajectory.
+    """Return initial states, unknown ones estimated from a trajectory's first measured samples.
 
-    What predicts finds them, too: a network's error in training says how near its own run comes
-    to the measurements, not that of the model in it.
+    They are estimated with the predicting estimator itself: a network's training error says how
+    close its own run comes to the measurements, not that of the model in it.
 
     Parameters
     ----------
     fitted : FittedDepth
-        What predicts.
+        The estimator that predicts.
     table : PlainTable
         The trajectories, their first samples measured.
     known : ndarray of shape (n_trajectories, n_states)
-        Initial states that are known, NaN of those to be found.
+        Initial states that are known, NaN for those to be estimated.
     met : ndarray of shape (n_samples, n_states)
         States met in training.
     window : int
-        How many samples may be looked at; without any a state starts as the model says.
+        Number of samples that may be used; with 0 a state starts as the model says.
     noise : ndarray of shape (n_outputs,)
         Error of the outputs in training.
 

@@ -1,4 +1,4 @@
-"""The recipe as an estimator: diagnose, fit, learn the rest; cross-validation chooses the depth."""
+"""Grey-box recipe as an estimator: diagnose, fit, learn the rest; the depth is cross-validated."""
 
 import warnings
 from functools import partial
@@ -45,36 +45,36 @@ NETWORKS = DEPTHS[-2:]
 
 
 class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
-    r"""Grey-box model of records: as much physics as they want, and a network only if it helps.
+    r"""Grey-box model: as much physics as the records support, and a network only if it helps.
 
     .. math:: \hat e_d = \exp \frac{1}{n} \sum_{f, r} \log e_{d, f, r}, \qquad
               d^* = \min \{d : \hat e_d \le (1 + g) \min_{d'} \hat e_{d'}\}
 
-    with the free-run error :math:`e_{d,f,r}` of depth :math:`d`, fitted without what fold
-    :math:`f` hides, on the hidden samples of trajectory :math:`r`, and the `least_gain`
-    :math:`g`. The depths, one after the other, are
+    with the free-run error :math:`e_{d,f,r}` of depth :math:`d`, fitted without the hidden
+    samples of fold :math:`f`, on those of trajectory :math:`r`, and the `least_gain` :math:`g`.
+    The depths, in order, are
 
     ``"prior"``
         the model as it is;
     ``"fitted"``
         its parameters fitted to whole trajectories in free run;
     ``"extended"``
-        extended by the causes that `ModelDiagnosis` names, and fitted so;
+        the model extended by the causes that `ModelDiagnosis` names, and fitted likewise;
     ``"formula"``
-        the formula beside them that it proposes for what is not in its catalogue;
+        in addition, the formula that the diagnosis proposes for what is not in its catalogue;
     ``"state_network"``
-        the best of these, and a network trained on what that one leaves, which sees the states
-        only: the inputs act where the model says;
+        the best of these, and a network trained on its error, which sees the states only: the
+        inputs act where the model says;
     ``"network"``
-        the same with a network that sees the inputs, too.
+        the same with a network that also sees the inputs.
 
     The diagnosis is made once, on all training records, and re-tunes parameters within their
-    spread; the numbers of a fold are fitted without what it hides, between their bounds. Where
-    several parameters are left at the ends of their spreads, a warning says so. Folds hide whole
-    trajectories; where there are fewer trajectories than folds, blocks of time of each, never the
-    first, and in as many folds more ranges of operation: groups of samples with alike outputs,
-    changes of the outputs and inputs, found by k-means, all but the most central one [1]_. Blocks
-    say how this experiment would go on, ranges how another one might.
+    spread; the parameters of a fold are fitted without its hidden samples, between their bounds. If
+    several parameters end at the limits of their spreads, a warning says so. Folds hide whole
+    trajectories; with fewer trajectories than folds, they hide blocks of time of each, never the
+    first, and, in as many additional folds, ranges of operation: groups of samples with similar
+    outputs, changes of the outputs and inputs, found by k-means, all but the most central one [1]_.
+    Errors on blocks stand for a continuation of this experiment, errors on ranges for another one.
     ``predict`` is the free run from each trajectory's first row.
 
     Parameters
@@ -85,32 +85,33 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         Depths to choose from; by default all, without the networks where their extra is not
         installed.
     diagnosis : ModelDiagnosis, optional
-        How to diagnose: its parameters count, its model does not; by default
+        Settings of the diagnosis: its parameters are used, its model is not; by default
         ``ModelDiagnosis(model)``.
     network : estimator, optional
-        What learns the rest: any regressor that has a parameter ``model``, itself or in what it
-        contains, such as `PGNNLRegressor`, `ResidualRegressor` or an `EnsembleRegressor` of one; by
-        default ``PGNNLRegressor(model)``. A regressor without a parameter ``sees``, or with one
+        Learns the rest: any regressor that has a parameter ``model``, itself or in an estimator
+        inside it, such as `PGNNLRegressor`, `ResidualRegressor` or an `EnsembleRegressor` of one;
+        by default ``PGNNLRegressor(model)``. A regressor without a parameter ``sees``, or with one
         that is set, has no depth ``"state_network"``.
     n_splits : int, default=3
         Number of folds.
     by : {"auto", "trajectory", "time", "range"}, default="auto"
         Whether folds hide whole trajectories, blocks of time, or ranges of operation.
     initial_window : int, default=0
-        First samples of a hidden trajectory from which an initial state is found that X does not
-        tell; they do not count, so that it has to be longer. 0 starts it as the model says.
+        Number of first samples of a hidden trajectory from which an initial state that X does not
+        give is estimated; they do not count, so that the trajectory has to be longer. With 0 it
+        starts as the model says.
     least_gain : float, default=0.01
         Share by which a deeper model must lower the error.
     time_column : int or str, optional
         Column of X that holds the time; by default ``"t"``, of an array the first.
     n_jobs : int, optional
-        Folds that are fitted at once, and ``n_jobs`` of the diagnosis, unless it has its own, and
-        of the last fit; -1 means as many as there are processors.
+        Number of folds that are fitted in parallel, and ``n_jobs`` of the diagnosis, unless it has
+        its own, and of the final fit; -1 means all processors.
     memory : str or joblib.Memory, optional
         Where the diagnosis and the cross-validation of the physical depths are kept, so that a
         search over the network's parameters does not repeat them on the same records; a str is a
-        folder. What is kept are pickles, which are code: let nobody else write there. The
-        diagnosis warns only when it is made.
+        folder. The stored files are pickles, which are code: let nobody else write there. The
+        diagnosis warns only when it is actually made.
     verbose : int, default=0
         Whether to print a line for every stage.
 
@@ -120,14 +121,14 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         The depth that was chosen.
     errors_ : dict of str to float
         Cross-validated error of every depth that was tried, in standard deviations of the outputs;
-        infinite for a network whose training became non-finite, of which a warning tells.
+        infinite for a network whose training became non-finite, which a warning reports.
     estimator_ : estimator
-        What predicts: a `PhysicsModelRegressor`, or the network.
+        The estimator that predicts: a `PhysicsModelRegressor`, or the network.
     model_ : PhysicsModel
-        The physical model in it, fitted; with the network where that tunes it
-        (``network=PGNNLRegressor(free=...)``). It starts where the first trajectory did.
+        The fitted physical model in `estimator_`; fitted with the network where that tunes it
+        (``network=PGNNLRegressor(free=...)``). Its initial state is that of the first trajectory.
     parameters_ : dict of str to Estimate
-        Its fitted parameters with their 95 % intervals; of those that the network tunes they are
+        Fitted parameters of `model_` with their 95 % intervals; for those that the network tunes,
         the network's.
     diagnosis_ : ModelDiagnosis
         The diagnosis, where `depths` asks for one.
@@ -136,11 +137,11 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
     n_features_in_ : int
         Number of columns of X.
     feature_names_in_ : ndarray of str
-        Their names, if X has any.
+        Names of the columns of X, if it has any.
 
     See Also
     --------
-    ModelDiagnosis : What is missing, and how sure that is.
+    ModelDiagnosis : Finds what the model lacks, and how certain that is.
     make_pgnn_pipeline : A network alone.
 
     References
@@ -197,7 +198,7 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         self.verbose = verbose
 
     def set_params(self, **params):
-        """Set parameters; those of a diagnosis or network that is None are of the default one.
+        """Set parameters; if the diagnosis or network is None, those of the default one.
 
         Parameters
         ----------
@@ -214,7 +215,7 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         ValueError
             If there is no such parameter.
         ImportError
-            If one of the default network is set, and its extra is not installed.
+            If a parameter of the default network is set, and its extra is not installed.
 
         Examples
         --------
@@ -246,8 +247,7 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         Raises
         ------
         ValueError
-            If X and y cannot be read as records of the model, or a parameter is none of what it
-            can be.
+            If X and y cannot be read as records of the model, or a parameter is invalid.
         ImportError
             If the network is asked for and its extra is not installed.
         """
@@ -279,8 +279,8 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         Parameters
         ----------
         X : DataFrame or array of shape (n_samples, n_columns)
-            As in `fit`; of the states only the first row of a trajectory is read, and those that
-            it does not tell start as `model_` says.
+            As in `fit`; of the states only the first row of a trajectory is read, and states that
+            it does not give start as `model_` says.
 
         Returns
         -------
@@ -311,7 +311,7 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         Raises
         ------
         AttributeError
-            If a `network` of one's own was chosen that has no ``predict_states``.
+            If a user-defined `network` without ``predict_states`` was chosen.
         """
         check_is_fitted(self)
         records = self._records(validate_table(self, X, reset=False))
@@ -320,7 +320,7 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         return rows_in_order(records, self.estimator_.predict_states(started))
 
     def predict_ahead(self, X, y, steps=1):
-        """Predict every sample from the outputs up to so many samples before it.
+        """Predict every sample from the outputs up to `steps` samples before it.
 
         Parameters
         ----------
@@ -330,7 +330,8 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             Measured outputs, NaN where there is none; the state is estimated from them by a
             Kalman filter.
         steps : int, default=1
-            Samples ahead. The first `steps` rows of a trajectory are the free run's.
+            Prediction horizon in samples. The first `steps` rows of a trajectory are those of the
+            free run.
 
         Returns
         -------
@@ -340,9 +341,9 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         Raises
         ------
         OptionError
-            If `steps` is no integer from 1 on.
+            If `steps` is not an integer of at least 1.
         AttributeError
-            If a `network` of one's own was chosen that has no ``predict_ahead``.
+            If a user-defined `network` without ``predict_ahead`` was chosen.
         """
         check_is_fitted(self)
         records = self._records(validate_table(self, X, reset=False), y, to_fit=False)
@@ -353,7 +354,7 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         return outputs.ravel() if self._single_output else outputs
 
     def predict_from(self, X, y):
-        """Simulate every trajectory from a start that fits its first measured samples.
+        """Simulate every trajectory from an initial state fitted to its first measured samples.
 
         Parameters
         ----------
@@ -389,34 +390,34 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         return outputs.ravel() if self._single_output else outputs
 
     def predict_interval(self, X, coverage=0.9, y=None):
-        r"""Return between what the measured outputs of a free run are expected.
+        r"""Return the interval in which the measured outputs of a free run are expected.
 
         .. math:: \hat y_k \pm q
 
-        with the quantile :math:`q`, for every output, of the errors on what cross-validation hid
-        from the fits. It holds for machines that are run as in the training records, from initial
-        states that are as well known: where `initial_window` is set and X does not tell them, as
-        found from the first samples of y.
+        with the quantile :math:`q`, for every output, of the errors on the held-out samples of
+        the cross-validation. It holds for machines operated as in the training records, from
+        initial states that are known equally well: if `initial_window` is set and X does not give
+        them, as estimated from the first samples of y.
 
         Parameters
         ----------
         X : DataFrame or array of shape (n_samples, n_columns)
             As in `predict`.
         coverage : float, default=0.9
-            Share of the measurements that shall lie between.
+            Share of the measurements that should lie in the interval.
         y : array-like of shape (n_samples, n_outputs) or (n_samples,), optional
-            Measured outputs, from which `predict_from` finds the start; the interval is around its
-            prediction. Without them it is around that of `predict`.
+            Measured outputs, from which `predict_from` estimates the initial state; the interval is
+            around its prediction. Without y it is around that of `predict`.
 
         Returns
         -------
         low, high : ndarray of shape (n_samples, n_outputs) or (n_samples,)
-            The interval's ends.
+            Bounds of the interval.
 
         Raises
         ------
         OptionError
-            If `coverage` is no share between 0 and 1, or y is given and `initial_window` is 0.
+            If `coverage` is not a share between 0 and 1, or y is given and `initial_window` is 0.
         """
         check_coverage(coverage)
         predicted = self.predict(X) if y is None else self.predict_from(X, y)
@@ -461,7 +462,7 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         return tuple(d for d in DEPTHS if d != "state_network" or self._can_see_less())
 
     def _can_see_less(self) -> bool:
-        """Return whether the network can be told to see the states only."""
+        """Return whether the network can be restricted to seeing the states only."""
         if self.network is None:
             return True
         seen = parameters_named(self.network, "sees").values()
@@ -491,7 +492,7 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         return {depth: model for depth, model in models.items() if depth in depths}
 
     def _diagnose(self, table) -> None:
-        """Diagnose the prior; where that breaks down, take what it had found until then."""
+        """Diagnose the prior; if the diagnosis fails, take its best result until then."""
         try:
             X = table.starting(self.model, table.told)
             kept = self._kept(_diagnosed, ignore=["n_jobs"])
@@ -508,7 +509,7 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             )
 
     def _judge_all(self, candidates, depths, table, folds) -> dict[str, list[FoldResult]]:
-        """Fit every depth in every fold; the networks on the best of the others."""
+        """Fit every depth in every fold; the networks on the best physical depth."""
         results: dict[str, list[FoldResult]] = {}
         for depth, model in candidates.items():
             fit = partial(_fit_model, depth, model)
@@ -537,7 +538,7 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         return check_memory(self.memory).cache(function, **options)
 
     def _diagnosis_threads(self) -> int | None:
-        """Return `n_jobs`, or that of a diagnosis of one's own where it has one."""
+        """Return `n_jobs`, or that of a user-defined diagnosis if it has its own."""
         own = None if self.diagnosis is None else self.diagnosis.n_jobs
         return self.n_jobs if own is None else own
 
@@ -552,7 +553,7 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         return PGNNLRegressor()
 
     def _searched_parts(self) -> dict:
-        """Return what `search_space` finds inside: the network as it is trained; None if never."""
+        """Return the parts that `search_space` searches: the network as trained; None if never."""
         tried = NETWORKS if self.depths is None else self.depths
         if not set(NETWORKS) & set(tried):
             return {"network": None}
@@ -585,12 +586,12 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
 
 
 def _diagnosed(diagnosis, X, y, n_jobs) -> ModelDiagnosis:
-    """Fit a diagnosis; where it breaks off, what was given has the best until then."""
+    """Fit a diagnosis, in place; if it fails, it holds its best result until then."""
     return diagnosis.set_params(n_jobs=n_jobs).fit(X, y)
 
 
 def _fit_model(depth, model, table, visible, n_jobs=None) -> FittedDepth:
-    """Fit a physical depth; of the prior only where the trajectories start."""
+    """Fit a physical depth; for the prior only the initial states of the trajectories."""
     return fit_physics(model, table, visible, n_jobs, free=() if depth == "prior" else None)
 
 

@@ -1,4 +1,4 @@
-"""What cross-validation hides from a fit: trajectories, blocks of time, ranges of operation."""
+"""Samples that cross-validation hides: trajectories, blocks of time, ranges of operation."""
 
 import numpy as np
 
@@ -14,20 +14,20 @@ def hidden_parts(records, n_splits: int, by: str = "auto") -> list[np.ndarray]:
     Parameters
     ----------
     records : tuple of Record
-        Measured trajectories; they lie end to end.
+        Measured trajectories, concatenated.
     n_splits : int
         Number of folds.
     by : {"auto", "trajectory", "time", "range"}, default="auto"
-        Whether whole trajectories are hidden; or in each fold another block of time of every
+        Whether to hide whole trajectories; or in each fold another block of time of every
         trajectory, never the first of its ``n_splits + 1`` blocks, so that its start stays known;
-        or another range of operation, see `operating_ranges`. ``"auto"`` hides trajectories where
-        there are at least ``n_splits``, else blocks of time in as many folds and ranges in as many
-        more.
+        or another range of operation, see `operating_ranges`. ``"auto"`` hides trajectories if
+        there are at least ``n_splits``, else blocks of time in ``n_splits`` folds and ranges in as
+        many more.
 
     Returns
     -------
     list of ndarray of bool, shape (n_samples,)
-        A mask a fold.
+        One mask per fold.
 
     Raises
     ------

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
-#: states of the training that are tried as starts, and how many are followed to their minimum
+#: training states that are tried as initial states, and how many are refined to a minimum
 TRIED, FOLLOWED = 200, 5
-#: what counts as an error where a run is not finite
+#: the error assigned to a run that is not finite
 FAR = 1e6
 #: step of the differences by the initial state, in standard deviations of the states
 STEP = 1e-6
@@ -21,26 +21,26 @@ def find_initial_state(
     met: np.ndarray,
     noise: np.ndarray,
 ) -> np.ndarray:
-    r"""Find where a trajectory starts, from what was measured of its beginning.
+    r"""Find the initial state of a trajectory from its first measured samples.
 
     .. math:: \min_{x_0} \sum_{k,o} \left(\frac{y_{ko} - \hat y_{ko}(x_0)}{s_o}\right)^2
               + \sum_i \left(\frac{x_{0i} - \bar x_i}{\sigma_i}\right)^2
 
-    with the error :math:`s_o` that the prediction leaves in training, and mean and standard
-    deviation of the states met there. Some of these are tried, and the best followed to their
-    minima.
+    with the training error :math:`s_o` of the prediction, and the mean and standard deviation of
+    the states reached in training. Some of these states are tried, and the best are refined to
+    their minima.
 
     Parameters
     ----------
     run : callable
-        What predicts: takes initial states of shape (n_starts, n_states), and gives outputs of
-        shape (n_starts, n_samples, n_outputs).
+        Predicts: takes initial states of shape (n_starts, n_states), and returns outputs of shape
+        (n_starts, n_samples, n_outputs).
     told : ndarray of shape (n_states,)
-        The initial state as far as it is known, which is kept; else NaN.
+        The known part of the initial state, which is kept; NaN where unknown.
     y : ndarray of shape (n_samples, n_outputs)
         Measured outputs of the first samples; NaN where there is none.
     met : ndarray of shape (n_met, n_states)
-        States met in training.
+        States reached in training.
     noise : ndarray of shape (n_outputs,)
         Error of the outputs in training.
 
@@ -73,14 +73,14 @@ def find_initial_state(
 
 @dataclass(frozen=True)
 class _Beginning:
-    """What is left of a beginning, by its unknown states in deviations from their mean.
+    """Residuals at a trajectory's start by its unknown states, scaled deviations from their mean.
 
     Parameters
     ----------
     run, told, y, noise
         See `find_initial_state`.
     centre, spread : ndarray of shape (n_states,)
-        Mean and standard deviation of the states met in training.
+        Mean and standard deviation of the states reached in training.
     """
 
     run: Callable[[np.ndarray], np.ndarray]
@@ -91,28 +91,28 @@ class _Beginning:
     noise: np.ndarray
 
     def places(self, states: np.ndarray) -> np.ndarray:
-        """Return the unknown ones of states, in deviations from their mean."""
+        """Return the unknown states, as scaled deviations from their mean."""
         return ((states - self.centre) / self.spread)[:, np.isnan(self.told)]
 
     def states(self, places: np.ndarray) -> np.ndarray:
-        """Return whole states: the known ones as told."""
+        """Return complete states, with the known ones as given."""
         states, free = np.tile(self.told, (len(places), 1)), np.isnan(self.told)
         states[:, free] = self.centre[free] + places * self.spread[free]
         return states
 
     def left(self, places: np.ndarray) -> np.ndarray:
-        """Return the errors, in those of the training, and the deviations; a row a start."""
+        """Return the errors, relative to those in training, and the deviations; a row per start."""
         measured = np.isfinite(self.y)
         error = (self.run(self.states(places)) - np.where(measured, self.y, 0.0)) / self.noise
         error = np.nan_to_num(np.where(measured, error, 0.0), nan=FAR, posinf=FAR, neginf=-FAR)
         return np.column_stack([error.reshape(len(places), -1), places])
 
     def left_of_one(self, place: np.ndarray) -> np.ndarray:
-        """Return what is left of one start."""
+        """Return the residuals of one start."""
         return self.left(place[None])[0]
 
     def slopes(self, place: np.ndarray) -> np.ndarray:
-        """Return the slopes of what is left, from runs that are made at once."""
+        """Return the slopes of the residuals, from runs that are made in one call."""
         steps = STEP * np.maximum(1.0, np.abs(place))
         runs = self.left(place + np.vstack([np.zeros_like(place), np.diag(steps)]))
         return (runs[1:] - runs[0]).T / steps

@@ -1,4 +1,4 @@
-"""The ranges of operation in records: groups of samples that are alike, by k-means."""
+"""The ranges of operation in records: groups of similar samples, by k-means."""
 
 import numpy as np
 from sklearn.cluster import KMeans
@@ -7,28 +7,28 @@ from sklearn.preprocessing import StandardScaler
 from sklearn_pgnn.simulation.record_windows import dominant_period
 from sklearn_pgnn.trajectories.reader import MIN_SAMPLES
 
-#: share of the dominant period over which outputs are seen to change, so that noise is not
+#: share of the dominant period over which output changes are taken, to suppress noise
 CHANGE_SHARE = 0.1
 
 
 def operating_ranges(records, n_ranges: int) -> list[np.ndarray]:
-    """Return which samples are in each range of operation, besides the most central one.
+    """Return which samples are in each range of operation, except the most central one.
 
     Samples are grouped by their measured outputs, how these change over a tenth of their dominant
-    period, and the inputs, all in standard deviations. What was not measured is in no range, nor
-    are the first samples of a trajectory, from which its start is known.
+    period, and the inputs, all in standard deviations. Unmeasured samples are in no range, nor
+    are the first samples of a trajectory, from which its initial state is known.
 
     Parameters
     ----------
     records : tuple of Record
         Measured trajectories.
     n_ranges : int
-        How many ranges there shall be, besides the one whose centre is nearest to the mean.
+        Number of ranges, not counting the one whose centre is nearest to the mean.
 
     Returns
     -------
     list of ndarray of bool, shape (n_samples,)
-        A mask a range over the trajectories end to end, the one nearest to the mean first.
+        One mask per range over the concatenated trajectories, the one nearest to the mean first.
 
     Raises
     ------

@@ -5,18 +5,18 @@ import warnings
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.spread_ends import at_spread_ends
 
-#: so many parameters at the ends of their spreads are no chance, and are told
+#: this many parameters at the ends of their spreads are no coincidence, and cause a warning
 SEVERAL = 2
 
 
 def warn_of_spreads(prior: PhysicsModel, retuned: PhysicsModel) -> None:
-    """Warn where several parameters went to the ends of their spreads.
+    """Warn if several parameters ended at the limits of their spreads.
 
     Parameters
     ----------
     prior, retuned : PhysicsModel
-        See `at_spread_ends`; re-tuned beside the named causes, for what a cause explains may bend
-        the parameters of a model without it.
+        See `at_spread_ends`; re-tuned together with the named causes, since the parameters of a
+        model without a cause may be distorted by what the cause explains.
     """
     names = at_spread_ends(prior, retuned)
     if len(names) < SEVERAL:

@@ -10,7 +10,7 @@ from sklearn_pgnn.physics.model import PhysicsModel
 
 @dataclass(frozen=True)
 class PlainTable:
-    """Records, laid end to end.
+    """Concatenated records.
 
     Parameters
     ----------
@@ -19,7 +19,7 @@ class PlainTable:
     y : ndarray of shape (n_samples, n_outputs)
         Measured outputs, NaN where there is none.
     told : ndarray of shape (n_trajectories, n_states)
-        Initial states of the prior, NaN where nothing tells them.
+        Initial states of the prior, NaN where unknown.
     """
 
     X: pd.DataFrame
@@ -27,7 +27,7 @@ class PlainTable:
     told: np.ndarray
 
     def __sizeof__(self) -> int:
-        """Return the bytes with those of its arrays, by which joblib sends it to a cluster once."""
+        """Return the size in bytes with its arrays, so that joblib sends it to a cluster once."""
         table = int(self.X.memory_usage().sum())
         return object.__sizeof__(self) + table + self.y.nbytes + self.told.nbytes
 
@@ -38,7 +38,7 @@ class PlainTable:
 
     @property
     def place(self) -> np.ndarray:
-        """Number of every sample in its trajectory."""
+        """Index of every sample in its trajectory."""
         return self.X.groupby("trajectory", sort=False).cumcount().to_numpy()
 
     def starting(self, model: PhysicsModel, starts: np.ndarray, rows=None) -> pd.DataFrame:
@@ -49,14 +49,14 @@ class PlainTable:
 
 
 def plain_table(model: PhysicsModel, records) -> PlainTable:
-    """Lay records end to end.
+    """Concatenate records.
 
     Parameters
     ----------
     model : PhysicsModel
         Names inputs and states.
     records : tuple of Record
-        What was read, with outputs or without.
+        The records as read, with or without outputs.
 
     Returns
     -------
@@ -82,14 +82,14 @@ def plain_table(model: PhysicsModel, records) -> PlainTable:
 
 
 def starts_for(model: PhysicsModel, table: PlainTable) -> np.ndarray:
-    """Return the initial states of a model, or of an extension of it, as told; else NaN."""
+    """Return the initial states of a model, or of an extension of it, as given; else NaN."""
     starts = np.full((len(table.told), len(model.states)), np.nan)
     starts[:, : table.told.shape[1]] = table.told  # an extension's own states come last
     return starts
 
 
 def usual_starts(model: PhysicsModel, table: PlainTable) -> np.ndarray:
-    """Return initial states as told, else as the model says; NaN of those that it settles."""
+    """Return initial states as given, else as the model says; NaN for those that it settles."""
     return usual(model, starts_for(model, table))
 
 

@@ -1,4 +1,4 @@
-"""Pictures of a diagnosis, and the report; the only subpackage that uses matplotlib."""
+"""Plots of a diagnosis, and the report; the only subpackage that uses matplotlib."""
 
 from sklearn_pgnn.inspection.candidates_display import CandidatesDisplay
 from sklearn_pgnn.inspection.characteristic_display import CharacteristicDisplay

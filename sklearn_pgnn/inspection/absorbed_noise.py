@@ -1,4 +1,4 @@
-"""What the fitted initial states of windows take of white noise: its autocorrelation then."""
+"""Autocorrelation of white noise of which fitted initial states of windows absorbed a part."""
 
 import numpy as np
 
@@ -15,7 +15,7 @@ MOST = 100
 def expected_autocorrelation(
     records: DiagnosisRecords, fit: FittedWindows, lags: int
 ) -> np.ndarray:
-    """Return the autocorrelation that a model leaves over windows if it leaves white noise only.
+    """Return the expected autocorrelation of a model's residuals over windows in white noise.
 
     Parameters
     ----------

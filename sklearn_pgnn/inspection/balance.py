@@ -1,7 +1,7 @@
 r"""The missing part of an equation, estimated from the records.
 
-The rate of a state that is measured (or whose position is) is compared with what the model says at
-the same states and inputs, over spans long enough to be seen through the noise:
+The rate of a state that is measured (or whose position is) is compared with the model's rate at
+the same states and inputs, over spans long enough to stand out from the noise:
 
 .. math:: d_k = \frac{x_{k+m} - x_{k-m}}{t_{k+m} - t_{k-m}}
     - \frac{1}{t_{k+m} - t_{k-m}} \sum_{i=k-m}^{k+m-1}

@@ -1,4 +1,4 @@
-"""Every candidate of a diagnosis, and how much error it leaves alone."""
+"""Every candidate of a diagnosis, and the error that it leaves as the only cause."""
 
 import numpy as np
 from sklearn.utils.validation import check_is_fitted
@@ -10,14 +10,14 @@ from sklearn_pgnn.inspection.yardstick import ratio, together
 
 
 class CandidatesDisplay:
-    """Dots on a logarithmic axis: the error that is left with one candidate alone.
+    """Dots on a logarithmic axis: the error that remains with each candidate alone.
 
     Parameters
     ----------
     names : sequence of str
         The candidates in words, the best first.
     left : sequence of float
-        Share of the re-tuned prior's error power that is left with each.
+        Share of the re-tuned prior's error power that remains with each.
     named : sequence of bool
         Whether each was named as a cause.
     noise : float, default=0
@@ -45,21 +45,21 @@ class CandidatesDisplay:
 
     @classmethod
     def from_estimator(cls, diagnosis, *, most=20, ax=None):
-        """Draw the candidates of a diagnosis.
+        """Plot the candidates of a diagnosis.
 
         Parameters
         ----------
         diagnosis : ModelDiagnosis
             The fitted diagnosis.
         most : int, default=20
-            How many are drawn; every named cause is one of them.
+            Number of candidates drawn; every named cause is among them.
         ax : matplotlib.axes.Axes, optional
             Where to draw; by default on a new figure of pyplot.
 
         Returns
         -------
         CandidatesDisplay
-            The picture, drawn.
+            The plotted display.
         """
         check_is_fitted(diagnosis)
         causes = {(cause.effect, cause.target) for cause in diagnosis.causes_}
@@ -74,7 +74,7 @@ class CandidatesDisplay:
         ).plot(ax=ax)
 
     def plot(self, *, ax=None):
-        """Draw the picture.
+        """Draw the plot.
 
         Parameters
         ----------

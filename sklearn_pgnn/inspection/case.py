@@ -1,4 +1,4 @@
-"""A named cause together with the records: what the evidence for it is read from."""
+"""A named cause together with the records: the data from which its evidence is computed."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -61,11 +61,11 @@ class Case:
 
     @property
     def seen(self) -> frozenset[str]:
-        """The states that the records show."""
+        """The states that can be taken from the records."""
         return shown_states(self.prior)
 
     def missing_rate(self, state: str) -> np.ndarray:
-        """Return the measured rate of a state minus the one without the cause."""
+        """Return the measured rate of a state minus that of the model without the cause."""
         samples = self.samples
         return samples.rate(state) - samples.mean(self.without.equations[state])
 

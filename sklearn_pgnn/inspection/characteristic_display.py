@@ -1,4 +1,4 @@
-"""The curve that shows a cause: what the machine does, over what it depends on."""
+"""The characteristic of a cause: the machine's behaviour against the quantity it depends on."""
 
 from sklearn.utils.validation import check_is_fitted
 
@@ -8,12 +8,12 @@ from sklearn_pgnn.inspection.panels import panels
 
 
 class CharacteristicDisplay:
-    """Points of the records, and the law that was found: a force over a speed, say.
+    """Points of the records, and the law that was found: for example a force over a speed.
 
     Parameters
     ----------
     evidence : Evidence
-        What is drawn.
+        The points and curves to draw.
 
     Attributes
     ----------
@@ -38,26 +38,26 @@ class CharacteristicDisplay:
 
     @classmethod
     def from_estimator(cls, diagnosis, cause=0, *, ax=None):
-        """Draw the characteristic of a cause of a diagnosis.
+        """Plot the characteristic of a cause of a diagnosis.
 
         Parameters
         ----------
         diagnosis : ModelDiagnosis
             The fitted diagnosis.
         cause : int, default=0
-            Number of the cause; where none was named, what is missing is drawn.
+            Number of the cause; where none was named, the missing part is drawn.
         ax : matplotlib.axes.Axes, optional
             Where to draw; by default on a new figure of pyplot.
 
         Returns
         -------
         CharacteristicDisplay
-            The picture, drawn.
+            The plotted display.
 
         Raises
         ------
         ValueError
-            If there is no such cause, and nothing unnamed is missing.
+            If there is no such cause, and no missing part was found.
         """
         check_is_fitted(diagnosis)
         causes = diagnosis.causes_
@@ -71,7 +71,7 @@ class CharacteristicDisplay:
         return cls(missing_evidence(diagnosis)).plot(ax=ax)
 
     def plot(self, *, ax=None):
-        """Draw the picture.
+        """Draw the plot.
 
         Parameters
         ----------

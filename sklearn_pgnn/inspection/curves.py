@@ -9,7 +9,7 @@ GRID = 801
 
 @dataclass(frozen=True)
 class Line:
-    """A curve of the evidence: its points, and whose it is."""
+    """A curve of the evidence: its points, and the model it belongs to."""
 
     x: np.ndarray
     y: np.ndarray
@@ -28,7 +28,7 @@ class Evidence:
     points : tuple of ndarray or None
         Abscissa and ordinate of the records' points.
     lines : tuple of Line
-        What the models say.
+        Curves of the models.
     note : str
         One sentence: what to look at.
     """

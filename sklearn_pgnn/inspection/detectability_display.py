@@ -1,4 +1,4 @@
-"""The picture of a detectability: the size from which on every effect is found."""
+"""Plot of a detectability: the smallest size at which every effect is detected."""
 
 import numpy as np
 
@@ -8,20 +8,20 @@ from sklearn_pgnn.inspection.words import cause_name
 
 
 class DetectabilityDisplay:
-    """Picture of a detectability: the power over the size of every effect.
+    """Plot of a detectability: the power as a function of the size of every effect.
 
     Parameters
     ----------
     detectability : Detectability
-        What `ModelDiagnosis.detectability` gave.
+        The result of `ModelDiagnosis.detectability`.
 
     Attributes
     ----------
     figure_ : matplotlib.figure.Figure
         The figure, once drawn.
     axes_ : matplotlib.axes.Axes
-        One line an effect: from pale to dark as the power goes from 0 to 1, with a mark at the
-        smallest size that is found.
+        One line per effect: from pale to dark as the power goes from 0 to 1, with a mark at the
+        smallest size that is detected.
 
     Examples
     --------
@@ -37,10 +37,10 @@ class DetectabilityDisplay:
         self.detectability = detectability
 
     def plot(self, *, figure=None):
-        """Draw the picture.
+        """Draw the plot.
 
-        Sizes are drawn as shares of the largest looked at; the text beside gives the smallest
-        size found in its own unit, or why there is none.
+        Sizes are drawn as fractions of the largest one evaluated; the text beside each line gives
+        the smallest detected size in its own unit, or why there is none.
 
         Parameters
         ----------
@@ -95,19 +95,19 @@ def _rgb(colour: str) -> tuple[float, ...]:
 
 
 def plot_detectability(detectability, **options) -> DetectabilityDisplay:
-    """Draw a detectability.
+    """Plot a detectability.
 
     Parameters
     ----------
     detectability : Detectability
-        What `ModelDiagnosis.detectability` gave.
+        The result of `ModelDiagnosis.detectability`.
     **options
         See `DetectabilityDisplay.plot`.
 
     Returns
     -------
     DetectabilityDisplay
-        The picture, drawn.
+        The plotted display.
 
     Examples
     --------

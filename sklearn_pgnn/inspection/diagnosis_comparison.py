@@ -14,7 +14,7 @@ from sklearn_pgnn.record_quality.wording import listed
 
 #: the file of a diagnosis, in the folder that the command line writes
 FILE = "diagnosis.json"
-#: by suffix, what else somebody may give
+#: by suffix, other files that may be given by mistake
 OTHER_FILES = {
     ".yaml": "a model file",
     ".yml": "a model file",
@@ -26,12 +26,12 @@ _NEEDED = ("verdict", "causes", "parameters", "gain", "free_run", "remaining", "
 
 @dataclass(frozen=True)
 class Quantity:
-    """A physical quantity that one or both of two diagnoses have found.
+    """A physical quantity that one or both of two diagnoses have estimated.
 
     Parameters
     ----------
     name, unit : str
-        What it is.
+        Its name and unit.
     one, other : tuple of float or None
         Value, and the ends of its 95 % interval, in each diagnosis; None where it has none.
     """
@@ -65,12 +65,12 @@ class Quantity:
 
 @dataclass(frozen=True)
 class Table:
-    """A table of words.
+    """A table of text.
 
     Parameters
     ----------
     title : str
-        What it shows.
+        Its title.
     headers : tuple of str
         Titles of the columns.
     rows : tuple of tuple of str
@@ -89,9 +89,9 @@ class DiagnosisComparison:
     Parameters
     ----------
     names : tuple of str
-        What the two are called.
+        Names of the two.
     differences : tuple of str
-        What is not the same, a sentence each; empty if nothing is.
+        The differences, one sentence each; empty if there are none.
     quantities : tuple of Quantity
         The sizes of the causes, then the parameters.
     tables : tuple of Table
@@ -110,7 +110,7 @@ class DiagnosisComparison:
 
     @property
     def summary(self) -> str:
-        """The first thing to read."""
+        """Summary of the comparison in words."""
         one, other = self.names
         if not self.differences:
             return f"{one} and {other} say the same, within their 95 % intervals."
@@ -150,25 +150,25 @@ class DiagnosisComparison:
 
 
 def compare(one, other, *, names: Sequence[str] | None = None) -> DiagnosisComparison:
-    """Hold two diagnoses side by side.
+    """Compare two diagnoses.
 
     Parameters
     ----------
     one, other : ModelDiagnosis, mapping, or path-like
-        A fitted diagnosis, what its `to_dict` gives, or the ``diagnosis.json`` that the command
-        line writes, or the folder that it is in.
+        A fitted diagnosis, the result of its `to_dict`, the ``diagnosis.json`` that the command
+        line writes, or the folder that contains it.
     names : sequence of str, optional
-        What the two are called; by default as their folders, else ``"A"`` and ``"B"``.
+        Names of the two; by default those of their folders, else ``"A"`` and ``"B"``.
 
     Returns
     -------
     DiagnosisComparison
-        What differs, and both in tables: ``to_text()``, ``to_html(path)``.
+        The differences, and both diagnoses in tables: ``to_text()``, ``to_html(path)``.
 
     Raises
     ------
     OptionError
-        If one of the two is no diagnosis, or they have no output and no parameter in common.
+        If one of the two is not a diagnosis, or they have no output and no parameter in common.
 
     Examples
     --------
@@ -218,7 +218,7 @@ def _read(source) -> Mapping:
 
 
 def _check_related(pair, names) -> None:
-    """Refuse diagnoses that have nothing in common that could be compared."""
+    """Raise `OptionError` if two diagnoses have nothing in common that could be compared."""
     known = [{*data["gain"], *data["parameters"]} for data in pair]
     if all(known) and known[0].isdisjoint(known[1]):
         has = " and ".join(
@@ -253,7 +253,7 @@ def _loaded(path: Path) -> Mapping:
 
 
 def _names(one, other) -> tuple[str, str]:
-    """Return the names of two folders; where they are the same, as much as tells them apart."""
+    """Return the names of two folders, with as many parents as needed to distinguish them."""
     if not all(isinstance(source, str | os.PathLike) for source in (one, other)):
         return "A", "B"
     paths = [Path(source).resolve() for source in (one, other)]
@@ -325,7 +325,7 @@ def _of_causes(pair, names) -> list[str]:
 
 
 def _rival_of(key, causes: Mapping) -> str:
-    """Return the cause that another one may stand in the place of; empty if there is none."""
+    """Return the named cause of which another one is a rival; empty if there is none."""
     for named, cause in causes.items():
         if key in [(r["effect"], r["target"]) for r in cause["confused_with"]]:
             return cause_name(*named)
@@ -343,7 +343,7 @@ def _of_quantities(quantities, names) -> list[str]:
 
 
 def _shown(quantity: Quantity) -> list[str]:
-    """Return what each diagnosis has found."""
+    """Return the value found by each diagnosis."""
     both = (quantity.one, quantity.other)
     return [
         "-" if found is None else measured(found[0], found[1], found[2], quantity.unit)
@@ -352,7 +352,7 @@ def _shown(quantity: Quantity) -> list[str]:
 
 
 def _change(quantity: Quantity) -> str:
-    """Return by how much a quantity differs, where it keeps its sign."""
+    """Return the relative difference of a quantity, where it keeps its sign."""
     if quantity.one is None or quantity.other is None:
         return ""
     before, after = quantity.one[0], quantity.other[0]

@@ -1,4 +1,4 @@
-"""The picture of a diagnosis: measured, prior and extended model, and the evidence."""
+"""Plot of a diagnosis: measured outputs, prior and extended model, and the evidence."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -26,15 +26,15 @@ class Comparison:
     Parameters
     ----------
     title : str
-        Which record, and how it was simulated.
+        The record, and how it was simulated.
     t : ndarray of shape (n_samples,)
         Time [s].
     outputs : dict of str to str
         Output names and units.
     measured : ndarray of shape (n_samples, n_outputs) or None
-        What was measured.
+        Measured outputs.
     simulated : dict of str to ndarray of shape (n_samples, n_outputs)
-        What each model gives.
+        Simulated outputs of each model.
     """
 
     title: str
@@ -45,14 +45,14 @@ class Comparison:
 
 
 class DiagnosisDisplay:
-    """Picture of a diagnosis: measured against prior against extended model, and the evidence.
+    """Plot of a diagnosis: measured outputs, prior and extended model, and the evidence.
 
-    Use `from_estimator` to make one.
+    Use `from_estimator` to create one.
 
     Parameters
     ----------
     comparison : Comparison
-        A record and what the models make of it.
+        A record and its simulations by the models.
     evidence : sequence of Evidence, default=()
         The evidence for every named cause.
 
@@ -61,7 +61,7 @@ class DiagnosisDisplay:
     figure_ : matplotlib.figure.Figure
         The figure, once drawn.
     axes_ : ndarray of matplotlib.axes.Axes
-        For every output its curves and its errors, then the evidence.
+        Axes of the curves and of the errors of every output, then of the evidence.
 
     Examples
     --------
@@ -80,7 +80,7 @@ class DiagnosisDisplay:
     def from_estimator(
         cls, diagnosis, X=None, y=None, *, kind="free_run", record=None, figure=None
     ):
-        """Draw a fitted diagnosis.
+        """Plot a fitted diagnosis.
 
         Parameters
         ----------
@@ -89,8 +89,8 @@ class DiagnosisDisplay:
         X, y : DataFrame or array, optional
             Records to simulate; by default those it was fitted on.
         kind : {"free_run", "windows"}, default="free_run"
-            Whether a model runs through the record from its first state only, or restarts from
-            the record on every window of the diagnosis.
+            Whether a model simulates the whole record from its initial state only, or restarts
+            from the record in every window of the diagnosis.
         record : int, optional
             Number of the record; by default one with a typical error.
         figure : matplotlib.figure.Figure, optional
@@ -99,14 +99,14 @@ class DiagnosisDisplay:
         Returns
         -------
         DiagnosisDisplay
-            The picture, drawn.
+            The plotted display.
         """
         check_is_fitted(diagnosis)
         evidence = [find_evidence(diagnosis, cause) for cause in diagnosis.causes_]
         return cls(compare(diagnosis, X, y, kind=kind, record=record), evidence).plot(figure=figure)
 
     def plot(self, *, figure=None):
-        """Draw the picture.
+        """Draw the plot.
 
         Parameters
         ----------
@@ -131,7 +131,7 @@ class DiagnosisDisplay:
 
 
 def plot_diagnosis(diagnosis) -> DiagnosisDisplay:
-    """Draw a fitted diagnosis on the records it was fitted on.
+    """Plot a fitted diagnosis on the records it was fitted on.
 
     Parameters
     ----------
@@ -141,7 +141,7 @@ def plot_diagnosis(diagnosis) -> DiagnosisDisplay:
     Returns
     -------
     DiagnosisDisplay
-        The picture, drawn.
+        The plotted display.
 
     Examples
     --------
@@ -169,7 +169,7 @@ def compare(diagnosis, X=None, y=None, *, kind="free_run", record=None) -> Compa
     X, y : DataFrame or array, optional
         Records to simulate; by default those it was fitted on.
     kind : {"free_run", "windows"}, default="free_run"
-        How they are simulated.
+        How the models are simulated.
     record : int, optional
         Number of the record; by default one with a typical error.
 
@@ -181,7 +181,7 @@ def compare(diagnosis, X=None, y=None, *, kind="free_run", record=None) -> Compa
     Raises
     ------
     ValueError
-        If the kind or the record is unknown, or windows are asked of new records.
+        If the kind or the record is unknown, or windows are requested for new records.
     """
     if kind not in ("free_run", "windows"):
         raise ValueError(f"kind: expected 'free_run' or 'windows', got {kind!r}.")

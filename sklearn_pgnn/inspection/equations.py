@@ -19,7 +19,7 @@ class Number:
     mathml, value : str
         Its symbol, and its value with its unit.
     is_new : bool
-        Whether the other model has it not.
+        Whether the other model lacks it.
     """
 
     mathml: str
@@ -36,12 +36,12 @@ class Equation:
     text : str
         As text.
     mathml : str
-        As MathML, in pieces between which a line may break, what the other model has not marked;
-        empty where it would be too large to read.
+        As MathML, in pieces between which a line may break, with the terms that the other model
+        lacks marked; empty where it would be too large to read.
     changed : bool
-        Whether the other model has it otherwise.
+        Whether it differs from that of the other model.
     cases : str, default=""
-        What the other model has not, case by case, as MathML; empty where it has no cases.
+        The terms that the other model lacks, case by case, as MathML; empty if without cases.
     numbers : tuple of Number, default=()
         The parameters in it.
     """
@@ -63,7 +63,7 @@ def equations_of(model: PhysicsModel, other: PhysicsModel, *, marks: bool = True
     other : PhysicsModel
         The model it is compared with.
     marks : bool, default=True
-        Whether what the other model has not is marked.
+        Whether to mark the terms that the other model lacks.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""What estimators and models give on records, to be held against what was measured."""
+"""Simulations of estimators and models on records, for comparison with the measured outputs."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,14 +15,14 @@ from sklearn_pgnn.trajectories import read_records
 
 @dataclass(frozen=True)
 class Runs:
-    """Records, and what several models make of them.
+    """Records, and their simulations by several models.
 
     Parameters
     ----------
     model : PhysicsModel
         The model that names inputs and outputs.
     names : tuple of str
-        What the records are called.
+        Names of the records.
     t, u, measured : tuple of ndarray
         By record: time [s], inputs and outputs.
     simulated : dict of str to tuple of ndarray
@@ -43,14 +43,14 @@ def run_estimators(estimator, X=None, y=None) -> Runs:
     Parameters
     ----------
     estimator : fitted estimator, PhysicsModel, or mapping of str to them
-        What is run, by name where there are several.
+        The models to run, by name where there are several.
     X, y : DataFrame or array, optional
-        The records; by default, of a diagnosis, those that it was fitted on.
+        The records; for a diagnosis, by default those that it was fitted on.
 
     Returns
     -------
     Runs
-        The records and what each model gives.
+        The records and the outputs of each model.
 
     Raises
     ------
@@ -106,7 +106,7 @@ def _run(estimator, X, records) -> tuple[np.ndarray, ...]:
 
 
 def _model_of(estimator) -> PhysicsModel:
-    """Return the model of an estimator, of a step of a pipeline, or of what a search has found."""
+    """Return the model of an estimator, a pipeline step, or the best estimator of a search."""
     for part in _parts(estimator):
         model = part if isinstance(part, PhysicsModel) else getattr(part, "model", None)
         if isinstance(model, PhysicsModel):

@@ -1,4 +1,4 @@
-"""The evidence for a cause, on the user's own records: what is missing without it, and its law."""
+"""The evidence for a cause in the user's records: the missing part without it, and its law."""
 
 import sympy
 
@@ -12,7 +12,7 @@ from sklearn_pgnn.inspection.words import missing_place
 from sklearn_pgnn.physics.derived_units import rate_unit
 from sklearn_pgnn.physics.expressions import parse_expression
 
-#: what draws a characteristic, by what it shows; None where the records do not show it
+#: function that computes each kind of characteristic; None where the records do not show it
 DRAWN = {
     "force": missing_force,
     "rate": cut_rate,
@@ -59,7 +59,7 @@ def evidence_of(case: Case) -> Evidence:
 
 
 def missing_evidence(diagnosis) -> Evidence:
-    """Return the evidence for what no cause explains: its smoothed course over its formula.
+    """Return the evidence for a missing part: its smoothed trajectory against its formula.
 
     Parameters
     ----------

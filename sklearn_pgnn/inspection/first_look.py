@@ -1,4 +1,4 @@
-"""A first look: a model simulated on records as it is given, before anything is diagnosed."""
+"""A first look: a model simulated on records as given, before any diagnosis."""
 
 import math
 from dataclasses import asdict, dataclass
@@ -36,13 +36,13 @@ class SeenRecord:
     Parameters
     ----------
     name : str
-        What it is called.
+        Its name.
     samples : int
         Number of samples.
     duration, sample_time : float
-        From the first to the last sample, and the median from sample to sample [s].
+        Time from the first to the last sample, and the median sample time [s].
     fit : dict of str to float
-        By output, how the model as given follows this record; see `fit_percentage`.
+        By output, the fit of the model as given to this record; see `fit_percentage`.
     """
 
     name: str
@@ -59,7 +59,7 @@ class SeenQuantity:
     Parameters
     ----------
     name, role, unit : str
-        What it is: ``"input"`` or ``"output"``, and its unit in the model.
+        Its name, its role (``"input"`` or ``"output"``), and its unit in the model.
     low, high : float
         Smallest and largest value [unit].
     missing : int
@@ -76,14 +76,14 @@ class SeenQuantity:
 
 @dataclass(frozen=True)
 class FirstFit:
-    """An output of the model as given, in free run from where the records start.
+    """The free-run fit of one output by the model as given, from the start of the records.
 
     Parameters
     ----------
     output, unit : str
         The output and its unit.
     error, noise : float
-        Root mean square error, and the noise that the records tell [unit].
+        Root mean square error, and the noise estimated from the records [unit].
     fit : float
         See `fit_percentage`.
     """
@@ -97,7 +97,7 @@ class FirstFit:
 
 @dataclass(frozen=True)
 class FirstLook:
-    """What a first look at a model and records shows.
+    """The results of a first look at a model and records.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ class FirstLook:
     quantities : tuple of SeenQuantity
         Inputs and outputs.
     outputs : tuple of FirstFit
-        How the model as given follows them.
+        The fit of every output by the model as given.
     warnings : tuple of str
         What looks wrong, each with its remedy.
 
@@ -142,7 +142,7 @@ _TABLES = ("records", "quantities", "outputs")
 
 
 def first_look(model: PhysicsModel, X, y) -> FirstLook:
-    """Hold a model against records in seconds: what they hold, and a first simulation.
+    """Check a model against records in seconds: their contents, and a first simulation.
 
     Parameters
     ----------
@@ -253,7 +253,7 @@ def _constant(quantities) -> list[str]:
 
 
 def _gaps(records) -> list[str]:
-    """Return remarks on times without a sample, the longest of every record."""
+    """Return remarks on gaps in time, the longest of every record."""
     said = []
     for record in records:
         steps = np.diff(record.t)
@@ -271,7 +271,7 @@ def _gaps(records) -> list[str]:
 def _odd(model, records, windows, outputs) -> list[str]:
     """Return remarks on outputs in another unit, reversed, or not followed at all.
 
-    The runs begin where the model says: what the sensors show may be in another unit.
+    The runs begin in the model's initial state: the sensors' values may be in another unit.
     """
     runs = [
         simulate_record(model, record, hold=windows.hold, substeps=windows.substeps)
@@ -288,7 +288,7 @@ def _odd(model, records, windows, outputs) -> list[str]:
 
 
 def _scale(y, simulated) -> tuple[float, float]:
-    """Return by how much a simulation must be multiplied, and the share of power it then has."""
+    """Return the best scale factor of a simulation, and the share of power it then explains."""
     y, simulated = y - y.mean(), simulated - simulated.mean()
     power, both = float(simulated @ simulated), float(simulated @ y)
     if not (0 < power < math.inf and y.any()):
@@ -297,7 +297,7 @@ def _scale(y, simulated) -> tuple[float, float]:
 
 
 def _spread(y, simulated) -> float:
-    """Return how many times as much as a simulation an output varies."""
+    """Return the variation of an output as a multiple of that of its simulation."""
     theirs = float(np.std(simulated))
     return float(np.std(y)) / theirs if 0 < theirs < math.inf else 1.0
 
@@ -350,7 +350,7 @@ def _unit_factor(unit: str, scale: float) -> tuple[float, str]:
 
 
 def _perhaps(unit: str, spread: float) -> str:
-    """Return the unit with the prefix that a spread roughly speaks for; empty where none is.
+    """Return the unit with the prefix that roughly matches a scale; empty where none does.
 
     Examples
     --------

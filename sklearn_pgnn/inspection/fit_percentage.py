@@ -4,19 +4,19 @@ import numpy as np
 
 
 def fit_percentage(measured, simulated) -> np.ndarray:
-    r"""Return how much of what was measured a simulation follows.
+    r"""Return the fit of a simulation to measured outputs, in percent.
 
     .. math:: 100 \left(1 - \frac{\| y - \hat y \|}{\| y - \bar y \|}\right)
 
-    This is the normalised root mean square error as MATLAB's ``compare`` tells it: 100 is perfect,
-    0 no better than the mean of the record, and below 0 worse than it.
+    This is the normalised root mean square error as reported by MATLAB's ``compare``: 100 is
+    perfect, 0 is no better than the mean of the record, and below 0 is worse than it.
 
     Parameters
     ----------
     measured : array-like of shape (n_samples, n_outputs) or (n_samples,)
-        What was measured [unit of the output]; NaN where nothing was.
+        Measured outputs [unit of the output]; NaN where nothing was measured.
     simulated : array-like of the same shape
-        What was simulated [unit of the output].
+        Simulated outputs [unit of the output].
 
     Returns
     -------

@@ -9,23 +9,23 @@ from sklearn_pgnn.inspection.words import cause_name
 from sklearn_pgnn.physics.model import PhysicsModel
 
 EXTENDED = "extended_model.yaml"
-#: what the names of files of rivals match
+#: pattern of the file names of rivals
 RIVALS = "extended_model_with_*_for_*.yaml"
 
 
 def model_with_all(diagnosis) -> PhysicsModel:
-    """Return the model with everything that was found: causes, and the formula if there is one."""
+    """Return the model with all causes found, and the formula if there is one."""
     part = diagnosis.discrepancy_
     return diagnosis.extended_model_ if part is None else part.model
 
 
 def file_of(model: PhysicsModel) -> str:
-    """Return a model as the text of a model file; empty where it calls what has no equation."""
+    """Return a model as the text of a model file; empty if it calls functions without equation."""
     return "" if model.opaque_functions else model.to_yaml()
 
 
 def model_files(diagnosis) -> dict[str, Callable[[], str]]:
-    """Return what gives the text of every model file, by file name.
+    """Return functions that give the text of every model file, by file name.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def model_files(diagnosis) -> dict[str, Callable[[], str]]:
 
 
 def described_models(diagnosis) -> dict[str, str]:
-    """Return what every model file holds, by file name."""
+    """Return a description of every model file, by file name."""
     if diagnosis.model.opaque_functions:
         return {}
     held = "re-tuned and extended by what was named" if diagnosis.causes_ else "re-tuned"

@@ -1,4 +1,4 @@
-"""Evidence in an equation of motion: the rate that a state lacks, over what it depends on.
+"""Evidence in an equation of motion: the missing rate of a state against what it depends on.
 
 Each function draws a `Characteristic` for a `Case`, or returns None where the records do not show
 it.
@@ -19,13 +19,13 @@ from sklearn_pgnn.simulation.source import differentiate
 
 
 def cut_rate(case: Case, curve: Characteristic) -> Evidence | None:
-    """Return the measured rate over the one without the cause, or what the latter lacks."""
+    """Return the measured rate against that without the cause, or the missing rate."""
     shown = _cut_rate(case, curve.of)
     return shown or missing_force(case, Characteristic("force", curve.of, symbol(curve.of)))
 
 
 def _cut_rate(case: Case, state: str) -> Evidence | None:
-    """Return the measured rate over the one without the cause, where the cause cuts just that."""
+    """Return the measured rate against that without the cause, where the cause limits just that."""
     if state not in case.seen:
         return None
     free, samples = symbol("_free"), case.samples
@@ -52,7 +52,7 @@ def _cut_rate(case: Case, state: str) -> Evidence | None:
 
 
 def missing_force(case: Case, curve: Characteristic) -> Evidence | None:
-    """Return the force that a state's equation lacks, over what it depends on."""
+    """Return the missing force of a state's equation against the quantity it depends on."""
     state, model = curve.of, case.full
     if state not in case.seen or state not in model.equations or curve.over is None:
         return None
@@ -75,7 +75,7 @@ def missing_force(case: Case, curve: Characteristic) -> Evidence | None:
 
 
 def _abscissa(case: Case, curve: Characteristic) -> tuple[str, str, np.ndarray]:
-    """Return what a curve is drawn over: its name, its unit and its values in the records."""
+    """Return the abscissa of a curve: its name, its unit and its values in the records."""
     x = case.samples.value(curve.over)
     if curve.period is not None:
         return "the time within a period", "s", x % case.samples.value(curve.period)
@@ -86,7 +86,7 @@ def _abscissa(case: Case, curve: Characteristic) -> tuple[str, str, np.ndarray]:
 
 
 def implied_parameter(case: Case, curve: Characteristic) -> Evidence | None:
-    """Return the value that a parameter must have had, or what its new value adds to a rate."""
+    """Return the implied value of a parameter, or the change of a rate by its new value."""
     name = curve.of
     for state, rate in case.full.equations.items():
         if state in case.seen and symbol(name) in rate.free_symbols:
@@ -97,7 +97,7 @@ def implied_parameter(case: Case, curve: Characteristic) -> Evidence | None:
 
 
 def _implied_value(case: Case, curve: Characteristic, state: str) -> Evidence:
-    """Return the value that a parameter must have had, at the most informative moments."""
+    """Return the implied value of a parameter, at the most informative moments."""
     samples, name = case.samples, curve.of
     slope = samples.mean(differentiate(case.without.equations[state], symbol(name)))
     over, unit, x = _abscissa(case, curve)
@@ -116,7 +116,7 @@ def _implied_value(case: Case, curve: Characteristic, state: str) -> Evidence:
 
 
 def _over_correction(case: Case, name: str, state: str) -> Evidence:
-    """Return the missing rate over what the new value of a parameter adds to it."""
+    """Return the missing rate against the change of the rate by a parameter's new value."""
     rate, samples = case.full.equations[state], case.samples
     added = samples.mean(rate, **{name: case.full.parameters[name].value}) - samples.mean(rate)
     grid, unit = even_grid(added), rate_unit(case.full.unit(state))
@@ -138,7 +138,7 @@ def _what_is_missing(model, state: str, unit: str) -> str:
 
 
 def _law(case: Case, expression, over, x) -> Line:
-    """Return an expression over what it is drawn over, as a function where it is one."""
+    """Return an expression as a curve over the abscissa, where it is a function of it."""
     along = symbol("_along")
     law = expression.subs(over, along)
     moving = {TIME, *map(symbol, (*case.full.states, *case.full.inputs))}
@@ -151,7 +151,7 @@ def _law(case: Case, expression, over, x) -> Line:
 
 
 def _course(case: Case, expression, x) -> Line:
-    """Return the course of an expression through the record where it is largest."""
+    """Return the trajectory of an expression in the record where it is largest."""
     values, windows = case.samples.value(expression), case.records.windows
     record = windows.record_at(np.argmax(np.abs(values)))
     rows = slice(windows.bounds[record], windows.bounds[record + 1])

@@ -1,4 +1,4 @@
-"""What a notebook shows of a model, an effect, a cause and a diagnosis: small pieces of HTML."""
+"""HTML representations of a model, an effect, a cause and a diagnosis for notebooks."""
 
 import re
 from html import escape
@@ -76,7 +76,7 @@ def model_latex(model) -> str:
 
 
 def effect_html(effect) -> str:
-    """Return an effect as HTML: what it is, and its quantities.
+    """Return an effect as HTML: its description and its quantities.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ def effect_html(effect) -> str:
 
 
 def effect_latex(effect) -> str | None:
-    r"""Return the law of an effect as LaTeX, as its documentation has it; None where it has none.
+    r"""Return the law of an effect as LaTeX, from its documentation; None where it has none.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ def effect_latex(effect) -> str | None:
 
 
 def cause_html(cause) -> str:
-    """Return a named cause as HTML: what it is, how large, how sure, and how to check it.
+    """Return a named cause as HTML: description, size, probability, and how to check it.
 
     Parameters
     ----------

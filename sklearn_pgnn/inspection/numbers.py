@@ -1,4 +1,4 @@
-"""Numbers, units and formulas as they are read: no digit too many, none too few."""
+"""Format numbers, units and formulas for readers, with an appropriate number of digits."""
 
 import math
 import re
@@ -32,9 +32,9 @@ def free_run_error(value: float) -> str:
 
 
 def measured(value: float, low: float, high: float, unit: str = "") -> str:
-    """Write a value with its interval, no finer than the interval makes sense.
+    """Write a value with its interval, with no more digits than the interval justifies.
 
-    Where zero is not inside, nothing but zero is rounded to it. A unit of 1 goes without saying.
+    If the interval excludes zero, only zero is rounded to zero. A unit of 1 is omitted.
 
     Examples
     --------
@@ -63,7 +63,7 @@ def measured(value: float, low: float, high: float, unit: str = "") -> str:
 
 
 def _half_open(value: float, low: float, high: float, unit: str) -> str:
-    """Write a value to whose interval the records set one end."""
+    """Write a value whose interval has only one end."""
     end, words = (low, "at least") if math.isfinite(low) else (high, "at most")
     if math.isnan(low) or math.isnan(high) or end == value:
         return f"{number(value)} {unit}".rstrip()
@@ -73,7 +73,7 @@ def _half_open(value: float, low: float, high: float, unit: str) -> str:
 
 
 def sized(value: float, low: float, high: float, unit: str = "") -> str:
-    """Write a value no finer than its interval makes sense, without the interval.
+    """Write a value with no more digits than its interval justifies, without the interval.
 
     Examples
     --------
@@ -124,7 +124,7 @@ def _rounded(value: float, places: int) -> str:
 
 
 def readable(formula: str) -> str:
-    """Write an expression as it is read: raised powers, dots for products.
+    """Write an expression for readers: raised powers, dots for products.
 
     Examples
     --------
@@ -135,7 +135,7 @@ def readable(formula: str) -> str:
 
 
 def typeset_unit(unit: str) -> str:
-    """Write the powers of a unit as superscripts; a unit of 1 goes without saying.
+    """Write the powers of a unit as superscripts; a unit of 1 is omitted.
 
     Examples
     --------
@@ -203,7 +203,7 @@ def share(gain) -> str:
 
 
 def fit_text(fit: float, decimals: int = 0) -> str:
-    """Return the fit of a simulation [%] as it is told.
+    """Return the fit of a simulation [%] as text.
 
     Examples
     --------

@@ -41,7 +41,7 @@ class ParametersDisplay:
 
     @classmethod
     def from_estimator(cls, estimator, *, ax=None):
-        """Draw the parameters of a fitted estimator.
+        """Plot the parameters of a fitted estimator.
 
         Parameters
         ----------
@@ -53,15 +53,15 @@ class ParametersDisplay:
         Returns
         -------
         ParametersDisplay
-            The picture, drawn.
+            The plotted display.
         """
         check_is_fitted(estimator)
         return cls(estimator.model, estimator.parameters_).plot(ax=ax)
 
     def plot(self, *, ax=None):
-        """Draw the picture.
+        """Draw the plot.
 
-        A parameter whose prior is 0 has no change in percent, and is told beside its name only.
+        For a parameter whose prior is 0, which has no change in percent, only the text is shown.
 
         Parameters
         ----------
@@ -88,7 +88,7 @@ class ParametersDisplay:
         return self
 
     def _draw(self, place: int, prior, found) -> None:
-        """Draw one parameter; an interval without an end goes to the edge."""
+        """Draw one parameter; an interval that is open at one end extends to the edge."""
         if not prior.value:
             return
         low, value, high = (

@@ -11,7 +11,7 @@ from sklearn_pgnn.inspection.panels import panels
 from sklearn_pgnn.inspection.simulation_display import output_column
 from sklearn_pgnn.inspection.style import COLOURS, plain, tidy
 
-#: chance with which a value of white residuals lies inside the band
+#: probability with which a value of white residuals lies inside the band
 INSIDE = 0.99
 
 
@@ -20,14 +20,14 @@ def correlation(one: Sequence, other: Sequence, lags) -> np.ndarray:
 
     .. math:: r(k) = \frac{\sum_t a_t b_{t+k}}{\sqrt{\sum_t a_t^2 \sum_t b_t^2}}
 
-    Means over all records are taken off; what was not measured counts as the mean.
+    Means over all records are subtracted; missing samples count as the mean.
 
     Parameters
     ----------
     one, other : sequence of ndarray of shape (n_samples,)
         The signals, record by record.
     lags : sequence of int
-        By how many samples `other` comes later.
+        Number of samples by which `other` lags.
 
     Returns
     -------
@@ -69,27 +69,27 @@ class ResidualDisplay:
     output : str, default=""
         The output.
     n_lags : int, default=25
-        Samples up to which it is looked.
+        Largest lag [samples].
     expected : array-like of shape (n_lags,), optional
         Autocorrelation of white residuals from a lag of 1 on; by default zero. It is below zero
-        where a fit took a part of the noise.
+        where a fit has absorbed a part of the noise.
 
     Attributes
     ----------
     lags_ : ndarray of shape (2 * n_lags + 1,)
-        Lags [samples]; the residual comes later where they are positive.
+        Lags [samples]; at positive lags the residual comes later.
     autocorrelation_ : ndarray of shape (2 * n_lags + 1,)
-        Of the residuals.
+        Autocorrelation of the residuals.
     cross_correlation_ : dict of str to ndarray of shape (2 * n_lags + 1,)
-        Of every input with the residuals. At lags above zero it means dynamics that the model
-        lacks, below zero feedback.
+        Correlation of every input with the residuals. At positive lags it indicates dynamics that
+        the model lacks, at negative lags feedback.
     expected_ : ndarray of shape (2 * n_lags + 1,)
         Autocorrelation of white residuals.
     band_ : float
-        White residuals lie within plus and minus this of it, or of zero for an input, with a
-        chance of 99 %.
+        Half-width of the band about `expected_`, or about zero for an input, within which white
+        residuals lie with a probability of 99 %.
     axes_ : ndarray of matplotlib.axes.Axes
-        The autocorrelation, then an input each; once drawn.
+        Axes of the autocorrelation, then one per input; once drawn.
     figure_ : matplotlib.figure.Figure
         Their figure.
 
@@ -117,10 +117,10 @@ class ResidualDisplay:
 
     @classmethod
     def from_estimator(cls, estimator, X=None, y=None, *, output=None, n_lags=25, ax=None):
-        """Draw the residuals that an estimator or a model leaves.
+        """Plot the residuals of an estimator or a model.
 
-        A `ModelDiagnosis` without X shows what its extended model leaves over the windows on which
-        it was judged; everything else leaves the error of its free run.
+        For a `ModelDiagnosis` without X, these are the residuals of its extended model over the
+        windows on which it was judged; otherwise they are the errors of the free run.
 
         Parameters
         ----------
@@ -131,19 +131,19 @@ class ResidualDisplay:
         output : str, optional
             Which output; by default the first.
         n_lags : int, default=25
-            Samples up to which it is looked.
+            Largest lag [samples].
         ax : array-like of matplotlib.axes.Axes, optional
-            Where to draw: one for the autocorrelation, and one an input.
+            Where to draw: one for the autocorrelation, and one per input.
 
         Returns
         -------
         ResidualDisplay
-            The picture, drawn.
+            The plotted display.
 
         Raises
         ------
         ValueError
-            If the output is unknown, the records are missing, or the number of axes is another.
+            If the output is unknown, the records are missing, or the number of axes is wrong.
         """
         runs = run_estimators(estimator, X, y)
         column = output_column(runs.model, output)
@@ -161,19 +161,19 @@ class ResidualDisplay:
         return cls(residuals, inputs, expected=expected, **about).plot(ax=ax)
 
     def is_white(self) -> bool:
-        """Return whether as few autocorrelations leave the band as those of white residuals may.
+        """Return whether the number of autocorrelations outside the band is that of white noise.
 
         Returns
         -------
         bool
-            Whether no more leave it than in 99 of 100 white residuals.
+            Whether no more lie outside than in 99 of 100 cases of white residuals.
         """
         off = (self.autocorrelation_ - self.expected_)[self.n_lags + 1 :]
         most = binom.ppf(INSIDE, off.size, 1 - INSIDE)
         return bool((np.abs(off) > self.band_).sum() <= most)
 
     def plot(self, *, ax=None):
-        """Draw the picture.
+        """Draw the plot.
 
         Parameters
         ----------
@@ -209,12 +209,12 @@ class ResidualDisplay:
 
 
 def resid(estimator, X=None, y=None, **options) -> ResidualDisplay:
-    """Draw whiteness and cross-correlation of residuals, under the name that MATLAB gives it.
+    """Plot whiteness and cross-correlation of residuals, under the name used by MATLAB.
 
     Parameters
     ----------
     estimator : fitted estimator or PhysicsModel
-        What leaves the residuals.
+        The estimator or model that leaves the residuals.
     X, y : DataFrame or array, optional
         The records.
     **options
@@ -223,7 +223,7 @@ def resid(estimator, X=None, y=None, **options) -> ResidualDisplay:
     Returns
     -------
     ResidualDisplay
-        The picture, drawn.
+        The plotted display.
 
     Examples
     --------

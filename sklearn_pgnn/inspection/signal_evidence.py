@@ -1,4 +1,4 @@
-"""Evidence at an input or an output: what the machine feels, and what a sensor shows.
+"""Evidence at an input or an output: the effective input of the machine, and the sensor's output.
 
 Each function draws a `Characteristic` for a `Case`, or returns None where the records do not show
 it.
@@ -15,7 +15,7 @@ from sklearn_pgnn.simulation.source import differentiate
 
 
 def felt_input(case: Case, curve: Characteristic) -> Evidence | None:
-    """Return the input that the machine behaves as if it had, over the commanded one or time."""
+    """Return the effective input of the machine against the commanded one, or over time."""
     acting = _acting_input(case, curve.of)
     if acting is None:
         return None
@@ -26,7 +26,7 @@ def felt_input(case: Case, curve: Characteristic) -> Evidence | None:
 
 
 def _over_command(case: Case, name: str, state: str, felt) -> Evidence:
-    """Return the felt input over the commanded one."""
+    """Return the effective input against the commanded one."""
     u = case.samples.mean(symbol(name))
     grid, unit = even_grid(u), case.full.unit(name)
     return Evidence(
@@ -44,7 +44,7 @@ def _over_command(case: Case, name: str, state: str, felt) -> Evidence:
 
 
 def _input_in_time(case: Case, name: str, felt) -> Evidence:
-    """Return commanded and felt input about the largest change of the command."""
+    """Return commanded and effective input around the largest change of the command."""
     rows = _about_largest_change(case.records.windows, _column(case, name), _lateness(case))
     t, unit = case.records.windows.t[rows], case.full.unit(name)
     return Evidence(
@@ -62,13 +62,13 @@ def _input_in_time(case: Case, name: str, felt) -> Evidence:
 
 
 def shown_output(case: Case, curve: Characteristic) -> Evidence:
-    """Return the error of a sensor over what it should show, or what it shows over time."""
+    """Return the error of a sensor against the true output, or its output over time."""
     column = list(case.full.outputs).index(curve.of)
     return (_over_truth if curve.over is None else _output_in_time)(case, curve.of, column)
 
 
 def _output_in_time(case: Case, name: str, column: int) -> Evidence:
-    """Return what a late sensor shows about its quickest change."""
+    """Return the output of a delayed sensor around its quickest change."""
     windows = case.records.windows
     y = windows.y[:, column]
     rows = _about_largest_change(windows, y, _lateness(case))
@@ -90,7 +90,7 @@ def _output_in_time(case: Case, name: str, column: int) -> Evidence:
 
 
 def _over_truth(case: Case, name: str, column: int) -> Evidence:
-    """Return the error of a sensor over what it should show."""
+    """Return the error of a sensor against the true output."""
     residual = window_residual(case, case.without)[:, column]
     unit = case.prior.unit(name)
     true = case.records.windows.y[:, column] - residual
@@ -108,7 +108,7 @@ def _over_truth(case: Case, name: str, column: int) -> Evidence:
 
 
 def residual_over_time(case: Case) -> Evidence:
-    """Return what is left on the windows with and without the cause, where it matters most."""
+    """Return the residuals over windows with and without the cause, where it matters most."""
     windows, column = case.records.windows, _worst_output(case)
     without = window_residual(case, case.without)[:, column]
     left = case.records.fits["extended"].residual[:, column]
@@ -140,7 +140,7 @@ def _lateness(case: Case) -> float:
 
 
 def _acting_input(case: Case, name: str):
-    """Solve a state's equation without the cause for the input; None where it cannot be."""
+    """Solve a state's equation without the cause for the input; None where that is impossible."""
     u = symbol(name)
     for state, rate in case.without.equations.items():
         slope = differentiate(rate, u)
@@ -152,7 +152,7 @@ def _acting_input(case: Case, name: str):
 
 
 def _seen_input(case: Case, name: str, state: str, grid) -> np.ndarray:
-    """Return what the extended model makes of the commanded input."""
+    """Return the input that the extended model computes from the commanded one."""
     u = symbol(name)
     slope = differentiate(case.without.equations[state], u)
     seen = u + (case.full.equations[state] - case.without.equations[state]) / slope

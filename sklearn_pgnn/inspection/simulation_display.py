@@ -15,16 +15,16 @@ _OWN = {LABELS[which]: colour for which, colour in COLOURS.items() if which in L
 
 
 class SimulationDisplay:
-    """Curves of one output over one record: measured, and in free run by one or several models.
+    """Curves of one output over one record: measured, and simulated by one or several models.
 
     Parameters
     ----------
     t : ndarray of shape (n_samples,)
         Time [s].
     measured : ndarray of shape (n_samples,)
-        What was measured [unit of the output].
+        Measured output [unit of the output].
     simulated : mapping of str to ndarray of shape (n_samples,)
-        What each model gives.
+        Free-run output of each model.
     output, unit, record : str, default=""
         The output, its unit, and the record's name.
 
@@ -55,7 +55,7 @@ class SimulationDisplay:
 
     @classmethod
     def from_estimator(cls, estimator, X=None, y=None, *, output=None, record=0, ax=None):
-        """Draw what an estimator, a model, or several of them give on a record.
+        """Plot the simulations of an estimator, a model, or several of them on a record.
 
         Parameters
         ----------
@@ -74,7 +74,7 @@ class SimulationDisplay:
         Returns
         -------
         SimulationDisplay
-            The picture, drawn.
+            The plotted display.
 
         Raises
         ------
@@ -99,7 +99,7 @@ class SimulationDisplay:
         return display.plot(ax=ax)
 
     def plot(self, *, ax=None):
-        """Draw the picture.
+        """Draw the plot.
 
         Parameters
         ----------
@@ -131,7 +131,7 @@ class SimulationDisplay:
         return self
 
     def _limit(self) -> None:
-        """Keep a run that diverges from hiding the rest."""
+        """Limit the axis so that a diverging run does not hide the rest."""
         low, high = np.nanmin(self.measured), np.nanmax(self.measured)
         reach = (high - low) or 1.0
         bottom, top = self.ax_.get_ylim()

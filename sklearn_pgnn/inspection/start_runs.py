@@ -1,4 +1,4 @@
-"""Free runs of a model from where records are seen to start."""
+"""Free-run simulation of a model from the initial states of the records."""
 
 from itertools import pairwise
 
@@ -14,15 +14,15 @@ from sklearn_pgnn.simulation.state_estimate import free_run
 def run_records(model: PhysicsModel, records) -> list[Simulation]:
     """Simulate every record in free run.
 
-    A record begins in the states that it tells, else where its outputs show it to begin, else in
-    the model's initial state.
+    The initial states are those given in the record, else those shown by its outputs, else the
+    model's initial state.
 
     Parameters
     ----------
     model : PhysicsModel
         The model.
     records : tuple of Record
-        Time, inputs, what is known of the initial states, and the outputs where they are measured.
+        Time, inputs, known initial states, and the outputs where they are measured.
 
     Returns
     -------

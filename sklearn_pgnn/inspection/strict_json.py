@@ -1,4 +1,4 @@
-"""Plain data as strict JSON, which every reader takes."""
+"""Plain data as strict JSON, which every parser accepts."""
 
 import json
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""A diagnosis in words: what an engineer reads on a screen or in a report."""
+"""A diagnosis in words: the sentences shown on a screen and in a report."""
 
 import itertools
 import math
@@ -24,14 +24,14 @@ VERDICTS = {
     "ambiguous": "Several causes fit",
     "unexplained": "Not explained",
 }
-#: of a model that is called adequate, since nothing that was recorded tells more, with much left
+#: title for a model that is adequate, since nothing recorded explains more, but leaves much error
 NO_CAUSE = "No cause found"
-#: smallest probability of no cause at all that stands among the others
+#: smallest probability of no cause at all that is listed with the others
 WORTH_SAYING = 0.01
 
 
 def verdict_title(diagnosis) -> str:
-    """Return the verdict in a word or two, or that the search ended before there was one.
+    """Return the verdict in one or two words, or that the search ended before there was one.
 
     Parameters
     ----------
@@ -51,12 +51,12 @@ def verdict_title(diagnosis) -> str:
 
 
 def verdict_in_words(found: Mapping) -> str:
-    """Return the verdict of a diagnosis that was written down, as people say it.
+    """Return the verdict of a saved diagnosis in words.
 
     Parameters
     ----------
     found : mapping
-        What `ModelDiagnosis.to_dict` gives.
+        The result of `ModelDiagnosis.to_dict`.
 
     Returns
     -------
@@ -75,9 +75,9 @@ def verdict_in_words(found: Mapping) -> str:
 
 
 def rivals(cause) -> str:
-    """Return what a cause is confused with, each with its probability; empty if it is nothing.
+    """Return the rivals of a cause, each with its probability; empty if there are none.
 
-    That none of them acts, nor the cause, is one of the answers.
+    The case that neither the cause nor any of them acts is included.
 
     Parameters
     ----------
@@ -97,17 +97,17 @@ def rivals(cause) -> str:
 
 
 def cause_name(effect: str, target: str) -> str:
-    """Return the plain name of an effect and of what it acts on.
+    """Return the plain name of an effect on its target.
 
     Parameters
     ----------
     effect, target : str
-        Id of an effect, of the catalogue or of one's own, and what it acts on.
+        Id of an effect, of the catalogue or user-defined, and its target.
 
     Returns
     -------
     str
-        What the effect itself says, see `Effect.title`.
+        The title given by the effect, see `Effect.title`.
 
     Examples
     --------
@@ -118,7 +118,7 @@ def cause_name(effect: str, target: str) -> str:
 
 
 def candidate_name(effect: str, target: str) -> str:
-    """Return the name of what was fitted: an effect, the model, or a part of the diagnosis."""
+    """Return the name of a fitted item: an effect, the model, or a part of the diagnosis."""
     if not effect:
         return "the re-tuned model"
     return cause_name(effect, target) if target else effect
@@ -185,7 +185,7 @@ def unusable_sentence(diagnosis) -> str:
 
 
 def lacks(causes) -> str:
-    """Return what a model does that lacks some causes.
+    """Return a phrase for what a model without some causes lacks.
 
     Parameters
     ----------
@@ -221,7 +221,7 @@ def _found(diagnosis) -> str:
 
 
 def _adequate(diagnosis) -> str:
-    """Return how far the model is adequate: as given, or re-tuned; or that much is left."""
+    """Return whether the model is adequate as given or re-tuned, or that much error is left."""
     the_model, errors = _the_model(diagnosis), over_windows(diagnosis)
     left = [_of(output, times(e.refitted), errors) for output, e in errors.items()]
     if leaves_much(diagnosis):
@@ -246,12 +246,12 @@ def _adequate(diagnosis) -> str:
 
 
 def _of(output: str, what: str, outputs) -> str:
-    """Return what is said of an output, with its name where there are several."""
+    """Return a statement about an output, with its name where there are several."""
     return f"{what} of {output}" if len(outputs) > 1 else what
 
 
 def remaining_sentence(diagnosis) -> str:
-    """Return what the named causes leave of the records: noise, a disturbance or structure.
+    """Return a sentence on the remaining residuals: noise, a disturbance or structure.
 
     Parameters
     ----------
@@ -285,14 +285,14 @@ def remaining_sentence(diagnosis) -> str:
 
 
 def missing_place(diagnosis, part) -> str:
-    """Return where something unnamed is missing."""
+    """Return the place of a missing part."""
     return f"the rate of {part.target}" if part.target in diagnosis.model.states else part.target
 
 
 def dependence(diagnosis, part) -> str:
-    """Return the sentence on what something unnamed depends on; empty where that is not known.
+    """Return a sentence on what a missing part depends on; empty where that is not known.
 
-    What explains nothing of its course in records not used for it is called a hint only.
+    Quantities that explain nothing of it on held-out records are called a hint only.
     """
     if not part.quantities:
         return ""
@@ -308,7 +308,7 @@ def dependence(diagnosis, part) -> str:
 
 
 def _described(diagnosis) -> str:
-    """Return where something unnamed is missing, and its formula; empty if there is none."""
+    """Return the place and the formula of a missing part; empty if there is none."""
     part = diagnosis.discrepancy_
     if part is None:
         return ""
@@ -330,9 +330,9 @@ def _others(diagnosis) -> str:
 
 
 def _order(diagnosis) -> str:
-    """Return the order in which a signal meets causes, where another would change the model.
+    """Return the order in which causes act on a signal, where another would change the model.
 
-    An effect added to a model later acts on a command earlier, and on a sensor's signal later.
+    An effect added later to a model acts earlier on a command, and later on a sensor's signal.
     """
     model, said = diagnosis.model, ""
     for signal in (*model.inputs, *model.outputs):
@@ -345,7 +345,7 @@ def _order(diagnosis) -> str:
 
 
 def _worth(diagnosis) -> str:
-    """Return what the given, the re-tuned and the extended model leave, output by output."""
+    """Return the errors of the given, the re-tuned and the extended model, output by output."""
     errors = over_windows(diagnosis)
     left = listed(_of(output, _three(e), errors) for output, e in errors.items())
     return f"On data held out of the fit it leaves, in units of the noise: {left}."
@@ -391,7 +391,7 @@ def _worse_in_free_run(diagnosis) -> str:
 
 
 def _three(errors) -> str:
-    """Return what the three models leave."""
+    """Return the errors of the three models."""
     given, refitted, extended = (times(e) for e in (errors.prior, errors.refitted, errors.extended))
     return f"{given} as given, {refitted} re-tuned, {extended} extended"
 

@@ -1,4 +1,4 @@
-"""The one measure of a report: errors over held-out windows in units of the noise."""
+"""The common measure of a report: errors over held-out windows in units of the noise."""
 
 import math
 from dataclasses import dataclass
@@ -48,14 +48,14 @@ def together(diagnosis) -> Errors:
 
 
 class LeftAlone(NamedTuple):
-    """A candidate, and what it leaves alone beside re-tuning, in units of the noise.
+    """A candidate, and the error it leaves as the only cause with re-tuning, in units of the noise.
 
     Parameters
     ----------
     effect, target : str
-        What it is.
+        The candidate.
     left, low, high : float
-        What is left, with its 95 % interval.
+        The remaining error, with its 95 % interval.
     """
 
     effect: str
@@ -71,7 +71,7 @@ class LeftAlone(NamedTuple):
 
 
 def left_alone(diagnosis) -> list[LeftAlone]:
-    """Return what every candidate leaves, the best first.
+    """Return the error that each candidate leaves as the only cause, the best first.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def left_alone(diagnosis) -> list[LeftAlone]:
 
 
 def leaves_much(diagnosis) -> bool:
-    """Return whether more than twice the noise of any output is left over windows."""
+    """Return whether the residuals of any output over windows exceed twice its noise."""
     return any(not errors.extended <= MUCH for errors in over_windows(diagnosis).values())
 
 

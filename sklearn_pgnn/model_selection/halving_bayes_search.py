@@ -1,4 +1,4 @@
-"""Bayesian search that stops candidates by their first folds."""
+"""Bayesian search that stops poor candidates after their first folds."""
 
 import time
 import warnings
@@ -18,7 +18,7 @@ from sklearn_pgnn.trajectories.tables import take_rows
 
 
 def _is_inside(point, space) -> bool:
-    """Return whether every coordinate is one of its dimension."""
+    """Return whether every coordinate lies in its dimension."""
     try:
         return point in space
     except TypeError:  # a name or None, where a number is searched
@@ -26,21 +26,21 @@ def _is_inside(point, space) -> bool:
 
 
 def _plain(value):
-    """Return a number or a text of numpy as one of Python."""
+    """Return a number or string of numpy as one of Python."""
     return value.item() if isinstance(value, np.generic) else value
 
 
 def _means(scores) -> np.ndarray:
-    """Return every candidate's mean score over its folds, NaN of one without any."""
+    """Return every candidate's mean score over its folds, NaN for one without any."""
     known = np.isfinite(scores)
     with np.errstate(invalid="ignore"):
         return np.where(known, scores, 0.0).sum(axis=1) / known.sum(axis=1)
 
 
 def _tell(optimizer, waiting: dict, means) -> None:
-    """Tell the process of the points that wait, once there is a score to tell.
+    """Report the waiting points to the Gaussian process, once any score is known.
 
-    One that could not be scored is as bad as the worst of the others.
+    A point that could not be scored counts as the worst of the others.
     """
     if np.isnan(means).all():
         return
@@ -60,66 +60,66 @@ def _warn_of_failure(params, fold: int, what: str) -> None:
 
 
 class HalvingBayesSearchCV(OuterEstimatorMixin, MetaEstimatorMixin, BaseEstimator):
-    """Search parameters by a Gaussian process; only the better half goes on after every fold.
+    """Search parameters by a Gaussian process; continue only the better half after each fold.
 
     Candidates are drawn one after the other, as by scikit-optimize's `BayesSearchCV`, and scored
-    fold by fold. A candidate whose mean score over its first folds is below the median of all that
-    came so far is stopped there: asynchronous successive halving [1]_, with folds as the resource,
-    since the samples of a trajectory cannot be divided. The best of those that went through all
-    folds is fitted to everything.
+    fold by fold. A candidate whose mean score over its first folds is below the median of all
+    candidates that got that far is stopped: asynchronous successive halving [1]_, with folds as the
+    resource, since the samples of a trajectory cannot be divided. The best of the candidates that
+    completed all folds is fitted to all records.
 
-    The first candidate is the estimator as it is, so that by the same folds a search is never worse
-    than none, however few its candidates are. The Gaussian process learns from it where its
-    parameters lie in the space; where one does not (``structure="auto"``, which is none of the
-    three that are searched), it is scored all the same, and the process begins with the next one.
+    The first candidate is the estimator as it is, so that on the same folds a search is never worse
+    than no search, however few its candidates are. The Gaussian process learns from this candidate
+    if its parameters lie in the space; if one does not (``structure="auto"``, which is none of the
+    three values searched), it is scored all the same, and the process starts with the next one.
 
-    A candidate whose training diverges, or whose score is not finite, is warned of and counts as
-    the worst of those that have a score.
+    A candidate whose training diverges, or whose score is not finite, causes a warning and counts
+    as the worst of those that have a score.
 
-    A last fit that scores all records less than every fold's fit did records that it had not seen
-    has ended in a bad minimum, and is warned of.
+    If the final fit scores lower on all records than the fit of every fold did on its held-out
+    records, it has ended in a bad minimum, and a warning says so.
 
     Parameters
     ----------
     estimator : estimator
-        What shall be tuned, alone or in a pipeline.
+        Estimator to tune, alone or in a pipeline.
     search_spaces : dict of str to Dimension
-        What is searched, as from `search_space`.
+        Dimensions to search, as from `search_space`.
     n_iter : int, default=20
-        Number of candidates, the estimator as it is among them.
+        Number of candidates, including the estimator as it is.
     cv : int or cross-validation splitter, default=3
-        Folds, in the order in which they are scored; a number means `TrajectoryKFold`, by the
-        time that the estimator reads.
+        Folds, in the order in which they are scored; a number means `TrajectoryKFold` with the
+        time column of the estimator.
     scoring : str or callable, optional
-        As scikit-learn's; by default the estimator's own score.
+        As in scikit-learn; by default the estimator's own score.
     own_first : bool, default=True
         Whether the first candidate is the estimator as it is, even where its parameters lie outside
         the space; with False every candidate is drawn from the space.
     random_state : int, RandomState instance or None, default=None
-        What draws the candidates.
+        Controls the random draw of the candidates.
     verbose : int, default=0
         Whether to print a line for every candidate.
 
     Attributes
     ----------
     best_estimator_ : estimator
-        The best, fitted to all records.
+        The best candidate, fitted to all records.
     best_params_ : dict
-        Its parameters that were searched, as set; of the estimator as it is those that it has.
+        Its searched parameters, as set; for the estimator as it is, the values that it has.
     best_score_ : float
         Its mean score over all folds.
     best_index_ : int
-        Its number among the candidates.
+        Its index among the candidates.
     cv_results_ : dict of str to list
-        By candidate: ``params``, ``split0_test_score`` and so on (NaN after it was stopped, and of
-        one that could not be scored), ``n_folds`` it was scored on, ``mean_test_score`` over these,
-        and ``fit_time`` [s].
+        By candidate: ``params``, ``split0_test_score`` and so on (NaN after it was stopped, or if
+        it could not be scored), ``n_folds`` it was scored on, ``mean_test_score`` over these, and
+        ``fit_time`` [s].
     n_splits_ : int
         Number of folds.
     n_features_in_ : int
         Number of columns of X.
     feature_names_in_ : ndarray of str
-        Their names, if X has any.
+        Names of the columns of X, if it has any.
 
     See Also
     --------
@@ -165,7 +165,7 @@ class HalvingBayesSearchCV(OuterEstimatorMixin, MetaEstimatorMixin, BaseEstimato
         self.verbose = verbose
 
     def fit(self, X, y, groups=None):
-        """Search, and fit the best to all records.
+        """Search, and fit the best candidate to all records.
 
         Parameters
         ----------
@@ -174,7 +174,7 @@ class HalvingBayesSearchCV(OuterEstimatorMixin, MetaEstimatorMixin, BaseEstimato
         y : array-like of shape (n_samples, n_outputs) or (n_samples,)
             Measured outputs.
         groups : array-like of shape (n_samples,), optional
-            For the folds: trajectory of every row, as `cv` takes it; overrules what X tells.
+            Trajectory of every row for the folds, as `cv` takes it; overrides X.
 
         Returns
         -------
@@ -184,8 +184,8 @@ class HalvingBayesSearchCV(OuterEstimatorMixin, MetaEstimatorMixin, BaseEstimato
         Raises
         ------
         ValueError
-            If a parameter is none of what it can be, the estimator refuses a candidate, or none has
-            a finite score.
+            If a parameter is invalid, the estimator rejects a candidate, or no candidate has a
+            finite score.
         ImportError
             If scikit-optimize is not installed.
         """
@@ -217,7 +217,7 @@ class HalvingBayesSearchCV(OuterEstimatorMixin, MetaEstimatorMixin, BaseEstimato
         return self
 
     def _check_fit(self, X, y, least: float) -> None:
-        """Warn where the last fit scores its own records less than all folds' fits did others."""
+        """Warn if the final fit scores lower on all records than all folds on held-out ones."""
         score = self.score(X, y)
         if not score >= least:
             warnings.warn(
@@ -230,7 +230,7 @@ class HalvingBayesSearchCV(OuterEstimatorMixin, MetaEstimatorMixin, BaseEstimato
             )
 
     def _optimizer(self):
-        """Return what asks for points of the space."""
+        """Return the optimizer that proposes points of the space."""
         with needed_by("HalvingBayesSearchCV"):
             from skopt import Optimizer
             from skopt.utils import dimensions_aslist
@@ -240,7 +240,7 @@ class HalvingBayesSearchCV(OuterEstimatorMixin, MetaEstimatorMixin, BaseEstimato
         return Optimizer(dimensions, n_initial_points=first, random_state=seed)
 
     def _candidate(self, optimizer, i):
-        """Return a candidate's point, None of one outside the space, and its parameters."""
+        """Return a candidate's point, None if outside the space, and its parameters."""
         names = sorted(self.search_spaces)  # the order of scikit-optimize's dimensions
         if i or not self.own_first:
             point = optimizer.ask()
@@ -254,7 +254,7 @@ class HalvingBayesSearchCV(OuterEstimatorMixin, MetaEstimatorMixin, BaseEstimato
     def _race(self, params, X, y, folds, scores, i) -> None:
         """Score a candidate fold by fold, as long as it is among the better half.
 
-        One that cannot be scored has no score at all, so that no other is compared with it.
+        A candidate that cannot be scored gets no score at all, so that none is compared with it.
         """
         for k, (train, test) in enumerate(folds):
             fitted = clone(self.estimator).set_params(**params)
@@ -305,21 +305,21 @@ class HalvingBayesSearchCV(OuterEstimatorMixin, MetaEstimatorMixin, BaseEstimato
 
     @inner_has("predict_interval")
     def predict_interval(self, X, coverage=0.9, y=None):
-        """Return intervals by the best estimator, if it has such.
+        """Return prediction intervals of the best estimator, if it has them.
 
         Parameters
         ----------
         X : DataFrame or array of shape (n_samples, n_columns)
             As in `fit`.
         coverage : float, default=0.9
-            Share of the measurements that shall lie between.
+            Share of the measurements that should lie in the interval.
         y : array-like of shape (n_samples, n_outputs) or (n_samples,), optional
             Measured outputs, where the best estimator takes them (`GreyBoxRegressor`).
 
         Returns
         -------
         low, high : ndarray of shape (n_samples, n_outputs) or (n_samples,)
-            The interval's ends.
+            Bounds of the interval.
         """
         measured = {} if y is None else {"y": y}
         return self._ask("predict_interval", X, coverage, **measured)

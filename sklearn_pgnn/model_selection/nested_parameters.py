@@ -1,15 +1,15 @@
-"""Parameters of an estimator, or of what it contains, by their own names."""
+"""Parameters of an estimator, or of estimators in it, by their own names."""
 
 
 def parameters_named(estimator, name: str) -> dict[str, object]:
-    """Return the parameters with a name, of an estimator and of all it contains.
+    """Return the parameters with a given name, of an estimator and of all estimators in it.
 
     Parameters
     ----------
     estimator : estimator
         The estimator.
     name : str
-        Their own name.
+        Name of the parameters without a prefix.
 
     Returns
     -------

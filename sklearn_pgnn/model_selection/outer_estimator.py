@@ -1,4 +1,4 @@
-"""What an estimator around another one passes on to it."""
+"""Methods that a meta-estimator delegates to the estimator it contains."""
 
 from sklearn.utils import get_tags
 from sklearn.utils.metaestimators import available_if
@@ -6,7 +6,7 @@ from sklearn.utils.validation import check_is_fitted
 
 
 def inner_has(method: str):
-    """Return the decorator of a method that is there where the estimator inside has it.
+    """Return a decorator for a method that is available if the inner estimator has it.
 
     Parameters
     ----------
@@ -26,7 +26,7 @@ def inner_has(method: str):
 
 
 class OuterEstimatorMixin:
-    """An estimator around another one, its parameter ``estimator``, which it fits and asks."""
+    """A meta-estimator that fits and queries another one, its parameter ``estimator``."""
 
     #: attribute that holds the fitted estimator
     _fitted = "estimator_"
@@ -43,7 +43,7 @@ class OuterEstimatorMixin:
 
     @inner_has("predict")
     def predict(self, X):
-        """Predict by the fitted estimator.
+        """Predict with the fitted estimator.
 
         Parameters
         ----------
@@ -59,7 +59,7 @@ class OuterEstimatorMixin:
 
     @inner_has("predict_states")
     def predict_states(self, X):
-        """Simulate the states by the fitted estimator, if it can.
+        """Simulate the states with the fitted estimator, if it can.
 
         Parameters
         ----------
@@ -75,7 +75,7 @@ class OuterEstimatorMixin:
 
     @inner_has("predict_ahead")
     def predict_ahead(self, X, y, steps=1):
-        """Predict every sample from the outputs before it by the fitted estimator, if it can.
+        """Predict every sample from earlier outputs with the fitted estimator, if it can.
 
         Parameters
         ----------
@@ -84,7 +84,7 @@ class OuterEstimatorMixin:
         y : array-like of shape (n_samples, n_outputs) or (n_samples,)
             Measured outputs, NaN where there is none.
         steps : int, default=1
-            Samples ahead.
+            Prediction horizon in samples.
 
         Returns
         -------
@@ -94,7 +94,7 @@ class OuterEstimatorMixin:
         return self._ask("predict_ahead", X, y, steps)
 
     def _ask(self, method: str, *args, **kwargs):
-        """Return what a method of the fitted estimator gives."""
+        """Return the result of a method of the fitted estimator."""
         check_is_fitted(self)
         return getattr(getattr(self, self._fitted), method)(*args, **kwargs)
 

@@ -1,4 +1,4 @@
-"""The folds that a number asks for: whole trajectories, as the estimator reads them."""
+"""Folds for a number as ``cv``: whole trajectories, as the estimator reads them."""
 
 from functools import partial
 
@@ -10,16 +10,16 @@ from sklearn_pgnn.trajectories.tables import TIME, as_pandas
 
 
 def own_folds(cv, estimator, X):
-    """Return a splitter, or the folds of so many parts by the columns that the estimator reads.
+    """Return a splitter; a number means `TrajectoryKFold` with the estimator's columns.
 
     Parameters
     ----------
     cv : int or cross-validation splitter
-        A splitter, which stays as it is, or the number of folds.
+        A splitter, which is returned as it is, or the number of folds.
     estimator : estimator
-        Whose folds they are, alone or in a pipeline.
+        Estimator to cross-validate, alone or in a pipeline.
     X : DataFrame or array of shape (n_samples, n_columns)
-        What it is to be fitted to.
+        Data that the estimator is to be fitted to.
 
     Returns
     -------
@@ -38,20 +38,20 @@ def own_folds(cv, estimator, X):
 
 
 def columns_of(estimator, X) -> dict:
-    """Return where an estimator reads time and trajectory, as its parameters or its model say.
+    """Return the columns of time and trajectory, as an estimator's parameters or model say.
 
     Parameters
     ----------
     estimator : estimator
-        Of a pipeline the first step that says it counts, of an estimator around another the inner.
+        In a pipeline the first step that has them counts, in a meta-estimator the inner estimator.
     X : DataFrame or array of shape (n_samples, n_columns)
-        What it is to be fitted to; the names of a model are those of a DataFrame.
+        Data that it is to be fitted to; the names of a model refer to a DataFrame.
 
     Returns
     -------
     dict of str to int, str or None
-        ``time_column`` and ``trajectory_column`` of `TrajectoryKFold`; None where it is the usual
-        one.
+        ``time_column`` and ``trajectory_column`` of `TrajectoryKFold`; None means the default
+        column.
 
     Examples
     --------
@@ -68,7 +68,7 @@ def columns_of(estimator, X) -> dict:
 
 
 def _first_said(estimator, say):
-    """Return what an estimator of trajectories, or the first one inside it, says."""
+    """Return a column of an estimator of trajectories, or of the first one inside it."""
     if isinstance(estimator, Pipeline):
         said = (_first_said(step, say) for _, step in estimator.steps)
         return next((column for column in said if column is not None), None)
@@ -79,12 +79,12 @@ def _first_said(estimator, say):
 
 
 def _time_column(estimator, X):
-    """Return the parameter for the time, else what the model calls it."""
+    """Return the parameter for the time, else the model's name for it."""
     own = estimator.time_column
     return _named_by_model(TIME, estimator, X) if own is None else own
 
 
 def _named_by_model(quantity, estimator, X) -> str | None:
-    """Return what the model calls a quantity, where a table has such a column."""
+    """Return the model's name for a quantity, if a table has such a column."""
     called = getattr(getattr(estimator, "model", None), "columns", {}).get(quantity)
     return called if called in getattr(as_pandas(X), "columns", ()) else None

@@ -1,4 +1,4 @@
-"""Data against physics: the accuracy that a heavier physical loss costs."""
+"""Pareto front of accuracy and physics over the weight of the physical loss."""
 
 import numpy as np
 import pandas as pd
@@ -9,7 +9,7 @@ from sklearn.pipeline import Pipeline
 from sklearn_pgnn.model_selection.own_folds import own_folds
 from sklearn_pgnn.trajectories.tables import as_columns, take_rows
 
-#: weights of the physical loss that a front is drawn through
+#: default weights of the physical loss for a front
 LAMBDAS = (0.0, 0.001, 0.01, 0.03, 0.1, 0.3, 0.6, 0.9)
 
 
@@ -25,15 +25,15 @@ def pareto_front(
     param="lambda_phy",
     n_jobs=None,
 ) -> pd.DataFrame:
-    r"""Fit with several weights of the physical loss, and find those that none dominates.
+    r"""Fit with several weights of the physical loss, and find those that are not dominated.
 
     .. math::
         e = \sqrt{\overline{\,\overline{(\hat y - y)^2}\,/\,s^2\,}}, \qquad
         r = \overline{h(\hat x)^2}
 
     with the spread :math:`s` (standard deviation) of every tested output and the dimensionless
-    physical residuals :math:`h` of the prediction. A weight is on the front [1]_ if none has both
-    smaller or one smaller and the other equal.
+    physical residuals :math:`h` of the prediction. A weight is on the front [1]_ if no other has
+    both :math:`e` and :math:`r` smaller, or one smaller and the other equal.
 
     Parameters
     ----------
@@ -42,18 +42,18 @@ def pareto_front(
         step has ``physics_residual(X)``, which gives an array of shape (n_samples, n_terms), NaN in
         rows that have none.
     X : DataFrame or array of shape (n_samples, n_columns)
-        What to learn from: time, inputs, initial states.
+        Training data: time, inputs, initial states.
     y : array-like of shape (n_samples, n_outputs) or (n_samples,)
         Measured outputs.
     lambdas : sequence of float, default=(0, 0.001, 0.01, 0.03, 0.1, 0.3, 0.6, 0.9)
         Weights to try.
     X_test, y_test : as X and y, optional
-        What to test on.
+        Test data.
     cv : int or cross-validation splitter, optional
-        Instead, folds of X; a number means `TrajectoryKFold`, by the time that the estimator
-        reads. By default, without test records, 5.
+        Folds of X instead of test data; a number means `TrajectoryKFold` with the time column of
+        the estimator. By default, without test data, 5.
     param : str, default="lambda_phy"
-        The weight's parameter, found wherever it stands in a pipeline; or its full name.
+        Name of the weight's parameter, found in any step of a pipeline; or its full name.
     n_jobs : int, optional
         Processes to fit in; -1 means all.
 
@@ -66,8 +66,8 @@ def pareto_front(
     Raises
     ------
     ValueError
-        If both or half of the test sets are given, the parameter is not found, the last step
-        cannot judge a prediction, or an output is constant.
+        If both `cv` and test data or only one of `X_test` and `y_test` are given, the parameter is
+        not found, the last step has no physical residual, or an output is constant.
 
     References
     ----------
@@ -137,7 +137,7 @@ def _full_name(estimator, param) -> str:
 
 
 def _fit_and_judge(estimator, X, y, X_test, y_test) -> tuple[np.ndarray, np.ndarray]:
-    """Fit, and return the errors of the prediction and its physical residuals."""
+    """Fit, and return the errors and the physical residuals of the prediction."""
     estimator.fit(X, y)
     predicted, measured = as_columns(estimator.predict(X_test)), as_columns(y_test)
     error = predicted - measured

@@ -4,21 +4,21 @@ from inspect import signature
 
 from sklearn_pgnn.extras import needed_by
 
-#: weights of the physical loss that a search chooses from, fewer than a front is drawn through;
-#: a logarithmic range has no 0, which often is the best
+#: weights of the physical loss that a search chooses from, fewer than for a Pareto front;
+#: a logarithmic range would lack 0, which often is the best
 SEARCHED_LAMBDAS = (0.0, 0.001, 0.01, 0.1, 0.3, 0.9)
 
 
 def search_space(estimator, **changes) -> dict:
     r"""Return the dimensions of a search with scikit-optimize's `BayesSearchCV`.
 
-    They follow from the parameters that an estimator has, wherever it stands: alone, in a
-    `Pipeline`, or inside another estimator such as `ResidualRegressor`. The network of a
-    `GreyBoxRegressor` has the prior as its model, and where ``network`` is None it is the default
-    one; where no depth is a network it is not searched.
+    They follow from the parameters that an estimator has, whether it is alone, in a `Pipeline`,
+    or inside another estimator such as `ResidualRegressor`. The network of a `GreyBoxRegressor`
+    has the prior as its model, and is the default network if ``network`` is None; it is not
+    searched if none of the depths is a network.
 
     =================  =====================================================  ====================
-    short name         dimension                                              of whom
+    short name         dimension                                              estimator
     =================  =====================================================  ====================
     ``neurons``        3 to 20                                                `PGNNLRegressor`
     ``layers``         1 or 2, where the core has layers
@@ -34,13 +34,13 @@ def search_space(estimator, **changes) -> dict:
                        model, its own terms
     =================  =====================================================  ====================
 
-    A category of `BayesSearchCV` is a single name or number; several libraries at once cannot be
-    one.
+    A category of `BayesSearchCV` is a single name or number; a combination of several libraries
+    cannot be one.
 
     Parameters
     ----------
     estimator : estimator
-        What shall be tuned.
+        Estimator to tune.
     **changes
         Other dimensions by short name or by an estimator's full parameter name, in any form that
         `BayesSearchCV` takes; None leaves a dimension out.
@@ -87,7 +87,7 @@ def search_space(estimator, **changes) -> dict:
 
 
 def _dimensions_of(estimator) -> dict:
-    """Return the dimensions of an estimator and of all it contains, by short and full name."""
+    """Return the dimensions of an estimator and of all inside it, by short and full name."""
     found = {}
     for prefix, part in _parts(estimator).items():
         parameters = part.get_params(deep=False)
@@ -130,9 +130,9 @@ def _network(parameters) -> dict:
 
 
 def _structures(parameters, space):
-    """Return the structures to choose from; None where another parameter asks for one.
+    """Return the structures to choose from; None if another parameter requires one.
 
-    A network is passive, tunes the model or corrects some of its states by its structure.
+    Only certain structures are passive, tune the model or correct some of its states.
     """
     passive = parameters["structure"] == "dissipative"
     if passive or parameters["free"] or parameters["corrects"] is not None:

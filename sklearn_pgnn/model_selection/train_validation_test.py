@@ -37,30 +37,30 @@ def train_validation_test_split(
         Shares of the samples; they sum to one.
     by : {"trajectory", "time"}, default="trajectory"
         Whether trajectories stay whole (every set gets at least one), or each is cut in order, its
-        beginning to train and its end to test. A piece that begins inside a trajectory has no
-        known initial state unless the columns of X tell the states in that row too; the model's
-        `initial_state` stands in.
+        beginning for training and its end for testing. A piece that begins inside a trajectory has
+        no known initial state unless X gives the states in that row too; the model's
+        `initial_state` is used instead.
     shuffle : bool, default=False
-        Whether to draw the order of the trajectories; it cannot be drawn by time.
+        Whether to shuffle the trajectories; not possible with ``by="time"``.
     random_state : int, RandomState instance or None, default=None
-        What draws it.
+        Controls the shuffling.
     time_column : int or str, optional
         Column of X that holds the time; by default ``"t"``, the first where the columns
         have no names.
     trajectory_column : str, optional
-        Column of X that names the trajectory of every row; by default ``"trajectory"``, where X has
-        that.
+        Column of X that names the trajectory of every row; by default ``"trajectory"``, if X has
+        it.
 
     Returns
     -------
     X_train, X_validation, X_test, y_train, y_validation, y_test : DataFrame or array
-        The parts, in the order of the table; a DataFrame stays one, its index too.
+        The parts, in the order of the table; a DataFrame stays one and keeps its index.
 
     Raises
     ------
     ValueError
-        If the sizes are no three shares, there are too few trajectories or samples, or pieces
-        would read as one, or X has no such column.
+        If `sizes` is not three shares, there are too few trajectories or samples, pieces would be
+        read as one trajectory, or X has no such column.
 
     Examples
     --------
@@ -93,7 +93,7 @@ def _check(sizes, by, shuffle) -> None:
 
 
 def _deal(pieces, sizes, rng) -> list[list[np.ndarray]]:
-    """Deal whole trajectories out."""
+    """Distribute whole trajectories over the sets."""
     if len(pieces) < 3:
         raise ValueError(
             f"X: expected at least 3 trajectories, one a part, got {len(pieces)}. Remedy: "

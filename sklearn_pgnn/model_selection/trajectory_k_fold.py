@@ -19,32 +19,32 @@ class TrajectoryKFold(BaseCrossValidator):
     """Split records into folds of whole trajectories, balanced by samples.
 
     Samples of one trajectory are far from independent; a fold that shares a trajectory with its
-    training set judges by memory. The trajectories are read from X itself, so the splitter goes
-    wherever scikit-learn takes a ``cv``. Unless shuffled they keep their order, and neighbours
-    share a fold.
+    training set rewards memorisation. The trajectories are read from X itself, so the splitter can
+    be used wherever scikit-learn takes a ``cv``. Unless shuffled, trajectories keep their order,
+    and neighbours share a fold.
 
-    A search that saves time by fewer samples (``resource="n_samples"``, the default of
-    `HalvingRandomSearchCV` and `HalvingGridSearchCV`) draws single rows and tears every trajectory
-    apart; let it save something else, such as ``resource="max_iter"``.
+    A search that saves time by using fewer samples (``resource="n_samples"``, the default of
+    `HalvingRandomSearchCV` and `HalvingGridSearchCV`) draws single rows and breaks up every
+    trajectory; choose another resource, such as ``resource="max_iter"``.
 
     Parameters
     ----------
     n_splits : int, default=5
         Number of folds, at least 2.
     shuffle : bool, default=False
-        Whether to draw the order of the trajectories.
+        Whether to shuffle the trajectories.
     random_state : int, RandomState instance or None, default=None
-        What draws it.
+        Controls the shuffling.
     time_column : int or str, optional
         Column of X that holds the time; by default ``"t"``, the first where the columns
         have no names. Where a column names the trajectories the time is not read.
     trajectory_column : str, optional
-        Column of X that names the trajectory of every row; by default ``"trajectory"``, where X has
-        that.
+        Column of X that names the trajectory of every row; by default ``"trajectory"``, if X has
+        it.
 
     See Also
     --------
-    train_validation_test_split : Cuts once, into three.
+    train_validation_test_split : Splits once, into three sets.
 
     Examples
     --------
@@ -83,9 +83,9 @@ class TrajectoryKFold(BaseCrossValidator):
             The table, as the estimators read it.
         y : array-like of shape (n_samples, n_outputs), optional
             Measured outputs. Trajectories without any (NaN or None) are in every training set and
-            in no test set; the rest is not read.
+            in no test set; otherwise y is not used.
         groups : array-like of shape (n_samples,), optional
-            Trajectory of every row; overrules what X tells.
+            Trajectory of every row; overrides X.
 
         Yields
         ------
@@ -97,8 +97,8 @@ class TrajectoryKFold(BaseCrossValidator):
         Raises
         ------
         ValueError
-            If there are fewer trajectories than folds, `n_splits` is no number above one, or X has
-            no such column.
+            If there are fewer trajectories than folds, `n_splits` is not a number above one, or X
+            has no such column.
         """
         return super().split(X, y, groups)
 

@@ -18,10 +18,10 @@ def read_pieces(X, groups=None, time_column=None, trajectory_column=None) -> lis
     Parameters
     ----------
     X : DataFrame or array-like of shape (n_samples, n_columns)
-        The table. Its column ``trajectory`` counts, else a trajectory begins wherever time does
-        not increase.
+        The table. Its column ``trajectory`` is decisive; without it a trajectory begins wherever
+        time does not increase.
     groups : array-like of shape (n_samples,), optional
-        Trajectory of every row; overrules X.
+        Trajectory of every row; overrides X.
     time_column : int or str, optional
         Column of the time; by default ``"t"``, the first where the columns have no names.
     trajectory_column : str, optional
@@ -50,10 +50,10 @@ def read_pieces(X, groups=None, time_column=None, trajectory_column=None) -> lis
 
 
 def refuse_merging(X, pieces, groups=None, time_column=None, trajectory_column=None) -> None:
-    """Raise `ValueError` for trajectories that would read as one when concatenated.
+    """Raise `ValueError` for trajectories that would be read as one when concatenated.
 
-    Without a column ``trajectory`` a table tells a new trajectory by a time that does not
-    increase. Where one is left out, its neighbours may lose that sign.
+    Without a column ``trajectory`` a new trajectory is recognised by a time that does not
+    increase. If a trajectory is left out, its neighbours may no longer be distinguishable.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ def refuse_merging(X, pieces, groups=None, time_column=None, trajectory_column=N
     pieces : list of ndarray
         Row numbers of the trajectories that stay together, in the order of the table.
     groups : array-like of shape (n_samples,), optional
-        Trajectory of every row; whoever gives them answers for it.
+        Trajectory of every row; if given, nothing is checked.
     time_column : int or str, optional
         Column of the time.
     trajectory_column : str, optional
@@ -110,7 +110,7 @@ def are_measured(pieces, y) -> np.ndarray:
     Returns
     -------
     ndarray of bool, shape (n_trajectories,)
-        True of all without y.
+        True for all without y.
 
     Examples
     --------
@@ -124,7 +124,7 @@ def are_measured(pieces, y) -> np.ndarray:
 
 
 def deal_in_order(lengths, shares) -> list[np.ndarray]:
-    """Split trajectories, in their order, so that the samples come nearest to given shares.
+    """Split trajectories in order so that the numbers of samples come nearest to given shares.
 
     Parameters
     ----------
@@ -187,7 +187,7 @@ def _read_time(X, time_column) -> np.ndarray:
 
 
 def _has_names(X, time_column) -> bool:
-    """Whether the time is told by its name, as the estimators read a table."""
+    """Whether the time is identified by its name, as the estimators read a table."""
     if time_column is None:
         return is_named(X)
     return isinstance(X, pd.DataFrame) and not isinstance(time_column, Integral)

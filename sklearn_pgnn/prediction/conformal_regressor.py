@@ -11,30 +11,31 @@ from sklearn_pgnn.model_selection.trajectory_rows import are_measured, read_piec
 from sklearn_pgnn.simulation.intervals import check_coverage, interval_around, quantile_of
 from sklearn_pgnn.trajectories.tables import as_columns, take_rows
 
-#: folds at most where none are told: every one is a fit
+#: maximum number of folds by default: every fold takes a fit
 FOLDS = 6
 
 
 class ConformalRegressor(OuterEstimatorMixin, MetaEstimatorMixin, RegressorMixin, BaseEstimator):
-    r"""Intervals for any regressor, from its errors on trajectories that it has not seen.
+    r"""Prediction intervals for any regressor, from its errors on held-out trajectories.
 
     .. math:: \hat y_k \pm q_o, \qquad
               q_o = \text{the } c \text{ quantile of } |y_{ko} - \hat y^{(-f)}_{ko}|
 
     with the coverage :math:`c`, over all samples :math:`k` of output :math:`o`, each predicted by
     the fit without its own fold :math:`f` (cross-conformal prediction [1]_, [2]_, with whole
-    trajectories as folds, their samples pooled). It asks nothing of the regressor and nothing of
-    the errors' distribution, but that later trajectories are like those of the training: as long,
-    with such inputs and noise, from initial states that are as well known. The more trajectories,
-    the nearer is the coverage on another one to :math:`c`; with few it scatters. No :math:`n` of
-    them can guarantee more than :math:`n/(n + 1)` [3]_, so that 0.9 wants at least 9.
+    trajectories as folds, their samples pooled). It assumes nothing about the regressor or the
+    distribution of the errors, only that later trajectories are like those of the training: as
+    long, with similar inputs and noise, from initial states that are known equally well. The more
+    trajectories, the closer the coverage on another one is to :math:`c`; with few it scatters.
+    :math:`n` trajectories cannot guarantee more than :math:`n/(n + 1)` [3]_, so that 0.9 needs at
+    least 9.
 
     Parameters
     ----------
     estimator : regressor
         Any regressor: `SINDYcRegressor`, `PGNNLRegressor`, `ResidualRegressor`, a pipeline.
     cv : int or cross-validation splitter, optional
-        Folds; a number means `TrajectoryKFold`, by the time that the regressor reads. By default
+        Folds; a number means `TrajectoryKFold` with the time column of the regressor. By default
         as many as there are trajectories with measured outputs, but at most 6.
     verbose : int, default=0
         Whether to print a line for every fold.
@@ -46,7 +47,7 @@ class ConformalRegressor(OuterEstimatorMixin, MetaEstimatorMixin, RegressorMixin
     n_features_in_ : int
         Number of columns of X.
     feature_names_in_ : ndarray of str
-        Their names, if X has any.
+        Names of the columns of X, if it has any.
 
     See Also
     --------
@@ -82,7 +83,7 @@ class ConformalRegressor(OuterEstimatorMixin, MetaEstimatorMixin, RegressorMixin
         self.verbose = verbose
 
     def fit(self, X, y, groups=None):
-        """Fit to all trajectories, and without each fold.
+        """Fit the regressor to all trajectories, and once without each fold.
 
         Parameters
         ----------
@@ -91,7 +92,7 @@ class ConformalRegressor(OuterEstimatorMixin, MetaEstimatorMixin, RegressorMixin
         y : array-like of shape (n_samples, n_outputs) or (n_samples,)
             Measured outputs; NaN where there is none.
         groups : array-like of shape (n_samples,), optional
-            For the folds: trajectory of every row, as `cv` takes it; overrules what X tells.
+            Trajectory of every row for the folds, as `cv` takes it; overrides X.
 
         Returns
         -------
@@ -101,7 +102,7 @@ class ConformalRegressor(OuterEstimatorMixin, MetaEstimatorMixin, RegressorMixin
         Raises
         ------
         ValueError
-            If there are too few trajectories for folds, or the regressor refuses X or y.
+            If there are too few trajectories for folds, or the regressor rejects X or y.
         """
         self.estimator_ = clone(self.estimator).fit(X, y)
         left = []
@@ -115,7 +116,7 @@ class ConformalRegressor(OuterEstimatorMixin, MetaEstimatorMixin, RegressorMixin
         return self
 
     def score(self, X, y, sample_weight=None):
-        """Return what the regressor that was fitted to all trajectories scores.
+        """Return the score of the regressor that was fitted to all trajectories.
 
         Parameters
         ----------
@@ -129,30 +130,30 @@ class ConformalRegressor(OuterEstimatorMixin, MetaEstimatorMixin, RegressorMixin
         Returns
         -------
         float
-            1 at best.
+            The score, 1 at best.
         """
         weights = {} if sample_weight is None else {"sample_weight": sample_weight}
         return self._ask("score", X, y, **weights)
 
     def predict_interval(self, X, coverage=0.9):
-        """Return between what the measured outputs are expected.
+        """Return the interval in which the measured outputs are expected.
 
         Parameters
         ----------
         X : DataFrame or array of shape (n_samples, n_columns)
             As in `fit`.
         coverage : float, default=0.9
-            Share of the measurements that shall lie between.
+            Share of the measurements that should lie in the interval.
 
         Returns
         -------
         low, high : ndarray of shape (n_samples, n_outputs) or (n_samples,)
-            The interval's ends.
+            Bounds of the interval.
 
         Raises
         ------
         OptionError
-            If `coverage` is no share between 0 and 1.
+            If `coverage` is not a share between 0 and 1.
         """
         check_is_fitted(self)
         check_coverage(coverage)

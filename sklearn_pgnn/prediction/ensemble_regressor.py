@@ -1,4 +1,4 @@
-"""The median of fits of one regressor that draw differently."""
+"""The median of several fits of one regressor with different random numbers."""
 
 from numbers import Integral
 
@@ -15,26 +15,26 @@ from sklearn_pgnn.trajectories.scoring import GapScoreMixin
 
 
 class EnsembleRegressor(OuterEstimatorMixin, MetaEstimatorMixin, GapScoreMixin, BaseEstimator):
-    r"""Fit a regressor several times from other random numbers, and predict by the median.
+    r"""Fit a regressor several times with different random numbers, and predict the median.
 
     .. math:: \hat y_k = \operatorname{median}_i \, \hat y^{(i)}_k
 
-    Networks that are trained from other weights fit the records alike and differ elsewhere, so that
-    together they are nearer to the truth than most of them alone [1]_, and one that ended in a bad
-    minimum, or whose free run diverges, does not count. How far they are apart tells where the
-    records say little; intervals of a promised coverage are `ConformalRegressor`'s.
+    Networks trained from different initial weights fit the records alike and differ elsewhere, so
+    that together they are closer to the truth than most of them alone [1]_, and one that ended in a
+    bad minimum, or whose free run diverges, does not count. Their spread shows where the records
+    carry little information; for intervals of a given coverage see `ConformalRegressor`.
 
-    Every trajectory is predicted by each fit in free run; what is predicted is no trajectory of
-    a single one of them.
+    Each fit predicts every trajectory in free run; the median is not a trajectory of any single
+    fit.
 
     Parameters
     ----------
     estimator : regressor
-        What is fitted, alone or in a pipeline: `PGNNLRegressor`, or any regressor that draws.
+        Regressor to fit, alone or in a pipeline: `PGNNLRegressor`, or any that uses random numbers.
     n_estimators : int, default=5
         Number of fits.
     random_state : int, RandomState instance or None, default=0
-        What draws every ``random_state`` of the regressor and of what it contains.
+        Draws every ``random_state`` of the regressor and of the estimators in it.
     n_jobs : int, optional
         Processes to fit in; -1 means all.
 
@@ -45,11 +45,11 @@ class EnsembleRegressor(OuterEstimatorMixin, MetaEstimatorMixin, GapScoreMixin, 
     n_features_in_ : int
         Number of columns of X.
     feature_names_in_ : ndarray of str
-        Their names, if X has any.
+        Names of the columns of X, if it has any.
 
     See Also
     --------
-    ConformalRegressor : Intervals of any regressor, this one too.
+    ConformalRegressor : Intervals of any regressor, including this one.
 
     References
     ----------
@@ -79,7 +79,7 @@ class EnsembleRegressor(OuterEstimatorMixin, MetaEstimatorMixin, GapScoreMixin, 
         self.n_jobs = n_jobs
 
     def fit(self, X, y, **fit_params):
-        """Fit as often as was asked for.
+        """Fit the regressor `n_estimators` times.
 
         Parameters
         ----------
@@ -98,7 +98,7 @@ class EnsembleRegressor(OuterEstimatorMixin, MetaEstimatorMixin, GapScoreMixin, 
         Raises
         ------
         OptionError
-            If `n_estimators` is not at least 1, or the regressor draws nothing.
+            If `n_estimators` is not at least 1, or the regressor uses no random numbers.
         """
         count, names = self.n_estimators, parameters_named(self.estimator, "random_state")
         if not isinstance(count, Integral) or count < 1:
@@ -119,14 +119,14 @@ class EnsembleRegressor(OuterEstimatorMixin, MetaEstimatorMixin, GapScoreMixin, 
         return self.estimators_[0]
 
     def predict(self, X, return_std=False):
-        """Return the median of what the fits predict.
+        """Return the median of the fits' predictions.
 
         Parameters
         ----------
         X : DataFrame or array of shape (n_samples, n_columns)
             As in `fit`.
         return_std : bool, default=False
-            Whether to return, too, how far the fits are apart.
+            Whether to also return the standard deviation of the fits' predictions.
 
         Returns
         -------
@@ -140,11 +140,11 @@ class EnsembleRegressor(OuterEstimatorMixin, MetaEstimatorMixin, GapScoreMixin, 
         return (middle, np.std(each, axis=0)) if return_std else middle
 
     def _ask(self, method: str, *args):
-        """Return the median of what a method of every fit gives."""
+        """Return the median over the fits of a method's result."""
         return np.median(self._each(method, *args), axis=0)
 
     def _each(self, method: str, *args) -> np.ndarray:
-        """Return what a method of every fit gives."""
+        """Return a method's result for every fit."""
         check_is_fitted(self)
         return np.stack([np.asarray(getattr(each, method)(*args)) for each in self.estimators_])
 
@@ -154,5 +154,5 @@ class EnsembleRegressor(OuterEstimatorMixin, MetaEstimatorMixin, GapScoreMixin, 
 
 
 def _fit(estimator, seeds, X, y, fit_params):
-    """Fit a copy that draws from other numbers."""
+    """Fit a copy with its own random seeds."""
     return clone(estimator).set_params(**seeds).fit(X, y, **fit_params)

@@ -21,16 +21,16 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
     """Append the simulated states and outputs of a physical model to X.
 
     Every trajectory is simulated in free run from its first row: of the measured states only that
-    row is read, and only it is passed on, held along the trajectory, for what is measured later may
-    not leak into a model that shall predict it. ``trajectory``, or what the model's `columns` call
-    it, is no feature and not passed on; a `UserWarning` says so where the time alone does not tell
-    the trajectories apart.
+    row is read, and only it is passed on, held along the trajectory, so that later measurements
+    cannot leak into a model that is to predict them. ``trajectory``, or its name in the model's
+    `columns`, is no feature and not passed on; a `UserWarning` says so where the time alone does
+    not distinguish the trajectories.
 
-    Where the X of `fit` has names, so has the result: it is a DataFrame.
+    If the X of `fit` has column names, the result is a DataFrame with column names.
 
-    A trajectory whose simulation becomes non-finite tells nothing: a `SimulationWarning`
-    says where, when and which remedy, and all its rows get the values of its first row. The
-    result never holds a simulated NaN.
+    If the simulation of a trajectory becomes non-finite, it carries no information: a
+    `SimulationWarning` says where, when and which remedy, and all its rows get the values of its
+    first row. The result never contains a simulated NaN.
 
     Parameters
     ----------
@@ -39,31 +39,31 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
     outputs : sequence of str, optional
         States and outputs to append; by default all, the states first.
     append : bool or "all", default=True
-        Whether to put them behind the columns of X, of which the states hold each trajectory's
+        Whether to append them to the columns of X, in which the states hold each trajectory's
         initial value and the time counts from its first sample; ``"all"`` keeps every column,
-        ``trajectory`` and states as measured included; False gives the simulation alone.
+        including ``trajectory`` and the states as measured; False returns the simulation alone.
     method : {"rk4", "euler"}, default="rk4"
         Runge-Kutta scheme of order four, or explicit Euler.
     substeps : int, optional
         Integration steps from sample to sample; by default as the model's `simulation` says, else
-        as many as the records of `fit` need until nothing changes by more than a thousandth of
-        its range.
+        as many as needed until, on the records of `fit`, no quantity changes by more than a
+        thousandth of its range.
     hold : {"zoh", "foh"}, optional
-        Whether an input is held between two samples or runs straight from one to the next; by
-        default as the model's `simulation` says, else held.
+        Whether an input is held between two samples or interpolated linearly; by default as the
+        model's `simulation` says, else held.
     time_column : int or str, optional
-        Place or name of the column of X that holds the time; by default the first, or ``"t"``.
+        Index or name of the column of X that holds the time; by default the first, or ``"t"``.
 
     Attributes
     ----------
     hold_ : {"zoh", "foh"}
-        How the inputs were taken to run between samples, where there is a model.
+        How the inputs were assumed to vary between samples, where there is a model.
     substeps_ : int
         Integration steps from sample to sample, where there is a model.
     n_features_in_ : int
         Number of columns of X.
     feature_names_in_ : ndarray of str
-        Their names, if X has any.
+        Names of the columns of X, if it has any.
 
     Examples
     --------
@@ -214,7 +214,7 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
         return held
 
     def _on_own_clocks(self, X: pd.DataFrame, records) -> pd.DataFrame:
-        """Return X with the time of the records: seconds that tell trajectories apart."""
+        """Return X with the time of the records: seconds that distinguish the trajectories."""
         names = self._column_names()
         called = time_name(names, self.time_column) or column_of(self.model, TIME, names) or TIME
         table = X.copy(deep=False)
@@ -223,7 +223,7 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
         return table
 
     def _column_names(self) -> list[str]:
-        """Return the names of the columns of X, of an array as the model calls them."""
+        """Return the names of the columns of X; those of an array are the model's."""
         if hasattr(self, "feature_names_in_"):
             return list(self.feature_names_in_)
         names = [*self.model.inputs, *self.model.states][: self.n_features_in_ - 1]
@@ -231,7 +231,7 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
         return [self.model.columns.get(name, name) for name in names]
 
     def _state_columns(self) -> dict[int, int]:
-        """Return the place in X of every state that X holds, by the state's number."""
+        """Return the column of X of every state that X holds, by the state's index."""
         names, found = self._column_names(), {}
         for i, state in enumerate(self.model.states):
             called = column_of(self.model, state, names)
@@ -247,7 +247,7 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
         return [i for i, name in enumerate(self._column_names()) if name not in left_out]
 
     def _trajectory_columns(self) -> set[str]:
-        """Return the columns of X that a reader may take for the trajectory."""
+        """Return the columns of X that may be read as the trajectory."""
         called = {TRAJECTORY, self.model.columns.get(TRAJECTORY, TRAJECTORY)}
         return called.intersection(self._column_names())
 
@@ -258,7 +258,7 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
 
 
 def _warn_of_merging(records, named: str) -> None:
-    """Warn where trajectories that have names are not told apart by the time."""
+    """Warn where trajectories that have names are not distinguished by the time."""
     t = rows_in_order(records, np.concatenate([record.t for record in records]))
     by_time = [rows for _, rows in split_rows(t)]
     apart = len(by_time) == len(records)

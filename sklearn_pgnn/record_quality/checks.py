@@ -1,4 +1,4 @@
-"""Data quality: what the records lack or hide, before any cause is blamed."""
+"""Data quality: faults of the records, checked before any cause is named."""
 
 from collections.abc import Sequence
 
@@ -52,11 +52,11 @@ def check_data_quality(
     Returns
     -------
     tuple of Finding
-        What was found; empty where there are none.
+        The findings; empty if there are none.
 
     Notes
     -----
-    Every check of one quantity speaks up by chance in at most one of a thousand faultless sets of
+    Every check of one quantity gives a false alarm in at most one of a thousand faultless sets of
     records.
     """
     windows, model = problem.windows, problem.prior
@@ -112,7 +112,7 @@ def _signals(model, quantities, windows: ShootingWindows, values, names) -> list
 
 
 def find_few_windows(windows: ShootingWindows) -> Finding | None:
-    """Return a finding if the windows are fewer than what is held out should be judged from.
+    """Return a finding if the windows are too few for a held-out evaluation.
 
     Parameters
     ----------

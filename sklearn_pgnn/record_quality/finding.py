@@ -10,15 +10,15 @@ class Finding:
     Parameters
     ----------
     kind : str
-        What sort of fault.
+        Kind of fault.
     where : str
-        The quantity, and the record where it is one.
+        The quantity, and the record if a single one is concerned.
     text : str
-        What was seen, in one sentence.
+        The observation, in one sentence.
     value : float
-        How large or how often.
+        Size or number of occurrences.
     remedy : str
-        What to do about it.
+        The remedy.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""What acts as an input does, if the input is a function of the states."""
+"""Parameters and effects that act as an input does, if the input is a function of the states."""
 
 from dataclasses import replace
 from itertools import chain

@@ -1,4 +1,4 @@
-"""The numbers that the checks are steered by: an error rate, what is worth saying, and budgets."""
+"""The settings of the checks: an error rate, thresholds for what is reported, and budgets."""
 
 #: rate at which the check of one quantity speaks up although nothing is wrong; every test has this
 #: one. Ten times smaller, and a fault must be larger by a tenth to a half to be found.

@@ -1,4 +1,4 @@
-"""Feedback of the noise: an input that answers to what an output's sensor adds."""
+"""Feedback of the noise: an input that responds to the noise of an output's sensor."""
 
 from collections.abc import Sequence
 

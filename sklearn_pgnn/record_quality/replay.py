@@ -36,7 +36,7 @@ class Replay:
 def replay_inputs(
     problem: EstimationProblem, fit: WindowFit, x: np.ndarray
 ) -> Iterator[list[Replay]]:
-    """Yield what the machine would have done had its inputs run at other speeds.
+    """Yield the trajectories of the machine if its inputs had run at other speeds.
 
     The speeds are up to twice as fast and as slow, and at least by the root of two; all inputs run
     together. Every speed is replayed in several ways, for the one or the other is unlike an

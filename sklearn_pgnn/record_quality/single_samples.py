@@ -1,4 +1,4 @@
-"""Single samples: such as repeat the one before, and such as lie far from their neighbours."""
+"""Single samples: repeated samples, and outliers far from their neighbours."""
 
 import numpy as np
 from scipy.stats import binom, norm
@@ -53,10 +53,10 @@ def _held(signal, piece, extremes) -> np.ndarray:
 def find_outliers(signal: Signal, residual: Signal) -> Finding | None:
     r"""Find single samples far from their neighbours.
 
-    A sample is one if, less the line through its four neighbours, it lies beyond all of them by
-    more than they differ plus so many times the noise as chance makes only once in
-    :math:`1/\alpha` records; and if so does what a model leaves of it, where motion is slow. A
-    corner of the signal does not reach that far.
+    A sample is an outlier if, less the line through its four neighbours, it lies beyond all of them
+    by more than they differ plus as many times the noise as occurs by chance only once in
+    :math:`1/\alpha` records; and if the same holds for the residual of a fitted model, in which
+    motion is slow. A corner of the signal does not reach that far.
 
     Parameters
     ----------

@@ -18,8 +18,8 @@ def find_state_feedback(problem: EstimationProblem, final: WindowFit) -> list[Fi
 
     Where :math:`u = h(x)`, a gain of the input acts as any part of the model does that is
     :math:`h(x)`. But a machine that merely follows its input looks alike: a warm one shows how
-    long it was heated. What tells them apart is that an input which was chosen beforehand could as
-    well have been run faster or slower. Let a regression on the states leave the share
+    long it was heated. The two cases differ in that an input chosen in advance could as well have
+    been run faster or slower. Let a regression on the states leave the share
     :math:`\rho` of an input, held out, and :math:`\rho_1, \dots, \rho_n` where the model is
     simulated with the inputs at :math:`n` other speeds. In open loop all these are alike. Under
     feedback :math:`\rho` is the least by far, beyond chance and by as much as is worth saying,

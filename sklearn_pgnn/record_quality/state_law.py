@@ -1,4 +1,4 @@
-"""An input as a function of the states: how much of it is one, and of which states."""
+"""An input as a function of the states: the share that is explained, and by which states."""
 
 from dataclasses import dataclass, field, replace
 
@@ -29,7 +29,7 @@ REGRESSIONS = {
 
 @dataclass(frozen=True)
 class StateLaw:
-    """How well a function of some states tells an input.
+    """How well a function of some states predicts an input.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Synchrony: outputs that answer before their inputs."""
+"""Synchrony: outputs that respond before their inputs."""
 
 from dataclasses import replace
 
@@ -16,7 +16,7 @@ from sklearn_pgnn.simulation.windows import ShootingWindows
 def find_early_output(
     problem: EstimationProblem, base: WindowFit, final: WindowFit
 ) -> Finding | None:
-    """Find outputs that answer before their input: the two were not recorded in step.
+    """Find outputs that respond before their input: the two were not recorded synchronously.
 
     The re-tuned prior is fitted with its inputs moved to earlier samples, held or straight in
     between. It must then do better than the extended model, by more than chance, and leave little

@@ -1,9 +1,9 @@
 r"""Predictions some samples ahead: the state is estimated from the outputs up to a sample.
 
-The estimate is an extended Kalman filter's, with central differences along the covariance's axes in
-place of derivatives [1]_, so that anything will do that steps from a state to the next. How much
-the model is trusted is not known beforehand: several filters run side by side, each with another
-process noise, and the estimate is that of the one that has foretold the outputs up to now best.
+The estimate is that of an extended Kalman filter with central differences along the covariance's
+axes in place of derivatives [1]_, so that any function from one state to the next can be used. How
+far the model can be trusted is not known beforehand: several filters run in parallel, each with
+another process noise, and the estimate is that of the filter with the best predictions so far.
 
 References
 ----------
@@ -24,13 +24,13 @@ from sklearn_pgnn.simulation.simulate import hold_of, simulate_acting, start_of
 from sklearn_pgnn.trajectories import rows_in_order
 from sklearn_pgnn.trajectories.record import Record
 
-#: variances that the process noise of a filter adds a sample, as shares of the states' variances
+#: variances that a filter's process noise adds per sample, as shares of the states' variances
 PROCESS_NOISE = (0.0, 1e-8, 1e-6, 1e-4, 1e-2)
 
 
 @dataclass(frozen=True)
 class Machine:
-    """What runs along one record.
+    """A simulation that runs along one record.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ class Machine:
     x0 : ndarray of shape (n_states,)
         Initial state.
     run : callable
-        ``run(a, b, x)`` gives states and outputs of the samples ``a`` to ``b``, ``b`` included,
+        ``run(a, b, x)`` returns states and outputs of the samples ``a`` to ``b``, ``b`` included,
         from the state ``x`` at ``a``.
     """
 
@@ -49,7 +49,7 @@ class Machine:
 
 
 def check_steps(steps) -> None:
-    """Raise `OptionError` unless predictions can be so many samples ahead.
+    """Raise `OptionError` unless predictions can be `steps` samples ahead.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def check_steps(steps) -> None:
     Raises
     ------
     OptionError
-        If it is no integer from 1 on.
+        If it is not an integer of at least 1.
 
     Examples
     --------
@@ -70,7 +70,7 @@ def check_steps(steps) -> None:
 
 
 def model_machine(model: PhysicsModel, record, *, method: str = "rk4", **options) -> Machine:
-    """Return a model as what runs along a record.
+    """Return a model as a `Machine` along a record.
 
     Parameters
     ----------
@@ -101,17 +101,17 @@ def model_machine(model: PhysicsModel, record, *, method: str = "rk4", **options
 
 
 def predict_ahead(machines: list[Machine], steps: int, noise: np.ndarray):
-    """Predict states and outputs so many samples ahead of the outputs that are known.
+    """Predict states and outputs `steps` samples ahead of the known outputs.
 
     Parameters
     ----------
     machines : list of Machine
-        One a record.
+        One per record.
     steps : int
-        How far ahead. A row less than that behind its record's first one is the free run's.
+        Prediction horizon in samples. The first `steps` rows of a record are the free run's.
     noise : ndarray of shape (n_outputs,)
-        Standard deviation of the measurement noise, known beforehand: taken from the record itself
-        it would tell of samples to come.
+        Standard deviation of the measurement noise, known beforehand: an estimate from the record
+        itself would leak information on later samples.
 
     Returns
     -------
@@ -123,7 +123,7 @@ def predict_ahead(machines: list[Machine], steps: int, noise: np.ndarray):
     Raises
     ------
     OptionError
-        If `steps` is no integer from 1 on.
+        If `steps` is not an integer of at least 1.
 
     Examples
     --------
@@ -149,7 +149,7 @@ def predict_ahead(machines: list[Machine], steps: int, noise: np.ndarray):
 
 
 def _ahead(machine, free, noise, spread, steps):
-    """Predict along one record; what does not stay finite is the free run's."""
+    """Predict along one record; predictions that are not finite are the free run's."""
     x, y = free[0].copy(), free[1].copy()
     n = len(x)
     if steps >= n:
@@ -163,7 +163,7 @@ def _ahead(machine, free, noise, spread, steps):
 
 
 def _estimate(machine, free, noise, spread, n) -> np.ndarray:
-    """Estimate the states of the first samples, each from the outputs up to it."""
+    """Estimate the states of the first samples, each from the outputs up to that sample."""
     known = machine.record.x0
     told = np.zeros(len(spread), dtype=bool)
     told[: len(known)] = np.isfinite(known)
@@ -184,7 +184,7 @@ class _Filter:
     Parameters
     ----------
     machine : Machine
-        What steps.
+        The simulation to filter.
     noise : ndarray of shape (n_outputs,)
         Variances of the measurement noise.
     process : ndarray of shape (n_states,)
@@ -199,7 +199,7 @@ class _Filter:
         self.x, self.P, self.likelihood = machine.x0.copy(), covariance, 0.0
 
     def take(self, k: int) -> None:
-        """Step to sample k, and take its outputs in."""
+        """Step to sample k, and update with its outputs."""
         if not np.isfinite(self.likelihood):
             return
         before = max(k - 1, 0)
@@ -222,7 +222,7 @@ class _Filter:
         return states[-1], outputs[-1]
 
     def _correct(self, surprise, by_x, by_y, noise) -> None:
-        """Correct the state by what the outputs are more than was expected."""
+        """Correct the state by the innovation of the outputs."""
         expected = by_y.T @ by_y + np.diag(noise)
         gain = np.linalg.solve(expected, by_y.T @ by_x).T
         weighed = np.linalg.solve(expected, surprise)

@@ -10,9 +10,9 @@ with the transitions :math:`F_k, G_k` of one sample interval, the expected initi
 
 .. math:: \mathrm{E}\, d(t)\, d(t') = v\, e^{-|t - t'|/T}.
 
-A Kalman filter takes from every residual what those before it tell; of what is left, the
-innovations, the likelihood is a product [1]_. The common factor of all variances is profiled out;
-it is not less than one.
+A Kalman filter subtracts from every residual its prediction from those before; the likelihood is a
+product over the remaining innovations [1]_. The common factor of all variances is profiled out; it
+is not less than one.
 
 References
 ----------
@@ -74,9 +74,9 @@ class LinearWindows:
     mean : ndarray of shape (n_windows, n_states)
         Expected initial states minus those of the windows.
     covariance : ndarray of shape (n_windows, n_states, n_states)
-        How uncertain they are.
+        Their uncertainty.
     variance : ndarray of shape (n_outputs,)
-        Of the noise of the outputs.
+        Noise variances of the outputs.
     """
 
     windows: ShootingWindows
@@ -109,7 +109,7 @@ class LinearWindows:
 
 
 class Innovations(NamedTuple):
-    """What earlier samples do not predict.
+    """Innovations: the part of the residuals that earlier samples do not predict.
 
     Parameters
     ----------
@@ -152,7 +152,7 @@ def innovations(linear: LinearWindows, disturbance: Disturbance) -> Innovations:
     Returns
     -------
     Innovations
-        What earlier samples do not predict.
+        The part of the residuals that earlier samples do not predict.
 
     Examples
     --------

@@ -1,9 +1,9 @@
-r"""Linear response to a hidden input along the states that a filter finds.
+r"""Linear response to a hidden input along the states estimated by a filter.
 
-Where a model does not follow a record, what is linear along its own trajectory says little of the
-states in which the machine was: a sensor that bends bends elsewhere. An extended Kalman filter
-knows these states, :math:`\hat x_{k|k-1}` before a sample is read and :math:`\hat x_{k|k}` after
-it. Near them the model is
+If a model does not follow a record, a linearisation along its own trajectory says little about the
+states in which the machine was: the scale of a nonlinear sensor bends elsewhere. An extended Kalman
+filter estimates these states, :math:`\hat x_{k|k-1}` before a sample is read and
+:math:`\hat x_{k|k}` after it. Near them the model is
 
 .. math:: x_{k+1} = \hat x_{k+1|k} + F_k (x_k - \hat x_{k|k}), \qquad
           y_k = h(\hat x_{k|k-1}) + H_k (x_k - \hat x_{k|k-1}).
@@ -44,7 +44,7 @@ class Starts(NamedTuple):
     mean : ndarray of shape (n_windows, n_states)
         Expected initial states minus those.
     covariance : ndarray of shape (n_windows, n_states, n_states)
-        How uncertain they are.
+        Their uncertainty.
     """
 
     x0: np.ndarray
@@ -60,7 +60,7 @@ def linearise_filtered(
     disturbance: Disturbance,
     variance: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Linearise a model with a hidden input along the states that a filter finds in windows.
+    """Linearise a model with a hidden input along the states estimated by a filter in windows.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def linearise_filtered(
     disturbance : Disturbance
         How large the hidden input is, and how fast it changes.
     variance : ndarray of shape (n_outputs,)
-        Of the noise of the outputs.
+        Noise variances of the outputs.
 
     Returns
     -------
@@ -84,8 +84,8 @@ def linearise_filtered(
     H : ndarray of shape (n_samples, n_outputs, n_states + 1)
         Derivatives of the outputs.
     residual : ndarray of shape (n_samples, n_outputs)
-        What the linear model, without a hidden input, leaves of the outputs if it begins at
-        ``x0``; not finite where the filter does not run to the end.
+        Residuals of the outputs for the linear model without a hidden input, starting at ``x0``;
+        not finite where the filter does not run to the end.
     """
     extended = with_hidden_input(model, channel)
     filtered, predicted, F = _filter(extended, windows, starts, disturbance, variance)
@@ -137,7 +137,7 @@ def _filter(model, windows, starts: Starts, disturbance: Disturbance, variance):
 
 @njit(types.void(_F3, _F3, _F2, _F2, _I1, _I1, _F2, _F2), **OPTIONS)
 def _subtract_response(F, H, filtered, predicted, starts, lengths, begun, residual):
-    """Subtract from what predictions leave how far the linear model's outputs are from them."""
+    """Subtract from the prediction errors the linear model's deviation from the predictions."""
     n = F.shape[1]
     x, moved = np.zeros(n), np.zeros(n)
     for w in range(starts.size):

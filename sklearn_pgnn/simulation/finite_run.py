@@ -1,4 +1,4 @@
-"""Free runs without NaN: a trajectory that diverges is warned of, and stays finite."""
+"""Free runs without NaN: a trajectory that diverges causes a warning, and stays finite."""
 
 import warnings
 
@@ -25,13 +25,13 @@ def quantities_of(model: PhysicsModel) -> list[str]:
     Returns
     -------
     list of str
-        The names; an output that is called as a state stands in that one's place.
+        The names; an output with the name of a state takes its place.
     """
     return list(dict.fromkeys([*model.states, *model.outputs]))
 
 
 def simulate_quantities(model: PhysicsModel, records, names, **options) -> np.ndarray:
-    """Simulate every record in free run; where one diverges repeat its first row.
+    """Simulate every record in free run; if one diverges, repeat its first row.
 
     Parameters
     ----------
@@ -40,15 +40,15 @@ def simulate_quantities(model: PhysicsModel, records, names, **options) -> np.nd
     records : tuple of Record
         Time, inputs and initial states.
     names : sequence of str
-        States and outputs to give.
+        States and outputs to return.
     **options
         See `simulate`.
 
     Returns
     -------
     ndarray of shape (n_samples, n_names)
-        Finite numbers in the order of the table's rows. A trajectory whose simulation leaves them
-        is named in a `SimulationWarning`.
+        Finite numbers in the order of the table's rows. A trajectory whose simulation becomes
+        non-finite is reported by a `SimulationWarning`.
 
     Examples
     --------

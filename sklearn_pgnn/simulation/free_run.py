@@ -52,9 +52,9 @@ def substeps_for(model: PhysicsModel, records, substeps: int | None = None, **op
     model : PhysicsModel
         The model.
     records : sequence of Record
-        What is simulated.
+        Records to simulate.
     substeps : int, optional
-        What is told.
+        The given value, if any.
     **options
         See `simulate`.
 
@@ -81,7 +81,7 @@ def enough_substeps(model: PhysicsModel, records, **options) -> int:
     model : PhysicsModel
         The model.
     records : sequence of Record
-        What is simulated.
+        Records to simulate.
     **options
         See `simulate`.
 

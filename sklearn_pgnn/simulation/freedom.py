@@ -1,4 +1,4 @@
-"""How far a fit may move a parameter."""
+"""The range in which a fit may move a parameter."""
 
 import math
 
@@ -7,9 +7,9 @@ from sklearn_pgnn.simulation.window_fit import ParameterPrior
 
 
 def freedom_of(model: PhysicsModel, name: str, within_spread: bool) -> ParameterPrior:
-    r"""Let a parameter go anywhere between its bounds, or within its spread.
+    r"""Let a parameter vary between its bounds, or within its spread.
 
-    The variance of what is anywhere within :math:`\pm r` is :math:`r^2/3`.
+    The variance of a uniform distribution within :math:`\pm r` is :math:`r^2/3`.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-r"""An unmeasured input: what, added to an equation, would make a model follow a record.
+r"""An unmeasured input that, added to an equation, would make a model follow a record.
 
 The model is extended by a hidden input :math:`d` that wanders,
 
@@ -38,14 +38,14 @@ EXPONENTS = (-9.0, 4.0)
 
 @dataclass(frozen=True)
 class HiddenInput:
-    """What is missing in a channel of a model.
+    """The estimated hidden input of a channel of a model.
 
     Parameters
     ----------
     channel : str
         The state whose rate it is added to, or the input or output.
     values : ndarray of shape (n_samples,)
-        Its smoothed course [unit of the channel; per second for a state].
+        Its smoothed time series [unit of the channel; per second for a state].
     errors : ndarray of shape (n_samples,)
         Standard errors of the values.
     states : ndarray of shape (n_samples, n_states)
@@ -61,8 +61,8 @@ class HiddenInput:
 def channels(model: PhysicsModel) -> tuple[str, ...]:
     """Name the places where something may be missing: rates, inputs and outputs.
 
-    The rate of a position is its velocity by definition; an input that enters only one rate is
-    that rate's.
+    The rate of a position is its velocity by definition, and is left out; an input that enters only
+    one rate is represented by that rate.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def channels(model: PhysicsModel) -> tuple[str, ...]:
 
 
 def with_hidden_input(model: PhysicsModel, channel: str) -> PhysicsModel:
-    """Add the hidden input as a state that nothing changes.
+    """Add the hidden input as a constant state.
 
     Parameters
     ----------
@@ -134,7 +134,7 @@ def find_hidden_input(
     x : ndarray of shape (n_samples, n_states)
         Estimated states; the first of every record is where the filter starts.
     spread : ndarray of shape (n_states,)
-        How uncertain they are.
+        Their uncertainty.
     size : float
         A typical value of the channel.
     time : float

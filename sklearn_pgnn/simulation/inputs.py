@@ -23,7 +23,7 @@ def delayed_inputs(model: PhysicsModel, t, u, linear_hold: bool = False):
     u : ndarray of shape (n_samples, n_inputs)
         Inputs as commanded.
     linear_hold : bool, default=False
-        Whether the inputs run straight from sample to sample instead of being held.
+        Whether the inputs are interpolated linearly between samples instead of being held.
 
     Returns
     -------

@@ -16,7 +16,7 @@ def check_coverage(coverage) -> float:
     Parameters
     ----------
     coverage : float
-        Share of the measurements that shall lie in the interval.
+        Share of the measurements that should lie in the interval.
 
     Returns
     -------
@@ -34,12 +34,12 @@ def check_coverage(coverage) -> float:
 
 
 def quantile_of(magnitudes: np.ndarray, coverage: float) -> np.ndarray:
-    """Return what a share of the magnitudes does not exceed, for every output.
+    """Return the quantile of the magnitudes for every output.
 
     Parameters
     ----------
     magnitudes : ndarray of shape (n_samples, n_outputs)
-        Of errors; NaN where nothing was measured.
+        Magnitudes of errors; NaN where nothing was measured.
     coverage : float
         The share.
 

@@ -1,10 +1,11 @@
-r"""States beside the prior's that inputs alone drive: a record's start leads them to its windows.
+r"""States added to the prior that inputs alone drive: led from a record's start to its windows.
 
-The initial state of every window is fitted. For what an actuator remembers that would be a freedom
+The initial state of every window is fitted. For the memory of an actuator that would be a freedom
 that no machine has: its inputs are known from the record's start on. Let :math:`\varphi_w(c, p)` be
-where such states are at the start of window :math:`w` if they begin the record at :math:`c`. The
-window fits the record's start as it sees it, :math:`c_w`, expected where the states are settled, in
-the place of :math:`x_w = \varphi_w(c_w, p)`. So what the states have forgotten is no freedom.
+the value of such states at the start of window :math:`w` if they are :math:`c` at the start of the
+record. Every window fits its own value :math:`c_w` of the record's start, expected where the states
+are settled, in place of :math:`x_w = \varphi_w(c_w, p)`. So a start that the states have forgotten
+is no freedom.
 """
 
 import warnings
@@ -22,24 +23,24 @@ from sklearn_pgnn.simulation.simulate import settled_start, simulate_acting
 if TYPE_CHECKING:
     from sklearn_pgnn.simulation.windows import ShootingWindows
 
-#: share of what a record's start is off that is left in a window in which it does not matter
+#: share of an error in a record's start below which its effect on a window does not matter
 REMEMBERED = 1e-9
 
 
 @dataclass(frozen=True)
 class Lead:
-    """How the starts of records lead to the windows.
+    """The led states at the starts of the records and of the windows.
 
     Parameters
     ----------
     states : list of int
-        Places of the led states among the model's.
+        Indices of the led states among the model's.
     numbers : list of int
-        Places of the parameters that their rates hold among those that are differentiated by.
+        Indices, among the parameters that are differentiated by, of those in their rates.
     start : ndarray of shape (n_windows, n_led)
-        Where the states begin every window's record.
+        The states at the start of every window's record.
     reached : ndarray of shape (n_windows, n_led)
-        Where that leads them.
+        The states at the start of every window that result.
     slopes : ndarray of shape (n_windows, n_led, n_numbers + n_led)
         Its derivatives by the parameters, then by the start.
     """
@@ -51,7 +52,7 @@ class Lead:
     slopes: np.ndarray
 
     def initial_states(self, x0: np.ndarray) -> np.ndarray:
-        """Return where windows begin, to first order in what led states begin elsewhere.
+        """Return the windows' initial states, to first order in the change of the record's start.
 
         Parameters
         ----------
@@ -68,7 +69,7 @@ class Lead:
         return there
 
     def remembers(self, x0: np.ndarray) -> np.ndarray:
-        """Return in which windows it matters that led states begin the record elsewhere."""
+        """Return the windows on which another record's start of the led states has an effect."""
         size = np.abs(self.reached) + np.abs(x0[:, self.states] - self.start)
         return (np.abs(self._moved(x0)) > REMEMBERED * size).any(axis=1)
 
@@ -170,7 +171,7 @@ def lead(
     Returns
     -------
     Lead or None
-        Where they come to; None where no state is led.
+        The led states; None if no state is led.
     """
     led = led_states(model, windows)
     if not led:
@@ -240,7 +241,7 @@ def _model_of(equations, inputs, delays, settled, begun) -> PhysicsModel:
 
 
 def initial_states(model: PhysicsModel, windows: "ShootingWindows", x0: np.ndarray) -> np.ndarray:
-    """Return where windows begin, led states too.
+    """Return the initial states of windows, including led states.
 
     Parameters
     ----------

@@ -110,7 +110,7 @@ def linear_responses(
 
 
 def without_states(windows: ShootingWindows, table: np.ndarray, by_state: np.ndarray) -> np.ndarray:
-    """Lay windows and outputs end to end, less what the initial states of the windows explain.
+    """Concatenate windows and outputs, less what the initial states of the windows explain.
 
     Parameters
     ----------
@@ -124,7 +124,7 @@ def without_states(windows: ShootingWindows, table: np.ndarray, by_state: np.nda
     Returns
     -------
     ndarray of shape (n_residuals, n_columns)
-        What is left of the columns, in units of the noise; 0 where nothing was measured.
+        Residuals of the columns, in units of the noise; 0 where nothing was measured.
     """
     rows = []
     for a, n in zip(windows.starts, windows.lengths, strict=True):

@@ -47,13 +47,13 @@ class NetworkStep:
     base : {"constant", "state", "prior"}
         What the network's output is added to.
     guide : {None, "simulation", "step", "terms"}
-        What of the model the network sees.
+        What the network sees of the model.
     offset : ndarray of shape (n_states,)
         The constant base.
     gain : ndarray of shape (3, n_states, n_network_outputs)
-        The matrices that stand before 1, the step [s] and its square.
+        The matrices that multiply 1, the step [s] and its square.
     mean, scale : ndarray of shape (n_network_inputs,)
-        Of the features, for their standardisation.
+        Mean and scale of the features, for their standardisation.
     reach : ndarray of shape (2, n_states)
         States below the first or above the second row count as diverged.
     sizes : tuple of int
@@ -65,16 +65,16 @@ class NetworkStep:
     substeps : int
         Integration steps of the model from sample to sample.
     hold : {"zoh", "foh"}
-        How the inputs run between two samples.
+        How the inputs vary between two samples.
     spread : ndarray of shape (n_states,), optional
         Standard deviations of the states, for the terms that guide; by default from `scale`.
     guide_model : PhysicsModel, optional
         The model whose terms guide; by default `model`, unless that was tuned since.
     free : tuple of str
-        Parameters of the model whose relative changes stand behind the weights.
+        Parameters of the model whose relative changes follow the weights.
     middle : bool
         Whether the network sees the state in the middle of the model's own step, not at its start:
-        what it gives is then right to the second order of the step.
+        its contribution is then accurate to second order in the step.
     loss : Dissipation, optional
         The states that the network takes energy out of, at the end of the model's own step, instead
         of adding its output to them.
@@ -173,7 +173,7 @@ def network_record(model: PhysicsModel, t, u, x0, *, hold="zoh", simulated=None,
     x0 : ndarray of shape (n_states,)
         Initial state.
     hold : {"zoh", "foh"}, default="zoh"
-        How the inputs run between two samples.
+        How the inputs vary between two samples.
     simulated : ndarray of shape (n_samples, n_states), optional
         Open-loop simulation that guides the network.
     features : ndarray of shape (n_samples, n_features), optional
@@ -206,7 +206,7 @@ def run_network(step: NetworkStep, theta: np.ndarray, record: NetworkRecord, hid
     Parameters
     ----------
     step : NetworkStep
-        What a step is made of.
+        Definition of the network's step.
     theta : ndarray of shape (n_weights + n_free,)
         The network's weights, and the relative changes of the step's free parameters.
     record : NetworkRecord
@@ -217,7 +217,7 @@ def run_network(step: NetworkStep, theta: np.ndarray, record: NetworkRecord, hid
     Returns
     -------
     x : ndarray of shape (n_samples, n_states)
-        The states; from where they leave the reach on, the last within.
+        The states; once they leave the reach, the last ones within it are repeated.
     failed : int
         The first sample out of reach, -1 if there is none.
     """
@@ -225,12 +225,12 @@ def run_network(step: NetworkStep, theta: np.ndarray, record: NetworkRecord, hid
 
 
 class FreeRun:
-    """A network in free run, made ready once for many trajectories.
+    """A network in free run, prepared once for many trajectories.
 
     Parameters
     ----------
     step : NetworkStep
-        What a step is made of.
+        Definition of the network's step.
     theta : ndarray of shape (n_weights + n_free,)
         The network's weights, and the relative changes of the step's free parameters.
     """
@@ -253,7 +253,7 @@ class NetworkSensitivities:
     Parameters
     ----------
     step : NetworkStep
-        What a step is made of; its core is feed-forward.
+        Definition of the network's step; its core is feed-forward.
     theta : ndarray of shape (n_weights + n_free,)
         The network's weights, and the relative changes of the step's free parameters.
     record : NetworkRecord
@@ -275,7 +275,7 @@ class NetworkSensitivities:
         samples : ndarray of int
             Where the states are wanted, in increasing order.
         length : int, default=512
-            Samples a piece, besides that one.
+            Samples per piece, not counting that first one.
 
         Yields
         ------
@@ -297,7 +297,7 @@ class NetworkSensitivities:
 
 
 def parameter_units(model: PhysicsModel, names: tuple[str, ...]) -> np.ndarray:
-    """Return what a relative change of 1 is, of every parameter: its magnitude, or 1 of a zero."""
+    """Return the unit of every parameter's relative change: its magnitude, or 1 if it is zero."""
     return np.array([abs(model.parameters[name].value) or 1.0 for name in names])
 
 
@@ -311,7 +311,7 @@ def prior_steps(model: PhysicsModel, substeps: int, hold: str, t, dt, x, u, u_ne
     substeps : int
         Integration steps from sample to sample.
     hold : {"zoh", "foh"}
-        How the inputs run between two samples.
+        How the inputs vary between two samples.
     t, dt : ndarray of shape (n_samples,)
         Time and step [s].
     x : ndarray of shape (n_samples, n_states)
@@ -458,7 +458,7 @@ def terms_model(step: NetworkStep) -> PhysicsModel:
     Parameters
     ----------
     step : NetworkStep
-        What a step is made of.
+        Definition of the network's step.
 
     Returns
     -------

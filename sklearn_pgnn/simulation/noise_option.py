@@ -1,4 +1,4 @@
-"""The noise of the outputs that a user tells."""
+"""The noise of the outputs as given by a user."""
 
 from collections.abc import Sequence
 
@@ -8,7 +8,7 @@ from sklearn_pgnn.exceptions import OptionError
 
 
 def read_noise_std(noise_std, outputs: Sequence[str]) -> np.ndarray | None:
-    """Return the noise that is told, one number an output, or raise `OptionError`.
+    """Return the given noise, one number per output, or raise `OptionError`.
 
     Parameters
     ----------
@@ -20,7 +20,7 @@ def read_noise_std(noise_std, outputs: Sequence[str]) -> np.ndarray | None:
     Returns
     -------
     ndarray of shape (n_outputs,) or None
-        The standard deviations; None if none are told.
+        The standard deviations; None if none are given.
 
     Raises
     ------

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 #: relative rounding of a sum of products, and the curvature, relative to the sharpest, below which
 #: a direction is as good as flat
 SUM_ROUNDING, FLAT = 1e-14, 1e-14
-#: the same of a window's initial state, of which few samples tell
+#: the same for a window's initial state, which few samples determine
 FLAT_START = 1e-12
 
 
@@ -101,12 +101,12 @@ def normal_equations(fit: "WindowFit", expected: np.ndarray, spread: np.ndarray)
     expected : ndarray of shape (n_windows, n_states)
         Expected initial states.
     spread : ndarray of shape (n_states,)
-        How uncertain they are.
+        Their uncertainty.
 
     Returns
     -------
     Normal
-        See `project`; the Hessian of a window is what it tells of the parameters.
+        See `project`; the Hessian of a window is its information on the parameters.
     """
     return project(fit.evaluation.gram, len(fit.freedoms), 1.0 / spread**2, fit.x0 - expected)
 
@@ -121,7 +121,7 @@ def bounded_step(hessian, gradient, damping, low, high) -> np.ndarray:
     gradient : ndarray of shape (n,)
         Half its decrease by every parameter.
     damping : float
-        Levenberg-Marquardt damping; infinite where nothing shall move.
+        Levenberg-Marquardt damping; infinite if nothing is to move.
     low, high : ndarray of shape (n,)
         Bounds of the step.
 

@@ -1,4 +1,4 @@
-"""The state behind an output that shows it on another scale: enlarged, shifted, or bent."""
+"""The state behind an output that shows it on another scale: scaled, shifted, or nonlinear."""
 
 from functools import lru_cache
 
@@ -30,13 +30,13 @@ def state_behind(
     output, state : str
         One of its outputs, and one of its states.
     shown : ndarray of shape (n_samples,)
-        What the output shows.
+        Readings of the output.
 
     Returns
     -------
     x, slope : ndarray of shape (n_samples,)
-        The state, and how it changes with what is shown; of a reading that no state gives, the
-        reading itself, and 1. None where the output shows the state as it is, or is no such scale.
+        The state, and its derivative by the reading; for a reading that no state gives, the
+        reading itself, and 1. None if the output shows the state as it is, or has no such scale.
 
     Examples
     --------

@@ -52,7 +52,7 @@ def simulate_sets(
     substeps : int, optional
         Steps from one sample to the next, see `simulate`.
     hold : {"zoh", "foh"}, optional
-        How inputs run between samples, see `simulate`.
+        How inputs vary between samples, see `simulate`.
     n_jobs : int, optional
         Threads, as joblib counts them: None means 1 unless a `joblib.parallel_config` says
         otherwise, -1 all cores.
@@ -60,14 +60,14 @@ def simulate_sets(
     Returns
     -------
     ndarray of shape (n_sets, n_samples, n_outputs)
-        The outputs, the same to the last bit as one by one; NaN from where a simulation became
-        non-finite, of which a `SimulationWarning` tells.
+        The outputs, identical to the last bit to single simulations; NaN from where a simulation
+        became non-finite, which a `SimulationWarning` reports.
 
     Raises
     ------
     ValueError
-        If a parameter is unknown, the values differ in number, or time, inputs or initial state
-        are not as `simulate` wants them.
+        If a parameter is unknown, the numbers of values differ, or time, inputs or initial state
+        are not as `simulate` requires.
 
     Examples
     --------
@@ -114,7 +114,7 @@ def simulate_sets(
 
 
 def _read(model: PhysicsModel, parameters) -> tuple[list[str], np.ndarray]:
-    """Return the names of the parameters that differ, and their values, a set a row."""
+    """Return the names of the parameters that differ, and their values, one set per row."""
     columns = {name: np.asarray(values, dtype=float) for name, values in parameters.items()}
     for name, column in columns.items():
         if name not in model.parameters:

@@ -18,8 +18,8 @@ PLACES = (0.25, 0.5, 0.75, 0.95)
 def find_starts(model: PhysicsModel, windows: ShootingWindows, states: StateEstimator) -> None:
     """Start hidden states at typical values, if a record's first window is clearly fitted better.
 
-    A model's own initial state may be a bad place to start from: an empty tank has a level whose
-    outflow has no slope, and no small step leads from there. Such a start is left in any case.
+    A model's own initial state may be a poor starting point: in an empty tank the outflow has no
+    slope over the level, and no small step leads away from there. Such a start is always left.
 
     Parameters
     ----------

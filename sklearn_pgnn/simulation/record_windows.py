@@ -81,7 +81,7 @@ def window_records(
     noise_std : array-like of shape (n_outputs,), optional
         Standard deviation of every output's noise; by default estimated.
     hold : {"zoh", "foh"}, optional
-        How inputs run between samples; by default as the model says, else held.
+        How inputs vary between samples; by default as the model says, else held.
     substeps : int, optional
         Integration steps from sample to sample; by default as the model says, else as many as
         accuracy needs.

@@ -101,15 +101,15 @@ def simulate(
     substeps : int, optional
         Steps from one sample to the next; by default as the model's `simulation` says, else 1.
     hold : {"zoh", "foh"}, optional
-        Whether an input is held between two samples or runs straight from one to the next; by
-        default as the model's `simulation` says, else held.
+        Whether an input is held between two samples or interpolated linearly; by default as the
+        model's `simulation` says, else held.
     wrt : tuple of str, optional
         Parameters to differentiate the outputs by; the initial state is added.
 
     Returns
     -------
     Simulation
-        States and outputs. If it becomes non-finite, the rest is NaN, `message` says
+        States and outputs. If the simulation becomes non-finite, the rest is NaN, `message` says
         where, when and which remedy, and a `SimulationWarning` is given.
 
     Raises
@@ -200,12 +200,12 @@ def hold_of(model: PhysicsModel, hold: str | None = None) -> str:
     model : PhysicsModel
         The model.
     hold : {"zoh", "foh"}, optional
-        What is told.
+        The given value, if any.
 
     Returns
     -------
     {"zoh", "foh"}
-        Whether they are held or run straight from one to the next.
+        Whether they are held or interpolated linearly.
 
     Raises
     ------
@@ -225,7 +225,7 @@ def hold_of(model: PhysicsModel, hold: str | None = None) -> str:
 
 
 def simulate_records(model: PhysicsModel, records, **options) -> np.ndarray:
-    """Simulate the outputs of every record in free run, laid end to end.
+    """Simulate the outputs of every record in free run, concatenated.
 
     Parameters
     ----------
@@ -314,7 +314,7 @@ def check_arrays(model: PhysicsModel, t, u, x0) -> tuple[np.ndarray, np.ndarray,
 
 
 def check_options(method, substeps) -> None:
-    """Raise `ValueError` where a scheme or a number of steps is none."""
+    """Raise `ValueError` if the scheme or the number of steps is invalid."""
     if method not in METHODS:
         raise ValueError(f"method: expected one of {', '.join(METHODS)}, got {method!r}.")
     if not isinstance(substeps, int | np.integer) or substeps < 1:

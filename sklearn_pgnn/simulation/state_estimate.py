@@ -18,7 +18,7 @@ from sklearn_pgnn.trajectories.smoothing import FEWEST, Smoothed, choose_penalty
 
 #: spread of a smoothed state, in its standard errors
 SAFETY = 3.0
-#: least spread of a measured state, as a share of its range: the sensor may be wrong
+#: least spread of a measured state, as a share of its range: the sensor may have an error
 MEASURED_SPREAD = 0.3
 #: states so large that their squares and products may not be finite
 ENDLESS = 1e100
@@ -33,7 +33,7 @@ class StateEstimate:
     x : ndarray of shape (n_samples, n_states)
         Estimated states.
     spread : ndarray of shape (n_states,)
-        How far each may be off.
+        Uncertainty of each state.
     """
 
     x: np.ndarray
@@ -60,14 +60,14 @@ class StateEstimator:
     def __init__(self, model: PhysicsModel, windows: ShootingWindows, starts: list[np.ndarray]):
         self.windows = windows
         self.starts = [dict(zip(model.states, x0, strict=True)) for x0 in starts]
-        #: by record, the initial states that it gives
+        #: the initial states given by every record
         self.told = [_finite(start) for start in self.starts]
-        #: what is measured: values by state name
+        #: measured quantities: values by state name
         self.known: dict[str, np.ndarray] = {}
         self._from: dict[str, tuple[_SmoothedOutput, int]] = {}
         #: by state, the output it is taken from, and the state that this shows
         self._shown: dict[str, tuple[str, str]] = {}
-        #: by states, what no parameter changes
+        #: by states, estimates that depend on no parameter
         self._estimates: dict[tuple[str, ...], StateEstimate] = {}
         self._smooth_outputs(model)
 
@@ -133,7 +133,7 @@ class StateEstimator:
     def expected_starts(
         self, model: PhysicsModel, windows: ShootingWindows
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the expected initial states of windows, and how far each may be off.
+        """Return the expected initial states of windows, and the uncertainty of each state.
 
         Parameters
         ----------
@@ -147,7 +147,7 @@ class StateEstimator:
         x0 : ndarray of shape (n_windows, n_states)
             As `sklearn_pgnn.simulation.window_fit.fit_windows` expects them.
         spread : ndarray of shape (n_states,)
-            How uncertain they are.
+            Their uncertainty.
         """
         estimate = self.estimate(model)
         return start_values(model, windows, estimate.x), estimate.spread
@@ -195,7 +195,7 @@ class StateEstimator:
         return known
 
     def _simulate(self, model, known) -> np.ndarray:
-        """Simulate every record in free run; where that fails the state stays at its start."""
+        """Simulate every record in free run; if that fails, the state stays at its start."""
         windows, runs = self.windows, []
         for r, (a, b) in enumerate(zip(windows.bounds[:-1], windows.bounds[1:], strict=True)):
             start = {**settled_start(model, windows.u[a]), **_finite(self.starts[r])}
@@ -247,7 +247,7 @@ class _SmoothedOutput:
     def spreads(self) -> np.ndarray:
         """The spread of value and slope; this costs more than the smoothing.
 
-        They may go as far as a sensor may lie: a window's own samples say where it is.
+        They may be as large as a sensor's error: a window's own samples determine its start.
         """
         variances = [_halves_differ(t, y, p) for (t, y), p in self._with_penalties()]
         errors = SAFETY * np.sqrt(np.mean(variances, axis=0))

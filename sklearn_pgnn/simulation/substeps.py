@@ -18,10 +18,10 @@ def double_substeps(
     Parameters
     ----------
     run : callable
-        Simulates with so many steps from sample to sample.
+        Simulates with a given number of steps from sample to sample.
     change : callable
-        By how much two simulations, the coarse one first, differ, as a multiple of what may be; not
-        finite where one of them diverges.
+        Returns the difference of two simulations, the coarse one first, as a multiple of the
+        tolerance; not finite if one of them diverges.
     substeps : int, default=1
         The steps to begin with.
 
@@ -33,7 +33,7 @@ def double_substeps(
     Warns
     -----
     SimulationWarning
-        If these are not enough. Of a simulation that diverges others tell.
+        If these are not enough. A simulation that diverges is reported elsewhere.
 
     Examples
     --------

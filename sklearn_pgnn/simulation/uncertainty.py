@@ -86,12 +86,12 @@ def standard_errors(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) ->
     expected : ndarray of shape (n_windows, n_states)
         Expected initial states of the windows.
     spread : ndarray of shape (n_states,)
-        How uncertain they are.
+        Their uncertainty.
 
     Returns
     -------
     dict of str to float
-        Standard error by parameter; infinite where the records say nothing.
+        Standard error by parameter; infinite where the records carry no information.
 
     References
     ----------
@@ -110,12 +110,12 @@ def standard_errors(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) ->
 
 
 def parameter_covariance(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) -> np.ndarray:
-    r"""Return the covariance of the parameters, along what the records tell of them.
+    r"""Return the covariance of the parameters, in the directions that the records determine.
 
     .. math:: C_{ij} = r_{ij} \sigma_i \sigma_j
 
     with the standard errors of `standard_errors` and the `correlations`; zero in rows and columns
-    of parameters of which the records say nothing: no simulation of such records depends on them.
+    of parameters that the records do not determine: no simulation of such records depends on them.
 
     Parameters
     ----------
@@ -124,7 +124,7 @@ def parameter_covariance(fit: WindowFit, expected: np.ndarray, spread: np.ndarra
     expected : ndarray of shape (n_windows, n_states)
         Expected initial states of the windows.
     spread : ndarray of shape (n_states,)
-        How uncertain they are.
+        Their uncertainty.
 
     Returns
     -------
@@ -152,7 +152,7 @@ def correlations(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) -> np
     expected : ndarray of shape (n_windows, n_states)
         Expected initial states of the windows.
     spread : ndarray of shape (n_states,)
-        How uncertain they are.
+        Their uncertainty.
 
     Returns
     -------
@@ -168,7 +168,7 @@ def correlations(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) -> np
 
 
 def curvatures(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) -> dict[str, float]:
-    r"""Return how sharply the objective rises with every parameter, the others following.
+    r"""Return the curvature of the objective along every parameter, the others adapting to it.
 
     .. math:: c_i = 1 / [H^{-1}]_{ii}
 
@@ -179,7 +179,7 @@ def curvatures(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) -> dict
     expected : ndarray of shape (n_windows, n_states)
         Expected initial states of the windows.
     spread : ndarray of shape (n_states,)
-        How uncertain they are.
+        Their uncertainty.
 
     Returns
     -------
@@ -205,8 +205,8 @@ def overdispersion(
               {[H^{-1} (d\,(H - P) + P) H^{-1}]_{ii}}
 
     with the symbols of `standard_errors` and the dispersion :math:`d`, the residuals' power times
-    their autocorrelation time. What disturbs a machine from outside is larger along what it
-    excites: there the residuals count for less than their autocorrelation tells.
+    their autocorrelation time. An external disturbance is larger along the motion that it excites:
+    there the residuals carry less information than their autocorrelation suggests.
 
     Parameters
     ----------
@@ -215,7 +215,7 @@ def overdispersion(
     expected : ndarray of shape (n_windows, n_states)
         Expected initial states of the windows.
     spread : ndarray of shape (n_states,)
-        How uncertain they are.
+        Their uncertainty.
     dispersion : float
         Power of the residuals, in units of the noise, times their autocorrelation time in samples.
 
@@ -282,7 +282,7 @@ def errors_by_held(
     expected : ndarray of shape (n_windows, n_states)
         Expected initial states of the windows.
     spread : ndarray of shape (n_states,)
-        How uncertain they are.
+        Their uncertainty.
 
     Returns
     -------
@@ -310,7 +310,7 @@ def _block_scores(fit: WindowFit, normal: Normal) -> np.ndarray:
 
 
 def propagated_variance(slopes: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    r"""Return the variance of simulated outputs that errors of what they depend on make.
+    r"""Return the variance of simulated outputs due to errors in the quantities they depend on.
 
     .. math:: \sigma_k^2 = \frac{\partial \hat y_k}{\partial p} C
               \left(\frac{\partial \hat y_k}{\partial p}\right)^T

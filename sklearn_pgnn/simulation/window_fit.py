@@ -8,8 +8,8 @@ With the residuals :math:`r_w` of window :math:`w`, its initial state :math:`x_w
 
 is found by Levenberg-Marquardt steps within bounds. The initial states are eliminated window by
 window, so a step solves one small bounded least-squares problem. Every window has a damping of its
-own, and one that a step harms keeps its initial state: where dry friction sticks a residual is no
-smooth function of it, and a few such windows must not hold up all others.
+own, and one that a step makes worse keeps its initial state: under sticking dry friction a residual
+is not a smooth function of it, and a few such windows must not hold up all others.
 """
 
 from collections.abc import Callable
@@ -24,9 +24,9 @@ from sklearn_pgnn.simulation.windows import Evaluation, ShootingWindows, evaluat
 
 #: first Levenberg-Marquardt damping, and its smallest and largest
 FIRST_DAMPING, DAMPINGS = 1e-3, (1e-9, 1e9)
-#: steps in a row that may fail
+#: number of successive steps that may fail
 MAX_REJECTED = 8
-#: most that a step may gain, relative to what the linear model predicts
+#: largest gain of a step, relative to the prediction of the linear model
 OPTIMISM = 10.0
 
 
@@ -79,7 +79,7 @@ class WindowFit:
     model : PhysicsModel
         The model at the fitted values.
     freedoms : tuple of ParameterPrior
-        What was free.
+        The free parameters.
     x0 : ndarray of shape (n_windows, n_states)
         Fitted initial states, of led ones that of the record, see
         `sklearn_pgnn.simulation.led_states`.
@@ -145,7 +145,7 @@ def fit_windows(
     x0 : ndarray of shape (n_windows, n_states)
         Expected initial states.
     x0_spread : ndarray of shape (n_states,)
-        How uncertain they are.
+        Their uncertainty.
     x0_start : ndarray of shape (n_windows, n_states), optional
         Where the initial states start; by default, and in windows that diverge from there, where
         they are expected.
@@ -155,12 +155,12 @@ def fit_windows(
         Whether the first step moves the initial states only: they start less well than the
         parameters.
     min_steps, max_steps : int, default=0, 25
-        Least number of steps, however little they promise, and the largest.
+        Least number of steps, however small their predicted decrease, and the largest.
     tolerance : float, default=1e-5
         Relative decrease of the objective at which the fit ends.
     prune_above : float, optional
-        Objective that must come into reach: the fit ends where `OPTIMISM` times the decrease that
-        a linear model promises would still leave it above.
+        Objective that must be attainable: the fit ends if `OPTIMISM` times the decrease predicted
+        by a linear model would still leave it above.
     precision : ndarray of shape (n_parameters, n_parameters), optional
         Inverse covariance of the parameters about their centres, in the place of their spreads.
     each_step : callable, optional
@@ -371,13 +371,13 @@ def expected_decrease(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) 
     expected : ndarray of shape (n_windows, n_states)
         Expected initial states.
     spread : ndarray of shape (n_states,)
-        How uncertain they are.
+        Their uncertainty.
 
     Returns
     -------
     float
-        Decrease of the sum of squares; zero where the fit diverged, or where rounding makes of it
-        more than there is.
+        Decrease of the sum of squares; zero if the fit diverged, or if rounding makes it exceed
+        the sum itself.
     """
     if not np.isfinite(fit.objective):
         return 0.0

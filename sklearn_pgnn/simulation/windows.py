@@ -29,7 +29,7 @@ EPSILON = np.finfo(float).eps
 
 @dataclass(frozen=True)
 class ShootingWindows:
-    """Records laid end to end, and the windows of them that a model is judged on.
+    """Concatenated records, and their windows on which a model is evaluated.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ class ShootingWindows:
     scale : ndarray of shape (n_outputs,)
         Noise of every output; residuals are divided by it.
     hold : {"zoh", "foh"}
-        How inputs run between samples.
+        How inputs vary between samples.
     substeps : int
         Integration steps from sample to sample.
     threads : int
@@ -139,7 +139,7 @@ class ShootingWindows:
         Parameters
         ----------
         factor : int
-            One sample of so many stays, the first of every window among them.
+            One in this many samples is kept, including the first of every window.
 
         Returns
         -------
@@ -257,7 +257,7 @@ def evaluate(model: PhysicsModel, windows: ShootingWindows, x0, wrt: tuple[str, 
 
     .. math:: \varepsilon |\theta_i| \, |\partial y / \partial \theta_i| > \sigma,
 
-    with the rounding :math:`\varepsilon` of a double: what was simulated is arbitrary.
+    with the rounding :math:`\varepsilon` of a double: the simulation is then arbitrary.
 
     Parameters
     ----------

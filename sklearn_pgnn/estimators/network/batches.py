@@ -3,7 +3,7 @@
 import torch
 from torch.utils.data import Subset
 
-#: a small set of windows is still cut into so many batches
+#: least number of batches that a small set of windows is cut into
 MIN_BATCHES = 16
 
 
@@ -15,7 +15,7 @@ class TensorBatches:
     dataset : skorch.dataset.Dataset or torch.utils.data.Subset of it
         Its ``X`` is an array or a dict of arrays, its ``y`` an array.
     batch_size : int, default=1
-        Most samples in a batch; fewer where that makes less than 16 batches.
+        Maximum number of samples in a batch; reduced if there would be fewer than 16 batches.
     shuffle : bool, default=False
         Whether to take the samples in a new order each time.
 

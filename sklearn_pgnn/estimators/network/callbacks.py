@@ -14,7 +14,7 @@ class EnoughTraining(Exception):
 class CosineDecay(Callback):
     r"""Let the learning rate of a phase fall to zero, :math:`\frac{1}{2}(1 + \cos \pi e/E)`.
 
-    Where an `LRScheduler` stands among the callbacks it alone decides.
+    If there is an `LRScheduler` among the callbacks, it alone sets the learning rate.
 
     References
     ----------
@@ -37,7 +37,7 @@ class CosineDecay(Callback):
             phase.epoch += 1
 
     def on_train_end(self, net, **kwargs):
-        """Restore the learning rates, for a training that goes on."""
+        """Restore the learning rates, in case the training is continued."""
         self._set(1.0)
         self.groups_ = []
 
@@ -63,7 +63,7 @@ class BestFreeRun(Callback):
         self.n_iter_no_change = n_iter_no_change
 
     def on_train_begin(self, net, **kwargs):
-        """Reset, and note the error of weights that were trained before."""
+        """Reset, and note the error of previously trained weights."""
         self.best_, self.weights_, self.waited_ = np.inf, None, 0
         if net._validation and net.history:
             self.note(net, net._validation_error())

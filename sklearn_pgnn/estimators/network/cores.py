@@ -63,7 +63,7 @@ class FeedForward(nn.Module):
         Returns
         -------
         Tensor of shape (..., n_outputs)
-            What it gives.
+            Outputs of the network.
         """
         return self.layers(z)
 
@@ -106,7 +106,7 @@ class Recurrent(nn.Module):
         Parameters
         ----------
         n : int
-            How many.
+            Number of trajectories.
 
         Returns
         -------
@@ -128,7 +128,7 @@ class Recurrent(nn.Module):
         Returns
         -------
         output : Tensor of shape (n, n_outputs)
-            What it gives.
+            Outputs of the network.
         hidden : Tensor of shape (n, neurons)
             The next hidden state.
         """

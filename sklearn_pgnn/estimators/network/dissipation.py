@@ -1,4 +1,4 @@
-"""What a network takes out of a model's states, as a differentiable step of torch."""
+"""Energy that a network takes out of a model's states, as a differentiable torch step."""
 
 import torch
 
@@ -11,11 +11,11 @@ def dissipated(output, parts, root, dt) -> torch.Tensor:
     Parameters
     ----------
     output : Tensor of shape (n, n_lossy * (n_lossy + 1) / 2)
-        What the network gives.
+        Outputs of the network.
     parts : Tensor of shape (n, n_lossy + n_lossy**2)
         Slopes and Hessian of the stored energy.
     root : Tensor of shape (n_lossy,)
-        What every row of L is measured in.
+        Unit of every row of L.
     dt : Tensor of shape (n, 1)
         Steps [s].
 

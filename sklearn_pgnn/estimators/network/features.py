@@ -6,21 +6,21 @@ from sklearn_pgnn.estimators.network.structure import ON_THE_MODEL, corrected_st
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.network_run import names_in_terms
 
-#: scale of a feature that the network shall not see: what is left of it is below rounding
+#: scale of a feature that the network must not see: divided by it, the feature vanishes
 UNSEEN = 1e30
 
 
 def check_features(model: PhysicsModel, structure, guide, corrects, sees, further=()) -> None:
-    """Refuse what a network shall correct or see where it cannot.
+    """Refuse quantities that a network cannot correct or see.
 
     Parameters
     ----------
     model : PhysicsModel
         The model.
     structure : {"output", "increment", "correction", "dissipative"}
-        What the network's output means.
+        Meaning of the network's output.
     guide : {None, "simulation", "step", "terms"}
-        What of the model the network sees.
+        What the network sees of the model.
     corrects, sees : sequence of str or None
         The parameters.
     further : sequence of str
@@ -29,7 +29,7 @@ def check_features(model: PhysicsModel, structure, guide, corrects, sees, furthe
     Raises
     ------
     ValueError
-        If so.
+        If there are such quantities.
     """
     own = [list(model.states)[i] for i in corrected_states(model, structure)]
     _check_names("corrects", corrects, own)
@@ -58,14 +58,14 @@ def _check_names(name, given, expected) -> None:
 
 
 def feature_scale(model: PhysicsModel, guide, scale, sees, further) -> np.ndarray:
-    """Return what the features are divided by: so much, where they are not seen, that 0 is left.
+    """Return the divisors of the features, so large for features not seen that 0 is left.
 
     Parameters
     ----------
     model : PhysicsModel
         The model.
     guide : {None, "simulation", "step", "terms"}
-        What of the model the network sees.
+        What the network sees of the model.
     scale : ndarray of shape (n_features,)
         Standard deviations of the features.
     sees : sequence of str or None

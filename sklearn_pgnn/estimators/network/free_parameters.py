@@ -1,4 +1,4 @@
-"""The parameters of a model that are trained with the network, inside their spread."""
+"""The parameters of a model that are trained with the network, within their spread."""
 
 from dataclasses import dataclass
 
@@ -16,14 +16,14 @@ AT_THE_END = 1e-6
 
 @dataclass(frozen=True)
 class FreeParameters:
-    """Parameters as relative changes of the values that a training begins with.
+    """Parameters as relative changes from their values at the start of the training.
 
     Parameters
     ----------
     names : tuple of str
         The parameters.
     start, unit : ndarray of shape (n_free,)
-        Value at the beginning, and what a relative change of 1 is.
+        Initial value, and the change that a relative change of 1 stands for.
     low, high : ndarray of shape (n_free,)
         Least and largest relative change.
     """
@@ -36,14 +36,14 @@ class FreeParameters:
 
     @classmethod
     def of(cls, prior: PhysicsModel, start: PhysicsModel, names) -> "FreeParameters":
-        """Let parameters go as far as the prior's spread and bounds allow.
+        """Let parameters vary as far as the prior's spread and bounds allow.
 
         Parameters
         ----------
         prior : PhysicsModel
-            The model that says how far.
+            The model that defines spread and bounds.
         start : PhysicsModel
-            The model at the values to begin with.
+            The model at the initial values.
         names : sequence of str
             The parameters.
 
@@ -101,7 +101,7 @@ class FreeParameters:
         }
 
     def at_the_end(self, changes: np.ndarray) -> list[str]:
-        """Name the parameters that went to an end of their range.
+        """Name the parameters that ended at a limit of their range.
 
         Parameters
         ----------
@@ -126,7 +126,7 @@ def names_of(model: PhysicsModel | None, free) -> tuple[str, ...]:
     model : PhysicsModel or None
         The model.
     free : None, "all" or sequence of str
-        What the user gave; None means no parameter.
+        The value given by the user; None means no parameter.
 
     Returns
     -------

@@ -34,7 +34,7 @@ def step_with(core: nn.Module, step: NetworkStep) -> NetworkStep:
 
 
 def tuned(step: NetworkStep, changes: np.ndarray) -> NetworkStep:
-    """Return a step whose free parameters are set to their values; what guides stays the same."""
+    """Return a step with its free parameters set to their values; the guide stays the same."""
     units = parameter_units(step.model, step.free)
     values = {
         name: step.model.parameters[name].value + float(unit * change)
@@ -50,14 +50,14 @@ def weights_of(core: nn.Module) -> np.ndarray:
 
 
 def compiled_run(core: nn.Module, step: NetworkStep, changes=()) -> FreeRun:
-    """Make the free run of a compiled core ready, with the weights that it has now.
+    """Prepare the free run of a compiled core, with its present weights.
 
     Parameters
     ----------
     core : Module
         The trained core, see `is_compiled`.
     step : NetworkStep
-        What a step is made of.
+        Definition of the network's step.
     changes : ndarray of shape (n_free,), optional
         Relative changes of the step's free parameters.
 
@@ -70,21 +70,21 @@ def compiled_run(core: nn.Module, step: NetworkStep, changes=()) -> FreeRun:
 
 
 def ready_to_run(core: nn.Module, step: NetworkStep, changes=()):
-    """Make a network's free run ready, once for many trajectories.
+    """Prepare a network's free run, once for many trajectories.
 
     Parameters
     ----------
     core : Module
         The trained core.
     step : NetworkStep
-        What a step is made of.
+        Definition of the network's step.
     changes : ndarray of shape (n_free,), optional
         Relative changes of the step's free parameters.
 
     Returns
     -------
     callable
-        Of a `NetworkRecord`: gives what `run_core` does.
+        Takes a `NetworkRecord`, and returns the same as `run_core`.
     """
     if is_compiled(core):
         return compiled_run(core, step, changes)
@@ -99,7 +99,7 @@ def run_core(core: nn.Module, step: NetworkStep, record: NetworkRecord, changes=
     core : Module
         The trained core.
     step : NetworkStep
-        What a step is made of.
+        Definition of the network's step.
     record : NetworkRecord
         The trajectory.
     changes : ndarray of shape (n_free,), optional
@@ -108,7 +108,7 @@ def run_core(core: nn.Module, step: NetworkStep, record: NetworkRecord, changes=
     Returns
     -------
     x : ndarray of shape (n_samples, n_states)
-        The states; from where they leave the reach on, the last within.
+        The states; once they leave the reach, the last ones within it are repeated.
     failed : int
         The first sample out of reach, -1 if there is none.
     """

@@ -1,9 +1,9 @@
 r"""The last phase: all weights at once, on the free-run simulation of whole trajectories.
 
-Minimised is :math:`F = (1 - \lambda)\,L_{error} + \lambda\,L_{phy}`, with the exact gradient from
-the compiled sensitivities, by Levenberg and Marquardt's steps or by L-BFGS, until the cost hardly
-falls any more. An inequality's ReLU counts in the curvature like the parabola that touches it,
-:math:`h \le h^2/(2 h_0) + h_0/2`.
+The cost :math:`F = (1 - \lambda)\,L_{error} + \lambda\,L_{phy}` is minimised with the exact
+gradient from the compiled sensitivities, by Levenberg-Marquardt steps or by L-BFGS, until it
+hardly decreases any more. For the curvature, an inequality's ReLU is replaced by the parabola
+that touches it, :math:`h \le h^2/(2 h_0) + h_0/2`.
 """
 
 from dataclasses import dataclass
@@ -24,13 +24,13 @@ from sklearn_pgnn.simulation.network_run import (
 )
 from sklearn_pgnn.threads import kept_pool
 
-#: damping to begin with, and its largest value
+#: initial damping, and its largest value
 DAMPING, MOST_DAMPING = 1e-3, 1e12
-#: the search ends where so many steps lower the cost by no more than this share
+#: the search ends when this many steps lower the cost by no more than this share
 SETTLED, TOLERANCE = 5, 0.001
-#: most weights that L-BFGS tries in one direction
+#: maximum number of points that L-BFGS tries in one direction
 LINE_SEARCH = 20
-#: least gain that a step is compared with
+#: smallest gain that a step is compared with
 TINY = np.finfo(float).tiny
 #: least distance of an inequality from its edge, for its curvature
 EDGE = 1e-6
@@ -46,11 +46,11 @@ class Sums:
 
     @property
     def is_finite(self) -> bool:
-        """Whether cost, gradient and curvature are numbers that a step can be made of."""
+        """Whether cost, gradient and curvature are finite, so that a step can be computed."""
         return all(np.isfinite(part).all() for part in (self.cost, self.gradient, self.curvature))
 
     def without(self, held) -> "Sums":
-        """Return the sums as if some weights did not matter."""
+        """Return the sums as if the cost did not depend on some weights."""
         if not held.any():
             return self
         free = ~held
@@ -63,7 +63,7 @@ class Sums:
         self.curvature += 2 * factor * (jacobian.T @ jacobian)
 
     def add_linear(self, excess, jacobian, factor: float) -> None:
-        """Add ``factor`` times what exceeds an inequality."""
+        """Add ``factor`` times the violation of an inequality."""
         over = excess > 0
         excess, jacobian = excess[over], jacobian[over]
         self.cost += factor * float(excess.sum())
@@ -78,21 +78,21 @@ class SimulationObjective:
     Parameters
     ----------
     step : NetworkStep
-        What a step is made of.
+        Definition of the network's step.
     records : list of TrainingRecord
         The trajectories.
     scale : ndarray of shape (n_outputs,)
-        What an error of every output is measured by.
+        Scale of every output's error.
     physics : PhysicsLoss or None
         The physical terms.
     lambda_phy : float
         Their weight.
     stride : int, default=1
-        Every so many samples errors and physical residuals are taken.
+        Interval, in samples, at which errors and physical residuals are evaluated.
     threads : int, default=1
         Threads to simulate on.
     overlap : OverlapCost, optional
-        What the network's output costs that the model's free parameters could express.
+        Cost of the network's output that the model's free parameters could express.
     """
 
     def __init__(
@@ -133,7 +133,7 @@ class SimulationObjective:
         )
 
     def parts(self, theta: np.ndarray) -> list[Sums]:
-        """Return the sums of every record, and last, where it costs, of the overlap.
+        """Return the sums of every record, and last, if it has a cost, of the overlap.
 
         Parameters
         ----------
@@ -164,7 +164,7 @@ class SimulationObjective:
         return float(sum(self._each(self._cost_of, theta)))
 
     def weigh_overlap(self, theta: np.ndarray) -> float:
-        """Weigh the overlap by the present error, which is returned.
+        """Weight the overlap by the present error, which is returned.
 
         Parameters
         ----------
@@ -198,7 +198,7 @@ class SimulationObjective:
         return cost if self.overlap is None else cost + self.overlap(theta).cost
 
     def _each(self, task, theta) -> list:
-        """Apply a task to every record, on threads of this process: a cluster is too far."""
+        """Apply a task to every record, on threads of this process, not on a cluster."""
         threads = min(self.threads, len(self.records))
         work = kept_pool(threads).map if threads > 1 else map
         return list(work(lambda record: task(record, theta), self.records))
@@ -298,7 +298,7 @@ class OverlapCost:
     core : Module
         The network.
     weight : float
-        What a whole overlap costs, as a share of the error.
+        Cost of a complete overlap, as a share of the error.
     """
 
     def __init__(self, overlap, core, weight: float):
@@ -327,7 +327,7 @@ class OverlapCost:
 
 
 def _add_last(jacobian, by_parameter) -> None:
-    """Add derivatives by the free parameters, which stand last, in place."""
+    """Add derivatives by the free parameters, the last columns, in place."""
     jacobian[:, jacobian.shape[1] - by_parameter.shape[1] :] += by_parameter
 
 
@@ -350,15 +350,15 @@ def levenberg_marquardt(
     Parameters
     ----------
     objective : SimulationObjective
-        What is minimised.
+        The function to minimise.
     theta : ndarray of shape (n_weights,)
         The start.
     iterations : int
-        Most steps that lower the cost; those that are tried in vain are not counted.
+        Maximum number of steps that lower the cost; rejected steps are not counted.
     on_step : callable
-        Is told of every accepted step, ``on_step(theta, cost)``; True ends the search.
+        Called at every accepted step, ``on_step(theta, cost)``; True ends the search.
     bounds : (ndarray, ndarray), optional
-        Least and largest values; what would be pushed beyond is held, and a step ends there.
+        Least and largest values; a weight pushed beyond is held, and a step ends at the bound.
 
     Returns
     -------
@@ -389,9 +389,9 @@ def levenberg_marquardt(
 
 
 def _next_step(objective, theta, now: Sums, damping: float, size: np.ndarray, bounds):
-    """Stiffen the damping until a step lowers the cost; None where even the shortest does not.
+    """Increase the damping until a step lowers the cost; None if even the shortest does not.
 
-    A step into a divergence, of the simulation or of its sensitivities, is one that does not.
+    A step into a divergence, of the simulation or of its sensitivities, counts as a failed step.
     """
     stiffen, (low, high) = 2.0, bounds
     moves = ~((theta <= low) & (now.gradient > 0) | (theta >= high) & (now.gradient < 0))

@@ -1,4 +1,4 @@
-r"""What the network says that other values of the model's parameters could say as well.
+r"""The part of the network's output that other values of the model's parameters could express.
 
 Over the training rows the network's contribution :math:`N` and the derivatives :math:`J` of the
 model's step by its free parameters are vectors of one space. The share of :math:`N` that lies in
@@ -26,9 +26,9 @@ from sklearn_pgnn.estimators.network.records import TrainingWindows
 from sklearn_pgnn.estimators.network.structure import corrected_states
 from sklearn_pgnn.simulation.network_run import NetworkStep, energy_values, prior_steps
 
-#: most training rows that are looked at
+#: maximum number of training rows that are used
 ROWS = 1500
-#: directions of parameters that say as little as this share of the loudest say nothing
+#: parameter directions with less effect than this share of the strongest count as without effect
 RANK = 1e-6
 
 
@@ -38,7 +38,7 @@ class Overlap:
     Parameters
     ----------
     step : NetworkStep
-        What a step is made of.
+        Definition of the network's step.
     free : FreeParameters
         The parameters.
     windows : TrainingWindows
@@ -70,7 +70,7 @@ class Overlap:
         Returns
         -------
         Tensor of shape (n_directions,)
-            The overlap, in what the model alone leaves of a step.
+            The overlap, in units of the model's own error of a step.
         """
         seen = self._seen.to(next(core.parameters()).device)
         at_rest = getattr(core, "at_rest", None)
@@ -109,7 +109,7 @@ class Overlap:
 
 
 class _Loss:
-    """What a dissipative network takes out at the training rows, in what the model leaves there."""
+    """What a dissipative network takes out at the training rows, relative to the model's error."""
 
     def __init__(self, step, windows, rows, own, left):
         places = [list(step.model.states).index(name) for name in step.loss.states]

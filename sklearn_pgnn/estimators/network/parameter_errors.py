@@ -1,4 +1,4 @@
-"""How sure the parameters are that were trained with the network."""
+"""Standard errors of the parameters that were trained with the network."""
 
 import numpy as np
 
@@ -7,14 +7,14 @@ from sklearn_pgnn.simulation.uncertainty import FLAT, invert
 
 
 def parameter_errors(objective: SimulationObjective, theta: np.ndarray) -> np.ndarray:
-    r"""Return the standard errors of the free parameters, the weights following them.
+    r"""Return the standard errors of the free parameters, with the weights adapting to them.
 
     .. math:: \mathrm{cov} = S^{-1} M S^{-1}, \qquad
               S = H_{pp} - H_{pw} H_{ww}^{-1} H_{wp},
 
-    with the Hessian :math:`H` of the error, and the larger one, for every parameter, of two
-    :math:`M`: that of white residuals, and the sum over the trajectories of the squares of the
-    gradients that the weights leave. What the network can make up for the records do not tell.
+    with the Hessian :math:`H` of the error, and, for every parameter, the larger result of two
+    :math:`M`: that of white residuals, and the sum over the trajectories of the squared gradients
+    after elimination of the weights. The records do not determine what the network can compensate.
 
     Parameters
     ----------
@@ -26,7 +26,7 @@ def parameter_errors(objective: SimulationObjective, theta: np.ndarray) -> np.nd
     Returns
     -------
     ndarray of shape (n_free,)
-        Standard errors, as relative changes; infinite where nothing tells.
+        Standard errors, as relative changes; infinite where undetermined.
     """
     n_free = len(objective.step.free)
     parts = objective.parts(theta)
@@ -47,7 +47,7 @@ def parameter_errors(objective: SimulationObjective, theta: np.ndarray) -> np.nd
 
 
 def _following(hessian, n_free) -> np.ndarray:
-    """Return how the weights follow the parameters, as the product that takes them out."""
+    """Return how the weights adapt to the parameters, as the product that eliminates them."""
     of_weights, across = hessian[:-n_free, :-n_free], hessian[-n_free:, :-n_free]
     size = np.sqrt(np.maximum(np.diag(of_weights), np.finfo(float).tiny))
     inverse = np.linalg.pinv(of_weights / np.outer(size, size), rcond=FLAT, hermitian=True)

@@ -33,7 +33,7 @@ class PhysicsTerm(BaseEstimator):
         ``residual(x, u, t)`` of the states at both ends of every step, Tensor of shape
         (n, length + 1, n_states), the inputs from sample to sample, (n, length, n_inputs), and the
         time [s], (n, length + 1); gives the dimensionless residual, (n, length) or (n, length, m).
-        Physical units, whatever scaler stands in the pipeline.
+        All are in physical units, whatever scaler is in the pipeline.
     kind : {"equality", "inequality"}, default="equality"
         Whether the residual shall be zero, or not above zero.
     weight : float, default=1
@@ -46,7 +46,7 @@ class PhysicsTerm(BaseEstimator):
     'inequality'
     """
 
-    #: whether it is one of energies: in joules unless scaled, by the parameters that are trained
+    #: whether it is an energy term: in joules unless scaled, with the parameters being trained
     is_energy = False
 
     def __init__(self, residual=None, *, kind="equality", weight=1.0):
@@ -55,7 +55,7 @@ class PhysicsTerm(BaseEstimator):
         self.weight = weight
 
     def bind(self, model: PhysicsModel, motion: "Motion"):
-        """Get ready for a model and the motion it is trained on.
+        """Bind to a model and the motion it is trained on.
 
         Parameters
         ----------
@@ -87,8 +87,8 @@ class EnergyBalance(PhysicsTerm):
     supplied power of the training data (of the change of the stored energy, where nothing is
     supplied), so that the residual does not depend on the units.
 
-    What is dissipated is the prior's, which may lack what is to be learnt. Where its form is known,
-    `dissipated` takes its place, with parameters that are trained with the network.
+    The dissipation is that of the prior, which may lack what is to be learnt. If its form is known,
+    `dissipated` replaces it, with parameters that are trained with the network.
 
     Parameters
     ----------
@@ -98,8 +98,8 @@ class EnergyBalance(PhysicsTerm):
         Power that is lost [W], as an expression of the model's quantities and of `parameters`; by
         default as in the model's energy.
     parameters : mapping of str to float, optional
-        Numbers in `dissipated` that the model does not have, with the values that their training
-        begins with; they are kept from becoming negative.
+        Parameters in `dissipated` that the model does not have, with their initial values for the
+        training; they are kept from becoming negative.
 
     References
     ----------
@@ -155,7 +155,7 @@ class EnergyBalance(PhysicsTerm):
         )
 
     def bind(self, model, motion, scaled=True):
-        """Get ready for a model and its motion, see `PhysicsTerm.bind`; not scaled in joules."""
+        """Bind to a model and its motion, see `PhysicsTerm.bind`; in joules if not scaled."""
         energy = _Energy(self.with_dissipation(model), motion, scaled)
         return partial(energy.surplus, dissipates=True)
 
@@ -185,7 +185,7 @@ class Passivity(PhysicsTerm):
         super().__init__(None, kind="inequality", weight=weight)
 
     def bind(self, model, motion, scaled=True):
-        """Get ready for a model and its motion, see `PhysicsTerm.bind`; not scaled in joules."""
+        """Bind to a model and its motion, see `PhysicsTerm.bind`; in joules if not scaled."""
         return partial(_Energy(model, motion, scaled).surplus, dissipates=False)
 
 
@@ -212,7 +212,7 @@ class Bounds(PhysicsTerm):
         self.bounds = bounds
 
     def bind(self, model, motion):
-        """Get ready for a model and the motion it is trained on; see `PhysicsTerm.bind`."""
+        """Bind to a model and the motion it is trained on; see `PhysicsTerm.bind`."""
         return partial(_state_excess, *_limits(self, model))
 
 
@@ -236,13 +236,13 @@ class RateBounds(Bounds):
     """
 
     def bind(self, model, motion):
-        """Get ready for a model and the motion it is trained on; see `PhysicsTerm.bind`."""
+        """Bind to a model and the motion it is trained on; see `PhysicsTerm.bind`."""
         return partial(_rate_excess, *_limits(self, model))
 
 
 @dataclass(frozen=True)
 class Motion:
-    """What the machine did in the training data, from each sample to the next.
+    """Motion of the machine in the training data, from each sample to the next.
 
     Parameters
     ----------
@@ -271,7 +271,7 @@ class PhysicsLoss:
     motion : Motion
         The training data.
     scaled : bool, default=True
-        Whether residuals of energies are shares of a power, or else in joules.
+        Whether energy residuals are relative to a power; otherwise they are in joules.
     """
 
     def __init__(self, terms, model: PhysicsModel, motion: Motion, scaled: bool = True):
@@ -298,12 +298,12 @@ class PhysicsLoss:
         Returns
         -------
         list of Tensor
-            The residuals, of an inequality only what is above zero.
+            The residuals; for an inequality only the part above zero.
 
         Raises
         ------
         ValueError
-            If one's own term gives another shape, or of finite states something not finite.
+            If a user-defined term returns another shape, or non-finite values for finite states.
         """
         found = []
         for term, residual in zip(self.terms, self._residuals, strict=True):
@@ -333,7 +333,7 @@ class PhysicsLoss:
 
 
 def _name_of(term: PhysicsTerm) -> str:
-    """Return what a term is called: of one's own function its name."""
+    """Return the name of a term; for a user-defined function, the function's name."""
     return getattr(term.residual, "__name__", type(term).__name__)
 
 
@@ -343,7 +343,7 @@ def as_terms(physics_loss, model: PhysicsModel | None) -> list[PhysicsTerm]:
     Parameters
     ----------
     physics_loss : None, PhysicsTerm, callable or list of them
-        What the user gave; None means the energy balance.
+        The value given by the user; None means the energy balance.
     model : PhysicsModel or None
         The model.
 
@@ -355,7 +355,7 @@ def as_terms(physics_loss, model: PhysicsModel | None) -> list[PhysicsTerm]:
     Raises
     ------
     ValueError
-        If something is no term, or the energy balance is meant and the model has no energy.
+        If something is not a term, or the energy balance is requested and the model has no energy.
     """
     given: list[Any] = [EnergyBalance()]
     if physics_loss is not None:
@@ -451,7 +451,7 @@ class _Energy:
         self.reference = rms[0] or rms[1] or 1.0
 
     def surplus(self, x, u, t, *, dissipates: bool, tuned=None):
-        """Return the growth of the stored energy beyond what was supplied, over the scale."""
+        """Return the growth of the stored energy beyond the supplied energy, over the scale."""
         x_middle, u_middle, t_middle = _middle(x, u, t)
         change = torch.diff(self._stored(x, u, t, tuned), dim=1) / torch.diff(t, dim=1)
         surplus = change - self._power("supplied", x_middle, u_middle, t_middle, tuned)

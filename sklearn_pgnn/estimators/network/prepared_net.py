@@ -1,4 +1,4 @@
-"""A network that reads tables, and settles what a step is made of before it is trained."""
+"""A network that reads tables, and defines its step before it is trained."""
 
 from dataclasses import dataclass
 from numbers import Integral, Real
@@ -46,7 +46,7 @@ from sklearn_pgnn.trajectories.tables import TIME, as_pandas, as_table
 from sklearn_pgnn.trajectories.validation import check_model, validate_table
 
 REFINEMENTS = ("auto", "lm", "lbfgs", None)
-#: parameters that count something, and their least values
+#: integer parameters, and their least values
 COUNTS = {"horizon": 1, "rollout_epochs": 0, "refine_max_iter": 0, "n_iter_no_change": 1}
 #: comparisons of the outputs per dominant period in the last phase
 PER_PERIOD = 100
@@ -54,14 +54,14 @@ PER_PERIOD = 100
 
 @dataclass
 class Runs:
-    """Trajectories of a table, ready for the loop, and their free runs.
+    """Trajectories of a table, prepared for the loop, and their free runs.
 
     Parameters
     ----------
     records : tuple of Record
         The trajectories.
     ready : list of NetworkRecord
-        What the loop runs along.
+        The trajectories as the loop needs them.
     x : list of ndarray
         The states of the free runs.
     """
@@ -72,7 +72,7 @@ class Runs:
 
 
 class PreparedNet(TrajectoryNet):
-    """What `PGNNLRegressor` does before the training: it reads, checks and settles."""
+    """The preparation of the training of `PGNNLRegressor`: reading, checks and the step."""
 
     # -- reading -----------------------------------------------------------------------------------
 
@@ -155,7 +155,7 @@ class PreparedNet(TrajectoryNet):
     # -- preparing ---------------------------------------------------------------------------------
 
     def _prepare_training(self, X, y, random, anew):
-        """Read the records, estimate their states, and settle what a step is made of."""
+        """Read the records, estimate their states, and define the network's step."""
         table = X = validate_table(self, X, reset=anew)
         y = as_pandas(y)
         outputs = y if hasattr(y, "iloc") else np.asarray(y)
@@ -205,14 +205,14 @@ class PreparedNet(TrajectoryNet):
         return training, windows
 
     def _settle_dissipation(self) -> None:
-        """Let the model lose its energy as a balance says that is weighted."""
+        """Let the model dissipate energy as defined by a weighted balance."""
         terms = as_terms(self.physics_loss, self.model) if self.lambda_phy != 0 else []
         self._balance_names = own_parameters(self.model, terms)
         self._prior = with_dissipation(self.model, terms)
         self.model_ = with_dissipation(self.model_, terms)
 
     def _settle_clock(self, records) -> dict:
-        """Settle how the records are simulated and compared, and return the former."""
+        """Choose how the records are simulated and compared, and return the simulation options."""
         self.hold_ = hold_of(self.model_, self.hold)
         self.substeps_ = substeps_for(self.model_, records, self.substeps, hold=self.hold_)
         self.interval_ = float(np.median(np.concatenate([np.diff(r.t) for r in records])))
@@ -239,7 +239,7 @@ class PreparedNet(TrajectoryNet):
         return windows
 
     def _prepare_unmeasured(self, X, records, options) -> list[TrainingRecord]:
-        """Make the trajectories without any output ready, where a physical loss asks for them."""
+        """Prepare the trajectories without any output, if a physical loss needs them."""
         blind = [record for record in records if not record.is_measured]
         if self.lambda_phy == 0 or not blind:
             return []
@@ -280,7 +280,7 @@ class PreparedNet(TrajectoryNet):
             )
 
     def _settle_physics(self, windows) -> None:
-        """Bind the physical terms, where there are any or where they weigh."""
+        """Bind the physical terms, if there are any or if they have a weight."""
         self._physics, self.lambda_phy_ = None, 0.0
         wanted = self.lambda_phy != 0 or self.physics_loss is not None
         if wanted or "stored" in self.model_.energy:
@@ -299,7 +299,7 @@ class PreparedNet(TrajectoryNet):
         return self._physics
 
     def _find_guide_line(self, X, records, ready):
-        """Find how the simulated columns of X follow the simulation; a stepper repeats it."""
+        """Find the line of the simulated columns of X over the simulation, for a stepper."""
         nx = len(self.model_.states)
         if self._guide != "simulation" or simulated_states(self.model_, X) is None:
             return np.ones(nx), np.zeros(nx)

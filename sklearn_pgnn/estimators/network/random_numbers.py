@@ -1,4 +1,4 @@
-"""Torch's random numbers: a process has one stream, which trainings take in turn."""
+"""Torch's random numbers: trainings use the one stream of a process in turn."""
 
 import os
 from collections.abc import Iterator
@@ -9,7 +9,7 @@ import torch
 
 
 class _StreamLock:
-    """Whose turn it is; in a forked process that of nobody, whoever had it in the first one."""
+    """Lock on the random stream; in a forked process it starts unlocked, whoever held it before."""
 
     def __init__(self):
         self.lock = RLock()
@@ -25,12 +25,12 @@ _STREAM_LOCK = _StreamLock()
 
 @contextmanager
 def own_random_numbers() -> Iterator[None]:
-    """Have torch's stream of random numbers alone, and give that of the processor back as it was.
+    """Hold torch's random stream exclusively, and restore that of the CPU afterwards.
 
-    Weights, batches, and what a core, a callback or an optimizer of one's own may draw come from
-    the one stream that torch has in a process. Whoever seeds it on a thread waits until no other
-    thread is in here, and so draws what it would draw alone. A graphics card has a stream of its
-    own: `torch.manual_seed` seeds that, too, and it stays as it was left in here.
+    Weights, batches, and the random numbers of a user-defined core, callback or optimizer come from
+    the one stream that torch has in a process. A thread that seeds it waits until no other thread
+    is in this context, and so draws the same numbers as it would alone. A GPU has a stream of its
+    own: `torch.manual_seed` seeds that, too, and it is not restored.
 
     Examples
     --------

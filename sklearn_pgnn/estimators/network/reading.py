@@ -25,7 +25,7 @@ def with_names(model: PhysicsModel, X, time_column=None):
     Returns
     -------
     DataFrame or ndarray
-        The table, as it came where it is something else.
+        The table; anything else is returned unchanged.
     """
     if isinstance(X, pd.DataFrame) or isinstance(time_column, str):
         return X
@@ -53,7 +53,7 @@ def simulated_states(model: PhysicsModel, X) -> np.ndarray | None:
     Returns
     -------
     ndarray of shape (n_samples, n_states) or None
-        The simulation, as it stands there.
+        The simulation, as given in the table.
     """
     names = [state + SIMULATED for state in model.states]
     if not isinstance(X, pd.DataFrame) or not set(names) <= set(X.columns):
@@ -64,7 +64,7 @@ def simulated_states(model: PhysicsModel, X) -> np.ndarray | None:
 def further_columns(model: PhysicsModel, X, time_column) -> list[str]:
     """Name the columns that are neither time, trajectory, quantity of the model nor simulation.
 
-    A column with the name of an output is never one: it would tell what is to be predicted.
+    A column with the name of an output is never one: it would reveal what is to be predicted.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def further_columns(model: PhysicsModel, X, time_column) -> list[str]:
     Returns
     -------
     list of str
-        Columns the network shall see besides.
+        Columns that the network is to see in addition.
     """
     if not isinstance(X, pd.DataFrame):
         return []

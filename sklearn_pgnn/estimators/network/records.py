@@ -27,10 +27,10 @@ from sklearn_pgnn.simulation.record_windows import (
 )
 from sklearn_pgnn.simulation.simulate import start_of
 
-#: state estimates that are kept
+#: number of state estimates that are cached
 KEPT = 8
 _ESTIMATES: dict[tuple, np.ndarray] = {}
-#: guards the cache, for whoever calls from several threads
+#: guards the cache against calls from several threads
 _KEEPING = Lock()
 
 
@@ -41,7 +41,7 @@ class TrainingRecord:
     Parameters
     ----------
     record : NetworkRecord
-        Time, inputs and what else the network sees.
+        Time, inputs and whatever else the network sees.
     x : ndarray of shape (n_samples, n_states)
         Estimated states.
     y : ndarray of shape (n_samples, n_outputs)
@@ -49,7 +49,7 @@ class TrainingRecord:
     scored_from : int
         The first sample that counts.
     told : ndarray of bool, shape (n_samples,), optional
-        Whether measurements tell the states of a sample; by default they do.
+        Whether measurements determine the states of a sample; by default they do.
     """
 
     record: NetworkRecord
@@ -60,7 +60,7 @@ class TrainingRecord:
 
     @property
     def is_told(self) -> np.ndarray:
-        """Whether measurements tell the states, sample by sample."""
+        """Whether measurements determine the states, sample by sample."""
         return np.ones(len(self.x), dtype=bool) if self.told is None else self.told
 
     def first(self, n_samples: int) -> "TrainingRecord":
@@ -74,7 +74,7 @@ class TrainingRecord:
 
 
 def prepare(model: PhysicsModel, records, features, simulated, *, hold: str, substeps: int):
-    """Make records ready for the network's loop.
+    """Prepare records for the network's loop.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def prepare(model: PhysicsModel, records, features, simulated, *, hold: str, sub
     simulated : list of ndarray or None
         Open-loop simulation of every trajectory; by default the model is simulated.
     hold : {"zoh", "foh"}
-        How the inputs run between two samples.
+        How the inputs vary between two samples.
     substeps : int
         Integration steps from sample to sample.
 
@@ -108,7 +108,7 @@ def prepare(model: PhysicsModel, records, features, simulated, *, hold: str, sub
 
 
 def open_loop(model: PhysicsModel, record, hold: str, substeps: int) -> np.ndarray:
-    """Simulate a record in open loop; where the model diverges its first state is repeated."""
+    """Simulate a record in open loop; if the model diverges its first state is repeated."""
     run = simulate_record(model, record, substeps=substeps, hold=hold)
     what = what_is_wrong(run, run.x, list(model.states))
     if not what:
@@ -124,7 +124,7 @@ def open_loop(model: PhysicsModel, record, hold: str, substeps: int) -> np.ndarr
 def estimate_states(model: PhysicsModel, records, *, hold: str, substeps: int) -> list[np.ndarray]:
     """Estimate the states of every record from its outputs.
 
-    The last estimates are kept: a search asks for the same ones again with every candidate.
+    The last estimates are cached: a search needs the same ones again for every candidate.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ def estimate_states(model: PhysicsModel, records, *, hold: str, substeps: int) -
     records : tuple of Record
         Trajectories with outputs.
     hold : {"zoh", "foh"}
-        How the inputs run between two samples.
+        How the inputs vary between two samples.
     substeps : int
         Integration steps from sample to sample.
 
@@ -157,7 +157,7 @@ def estimate_states(model: PhysicsModel, records, *, hold: str, substeps: int) -
 
 
 def told_samples(records) -> list[np.ndarray]:
-    """Find the samples whose states the measured outputs tell, by a short way across gaps.
+    """Find the samples whose states the measured outputs determine, across short gaps too.
 
     Parameters
     ----------
@@ -186,7 +186,7 @@ def _told(t: np.ndarray, measured: np.ndarray, window: float) -> np.ndarray:
 
 
 def unmeasured_record(model: PhysicsModel, record, ready: NetworkRecord, **options):
-    """Return a trajectory without measurements: the model's own simulation stands for the states.
+    """Return a trajectory without measurements, with the model's simulation as its states.
 
     Parameters
     ----------
@@ -195,9 +195,9 @@ def unmeasured_record(model: PhysicsModel, record, ready: NetworkRecord, **optio
     record : Record
         The trajectory.
     ready : NetworkRecord
-        What the network sees of it.
+        The trajectory as the network sees it.
     **options
-        Of the simulation.
+        Options of the simulation.
 
     Returns
     -------
@@ -223,8 +223,8 @@ def split_for_validation(records: list[TrainingRecord], share: float, random):
     Returns
     -------
     training, validation : list of TrainingRecord
-        What to learn from, and what to choose the network by: held-out trajectories, or all
-        trajectories from their beginning, of which only the held-out end counts.
+        Trajectories to train on, and trajectories to choose the weights by: the held-out ones, or
+        all from their beginning, of which only the held-out end counts.
     """
     if not share:
         return records, []
@@ -242,7 +242,7 @@ def split_for_validation(records: list[TrainingRecord], share: float, random):
 
 
 def _cut_of(record: TrainingRecord, share: float) -> int:
-    """Return the sample behind which a share of the measured ones lies."""
+    """Return the sample after which a given share of the measured ones lies."""
     measured = np.flatnonzero(np.isfinite(record.y).any(axis=1))
     return max(2, int(measured[max(0, round((1 - share) * len(measured)) - 1)]) + 1)
 
@@ -263,7 +263,7 @@ class TrainingWindows:
     model : PhysicsModel
         The model.
     hold : {"zoh", "foh"}
-        How the inputs run between two samples.
+        How the inputs vary between two samples.
     substeps : int
         Integration steps from sample to sample.
     needs_prior : bool
@@ -271,7 +271,7 @@ class TrainingWindows:
     needs_terms : bool
         Whether the model's terms at every measured state are needed.
     terms_from : PhysicsModel, optional
-        The model whose terms are meant; by default `model`.
+        The model whose terms are used; by default `model`.
     seen_at : float, default=0
         Where along the model's steps the network sees the states, and the terms: 0 at their starts,
         1 at their ends.
@@ -279,7 +279,7 @@ class TrainingWindows:
     Attributes
     ----------
     pairs : ndarray of int
-        First samples of the steps between samples whose states measurements tell.
+        First samples of the steps between samples whose states measurements determine.
     """
 
     def __init__(
@@ -335,7 +335,7 @@ class TrainingWindows:
 
     @property
     def told_x(self) -> np.ndarray:
-        """The states at the ends of steps that measurements tell; NaN at other samples."""
+        """The states at the ends of steps that measurements determine; NaN at other samples."""
         return np.where(self._told[:, None], self.x, np.nan)
 
     def cut(self, length: int, step: NetworkStep, *, teacher: bool) -> dict[str, np.ndarray]:
@@ -346,7 +346,7 @@ class TrainingWindows:
         length : int
             Steps of a window.
         step : NetworkStep
-            Tells what the network sees.
+            Defines what the network sees.
         teacher : bool
             Whether the measured states are fed back.
 

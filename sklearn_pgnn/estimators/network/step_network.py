@@ -23,7 +23,7 @@ class StepNetwork(nn.Module):
         Maps standardised features to the network's outputs; one that has ``at_rest`` also takes
         and gives a hidden state.
     step : NetworkStep
-        What a step is made of.
+        Definition of the network's step.
     samples : dict of str to ndarray
         Time ``t``, step ``dt``, acting inputs ``acting`` and ``acting_next`` of every training
         sample, which the model's own step needs.
@@ -32,7 +32,7 @@ class StepNetwork(nn.Module):
 
     Notes
     -----
-    ``teacher_forcing`` feeds back what was measured; otherwise what was predicted is fed back.
+    With ``teacher_forcing`` the measured state is fed back; otherwise the predicted state.
     ``changes`` are the relative changes of the parameters ``free``, which are kept in their range.
     """
 
@@ -61,7 +61,7 @@ class StepNetwork(nn.Module):
         t : Tensor of shape (n, length + 1)
             Times [s].
         index : Tensor of shape (n, length)
-            Where the samples stand in `samples`.
+            Indices of the samples in `samples`.
         prior : Tensor of shape (n, length, n_states), optional
             The model's step from the measured states.
         terms : Tensor of shape (n, length, n_terms), optional

@@ -1,4 +1,4 @@
-"""From records to what is trained: the structure, its step, and what errors are measured by."""
+"""From records to the network to train: the structure, its step, and the scale of errors."""
 
 from dataclasses import replace
 
@@ -21,9 +21,9 @@ from sklearn_pgnn.simulation.network_run import NetworkStep, run_network
 from sklearn_pgnn.simulation.record_windows import dominant_period
 from sklearn_pgnn.simulation.simulate import simulate
 
-#: windows in which the model is compared with persistence
+#: number of windows in which the model is compared with persistence
 TRIALS = 200
-#: a state so many of its deviations away from its mean has diverged
+#: a state this many standard deviations away from its mean has diverged
 REACH = 1e3
 
 
@@ -39,7 +39,7 @@ def find_structure(model: PhysicsModel, records, states, **options) -> str:
     states : list of ndarray
         Their estimated states.
     **options
-        Of the simulation.
+        Options of the simulation.
 
     Returns
     -------
@@ -61,7 +61,7 @@ def find_structure(model: PhysicsModel, records, states, **options) -> str:
 
 
 def check_structure(structure: str, guide, has_model: bool) -> None:
-    """Refuse a structure or a guide that is none, or needs a model where there is none.
+    """Refuse a structure or a guide that is invalid, or that lacks the model it needs.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def check_structure(structure: str, guide, has_model: bool) -> None:
     Raises
     ------
     ValueError
-        If so.
+        If a structure or guide is refused.
     """
     if structure not in ("auto", *STRUCTURES):
         raise ValueError(
@@ -108,7 +108,7 @@ def make_step(
     further=(),
     middle=False,
 ) -> NetworkStep:
-    """Scale what the network sees and gives by the training data.
+    """Scale the inputs and outputs of the network by the training data.
 
     Parameters
     ----------
@@ -117,11 +117,11 @@ def make_step(
     windows : TrainingWindows
         The training data.
     structure : {"output", "increment", "correction", "dissipative"}
-        What the network's output means.
+        Meaning of the network's output.
     guide : {None, "simulation", "step", "terms"}
-        What of the model the network sees.
+        What the network sees of the model.
     hold : {"zoh", "foh"}
-        How the inputs run between two samples.
+        How the inputs vary between two samples.
     substeps : int
         Integration steps from sample to sample.
     corrects : sequence of str, optional
@@ -175,7 +175,7 @@ def make_step(
 
 
 def base_error(step: NetworkStep, records: list[TrainingRecord], outputs, length: int | None):
-    """Measure what the base alone leaves: root mean square error of the outputs.
+    """Measure the root mean square error of the outputs of the base alone.
 
     Parameters
     ----------
@@ -184,7 +184,7 @@ def base_error(step: NetworkStep, records: list[TrainingRecord], outputs, length
     records : list of TrainingRecord
         Trajectories.
     outputs : callable
-        Gives the outputs of a `NetworkRecord` and its states.
+        Returns the outputs of a `NetworkRecord` and its states.
     length : int or None
         Steps after which the base starts again from the measured state; None for never.
 

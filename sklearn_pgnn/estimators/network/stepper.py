@@ -25,7 +25,7 @@ class Stepper:
     core : Module
         The trained core, feed-forward.
     step : NetworkStep
-        What a step is made of.
+        Definition of the network's step.
     x0 : array-like of shape (n_states,) or None
         Initial state; None for the model's, its `settled` states at the first input.
     interval : float

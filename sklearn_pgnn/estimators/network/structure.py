@@ -3,7 +3,7 @@ r"""The structures of a network's step, and the choice between them.
 - ``output``: :math:`x_{k+1} = n(u_k, x_k, \ldots)`
 - ``increment``: :math:`x_{k+1} = x_k + \Delta t\, n(u_k, x_k, \ldots)`
 - ``correction``: :math:`x_{k+1} = \Phi(x_k, u_k) + \Delta t\, n(u_k, x_k, \ldots)`, where only
-  rates that are not just another state are corrected; a position moves by half a step's square.
+  rates that are not just another state are corrected; positions follow by half the squared step.
 - ``dissipative``: :math:`x_{k+1} = \Phi(x_k, u_k) + \delta_n(\Phi(x_k, u_k), u_k, \ldots)`, where
   :math:`\delta_n` only takes energy out, see `sklearn_pgnn.simulation.dissipation`.
 """
@@ -16,7 +16,7 @@ from sklearn_pgnn.simulation.dissipation import Dissipation, energy_slopes
 from sklearn_pgnn.simulation.network_run import energy_values
 
 STRUCTURES = ("output", "increment", "correction", "dissipative")
-#: those that stand on the model's own step
+#: structures that build on the model's own step
 ON_THE_MODEL = ("correction", "dissipative")
 _BASES = {
     "output": "constant", "increment": "state", "correction": "prior", "dissipative": "prior",
@@ -30,7 +30,7 @@ TRIAL_SHARE = 0.1
 
 
 def base_of(structure: str) -> str:
-    """Return what the network's output is added to."""
+    """Return the base that the network's output is added to."""
     return _BASES[structure]
 
 
@@ -42,26 +42,26 @@ def corrected_states(model: PhysicsModel, structure: str) -> list[int]:
     model : PhysicsModel
         The model.
     structure : {"output", "increment", "correction", "dissipative"}
-        What the output means.
+        Meaning of the output.
 
     Returns
     -------
     list of int
-        Their places.
+        Their indices.
     """
     positions = set(model.slope_pairs.values()) if structure in ON_THE_MODEL else set()
     return [i for i, state in enumerate(model.states) if state not in positions]
 
 
 def gain_of(model: PhysicsModel, structure: str, x, x_next, prior, dt, corrects=None) -> np.ndarray:
-    """Scale the network's outputs by what they have to explain.
+    """Scale the network's outputs by the quantities that they have to explain.
 
     Parameters
     ----------
     model : PhysicsModel
         The model.
     structure : {"output", "increment", "correction"}
-        What the output means.
+        Meaning of the output.
     x, x_next : ndarray of shape (n, n_states)
         Measured states at both ends of every step.
     prior : ndarray of shape (n, n_states) or None
@@ -74,7 +74,7 @@ def gain_of(model: PhysicsModel, structure: str, x, x_next, prior, dt, corrects=
     Returns
     -------
     ndarray of shape (3, n_states, n_outputs)
-        Matrices that stand before 1, the step and its square.
+        Matrices that multiply 1, the step and its square.
     """
     states = list(model.states)
     own = corrected_states(model, structure)
@@ -105,7 +105,7 @@ def lossy_states(model: PhysicsModel, corrects=None, free=()) -> tuple[str, ...]
     model : PhysicsModel
         The model.
     corrects : sequence of str, optional
-        The only states that are meant; by default all that the stored energy depends on, but for
+        The only states to consider; by default all that the stored energy depends on, except
         positions.
     free : sequence of str, default=()
         Parameters that are trained.
@@ -158,7 +158,7 @@ def lossy_states(model: PhysicsModel, corrects=None, free=()) -> tuple[str, ...]
 
 
 def dissipation_of(model: PhysicsModel, states, samples, x_next, prior) -> Dissipation:
-    """Scale what a network takes out of some states by what the model leaves there.
+    """Scale what a network takes out of some states by the model's error in them.
 
     Parameters
     ----------
@@ -203,9 +203,9 @@ def choose_structure(measured, foretold, begun) -> str:
     measured : ndarray of shape (n, n_states)
         Measured states at the end of several short windows.
     foretold : ndarray of shape (n, n_states)
-        What the model makes of the measured states at their beginning.
+        States that the model predicts from the measured states at the beginning of the windows.
     begun : ndarray of shape (n, n_states)
-        The measured states at their beginning.
+        The measured states at the beginning of the windows.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""A model's expressions as torch functions: the symbolic tree is walked once, no code is made."""
+"""A model's expressions as torch functions, built from the symbolic tree without source code."""
 
 import operator
 from functools import lru_cache, reduce
@@ -37,12 +37,12 @@ def torch_value(expression, values) -> torch.Tensor:
     expression : sympy.Expr
         An expression of a model.
     values : dict of str to Tensor or float
-        Value of every name that stands in it; the tensors are all of one shape.
+        Value of every name in the expression; all tensors have the same shape.
 
     Returns
     -------
     Tensor
-        Its value, of that shape.
+        The value, of that shape.
 
     Raises
     ------
@@ -104,5 +104,5 @@ def _power(base, exponent, known):
 
 
 def _raised(base, exponent):
-    """Raise to a power; torch takes a number beside a card's tensor as exponent, not as base."""
+    """Raise to a power; with a GPU tensor torch takes a number as exponent, but not as base."""
     return torch.pow(base if base.dim() else base.to(exponent.device), exponent)

@@ -51,9 +51,9 @@ from sklearn_pgnn.exceptions import SimulationWarning, TrainingError
 from sklearn_pgnn.simulation.network_run import NetworkStep
 from sklearn_pgnn.simulation.uncertainty import NORMAL_95, Estimate
 
-#: "auto" refines by Levenberg and Marquardt's steps up to so many weights
+#: "auto" refines by Levenberg-Marquardt steps up to this many weights
 FEW_WEIGHTS = 1000
-#: the overlap is weighed anew until the error falls by less than this share, at most so often
+#: the overlap is reweighted until the error falls by less than this share, at most this often
 SETTLED, ROUNDS = 0.8, 5
 #: attributes that are rebuilt from the weights when a pickle is loaded
 _TRAINED = ("module_", "criterion_", "optimizer_", "callbacks_")
@@ -87,7 +87,7 @@ class TrajectoryNet(NeuralNetRegressor):
     model_: Any  # a PhysicsModel; None where the rows have no time
 
     def _get_param_names(self):
-        """Name the parameters; skorch also takes what `fit` keeps under a private name for one."""
+        """Name the parameters; skorch would also count private attributes set by `fit`."""
         return [name for name in super()._get_param_names() if not name.startswith("_")]
 
     def __repr__(self):
@@ -100,12 +100,12 @@ class TrajectoryNet(NeuralNetRegressor):
         return f"{type(self).__name__}({', '.join(changed)})"
 
     def notify(self, method_name, **cb_kwargs):
-        """Call a method of all callbacks, to which the data sets are rows of X and y, not windows.
+        """Call a method of all callbacks, passing the data sets as rows of X and y, not windows.
 
         Parameters
         ----------
         method_name : str
-            Such as ``"on_epoch_end"``.
+            Name of the method, such as ``"on_epoch_end"``.
         **cb_kwargs
             Its arguments.
         """
@@ -124,7 +124,7 @@ class TrajectoryNet(NeuralNetRegressor):
 
     @contextlib.contextmanager
     def _one_phase(self, name: str):
-        """Train one phase, which `EarlyStopping` sees as a training of its own."""
+        """Train one phase, which `EarlyStopping` sees as a separate training."""
         if self.verbose:
             print(name, flush=True)
         stopping = [part for _, part in self.callbacks_ if isinstance(part, EarlyStopping)]
@@ -190,7 +190,7 @@ class TrajectoryNet(NeuralNetRegressor):
         self.fit_loop(batch, target, epochs=epochs, **fit_params)
 
     def _measure(self, left) -> np.ndarray:
-        """Return what errors are measured by: what is left to explain, or that of their sum."""
+        """Return the scale of errors: the error left to explain, per output or for their sum."""
         return left if self.scaled else np.full(left.shape, left.size**-0.5)
 
     def _base_error(self, training, length) -> np.ndarray:
@@ -246,7 +246,7 @@ class TrajectoryNet(NeuralNetRegressor):
             _warn_of_lost(objective, theta)
 
     def _check_refinement(self, core) -> None:
-        """Raise `ValueError` where a last phase is asked for that needs another core."""
+        """Raise `ValueError` if the requested last phase needs another core."""
         if self.refine in ("auto", None) or not self.refine_max_iter or type(core) is FeedForward:
             return
         raise ValueError(
@@ -269,7 +269,7 @@ class TrajectoryNet(NeuralNetRegressor):
         )
 
     def _free_step(self) -> NetworkStep:
-        """Return the step with the core's sizes and, while they are trained, the parameters."""
+        """Return the step with the core's sizes and, during their training, the free parameters."""
         step = step_with(self.module_.core, self.step_)
         return step if self._free is None else replace(step, free=self._free.names)
 
@@ -296,7 +296,7 @@ class TrajectoryNet(NeuralNetRegressor):
         return {} if self._free is None else self._free.values(self.module_.changes)
 
     def _settle_parameters(self, training) -> None:
-        """Set the model's parameters to their last values, and note how sure they are."""
+        """Set the model's parameters to their last values, and store their uncertainty."""
         self.parameters_: dict[str, Estimate] = {}
         self.dissipation_: dict[str, float] = {}
         if self._free is None:
@@ -330,7 +330,7 @@ class TrajectoryNet(NeuralNetRegressor):
             self.callbacks_ = everyone
 
     def _on_step(self, theta, cost) -> bool:
-        """Record a step of the last phase as an epoch, and return whether it was the last."""
+        """Record a step of the last phase as an epoch; return whether it is the last one."""
         self._set_weights(theta)
         self.notify("on_epoch_begin", dataset_train=None, dataset_valid=None)
         self.history.new_batch()
@@ -417,7 +417,7 @@ class TrajectoryNet(NeuralNetRegressor):
         y_pred : Tensor
             Predicted states of windows, or targets of rows.
         y_true : Tensor
-            What they shall be: states (single steps), outputs (rollouts), targets (rows).
+            Target values: states (single steps), outputs (rollouts), targets (rows).
         X : dict of str to Tensor, optional
             The windows.
         training : bool, default=False
@@ -463,7 +463,7 @@ class TrajectoryNet(NeuralNetRegressor):
         )
 
     def _error_loss(self, y_pred, y_true, X):
-        """Compare states where the measured ones are fed back, outputs where the predicted ones."""
+        """Compare states if the measured ones are fed back, outputs if the predicted ones are."""
         if self.module_.teacher_forcing:
             own = torch.as_tensor(corrected_states(self.model_, self.structure_))
             compared = y_pred.index_select(-1, own.to(y_pred.device))
@@ -516,7 +516,7 @@ class TrajectoryNet(NeuralNetRegressor):
 
 
 def _warn_of_lost(objective: SimulationObjective, theta) -> None:
-    """Warn where runs or slopes that are not finite let the last phase make no step."""
+    """Warn if runs or slopes that are not finite kept the last phase from making a step."""
     parts = objective.parts(theta)[: len(objective.records)]
     lost = sum(not part.is_finite for part in parts)
     if lost:
@@ -531,7 +531,7 @@ def _warn_of_lost(objective: SimulationObjective, theta) -> None:
 
 
 def _warn_of_ends(names) -> None:
-    """Warn of parameters at an end of their range."""
+    """Warn of parameters at a limit of their range."""
     if names:
         warnings.warn(
             f"{', '.join(names)} went to the end of what spread or bounds allow. Remedy: a larger "

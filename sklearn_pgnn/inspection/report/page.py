@@ -1,4 +1,4 @@
-"""The report as HTML, and where it goes."""
+"""Render the report as HTML, and write it to a file."""
 
 import base64
 import hashlib
@@ -27,7 +27,7 @@ def write_report(
 ) -> None:
     """Write the report of a diagnosis.
 
-    The file contains its pictures and styles and loads nothing else. It is written whole or
+    The file contains its plots and styles and loads nothing else. It is written completely or
     not at all.
 
     Parameters
@@ -39,8 +39,8 @@ def write_report(
     provenance : Provenance, optional
         Files, command and day, to be stated.
     detectability : Detectability, optional
-        What the records can show, see `ModelDiagnosis.detectability`: where nothing was named, the
-        report tells what is at most hidden.
+        Detectable sizes, see `ModelDiagnosis.detectability`: where nothing was named, the report
+        states how large an undetected effect can be.
 
     Examples
     --------
@@ -69,10 +69,10 @@ def render_report(
     diagnosis : ModelDiagnosis
         The fitted diagnosis.
     provenance : Provenance, optional
-        Files, command and day, to be stated; the same report is written again from the same
-        diagnosis if the day is told.
+        Files, command and day, to be stated; the report of a diagnosis is reproducible if the day
+        is given.
     detectability : Detectability, optional
-        What the records can show, for a report of a model that is adequate.
+        Detectable sizes, for a report of a model that is adequate.
 
     Returns
     -------
@@ -106,7 +106,7 @@ def render(source: Callable[[str], str], name: str, content: Mapping) -> str:
     name : str
         The template.
     content : mapping
-        What it shows; texts are escaped, and get minus signs in place of hyphens before numbers.
+        Its content; texts are escaped, and get minus signs in place of hyphens before numbers.
 
     Returns
     -------
@@ -129,12 +129,12 @@ def render(source: Callable[[str], str], name: str, content: Mapping) -> str:
 
 
 def digest(text: str) -> str:
-    """Return what a page's policy calls a style or a script."""
+    """Return the hash by which a page's security policy allows a style or a script."""
     return base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
 
 
 def style_sheet() -> str:
-    """Return the styles of the report, for other pages that shall look like it."""
+    """Return the styles of the report, for other pages in the same style."""
     return _source("style.css")
 
 
