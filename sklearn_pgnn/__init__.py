@@ -1,11 +1,11 @@
-"""Find what is wrong with a physical model, correct it, and measure what that is worth.
+"""Find what is wrong with a physical model, correct it, and measure what the correction is worth.
 
-Every public name is imported when it is first used, so that the import itself stays light.
+Every public name is imported on first use, so that importing the package stays fast.
 
 `PGNNLRegressor`, `make_pgnn_pipeline` and `network` need the extra ``network``: without it they
-are not listed, and asking for one says how to install it. So do, when they are used without their
-extras, `SINDYcRegressor` (``sindy``), `model_selection.search_space` (``tuning``) and the loaders
-of public benchmarks in `datasets` (``benchmarks``).
+are not listed, and accessing one raises an error that names the command to install it. The same
+holds on use without their extras for `SINDYcRegressor` (``sindy``), `model_selection.search_space`
+(``tuning``) and the loaders of public benchmarks in `datasets` (``benchmarks``).
 """
 
 from importlib import import_module

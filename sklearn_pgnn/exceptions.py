@@ -1,4 +1,4 @@
-"""The package's own errors and warnings."""
+"""Errors and warnings of the package."""
 
 
 class ModelError(ValueError):
@@ -7,9 +7,9 @@ class ModelError(ValueError):
     Parameters
     ----------
     message : str
-        What was expected, what came, and where.
+        What was expected, what was given, and where.
     where : tuple of str, default=()
-        Which entry of the model is meant, e.g. ``("equations", "omega")``.
+        Path of the entry in the model, e.g. ``("equations", "omega")``.
 
     Examples
     --------
@@ -56,7 +56,7 @@ class OptionError(ValueError):
 
 
 class RecordWarning(UserWarning):
-    """A record is used with a change or a reservation, which the message gives with its remedy.
+    """A record is used with a change or a reservation; the message states it and the remedy.
 
     Examples
     --------
@@ -67,7 +67,7 @@ class RecordWarning(UserWarning):
 
 
 class ModelWarning(UserWarning):
-    """A model is used with a reservation, which the message gives with its remedy.
+    """A model is used with a reservation; the message states it and the remedy.
 
     Examples
     --------
@@ -78,7 +78,7 @@ class ModelWarning(UserWarning):
 
 
 class UnitWarning(UserWarning):
-    """An equation of a model file does not fit its units; the message names the term.
+    """The units of an equation in a model file are inconsistent; the message names the term.
 
     Examples
     --------
@@ -121,7 +121,7 @@ class TrainingError(ValueError):
     """
 
 
-#: errors that mean unusable input, which come again whenever it is tried; any other is a bug
+#: errors that mean unusable input and recur at every attempt; any other error is a bug
 UNUSABLE = (ModelError, RecordError, OptionError, SimulationError)
 
 

@@ -40,14 +40,14 @@ def is_installed(extra: str) -> bool:
 
 @contextmanager
 def needed_by(what: str) -> Iterator[None]:
-    """Name the extra if an import inside the block does not find a library.
+    """Name the required extra if an import inside the block does not find a library.
 
     Any other error is passed on: an installed but broken library raises its own.
 
     Parameters
     ----------
     what : str
-        What needs the library.
+        The task that needs the library, for the error message.
 
     Raises
     ------

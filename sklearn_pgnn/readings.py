@@ -1,8 +1,8 @@
-"""Where the methods of a model that belong to upper layers are implemented.
+"""Table of the methods of a model that are implemented in upper layers.
 
 A `PhysicsModel` does not depend on the code that simulates it; yet ``model.simulate(...)`` is
-the natural interface. This table is the only place where a lower layer names an upper one, and it
-does so by text, resolved on use.
+the natural interface. This table is the only place where a lower layer names an upper one, by
+text that is resolved on use.
 """
 
 from pkgutil import resolve_name

@@ -1,8 +1,8 @@
-"""Who may use threads: one place decides.
+"""The single place that decides on the use of threads.
 
-What this package computes is many small problems. They run next to each other, by joblib or on the
-threads of the simulation, and each of them on one thread: BLAS, OpenMP and torch would start
-as many again, which wait for each other.
+This package computes many small problems. They run in parallel, by joblib or on the threads of the
+simulation, each of them on one thread: BLAS, OpenMP and torch would otherwise start as many threads
+again, which wait for each other.
 """
 
 import os
@@ -31,14 +31,14 @@ LOCAL = (SequentialBackend, ThreadingBackend, LokyBackend, MultiprocessingBacken
 
 
 def local_threads(n_jobs: int | None) -> int:
-    """Return how many threads of this computer are meant.
+    """Return the number of threads on this computer for a given `n_jobs`.
 
     Parameters
     ----------
     n_jobs : int or None
-        As joblib counts: -1 means all cores of this computer, -2 all but one, also inside
-        of a cluster; None means 1, unless a `joblib.parallel_config` of a backend that works on
-        this computer says otherwise.
+        As in joblib: -1 means all cores of this computer, -2 all but one, also inside a cluster;
+        None means 1, unless a `joblib.parallel_config` of a backend that works on this computer
+        says otherwise.
 
     Returns
     -------
@@ -66,17 +66,17 @@ def local_threads(n_jobs: int | None) -> int:
 
 
 def other_processes(n_jobs: int | None) -> int:
-    """Return how many processes are meant, of this computer or of a cluster.
+    """Return the number of processes for a given `n_jobs`, on this computer or in a cluster.
 
     Parameters
     ----------
     n_jobs : int or None
-        As joblib counts in its active backend.
+        As in joblib for its active backend.
 
     Returns
     -------
     int
-        The number; 1 where work goes to no other process, and in a process that is such a one.
+        The number; 1 if no work goes to other processes, and inside such a process.
 
     Examples
     --------
@@ -93,21 +93,21 @@ def other_processes(n_jobs: int | None) -> int:
 
 
 def in_turn(calls: list, n_jobs: int | None, **options) -> Iterable[Any]:
-    """Return what calls give, in their order, each as soon as joblib's backend gives it.
+    """Return the results of calls in order, each as soon as joblib's backend returns it.
 
     Parameters
     ----------
     calls : list
-        Calls that are `joblib.delayed`.
+        Calls made by `joblib.delayed`.
     n_jobs : int or None
-        As joblib counts.
+        As in joblib.
     **options
-        Of `joblib.Parallel`.
+        Options of `joblib.Parallel`.
 
     Returns
     -------
     iterable
-        What they give.
+        The results.
 
     Examples
     --------
@@ -124,7 +124,7 @@ def in_turn(calls: list, n_jobs: int | None, **options) -> Iterable[Any]:
 
 @lru_cache(maxsize=8)
 def kept_pool(threads: int) -> ThreadPoolExecutor:
-    """Return the pool of so many threads, created once a process; its tasks may not wait for it."""
+    """Return the pool of given size, one per process; its tasks must not wait for the pool."""
     return ThreadPoolExecutor(threads)
 
 
@@ -132,7 +132,7 @@ def kept_pool(threads: int) -> ThreadPoolExecutor:
 
 
 class _Process:
-    """What a process has once, kept to one thread until the last who asked for it has left."""
+    """Process-wide thread limits: one thread until the last caller that asked for it has left."""
 
     def __init__(self) -> None:
         self.lock = threading.Lock()
@@ -141,13 +141,13 @@ class _Process:
         self.limits = ExitStack()
 
     def ask_torch(self) -> None:
-        """Note the threads of torch once it is loaded, before anything is kept to one."""
+        """Record the threads of torch once it is loaded, before it is limited to one."""
         torch = sys.modules.get("torch")
         if torch and self.torch_threads is None:
             self.torch_threads = torch.get_num_threads()
 
     def enter(self, blas: ThreadpoolController) -> int:
-        """Take one thread of BLAS and torch; return how many torch had."""
+        """Limit BLAS and torch to one thread; return how many torch had."""
         self.holders += 1
         if any(library["num_threads"] > 1 for library in blas.info()):
             self.limits.callback(blas.limit(limits=1).restore_original_limits)
@@ -158,7 +158,7 @@ class _Process:
         return self.torch_threads
 
     def leave(self) -> None:
-        """Give the threads back, if nobody else needs one."""
+        """Restore the threads, unless another caller still needs the limit."""
         self.holders -= 1
         if self.holders:
             return
@@ -170,7 +170,7 @@ class _Process:
 
 
 def _release() -> None:
-    """Let other threads set those of OpenBLAS, where threadpoolctl leaves that to the first one."""
+    """Let any thread set those of OpenBLAS, which threadpoolctl leaves to the first one."""
     getattr(OpenBLASController, "clear_controlling_thread", lambda: None)()
 
 
@@ -179,15 +179,15 @@ _PROCESS = _Process()
 
 @contextmanager
 def one_thread_each() -> Iterator[int]:
-    """Keep BLAS, OpenMP and torch, where it is loaded, to one thread; a decorator, too.
+    """Limit BLAS, OpenMP and torch (if loaded) to one thread; usable as a decorator, too.
 
-    OpenMP counts the threads of each caller, BLAS and torch those of the process: these get theirs
-    back when the last of several blocks has ended, whichever that is.
+    OpenMP limits the threads of each caller, BLAS and torch those of the process: the latter are
+    restored when the last of several blocks has ended, whichever that is.
 
     Yields
     ------
     int
-        Threads that torch had and gets back, which may be used otherwise meanwhile; 1 without it.
+        Threads that torch had and gets back, available for other use meanwhile; 1 without torch.
 
     Examples
     --------

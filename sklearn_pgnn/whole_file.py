@@ -1,25 +1,25 @@
-"""Files that are there whole or not at all."""
+"""Atomic writing of files: complete or not at all."""
 
 import os
 from contextlib import suppress
 from pathlib import Path
 from uuid import uuid4
 
-#: who may read and write a file, before the user's mask: all, or the user alone
+#: file permissions before the user's mask: for all, or for the user alone
 USUAL, PRIVATE = 0o666, 0o600
 
 
 def write_whole(path: Path, content: str | bytes, mode: int = USUAL) -> None:
-    """Write a file beside its place, and put it there in one step.
+    """Write a temporary file next to the target, and move it into place in one step.
 
     Parameters
     ----------
     path : Path
-        Where it goes; what is there is replaced.
+        Target; an existing file is replaced.
     content : str or bytes
-        What it holds; a text is written as UTF-8, its ends of line as they are.
+        Content; a text is written as UTF-8 with its line endings unchanged.
     mode : int, default=0o666
-        Permissions, of which the user's mask takes some.
+        Permissions, reduced by the user's mask.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""The job of ``sklearn-pgnn check``: what the files hold, and a first simulation."""
+"""The job of ``sklearn-pgnn check``: the content of the files, and a first simulation."""
 
 import warnings
 from dataclasses import replace
@@ -17,7 +17,7 @@ from sklearn_pgnn.trajectories.files import open_file
 
 
 class Checked(NamedTuple):
-    """What a check found: a first look, columns that are not used, and units that are converted."""
+    """Result of a check: a first look, unused columns, and converted units."""
 
     look: FirstLook
     unused: list[str]
@@ -25,7 +25,7 @@ class Checked(NamedTuple):
 
 
 def check_model(model, data, sample_time=None) -> Checked:
-    """Hold a model file against files of records.
+    """Check a model file against files of records.
 
     Parameters
     ----------
@@ -34,12 +34,12 @@ def check_model(model, data, sample_time=None) -> Checked:
     data : sequence of str or path-like
         The files of records.
     sample_time : float, optional
-        Time from sample to sample [s] of files without a time.
+        Sample interval [s] of files without a time.
 
     Returns
     -------
     Checked
-        What is there, and a first simulation.
+        The content of the files, and a first simulation.
     """
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("ignore")
@@ -61,12 +61,12 @@ def check_model(model, data, sample_time=None) -> Checked:
 
 
 def print_check(checked: Checked, *, as_json: bool, quiet: bool) -> None:
-    """Print what a check found.
+    """Print the result of a check.
 
     Parameters
     ----------
     checked : Checked
-        What is there.
+        The result.
     as_json : bool
         Whether to print it as JSON.
     quiet : bool

@@ -24,12 +24,12 @@ def read_noise(words: Sequence[str], outputs: Sequence[str]) -> list[float] | No
     Returns
     -------
     list of float or None
-        One standard deviation an output; None if there are no words.
+        One standard deviation per output; None if there are no words.
 
     Raises
     ------
     OptionError
-        If a word says something else, or not every output is there once.
+        If a word has another form, or an output is missing or repeated.
 
     Examples
     --------

@@ -15,7 +15,7 @@ def on_cluster(address: str | None) -> Iterator[None]:
     Parameters
     ----------
     address : str or None
-        Where its scheduler listens, as ``"tcp://10.0.0.1:8786"``; None for this machine alone.
+        Address of its scheduler, such as ``"tcp://10.0.0.1:8786"``; None for this machine alone.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The command as it was given, for a report."""
+"""The command line as given, for a report."""
 
 import shlex
 
@@ -7,7 +7,7 @@ from click.core import ParameterSource
 
 
 def command_line() -> str:
-    """Return the running command with what was given on its line; empty outside of a command."""
+    """Return the running command with its arguments; empty outside a command."""
     context = click.get_current_context(silent=True)
     if context is None:
         return ""

@@ -19,7 +19,7 @@ def write_comparison(found: DiagnosisComparison, output: str, *, force: bool, op
     found : DiagnosisComparison
         The comparison.
     output : str
-        Where to write.
+        Output file.
     force : bool
         Whether a file may be replaced.
     opens : bool
@@ -40,7 +40,7 @@ def print_comparison(found: DiagnosisComparison, *, as_json: bool, quiet: bool) 
     as_json : bool
         Whether to print it as JSON.
     quiet : bool
-        Whether to print what differs only.
+        Whether to print the differences only.
     """
     if as_json:
         click.echo(as_strict_json(found.to_dict()), nl=False)

@@ -6,22 +6,22 @@ from click.shell_completion import get_completion_class
 PROGRAM = "sklearn-pgnn"
 SHELLS = ("bash", "zsh", "fish")
 
-#: a path that the shell completes; whether there is such a file, and what is in it, is said later
+#: a path that the shell completes; existence and content of the file are checked later
 FILE = click.Path()
 
 
 def complete_effects(_context, _option, begun: str) -> list[str]:
-    """Return the words that a list of effects, with commas between, may go on as.
+    """Return the possible completions of a comma-separated list of effects.
 
     Parameters
     ----------
     begun : str
-        What has been typed.
+        The text typed so far.
 
     Returns
     -------
     list of str
-        The list with each effect that its last word may become.
+        The list, completed by each effect that matches its last word.
 
     Examples
     --------
@@ -47,7 +47,7 @@ def completion_script(command: click.Command, shell: str) -> str:
     Returns
     -------
     str
-        What the shell has to evaluate.
+        Script for the shell to evaluate.
     """
     variable = f"_{PROGRAM.replace('-', '_').upper()}_COMPLETE"
     kind = get_completion_class(shell)

@@ -26,14 +26,14 @@ def run_demo(
     as_json: bool = False,
     opens: bool = False,
 ) -> None:
-    """Write the model file and the records, diagnose them, and tell what was found.
+    """Write the model file and the records, diagnose them, and report the findings.
 
     Parameters
     ----------
     output : str or path-like
         Folder; the input goes to its folder ``input``.
     n_jobs : int, default=-1
-        Threads, and processes where these pay, to use.
+        Number of threads, and of processes where these pay.
     quiet : bool, default=False
         Whether to print the verdict only.
     force : bool, default=False
@@ -65,7 +65,7 @@ def write_input(folder: Path) -> tuple[Path, list[Path]]:
     Parameters
     ----------
     folder : Path
-        Where they go.
+        Output folder.
 
     Returns
     -------
@@ -89,7 +89,7 @@ def write_input(folder: Path) -> tuple[Path, list[Path]]:
 
 
 def _write_records(hidden, folder: Path) -> list[Path]:
-    """Write one file a record, with units in the header as a measuring system would."""
+    """Write one file per record, with units in the header as a measuring system would."""
     prior, paths = hidden.prior, []
     names = [*prior.inputs, *prior.outputs]
     titles = {"t": "t [s]", **{name: f"{name} [{prior.unit(name)}]" for name in names}}

@@ -23,13 +23,13 @@ class DetectJob:
     data : sequence of str or path-like
         The files of records.
     power : float
-        Chance with which an effect shall be named.
+        Probability with which an effect should be named.
     noise, catalogue, exclude, targets : sequence of str
         Words, see `sklearn_pgnn.cli.choices`.
     sample_time : float, optional
-        Time from sample to sample [s] of files without a time.
+        Sample interval [s] of files without a time.
     **options
-        As `ModelDiagnosis` has them.
+        As in `ModelDiagnosis`.
     """
 
     def __init__(
@@ -44,7 +44,7 @@ class DetectJob:
         )
 
     def run(self, progress: Callable) -> Detectability:
-        """Re-tune the model, and put every effect into it.
+        """Re-tune the model, and add every effect to it.
 
         Parameters
         ----------
@@ -65,11 +65,11 @@ class DetectJob:
         Parameters
         ----------
         found : Detectability
-            What was found.
+            The result.
         as_json : bool
             Whether to print it as JSON.
         quiet : bool
-            Whether to print what is found only, and no effect that never is.
+            Whether to print only effects that are found, and none that never is.
         """
         if as_json:
             rows = found.to_frame().to_dict("records")

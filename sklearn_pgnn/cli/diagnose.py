@@ -65,8 +65,8 @@ class Job:
     opens : bool, default=False
         Whether to open the report.
     options : mapping of str to object, default={}
-        ``sample_time`` as `read_files` has it; words for ``noise``, ``catalogue``, ``exclude``
-        and ``targets``, see `sklearn_pgnn.cli.choices`; everything else as `ModelDiagnosis` has it.
+        ``sample_time`` as in `read_files`; words for ``noise``, ``catalogue``, ``exclude`` and
+        ``targets``, see `sklearn_pgnn.cli.choices`; all others as in `ModelDiagnosis`.
     """
 
     model: str | PathLike
@@ -94,7 +94,7 @@ class Job:
         Raises
         ------
         Bug
-            After an internal error; what was found before is written.
+            After an internal error; earlier findings are written.
         """
         rivals = sorted(file.name for file in Path(self.output).glob(RIVALS))
         earlier = check_free(Path(self.output), [*NAMES, *rivals], force=self.force)
@@ -116,7 +116,7 @@ class Job:
         return Done(diagnosis, warned, bool(earlier))
 
     def print_summary(self, done: Done) -> None:
-        """Print what was found, and where it is."""
+        """Print the findings and the location of the files."""
         if done.replaced and not self.quiet:
             place = one_line(self.output)
             click.echo(f"Replaced the files of an earlier diagnosis in {place}.", err=True)
@@ -130,7 +130,7 @@ class Job:
             click.launch(str(Path(self.output, "report.html").absolute()))
 
     def _prepare(self, model, progress) -> ModelDiagnosis:
-        """Return the diagnosis, its options checked."""
+        """Return the diagnosis, with its options checked."""
         options = {name: value for name, value in self.options.items() if name != "sample_time"}
         noise = read_noise(options.pop("noise", ()), list(model.outputs))
         effects = choose_effects(options.pop("catalogue", ()), options.pop("exclude", ()))
@@ -147,7 +147,7 @@ class Job:
 
 
 def fit_kept(diagnosis: ModelDiagnosis, X, y) -> tuple[Exception | None, list[str]]:
-    """Fit; return an error after which there still is a verdict, or None, and the warnings."""
+    """Fit; return the error, if there is a verdict in spite of it, or None, and the warnings."""
     broken = None
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("ignore")

@@ -11,13 +11,13 @@ from sklearn_pgnn.cli.guard import guarded, one_line, writing
 from sklearn_pgnn.cli.options import force_option, quiet_options
 from sklearn_pgnn.cli.progress import show_progress
 
-#: the targets, and the options that each takes besides the name
+#: the targets, and the options of each besides the name
 TARGETS = {
     "c": ("interval", "substeps", "precision", "parameters"),
     "fmu": ("interval", "substeps", "fmi", "compiler"),
     "modelica": ("friction_width",),
 }
-#: the options that a target cannot do without
+#: the required options of a target
 NEEDED = {"c": ("interval",), "fmu": ("interval",), "modelica": ()}
 
 
@@ -91,24 +91,24 @@ def export(model, target, output, name, force, quiet, debug, **options):
 
 
 def check_options(target: str, options: dict) -> dict:
-    """Return the options that were given, if the target takes them and has all it needs.
+    """Return the given options, if the target accepts them and none is missing.
 
     Parameters
     ----------
     target : str
         One of `TARGETS`.
     options : dict
-        By name; None where none was given.
+        Values by name; None if not given.
 
     Returns
     -------
     dict
-        Those of the target.
+        Options of the target.
 
     Raises
     ------
     OptionError
-        If one is needed or is none of the target's.
+        If a required option is missing or an option is not accepted by the target.
 
     Examples
     --------
@@ -132,7 +132,7 @@ def check_options(target: str, options: dict) -> dict:
 
 
 def writer_of(target: str) -> Callable:
-    """Return what writes a model to a path.
+    """Return the function that writes a model to a path.
 
     Parameters
     ----------
@@ -163,7 +163,7 @@ def _flag(name: str) -> str:
 
 
 def _replace(path: Path, write: Callable[[Path], None]) -> None:
-    """Write a file whole or not at all."""
+    """Write a file completely or not at all."""
     from sklearn_pgnn.cli.signals import held
 
     temporary = path.with_name(f".{path.name}.{os.getpid()}")

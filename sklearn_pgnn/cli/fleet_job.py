@@ -1,4 +1,4 @@
-"""The job of ``sklearn-pgnn fleet``: find the machines' files, diagnose them, tell."""
+"""The job of ``sklearn-pgnn fleet``: find the machines' files, diagnose them, report."""
 
 import re
 from collections import Counter
@@ -25,7 +25,7 @@ from sklearn_pgnn.inspection.words import VERDICTS, cause_name
 from sklearn_pgnn.trajectories.ros_bag import METADATA
 
 MACHINE = "{machine}"
-#: machines and changes told on the screen; the report has all
+#: machines and changes shown on the screen; the report has all
 SHOWN = 20
 
 
@@ -42,8 +42,8 @@ class FleetJob:
     output : str
         Folder of the results.
     options : mapping of str to object
-        ``pattern``, ``cluster``, ``earlier``, ``sample_time`` and ``n_jobs``; everything else as
-        `sklearn_pgnn.cli.diagnose.Job` has it.
+        ``pattern``, ``cluster``, ``earlier``, ``sample_time`` and ``n_jobs``; all others as in
+        `sklearn_pgnn.cli.diagnose.Job`.
     """
 
     model: str
@@ -52,7 +52,7 @@ class FleetJob:
     options: Mapping[str, Any]
 
     def run(self, progress: Callable) -> FleetDiagnosis:
-        """Diagnose the machines, and write what was found.
+        """Diagnose the machines, and write the findings.
 
         Parameters
         ----------
@@ -95,7 +95,7 @@ def machine_files(folder: Path, pattern: str | None = None) -> dict[str, list[st
     Parameters
     ----------
     folder : Path
-        Where the records are.
+        Folder of the records.
     pattern : str, optional
         Names of files below the folder, with ``{machine}`` for the machine and ``*`` for anything;
         by default every folder is a machine, with the files in it, and every file is one.
@@ -142,7 +142,7 @@ def _by_place(place: Path) -> str | None:
 
 
 def _reader(pattern: str) -> Callable[[Path], str | None]:
-    """Return what reads a machine's name from the place of its file."""
+    """Return the function that reads a machine's name from the path of its file."""
     if pattern.count(MACHINE) != 1:
         raise OptionError(
             f"--pattern: expected {MACHINE} once, for the part of a name that identifies the "
@@ -160,14 +160,14 @@ def _reader(pattern: str) -> Callable[[Path], str | None]:
 
 
 def print_fleet(fleet: FleetDiagnosis, output: str, *, as_json: bool, quiet: bool, opens: bool):
-    """Print what was found of a fleet.
+    """Print the findings on a fleet.
 
     Parameters
     ----------
     fleet : FleetDiagnosis
         The fitted fleet.
     output : str
-        Where its report is.
+        Location of its report.
     as_json : bool
         Whether to print it as JSON.
     quiet : bool

@@ -23,9 +23,9 @@ class Bug(click.ClickException):
     Parameters
     ----------
     error : Exception
-        What happened.
+        The error.
     kept : str, default=""
-        A sentence on what was found before.
+        A sentence on earlier findings.
     """
 
     exit_code = 1
@@ -78,7 +78,7 @@ def writing(what: object):
     Parameters
     ----------
     what : path-like or str
-        What is written.
+        The file that is written.
     """
     try:
         yield

@@ -1,4 +1,4 @@
-"""The files that commands write: whole or not at all, and none in place of another unasked."""
+"""The files that commands write: complete or not at all, and overwriting only on request."""
 
 import os
 import shutil
@@ -16,7 +16,7 @@ from sklearn_pgnn.whole_file import write_whole
 
 
 def strict_json(diagnosis) -> str:
-    """Return a diagnosis as strict JSON with the package's version; null where not finite."""
+    """Return a diagnosis as strict JSON with the package's version; null for non-finite values."""
     return as_strict_json({**diagnosis.to_dict(), "version": __version__})
 
 
@@ -24,7 +24,7 @@ def strict_json(diagnosis) -> str:
 
 
 def refuse_existing(path, *, force: bool) -> None:
-    """Refuse to replace a file, unless that is wanted, and a folder that is not there.
+    """Refuse to replace a file, unless requested, and to write to a missing folder.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ def refuse_existing(path, *, force: bool) -> None:
     Raises
     ------
     OptionError
-        If it is there already, or its folder is not.
+        If it exists already, or its folder does not.
     """
     if not Path(path).absolute().parent.is_dir():
         raise OptionError(f"{path}: expected its folder to be there. Remedy: make it first.")
@@ -48,21 +48,21 @@ def refuse_existing(path, *, force: bool) -> None:
 
 
 def write_file(path, text: str, *, force: bool) -> None:
-    """Write a file whole or not at all.
+    """Write a file completely or not at all.
 
     Parameters
     ----------
     path : str or path-like
-        Where to write.
+        Output file.
     text : str
-        What it holds.
+        Its content.
     force : bool
         Whether a file may be replaced.
 
     Raises
     ------
     OptionError
-        If it is there already and may not be replaced.
+        If it exists already and may not be replaced.
     """
     refuse_existing(path, force=force)
     with held(), writing(path):
@@ -73,19 +73,19 @@ def write_file(path, text: str, *, force: bool) -> None:
 
 
 def write_files(folder: Path, texts: Mapping[str, Callable[[], str]]) -> dict[str, Exception]:
-    """Write the files; one whose text cannot be made does not stop the others.
+    """Write the files; one whose text cannot be created does not stop the others.
 
     Parameters
     ----------
     folder : Path
         Where they go.
     texts : mapping of str to callable
-        By the name of each file, what gives its text.
+        Function that returns the text, by file name.
 
     Returns
     -------
     dict of str to Exception
-        By name, why a file could not be made.
+        Error of each file that could not be created, by file name.
     """
     failed = {}
     for name, make in texts.items():

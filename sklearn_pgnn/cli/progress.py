@@ -1,6 +1,6 @@
-"""Progress on stderr: on a terminal what is done and a live line, in a pipe occasional lines.
+"""Progress on stderr: on a terminal finished stages and a live line, in a pipe some lines.
 
-Imports nothing heavy, so that the first word comes before the libraries are loaded.
+Imports nothing heavy, so that the first output appears before the libraries are loaded.
 """
 
 import math
@@ -32,8 +32,8 @@ def show_progress(quiet: bool):
     Yields
     ------
     callable
-        To be called as ``progress(stage, done, total)``, or ``progress(stage)`` where nothing is
-        counted; stages may come again.
+        To be called as ``progress(stage, done, total)``, or ``progress(stage)`` if nothing is
+        counted; stages may recur.
     """
     console = Console(stderr=True)
     if quiet:
@@ -75,7 +75,7 @@ def _bars(console: Console) -> Progress:
 
 
 class _Column(TextColumn):
-    """A column whose text a function tells."""
+    """A column whose text is computed by a function."""
 
     def __init__(self, text: Callable):
         super().__init__("")
@@ -87,7 +87,7 @@ class _Column(TextColumn):
 
 
 class _Live:
-    """Finished stages with the time they took, and below them a line of the present one."""
+    """Finished stages with their durations, and below them a line for the current one."""
 
     def __init__(self, bars: Progress, clock: Callable[[], float] = monotonic):
         self.bars, self.clock = bars, clock
@@ -109,7 +109,7 @@ class _Live:
             self.bars.update(self.bars.task_ids[-1], completed=done, count=f"{done}/{total}")
 
     def finish(self) -> None:
-        """Leave a line that says how long the present stage took."""
+        """Leave a line with the duration of the current stage."""
         if self.now is not None:
             now = self.clock()
             line = f"{now - self.began:6.1f} s  {self.now[0]}"
@@ -125,7 +125,7 @@ class Lines:
     write : callable
         Takes a line.
     clock : callable, default=time.monotonic
-        Tells the time [s].
+        Returns the time [s].
     """
 
     def __init__(self, write: Callable[[str], object], clock: Callable[[], float] = monotonic):
@@ -134,7 +134,7 @@ class Lines:
         self.began, self.last = clock(), -math.inf
 
     def __call__(self, stage: str, done: int, total: int | None) -> None:
-        """Show a step, unless the last line was just now."""
+        """Show a step, unless the last line is very recent."""
         now = self.clock()
         if stage.startswith(BEST):
             self.write(stage)

@@ -1,4 +1,4 @@
-"""What every command begins with: the model file and the files of records."""
+"""The input of every command: the model file and the files of records."""
 
 import warnings
 from collections.abc import Iterator, Sequence
@@ -20,7 +20,7 @@ from sklearn_pgnn.trajectories.files import open_file, read_files
 def read_model_and_records(
     model: str | PathLike, data: Sequence[str | PathLike], sample_time: float | None
 ) -> tuple[PhysicsModel, pd.DataFrame, pd.DataFrame]:
-    """Read a model file and the records it is asked about.
+    """Read a model file and files of records.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ def read_model_and_records(
     data : sequence of str or path-like
         The files of records.
     sample_time : float or None
-        Time from sample to sample [s] of files without a time.
+        Sample interval [s] of files without a time.
 
     Returns
     -------
@@ -44,7 +44,7 @@ def read_model_and_records(
 
 
 def read_model(path: str | PathLike) -> PhysicsModel:
-    """Read a model file, and print which of its terms do not fit their units.
+    """Read a model file, and print the terms whose units are inconsistent.
 
     Parameters
     ----------
@@ -88,12 +88,12 @@ def read_inputs(
     data : sequence of str or path-like
         The files of records.
     sample_time : float or None
-        Time from sample to sample [s] of files without a time.
+        Sample interval [s] of files without a time.
 
     Returns
     -------
     X, y : DataFrame
-        Inputs, and the outputs that are there, under the model's own names.
+        Inputs, and the outputs that exist, under the model's own names.
     """
 
     def read(path, model, sample_time):
@@ -105,12 +105,12 @@ def read_inputs(
 
 @contextmanager
 def told_warnings(*kinds: type[Warning]) -> Iterator[None]:
-    """Print warnings of some kinds in a line each, and no others.
+    """Print warnings of some categories on one line each, and no others.
 
     Parameters
     ----------
     *kinds : type
-        What is printed.
+        Categories to print.
     """
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("ignore")

@@ -29,14 +29,14 @@ from sklearn_pgnn.inspection.words import (
 )
 from sklearn_pgnn.inspection.yardstick import retuning_counts
 
-#: colour of a verdict, where the terminal has any
+#: colour of a verdict, on a terminal with colours
 COLOURS = {
     "model_adequate": "green",
     "cause_named": "cyan",
     "ambiguous": "yellow",
     "unexplained": "red",
 }
-#: probability of a cause from which on none is printed
+#: probability of a cause from which on the probability is not printed
 SURE = 0.99
 
 
@@ -61,7 +61,7 @@ def described_files(diagnosis) -> dict[str, str]:
 
 
 def print_diagnosis(diagnosis, output: Path, *, quiet: bool) -> None:
-    """Print what a diagnosis found and where its files are."""
+    """Print the findings of a diagnosis and the location of its files."""
     console = screen()
     if not quiet:
         _print_quality(console, diagnosis.data_quality_)
@@ -139,7 +139,7 @@ def _print_parameters(console, diagnosis) -> None:
 
 
 def _extended(diagnosis) -> str:
-    """Return what the extended model is called: the file written may have a formula besides."""
+    """Return the name of the extended model, whose file may also contain a formula."""
     return "extended" if diagnosis.discrepancy_ is None else "without formula"
 
 

@@ -1,7 +1,7 @@
-"""Ctrl-C and SIGTERM: the work ends, what was begun is cleared away, the exit code says why.
+"""Ctrl-C and SIGTERM: the work ends with cleanup, and the exit code gives the reason.
 
-A handler raises `SystemExit`, so every ``with`` and ``finally`` on the way is kept. Where Python
-swallows what a handler raises (in a finaliser, say), the next `check` raises it again.
+A handler raises `SystemExit`, so every ``with`` and ``finally`` on the way is executed. If Python
+swallows the exception of a handler (in a finaliser, say), the next `check` raises it again.
 """
 
 import signal
@@ -10,19 +10,19 @@ from contextlib import contextmanager
 
 import click
 
-#: by name, for no system has them all
+#: by name, because no system has all of them
 SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")
 
 
 class _Stop:
-    """The signal that came, and how many blocks defer it."""
+    """The signal received, and the number of blocks that defer it."""
 
     came = 0
     holders = 0
 
 
 def check() -> None:
-    """Raise `SystemExit` (128 + the signal's number) if a signal came and nothing holds it off."""
+    """Raise `SystemExit` (128 + the signal's number) if a signal was received and not deferred."""
     if _Stop.came and not _Stop.holders:
         raise SystemExit(128 + _Stop.came)
 

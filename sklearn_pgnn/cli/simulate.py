@@ -26,7 +26,7 @@ def simulate_files(
     data : sequence of str or path-like
         Files of records; outputs may be missing.
     sample_time : float, optional
-        Time from sample to sample [s] of files without a time.
+        Sample interval [s] of files without a time.
 
     Returns
     -------
@@ -35,7 +35,7 @@ def simulate_files(
     table : DataFrame
         Time, inputs, states and outputs; units are in the header.
     fits : dict of str to list of float
-        By record, how its measured outputs are followed [%]; empty where none was measured.
+        Fit of the measured outputs [%], by record; empty if none was measured.
 
     Raises
     ------
@@ -57,7 +57,7 @@ def simulate_files(
 
 
 def _table(model, record, run) -> pd.DataFrame:
-    """Return a run as a file of records has it."""
+    """Return a simulation in the form of a file of records."""
     values = dict(zip(model.states, run.x.T, strict=True))
     values |= dict(zip(model.outputs, run.y.T, strict=True))
     columns = {name: record.u[:, i] for i, name in enumerate(model.inputs)}
@@ -76,7 +76,7 @@ def to_csv(rows: pd.DataFrame) -> str:
 
 
 def print_simulation(model, fits: dict, output: str, samples: int, *, quiet: bool) -> None:
-    """Print how the records are followed, and where the simulation is.
+    """Print the fit to the records, and the location of the simulation.
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
-"""What the stages of a diagnosis do, in words for who watches them."""
+"""Descriptions of the stages of a diagnosis, for the progress display."""
 
 import re
 
-#: by stage, what is done in it
+#: description of the work in each stage
 WORDS = {
     "window length": "choosing the window length",
     "candidates": "simulating the candidates",
@@ -21,7 +21,7 @@ WORDS = {
 
 
 def in_words(stage: str) -> str:
-    """Return what is done in a stage; the stage itself where it says so already.
+    """Return a description of a stage; its own name if that is descriptive already.
 
     Examples
     --------

@@ -1,6 +1,6 @@
 """The ready systems under the names of the command line."""
 
-#: by name, what people call them; each is made by a function of `sklearn_pgnn.systems`
+#: plain descriptions by name; each system is made by a function of `sklearn_pgnn.systems`
 SYSTEMS = {
     "cart-on-spring": "Cart on a spring",
     "golf-robot": "Golf robot (driven pendulum)",

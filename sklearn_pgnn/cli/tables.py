@@ -11,7 +11,7 @@ from sklearn_pgnn.cli.guard import one_line
 
 
 def screen() -> Console:
-    """Return what prints to stdout."""
+    """Return the console for stdout."""
     return Console(highlight=False, markup=False, emoji=False)
 
 
@@ -44,17 +44,17 @@ def table(*headers: str) -> Table:
 
 
 def cell(text: object) -> Text:
-    """Return a text as it may stand in a table."""
+    """Return a text prepared for a table."""
     return Text(one_line(text))
 
 
 def change(value: float, prior: float) -> str:
-    """Return a change in percent; a small one is not rounded to nothing, nothing from zero.
+    """Return a change in percent; small changes are not rounded to zero, none is given from zero.
 
     Parameters
     ----------
     value, prior : float
-        A number now and before.
+        The number now and before.
 
     Returns
     -------
@@ -83,5 +83,5 @@ def print_trimmed(console: Console, what) -> None:
 
 
 def print_table(console: Console, table: Table) -> None:
-    """Print a table, a little indented."""
+    """Print a table with a small indent."""
     print_trimmed(console, Padding(table, (0, 0, 0, 2), expand=False))

@@ -1,4 +1,4 @@
-"""The job of ``sklearn-pgnn init``: a model file to begin with, commented."""
+"""The job of ``sklearn-pgnn init``: a commented model file to start from."""
 
 from collections.abc import Mapping, Sequence
 
@@ -16,7 +16,7 @@ HEAD = """\
 # put your own names, units, values and equations in its place. Then see whether it fits the files:
 #   sklearn-pgnn check --model {path} record.csv
 """
-#: what stands above each part
+#: comment above each part
 COMMENTS = {
     "name": "What reports call the machine.",
     "states": "The state variables, with units: positions, speeds, levels, temperatures.",
@@ -31,7 +31,7 @@ COMMENTS = {
     "energy": "Optional: stored [J], supplied and dissipated [W]; networks and losses use it.",
     "initial_state": "Optional: where a record without initial states starts; zero by default.",
 }
-#: parts that a model may have besides, to be uncommented
+#: optional parts of a model, to be uncommented
 OPTIONAL = {
     "initial_state": "where a record without initial states starts; zero by default",
     "columns": "what the files call a quantity, where that is not its name",
@@ -48,9 +48,9 @@ def write_template(
     Parameters
     ----------
     path : str
-        Where to write.
+        Output file.
     like : str
-        The ready system to begin with, a key of `sklearn_pgnn.cli.systems.SYSTEMS`.
+        The ready system to start from, a key of `sklearn_pgnn.cli.systems.SYSTEMS`.
     records : str, optional
         A file of records, whose columns are written into the comments.
     force : bool
@@ -61,7 +61,7 @@ def write_template(
     Raises
     ------
     OptionError
-        If the file is there already.
+        If the file exists already.
     """
     model = make_system(like)
     header, columns = [], {}
@@ -84,18 +84,18 @@ def commented(
     header: Sequence[str] = (),
     columns: Mapping[str, str] | None = None,
 ) -> str:
-    """Return a model as a model file with a comment at every part.
+    """Return a model as a model file with a comment on every part.
 
     Parameters
     ----------
     model : PhysicsModel
         The model.
     path : str, default="model.yaml"
-        What the file will be called.
+        Name of the file.
     header : sequence of str, default=()
         The columns of a file of records, to be listed.
     columns : mapping of str to str, optional
-        By quantity, the column of that file which is most like it.
+        Most similar column of that file, by quantity.
 
     Returns
     -------
@@ -119,7 +119,7 @@ def commented(
 
 
 def _examples(model: PhysicsModel, columns: Mapping[str, str] | None) -> dict[str, str]:
-    """Return an example of every optional part, in the model's own names."""
+    """Return an example of every optional part, with the model's own names."""
     (state, *_), (driven, *_), (output, *_) = model.states, model.inputs, model.outputs
     columns = columns or {"t": "time", driven: f"{driven}_command", output: f"{output}_sensor"}
     return {

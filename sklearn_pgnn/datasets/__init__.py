@@ -1,4 +1,4 @@
-"""Records: simulated rigs, machines that hide an effect, and measured public benchmarks."""
+"""Records: simulated rigs, machines with a hidden effect, and measured public benchmarks."""
 
 from sklearn_pgnn.datasets.cart import make_cart
 from sklearn_pgnn.datasets.golf_robot import golf_robot_plant, make_golf_robot

@@ -1,4 +1,4 @@
-"""Records of a cart on a spring that hides an effect."""
+"""Records of a cart on a spring with a hidden effect."""
 
 from sklearn.utils import check_random_state
 
@@ -23,7 +23,7 @@ def make_cart(
     n_records : int, default=6
         Number of records.
     effect : Effect, str, a sequence of both, or None, default="cubic_stiffness"
-        What is hidden, as in `make_hidden_effect`; by default the spring hardens.
+        Hidden effect, as in `make_hidden_effect`; by default the spring hardens.
     duration : float, default=10
         Length of a record [s].
     sample_rate : float, default=200
@@ -33,7 +33,7 @@ def make_cart(
     parameter_error : float, default=0.05
         Largest relative error of the prior's parameters.
     random_state : int, RandomState instance or None, default=0
-        What draws everything random.
+        Seed or generator for all random draws.
 
     Returns
     -------

@@ -7,7 +7,7 @@ import numpy as np
 
 #: lowest and highest frequency of an excitation, in periods per record
 PERIODS = (2.0, 20.0)
-#: sines in a multi-sine; levels in a record of steps, and how often a level is zero
+#: sines in a multi-sine; levels in a record of steps, and the fraction of levels that are zero
 SINES, LEVELS, PAUSES = 6, 12, 0.2
 
 
@@ -19,7 +19,7 @@ def multisine(t, rng):
     t : ndarray of shape (n_samples,)
         Time [s].
     rng : numpy.random.RandomState
-        What draws them.
+        Random generator for frequencies and phases.
 
     Returns
     -------
@@ -45,7 +45,7 @@ def sine(t, rng):
     t : ndarray of shape (n_samples,)
         Time [s].
     rng : numpy.random.RandomState
-        What draws the frequency.
+        Random generator for the frequency.
 
     Returns
     -------
@@ -69,7 +69,7 @@ def chirp(t, rng):
     t : ndarray of shape (n_samples,)
         Time [s].
     rng : numpy.random.RandomState
-        What draws the phase, and whether the sweep goes up or down.
+        Random generator for the phase and the direction of the sweep.
 
     Returns
     -------
@@ -90,14 +90,14 @@ def chirp(t, rng):
 
 
 def steps(t, rng):
-    """Hold random levels for random times; some of them are zero.
+    """Hold random levels, some of them zero, for random times.
 
     Parameters
     ----------
     t : ndarray of shape (n_samples,)
         Time [s].
     rng : numpy.random.RandomState
-        What draws levels and times.
+        Random generator for levels and times.
 
     Returns
     -------
@@ -119,12 +119,12 @@ def steps(t, rng):
 
 #: every excitation by name
 EXCITATIONS = {"multisine": multisine, "sine": sine, "chirp": chirp, "steps": steps}
-#: what `excitation="mixed"` takes in turn
+#: excitations that `excitation="mixed"` takes in turn
 MIXED = ("multisine", "chirp", "steps")
 
 
 def excite(kinds, t, n_records: int, n_inputs: int, rng):
-    """Draw the excitations of a set of records, every input on its own.
+    """Draw the excitations of a set of records, independently for every input.
 
     Parameters
     ----------
@@ -133,9 +133,9 @@ def excite(kinds, t, n_records: int, n_inputs: int, rng):
     t : ndarray of shape (n_samples,)
         Time [s].
     n_records, n_inputs : int
-        How many.
+        Number of records and of inputs.
     rng : numpy.random.RandomState
-        What draws them.
+        Random generator for the excitations.
 
     Returns
     -------
@@ -171,6 +171,6 @@ def _progress(t):
 
 
 def _normalised(wave):
-    """Bring the largest magnitude to 1."""
+    """Scale the largest magnitude to 1."""
     peak = np.abs(wave).max()
     return wave / peak if peak > 0 else wave

@@ -1,4 +1,4 @@
-"""Records of a golf robot whose friction sticks and slips."""
+"""Records of a golf robot with stick-slip friction."""
 
 import numpy as np
 from sklearn.utils import check_random_state
@@ -10,14 +10,14 @@ from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.parameter import Parameter
 from sklearn_pgnn.physics.systems import golf_robot
 
-#: what the records are driven by, in turn
+#: excitations of the records, in turn
 EXCITATION = ("sine", "steps", "chirp")
-#: sampling rate with which the amplitudes are found [Hz]
+#: sampling rate for the search for amplitudes [Hz]
 TRIAL_RATE = 200.0
 
 
 def golf_robot_plant() -> PhysicsModel:
-    r"""Return the true golf robot: LuGre friction, and parameters slightly off the prior's.
+    r"""Return the true golf robot: LuGre friction, and parameters slightly off those of the prior.
 
     .. math::
         J \ddot\varphi &= -m g a \sin\varphi - d\,\dot\varphi
@@ -26,14 +26,14 @@ def golf_robot_plant() -> PhysicsModel:
         \dot z &= \dot\varphi - \frac{\sigma_0 |\dot\varphi|}{G(\dot\varphi)} z, \qquad
         G(\dot\varphi) = r\mu\,(0.95 + 0.55\, e^{-(\dot\varphi/v_s)^2})
 
-    Against `golf_robot`: sliding friction 0.95 times, static friction 1.5 times, inertia 0.98
+    Compared with `golf_robot`: sliding friction 0.95 times, static friction 1.5 times, inertia 0.98
     times, gravity torque 1.02 times and damping 1.25 times as large. The bristles yield
     some mrad before the club slips, :math:`-\frac{G}{\sigma_0}\ln(1 - F/F_{max})`.
 
     Returns
     -------
     PhysicsModel
-        As `golf_robot`, with the deflection ``z`` [rad] of the bristles as third state.
+        As `golf_robot`, with the deflection ``z`` [rad] of the bristles as a third state.
 
     References
     ----------
@@ -86,7 +86,7 @@ def make_golf_robot(
 ):
     """Make records of the golf robot with stick-slip, the club always below the horizontal.
 
-    The prior that goes with them is `sklearn_pgnn.systems.golf_robot`; the machine is
+    The corresponding prior is `sklearn_pgnn.systems.golf_robot`; the machine is
     `golf_robot_plant`.
 
     Parameters
@@ -102,9 +102,9 @@ def make_golf_robot(
     excitation : str or sequence of str, default=("sine", "steps", "chirp")
         Excitations, taken in turn; see `make_hidden_effect`.
     reference : bool, default=False
-        Give, instead of the records, one reference record that is not among them: a multi-sine.
+        Whether to return, instead of the records, one separate reference record: a multi-sine.
     random_state : int, RandomState instance or None, default=0
-        What draws excitations and noise.
+        Seed or generator for excitations and noise.
 
     Returns
     -------
@@ -137,5 +137,5 @@ def make_golf_robot(
 
 
 def _substeps(sample_rate):
-    """Step the bristles, whose rate reaches 5000 per second, at 4 kHz at least."""
+    """Return the substeps for the bristles, whose rate reaches 5000 per second: at least 4 kHz."""
     return int(np.ceil(4000.0 / sample_rate))

@@ -1,4 +1,4 @@
-"""Records of a machine that hides physical effects from the engineer's model."""
+"""Records of a machine with physical effects that the engineer's model lacks."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -16,7 +16,7 @@ from sklearn_pgnn.physics.effects import CATALOGUE
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.systems import golf_robot
 
-#: default noise of an output for sizing effects, as a share of its standard deviation
+#: default noise of an output for sizing effects, as a fraction of its standard deviation
 QUIET = 1e-3
 
 
@@ -32,11 +32,11 @@ class HiddenEffect:
     y : pandas.DataFrame
         The measured outputs.
     prior : PhysicsModel
-        The model handed to the engineer: parameters a little off, without the effects.
+        The model handed to the engineer: without the effects, and with slightly wrong parameters.
     truth : PhysicsModel
-        The machine.
+        The true machine.
     effects : tuple of Effect
-        What is hidden; empty if nothing is.
+        The hidden effects; empty if there are none.
 
     Examples
     --------
@@ -56,7 +56,7 @@ class HiddenEffect:
 
     @property
     def effect(self) -> Effect | None:
-        """The first of the hidden effects, None where nothing is hidden."""
+        """The first of the hidden effects, None if there is none."""
         return self.effects[0] if self.effects else None
 
 
@@ -74,21 +74,22 @@ def make_hidden_effect(
     substeps: int | None = None,
     random_state=None,
 ) -> HiddenEffect:
-    r"""Drive a machine that differs from its model by one hidden effect, or by several.
+    r"""Make records of a machine that differs from its model by one or several hidden effects.
 
     .. math:: \dot x = f(x, u, p) + \text{effects}, \qquad y_k = g(x_k, u_k) + e_k,
         \qquad p_\text{prior} = p\,(1 + \epsilon)
 
-    The machine is simulated by an integrator of its own, not by `sklearn_pgnn.simulation`.
+    The machine is simulated by a separate integrator, not by `sklearn_pgnn.simulation`.
 
     Parameters
     ----------
     model : PhysicsModel, optional
         The machine without the effects; by default `golf_robot`.
     effect : Effect, str, a sequence of both, or None, default=None
-        An effect as it is; an effect's id, its target and size drawn so that, alone, it changes
-        the outputs on short windows by 10 to 40 times the noise; ``"random"`` for one drawn from
-        the catalogue; several of these, applied one after the other; None for nothing.
+        An effect, used as given; the id of an effect, whose target and size are drawn so that,
+        alone, it changes the outputs on short windows by 10 to 40 times the noise; ``"random"`` for
+        one drawn from the catalogue; several of these, applied one after the other; None for no
+        effect.
     n_records : int, default=8
         Number of records.
     duration : float, default=10
@@ -96,22 +97,22 @@ def make_hidden_effect(
     sample_rate : float, default=500
         Sampling rate [Hz].
     noise : float or mapping of str to float, default=1e-3
-        Standard deviation of the measurement noise [output], common or by output.
+        Standard deviation of the measurement noise [output], common or per output.
     parameter_error : float, default=0.07
         Largest relative error of the prior's parameters; those marked as fixed have none.
     excitation : str or sequence of str, default="mixed"
         ``"multisine"``, ``"sine"``, ``"chirp"``, ``"steps"``, or several taken in turn record by
         record; ``"mixed"`` stands for multisine, chirp and steps.
     amplitude : float, optional
-        Amplitude of the inputs about the value that holds the initial state. By default every
-        record is driven until the first output moves by half of its reach to all of it (1.2 rad,
-        70 deg, or 1 of any other unit); with the effect, one that goes beyond 1.2 times the reach
-        is driven less, and one that hardly moves more.
+        Amplitude of the inputs about the value that holds the initial state. By default, the
+        amplitude of every record is such that the first output moves by half to all of its reach
+        (1.2 rad, 70 deg, or 1 of any other unit); with the effect, it is lowered for records beyond
+        1.2 times the reach, and raised for those that hardly move.
     substeps : int, optional
-        Integration steps per sample interval, by default as the model's `simulation` says, else 2;
-        a stiff machine needs more. Amplitudes and sizes are found with half of them.
+        Integration steps per sample interval, by default as given by the model's `simulation`,
+        else 2; a stiff machine needs more. Amplitudes and sizes are found with half of them.
     random_state : int, RandomState instance or None, default=None
-        What draws everything random.
+        Seed or generator for all random draws.
 
     Returns
     -------
@@ -121,7 +122,7 @@ def make_hidden_effect(
     Raises
     ------
     ModelError
-        If two effects are the same kind on the same target.
+        If two effects are of the same kind on the same target.
     ValueError
         If an effect is unknown, the model has no target for it, or a number is out of range.
 
@@ -162,7 +163,7 @@ def make_hidden_effect(
 
 
 def _check_finite(t, y) -> None:
-    """Raise where a record became non-finite."""
+    """Raise an error if a record became non-finite."""
     lost = ~np.isfinite(y).all(axis=2)
     if lost.any():
         record, sample = np.argwhere(lost)[0]
@@ -182,7 +183,7 @@ def perturb(model, error: float, rng):
     error : float
         Largest :math:`|\epsilon|`.
     rng : numpy.random.RandomState
-        What draws the factors.
+        Random generator for the factors.
 
     Returns
     -------
@@ -204,7 +205,7 @@ def perturb(model, error: float, rng):
 
 
 def _amplitudes(rig, model, goals, amplitude):
-    """Return the amplitude of every record: the given one, or what reaches the record's goal."""
+    """Return the amplitude of every record: the given one, or one that reaches its goal."""
     if amplitude is None:
         return find_amplitudes(rig, model, goals)
     return np.full(goals.size, float(amplitude))
@@ -219,7 +220,7 @@ def _listed(effect) -> tuple:
 
 
 def _choose(effect, model, rig, amplitudes, noise, rng):
-    """Return the effect to hide; target and size are drawn where they are left open."""
+    """Return the effect to hide; target and size are drawn if not given."""
     if isinstance(effect, Effect):
         return effect
     x, y = rig.run(model, amplitudes)
@@ -236,7 +237,7 @@ def _choose(effect, model, rig, amplitudes, noise, rng):
 
 
 def _kind(effect, model, rng):
-    """Return an effect by its id, or draw one that the model has a target for."""
+    """Return an effect by its id, or draw one for which the model has a target."""
     kinds = {kind.id: kind for kind in CATALOGUE if kind.targets(model)}
     if isinstance(effect, str) and effect == "random":
         return kinds[rng.choice(sorted(kinds))]
@@ -249,7 +250,7 @@ def _kind(effect, model, rng):
 
 
 def _check(n_records, duration, sample_rate, parameter_error):
-    """Raise `ValueError` for numbers that make no records."""
+    """Raise `ValueError` for numbers from which no records can be made."""
     for name, value in (
         ("n_records", n_records), ("duration", duration), ("sample_rate", sample_rate),
     ):  # fmt: skip

@@ -1,20 +1,20 @@
-r"""An integrator of its own for plants: many records at once in NumPy, without `simulation`.
+r"""A separate integrator for plants: many records at once in NumPy, without `simulation`.
 
 A test that hides an effect must not simulate the truth with the code under test. Here the records
 advance together as columns, by the classical Runge-Kutta method in equal substeps,
 
 .. math:: x_{n+1} = x_n + \tfrac{h}{6}(k_1 + 2 k_2 + 2 k_3 + k_4),
 
-under zero-order hold: ``u[k]`` acts from ``t[k]`` to ``t[k+1]`` and ``y[k]`` is seen at ``t[k]``;
-or, where the model's `simulation` says so, with inputs that run straight from sample to sample.
+under zero-order hold: ``u[k]`` acts from ``t[k]`` to ``t[k+1]`` and ``y[k]`` is measured at
+``t[k]``; or, if the model's `simulation` says so, with linear interpolation of the inputs.
 An input delay :math:`\tau` is an exact shift in time: the steps also break where ``u(t - tau)``
-jumps or bends. Before the record begins an input has its first value.
+jumps or has a kink. Before the record begins, an input has its first value.
 
-Dry friction really sticks. ``sign(v)`` of a state is a side that is held within a step; a column
+Dry friction sticks exactly. The sign of ``v`` in ``sign(v)`` is held within a step; a column
 whose velocity changes sign is stepped again to the root of ``v`` (regula falsi), where ``v`` is
-set to zero. From rest it leaves forward or backward only if the rate with that side points there;
-else it stays, exactly. The state is thus fourth order in the step from event to event, where one
-of the rates' own kinks (a dead zone, a limit) does not fall within a step.
+set to zero. From rest it moves forward or backward only if the rate with that sign points there;
+otherwise it stays exactly at rest. The state is thus of fourth order in the step from event to
+event, unless a kink of the rates (a dead zone, a limit) falls within a step.
 """
 
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ from sklearn_pgnn.physics.expressions import TIME, symbol
 
 #: crossings of zero within one substep; a column that crosses more often comes to rest
 MAX_CROSSINGS = 8
-#: regula falsi steps for the instant of a crossing
+#: regula falsi steps to locate a crossing
 ROOT_STEPS = 3
 
 
@@ -41,10 +41,10 @@ def integrate(model, t, u=None, x0=None, *, substeps: int = 4):
     t : ndarray of shape (n_samples,)
         Time [s], increasing, common to the records.
     u : ndarray of shape (n_records, n_samples, n_inputs), optional
-        Inputs, held from sample to sample unless the model's `simulation` says that they run
-        straight; by default zero.
+        Inputs, held from sample to sample unless the model's `simulation` asks for linear
+        interpolation; by default zero.
     x0 : ndarray of shape (n_records, n_states), optional
-        Initial states; by default the model's `initial_state` in every record, its `settled`
+        Initial states; by default the model's `initial_state` in every record, with `settled`
         states at the first inputs.
     substeps : int, default=4
         Runge-Kutta steps per sample interval.
@@ -89,7 +89,7 @@ def _starts(model, u):
 
 
 def _run(plant, t, edges, sampled, acting, x, substeps):
-    """Step from edge to edge and keep the states at the samples."""
+    """Step from edge to edge and return the states at the samples."""
     kept = np.empty((t.size, *x.shape))
     kept[0] = x
     for k in range(t.size - 1):
@@ -106,30 +106,30 @@ def _run(plant, t, edges, sampled, acting, x, substeps):
 
 @dataclass(frozen=True)
 class Inputs:
-    """The inputs from one instant where any of them may jump or bend to the next.
+    """The inputs between two successive instants at which any of them may jump or have a kink.
 
     Parameters
     ----------
     start : float
         The first instant [s].
     lines : list of (ndarray, ndarray)
-        Value there and slope of every input, by column.
+        Initial value and slope of every input, by column.
     """
 
     start: float
     lines: list
 
     def at(self, t):
-        """Return the inputs at an instant, or at one of every column."""
+        """Return the inputs at an instant, common or per column."""
         return [value + slope * (t - self.start) for value, slope in self.lines]
 
     def of(self, columns):
-        """Return the inputs of some columns."""
+        """Return the inputs of a subset of columns."""
         return Inputs(self.start, [(value[columns], slope[columns]) for value, slope in self.lines])
 
 
 def _act(model, t, u):
-    """Return the instants where any input may jump or bend, and value and slope of each after."""
+    """Return the instants of possible jumps or kinks, and each input's value and slope after."""
     edges, samples, delays = _edges(model, t)
     if model.simulation.get("hold") != "foh":
         return edges, [(v, np.zeros_like(v)) for v in (u[k, i] for i, k in enumerate(samples))]
@@ -142,7 +142,7 @@ def _act(model, t, u):
 
 
 def _edges(model, t):
-    """Return where any input may jump or bend, which sample of each acts after, and the delays."""
+    """Return the instants of possible jumps or kinks, the sample that acts after, and delays."""
     delays = [model.parameters[model.delays[name]].value if name in model.delays else 0.0
               for name in model.inputs]  # fmt: skip
     near = 1e-9 * np.diff(t).min() if t.size > 1 else 0.0
@@ -155,7 +155,7 @@ def _edges(model, t):
 
 
 def _advance(plant, t, h, x, u, crossings=MAX_CROSSINGS):
-    """Return the states after a step, which is cut where a dry friction changes sign."""
+    """Return the states after a step, which is split where a dry friction changes sign."""
     side = np.sign(x[plant.dry])
     moving = np.ones_like(side)
     if not side.all():
@@ -201,7 +201,7 @@ def _chord_zero(low, v_low, high, v_high):
 
 
 def _leave_rest(plant, t, x, u):
-    """Return the sign of every dry friction, and 1 where its velocity may move, else 0."""
+    """Return the sign of every dry friction, and 1 if its velocity may move, else 0."""
     side, u = np.sign(x[plant.dry]), u.at(t)
     moving = np.ones_like(side)
     for i, row in enumerate(plant.dry):
@@ -216,7 +216,7 @@ def _leave_rest(plant, t, x, u):
 
 
 def _rate_on_side(plant, t, x, u, side, i, value):
-    """Return the rates with friction i on a given side."""
+    """Return the rates with friction i of a given sign."""
     side = side.copy()
     side[i] = value
     return plant.rates(t, x, u, side)
@@ -294,5 +294,5 @@ class _Printer(NumPyPrinter):
 
 
 def _compile(arguments, expressions):
-    """Write expressions as one NumPy function, common parts computed once."""
+    """Compile expressions to one NumPy function, with common parts computed once."""
     return sympy.lambdify(arguments, expressions, modules="numpy", printer=_Printer, cse=True)

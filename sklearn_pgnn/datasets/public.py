@@ -1,4 +1,4 @@
-"""Public benchmarks: measured records on which published methods are compared."""
+"""Public benchmarks: measured records for the comparison of published methods."""
 
 from dataclasses import dataclass
 from functools import partial
@@ -16,8 +16,8 @@ from sklearn_pgnn.physics.parameter import Parameter
 DRIVE_GAIN = 35.15065188
 #: training samples of the drives' records, and their sample interval [s]
 DRIVES_TRAIN, DRIVES_STEP = 400, 0.02
-#: the silverbox's sample rate [Hz], its samples whose amplitude grows, how many of them stay within
-#: what was learned, its samples with multisines, and how many of these are for learning
+#: silverbox: sample rate [Hz], samples of growing amplitude, how many of them stay within the range
+#: of the training data, samples with multisines, and how many of these are for training
 SILVERBOX_RATE, ARROW, ARROW_WITHIN = 610.35, slice(100, 40_575), 32_000
 MULTISINE, MULTISINE_TRAIN = slice(40_650, 127_400), 65_062
 
@@ -33,8 +33,8 @@ class PublicBenchmark:
     y_train, y_test : pandas.DataFrame
         The measured output.
     initial_window : int
-        Samples at the start of every test trajectory that may be used to find its initial state;
-        they do not count in the error.
+        Samples at the start of every test trajectory that may be used to estimate its initial
+        state; they do not count in the error.
     prior : PhysicsModel
         The usual prior.
 
@@ -62,29 +62,29 @@ def load_emps(*, data_home=None) -> PublicBenchmark:
 
     .. math:: M \ddot q = F - F_v \dot q
 
-    Measured in a position loop; the test record is disturbed by pulses, which are part of the
-    force. Input ``force`` [N], output ``position`` [m]. The records hold the controller's output
-    in volts; the force is 35.15 N/V times it.
+    Measured in a position control loop; the test record is disturbed by pulses, which are part of
+    the force. Input ``force`` [N], output ``position`` [m]. The records contain the controller's
+    output in volts; the force is 35.15 N/V times this output.
 
     Parameters
     ----------
     data_home : path-like, optional
-        Folder that holds, itself or in a folder inside it, ``DATA_EMPS.mat`` and
+        Folder that contains, directly or in a subfolder, ``DATA_EMPS.mat`` and
         ``DATA_EMPS_PULSES.mat``; by default the package ``nonlinear_benchmarks`` downloads them.
 
     Returns
     -------
     PublicBenchmark
-        A record to learn from and one to judge on; 20 samples may find the initial state.
+        One training and one test record; 20 samples may be used for the initial state.
 
     Raises
     ------
     FileNotFoundError
         If a file is not in the folder.
     ImportError
-        If there is neither a folder nor the package.
+        If no folder is given and the package is not installed.
     ValueError
-        If a file does not hold the records.
+        If a file does not contain the records.
 
     References
     ----------
@@ -107,34 +107,34 @@ def load_emps(*, data_home=None) -> PublicBenchmark:
 
 
 def load_cascaded_tanks(*, data_home=None) -> PublicBenchmark:
-    r"""Load the cascaded tanks: a pump, two tanks one above the other, both can overflow.
+    r"""Load the cascaded tanks: a pump and two tanks, one above the other, that can overflow.
 
     .. math::
         \dot x_1 = -k_1 \sqrt{x_1} + k_4 u, \qquad \dot x_2 = k_2 \sqrt{x_1} - k_3 \sqrt{x_2}
 
-    Input ``pump`` [V], output ``level`` [V] of the lower tank, whose sensor ends at 10 V, every
-    4 s. The initial state is not known, but the same in both records. Nor are the flows :math:`k`:
-    the prior's values are a start, and their spread has no end.
+    Input ``pump`` [V], output ``level`` [V] of the lower tank, whose sensor saturates at 10 V,
+    sampled every 4 s. The initial state is unknown, but the same in both records. The flow
+    coefficients :math:`k` are unknown, too: the prior's values are start values of infinite spread.
 
     Parameters
     ----------
     data_home : path-like, optional
-        Folder that holds, itself or in a folder inside it, ``dataBenchmark.mat``; by default the
+        Folder that contains, directly or in a subfolder, ``dataBenchmark.mat``; by default the
         package ``nonlinear_benchmarks`` downloads it.
 
     Returns
     -------
     PublicBenchmark
-        A record to learn from and one to judge on; 50 samples may find the initial state.
+        One training and one test record; 50 samples may be used for the initial state.
 
     Raises
     ------
     FileNotFoundError
         If the file is not in the folder.
     ImportError
-        If there is neither a folder nor the package.
+        If no folder is given and the package is not installed.
     ValueError
-        If the file does not hold the records.
+        If the file does not contain the records.
 
     References
     ----------
@@ -161,29 +161,30 @@ def load_coupled_drives(*, data_home=None) -> PublicBenchmark:
 
     .. math:: G(s) = \frac{k\,\alpha\,\omega_0^2}{(s + \alpha)(s^2 + 2 \xi \omega_0 s + \omega_0^2)}
 
-    Input ``voltage`` [V], output ``pulses`` [1/s] of a pulse counter, which sees the magnitude of
-    the pulley's speed only. Two trajectories, ``low`` and ``high``, by the input's amplitude; the
-    first 8 s are for learning, the 2 s that follow for the test.
+    Input ``voltage`` [V], output ``pulses`` [1/s] of a pulse counter, which measures only the
+    magnitude of the pulley's speed. Two trajectories, ``low`` and ``high``, by the input's
+    amplitude; the first 8 s are for training, the following 2 s for the test.
 
     Parameters
     ----------
     data_home : path-like, optional
-        Folder that holds, itself or in a folder inside it, ``DATAUNIF.MAT``; by default the
+        Folder that contains, directly or in a subfolder, ``DATAUNIF.MAT``; by default the
         package ``nonlinear_benchmarks`` downloads it.
 
     Returns
     -------
     PublicBenchmark
-        Two trajectories to learn from, and how they go on; 10 samples may find the state there.
+        Two training trajectories and their continuations as test; 10 samples may be used for the
+        initial state.
 
     Raises
     ------
     FileNotFoundError
         If the file is not in the folder.
     ImportError
-        If there is neither a folder nor the package.
+        If no folder is given and the package is not installed.
     ValueError
-        If the file does not hold the records.
+        If the file does not contain the records.
 
     References
     ----------
@@ -216,31 +217,31 @@ def load_silverbox(*, data_home=None) -> PublicBenchmark:
 
     .. math:: \ddot y = b\,u - d\,\dot y - k\,y
 
-    Input ``drive`` [V], output ``response`` [V], some nine samples a period. Three quarters of the
-    multisine are for learning. Trajectories of the test are the rest, ``multisine``; the ``arrow``,
-    noise with an amplitude that grows beyond what was learned; and ``arrow_within``, the part of it
-    that does not. Gain, damping and stiffness are not known: the prior's values are a start, and
-    their spread has no end.
+    Input ``drive`` [V], output ``response`` [V], about nine samples per period. Three quarters of
+    the multisine are for training. The test trajectories are the rest, ``multisine``; the
+    ``arrow``, noise with an amplitude that grows beyond the training data; and ``arrow_within``,
+    the part of it that does not. Gain, damping and stiffness are unknown: the prior's values are
+    start values of infinite spread.
 
     Parameters
     ----------
     data_home : path-like, optional
-        Folder that holds, itself or in a folder inside it, ``SNLS80mV.mat``; by default the
+        Folder that contains, directly or in a subfolder, ``SNLS80mV.mat``; by default the
         package ``nonlinear_benchmarks`` downloads it.
 
     Returns
     -------
     PublicBenchmark
-        A record to learn from, three to judge on; 50 samples may find the initial state.
+        One training and three test records; 50 samples may be used for the initial state.
 
     Raises
     ------
     FileNotFoundError
         If the file is not in the folder.
     ImportError
-        If there is neither a folder nor the package.
+        If no folder is given and the package is not installed.
     ValueError
-        If the file does not hold the record.
+        If the file does not contain the record.
 
     References
     ----------

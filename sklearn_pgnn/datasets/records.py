@@ -1,16 +1,16 @@
-"""From simulated arrays to the tables `X` and `y` that the estimators read."""
+"""Conversion of simulated arrays to the tables `X` and `y` that the estimators read."""
 
 import numpy as np
 import pandas as pd
 
 
 def make_tables(model, t, u, x0, y):
-    """Write records as two tables, one row a sample, one trajectory after the other.
+    """Write records as two tables, one row per sample, one trajectory after the other.
 
     Parameters
     ----------
     model : PhysicsModel
-        Names the columns.
+        Defines the columns.
     t : ndarray of shape (n_samples,)
         Time [s], common to the records.
     u : ndarray of shape (n_records, n_samples, n_inputs)
@@ -56,18 +56,18 @@ def add_noise(model, y, noise, rng):
     Parameters
     ----------
     model : PhysicsModel
-        Names the outputs.
+        Defines the outputs.
     y : ndarray of shape (n_records, n_samples, n_outputs)
-        What the sensors would show.
+        Noise-free outputs.
     noise : float or mapping of str to float
-        Standard deviation, common or by output.
+        Standard deviation, common or per output.
     rng : numpy.random.RandomState
-        What draws it.
+        Random generator for the noise.
 
     Returns
     -------
     ndarray of shape (n_records, n_samples, n_outputs)
-        What the sensors show.
+        Noisy outputs.
     """
     return y + noise_levels(model, noise) * rng.standard_normal(y.shape)
 
@@ -78,9 +78,9 @@ def noise_levels(model, noise):
     Parameters
     ----------
     model : PhysicsModel
-        Names the outputs.
+        Defines the outputs.
     noise : float or mapping of str to float
-        Standard deviation, common or by output; outputs that a mapping leaves out have none.
+        Standard deviation, common or per output; outputs missing from a mapping have no noise.
 
     Returns
     -------
@@ -104,5 +104,5 @@ def noise_levels(model, noise):
 
 
 def _columns(names, values):
-    """Name the last axis and lay the records under each other."""
+    """Name the last axis and stack the records."""
     return {name: values[..., i].ravel() for i, name in enumerate(names)}

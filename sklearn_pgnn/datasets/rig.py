@@ -6,14 +6,14 @@ import numpy as np
 
 from sklearn_pgnn.datasets.integrator import Plant, integrate
 
-#: how far the first output may move from its start, by unit; 1 for any other
+#: reach: how far the first output may move from its start, by unit; 1 for any other
 REACH = {"rad": 1.2, "deg": 70.0}
-#: excursion, as a share of the reach, above which a record's amplitude is lowered, and below
+#: excursion, as a fraction of the reach, above which a record's amplitude is lowered, and below
 #: which it is raised
 TOO_FAR, HARDLY = 1.2, 0.15
-#: least share of its amplitude a record keeps: an effect may shift the machine at any amplitude
+#: least fraction of a record's amplitude: an effect may shift the machine at any amplitude
 KEPT = 0.3
-#: rounds to find the amplitudes, and when they are near enough
+#: iterations of the search for amplitudes, and their tolerance
 ROUNDS, NEAR = 8, 0.3
 
 
@@ -63,8 +63,8 @@ class Rig:
         amplitudes : ndarray of shape (n_records,)
             Amplitude of every record [input].
         states : collection of str, default=()
-            States that start where `initial_state` says; the others of the plant start where
-            they stay at `offset`. By default all start where `initial_state` says.
+            States that start at `initial_state`; the other states of the plant start at their
+            equilibrium for `offset`. By default all start at `initial_state`.
 
         Returns
         -------
@@ -81,7 +81,7 @@ class Rig:
 def resting_input(model):
     r"""Return the inputs that hold a machine in its initial state.
 
-    The least-squares solution of :math:`f(0, x_0, u) = 0`, the rates being affine in the inputs.
+    This is the least-squares solution of :math:`f(0, x_0, u) = 0` for rates affine in the inputs.
 
     Parameters
     ----------
@@ -107,14 +107,14 @@ def resting_input(model):
 
 
 def settled(plant, known, x, u):
-    r"""Set the unknown states (an actuator's own) to where their rate is zero.
+    r"""Set the unknown states (those of an actuator) to values at which their rate is zero.
 
     Parameters
     ----------
     plant : PhysicsModel
         The machine.
     known : collection of str
-        States that stay as they are.
+        States that are left unchanged.
     x : ndarray of shape (n_records, n_states)
         States.
     u : ndarray of shape (n_inputs,) or (n_records, n_inputs)
@@ -152,7 +152,7 @@ def excursion(model, y):
     Parameters
     ----------
     model : PhysicsModel
-        Gives the output's unit.
+        Model that gives the output's unit.
     y : ndarray of shape (n_records, n_samples, n_outputs)
         Outputs.
 
@@ -176,7 +176,7 @@ def find_amplitudes(rig: Rig, model, goals):
     model : PhysicsModel
         The machine.
     goals : ndarray of shape (n_records,)
-        Wanted excursions, in shares of the reach.
+        Desired excursions, as fractions of the reach.
 
     Returns
     -------
@@ -200,14 +200,14 @@ def run_bounded(rig: Rig, plant, model, amplitudes):
     rig : Rig
         The excitations.
     plant, model : PhysicsModel
-        The machine, and the model of it that says which states are known.
+        The machine, and its model, which defines the known states.
     amplitudes : ndarray of shape (n_records,)
-        Amplitudes to begin with [input].
+        Initial amplitudes [input].
 
     Returns
     -------
     amplitudes : ndarray of shape (n_records,)
-        Amplitudes in the end [input].
+        Final amplitudes [input].
     x, y : ndarray of shape (n_records, n_samples, n)
         States and outputs without noise.
     """

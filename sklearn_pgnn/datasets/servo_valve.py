@@ -1,4 +1,4 @@
-"""Records of a servo valve whose slider is limited."""
+"""Records of a servo valve with a limited slider."""
 
 import numpy as np
 from sklearn.utils import check_random_state
@@ -9,7 +9,7 @@ from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.parameter import Parameter
 from sklearn_pgnn.physics.systems import servo_valve
 
-#: steps in a record, and the integration steps per second that the stops need
+#: steps in a record, and integration steps per second needed for the stops
 LEVELS, STEP_RATE = 4, 40_000.0
 
 
@@ -77,7 +77,7 @@ def make_servo_valve(
 ):
     """Make step records of the servo valve with limits.
 
-    The priors that go with them are `sklearn_pgnn.systems.servo_valve` with and without limits;
+    The corresponding priors are `sklearn_pgnn.systems.servo_valve` with and without limits;
     the machine is `servo_valve_plant`.
 
     Parameters
@@ -91,10 +91,10 @@ def make_servo_valve(
     noise : float, default=2e-3
         Standard deviation of the position's measurement noise [largest position].
     reference : bool, default=False
-        Give, instead of the records, one reference record that is not among them: up to 5 V and
+        Whether to return, instead of the records, one separate reference record: up to 5 V and
         back.
     random_state : int, RandomState instance or None, default=0
-        What draws voltages and noise.
+        Seed or generator for voltages and noise.
 
     Returns
     -------

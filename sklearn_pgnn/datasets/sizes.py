@@ -1,9 +1,9 @@
 """How large a hidden effect must be to matter: found by trial on short windows.
 
 An effect of size 0 does nothing, one of size 1 is as large as the motion itself (a force as large
-as the typical inertial force, a bias as large as the input's ups and downs, a delay as long as a
-window). A window is as long as the slowest state takes to change, three times its spread over its
-typical rate.
+as the typical inertial force, a bias as large as the input's variation, a delay as long as a
+window). The length of a window is the time that the slowest state takes to change: three times its
+spread over its typical rate.
 """
 
 import numpy as np
@@ -13,9 +13,10 @@ from sklearn_pgnn.datasets.rig import settled
 from sklearn_pgnn.physics.effect import Scales
 from sklearn_pgnn.physics.typical import typical_value
 
-#: a window in the slowest state's time of change, at most this share of a record; how many
+#: length of a window in the slowest state's time of change, its largest fraction of a record, and
+#: the number of windows
 CHANGES, SHARE, WINDOWS = 3.0, 0.25, 40
-#: what an effect should do to the outputs on a window, in times the noise
+#: change that an effect should cause in the outputs on a window, in multiples of the noise
 MATTERS = (10.0, 40.0)
 #: sizes tried, and rounds of bisection between them
 SMALLEST, BISECTIONS = 1e-3, 7
@@ -24,7 +25,7 @@ EITHER_SIGN = frozenset({"constant_load", "input_bias", "sensor_bias", "sensor_g
 
 
 def _below_peak(size: float, scale) -> float:
-    """Return a limit that cuts the more off a signal's peaks the larger an effect is."""
+    """Return a limit that clips more of a signal's peaks for a larger effect."""
     return scale["peak"] - size * min(0.7 * scale["peak"], 2 * scale["target"])
 
 
@@ -71,12 +72,12 @@ SHAPES = {
 
 
 def measure_scales(model, t, u, x, y) -> Scales:
-    """Measure how large the signals of a set of records are.
+    """Measure the magnitudes of the signals of a set of records.
 
     Parameters
     ----------
     model : PhysicsModel
-        Names the signals.
+        Defines the signals.
     t : ndarray of shape (n_samples,)
         Time [s].
     u, x, y : ndarray of shape (n_records, n_samples, n)
@@ -106,20 +107,20 @@ def measure_scales(model, t, u, x, y) -> Scales:
 
 
 def family(kind, target: str, model, scales: Scales, rng):
-    """Draw an effect whose size is still open.
+    """Draw an effect of undetermined size.
 
     Parameters
     ----------
     kind : type of Effect
-        What kind of effect.
+        Class of the effect.
     target : str
-        What it acts on.
+        Target of the effect.
     model : PhysicsModel
         The machine.
     scales : Scales
-        How large its signals are.
+        Magnitudes of its signals.
     rng : numpy.random.RandomState
-        What draws the shares of its parameters and its sign.
+        Random generator for the proportions of its parameters and its sign.
 
     Returns
     -------
@@ -150,7 +151,7 @@ def family(kind, target: str, model, scales: Scales, rng):
 
 
 def draw_size(effect, model, t, u, x, scales: Scales, floor, rng, substeps: int = 1):
-    r"""Return an effect of the size that matters.
+    r"""Return an effect of a size that matters.
 
     The size is bisected until the outputs with and without the effect, both started from the
     same states, differ on short windows by a drawn multiple (`MATTERS`) of the noise.
@@ -166,11 +167,11 @@ def draw_size(effect, model, t, u, x, scales: Scales, floor, rng, substeps: int 
     u, x : ndarray of shape (n_records, n_samples, n)
         Inputs, and the states of the machine without the effect.
     scales : Scales
-        How large the signals are, and how long a window is.
+        Magnitudes of the signals, and length of a window.
     floor : ndarray of shape (n_outputs,)
         Noise of the outputs.
     rng : numpy.random.RandomState
-        What draws the windows and the multiple.
+        Random generator for the windows and the multiple.
     substeps : int, default=1
         Integration steps per sample interval.
 
@@ -179,7 +180,7 @@ def draw_size(effect, model, t, u, x, scales: Scales, floor, rng, substeps: int 
     effect : Effect
         The effect.
     matters : bool
-        Whether it reaches the least multiple; if not, it has the largest size.
+        Whether the effect reaches the least multiple; if not, it has the largest size.
     """
     wanted = np.exp(rng.uniform(*np.log(MATTERS)))
     windows = _windows(t, u, x, scales.window, rng)
@@ -204,7 +205,7 @@ def _rms(signals):
 
 
 def _wrong_parameter(kind, parameter, sign):
-    """Change a value by a fifth at least."""
+    """Change a value by at least a fifth."""
 
     def of_size(size):
         value = parameter.value * (1 + sign * (0.2 + 0.5 * size))
@@ -214,7 +215,7 @@ def _wrong_parameter(kind, parameter, sign):
 
 
 def _windows(t, u, x, window, rng):
-    """Cut windows at random: times, inputs and initial states."""
+    """Draw random windows: times, inputs and initial states."""
     n_records, n_samples = u.shape[:2]
     length = min(n_samples, max(10, int(np.searchsorted(t - t[0], window))))
     records = rng.randint(n_records, size=WINDOWS)
@@ -224,7 +225,7 @@ def _windows(t, u, x, window, rng):
 
 
 def _difference(model, effect, windows, without, floor, substeps):
-    """Return by how many times the noise an effect changes the outputs on the windows."""
+    """Return the change of the outputs on the windows by an effect, in multiples of the noise."""
     t, u, x0 = windows
     plant = model + effect
     added = len(plant.states) - len(model.states)

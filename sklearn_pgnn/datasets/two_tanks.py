@@ -1,4 +1,4 @@
-"""Records of two tanks in a cascade whose pump hides something."""
+"""Records of two tanks in cascade with a hidden effect of the pump."""
 
 from sklearn.utils import check_random_state
 
@@ -6,7 +6,7 @@ from sklearn_pgnn.datasets.hidden_effect import HiddenEffect, make_hidden_effect
 from sklearn_pgnn.physics.effects import InputDeadZone
 from sklearn_pgnn.physics.systems import two_tanks
 
-#: amplitude of the pump about 3 V [V]: it passes through the dead zone, and no tank runs empty
+#: amplitude of the pump about 3 V [V]: the input crosses the dead zone, and no tank runs empty
 AMPLITUDE = 2.7
 
 
@@ -31,7 +31,7 @@ def make_two_tanks(
     n_records : int, default=4
         Number of records.
     effect : Effect, str, a sequence of both, or None, default="dead zone"
-        What is hidden: by default a pump that does nothing below 0.8 V; otherwise as in
+        Hidden effect: by default a pump that does nothing below 0.8 V; otherwise as in
         `make_hidden_effect`.
     duration : float, default=600
         Length of a record [s].
@@ -42,7 +42,7 @@ def make_two_tanks(
     parameter_error : float, default=0.05
         Largest relative error of the prior's parameters.
     random_state : int, RandomState instance or None, default=0
-        What draws everything random.
+        Seed or generator for all random draws.
 
     Returns
     -------

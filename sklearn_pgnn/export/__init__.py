@@ -1,4 +1,4 @@
-"""Exporters: models and networks in the languages of other tools."""
+"""Exporters of models and networks to the languages of other tools."""
 
 from sklearn_pgnn.export.c import to_c
 from sklearn_pgnn.export.casadi_function import to_casadi

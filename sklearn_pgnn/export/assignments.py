@@ -1,7 +1,7 @@
 """A model's straight-line source as syntax trees, for targets that write it in another language.
 
-What is exported is the very code that the simulation compiles, operation by operation: nothing is
-simplified or ordered anew, so that the same processor arithmetic gives the same numbers.
+The exported code is the code that the simulation compiles, operation by operation: nothing is
+simplified or reordered, so that the same processor arithmetic gives the same numbers.
 """
 
 import ast
@@ -15,16 +15,16 @@ from sklearn_pgnn.simulation.source import write_source
 
 @dataclass(frozen=True)
 class Assignments:
-    """Some results of a straight-line function, and what leads to them.
+    """Some results of a straight-line function, and the assignments that they depend on.
 
     Parameters
     ----------
     places : dict of str to (str, int)
-        Local name to its place in the arguments, ``("x", 0)`` for the first state.
+        Position of each local name in the arguments, ``("x", 0)`` for the first state.
     shared : dict of str to ast.expr
-        Expressions that several others hold, in order.
+        Expressions that occur in several others, in order.
     results : tuple of ast.expr
-        What is wanted.
+        The requested expressions.
     """
 
     places: dict[str, tuple[str, int]]
@@ -33,17 +33,17 @@ class Assignments:
 
     @property
     def uses_time(self) -> bool:
-        """Whether the time stands in any expression."""
+        """Whether any expression contains the time."""
         return "t" in _names([*self.shared.values(), *self.results])
 
     @property
     def arrays(self) -> frozenset[str]:
-        """The arguments that are read: of ``x``, ``u``, ``p`` and ``s``."""
+        """The arguments that are read, among ``x``, ``u``, ``p`` and ``s``."""
         return frozenset(array for array, _ in self.places.values())
 
 
 def rates_of(model: PhysicsModel) -> Assignments:
-    """Return what leads to a model's rates.
+    """Return the assignments for a model's rates.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def rates_of(model: PhysicsModel) -> Assignments:
     Returns
     -------
     Assignments
-        One result a state.
+        One result per state.
 
     Examples
     --------
@@ -65,7 +65,7 @@ def rates_of(model: PhysicsModel) -> Assignments:
 
 
 def outputs_of(model: PhysicsModel) -> Assignments:
-    """Return what leads to a model's outputs.
+    """Return the assignments for a model's outputs.
 
     Parameters
     ----------
@@ -75,14 +75,14 @@ def outputs_of(model: PhysicsModel) -> Assignments:
     Returns
     -------
     Assignments
-        One result an output.
+        One result per output.
     """
     first = len(model.states)
     return _wanted(model, range(first, first + len(model.outputs)))
 
 
 def _wanted(model: PhysicsModel, which: range) -> Assignments:
-    """Keep of a model's function what some of its entries need."""
+    """Return the part of a model's function that some of its entries need."""
     require_equations(model, "export")
     places, shared, results = {}, {}, {}
     for line in ast.parse(write_source(model).text).body:

@@ -20,38 +20,39 @@ def to_c(
     substeps: int | None = None,
     hold: str | None = None,
 ) -> str:
-    r"""Write a model or a trained network as one file of C99 that gives Python's numbers.
+    r"""Write a model or a trained network as one C99 file that reproduces Python's numbers.
 
     The file holds the state as a struct and three functions: ``NAME_start`` sets the initial state,
     ``NAME_output`` gives the outputs :math:`y_k = g(t_k, x_k, u_k)` and ``NAME_step`` advances
-    :math:`x_k` to :math:`x_{k+1}`. It needs no heap and no library but ``math.h``. Whatever the
-    compiled simulation does is there: dry friction that sticks, late inputs, substeps, and inputs
-    that are held or run straight. A network runs free as its ``predict``; ``NAME_step`` returns
-    whether the states are in reach of the training data, and keeps the last ones that were.
+    :math:`x_k` to :math:`x_{k+1}`. It needs no heap and no library but ``math.h``. All features of
+    the compiled simulation are included: dry friction that sticks, delayed inputs, substeps, and
+    inputs that are held or interpolated linearly. A network runs in free-run simulation, as in
+    ``predict``; ``NAME_step`` returns whether the states are in reach of the training data, and
+    keeps the last ones that were.
 
     Parameters
     ----------
     model : PhysicsModel or PGNNLRegressor
         The model, or a trained network with one of the package's own cores.
     interval : float, optional
-        Time from sample to sample [s]; of a network by default that of its training data.
+        Sample interval [s]; for a network by default that of its training data.
     precision : {"double", "single"}, default="double"
         ``double`` or ``float`` for every number.
     parameters : {"constants", "struct"}, default="constants"
-        Whether the parameters are constants in the equations, or a struct that is given to every
-        call and may be changed while the program runs; delays are constants in either case, and so
-        are all numbers of a network.
+        Whether the parameters are constants in the equations, or a struct that is passed to every
+        call and may be changed at run time; delays are constants in either case, and so are all
+        numbers of a network.
     name : str, optional
-        What all names in the file begin with; by default the model's name.
+        Prefix of all names in the file; by default the model's name.
     method : {"rk4", "euler"}, default="rk4"
         Runge-Kutta scheme of order four, or explicit Euler.
     substeps : int, optional
-        Integration steps from one sample to the next; by default as the model's `simulation` says,
+        Integration steps per sample interval; by default as given by the model's `simulation`,
         else 1.
     hold : {"zoh", "foh"}, optional
-        Whether an input is held between two samples or runs straight from one to the next; by
-        default as the model's `simulation` says, else held. Of a network, method, substeps and hold
-        are those of its training.
+        Whether inputs are held or linearly interpolated between samples; by default as given by
+        the model's `simulation`, else held. For a network, method, substeps and hold are those of
+        its training.
 
     Returns
     -------
@@ -61,9 +62,9 @@ def to_c(
     Raises
     ------
     OptionError
-        If `model` is neither, or an option is none of what it can be.
+        If `model` is neither, or an option has an invalid value.
     ModelError
-        If a number does not fit into single precision, or a network has a core of one's own.
+        If a number does not fit into single precision, or a network has a user-defined core.
 
     Examples
     --------
@@ -101,19 +102,19 @@ def is_network(model) -> bool:
     Parameters
     ----------
     model : object
-        What may be one.
+        Object to test.
 
     Returns
     -------
     bool
-        Whether it is.
+        Whether it is a network.
     """
     room = sys.modules.get("sklearn_pgnn.estimators.pgnnl")
     return room is not None and isinstance(model, room.PGNNLRegressor)
 
 
 def _refuse_other_than(usual: dict, settled: dict) -> None:
-    """Refuse options that a network's training has settled."""
+    """Refuse options that are fixed by a network's training."""
     for option, value in settled.items():
         if value != usual.get(option):
             raise OptionError(

@@ -6,21 +6,21 @@ from dataclasses import dataclass, field
 
 from sklearn_pgnn.exceptions import ModelError
 
-#: operators by how tightly they bind
+#: precedence of operators
 _OPERATIONS = {ast.Add: ("+", 1), ast.Sub: ("-", 1), ast.Mult: ("*", 2), ast.Div: ("/", 2)}
 _COMPARISONS = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">="}
 _UNARY, _ATOM = 3, 4
 #: functions of ``math.h`` that an equation may need
 _FUNCTIONS = "acos asin atan atan2 ceil cos cosh exp fabs floor log pow sin sinh sqrt tan tanh"
 FUNCTIONS = frozenset(_FUNCTIONS.split())
-#: whole exponents up to here are multiplied out, as the simulation does
+#: integer exponents up to here are written as products, as in the simulation
 MULTIPLIED = 16
 PI, E = "3.141592653589793", "2.718281828459045"
 
 
 @dataclass
 class CPrinter:
-    """Write expressions in C, and remember which helpers they call.
+    """Write expressions in C, and collect the helpers that they call.
 
     Parameters
     ----------
@@ -29,9 +29,9 @@ class CPrinter:
     prefix : str
         Beginning of the helpers' names.
     powers : set of int
-        Whole exponents met so far; each needs a helper ``power_n``.
+        Integer exponents met so far; each needs a helper ``power_n``.
     extremes : set of str
-        Of ``smaller`` and ``larger``, the helpers met so far.
+        Helpers met so far, among ``smaller`` and ``larger``.
     """
 
     single: bool = False
@@ -76,7 +76,7 @@ class CPrinter:
         expression : ast.expr
             The expression.
         names : mapping of str to str
-            What a name is called in C, where it is called otherwise.
+            Name in C, where it differs.
 
         Returns
         -------
@@ -101,7 +101,7 @@ class CPrinter:
         return sorted(found - {1})
 
     def _written(self, node, names, least: int) -> str:
-        """Write a node, in parentheses where it binds less tightly than wanted."""
+        """Write a node, in parentheses if its precedence is lower than required."""
         text, binds = getattr(self, f"_{type(node).__name__}", self._refused)(node, names)
         return text if binds >= least else f"({text})"
 

@@ -1,4 +1,4 @@
-"""A model as one file of C99."""
+"""A model as one C99 file."""
 
 from collections.abc import Mapping
 from importlib.resources import files
@@ -19,12 +19,12 @@ from sklearn_pgnn.simulation.stepping import MAX_EVENTS
 
 PRECISIONS = {"double": "double", "single": "float"}
 KEPT = ("constants", "struct")
-#: what a state that starts to move is set to; the simulation's number, and one that a float holds
+#: value to which a state that starts to move is set: as in the simulation, and one for floats
 TINY = {"double": 1e-300, "single": 1e-37}
 
 
 class Machine:
-    """A model, what it is exported with, and what the template asks for.
+    """A model with its export options, and the variables of the template.
 
     Parameters
     ----------
@@ -33,17 +33,17 @@ class Machine:
     interval : float
         Sample interval [s].
     precision : {"double", "single"}
-        Of all numbers.
+        Precision of all numbers.
     parameters : {"constants", "struct"}
         Whether the parameters are written into the equations, or kept in a struct.
     name : str
-        What every name begins with.
+        Prefix of all names.
     method : {"rk4", "euler"}
         Runge-Kutta scheme.
     substeps : int
-        Integration steps from sample to sample.
+        Integration steps per sample interval.
     hold : {"zoh", "foh"}
-        How the inputs run between two samples.
+        Whether the inputs are held or linearly interpolated between samples.
     """
 
     def __init__(self, model, interval, precision, parameters, name, method, substeps, hold):
@@ -61,12 +61,12 @@ class Machine:
         Parameters
         ----------
         with_rates : bool, default=True
-            Whether the model is stepped at all.
+            Whether the model is stepped.
 
         Returns
         -------
         dict of str to object
-            Them, by name.
+            The variables by name.
         """
         model, number = self.model, self.printer.number
         rates, outputs = rates_of(model) if with_rates else None, outputs_of(model)
@@ -117,12 +117,12 @@ class Machine:
         return f", const {PRECISIONS[self.precision]} {name}[{count}]" if count else ""
 
     def about(self) -> list[str]:
-        """Return the lines that tell what the machine is.
+        """Return the lines that describe the machine.
 
         Returns
         -------
         list of str
-            The lines, without the signs of a comment.
+            The lines, without comment markers.
         """
         model = self.model
         told = {"states": model.states, "inputs": model.inputs, "outputs": model.outputs}
@@ -139,14 +139,14 @@ class Machine:
         Parameters
         ----------
         code : Assignments
-            What it computes.
+            Assignments of the function.
         further : mapping of str to float, optional
             Values of parameters that the model itself does not have.
 
         Returns
         -------
         dict
-            ``declared`` and ``results``, lines of C, and ``unused``, its arguments without use.
+            ``declared`` and ``results``, lines of C, and ``unused``, the unused arguments.
         """
         real = PRECISIONS[self.precision]
         names, declared = {}, []
@@ -178,7 +178,7 @@ class Machine:
         return self.names[name], f"p->{self.names[name]}"
 
     def _is_adjustable(self, name: str) -> bool:
-        """Return whether a parameter stands in the struct: a delay is built in."""
+        """Return whether a parameter is part of the struct; a delay is built in."""
         return self.by_struct and name not in self.model.delays.values()
 
     def _parameters(self) -> list[dict]:
@@ -194,7 +194,7 @@ class Machine:
         ]
 
     def _places(self) -> list[dict]:
-        """Return the names of the places in x, u and y."""
+        """Return the names of the elements of x, u and y."""
         model = self.model
         rooms = {"x": model.states, "u": model.inputs, "y": model.outputs}
         return [
@@ -214,7 +214,7 @@ class Machine:
         return self.printer.number(self.model.initial_state[state])
 
     def time(self) -> str:
-        """Return the time of the present sample.
+        """Return the time of the current sample.
 
         Returns
         -------
@@ -225,7 +225,7 @@ class Machine:
         return f"({real})machine->sample*{self.printer.number(self.interval)}"
 
     def _delays(self) -> list[dict]:
-        """Return how every late input is put together from its past samples."""
+        """Return how every delayed input is formed from its past samples."""
         return [
             {
                 "name": self.names[late.name],
@@ -251,12 +251,12 @@ def machine_of(model, interval, *, precision, parameters, name, method, substeps
     Returns
     -------
     Machine
-        What can be written.
+        The machine to be written.
 
     Raises
     ------
     OptionError
-        If an option is none of what it can be.
+        If an option has an invalid value.
     """
     if not isinstance(interval, int | float) or not 0 < interval < np.inf:
         raise OptionError(
@@ -310,12 +310,12 @@ def render(template: str, content: Mapping[str, Any]) -> str:
 
 
 def comment(text: str, *, lines: bool = False):
-    """Return a text that a comment of C can hold, on one line or as several.
+    """Return a text that is safe in a C comment, on one line or several.
 
     Parameters
     ----------
     text : str
-        Any text, as a name or a unit.
+        Any text, such as a name or a unit.
     lines : bool, default=False
         Whether its lines are kept.
 
@@ -336,7 +336,7 @@ def comment(text: str, *, lines: bool = False):
 
 
 def _side(state: str) -> str:
-    """Return what the sign in a state's dry friction is called."""
+    """Return the name of the sign in a state's dry friction."""
     return f"side {state}"
 
 

@@ -9,7 +9,7 @@ _KEYWORDS = (
     "inline int long register restrict return short signed sizeof static struct switch typedef "
     "union unsigned void volatile while _Bool"
 )
-#: what the code calls its own, and what ``math.h`` may define
+#: names used by the code itself, and names that ``math.h`` may define
 _TAKEN = "asm out p side t u x INFINITY NAN HUGE_VAL math_errhandling"
 RESERVED = frozenset({*_KEYWORDS.split(), *_TAKEN.split(), *FUNCTIONS}) | {
     f"{f}f" for f in FUNCTIONS
@@ -22,12 +22,12 @@ def c_name(text: str) -> str:
     Parameters
     ----------
     text : str
-        Any text, as a model's name.
+        Any text, such as a model's name.
 
     Returns
     -------
     str
-        Letters, digits and underscores; a letter that C does not know becomes its code point.
+        Letters, digits and underscores; a letter that C does not allow becomes its code point.
 
     Examples
     --------
@@ -39,14 +39,14 @@ def c_name(text: str) -> str:
 
 
 def c_names(texts: Iterable[str], taken: Collection[str] = RESERVED) -> dict[str, str]:
-    """Return an identifier for every text: no two the same, none that is taken.
+    """Return a unique identifier for every text, none of them taken.
 
     Parameters
     ----------
     texts : iterable of str
         Names of quantities.
     taken : collection of str, optional
-        Identifiers that none of them gets; by default those of C and of the code.
+        Identifiers that are not available; by default those of C and of the code.
 
     Returns
     -------
@@ -68,7 +68,7 @@ def c_names(texts: Iterable[str], taken: Collection[str] = RESERVED) -> dict[str
 
 
 def _is_shared(name: str) -> bool:
-    """Return whether the code may have a shared expression of that name."""
+    """Return whether a name may be that of a shared expression in the code."""
     return name[0] == "c" and name[1:].isdigit()
 
 

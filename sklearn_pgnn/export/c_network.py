@@ -1,4 +1,4 @@
-"""A trained network as one file of C99."""
+"""A trained network as one C99 file."""
 
 from typing import Any
 
@@ -30,21 +30,21 @@ def network_content(network, interval, *, precision: str, name: str | None) -> d
     interval : float or None
         Sample interval [s]; None for that of the training data.
     precision : {"double", "single"}
-        Of all numbers.
+        Precision of all numbers.
     name : str or None
-        What all names begin with.
+        Prefix of all names.
 
     Returns
     -------
     dict of str to object
-        Them, by name.
+        The variables by name.
 
     Raises
     ------
     ModelError
-        If the network is no network in feedback, or its core has no form in C.
+        If the network does not run in feedback, or its core cannot be written in C.
     OptionError
-        If an option is none of what it can be.
+        If an option has an invalid value.
     """
     step = exportable_step(network, "to_c")
     machine = machine_of(
@@ -77,14 +77,14 @@ def network_content(network, interval, *, precision: str, name: str | None) -> d
 
 
 def exportable_step(network, what: str) -> NetworkStep:
-    """Return what a trained network's step is made of, its core included.
+    """Return the elements of a trained network's step, including its core.
 
     Parameters
     ----------
     network : PGNNLRegressor
         The network.
     what : str
-        What asks for it.
+        The task that needs the step, for the error message.
 
     Returns
     -------
@@ -94,7 +94,7 @@ def exportable_step(network, what: str) -> NetworkStep:
     Raises
     ------
     ModelError
-        If the network is not trained on trajectories, is dissipative, or has a core of one's own.
+        If the network is not trained on trajectories, is dissipative, or has a user-defined core.
     """
     if getattr(network, "model_", None) is None or not hasattr(network, "step_"):
         raise ModelError(
@@ -116,7 +116,7 @@ def exportable_step(network, what: str) -> NetworkStep:
 
 
 def _terms(machine: Machine, step: NetworkStep) -> dict | None:
-    """Return the function of the terms that the network sees."""
+    """Return the function of the terms that the network receives."""
     model = terms_model(step)
     if model is step.model:
         return None
@@ -126,7 +126,7 @@ def _terms(machine: Machine, step: NetworkStep) -> dict | None:
 
 
 def _numbers(machine: Machine, network, step: NetworkStep) -> dict[str, Any]:
-    """Return everything that the training has settled."""
+    """Return all numbers that are fixed by the training."""
 
     def written(values):
         values = np.asarray(values, dtype=float)
@@ -167,7 +167,7 @@ def layers_of(step: NetworkStep, core) -> list[dict[str, np.ndarray]]:
     Parameters
     ----------
     step : NetworkStep
-        What a step is made of.
+        Elements of a step.
     core : FeedForward
         The network.
 
@@ -191,7 +191,7 @@ def unit_of(step: NetworkStep, core) -> dict[str, np.ndarray]:
     Parameters
     ----------
     step : NetworkStep
-        What a step is made of.
+        Elements of a step.
     core : Recurrent
         The network.
 

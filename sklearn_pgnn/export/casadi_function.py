@@ -1,4 +1,4 @@
-"""Models as functions of CasADi, for optimal control."""
+"""Models as CasADi functions for optimal control."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -20,43 +20,43 @@ def to_casadi(
     free: Sequence[str] = (),
     substeps: int | None = None,
 ):
-    r"""Return a model as a function of CasADi, with derivatives, for optimal control.
+    r"""Return a model as a CasADi function, with derivatives, for optimal control.
 
     Without an `interval` the function gives the rates, :math:`(x, u, p, t) \mapsto (f, g)`; with
     one it gives the next sample, :math:`(x_k, u_k, p, t_k) \mapsto (x_{k+1}, g)`, by the
-    simulation's Runge-Kutta steps. Where inputs run straight, it takes ``u_next`` too.
+    simulation's Runge-Kutta steps. If inputs are linearly interpolated, it also takes ``u_next``.
 
     Parameters
     ----------
     model : PhysicsModel
         The model.
     interval : float, optional
-        Time from sample to sample [s].
+        Sample interval [s].
     friction_width : float, optional
-        Speed over which the jump of dry friction is rounded off, :math:`\tanh(v/w)` instead of
-        :math:`\mathrm{sign}(v)`, in the unit of the state; a state with dry friction needs it, for
-        an optimiser has to differentiate.
+        Speed over which the jump of dry friction is smoothed, :math:`\tanh(v/w)` instead of
+        :math:`\mathrm{sign}(v)`, in the unit of the state; required for a state with dry friction,
+        because an optimiser needs derivatives.
     free : sequence of str, default=()
-        Parameters that the function takes as its argument ``p``, in this order; the others are
+        Parameters that form the argument ``p`` of the function, in this order; the others are
         constants.
     substeps : int, optional
-        Integration steps from one sample to the next; by default as the model's `simulation` says,
+        Integration steps per sample interval; by default as given by the model's `simulation`,
         else 1.
 
     Returns
     -------
     casadi.Function
         Its arguments and results are named ``x``, ``u``, ``u_next``, ``p``, ``t`` and ``rate`` or
-        ``x_next``, ``y``. The past samples of a late input stand in ``x`` after the states, the
+        ``x_next``, ``y``. The past samples of a delayed input follow the states in ``x``, the
         latest first.
 
     Raises
     ------
     ModelError
-        If a state has dry friction and `friction_width` is not given, or an input acts late and
-        `interval` is not.
+        If a state has dry friction and `friction_width` is not given, or an input is delayed and
+        `interval` is not given.
     OptionError
-        If `model` is no model, or an option is none of what it can be.
+        If `model` is not a model, or an option has an invalid value.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Models as systems of python-control, for controllers and frequency responses."""
+"""Models as python-control systems, for controller design and frequency responses."""
 
 from collections.abc import Callable, Mapping
 
@@ -21,42 +21,42 @@ def to_control(
     method: str = "rk4",
     substeps: int | None = None,
 ):
-    r"""Return a model as a nonlinear system of python-control.
+    r"""Return a model as a nonlinear python-control system.
 
     In continuous time the system is :math:`\dot x = f(t, x, u, p)`, :math:`y = g(t, x, u, p)`; with
     an `interval` it is in discrete time, :math:`x_{k+1} = \Phi(t_k, x_k, u_k, p)`, with the
-    simulation's own step as :math:`\Phi`: friction that sticks, late inputs and all. States, inputs
-    and outputs have the model's names, ``params`` its parameters, and ``system.linearize(x, u)``
-    gives a ``StateSpace``.
+    simulation's own step as :math:`\Phi`, including friction that sticks and delayed inputs.
+    States, inputs and outputs have the model's names, ``params`` its parameters, and
+    ``system.linearize(x, u)`` gives a ``StateSpace``.
 
     Parameters
     ----------
     model : PhysicsModel
         The model.
     interval : float, optional
-        Time from sample to sample [s] of a system in discrete time, whose inputs are held between
-        samples; by default the system is in continuous time.
+        Sample interval [s] of a system in discrete time, whose inputs are held between samples; by
+        default the system is in continuous time.
     name : str, optional
-        What the system is called; by default as the model, with underscores.
+        Name of the system; by default that of the model, with underscores.
     method : {"rk4", "euler"}, default="rk4"
         Runge-Kutta scheme of a step in discrete time.
     substeps : int, optional
-        Integration steps from one sample to the next; by default as the model's `simulation` says,
+        Integration steps per sample interval; by default as given by the model's `simulation`,
         else 1.
 
     Returns
     -------
     control.NonlinearIOSystem
-        The system. A late input in discrete time has its past samples as further states,
-        ``force_1_ago`` and so on; a delay is no parameter of the system.
+        The system. A delayed input in discrete time has its past samples as further states,
+        ``force_1_ago`` and so on; a delay is not a parameter of the system.
 
     Raises
     ------
     ModelError
-        If the model has dry friction or late inputs and `interval` is not given, or its inputs run
-        straight and it is.
+        If the model has dry friction or delayed inputs and `interval` is not given, or its inputs
+        are linearly interpolated and `interval` is given.
     OptionError
-        If `model` is no model or `interval` no time.
+        If `model` is not a model or `interval` is not a valid time.
 
     Examples
     --------
@@ -92,7 +92,7 @@ def to_control(
 
 
 def _refuse_what_is_not_smooth(model) -> None:
-    """Refuse what a solver of ordinary differential equations cannot step through."""
+    """Refuse models that a solver of ordinary differential equations cannot integrate."""
     remedy = "Remedy: to_control(model, interval=0.01), a system in discrete time, can."
     dry = [state for state, is_dry in zip(model.states, dry_states(model), strict=True) if is_dry]
     if dry:
@@ -118,7 +118,7 @@ def _check_interval(model, interval) -> None:
 
 
 def _rates(model) -> Callable:
-    """Return the rates as python-control calls them."""
+    """Return the rates in the signature of python-control."""
     rates = _function(model, list(model.equations.values()))
 
     def update(t, x, u, params):
@@ -128,7 +128,7 @@ def _rates(model) -> Callable:
 
 
 def _outputs(model, late) -> Callable:
-    """Return the outputs as python-control calls them."""
+    """Return the outputs in the signature of python-control."""
     outputs = _function(model, list(model.outputs.values()))
     n = len(model.states)
 
@@ -140,7 +140,7 @@ def _outputs(model, late) -> Callable:
 
 
 def _step(model, interval, late, options) -> Callable:
-    """Return the simulation's step from sample to sample as python-control calls it."""
+    """Return the simulation's step per sample in the signature of python-control."""
     at_once = model.replace(delays={})
     own = {name: parameter.value for name, parameter in model.parameters.items()}
     n = len(model.states)
@@ -166,5 +166,5 @@ def _function(model, expressions) -> Callable:
 
 
 def _values(model, params: Mapping) -> list[float]:
-    """Return the parameters' values, the model's where python-control gives none."""
+    """Return the parameters' values, those of the model if python-control gives none."""
     return [params.get(name, p.value) for name, p in model.parameters.items()]

@@ -1,7 +1,7 @@
-"""The functions of FMI that a unit without events, strings and clocks has, but does not need.
+"""The FMI functions that a unit without events, strings and clocks has, but does not need.
 
-Every argument is told by a letter, and every pointer is one to anything: the calling convention is
-the same.
+Every argument is denoted by a letter, and every pointer is a pointer to void: the calling
+convention is the same.
 """
 
 _TYPES = {
@@ -13,7 +13,7 @@ _TYPES = {
     "B": "_Bool ",
 }
 _OTHER_TYPES = "Float32 Int8 UInt8 Int16 UInt16 Int32 UInt32 Int64 UInt64 Boolean String"
-#: name after the version: arguments, and whether it succeeds
+#: by name without the version prefix: arguments, and whether the function succeeds
 _STUBS = {
     2: {
         "SetDebugLogging": ("PIZP", True),
@@ -55,7 +55,7 @@ _STUBS = {
         "ActivateModelPartition": ("PUD", False),
     },
 }  # fmt: skip
-#: functions of a unit for model exchange: left out where it is one
+#: functions of a unit for model exchange: left out for such a unit
 _OF_EXCHANGE = {
     2: {
         "EnterEventMode": "P",
@@ -84,7 +84,7 @@ _OF_EXCHANGE = {
         "GetNumberOfContinuousStates": "PP",
     },
 }
-#: instances of kinds that no unit is
+#: instances of kinds that no exported unit has
 _NO_INSTANCE = {
     2: {},
     3: {"InstantiateScheduledExecution": "PPPBBPPPPP"},
@@ -92,14 +92,14 @@ _NO_INSTANCE = {
 
 
 def fmi_stubs(fmi: int, exchanges: bool = False) -> list[dict]:
-    """Return the functions that only say that they are not there.
+    """Return the functions that only report that they are not supported.
 
     Parameters
     ----------
     fmi : {2, 3}
         Version of FMI.
     exchanges : bool, default=False
-        Whether the unit is one for model exchange, too.
+        Whether the unit is also one for model exchange.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Models as functional mock-up units, by FMI 2 or 3, with their C source."""
+"""Models as functional mock-up units for FMI 2 or 3, with their C source."""
 
 import shutil
 import subprocess
@@ -26,21 +26,21 @@ class Variable:
     Parameters
     ----------
     reference : int
-        Its number.
+        Value reference.
     name : str
-        What the unit calls it.
+        Name in the unit.
     causality, variability : str
-        As FMI has them.
+        As defined by FMI.
     where : str
         Its place in the C source.
     start : str or None
-        Its first value, if it has one of its own.
+        Its start value, if it has one of its own.
     unit : str
         Its unit.
     room : str
         Letter of its kind: ``p``, ``u``, ``y``, ``x``, ``r`` (a rate) or ``t``.
     place : int
-        Where it stands among its kind.
+        Its index among the variables of its kind.
     """
 
     reference: int
@@ -55,7 +55,7 @@ class Variable:
 
     @property
     def comment(self) -> str:
-        """Its name, as a comment of C can hold it."""
+        """Its name, made safe for a C comment."""
         return comment(self.name)
 
 
@@ -72,33 +72,33 @@ def to_fmu(
 ) -> Path:
     r"""Write a model as a functional mock-up unit (FMU) for co-simulation and model exchange.
 
-    The unit holds the C source of `to_c` and goes on by whole samples of `interval`, with its
+    The unit contains the C source of `to_c` and advances by whole samples of `interval`, with its
     inputs held. Parameters can be changed between steps; initial states are the variables
     ``state.NAME``, to be set before the unit is initialised.
 
     For model exchange it computes the rates :math:`\dot x = f(t, x, u, p)` for the solver of the
-    importing tool. A model with dry friction or late inputs has more than rates: its unit is one
-    for co-simulation only.
+    importing tool. A model with dry friction or delayed inputs is not defined by its rates alone:
+    its unit is for co-simulation only.
 
     Parameters
     ----------
     model : PhysicsModel
         The model.
     path : str or path-like
-        The file, as ``"robot.fmu"``.
+        The file, such as ``"robot.fmu"``.
     interval : float
-        Time from sample to sample [s]; a communication step is a multiple of it.
+        Sample interval [s]; a communication step is a multiple of it.
     fmi : {2, 3}, default=2
         Version of FMI.
     name : str, optional
-        What the unit is called; by default as the model.
+        Name of the unit; by default that of the model.
     method : {"rk4", "euler"}, default="rk4"
         Runge-Kutta scheme.
     substeps : int, optional
-        Integration steps from one sample to the next; by default as the model's `simulation` says,
+        Integration steps per sample interval; by default as given by the model's `simulation`,
         else 1.
     compiler : str or None, default="gcc"
-        C compiler that makes the binary for Linux on x86-64; None leaves a unit of source only,
+        C compiler for the binary for Linux on x86-64; with None the unit contains the source only,
         which the importing tool compiles.
 
     Returns
@@ -109,9 +109,9 @@ def to_fmu(
     Raises
     ------
     ModelError
-        If inputs run straight to their next sample, which a unit does not know.
+        If inputs are interpolated linearly to their next sample, which a unit does not know.
     OptionError
-        If an option is none of what it can be, or the compiler is not there.
+        If an option has an invalid value, or the compiler is not found.
 
     Examples
     --------
@@ -169,7 +169,7 @@ def _check(model, fmi, compiler) -> None:
 
 
 def exchanges(machine: Machine) -> bool:
-    """Return whether rates and outputs are all there is, so that any solver can go on with them.
+    """Return whether rates and outputs define the model, so that any solver can integrate it.
 
     Parameters
     ----------
@@ -179,7 +179,7 @@ def exchanges(machine: Machine) -> bool:
     Returns
     -------
     bool
-        Whether it has neither dry friction nor late inputs.
+        Whether it has neither dry friction nor delayed inputs.
     """
     return not any(machine.dry) and not machine.model.delays
 
@@ -265,7 +265,7 @@ def _description_3(machine: Machine, variables: list[Variable], token: str):
 
 
 def _initial(v: Variable) -> dict[str, str]:
-    """Return how a variable gets its first value."""
+    """Return how a variable gets its initial value."""
     if v.room == "r":
         return {"initial": "calculated"}
     return {"initial": "exact"} if v.causality in ("local", "parameter") else {}

@@ -1,10 +1,10 @@
-r"""Late inputs on a clock of equal steps: each a mean of two past samples.
+r"""Delayed inputs on an equidistant clock: each is a mean of two past samples.
 
 With the delay :math:`\tau = (n + w)\,\Delta t`, :math:`0 \le w < 1`, an input acts as
 
 .. math:: (1 - w)\,u_{k-n} + w\,u_{k-n-1}
 
-at sample k: its mean over the interval where it is held, its value where it runs straight.
+at sample k: its mean over the interval if it is held, its value if it is linearly interpolated.
 """
 
 from dataclasses import dataclass
@@ -16,18 +16,18 @@ from sklearn_pgnn.physics.model import PhysicsModel
 
 @dataclass(frozen=True)
 class LateInput:
-    """An input that acts late.
+    """An input that acts with a delay.
 
     Parameters
     ----------
     name : str
         The input.
     place : int
-        Where it stands among the inputs.
+        Its index among the inputs.
     samples : int
-        Whole samples :math:`n` by which it is late.
+        Whole samples :math:`n` of its delay.
     share : float
-        Rest :math:`w` of its delay, as a share of the sample interval.
+        Remainder :math:`w` of its delay, as a fraction of the sample interval.
     """
 
     name: str
@@ -37,19 +37,19 @@ class LateInput:
 
 
 def late_inputs(model: PhysicsModel, interval: float) -> list[LateInput]:
-    """Return the inputs of a model that act late.
+    """Return the delayed inputs of a model.
 
     Parameters
     ----------
     model : PhysicsModel
-        The model, whose delays count at their values.
+        The model, with its delays at their values.
     interval : float
         Sample interval [s].
 
     Returns
     -------
     list of LateInput
-        They, in the order of the model's delays.
+        The delayed inputs, in the order of the model's delays.
 
     Examples
     --------
@@ -68,17 +68,17 @@ def late_inputs(model: PhysicsModel, interval: float) -> list[LateInput]:
 
 
 def past_names(late: list[LateInput]) -> list[str]:
-    """Return what the past samples are called that a step needs.
+    """Return the names of the past samples that a step needs.
 
     Parameters
     ----------
     late : list of LateInput
-        The late inputs.
+        The delayed inputs.
 
     Returns
     -------
     list of str
-        For every input its samples, the latest first.
+        Names of the samples of every input, the latest first.
 
     Examples
     --------
@@ -89,16 +89,16 @@ def past_names(late: list[LateInput]) -> list[str]:
 
 
 def acting_inputs(late: list[LateInput], past, u) -> tuple[list, list]:
-    """Return the inputs as they act, and the past samples of the late ones at the next sample.
+    """Return the acting inputs, and the past samples of the delayed ones at the next sample.
 
     Parameters
     ----------
     late : list of LateInput
-        The late inputs.
+        The delayed inputs.
     past : sequence of numbers or symbols
-        Their past samples, as `past_names` has them.
+        Their past samples, in the order of `past_names`.
     u : sequence of numbers or symbols
-        The inputs as commanded.
+        The commanded inputs.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Models as text of Modelica."""
+"""Models as Modelica text."""
 
 import sympy
 from sympy.printing.str import StrPrinter
@@ -25,20 +25,20 @@ RESERVED = frozenset(_KEYWORDS.split())
 def to_modelica(
     model: PhysicsModel, *, name: str | None = None, friction_width: float | None = None
 ) -> str:
-    r"""Write a model as text of Modelica, in continuous time.
+    r"""Write a model as Modelica text, in continuous time.
 
-    Inputs and outputs are connectors' ``input`` and ``output``, parameters can be changed, units
-    and initial states are kept, and a late input is a ``delay``.
+    Inputs and outputs become ``input`` and ``output`` connectors, parameters can be changed, units
+    and initial states are kept, and a delayed input becomes a ``delay``.
 
     Parameters
     ----------
     model : PhysicsModel
         The model.
     name : str, optional
-        What the model is called; by default its own name, with underscores.
+        Name of the Modelica model; by default that of the model, with underscores.
     friction_width : float, optional
-        Speed over which the jump of dry friction is rounded off, :math:`\tanh(v/w)` instead of
-        :math:`\mathrm{sign}(v)`, in the unit of the state; a state with dry friction needs it.
+        Speed over which the jump of dry friction is smoothed, :math:`\tanh(v/w)` instead of
+        :math:`\mathrm{sign}(v)`, in the unit of the state; required for a state with dry friction.
 
     Returns
     -------
@@ -50,7 +50,7 @@ def to_modelica(
     ModelError
         If a state has dry friction and `friction_width` is not given.
     OptionError
-        If `model` is no model or the width no speed.
+        If `model` is not a model or the width is not a valid speed.
 
     Examples
     --------
@@ -102,13 +102,13 @@ def _check_dry(model, width) -> None:
 
 
 def _names(model) -> dict[str, str]:
-    """Return what everything is called; an output that has a state's name gets another."""
+    """Return the names of all quantities; an output with a state's name gets another one."""
     quantities = (*model.states, *model.inputs, *model.parameters)
     return c_names((*quantities, *(_output(model, name) for name in model.outputs)), RESERVED)
 
 
 def _output(model, name: str) -> str:
-    """Return the key of an output, which may have the name of a state."""
+    """Return the key of an output, whose name may be that of a state."""
     taken = {*model.states, *model.inputs, *model.parameters}
     return f"{name} seen" if name in taken else name
 
@@ -136,13 +136,13 @@ def _settings(*, unit: str = "", start: float | None = None) -> str:
 
 
 def _quoted(text: str) -> str:
-    """Return a text as a string of Modelica."""
+    """Return a text as a Modelica string."""
     plain = " ".join(text.split()).replace("\\", "\\\\").replace('"', '\\"')
     return f'"{plain}"'
 
 
 class _Writer(StrPrinter):
-    """Expressions in Modelica."""
+    """Printer of expressions in Modelica."""
 
     def __init__(self, model, names, width):
         super().__init__()

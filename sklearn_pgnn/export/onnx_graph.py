@@ -1,10 +1,10 @@
-"""Build a graph of ONNX by writing formulas."""
+"""Construction of an ONNX graph from formulas."""
 
 from collections.abc import Callable
 
 import numpy as np
 
-#: a function's name in C, and the operation of ONNX
+#: ONNX operation by a function's name in C
 _FUNCTIONS = {
     "acos": "Acos", "asin": "Asin", "atan": "Atan", "ceil": "Ceil", "cos": "Cos", "cosh": "Cosh",
     "exp": "Exp", "fabs": "Abs", "floor": "Floor", "fmax": "Max", "fmin": "Min", "if_else": "Where",
@@ -14,7 +14,7 @@ _FUNCTIONS = {
 
 
 class Graph:
-    """Nodes, constants and the names of both.
+    """An ONNX graph: nodes, constants and the names of both.
 
     Parameters
     ----------
@@ -33,16 +33,16 @@ class Graph:
         Parameters
         ----------
         operation : str
-            What it does, as ONNX calls it.
+            Its operation, by its ONNX name.
         *parts : Value, number or ndarray
-            What it takes.
+            Its operands.
         **attributes
             Further settings of the operation.
 
         Returns
         -------
         Value
-            What it gives.
+            Its result.
         """
         return self.add_several(operation, parts, 1, **attributes)[0]
 
@@ -52,9 +52,9 @@ class Graph:
         Parameters
         ----------
         operation : str
-            What it does, as ONNX calls it.
+            Its operation, by its ONNX name.
         parts : sequence of Value, number or ndarray
-            What it takes.
+            Its operands.
         count : int
             How many results it has.
         **attributes
@@ -98,7 +98,7 @@ class Graph:
         Parameters
         ----------
         values : array-like
-            Integers are kept, other numbers become those of the graph.
+            Integers are kept; other numbers are converted to the precision of the graph.
 
         Returns
         -------
@@ -119,12 +119,12 @@ class Graph:
         Parameters
         ----------
         name : str
-            As ``"sin"``.
+            Name such as ``"sin"``.
 
         Returns
         -------
         callable
-            Takes and gives `Value`.
+            Function from `Value` to `Value`.
         """
         return lambda *parts: self.add(_FUNCTIONS[name], *parts)
 
@@ -133,14 +133,14 @@ class Graph:
 
 
 class Value:
-    """A value of a graph, which formulas can be written with.
+    """A value of a graph, for use in formulas.
 
     Parameters
     ----------
     graph : Graph
-        Where it belongs.
+        Graph of the value.
     name : str
-        What the graph calls it.
+        Name in the graph.
     """
 
     __array_ufunc__ = None  # NumPy leaves formulas with arrays to this class

@@ -1,4 +1,4 @@
-"""One step of a trained network as a graph of ONNX."""
+"""One step of a trained network as an ONNX graph."""
 
 import numpy as np
 from sklearn.utils.validation import check_is_fitted
@@ -11,7 +11,7 @@ from sklearn_pgnn.extras import needed_by
 from sklearn_pgnn.simulation.network_run import NetworkStep, terms_model
 from sklearn_pgnn.simulation.source import dry_states
 
-#: operations of ONNX that runtimes of some years know
+#: ONNX operator set that runtimes of some years support
 OPSET, IR_VERSION = 18, 8
 
 
@@ -22,25 +22,25 @@ def to_onnx(
     precision: str = "double",
     prior_as_input: bool = False,
 ):
-    r"""Return one step of a trained network as a model of ONNX.
+    r"""Return one step of a trained network as an ONNX model.
 
     The graph maps the state ``x`` and the inputs ``u``, as they act until the next sample, to
-    ``x_next``; every row is a step of its own. What else the step needs is an input, too:
-    ``u_next`` where inputs run straight, ``t`` where the model depends on the time, ``simulated``
-    (the model's open-loop simulation at the next sample) where that guides the network,
-    ``features`` at the next sample, and ``hidden`` of a recurrent core, which gives
+    ``x_next``; every row is a separate step. Further inputs, as far as the step needs them, are
+    ``u_next`` if inputs are linearly interpolated, ``t`` if the model depends on the time,
+    ``simulated`` (the model's open-loop simulation at the next sample) if it guides the network,
+    ``features`` at the next sample, and ``hidden`` of a recurrent core, which returns
     ``hidden_next``.
 
     Parameters
     ----------
     network : PGNNLRegressor
-        The trained network, with one of the package's own cores.
+        The trained network, with one of the package's built-in cores.
     interval : float, optional
-        Time from sample to sample [s]; by default that of the training data.
+        Sample interval [s]; by default that of the training data.
     precision : {"double", "single"}, default="double"
-        Of all numbers; some runtimes know some operations in single precision only.
+        Precision of all numbers; some runtimes support some operations in single precision only.
     prior_as_input : bool, default=False
-        Whether the model's own step from ``x``, where the network needs it, is the input ``prior``
+        Whether the model's own step from ``x``, if the network needs it, is the input ``prior``
         instead of being computed in the graph.
 
     Returns
@@ -51,10 +51,10 @@ def to_onnx(
     Raises
     ------
     ModelError
-        If the step needs the model's own one, and that has dry friction, whose events a graph
-        cannot express; or if the core is one's own.
+        If the step needs that of the model, which has dry friction, whose events a graph cannot
+        express; or if the core is user-defined.
     OptionError
-        If `network` is no network or an option is none of what it can be.
+        If `network` is not a network or an option has an invalid value.
 
     Examples
     --------
@@ -110,7 +110,7 @@ def _refuse_events(step: NetworkStep, prior_as_input: bool) -> None:
 class _Step(Graph):
     """The graph of one step.
 
-    What it takes is kept by name in `sizes`, with its width.
+    The width of each of its inputs is stored by name in `sizes`.
     """
 
     def __init__(self, network, step: NetworkStep, interval, precision, prior_as_input):
@@ -146,7 +146,7 @@ class _Step(Graph):
         return [self._described(onnx, name, size) for name, size in self.sizes.items()]
 
     def told(self, onnx, results: dict[str, Value]) -> list:
-        """Name the results, and return their descriptions."""
+        """Name the results and return their descriptions."""
         sizes = {"x_next": len(self.step.model.states), "hidden_next": self.sizes.get("hidden", 0)}
         for name, value in results.items():
             self.nodes.append(onnx.helper.make_node("Identity", [value.name], [name]))
@@ -157,7 +157,7 @@ class _Step(Graph):
         return onnx.helper.make_tensor_value_info(name, kind, ["steps", size])
 
     def _inputs(self):
-        """Return the inputs at both ends of the step, None where there are none."""
+        """Return the inputs at both ends of the step, None if there are none."""
         count = len(self.step.model.inputs)
         if not count:
             return None, None
@@ -213,7 +213,7 @@ class _Step(Graph):
         return 0.0 if model.is_autonomous else self.take("t", 1)
 
     def _as_column(self, value, x: Value) -> Value:
-        """Return a value as a column: a mere number in every row."""
+        """Return a value as a column; a plain number is repeated in every row."""
         if isinstance(value, Value):
             return value
         return self.columns(x, len(self.step.model.states))[0] * 0.0 + value
@@ -235,7 +235,7 @@ class _Step(Graph):
         return self.function(kind)(v)
 
     def _recur(self, z, hidden) -> tuple[Value, Value]:
-        """Advance a gated recurrent unit, as torch's GRUCell."""
+        """Advance a gated recurrent unit, as in torch's GRUCell."""
         from sklearn_pgnn.export.c_network import unit_of
 
         unit = unit_of(self.step, self.network.module_.core)

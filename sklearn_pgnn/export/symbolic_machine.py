@@ -26,18 +26,19 @@ _CONSTANTS = {"pi": 3.141592653589793, "e": 2.718281828459045}
 
 
 class SymbolicMachine:
-    """A model over symbols that know Python's operators.
+    """A model over symbols that support Python's operators.
 
     Parameters
     ----------
     model : PhysicsModel
         The model.
     function : callable
-        Gives the library's function by its name in C, and ``fmin``, ``fmax`` and ``if_else``.
+        Returns the library's function by its name in C, and ``fmin``, ``fmax`` and ``if_else``.
     free : mapping of str to symbol, default={}
-        Parameters that are no numbers.
+        Parameters that are symbols instead of numbers.
     friction_width : float, optional
-        Speed over which the jump of dry friction is rounded off; without it there must be none.
+        Speed over which the jump of dry friction is smoothed; without it there must be no dry
+        friction.
     """
 
     def __init__(
@@ -59,12 +60,12 @@ class SymbolicMachine:
         t : number or symbol
             Time [s].
         x, u : sequence of numbers or symbols
-            States and inputs as they act.
+            States, and inputs as they act.
 
         Returns
         -------
         list
-            One a state.
+            One per state.
         """
         return self._evaluate(self._rates, t, x, u)
 
@@ -76,12 +77,12 @@ class SymbolicMachine:
         t : number or symbol
             Time [s].
         x, u : sequence of numbers or symbols
-            States and inputs as they act.
+            States, and inputs as they act.
 
         Returns
         -------
         list
-            One an output.
+            One per output.
         """
         return self._evaluate(self._outputs, t, x, u)
 
@@ -99,7 +100,7 @@ class SymbolicMachine:
         x : sequence of numbers or symbols
             States.
         u, u_next : sequence of numbers or symbols
-            Inputs as they act, from which they run straight to which.
+            Inputs as they act, at the beginning and at the end of a linear interpolation.
 
         Returns
         -------
@@ -122,7 +123,7 @@ class SymbolicMachine:
 
     @staticmethod
     def _between(u, u_next, share: float) -> list:
-        """Return inputs on their way; those that are held stay as they are."""
+        """Return linearly interpolated inputs; held ones are unchanged."""
         ends = zip(u, u_next, strict=True)
         return [a if a is b else a + share * (b - a) for a, b in ends]
 

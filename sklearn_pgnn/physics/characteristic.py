@@ -1,4 +1,4 @@
-"""The curve by which a person sees an effect: what is drawn, and over what."""
+"""The curve that shows an effect: which quantity is plotted, and over which."""
 
 from dataclasses import dataclass
 
@@ -6,38 +6,38 @@ import sympy
 
 from sklearn_pgnn.physics.expressions import TIME
 
-#: what may be drawn, see `Characteristic`
+#: quantities that may be plotted, see `Characteristic`
 SHOWN = ("force", "rate", "input", "output", "parameter")
 
 
 @dataclass(frozen=True)
 class Characteristic:
-    """What a person would draw of an effect, as data; `sklearn_pgnn.inspection` draws it.
+    """The curve that shows an effect, as data; `sklearn_pgnn.inspection` plots it.
 
     Parameters
     ----------
     shows : {"force", "rate", "input", "output", "parameter"}
-        What is drawn: the force (or, without an inertia, the rate) that a state's equation lacks
-        without the effect; a state's rate; an input as the machine feels it; what an output shows
-        too much; the value that a parameter would have to have.
+        Quantity that is plotted: the force (or, without an inertia, the rate) that is missing from
+        a state's equation without the effect; a state's rate; an input as it acts on the machine;
+        the excess of an output; the value that a parameter would need.
     of : str
         The state, input, output or parameter.
     over : sympy.Expr, optional
-        What it is drawn over, an expression of states, inputs, parameters and the time. By default
-        over itself without the effect: the rate without a limit, the commanded input, the output
-        as simulated; of a parameter, what is missing over what its new value adds.
-        Inputs and outputs may be drawn over the time instead.
+        Abscissa, an expression of states, inputs, parameters and the time. By default the same
+        quantity without the effect: the rate without a limit, the commanded input, the output
+        as simulated; for a parameter, the missing rate is plotted over what its new value adds.
+        Inputs and outputs may be plotted over the time instead.
     period : sympy.Expr, optional
-        What `over` is taken modulo.
+        Period that `over` is reduced by (modulo).
     law : sympy.Expr, optional
-        The value of a parameter that is drawn over something else.
+        Value of a parameter that is plotted over another quantity.
     unit : str, default=""
-        Unit of `over` where it is no quantity of the model.
+        Unit of `over` if it is not a quantity of the model.
 
     Raises
     ------
     ValueError
-        If `shows` is none of these, or is not drawn over that.
+        If `shows` is none of these, or cannot be plotted over `over`.
 
     Examples
     --------

@@ -1,8 +1,8 @@
-"""Units that follow from others: of a rate, of a force, and of a quotient."""
+"""Units derived from others: of a rate, of a force, and of a quotient."""
 
 import re
 
-#: units of a force by those of the inertia and of the rate of the velocity that it changes
+#: units of a force, by the units of the inertia and of the rate of the velocity
 _FORCES = {
     ("kg", "m/s^2"): "N",
     ("t", "m/s^2"): "kN",
@@ -12,7 +12,7 @@ _FORCES = {
 
 
 def rate_unit(unit: str) -> str:
-    """Return the unit of what changes per second.
+    """Return the unit of the rate of change per second of a quantity.
 
     Examples
     --------
@@ -37,7 +37,7 @@ def force_unit(inertia: str, velocity: str) -> str:
 
 
 def tidy_unit(unit: str) -> str:
-    """Return a unit without what an empty or dimensionless part of it leaves behind.
+    """Return a unit without the remains of its empty or dimensionless parts.
 
     Examples
     --------

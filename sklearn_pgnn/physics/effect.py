@@ -1,4 +1,4 @@
-"""An effect: a rewriting of a model that has a name."""
+"""An effect: a named rewriting of a model."""
 
 import math
 import re
@@ -22,9 +22,9 @@ from sklearn_pgnn.readings import reading
 
 __all__ = ["Characteristic", "Effect", "Scales", "quantity"]
 
-#: what a quantity of an effect may be, see `quantity`
+#: roles of a quantity of an effect, see `quantity`
 ROLES = ("size", "shape", "end")
-#: of several strengths the first is taken whole and the others in this share
+#: if an effect has several strengths, the first counts in full and the others by this fraction
 BESIDE = 0.5
 
 
@@ -34,18 +34,18 @@ def quantity(letter, unit, default=0.0, low=-math.inf, high=math.inf, role="size
     Parameters
     ----------
     letter : str
-        Symbol it gets in the equations, before the target's name.
+        Symbol in the equations, put before the target's name.
     unit : str
-        What it measures: a template over the units that `Effect.units` returns, e.g.
+        Unit, as a template over the units that `Effect.units` returns, e.g.
         ``"{force}/({velocity})"``.
     default : float, default=0.0
-        Value at which the effect does nothing, or its usual one.
+        Value at which the effect does nothing, or the usual value.
     low, high : float
         Bounds.
     role : {"size", "shape", "end"}, default="size"
-        Whether it is how strongly the effect acts, over what or how sharply (a period, a time
-        constant, the stiffness of a stop), or where something ends, so that a large value does
-        nothing (a limit).
+        Whether the parameter describes how strongly the effect acts (size), over what or how
+        sharply (shape: a period, a time constant, the stiffness of a stop), or where something
+        ends, so that a large value does nothing (end: a limit).
 
     Returns
     -------
@@ -55,7 +55,7 @@ def quantity(letter, unit, default=0.0, low=-math.inf, high=math.inf, role="size
     Raises
     ------
     ValueError
-        If the role is none of these.
+        If the role is unknown.
     """
     if role not in ROLES:
         raise ValueError(f"role: expected one of {', '.join(ROLES)}, got {role!r}.")
@@ -67,18 +67,19 @@ def quantity(letter, unit, default=0.0, low=-math.inf, high=math.inf, role="size
 class Effect(ABC):
     """A named rewriting of a model; ``model + effect`` is again a model.
 
-    An effect brings all that is to be known of it: its equations, what people call it, where a fit
-    starts and ends, how strong it is, and the curve that shows it. To write your own: a frozen
-    dataclass with an ``id``, a `quantity` for every physical parameter, and the methods `targets`,
-    `rewrite` and `starts`; where they say too little, also `limits`, `characteristic`, `phrase`,
-    `units` and `typical`. States that it adds start where its `rewrite` says, by ``initial_state``
-    or, behind an input, by ``settled``.
+    An effect is self-contained: it holds its equations, its name in plain words, the start values
+    and limits of a fit, its strength, and the curve that shows it. To write your own, define a
+    frozen dataclass with an ``id``, a `quantity` for every physical parameter, and the methods
+    `targets`, `rewrite` and `starts`; where the defaults do not suffice, also `limits`,
+    `characteristic`, `phrase`, `units` and `typical`. The start values of states that it adds are
+    set by its `rewrite`, through ``initial_state`` or, for a state that follows an input,
+    ``settled``.
 
     Parameters
     ----------
     target : str
-        The state, input, output or parameter the effect acts on; two of them, as in ``"k(x)"``,
-        where one depends on the other.
+        The state, input, output or parameter the effect acts on; a pair such as ``"k(x)"`` if one
+        depends on the other.
 
     Examples
     --------
@@ -93,23 +94,23 @@ class Effect(ABC):
     target: str
     #: the effect's name in a diagnosis
     id: ClassVar[str]
-    #: what people call it: ``{effect}`` stands for the words of its id, ``{target}`` for its target
+    #: its name in plain words: ``{effect}`` is the words of its id, ``{target}`` its target
     phrase: ClassVar[str] = "{effect} on {target}"
-    #: what a model does that lacks it: the words before the phrase
+    #: verb for a model that lacks the effect: the words before the phrase
     lacking: ClassVar[str] = "misses"
-    #: one sentence a person reads: what it is
+    #: one sentence for the reader of a report: what the effect is
     summary: ClassVar[str] = ""
-    #: one sentence a person reads: how to check it on the rig
+    #: one sentence for the reader of a report: how to check the effect on the rig
     check: ClassVar[str] = ""
     #: ids of effects that are a special case of this one
     generalises: ClassVar[tuple[str, ...]] = ()
-    #: ids of effects that cannot stand beside this one
+    #: ids of effects that cannot be combined with this one
     excludes: ClassVar[tuple[str, ...]] = ()
-    #: by id of an effect that stands beside this one on the same target, the fields that it
-    #: takes over and that stay at zero here
+    #: by id of an effect on the same target, the fields that the other effect takes over and
+    #: that stay at zero here
     shared: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
-    #: by id of an effect that looks like this one where it is below its own limits: the field of
-    #: this one, and the field of the other that it stands for
+    #: by id of an effect that looks like this one below its own limits: the field of this
+    #: effect, and the field of the other that it corresponds to
     resembles: ClassVar[Mapping[str, tuple[str, str]]] = MappingProxyType({})
 
     @classmethod
@@ -130,7 +131,7 @@ class Effect(ABC):
 
     @abstractmethod
     def rewrite(self, model: PhysicsModel, p: Mapping[str, sympy.Symbol]) -> dict:
-        """Return what the effect changes.
+        """Return the parts of the model that the effect changes.
 
         Parameters
         ----------
@@ -142,14 +143,14 @@ class Effect(ABC):
         Returns
         -------
         dict
-            Constructor parameters of `PhysicsModel` and their new values; the effect's
-            parameters are added by `apply`.
+            Constructor parameters of `PhysicsModel` and their new values; `apply` adds the
+            effect's own parameters.
         """
 
     @classmethod
     @abstractmethod
     def starts(cls, target: str, model: PhysicsModel, scales: Scales) -> tuple["Effect", ...]:
-        """Return where a fit of the effect may start.
+        """Return the start values for a fit of the effect.
 
         Parameters
         ----------
@@ -158,49 +159,49 @@ class Effect(ABC):
         model : PhysicsModel
             The model to extend.
         scales : Scales
-            How large the signals are.
+            Magnitudes of the signals.
 
         Returns
         -------
         tuple of Effect
-            Starts, the most likely first.
+            Start values, the most likely first.
         """
 
     def proposals(self, model: PhysicsModel, scales: Scales) -> tuple["Effect", ...]:
-        """Propose where a fit of this effect on its target may start; see `starts`.
+        """Propose start values for a fit of this effect on its target; see `starts`.
 
         Parameters
         ----------
         model : PhysicsModel
             The model to extend.
         scales : Scales
-            How large the signals are.
+            Magnitudes of the signals.
 
         Returns
         -------
         tuple of Effect
-            Starts, the most likely first.
+            Start values, the most likely first.
         """
         return self.starts(self.target, model, scales)
 
     def is_distinct(self, scales: Scales) -> bool:
-        """Return whether signals of this range can tell the effect from those it generalises.
+        """Return whether signals of this range distinguish the effect from its special cases.
 
         Parameters
         ----------
         scales : Scales
-            How large the signals are.
+            Magnitudes of the signals.
 
         Returns
         -------
         bool
-            True by default; otherwise the special cases are enough.
+            True by default; if False, the special cases suffice.
         """
         return True
 
     @classmethod
     def limits(cls, target: str, model: PhysicsModel, scales: Scales) -> dict:
-        """Return the limits within which a fit of the effect's parameters makes sense.
+        """Return sensible limits for a fit of the effect's parameters.
 
         Parameters
         ----------
@@ -209,7 +210,7 @@ class Effect(ABC):
         model : PhysicsModel
             The model to extend.
         scales : Scales
-            How large the signals are.
+            Magnitudes of the signals.
 
         Returns
         -------
@@ -219,7 +220,7 @@ class Effect(ABC):
         return {}
 
     def characteristic(self, model: PhysicsModel) -> Characteristic | None:
-        """Return the curve that a person would draw to see the effect.
+        """Return the curve that shows the effect.
 
         Parameters
         ----------
@@ -229,13 +230,13 @@ class Effect(ABC):
         Returns
         -------
         Characteristic or None
-            What is drawn over what; None where the error with and without the effect says more.
+            The curve; None if the errors with and without the effect are more informative.
         """
         return None
 
     @classmethod
     def title(cls, target: str) -> str:
-        """Return what people call the effect on a target.
+        """Return the name of the effect on a target in plain words.
 
         Parameters
         ----------
@@ -257,12 +258,12 @@ class Effect(ABC):
 
     @classmethod
     def size_field(cls) -> str:
-        """Return the field that tells how strong the effect is: the first that is no shape.
+        """Return the field for the strength of the effect: the first that is not a shape.
 
         Returns
         -------
         str
-            The field; empty where the effect is there or not.
+            The field; empty for an effect that is either present or absent.
         """
         sizes = (f.name for f in cls.quantities() if f.metadata["role"] != "shape")
         return next(sizes, "")
@@ -278,7 +279,7 @@ class Effect(ABC):
         model : PhysicsModel
             The model to extend.
         scales : Scales
-            How large the signals are.
+            Magnitudes of the signals.
 
         Returns
         -------
@@ -295,8 +296,8 @@ class Effect(ABC):
         """Return the effect as a function of its size.
 
         Size 0 does nothing. Size 1 is a force as large as the typical inertial force, a bias or a
-        dead zone as large as the signal's ups and downs, a limit that lets nothing through, a delay
-        as long as a window. Shapes take the middle of the values a fit would start from.
+        dead zone as large as the signal's variation, a limit that lets nothing through, a delay
+        as long as a window. Shapes take the middle one of the start values of a fit.
 
         Parameters
         ----------
@@ -305,7 +306,7 @@ class Effect(ABC):
         model : PhysicsModel
             The model to extend.
         scales : Scales
-            How large the signals are.
+            Magnitudes of the signals.
 
         Returns
         -------
@@ -349,7 +350,7 @@ class Effect(ABC):
         model : PhysicsModel
             The model to extend.
         scales : Scales
-            How large the signals are.
+            Magnitudes of the signals.
 
         Returns
         -------
@@ -360,7 +361,7 @@ class Effect(ABC):
 
     @classmethod
     def _ends(cls) -> frozenset[str]:
-        """Return the fields that are where something ends."""
+        """Return the fields whose role is ``"end"``."""
         return frozenset(f.name for f in cls.quantities() if f.metadata["role"] == "end")
 
     @classmethod
@@ -377,7 +378,8 @@ class Effect(ABC):
         Returns
         -------
         bool
-            Whether the target is one of `targets`; an effect may act on more than is looked for.
+            Whether the target is one of `targets`; an effect may also act on targets that a
+            diagnosis does not search.
         """
         return target in cls.targets(model)
 
@@ -417,7 +419,7 @@ class Effect(ABC):
         Returns
         -------
         tuple of Parameter
-            One for every `quantity`.
+            One per `quantity`.
         """
         units, names = self.units(model), self.names()
         return tuple(
@@ -471,7 +473,7 @@ class Effect(ABC):
 
 
 def _end(quantity, usual: float, limits: tuple[float, float], size: float) -> float:
-    """Return an end: of a range in proportion, of a rate the usual one at half the size."""
+    """Return an end: proportional for a range; for a rate, the usual one at half the size."""
     if "/s" in quantity.metadata["unit"] or "rate" in quantity.metadata["unit"]:
         return usual * (1.0 - size) / max(size, 1e-9)
     return (1.0 - size) * (limits[1] if quantity.default > 0 else limits[0])

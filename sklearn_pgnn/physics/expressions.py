@@ -1,7 +1,7 @@
 """Equations as text: parsed by a whitelist of names and operators, never evaluated as code.
 
-Text goes through Python's own ``ast`` and every node is looked up in a small table; whatever is
-not in the table (attributes, calls of anything but the functions below, strings, comparisons) is
+Text is parsed by Python's own ``ast`` and every node is looked up in a small table; anything that
+is not in the table (attributes, calls of anything but the functions below, strings, comparisons) is
 refused with its line and column.
 """
 
@@ -90,7 +90,7 @@ def parse_expression(
     names : collection of str
         The states, inputs and parameters that may appear; ``t`` (time) and ``pi`` always may.
     where : str
-        What is parsed, for the error's text.
+        Description of the text that is parsed, for error messages.
     external : mapping of str to type, default={}
         Further functions by name, see `sklearn_pgnn.physics.external`.
 
@@ -102,7 +102,7 @@ def parse_expression(
     Raises
     ------
     ModelError
-        If the text is no arithmetic expression or holds a name or a construct that is not
+        If the text is not an arithmetic expression, or contains a name or a construct that is not
         allowed.
 
     Examples
@@ -127,7 +127,7 @@ def parse_expression(
 
 
 def standard_form(expression: sympy.Expr, names: tuple[str, ...], where: str = "expression"):
-    """Return an expression in the form in which it is read back from its own text.
+    """Return an expression in the form that parsing its own text yields.
 
     Parameters
     ----------
@@ -136,17 +136,17 @@ def standard_form(expression: sympy.Expr, names: tuple[str, ...], where: str = "
     names : tuple of str
         The states, inputs and parameters that may appear.
     where : str
-        What is read, for the error's text.
+        Description of the expression, for error messages.
 
     Returns
     -------
     sympy.Expr
-        The same value; two expressions with the same text are equal.
+        An expression of the same value; two with the same text are equal.
 
     Raises
     ------
     ModelError
-        If it holds a name or a function that an equation may not.
+        If it contains a name or a function that is not allowed in an equation.
 
     Examples
     --------
@@ -166,19 +166,19 @@ def _reread(expression: sympy.Expr, names: tuple[str, ...], where: str):
 
 
 def same_name(name: str) -> str:
-    """Return a name in the normal form of Python's parser: both signs for mu are one."""
+    """Return a name in the normal form of Python's parser: both characters for mu become one."""
     return unicodedata.normalize("NFKC", name)
 
 
 def _short(text: str) -> str:
-    """Quote a text, cut where it is long."""
+    """Quote a text, truncated if it is long."""
     return repr(text if len(text) <= 60 else f"{text[:57]}...")
 
 
 def _as_reread(expression: sympy.Expr) -> sympy.Expr:
     """Normalise an expression so that its text reads back to the same expression.
 
-    SymPy may keep more digits than a float has, and a Max(0, 1) inside of a Min.
+    SymPy may keep more digits than a float has, and a Max(0, 1) inside a Min.
     """
     exact = {x: sympy.Float(float(x)) for x in expression.atoms(sympy.Float)}
     expression = expression.xreplace(exact)
@@ -191,7 +191,7 @@ def _as_reread(expression: sympy.Expr) -> sympy.Expr:
 
 
 def _about_operator(operation: ast.operator) -> str:
-    """Return why an operator between two values is refused, as the user wrote it."""
+    """Return why an operator between two values is refused, in the user's notation."""
     sign = _OTHER_SIGNS[type(operation)]
     if sign == "^":
         return "'^' is no operator here; use ** for a power, as in x**2"
@@ -247,7 +247,7 @@ class _Translator:
         return value
 
     def check_number(self, node, value):
-        """Refuse numbers a float cannot hold; checked at every node, they never grow large."""
+        """Refuse numbers that a float cannot hold; the check at every node keeps them small."""
         number = value if value.is_number else value.as_coeff_Mul()[0]
         try:
             size = abs(float(number))
@@ -270,9 +270,9 @@ class _Translator:
         return base**exponent
 
     def chain(self, node, depth):
-        """Translate a chain such as a + b - c at once: a long sum is not deep.
+        """Translate a chain such as a + b - c at once, so that a long sum is not nested deeply.
 
-        A product of many is also left as it is written, where SymPy would multiply 2*(a + b) out.
+        A product of many factors is also kept as written; SymPy would expand 2*(a + b).
         """
         together = _CHAINS[type(node.op)]
         links = [node]
@@ -328,7 +328,7 @@ class _Translator:
         return self.functions[name](*(self.translate(argument, depth) for argument in node.args))
 
     def numbers_of_arguments(self, name) -> tuple[int, int]:
-        """Return how many arguments a function takes at least and at most."""
+        """Return the least and the largest number of arguments of a function."""
         if name in FUNCTIONS:
             return _SEVERAL_ARGUMENTS.get(name, (1, 1))
         count = len(self.functions[name].places)  # type: ignore[attr-defined]
@@ -386,7 +386,7 @@ class _RereadPrinter(_TextPrinter):
 def to_text(expression) -> str:
     """Write an expression as text that `parse_expression` reads back to the same value.
 
-    A call of an external function is text to read only, for it has no equation.
+    A call of an external function, which has no equation, is written for display only.
 
     Parameters
     ----------

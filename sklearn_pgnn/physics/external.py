@@ -1,6 +1,6 @@
-r"""Functions that equations call where nothing can be written: of Python, or of another tool.
+r"""External functions, of Python or another tool, that equations call where none can be written.
 
-A call is an atom of SymPy, so a model may hold it wherever it holds an expression. Its derivative
+A call is an atom of SymPy, so it can stand wherever a model has an expression. Its derivative
 is another such atom, the slope :math:`(f(a + h) - f(a - h))/2h` with
 :math:`h = \sqrt[3]{\varepsilon}\max(|a|, 0.01)` and the rounding :math:`\varepsilon` of a double;
 the derivative of order :math:`n` nests them, with the root of order :math:`n + 2`. Where the
@@ -45,23 +45,23 @@ _FAILURES: dict[str, None] = {}
 
 
 class ExternalFunction:
-    """A function of numbers without an equation, which computes several results at once.
+    """A function of numbers that has no equation and computes several results at once.
 
     Parameters
     ----------
     call : callable
-        Takes a tuple of numbers, one an argument, and returns a sequence of numbers, one a result.
-        It can be pickled where the model shall be.
+        Takes a tuple of numbers, one per argument, and returns a sequence of numbers, one per
+        result. It must be picklable if the model is to be.
     name : str
-        What it is called in the text of equations.
+        Name in the text of equations.
     arguments : sequence of str
         Names of the arguments.
     results : sequence of str
         Names of the results.
     n_parameters : int
-        How many of the last arguments are parameters.
+        Number of parameters, which are the last arguments.
     token : str
-        What it is told from other functions by, in every process; `external_function` chooses it.
+        Identifies the function in every process; `external_function` chooses it.
     """
 
     def __init__(self, call, name, arguments, results, n_parameters, token):
@@ -72,17 +72,17 @@ class ExternalFunction:
         self._nothing = (math.nan,) * len(self.results)
 
     def at(self, point: tuple[float, ...]) -> tuple[float, ...]:
-        """Return the results at a point; NaN where the function raises, which is noted.
+        """Return the results at a point, NaN where the function raises; the error is recorded.
 
         Parameters
         ----------
         point : tuple of float
-            The arguments; `UNUSED` where a result does not depend on one.
+            The arguments; `UNUSED` for those that the result does not depend on.
 
         Returns
         -------
         tuple of float
-            The results. Those of the last points are kept: they are computed once.
+            The results. Those at the most recent points are cached.
         """
         found = self._known.get(point)
         if found is None:
@@ -92,7 +92,7 @@ class ExternalFunction:
         return found
 
     def compute(self, point: tuple[float, ...]) -> tuple[float, ...]:
-        """Return the results at a point, computed anew; NaN where the function raises, noted."""
+        """Compute the results at a point anew, NaN where the function raises (recorded)."""
         try:
             return tuple(map(float, self.call(point)))
         except Exception as error:
@@ -113,14 +113,14 @@ def external_function(
     n_parameters: int = 0,
     token: str | None = None,
 ) -> ExternalFunction:
-    """Return a function for equations to call; the same one for the same callable.
+    """Return a function that equations can call; the same one for the same callable.
 
     Parameters
     ----------
     call, name, arguments, results, n_parameters
         See `ExternalFunction`.
     token : str, optional
-        What stands for the content of `call`; by default its pickled content does.
+        Represents the content of `call`; by default the pickled content does.
 
     Returns
     -------
@@ -148,7 +148,7 @@ def _restored(call, name, arguments, results, n_parameters, token) -> ExternalFu
 
 
 def _content_of(call) -> str:
-    """Return a hash of a callable's code and of what it holds; a random one if it has none."""
+    """Return a hash of a callable's code and data; a random one if it has none."""
     content = io.BytesIO()
     try:
         _Content(content, 4).dump(call)
@@ -158,7 +158,7 @@ def _content_of(call) -> str:
 
 
 class _Content(pickle.Pickler):
-    """Writes functions with their code, and the numbers that they read from outside."""
+    """Pickle functions with their code and the outside numbers that they read."""
 
     def reducer_override(self, thing):
         if not isinstance(thing, FunctionType):
@@ -177,9 +177,9 @@ _DATA = (bool, int, float, complex, str, bytes, tuple, list, dict, np.ndarray)
 
 
 class External(sympy.Function):
-    """A call of one result of an external function, or of a slope of it, in an equation.
+    """A call of one result of an external function, or of its slope, in an equation.
 
-    `external` makes a class of it for every result. The arguments are those of the function at
+    `external` makes a subclass for every result. The arguments are those of the function at
     `places`; the others are `UNUSED`.
     """
 
@@ -191,13 +191,13 @@ class External(sympy.Function):
     is_real = True
 
     def fdiff(self, argindex=1):
-        """Return the slope by one argument."""
+        """Return the slope with respect to one argument."""
         by = tuple(sorted((*self.by, argindex - 1)))
         return external(self.function, self.result, self.places, by)(*self.args)
 
     @classmethod
     def number(cls, *values: float) -> float:
-        """Return the value for numbers; NaN where one of them is not finite."""
+        """Return the value for numbers; NaN if one of them is not finite."""
         if not all(map(math.isfinite, values)):
             return math.nan
         return cls._slope(values, cls.by)
@@ -226,7 +226,7 @@ class External(sympy.Function):
 
     @classmethod
     def label(cls) -> str:
-        """Return what stands before the brackets in an equation's text."""
+        """Return the text before the brackets in an equation."""
         function = cls.function
         label = f"{function.name}[{function.results[cls.result]}]"
         for i in cls.by:
@@ -279,11 +279,11 @@ def external(
     function : ExternalFunction
         The function.
     result : int
-        Which of its results.
+        Index of the result.
     places : tuple of int
         The arguments that the result depends on.
     by : tuple of int, default=()
-        The ones among these that it is differentiated by.
+        Those of `places` with respect to which the result is differentiated.
 
     Returns
     -------
@@ -313,12 +313,12 @@ def _class(function, result, places, by):
 
 
 def _called(function, result, places, by, arguments):
-    """Return a call again from what it was pickled as."""
+    """Restore a call from its pickled form."""
     return external(function, result, places, by)(*arguments)
 
 
 def _over_arrays(made):
-    """Return what NumPy calls in place of the class, number by number."""
+    """Return the function that NumPy calls in place of the class, number by number."""
 
     def over(*values):
         with np.errstate(invalid="ignore"):  # NaN is said to be one
@@ -330,12 +330,12 @@ def _over_arrays(made):
 
 
 def class_of(name: str) -> type[External] | None:
-    """Return the class of calls that has a name in this process, if there is one."""
+    """Return the class of calls with a name in this process, if there is one."""
     return _CLASSES.get(name)
 
 
 def calls_outside(text: str) -> bool:
-    """Return whether code calls an external function, by a name that this process alone knows."""
+    """Return whether code calls an external function, by a name that only this process knows."""
     return _PREFIX in text
 
 
@@ -350,7 +350,7 @@ def external_functions(expressions) -> tuple[ExternalFunction, ...]:
     Returns
     -------
     tuple of ExternalFunction
-        Each once.
+        The functions, each once.
     """
     calls = (call for expression in expressions for call in expression.atoms(External))
     found = dict.fromkeys(call.function for call in calls)
@@ -358,20 +358,20 @@ def external_functions(expressions) -> tuple[ExternalFunction, ...]:
 
 
 def at_whole_points(expressions) -> list[sympy.Expr]:
-    """Return expressions in which the calls of a function are at the same points, if they can be.
+    """Give the calls of a function in expressions the same arguments, where possible.
 
     A call has the arguments that its result depends on. Where those of several results agree, each
-    may have the arguments of all: the function is called once for all results.
+    call may take the arguments of all: the function is then evaluated once for all results.
 
     Parameters
     ----------
     expressions : sequence of sympy.Expr
-        The expressions; they are not to be differentiated any more.
+        The expressions; the result must not be differentiated.
 
     Returns
     -------
     list of sympy.Expr
-        The same values.
+        Expressions of the same values.
 
     Examples
     --------
@@ -411,7 +411,7 @@ def require_equations(model, what: str) -> None:
     model : PhysicsModel
         The model.
     what : str
-        What needs the equations.
+        The task that needs the equations, for the error message.
 
     Raises
     ------
@@ -430,7 +430,7 @@ def require_equations(model, what: str) -> None:
 
 
 def take_failures() -> tuple[str, ...]:
-    """Return what calls have failed with since this was asked last."""
+    """Return the errors of calls since the last request."""
     if not _FAILURES:
         return ()
     failures = tuple(_FAILURES)
@@ -439,7 +439,7 @@ def take_failures() -> tuple[str, ...]:
 
 
 def line_of(function, error: BaseException) -> str:
-    """Return the line of a function's file in which an error came up."""
+    """Return the line of a function's file in which an error was raised."""
     inner = getattr(function, "function", function)
     code = getattr(inner, "__code__", None)
     frames = traceback.extract_tb(error.__traceback__)
@@ -449,7 +449,7 @@ def line_of(function, error: BaseException) -> str:
 
 
 def said_by(error: BaseException) -> str:
-    """Return an error's message in one line, with its kind."""
+    """Return an error's type and message in one line."""
     said = " ".join(str(error).split())
     return f"{type(error).__name__}: {said}" if said else type(error).__name__
 

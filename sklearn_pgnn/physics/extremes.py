@@ -1,13 +1,13 @@
-"""The largest and the smallest of several expressions, built fast."""
+"""Fast construction of the largest and the smallest of several expressions."""
 
 import sympy
 
 
 def maximum(*values) -> sympy.Expr:
-    """Return the largest of some values, without asking SymPy which of them can be larger.
+    """Return the largest of some values, without letting SymPy compare them.
 
-    SymPy compares every two of them by factoring their difference, which takes most of the time of
-    a large equation. Here only what is equal, and numbers, fall into one.
+    SymPy compares every pair by factoring their difference, which takes most of the time of
+    a large equation. Here only equal values, and numbers, are merged.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def extreme(kind: type[sympy.Max | sympy.Min], values) -> sympy.Expr:
     Parameters
     ----------
     kind : sympy.Max or sympy.Min
-        Which of the two.
+        Whether to return the largest or the smallest.
     values : iterable of sympy.Expr or number
         The values.
 

@@ -1,4 +1,4 @@
-"""The laws that an effect stands for: terms of which it adds a multiple to rates and outputs."""
+"""The laws of an effect: terms of which it adds a multiple to rates and outputs."""
 
 import sympy
 
@@ -6,16 +6,16 @@ from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.expressions import TIME, symbol
 from sklearn_pgnn.physics.model import PhysicsModel
 
-#: where something is added, and which terms: ``"v'"`` for the rate of v, ``"v"`` for the output v
+#: place of an addition, and the terms added: ``"v'"`` for the rate of v, ``"v"`` for the output v
 Law = frozenset[tuple[str, sympy.Expr]]
 
 
 def laws_of(effect: Effect, model: PhysicsModel) -> frozenset[Law]:
-    r"""Return the laws of an effect, read off its equations.
+    r"""Return the laws of an effect, derived from its equations.
 
     A parameter :math:`q` of the effect stands for a law if :math:`\partial (f, g)/\partial q` does
     not depend on the effect's own parameters. Constant factors do not count. Addends at one place
-    are laws of their own; what is added at several places is one law.
+    are separate laws; what is added at several places is one law.
 
     Parameters
     ----------
@@ -27,7 +27,7 @@ def laws_of(effect: Effect, model: PhysicsModel) -> frozenset[Law]:
     Returns
     -------
     frozenset of frozenset of (str, sympy.Expr)
-        The laws; none of an effect that adds states or delays.
+        The laws; empty for an effect that adds states or delays.
 
     Examples
     --------
@@ -49,7 +49,7 @@ def laws_of(effect: Effect, model: PhysicsModel) -> frozenset[Law]:
 
 
 def _laws(model: PhysicsModel, slopes: dict[str, sympy.Expr]) -> set[Law]:
-    """Return the laws of one parameter from the derivatives by it."""
+    """Return the laws of one parameter from the derivatives with respect to it."""
     there = {name: sympy.expand(slope) for name, slope in slopes.items() if slope != 0}
     moving = [*map(symbol, (*model.states, *model.inputs)), TIME]
     if len(there) != 1:

@@ -46,8 +46,8 @@ class PhysicsModel:
 
     .. math:: \dot x = f(t, x, u, p), \qquad y = g(t, x, u, p)
 
-    A model is a value: it is never changed in place, two models that say the same are equal, and
-    ``model + effect`` is a new model.
+    A model is a value: it is never changed in place, two models with the same content are equal,
+    and ``model + effect`` is a new model.
 
     Parameters
     ----------
@@ -56,31 +56,32 @@ class PhysicsModel:
     equations : mapping of str to str or sympy.Expr
         Right-hand side of every state, over states, inputs, parameters and the time ``t``.
     parameters : mapping of str to Parameter, dict or float, or iterable of Parameter, default={}
-        The constants.
+        The constants of the equations.
     inputs : mapping of str to str, default={}
         Input names and their units.
     outputs : mapping of str to str or sympy.Expr, default: every state under its own name
-        What the sensors see, as expressions of states and inputs.
+        What the sensors measure, as expressions of states and inputs.
     name : str, default="model"
-        What the model is called.
+        Name of the model.
     inertia : mapping of str to str or sympy.Expr, default={}
         For a state that is a velocity, the mass or inertia that multiplies its rate; effects on
-        that rate are then forces or torques.
+        this rate are then forces or torques.
     energy : mapping, default={}
         ``stored`` [J], ``supplied`` [W] and ``dissipated`` [W] as expressions.
     delays : mapping of str to str, default={}
-        For an input that acts late, the name of the parameter that holds its delay [s].
+        For a delayed input, the name of the parameter that holds its delay [s].
     initial_state : mapping of str to float, default: zeros
-        State at the start of a trajectory that does not tell its own.
+        State at the start of a trajectory that does not give its own.
     settled : mapping of str to str, default={}
-        For a state that follows an input, as an actuator's own does, the name of that input: a
-        trajectory that does not tell such a state starts at the input's first value.
+        For a state that follows an input, such as that of an actuator, the name of that input: a
+        trajectory that does not give such a state starts it at the input's first value.
     columns : mapping of str to str, default={}
-        What a table calls a quantity (also ``t`` and ``trajectory``), where that is not its name.
+        Column name of a quantity (also of ``t`` and ``trajectory``) in a table, where it is not the
+        quantity's own name.
     simulation : mapping, default={}
-        How the model is to be simulated: ``hold`` (``"zoh"`` or ``"foh"``, whether an input is
-        held between two samples or runs straight from one to the next) and ``substeps``, the
-        integration steps from sample to sample.
+        How the model is to be simulated: ``hold`` (``"zoh"`` or ``"foh"``, whether inputs are
+        held or linearly interpolated between samples) and ``substeps``, the number of integration
+        steps per sample interval.
 
     Raises
     ------
@@ -164,12 +165,12 @@ class PhysicsModel:
 
     @property
     def kinematic_pairs(self) -> dict[str, str]:
-        """Velocity to position, for every state whose rate is another state, bounded or not."""
+        """Map of velocity to position, where a state's rate is another state, bounded or not."""
         return dict(_kinematic_pairs(tuple(self.equations.items()), tuple(self.inputs)))
 
     @property
     def slope_pairs(self) -> dict[str, str]:
-        """Velocity to position, where the position's slope is the velocity: of no bounded rate.
+        """Map of velocity to position, where the rate of the position is the unbounded velocity.
 
         Examples
         --------
@@ -182,7 +183,7 @@ class PhysicsModel:
 
     @property
     def is_autonomous(self) -> bool:
-        """Whether equations and outputs do without the time ``t``.
+        """Whether equations and outputs do not contain the time ``t``.
 
         Examples
         --------
@@ -194,7 +195,7 @@ class PhysicsModel:
 
     @property
     def opaque_functions(self) -> tuple[str, ...]:
-        """Names of the functions that the model calls, for they have no equation.
+        """Names of the functions without an equation that the model calls.
 
         Examples
         --------
@@ -224,8 +225,8 @@ class PhysicsModel:
         Returns
         -------
         str
-            Its unit; an output has that of the quantities it is a sum, a bound or the magnitude
-            of, others none.
+            Its unit; an output has a unit if it is a sum, a bound or the magnitude of quantities
+            of that unit, otherwise none.
 
         Examples
         --------
@@ -240,10 +241,10 @@ class PhysicsModel:
         return units[name] if name in units else self.unit_of(self.outputs.get(name))
 
     def unit_of(self, expression: sympy.Expr | None) -> str:
-        """Return the unit that all quantities in a sum, a bound or a magnitude have.
+        """Return the common unit of all quantities in a sum, a bound or a magnitude.
 
-        A factor that is a sum with a number has no unit; other products, and what is not known,
-        are said to have none.
+        A factor that is a sum with a number has no unit; other products, and unknown units, are
+        reported as none.
 
         Parameters
         ----------
@@ -298,7 +299,7 @@ class PhysicsModel:
         Raises
         ------
         ModelError
-            If a name is unknown or a value lies out of its bounds.
+            If a name is unknown or a value lies outside its bounds.
 
         Examples
         --------
@@ -332,7 +333,7 @@ class PhysicsModel:
     # -- text --------------------------------------------------------------------------------------
 
     def to_text(self) -> str:
-        """Write the equations as plain text, a line a state."""
+        """Write the equations as plain text, one line per state."""
         return "\n".join(f"{state}' = {to_text(rate)}" for state, rate in self.equations.items())
 
     def to_latex(self) -> str:
@@ -355,12 +356,12 @@ class PhysicsModel:
         Returns
         -------
         dict
-            What `from_dict` takes.
+            Data that `from_dict` reads.
 
         Raises
         ------
         ModelError
-            If it calls a function without an equation.
+            If the model calls a function without an equation.
         """
         require_equations(self, "to_dict")
         return self._parts()
@@ -395,7 +396,7 @@ class PhysicsModel:
         Parameters
         ----------
         data : mapping
-            What `to_dict` gives; equations are parsed by a whitelist, never evaluated.
+            Data as returned by `to_dict`; equations are parsed by a whitelist, never evaluated.
 
         Returns
         -------
@@ -405,7 +406,7 @@ class PhysicsModel:
         Raises
         ------
         ModelError
-            If a key is unknown or missing, or the model says something it cannot.
+            If a key is unknown or missing, or an entry is not valid in a model.
         """
         known = [f.name for f in fields(cls)]
         unknown = [key for key in data if key not in known]
@@ -435,7 +436,7 @@ class PhysicsModel:
         Raises
         ------
         ModelError
-            If the file says something a model cannot say; with file, line and column.
+            If the file is not a valid model; the message gives file, line and column.
         """
         return reading("read_model")(path)
 
@@ -445,7 +446,7 @@ class PhysicsModel:
         Parameters
         ----------
         path : str or path-like, optional
-            Where to write; by default nothing is written.
+            File to write; by default none is written.
 
         Returns
         -------
@@ -457,14 +458,14 @@ class PhysicsModel:
     # -- readings --------------------------------------------------------------------------------
 
     def simulate(self, t, u=None, x0=None, **options):
-        """Simulate the model on the record's own clock.
+        """Simulate the model at given sample times.
 
         Parameters
         ----------
         t : array-like of shape (n_samples,)
             Time [s], increasing.
         u : array-like of shape (n_samples, n_inputs) or (n_samples,), optional
-            Inputs; not needed by a model without inputs.
+            Inputs; not needed for a model without inputs.
         x0 : array-like of shape (n_states,), optional
             Initial state; by default the model's `initial_state`, and for `settled` states the
             first value of their inputs.
@@ -474,7 +475,7 @@ class PhysicsModel:
         Returns
         -------
         Simulation
-            States and outputs on the samples of `t`.
+            States and outputs at the samples of `t`.
         """
         return reading("simulate")(self, t, u, x0, **options)
 
@@ -498,13 +499,13 @@ class PhysicsModel:
         return hash(self.content())
 
     def content(self) -> str:
-        """Return everything the model states, in its order, which arrays follow; cached.
+        """Return everything the model states, in its order, which is that of arrays; cached.
 
         Returns
         -------
         str
-            Two models are equal whose content is; a function without an equation stands for its
-            code and what that holds.
+            Models are equal if their contents are; a function without an equation is represented
+            by its code and the data that it holds.
 
         Examples
         --------

@@ -1,7 +1,7 @@
-"""Model files: a model as YAML text, read by its nodes, so that no object is constructed.
+"""Model files: a model as YAML text, read node by node, so that no object is constructed.
 
-A file is composed into YAML nodes, which know their line and column, and every scalar is taken as
-the text it is. Tags, anchors and merge keys are refused. Whatever is wrong is told as
+A file is composed into YAML nodes, which know their line and column, and every scalar is read as
+text. Tags, anchors and merge keys are refused. Every error is reported as
 ``FILE:LINE:COLUMN: what was expected, what came``.
 """
 
@@ -27,7 +27,7 @@ from sklearn_pgnn.whole_file import write_whole
 
 #: largest model file [byte]
 MAX_BYTES = 1_000_000
-#: letters of a text that an error shows
+#: characters of a text that an error message shows
 SHOWN = 60
 _PLAIN_TAGS = {
     f"tag:yaml.org,2002:{name}"
@@ -52,12 +52,12 @@ def read_model(path) -> PhysicsModel:
     Raises
     ------
     ModelError
-        If the file says something a model cannot say: ``FILE:LINE:COLUMN: what``.
+        If the file is not a valid model: ``FILE:LINE:COLUMN: what``.
 
     Warns
     -----
     UnitWarning
-        If an equation does not fit its units, with the term; only where pint is installed.
+        If the units of an equation are inconsistent, with the term; only if pint is installed.
 
     Examples
     --------
@@ -79,7 +79,7 @@ def write_model(model: PhysicsModel, path=None) -> str:
     model : PhysicsModel
         The model.
     path : str or path-like, optional
-        Where to write; by default nothing is written. The file is replaced as a whole or not
+        File to write; by default none is written. The file is replaced as a whole or not
         at all.
 
     Returns
@@ -138,7 +138,7 @@ class _Reader:
         return model
 
     def warn_of_units(self, model: PhysicsModel) -> None:
-        """Warn of every term that does not fit the units, with the line of its equation."""
+        """Warn of every term with inconsistent units, with the line of its equation."""
         for said in check_units(model):
             where = tuple(said.split(":")[0].split("."))
             mark = self.places[where].start_mark
@@ -252,7 +252,7 @@ class _Reader:
         return self.text_of(node, part)
 
     def section(self, node, part, read) -> dict:
-        """Read a mapping; nothing at all is an empty one."""
+        """Read a mapping; a missing one is empty."""
         if str(node.tag) == _NULL:
             return {}
         return {key: read(value, f"{part}.{key}") for key, value in self.items(node, part, (part,))}

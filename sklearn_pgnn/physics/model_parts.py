@@ -1,4 +1,4 @@
-"""The parts of a model as they are given: read, and refused where they say what a model cannot."""
+"""The parts of a model as they are given: read, and refused where they are not valid."""
 
 import math
 from collections.abc import Iterable, Mapping
@@ -13,7 +13,7 @@ from sklearn_pgnn.physics.expressions import parse_expression, same_name, standa
 from sklearn_pgnn.physics.parameter import Parameter, check_name
 
 ENERGY_PARTS = ("stored", "supplied", "dissipated")
-#: how an input may run between samples: held, or linearly interpolated
+#: inputs between samples: held, or linearly interpolated
 HOLDS = ("zoh", "foh")
 
 
@@ -27,14 +27,14 @@ def as_expression(item, names, where) -> sympy.Expr:
 
 
 def as_mapping(part, items) -> dict:
-    """Return a part that holds names and values."""
+    """Return a part of a model as a mapping of names to values."""
     if not isinstance(items, Mapping):
         raise ModelError(f"{part}: expected names and values, got {items!r}.", (part,))
     return dict(items)
 
 
 def as_units(part, items) -> dict[str, str]:
-    """Return units by name, empty where there is none."""
+    """Return units by name, empty where there is no unit."""
     return {name: str(unit or "") for name, unit in as_mapping(part, items).items()}
 
 
@@ -53,7 +53,7 @@ def as_state(name, value) -> float:
 
 
 def as_simulation(settings: Mapping) -> dict:
-    """Return how the model is to be simulated, with a plain integer as `substeps`."""
+    """Return the simulation settings, with a plain integer as `substeps`."""
     found = dict(settings)
     hold, substeps = found.get("hold", HOLDS[0]), found.get("substeps", 1)
     if hold not in HOLDS:
@@ -70,7 +70,7 @@ def as_simulation(settings: Mapping) -> dict:
 
 
 def as_parameter(name, value) -> Parameter:
-    """Return a parameter, given as such, as a mapping or as a number."""
+    """Return a parameter that is given as a `Parameter`, a mapping or a number."""
     if isinstance(value, Parameter):
         if value.name != name:
             raise ModelError(f"parameter {value.name!r} is listed under another name, {name!r}.")
@@ -104,7 +104,7 @@ def as_parameters(parameters) -> dict[str, Parameter]:
 
 
 def parameter_dict(parameter: Parameter) -> dict:
-    """Return a parameter as a dict, without the fields at their default."""
+    """Return a parameter as a dict, without the fields at their defaults."""
     default = Parameter(parameter.name, parameter.value)
     written: dict[str, Any] = {"value": parameter.value}
     for key in ("unit", "bounds", "fixed", "spread"):
@@ -118,7 +118,7 @@ def parameter_dict(parameter: Parameter) -> dict:
 
 
 def check_names(states, inputs, parameters) -> None:
-    """Raise `ModelError` unless every name is one, and is taken once."""
+    """Raise `ModelError` unless every name is valid and used once."""
     seen: dict[str, str] = {}
     for what, names in (("state", states), ("input", inputs), ("parameter", parameters)):
         for name in names:
@@ -132,7 +132,7 @@ def check_names(states, inputs, parameters) -> None:
 
 
 def check_settled(settled, states, inputs) -> None:
-    """Raise `ModelError` unless states follow inputs."""
+    """Raise `ModelError` unless `settled` maps states to inputs."""
     check_keys("settled", settled, states)
     for state, followed in dict(settled or {}).items():
         if followed not in inputs:
@@ -142,7 +142,7 @@ def check_settled(settled, states, inputs) -> None:
 
 
 def check_columns(columns, states, inputs, outputs) -> None:
-    """Raise `ModelError` unless columns have names, and none that of another quantity."""
+    """Raise `ModelError` unless columns have names, none of them that of another quantity."""
     own = ("t", "trajectory", *inputs, *states)
     check_keys("columns", columns, dict.fromkeys((*own, *outputs)))
     for name, column in dict(columns or {}).items():
@@ -159,7 +159,7 @@ def check_columns(columns, states, inputs, outputs) -> None:
 
 
 def check_keys(part: str, items, known: Iterable[str], complete: bool = False) -> None:
-    """Raise `ModelError` unless a part speaks of known names, and of all where it is complete."""
+    """Raise `ModelError` unless a part has known names only, and all if it must be complete."""
     items = items or {}
     known = list(known)
     as_mapping(part, items)

@@ -1,4 +1,4 @@
-"""Units of expressions of a model's quantities."""
+"""Units of expressions in a model's quantities."""
 
 from collections import Counter
 from collections.abc import Callable
@@ -7,7 +7,7 @@ import sympy
 
 
 def unit_of(expression: sympy.Expr | None, unit: Callable[[str], str]) -> str:
-    """Return the unit that all quantities in a sum, a bound or a magnitude have.
+    """Return the common unit of all quantities in a sum, a bound or a magnitude.
 
     Parameters
     ----------
@@ -19,7 +19,7 @@ def unit_of(expression: sympy.Expr | None, unit: Callable[[str], str]) -> str:
     Returns
     -------
     str
-        Its unit; empty where it has none, or none is known.
+        Its unit; empty if it has none or the unit is unknown.
 
     Examples
     --------
@@ -52,8 +52,8 @@ def unit_of_product(expression: sympy.Expr, unit: Callable[[str], str]) -> str:
     Returns
     -------
     str
-        Its unit; empty where it is no such product, where a power is no whole number above 0, or
-        where a unit is unknown or has parts of its own.
+        Its unit; empty if it is not such a product, if a power is not a positive integer, or if a
+        unit is unknown or compound.
 
     Examples
     --------

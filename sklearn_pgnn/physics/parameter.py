@@ -1,4 +1,4 @@
-"""A parameter: a number with a unit, bounds, and whether it may be re-tuned."""
+"""A parameter: a number with a unit, bounds and a flag for re-tuning."""
 
 import keyword
 import math
@@ -8,12 +8,12 @@ from typing import NoReturn
 from sklearn_pgnn.exceptions import ModelError
 from sklearn_pgnn.physics.expressions import RESERVED
 
-#: default spread of a parameter that still counts as calibrated
+#: default spread within which a parameter counts as calibrated
 DEFAULT_SPREAD = 0.1
 
 
 def check_name(name: str, what: str) -> None:
-    """Raise `ModelError` unless `name` can name a quantity in an equation."""
+    """Raise `ModelError` unless `name` is a valid name of a quantity in an equation."""
     where = (f"{what}s", name)
     if not isinstance(name, str) or not name.isidentifier() or keyword.iskeyword(name):
         raise ModelError(
@@ -40,16 +40,16 @@ class Parameter:
     fixed : bool, default=False
         Whether the value is known and never re-tuned.
     spread : float, default=0.1
-        How far the true value may lie from `value`, as a share of it, and still be called
-        calibrated: anywhere within is as likely, beyond it is not. A diagnosis re-tunes within the
-        spread, never further, and names `wrong_parameter` where the records want more. A share of 0
-        is 0: a parameter of value 0 stays 0 unless it is wrong. With ``inf`` it may go to its
-        bounds.
+        Largest deviation of the true value from `value`, as a fraction of `value`, at which the
+        parameter still counts as calibrated: all values within are equally likely, values beyond
+        are not. A diagnosis re-tunes within the spread, never further, and names
+        `wrong_parameter` where the records call for more. A fraction of 0 is 0: a parameter of
+        value 0 stays 0 unless it is wrong. With ``inf`` only the bounds apply.
 
     Raises
     ------
     ModelError
-        If the name is no identifier, the value is not finite or lies out of its bounds.
+        If the name is not an identifier, or the value is not finite or lies outside its bounds.
 
     Examples
     --------
@@ -94,7 +94,7 @@ class Parameter:
 
     @property
     def reach(self) -> float:
-        """How far the true value may lie from `value`, in `unit`."""
+        """Largest deviation of the true value from `value` within the spread, in `unit`."""
         return math.inf if self.spread == math.inf else abs(self.value) * self.spread
 
     def with_value(self, value: float) -> "Parameter":
@@ -123,7 +123,7 @@ class Parameter:
         Parameters
         ----------
         spread : float
-            The new spread, as a share of the value.
+            The new spread, as a fraction of the value.
 
         Returns
         -------

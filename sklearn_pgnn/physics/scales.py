@@ -1,4 +1,4 @@
-"""How large the signals of a record are."""
+"""Magnitudes of the signals of a record."""
 
 import math
 from collections.abc import Iterable, Mapping
@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 @dataclass(frozen=True)
 class Scales:
-    """How large the signals of a record are; effects take their start values from it.
+    """Magnitudes of the signals of a record, from which effects take their start values.
 
     Parameters
     ----------
@@ -18,17 +18,18 @@ class Scales:
     sample_time : float
         Median time between samples [s].
     window : float
-        Length of the windows the model is judged on [s].
+        Length of the windows on which the model is assessed [s].
     duration : float, default=inf
         Length of the longest record [s].
     latest : float, default=inf
-        Largest time of a record [s]: more than `duration` behind a gap, or where a model's own
-        equations contain the time and its records begin late.
+        Largest time of a record [s]; it exceeds `duration` for a record after a gap, and where the
+        model's own equations contain the time and its records begin late.
     tones, ripples : mapping of str to tuple of float
-        For velocities, frequencies [Hz] and periods in position that stand out in what the model
-        lacks of their rate; frequencies in what it leaves of the outputs, too.
+        For velocities, frequencies [Hz] and periods in position that stand out in the part of
+        their rate that the model lacks; also frequencies in the residuals of the outputs.
     extremes : mapping of str to tuple of float
-        Least and largest value of states, inputs and outputs; without it, the magnitude both ways.
+        Least and largest value of states, inputs and outputs; where it is missing, plus and minus
+        the largest magnitude.
     """
 
     typical: Mapping[str, float]
@@ -43,14 +44,14 @@ class Scales:
     extremes: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def ends(self, name: str, below: float = 0.0, above: float = 0.0) -> tuple[float, float]:
-        """Return a signal's range, the ends moved inwards by shares of it.
+        """Return a signal's range, its ends moved inwards by fractions of the range.
 
         Parameters
         ----------
         name : str
             The signal.
         below, above : float, default=0
-            Shares.
+            Fractions of the range.
 
         Returns
         -------
@@ -67,17 +68,17 @@ class Scales:
         return low + below * (high - low), high - above * (high - low)
 
     def of_either_sign(self, names: Iterable[str]) -> "Scales":
-        """Return the scales where only the magnitude of some signals was seen.
+        """Return the scales if only the magnitude of some signals was measured.
 
         Parameters
         ----------
         names : iterable of str
-            The signals; they may have been as far on the other side of zero.
+            The signals; they may have gone equally far to the other side of zero.
 
         Returns
         -------
         Scales
-            With ranges that are symmetric for these.
+            The scales, with symmetric ranges for these signals.
 
         Examples
         --------

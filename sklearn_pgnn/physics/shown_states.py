@@ -1,10 +1,10 @@
-"""Which states of a model its outputs show."""
+"""The states of a model that its outputs measure."""
 
 from sklearn_pgnn.physics.model import PhysicsModel
 
 
 def shown_by(model: PhysicsModel, output: str) -> tuple[str, ...]:
-    """Return the state that an output shows as it is, then the velocity of that position.
+    """Return the state that an output measures directly, then the velocity of that position.
 
     Parameters
     ----------
@@ -16,7 +16,7 @@ def shown_by(model: PhysicsModel, output: str) -> tuple[str, ...]:
     Returns
     -------
     tuple of str
-        Empty where the output shows something else.
+        The names; empty if the output measures something else.
 
     Examples
     --------
@@ -31,7 +31,7 @@ def shown_by(model: PhysicsModel, output: str) -> tuple[str, ...]:
 
 
 def shown_states(model: PhysicsModel) -> frozenset[str]:
-    """Return the states that the outputs show: directly, or by the position of a velocity.
+    """Return the states that the outputs measure: directly, or as velocity of a measured position.
 
     Examples
     --------
@@ -43,7 +43,7 @@ def shown_states(model: PhysicsModel) -> frozenset[str]:
 
 
 def told_states(model: PhysicsModel) -> frozenset[str]:
-    """Return the states on which the outputs depend at once, and the velocities of such positions.
+    """Return the states on which the outputs depend directly, and the velocities of such positions.
 
     Examples
     --------

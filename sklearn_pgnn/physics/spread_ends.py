@@ -1,4 +1,4 @@
-"""Parameters that were re-tuned as far as their spread lets them."""
+"""Parameters that were re-tuned to an end of their spread."""
 
 import numpy as np
 
@@ -6,14 +6,14 @@ from sklearn_pgnn.physics.model import PhysicsModel
 
 
 def at_spread_ends(prior: PhysicsModel, retuned: PhysicsModel) -> tuple[str, ...]:
-    """Return the parameters that went to an end of their spread, though their bounds go on.
+    """Return the parameters that reached an end of their spread before their bounds.
 
     Parameters
     ----------
     prior : PhysicsModel
-        Its values, spreads and bounds.
+        The model with prior values, spreads and bounds.
     retuned : PhysicsModel
-        Its values, re-tuned within their spreads.
+        The model with values re-tuned within their spreads.
 
     Returns
     -------

@@ -16,8 +16,8 @@ def golf_robot() -> PhysicsModel:
             - r \mu\,\mathrm{sign}(\dot\varphi)
               \max(m a \dot\varphi^2 + m g \cos\varphi,\, 0) + 4 u
 
-    The normal force is kept from turning negative above the horizontal, where the friction
-    would otherwise drive the pendulum.
+    The normal force is kept non-negative above the horizontal, where the friction would otherwise
+    drive the pendulum.
 
     Returns
     -------
@@ -67,8 +67,8 @@ def servo_valve(limits: bool = False) -> PhysicsModel:
 
     .. math:: T_V^2 \ddot y_V = K_V u_V - y_V - 2 D_V T_V \dot y_V
 
-    The position is in units of its largest value (0.42672 mm), as the table's gain of 0.1 per
-    volt over a range of 10 V means.
+    The position is in units of its largest value (0.42672 mm), as implied by the table's gain of
+    0.1 per volt over a range of 10 V.
 
     Parameters
     ----------
@@ -127,8 +127,8 @@ def two_tanks() -> PhysicsModel:
     .. math::
         \dot x_1 = -k_1 \sqrt{x_1} + k_4 u, \qquad \dot x_2 = k_2 \sqrt{x_1} - k_3 \sqrt{x_2}
 
-    The outflows follow Torricelli's law; an empty tank gives nothing. The constants are of the
-    order of a laboratory rig (tanks of 20 cm, minutes to settle) and hold 3 V at the start.
+    The outflows follow Torricelli's law; an empty tank has no outflow. The constants are typical of
+    a laboratory rig (tanks of 20 cm, minutes to settle), and 3 V hold the initial state.
 
     Returns
     -------

@@ -12,7 +12,7 @@ def model_terms(model: PhysicsModel) -> list[sympy.Expr]:
     Parameters
     ----------
     model : PhysicsModel
-        The model. Parameters inside of a nonlinear function stay at their values.
+        The model. Parameters inside a nonlinear function are kept at their values.
 
     Returns
     -------

@@ -14,16 +14,16 @@ def typical_by_kind(target: str, model: PhysicsModel, scales: Scales) -> dict[st
     Parameters
     ----------
     target : str
-        What the effect acts on.
+        Target of the effect.
     model : PhysicsModel
         The model to extend.
     scales : Scales
-        How large the signals of the records are.
+        Magnitudes of the signals of the records.
 
     Returns
     -------
     dict of str to float
-        The values, ``s`` and ``target`` and, of a state, ``velocity``, ``force`` and ``position``.
+        The values: ``s`` and ``target`` and, for a state, ``velocity``, ``force`` and ``position``.
     """
     scale = {"s": scales.window, "target": scales.typical.get(target, 1.0)}
     if target in model.states:
@@ -44,12 +44,12 @@ def typical_inertia(target: str, model: PhysicsModel, scales: Scales) -> float:
     model : PhysicsModel
         The model.
     scales : Scales
-        How large the signals of the records are.
+        Magnitudes of the signals of the records.
 
     Returns
     -------
     float
-        Its magnitude at the start of a record, where states and inputs have their typical values.
+        Its magnitude at the start of a record, for typical values of states and inputs.
 
     Examples
     --------
@@ -72,14 +72,14 @@ class _OneIfUnknown(dict):
 
 
 def typical_value(template: str, scale: Mapping[str, float]) -> float:
-    """Return the typical value of a quantity from the template of its unit, 1 where it has none.
+    """Return the typical value of a quantity from the template of its unit, 1 if it has none.
 
     Parameters
     ----------
     template : str
         The unit, as an effect's field states it: ``"{force}*s"``.
     scale : mapping of str to float
-        What `typical_by_kind` returns.
+        Values as returned by `typical_by_kind`.
 
     Returns
     -------

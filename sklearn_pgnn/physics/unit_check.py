@@ -1,4 +1,4 @@
-"""Whether the equations of a model fit its units, term by term."""
+"""Check of the units of a model's equations, term by term."""
 
 from collections import Counter
 
@@ -16,16 +16,16 @@ _OF_NUMBERS = (
     *(sympy.sin, sympy.cos, sympy.tan, sympy.asin, sympy.acos, sympy.atan),
     *(sympy.sinh, sympy.cosh, sympy.tanh, sympy.exp, sympy.log, sympy.floor, sympy.ceiling),
 )
-#: said of a term with a number in front
+#: added to the message about a term with a numerical factor
 _NUMBER = " (a number has no unit: make one that has, such as 9.81 m/s^2, a fixed parameter)"
 
 
 def check_units(model: PhysicsModel) -> tuple[str, ...]:
-    """Return the terms of a model's equations that do not fit its units.
+    """Return the terms of a model's equations whose units are inconsistent.
 
-    A quantity without a unit, or of a unit that is not known, fits everything, and so does what it
-    is multiplied by. A term with a number in front is not asked for its scale: the number may be
-    the conversion.
+    A quantity without a unit, or with an unknown one, is compatible with everything, and so is any
+    product that contains it. The scale of a term with a numerical factor is not checked: the number
+    may be the conversion.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ def check_units(model: PhysicsModel) -> tuple[str, ...]:
     Returns
     -------
     tuple of str
-        A sentence a term, empty if all fit.
+        One sentence per term; empty if all units are consistent.
 
     Raises
     ------
@@ -63,7 +63,7 @@ def check_units(model: PhysicsModel) -> tuple[str, ...]:
 
 
 def output_measure(model: PhysicsModel, output: str) -> Measure | None:
-    """Return what an output measures by its expression, where no number in it may convert it.
+    """Return the measure of an output by its expression, if no number in it may be a conversion.
 
     Parameters
     ----------
@@ -75,8 +75,8 @@ def output_measure(model: PhysicsModel, output: str) -> Measure | None:
     Returns
     -------
     Measure or None
-        What it measures; what has no unit counts as a plain number. None where a number stands in
-        front, or a unit is not known.
+        What it measures; a quantity without a unit counts as a plain number. None if there is a
+        numerical factor or a unit is unknown.
 
     Raises
     ------
@@ -97,18 +97,18 @@ def output_measure(model: PhysicsModel, output: str) -> Measure | None:
 
 
 class _Check:
-    """Units of a model's quantities, and what was found."""
+    """Units of a model's quantities, and the terms found to be inconsistent."""
 
     def __init__(self, model: PhysicsModel):
         units = {**model.states, **model.inputs}
         units |= {name: p.unit for name, p in model.parameters.items()}
-        #: by name what each measures; what has no unit, or none that is known, is left out
+        #: measure by name of quantity; those without a unit or with an unknown one are left out
         self.table = {n: m for n, u in units.items() if u and (m := read_unit(u)) is not None}
         self.table[str(TIME)] = _SECOND
         self.said: list[str] = []
 
     def ask(self, where: str, expression, expected: Measure | None) -> None:
-        """Note every term of an expression that does not fit what is expected."""
+        """Record every term of an expression that differs from the expected measure."""
         if expression.is_number:
             return
         if isinstance(expression, sympy.Add | sympy.Max | sympy.Min):
@@ -120,7 +120,7 @@ class _Check:
             self.ask_inside(where, expression)
 
     def ask_terms(self, where, expression, expected) -> None:
-        """Ask every term of a sum or a bound; by default for what most of them measure."""
+        """Check every term of a sum or a bound; by default against what most of them measure."""
         if expected is None:
             known = self.measures(expression)
             expected = Counter(known).most_common(1)[0][0] if known else None
@@ -133,7 +133,7 @@ class _Check:
         return sums[0] if len(sums) == 1 else None
 
     def ask_factor(self, where, product, inner, expected) -> None:
-        """Ask the terms of a sum in a product for what the other factors leave of it."""
+        """Check the terms of a sum in a product against what remains after the other factors."""
         rest = product / inner
         others = self.measure(rest)
         for part in rest.args or (rest,):
@@ -147,7 +147,7 @@ class _Check:
         self.ask(where, inner, left)
 
     def ask_inside(self, where, expression) -> None:
-        """Ask the arguments of functions, and the parts of products and powers."""
+        """Check the arguments of functions, and the parts of products and powers."""
         if isinstance(expression, _OF_NUMBERS):
             self.ask(where, expression.args[0], _PLAIN)
         elif isinstance(expression, sympy.Function | sympy.Mul | sympy.Pow):
@@ -155,7 +155,7 @@ class _Check:
                 self.ask(where, part, None)
 
     def compare(self, where, term, expected) -> None:
-        """Note a term that measures something else, or the same in another unit."""
+        """Record a term that measures something else, or the same in another unit."""
         got = self.measure(term)
         if got is None or expected is None:
             return
@@ -172,7 +172,7 @@ class _Check:
         )
 
     def measure(self, expression) -> Measure | None:
-        """Return what an expression measures; None where that is not known."""
+        """Return what an expression measures; None if unknown."""
         if expression.is_number:
             return None if expression.is_zero else _PLAIN
         if isinstance(expression, sympy.Symbol):
@@ -186,7 +186,7 @@ class _Check:
         return None if isinstance(expression, External) else _PLAIN
 
     def measures(self, expression) -> list[Measure]:
-        """Return what the terms of a sum or a bound measure; numbers are in their unit."""
+        """Return what the terms of a sum or a bound measure; numbers take the terms' unit."""
         terms = [term for term in expression.args if not term.is_number]
         return [measure for term in terms if (measure := self.measure(term)) is not None]
 
@@ -201,7 +201,7 @@ class _Check:
 
 
 def _short(term) -> str:
-    """Return a term with four digits of every number."""
+    """Return a term with every number rounded to four digits."""
     return to_text(term.xreplace({n: sympy.Float(f"{n:.4g}") for n in term.atoms(sympy.Float)}))
 
 

@@ -1,4 +1,4 @@
-"""Units as written in model files and headers: what they measure, and how they are converted.
+"""Units as written in model files and headers: their meaning and conversion.
 
 A unit is parsed by the same whitelist as an equation; pint (extra ``units``) knows the names.
 """
@@ -16,28 +16,28 @@ from sklearn_pgnn.physics.expressions import parse_expression
 
 #: longest unit that is read
 MAX_LENGTH = 60
-#: what stands for no unit
+#: texts that stand for no unit
 NONE = frozenset({"", "-", "1", "[]"})
-#: signs and words that pint reads otherwise
+#: signs and words that pint would read differently
 _SPELLED = {"%": "percent", "°C": "degC", "℃": "degC", "°": "deg", "Ω": "ohm", "Ohm": "ohm"}
 _SPELLED |= {"µ": "u", "μ": "u", "·": " ", "⋅": " ", "²": "^2", "³": "^3", "½": "^0.5"}
 _NEWTON_METRE = re.compile(r"\b([kMmu]?)Nm\b")
 _SQUARE = re.compile(r"\b([A-Za-z]+)([23])\b")
 _SMALL = 1e-9
-#: units that people know, for messages
+#: common units, for messages
 _COMMON = ("N", "N m", "W", "V", "ohm", "Pa", "N/m", "N s/m", "N/s", "m/s", "m/s^2", "1/s", "1/s^2")
 
 
 @dataclass(frozen=True)
 class Measure:
-    """What a unit measures: its size in base units, and their powers.
+    """The measure of a unit: its size in base units, and their powers.
 
     Parameters
     ----------
     factor : float
-        One of the unit in base units.
+        Size of the unit in base units.
     powers : tuple of (str, float)
-        Powers of the base units, by name; an angle is none.
+        Powers of the base units, by name; an angle has none.
     """
 
     factor: float = 1.0
@@ -56,7 +56,7 @@ class Measure:
         return self * other**-1.0
 
     def is_like(self, other: "Measure") -> bool:
-        """Return whether the other measures the same kind of quantity."""
+        """Return whether another measure is of the same kind of quantity."""
         return self.powers == other.powers
 
     def to_text(self) -> str:
@@ -79,7 +79,7 @@ def _measure(factor: float, powers: Mapping[str, float]) -> Measure:
 
 
 def product(measures: Iterable[Measure | None]) -> Measure | None:
-    """Return what a product measures; None where one of its factors is not known."""
+    """Return the measure of a product; None if one of its factors is unknown."""
     whole = Measure()
     for each in measures:
         if each is None:
@@ -89,7 +89,7 @@ def product(measures: Iterable[Measure | None]) -> Measure | None:
 
 
 def read_unit(text: str) -> Measure | None:
-    """Return what a unit measures.
+    """Return the measure of a unit.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ def read_unit(text: str) -> Measure | None:
     Returns
     -------
     Measure or None
-        Its size and its base units; None where it is no unit that is known.
+        Its size and its base units; None for an unknown unit.
 
     Raises
     ------
@@ -126,7 +126,7 @@ def read_unit(text: str) -> Measure | None:
 
 
 def conversion(given: str, wanted: str) -> tuple[float, float] | None:
-    """Return how numbers of one unit become numbers of another.
+    """Return the conversion from one unit to another.
 
     Parameters
     ----------
@@ -136,7 +136,7 @@ def conversion(given: str, wanted: str) -> tuple[float, float] | None:
     Returns
     -------
     tuple of float or None
-        Factor and offset, as in ``wanted = factor*given + offset``; None where there is none.
+        Factor and offset, as in ``wanted = factor*given + offset``; None if there is no conversion.
 
     Raises
     ------
@@ -163,7 +163,7 @@ def conversion(given: str, wanted: str) -> tuple[float, float] | None:
 
 @lru_cache(maxsize=1)
 def _common() -> dict[tuple, str]:
-    """Return units that people know by the powers of their base units."""
+    """Return the common units by the powers of their base units."""
     return {found.powers: text for text in _COMMON if (found := read_unit(text)) is not None}
 
 
@@ -178,7 +178,7 @@ def plain_unit(text: str) -> str:
     Returns
     -------
     str
-        The same for all usual ways to write it.
+        The unit in one form, the same for all usual spellings.
 
     Examples
     --------
@@ -214,7 +214,7 @@ def _registry():
 
 @lru_cache(maxsize=1024)
 def _named(name: str) -> Measure | None:
-    """Return what one named unit measures; an angle measures nothing, a temperature a step."""
+    """Return the measure of a named unit: none for an angle, a difference for a temperature."""
     registry = _registry()
     if name in ("degC", "degF"):
         name = f"delta_{name}"

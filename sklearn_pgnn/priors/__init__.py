@@ -1,4 +1,4 @@
-"""Importers: functions in Python, systems of python-control, CasADi functions, FMUs as models."""
+"""Importers: Python functions, python-control systems, CasADi functions and FMUs as models."""
 
 from sklearn_pgnn.priors.casadi_program import from_casadi
 from sklearn_pgnn.priors.fmu_model import from_fmu

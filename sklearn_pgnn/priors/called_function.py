@@ -1,4 +1,4 @@
-"""A function in Python that cannot be followed, as one that a model's equations call."""
+"""A Python function that cannot be traced, as one that a model's equations call."""
 
 import math
 import time
@@ -24,11 +24,11 @@ from sklearn_pgnn.physics.external import (
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.priors.traced import Quantities
 
-#: points at which a function is asked what it depends on, from small numbers to large ones
+#: points at which the dependences of a function are probed, from small numbers to large ones
 POINTS, SMALLEST, LARGEST = 256, 1e-2, 1e3
-#: how often a function is called again at a point, and how near the results must be
+#: how often a function is called again at a point, and the tolerance for its results
 AGAIN, NEAR = 64, 1e-8
-#: points at which a compiled function is held against itself in Python
+#: points at which a compiled function is compared with itself in Python
 COMPARED = 32
 
 
@@ -43,9 +43,9 @@ class NumericFunction:
     parts : tuple of tuple of str
         Names of states, inputs and parameters.
     names : tuple of str or None
-        What it computes, in the order of its values; None where it says so itself.
+        Names of its results, in order; None if it returns them by name.
     points : tuple of tuple of float
-        Some at which it computes finite numbers.
+        Points at which it computes finite numbers.
     """
 
     function: Callable
@@ -54,15 +54,15 @@ class NumericFunction:
     points: tuple[tuple[float, ...], ...] = ()
 
     def __call__(self, point: tuple[float, ...]) -> list[float]:
-        """Return what the function computes, in order."""
+        """Return the function's results in order."""
         return [float(value) for value in self.found(point).values()]
 
     def found(self, point: tuple[float, ...]) -> dict:
-        """Return what the function computes, by name."""
+        """Return the function's results by name."""
         return by_name(self.raw(point), self.names)
 
     def raw(self, point: tuple[float, ...]):
-        """Return what the function returns."""
+        """Return the function's return value."""
         n_x, n_u = (len(part) for part in self.parts[:2])
         states, inputs, parameters = self.parts
         return self.function(
@@ -74,14 +74,14 @@ class NumericFunction:
 
 
 def _quantities(names, values) -> Quantities:
-    """Return numbers with names; half of a call's time would go to more than this."""
+    """Return numbers with names; doing more would take half of a call's time."""
     found = np.array(values, dtype=float).view(Quantities)
     found.names = names
     return found
 
 
 def by_name(found, names: Sequence[str] | None) -> dict:
-    """Return what a function computes by name; without names it must say them itself.
+    """Return a function's results by name; without `names` the function must name them.
 
     Examples
     --------
@@ -111,11 +111,11 @@ class Called:
     Parameters
     ----------
     equations : dict of str to sympy.Expr
-        By what it computes; a rate that is another state, and a constant, are written as such.
+        Equations by result; a rate that is another state, and a constant, are written as such.
     seconds : float
-        How long a call takes in Python [s].
+        Duration of a call in Python [s].
     function : ExternalFunction
-        What they call.
+        The function that they call.
     """
 
     equations: dict[str, sympy.Expr]
@@ -128,19 +128,19 @@ def called_function(
 ) -> Called:
     """Return equations that call a function.
 
-    At many points, drawn once and for all, it is asked which of its arguments each result depends
-    on: an equation calls it with those only, and the others are no numbers then.
+    The arguments that each result depends on are determined at many fixed random points: an
+    equation calls the function with these only, and the others are NaN in the call.
 
     Parameters
     ----------
     function : callable
-        Of ``(t, x, u, p)``.
+        Function of ``(t, x, u, p)``.
     what : str
-        What it computes, for an error's text.
+        Description of its results, for error messages.
     named : PhysicsModel
-        States, inputs and parameters.
+        Model that names states, inputs and parameters.
     names : sequence of str or None
-        Names of the results, in order; None where the function says them itself.
+        Names of the results, in order; None if the function returns them by name.
 
     Returns
     -------
@@ -150,8 +150,8 @@ def called_function(
     Raises
     ------
     ModelError
-        If the function computes nothing at any point, something else than it should, or not the
-        same each time.
+        If the function computes no result at any point, results of the wrong kind, or different
+        results in repeated calls.
     """
     parts = (tuple(named.states), tuple(named.inputs), tuple(named.parameters))
     call = NumericFunction(function, parts, None if names is None else tuple(names))
@@ -172,17 +172,17 @@ def calling(
     ----------
     call : callable
         Takes a tuple of numbers, time, states, inputs and parameters, and returns the results; NaN
-        stands for an argument of which it may take any value.
+        stands for an argument for which any value may be used.
     what : str
-        What it computes, for an error's text.
+        Description of its results, for error messages.
     named : PhysicsModel
         States, inputs and parameters.
     results : sequence of str
         Names of the results, in order.
     points : sequence of tuple of float
-        Where it is asked which of its arguments each result depends on.
+        Points at which the dependence of each result on the arguments is probed.
     name : str
-        What it is called in the equations.
+        Name in the equations.
 
     Returns
     -------
@@ -192,7 +192,7 @@ def calling(
     Raises
     ------
     ModelError
-        If it computes nothing at any of the points, or not the same each time.
+        If it computes no result at any of the points, or different results in repeated calls.
     """
     before = time.perf_counter()
     known = [(point, found) for point in points if (found := _values(call, point)) is not None]
@@ -227,12 +227,12 @@ def dependences(call, known, n_arguments: int, n_results: int) -> list[list[int]
     known : list of tuple
         Points with the results there.
     n_arguments, n_results : int
-        How many arguments and results there are.
+        Number of arguments and of results.
 
     Returns
     -------
     list of list of int
-        Places of arguments without which, or at another value of which, the result is another one
+        Indices of the arguments whose omission, or a change of whose value, changes the result
         at one of the points at least.
 
     Examples
@@ -256,7 +256,7 @@ def dependences(call, known, n_arguments: int, n_results: int) -> list[list[int]
 
 
 def _points(named: PhysicsModel) -> list[tuple[float, ...]]:
-    """Return points by chance, every other one of positive numbers; parameters near their own."""
+    """Return random points, every other one positive, with parameters near their own values."""
     rng = np.random.default_rng(0)
     n = len(named.states) + len(named.inputs)
     values = np.array([parameter.value for parameter in named.parameters.values()])
@@ -272,7 +272,7 @@ def _points(named: PhysicsModel) -> list[tuple[float, ...]]:
 
 
 def _first(call: NumericFunction, points, what: str) -> dict[str, Any]:
-    """Return what the function computes at the first point at which it does."""
+    """Return the function's results at the first point at which there are any."""
     failed: Exception = ValueError()
     for point in points:
         try:
@@ -290,7 +290,7 @@ def _first(call: NumericFunction, points, what: str) -> dict[str, Any]:
 
 
 def _nothing(call, point, what: str) -> ModelError:
-    """Return what is wrong with a function that computes no finite numbers anywhere."""
+    """Return the reason why a function computes no finite numbers anywhere."""
     try:
         failed = ""
         list(call(point))
@@ -303,7 +303,7 @@ def _nothing(call, point, what: str) -> ModelError:
 
 
 def _values(call, point, finite: bool = True) -> list[float] | None:
-    """Return the results at a point; None where there are none."""
+    """Return the results at a point; None if there are none."""
     try:
         with np.errstate(all="ignore"):
             found = list(call(point))
@@ -337,6 +337,6 @@ def _written(outside, place, depends, known, n_states):
 
 
 def _name(function) -> str:
-    """Return what a function is called in an equation."""
+    """Return the name of a function in an equation."""
     name = getattr(function, "__name__", type(function).__name__)
     return name if name.isidentifier() else "f"

@@ -1,4 +1,4 @@
-"""A CasADi function as a model: its instructions, one by one; else the model calls it."""
+"""A CasADi function as a model: its instructions are traced, or else the model calls it."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -12,9 +12,9 @@ from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.priors.python_function import from_function
 from sklearn_pgnn.priors.traced import Traced
 
-#: what an argument of the function is called
+#: names of the arguments of the function
 ARGUMENTS = ("x", "u", "p", "t")
-#: CasADi's instructions by name as functions of numpy
+#: NumPy functions by name of CasADi instruction
 INSTRUCTIONS: dict[str, Callable] = {
     "ACOS": np.arccos,
     "ADD": np.add,
@@ -69,14 +69,14 @@ def from_casadi(
 ) -> PhysicsModel:
     """Return a model whose rates a CasADi function computes.
 
-    Its instructions are gone through with symbols, as `from_function` does. What has no equation,
-    as an interpolation or an integrator, is called: ``trace`` is that of `from_function`.
+    Its instructions are traced with symbols, as in `from_function`. A function without an equation,
+    such as an interpolation or an integrator, is called; ``trace`` is as in `from_function`.
 
     Parameters
     ----------
     function : casadi.Function
-        Of arguments that are called ``x``, ``u``, ``p`` and ``t``, each where there is one. Its
-        first result are the rates; a second one the outputs, whose names `outputs` has.
+        Function of arguments named ``x``, ``u``, ``p`` and ``t``, as far as they exist. Its first
+        result is the rates, an optional second one the outputs, named by `outputs`.
     states : mapping of str to str
         State names and their units, in the order of ``x``.
     inputs : mapping of str to str, optional
@@ -86,7 +86,7 @@ def from_casadi(
     outputs : mapping or sequence of str, optional
         Names of the function's outputs; or expressions as `PhysicsModel` takes them.
     **more
-        ``trace``, and what else `PhysicsModel` takes.
+        ``trace``, and further parameters of `PhysicsModel`.
 
     Returns
     -------
@@ -96,7 +96,7 @@ def from_casadi(
     Raises
     ------
     ModelError
-        If the function has other arguments; or, with ``trace=True``, calls what has no equation.
+        If the function has other arguments or, with ``trace=True``, a part without an equation.
 
     Warns
     -----
@@ -139,7 +139,7 @@ def from_casadi(
 
 @dataclass(frozen=True)
 class _Result:
-    """A result of a CasADi function, of symbols or of numbers; it can be pickled."""
+    """A picklable result of a CasADi function, of symbols or of numbers."""
 
     text: str
     number: int

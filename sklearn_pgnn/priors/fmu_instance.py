@@ -1,8 +1,8 @@
 """A functional mock-up unit for model exchange as a function of numbers.
 
-A unit has states of its own: it is told time, states, inputs and parameters, and asked for rates
-and outputs. What depends on a condition (an event indicator) is settled at every point: the unit
-enters its event mode there, and what it computes is that point's, not the last one's.
+A unit has internal states: time, states, inputs and parameters are set, then rates and outputs are
+read. Conditions (event indicators) are evaluated at every point: the unit enters its event mode
+there, so that its results belong to that point, not to the previous one.
 """
 
 import ctypes
@@ -16,9 +16,9 @@ from typing import Any
 
 from sklearn_pgnn.exceptions import ModelError
 
-#: how often the discrete part of a unit is computed anew at one point
+#: largest number of updates of a unit's discrete part at one point
 SETTLED = 100
-#: the highest status of a call that has succeeded
+#: highest status of a successful call
 WARNING = 1
 _STATUS = ctypes.PYFUNCTYPE(ctypes.c_int)
 
@@ -27,15 +27,15 @@ _STATUS = ctypes.PYFUNCTYPE(ctypes.c_int)
 class UnitFunction:
     """Rates and outputs of a unit as a function of a tuple of numbers.
 
-    It is its archive and can be pickled; the unit is opened where it is called first.
+    It holds the archive and can be pickled; the unit is opened in the process of the first call.
 
     Parameters
     ----------
     archive : bytes
         The unit's file.
     inputs, parameters, outputs : tuple of str
-        Names of its variables. An argument is a number, or NaN for the unit's own start value:
-        first time and states, then inputs and parameters. The results are rates, then outputs.
+        Names of its variables. The arguments are time and states, then inputs and parameters, each
+        a number, or NaN for the unit's own start value. The results are rates, then outputs.
     """
 
     archive: bytes
@@ -62,7 +62,7 @@ class Unit:
     Parameters
     ----------
     function : UnitFunction
-        What is asked of it.
+        The function that the unit computes.
 
     Raises
     ------
@@ -101,12 +101,12 @@ class Unit:
 
     @property
     def start_states(self) -> list[float]:
-        """The states that it starts from."""
+        """The start values of its states."""
         return list(self.start[1 : 1 + self.n])
 
     @cached_property
     def nominal_states(self) -> list[float]:
-        """How large its states are."""
+        """The nominal magnitudes of its states."""
         found = (ctypes.c_double * self.n)()
         self.fmu.getNominalsOfContinuousStates(found, self.n)
         return [abs(value) or 1.0 for value in found]
@@ -153,7 +153,7 @@ class Unit:
     # -- its life ----------------------------------------------------------------------------------
 
     def _begin(self, parameters) -> None:
-        """Start the unit with parameters, some of which are fixed from then on."""
+        """Start the unit with parameters, some of which cannot be changed afterwards."""
         if self.fmu is None:
             self._open()
         else:
@@ -175,17 +175,17 @@ class Unit:
         self._bind()
 
     def _listen(self, *told) -> None:
-        """Keep what the unit said last."""
+        """Store the last message of the unit."""
         self.said = (told[-1] or b"").decode("utf-8", "replace")
 
     def _end(self) -> None:
-        """Let go of an instance that an error has left in no known state."""
+        """Release an instance that an error has left in an unknown state."""
         fmu, self.fmu = self.fmu, None
         if fmu is not None:
             (fmu.fmi2FreeInstance if self.is_fmi2 else fmu.fmi3FreeInstance)(fmu.component)
 
     def _settle(self) -> None:
-        """Compute the discrete part until it stays as it is, and go on in continuous time."""
+        """Update the discrete part until it no longer changes, then return to continuous time."""
         update = self.fmu.newDiscreteStates if self.is_fmi2 else self.fmu.updateDiscreteStates
         for _ in range(SETTLED):
             again, ends, _, jumps, *_ = update()
@@ -215,7 +215,7 @@ class Unit:
         return self._bound(f"fmi3{do}Float64", *given, count)
 
     def _bound(self, name: str, *arguments):
-        """Return a function of the unit with its arguments; it keeps Python's lock."""
+        """Return a function of the unit with its arguments; it does not release the GIL."""
         address = ctypes.cast(getattr(self.fmu.dll, name), ctypes.c_void_p).value or 0
         component = self.fmu.component
         if not isinstance(component, ctypes.c_void_p):
@@ -223,7 +223,7 @@ class Unit:
         return name, _STATUS(address), (component, *arguments)
 
     def _bind(self) -> None:
-        """Prepare what is told and asked at every point."""
+        """Prepare the calls that set and get variables at every point."""
         fmi, n = ("fmi2" if self.is_fmi2 else "fmi3"), ctypes.c_size_t(self.n)
         rates = "GetDerivatives" if self.is_fmi2 else "GetContinuousStateDerivatives"
         self.given = [self._bound(f"{fmi}SetTime", self.time),
@@ -236,7 +236,7 @@ class Unit:
 
 
 class _Values:
-    """Some variables of a unit, as its functions take them, and their numbers."""
+    """Some variables of a unit in the form that its functions take, with their values."""
 
     def __init__(self, variables, places=None):
         self.places = range(len(variables)) if places is None else places

@@ -1,4 +1,4 @@
-"""A functional mock-up unit for model exchange as a model, by FMPy."""
+"""A functional mock-up unit for model exchange as a model, using FMPy."""
 
 import math
 import os
@@ -17,7 +17,7 @@ from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.priors.called_function import LARGEST, POINTS, SMALLEST, calling
 from sklearn_pgnn.priors.fmu_instance import UnitFunction
 
-#: kinds of numbers that a unit computes with
+#: numeric types of a unit's variables
 REAL = ("Real", "Float64")
 
 
@@ -34,45 +34,45 @@ def from_fmu(
 
     .. math:: \dot x = f(t, x, u, p), \qquad y = g(t, x, u, p)
 
-    The unit is one for model exchange by FMI 2 or 3, with a binary for this machine. Its equations
-    stay inside: the model calls it, as it does a function in Python that cannot be followed, see
+    The unit must be one for model exchange by FMI 2 or 3, with a binary for this machine. Its
+    equations stay hidden: the model calls it like a Python function that cannot be traced, see
     `from_function`. Effects act on its rates, inputs and outputs; a diagnosis takes it as a prior.
 
-    A unit may have conditions (event indicators): at every point they are settled anew, so that a
-    stop or a saturation inside of it is stepped over where the simulation meets it. A unit that
-    sets its states anew at an event, has clocks or discrete states, or remembers, is no function of
-    its present state and is refused.
+    A unit may have conditions (event indicators): they are evaluated anew at every point, so that a
+    stop or a saturation inside the unit is stepped over where the simulation meets it. A unit that
+    resets its states at an event, has clocks or discrete states, or has memory, is not a function
+    of its current state and is refused.
 
     Parameters
     ----------
     path : str or path-like
-        The unit's file. The model keeps its content, not its place.
+        The unit's file. The model stores its content, not its path.
     parameters : sequence of str or mapping of str to dict, optional
-        The unit's names of the real parameters that are constants of the model, with what
-        `Parameter` takes beside value, unit and bounds, which the unit states; by default those
-        that are tunable. All others keep the values that the unit starts with.
+        The unit's names of the real parameters that become parameters of the model, with further
+        fields of `Parameter` besides value, unit and bounds, which the unit gives; by default the
+        tunable ones. All others keep the unit's start values.
     inputs : sequence of str, optional
-        The unit's names of the inputs that records give; by default all. Others are held at what
-        the unit starts with.
+        The unit's names of the inputs that are given in records; by default all. Others are held
+        at the unit's start values.
     outputs : sequence of str, optional
-        The unit's names of what the sensors see, any of its real variables; by default its real
+        The unit's names of the measured quantities, any of its real variables; by default its real
         outputs.
     names : mapping of str to str, optional
-        What the model calls a variable of the unit; by default the unit's name with underscores
-        for all that is neither a letter nor a digit.
+        The model's name of a variable of the unit; by default the unit's name with underscores
+        for all characters but letters and digits.
     **more
-        What else `PhysicsModel` takes: ``inertia``, ``simulation``, ``columns`` and so on.
+        Further parameters of `PhysicsModel`: ``inertia``, ``simulation``, ``columns`` and so on.
 
     Returns
     -------
     PhysicsModel
-        The model. States start where the unit starts.
+        The model. Its initial state is that of the unit.
 
     Raises
     ------
     ModelError
-        If the file is no unit for model exchange, has no binary for this machine, lacks a variable
-        that is named, or is no function of its state.
+        If the file is not a unit for model exchange, has no binary for this machine, lacks a named
+        variable, or is not a function of its state.
 
     Examples
     --------
@@ -158,7 +158,7 @@ def _description(fmpy, path: str):
 
 
 def _require_continuous(path: str) -> None:
-    """Refuse what says that it is more than rates; FMPy leaves these marks out."""
+    """Refuse units that declare more than rates; FMPy omits these declarations."""
     with zipfile.ZipFile(path) as archive:
         root = ElementTree.fromstring(archive.read("modelDescription.xml"))
     for v in root.iterfind("ModelVariables/*"):
@@ -196,7 +196,7 @@ def _is_number(v) -> bool:
 
 
 class _Described:
-    """What a unit says of its variables, and what the model calls them."""
+    """The unit's description of its variables, and their names in the model."""
 
     def __init__(self, description, path: str, names: Mapping[str, str]):
         self.description, self.path, self.names = description, path, names
@@ -210,7 +210,7 @@ class _Described:
         return [rate.variable.derivative for rate in self.description.derivatives]
 
     def choose(self, part: str, wanted, default) -> list:
-        """Return the variables of a part of the model: those that are named, or its usual ones."""
+        """Return the variables of a part of the model: the named ones, or the default ones."""
         if wanted is None:
             found = [v for v in self.description.modelVariables if default(v)]
         else:
@@ -235,7 +235,7 @@ class _Described:
         return v
 
     def name(self, v) -> str:
-        """Return what the model calls a variable."""
+        """Return the model's name of a variable."""
         return self.names.get(v.name) or re.sub(r"\W+", "_", v.name).strip("_")
 
     def units(self, variables) -> dict[str, str]:
@@ -243,7 +243,7 @@ class _Described:
         return {self.name(v): _unit(v) for v in variables}
 
     def parameters(self, variables, given) -> dict[str, Any]:
-        """Return what the unit states of its parameters, and what is added to it."""
+        """Return the unit's data on its parameters, completed by those of the caller."""
         given = given if isinstance(given, Mapping) else {}
         return {
             self.name(v): {
@@ -266,12 +266,12 @@ def _number(text, otherwise: float) -> float:
 
 
 def _name(described: _Described) -> str:
-    """Return what the unit is called in an equation."""
+    """Return the name of the unit in an equation."""
     return re.sub(r"\W+", "_", described.description.modelName).strip("_") or "unit"
 
 
 def _points(unit, named: PhysicsModel) -> list[tuple[float, ...]]:
-    """Return points by chance around the unit's start, in the sizes that it names."""
+    """Return random points around the unit's start values, scaled by its nominal values."""
     rng = np.random.default_rng(0)
     n_x, n_u = len(named.states), len(named.inputs)
     scales = np.array([*unit.nominal_states, *[1.0] * n_u])

@@ -1,4 +1,4 @@
-"""A system of python-control as a model."""
+"""A python-control system as a model."""
 
 from collections.abc import Collection, Mapping, Sequence
 
@@ -19,10 +19,10 @@ def from_control(
     parameters=None,
     **more,
 ) -> PhysicsModel:
-    r"""Return a system of python-control as a model.
+    r"""Return a python-control system as a model.
 
-    Its functions are called once with symbols, as `from_function` does; a linear system has its
-    matrices' numbers as constants.
+    Its functions are called once with symbols, as in `from_function`; a linear system has the
+    entries of its matrices as constants.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ def from_control(
     parameters : mapping, optional
         The constants, as `PhysicsModel` takes them; by default the system's ``params``.
     **more
-        What else `PhysicsModel` takes.
+        Further parameters of `PhysicsModel`.
 
     Returns
     -------
@@ -105,7 +105,7 @@ def _linear(system):
 
 
 def _name(label: str) -> str:
-    """Return a label as a name: ``x[0]`` is x0."""
+    """Return a label as a name: ``x[0]`` becomes x0."""
     return label.replace("[", "").replace("]", "")
 
 

@@ -1,6 +1,6 @@
-"""A function in Python as a model: it is called once with symbols, which write its equations.
+"""A Python function as a model: it is called once with symbols, which yield its equations.
 
-Where it cannot be followed, the model calls it.
+If it cannot be traced, the model calls it.
 """
 
 import math
@@ -20,9 +20,9 @@ from sklearn_pgnn.priors.traced import Quantities, Traced, expression_of
 from sklearn_pgnn.readings import reading
 
 _REMEDY = "Remedy: arithmetic and functions of numpy on the elements of x, u and p."
-#: points at which the equations are held against the function
+#: points at which the equations are compared with the function
 POINTS = 8
-#: how long a written equation takes at most, in order of magnitude [s]
+#: longest evaluation time of a written equation, in order of magnitude [s]
 WRITTEN = 1e-7
 
 
@@ -36,28 +36,28 @@ def from_function(
     trace: str | bool = "auto",
     **more,
 ) -> PhysicsModel:
-    r"""Return a model whose equations a function in Python computes.
+    r"""Return a model whose equations a Python function computes.
 
     .. math:: \dot x = f(t, x, u, p), \qquad y = g(t, x, u, p)
 
     The functions are called once, with symbols in place of numbers, and the model has the equations
-    that they compute: it is compiled, extended and exported like any other. At some points the
-    equations are held against the functions.
+    that they compute: it is compiled, extended and exported like any other. The equations are
+    checked against the functions at some points.
 
-    A function that branches on a value, interpolates or calls what cannot be followed becomes a
-    model that calls it at every step, compiled by numba where numba can compile it, else in Python.
-    Such a model is simulated, fitted and diagnosed like any other, effects included. It takes some
-    times as long where it is compiled, else hundreds of times; derivatives are difference quotients
-    (`sklearn_pgnn.physics.external`); a jump in the function is stepped over, so that dry friction
-    in it does not stick, and it cannot be exported or written to a model file. Which arguments each
-    rate depends on is asked at 256 points.
+    A function that branches on a value, interpolates or calls code that cannot be traced becomes a
+    model that calls it at every step, compiled by numba if numba can compile it, else in Python.
+    Such a model is simulated, fitted and diagnosed like any other, effects included. It is slower
+    by a small factor if compiled, else by a factor of hundreds; derivatives are difference
+    quotients (`sklearn_pgnn.physics.external`); a jump in the function is stepped over, so that dry
+    friction in it does not stick, and it cannot be exported or written to a model file. The
+    arguments that each rate depends on are determined at 256 points.
 
     Parameters
     ----------
     rates : callable
         ``f(t, x, u, p)``, the rates in the order of the states, or by name; arithmetic and
-        functions of numpy, ``np.where`` among them. ``x``, ``u`` and ``p`` are arrays, whose
-        elements have names, too: ``p["mass"]``.
+        NumPy functions, including ``np.where``. ``x``, ``u`` and ``p`` are arrays whose elements
+        can also be accessed by name: ``p["mass"]``.
     states : mapping of str to str
         State names and their units, in order.
     inputs : mapping of str to str, optional
@@ -68,10 +68,10 @@ def from_function(
         ``g(t, x, u, p)``, which returns a dict of values by output name, or texts as `PhysicsModel`
         takes them; by default every state under its own name.
     trace : {"auto", True, False}, default="auto"
-        Whether the functions are followed: where they can be, else called with a `ModelWarning`;
-        in any case, with an error where they cannot be; or never.
+        Whether the functions are traced: ``"auto"`` traces them if possible, else calls them with
+        a `ModelWarning`; True raises an error if they cannot be traced; False never traces them.
     **more
-        What else `PhysicsModel` takes: ``name``, ``inertia``, ``simulation`` and so on.
+        Further parameters of `PhysicsModel`: ``name``, ``inertia``, ``simulation`` and so on.
 
     Returns
     -------
@@ -81,11 +81,11 @@ def from_function(
     Raises
     ------
     ModelError
-        If a function fails, does not compute the same each time, or, with ``trace=True``, branches
-        on a value or calls what cannot be followed (``math.sin``, an interpolation, a solver);
-        with the line.
+        If a function fails, gives different results in repeated calls, or, with ``trace=True``,
+        branches on a value or calls code that cannot be traced (``math.sin``, an interpolation, a
+        solver); the message gives the line.
     OptionError
-        If `trace` is none of what it can be.
+        If `trace` has an invalid value.
 
     Examples
     --------
@@ -158,7 +158,7 @@ def _parts(named: PhysicsModel) -> tuple[Mapping[str, Any], ...]:
 
 
 def _check(function: Callable, what: str, named: PhysicsModel, equations: Mapping) -> None:
-    """Raise `ModelError` if the function gives other numbers than its equations."""
+    """Raise `ModelError` if the results of the function differ from its equations."""
     rng = np.random.default_rng(0)
     for point in range(POINTS):
         t, numbers = float(rng.uniform()), _numbers(named, rng, positive=point % 2 == 0)
@@ -180,7 +180,7 @@ def _check(function: Callable, what: str, named: PhysicsModel, equations: Mappin
 
 
 def _numbers(named: PhysicsModel, rng, positive: bool) -> list[Quantities]:
-    """Return states and inputs by chance, and the parameters."""
+    """Return random states and inputs, and the parameters."""
     x, u = (rng.normal(size=len(part)) for part in (named.states, named.inputs))
     if positive:
         x, u = np.abs(x), np.abs(u)

@@ -1,7 +1,7 @@
-"""Numbers that write down what is computed with them.
+"""Numbers that record the computations with them.
 
-A function of numbers that is called with traced quantities gives its equation. Operators and
-numpy's functions are followed; a comparison becomes a step, 0 or 1, so that ``np.where`` is, too.
+A function of numbers that is called with traced quantities returns its equation. Operators and
+NumPy functions are traced; a comparison becomes a step, 0 or 1, so that ``np.where`` is, too.
 """
 
 import operator
@@ -26,7 +26,7 @@ def _choose(condition, one, other):
     return other + (one - other) * condition
 
 
-#: what numpy's functions are in an equation
+#: equations of NumPy functions
 UFUNCS: dict[np.ufunc, Callable] = {
     np.absolute: sympy.Abs,
     np.add: operator.add,
@@ -79,7 +79,7 @@ UFUNCS: dict[np.ufunc, Callable] = {
     np.tan: sympy.tan,
     np.tanh: sympy.tanh,
 }
-#: numpy calls these by name on the elements of an array
+#: methods that NumPy calls by name on the elements of an array
 _METHODS = {f.__name__: f for f in UFUNCS if f.nin == 1}
 _FUNCTIONS: dict[Callable, Callable] = {
     np.clip: lambda x, low, high: minimum(maximum(x, low), high),
@@ -93,7 +93,7 @@ class Traced(NDArrayOperatorsMixin):
     Parameters
     ----------
     expression : sympy.Expr
-        What it is.
+        Its expression.
 
     Examples
     --------
@@ -162,7 +162,7 @@ class Quantities(np.ndarray):
 
     @classmethod
     def traced(cls, names: Sequence[str]) -> "Quantities":
-        """Return quantities of which an equation is written."""
+        """Return traced quantities."""
         return cls.of(names, [Traced(symbol(name)) for name in names])
 
     def __getitem__(self, key):
@@ -184,7 +184,7 @@ class Quantities(np.ndarray):
 
 
 def expression_of(value) -> sympy.Expr:
-    """Return the equation of a traced quantity, or a number as one.
+    """Return the equation of a traced quantity, or a number as an expression.
 
     Examples
     --------

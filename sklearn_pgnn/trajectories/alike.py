@@ -1,4 +1,4 @@
-"""Which names and units of columns are like those of a model."""
+"""Similarity of the names and units of columns to those of a model."""
 
 import re
 from difflib import SequenceMatcher
@@ -6,14 +6,14 @@ from difflib import SequenceMatcher
 from sklearn_pgnn.extras import is_installed
 from sklearn_pgnn.physics.units import conversion, plain_unit
 
-#: how many of their letters two names share, in their order, that are alike
+#: fraction of their letters that similar names share, in order
 LETTERS = 0.75
-#: letters that the shorter name has at least where the longer one begins with it
+#: least length of a name that counts as similar to a longer one that begins with it
 BEGINNING = 3
 
 
 def likeness(own: str, theirs: str) -> tuple[int, float]:
-    """Return how many words two names share, and what share of their letters, for a ranking.
+    """Return how many words, and what fraction of their letters, two names share, for a ranking.
 
     Examples
     --------
@@ -41,7 +41,7 @@ def names_alike(own: str, theirs: str) -> bool:
 
 
 def units_alike(own: str, theirs: str) -> bool:
-    """Whether two units are known to measure the same; False where either is not said.
+    """Whether two units are known to measure the same; False if either is missing.
 
     Examples
     --------
@@ -55,5 +55,5 @@ def units_alike(own: str, theirs: str) -> bool:
 
 
 def _words(name: str) -> set[str]:
-    """Return the words of a name; a number alone is none."""
+    """Return the words of a name; a number alone does not count as a word."""
     return set(re.findall(r"[^\W\d_]+", name.lower()))

@@ -1,8 +1,8 @@
-"""Channels with clocks of their own, put together as one table of samples.
+"""Channels with separate clocks, joined into one table of samples.
 
-There is a row wherever an output was measured, with NaN in the outputs that were not measured then.
-An input that is held from row to row has its mean over that time, which moves the states as far as
-the input did. With a sample time all channels are resampled.
+There is a row at each time at which an output was measured, with NaN in the other outputs.
+A held input has its mean over the time to the next row, which has the same effect on the states as
+the input itself. With a sample time all channels are resampled.
 """
 
 import warnings
@@ -17,9 +17,9 @@ import pandas as pd
 from sklearn_pgnn.exceptions import RecordError, RecordWarning
 from sklearn_pgnn.trajectories.reader import TIME
 
-#: times that differ by less than this share of a sample are one
+#: times that differ by less than this fraction of a sample interval are treated as equal
 SAME = 1e-6
-#: samples of an output that may lie outside of what the inputs cover without a word
+#: fraction of an output's samples that may lie outside the time of the inputs without a warning
 AT_THE_ENDS = 0.01
 
 
@@ -29,9 +29,9 @@ class Channel(NamedTuple):
     Parameters
     ----------
     t : ndarray of shape (n_samples,)
-        Its own clock [s].
+        Times of the samples [s], on the channel's own clock.
     values : ndarray of shape (n_samples,)
-        What was measured.
+        Measured values.
     """
 
     t: np.ndarray
@@ -39,7 +39,7 @@ class Channel(NamedTuple):
 
 
 class ChannelLog(ABC):
-    """A file of channels, each with its clock.
+    """A file of channels, each with its own clock.
 
     Parameters
     ----------
@@ -53,11 +53,11 @@ class ChannelLog(ABC):
     @property
     @abstractmethod
     def titles(self) -> list[str]:
-        """Names of the channels, each with its unit in square brackets where it has one."""
+        """Names of the channels, each with its unit in square brackets if it has one."""
 
     @abstractmethod
     def load(self, titles: list[str]) -> dict[str, Channel]:
-        """Return some channels, with the time counted from the beginning of the file."""
+        """Return the requested channels, with the time counted from the beginning of the file."""
 
 
 def join_channels(
@@ -69,23 +69,23 @@ def join_channels(
     hold: str = "zoh",
     sample_time: float | None = None,
 ) -> pd.DataFrame:
-    """Put channels together as one table.
+    """Join channels into one table.
 
     Parameters
     ----------
     path : str
-        The file, for the text of an error.
+        The file, for error messages.
     inputs, states, outputs : mapping of str to Channel
         The channels by title; the states are interpolated.
     hold : {"zoh", "foh"}, default="zoh"
-        Whether an input keeps its last value until the next one, or runs straight to it.
+        Whether an input keeps its last value until the next one, or is interpolated linearly.
     sample_time : float, optional
-        Time from row to row [s]; by default rows are where an output was measured.
+        Time between rows [s]; by default there is a row wherever an output was measured.
 
     Returns
     -------
     DataFrame
-        ``t`` and a column for each channel, over the time that the inputs cover.
+        ``t`` and a column for each channel, over the time covered by the inputs.
 
     Raises
     ------
@@ -96,8 +96,8 @@ def join_channels(
     Warns
     -----
     RecordWarning
-        If more than a hundredth of what was measured lies where not all inputs were recorded, or
-        outputs were not measured at the same times.
+        If more than a hundredth of the measurements lies at times at which not all inputs were
+        recorded, or the outputs were not measured at the same times.
 
     Examples
     --------
@@ -146,7 +146,7 @@ def _check(path: str, title: str, channel: Channel) -> None:
 
 
 def _covered(path, inputs, outputs) -> tuple[float, float]:
-    """Return from when to when all inputs were recorded; without inputs, any output."""
+    """Return the time span in which all inputs were recorded; without inputs, any output."""
     spans = {title: (channel.t[0], channel.t[-1]) for title, channel in (inputs or outputs).items()}
     if not inputs:
         return min(a for a, _ in spans.values()), max(b for _, b in spans.values())
@@ -194,7 +194,7 @@ def _rows(channels: Mapping[str, Channel], near: float) -> np.ndarray:
 
 
 def _grid(begin: float, end: float, step: float) -> np.ndarray:
-    """Return even times; the last may lie a rounding error behind the end."""
+    """Return equally spaced times; the last may exceed the end by a rounding error."""
     return begin + step * np.arange(int((end - begin) / step + SAME) + 1)
 
 
@@ -202,7 +202,7 @@ def _grid(begin: float, end: float, step: float) -> np.ndarray:
 
 
 def _run(channel: Channel, t: np.ndarray, near: float, hold: str) -> np.ndarray:
-    """Return an input at the rows, or where it is held its mean until the next row."""
+    """Return an input at the rows; if it is held, its mean until the next row."""
     if hold == "foh":
         return np.interp(t, *channel)
     place = np.clip(np.searchsorted(channel.t, t + near, side="right") - 1, 0, None)
@@ -220,13 +220,13 @@ def _straight(channel: Channel, t: np.ndarray) -> np.ndarray:
 
 
 def _at_own_times(channel: Channel, t: np.ndarray, near: float) -> np.ndarray:
-    """Return the values at the times at which they were measured, NaN at others."""
+    """Return the values at the rows at which they were measured, NaN at the others."""
     place = np.clip(np.searchsorted(channel.t, t - near), 0, channel.t.size - 1)
     return np.where(np.abs(channel.t[place] - t) <= near, channel.values[place], np.nan)
 
 
 def _resampled(channel: Channel, t: np.ndarray, sample_time: float) -> np.ndarray:
-    """Return straight lines between samples, NaN where the channel has a gap."""
+    """Return the linear interpolation between samples, NaN where the channel has a gap."""
     place = np.clip(np.searchsorted(channel.t, t), 1, max(channel.t.size - 1, 1))
     steps = np.diff(channel.t, append=np.inf) if channel.t.size == 1 else np.diff(channel.t)
     gap = steps[place - 1] > 2 * max(_usual_step(channel), sample_time)

@@ -1,4 +1,4 @@
-"""CSV files as X and y: the columns a model names, every error with its line."""
+"""CSV files as X and y: columns named by a model, errors with their line."""
 
 import csv
 import math
@@ -16,7 +16,7 @@ from sklearn_pgnn.trajectories.file_table import FileTable, read_each
 
 _NOTHING = frozenset({"", "nan", "na", "n/a", "#n/a", "null", "none", "-"})
 _CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1f]")
-#: a first line in which Excel tells the separator
+#: a first line in which Excel declares the separator
 _TOLD = re.compile(r"sep=(.)\s*")
 
 
@@ -25,10 +25,10 @@ def read_csv(
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     r"""Read a CSV file as the X and y of a model.
 
-    The separator (comma, semicolon, tab) is found in the header; beside a semicolon or a tab,
+    The separator (comma, semicolon, tab) is detected from the header; with a semicolon or a tab,
     numbers may have a decimal comma. Lines that begin with ``#`` are comments, and a header may
-    carry its unit, as in ``torque [N m]``: another one than the model's is converted, or refused
-    where it measures something else. The time is in seconds, or ISO dates such as
+    carry its unit, as in ``torque [N m]``: a unit other than the model's is converted, or refused
+    if it measures a different quantity. The time is in seconds, or in ISO dates such as
     ``2026-01-31 12:00:00.005``, which count from each trajectory's first sample. A file is one
     record, or several if it has a column ``trajectory``.
 
@@ -37,9 +37,9 @@ def read_csv(
     path : str or path-like
         The file.
     model : PhysicsModel
-        Names the columns; its `columns` say what the file calls them.
+        Defines the columns; its `columns` give their names in the file.
     sample_time : float, optional
-        Time from sample to sample [s] of a file without a time.
+        Sample interval [s] of a file without a time.
 
     Returns
     -------
@@ -47,12 +47,12 @@ def read_csv(
         ``trajectory`` (by default the file's stem), ``t``, the inputs, and the states that the
         file has, under the model's own names.
     y : DataFrame
-        The outputs under the model's own names, NaN where there is none.
+        The outputs under the model's own names, NaN where there is no value.
 
     Raises
     ------
     RecordError
-        If the file cannot be read or says what a record cannot say: ``FILE:LINE: what``.
+        If the file cannot be read or is not a valid record: ``FILE:LINE: what``.
 
     Examples
     --------
@@ -69,21 +69,21 @@ def read_csv(
 
 
 def open_csv(path, model: PhysicsModel, sample_time: float | None = None) -> FileTable:
-    """Open a CSV file to ask what it holds.
+    """Open a CSV file to inspect its content.
 
     Parameters
     ----------
     path : str or path-like
         The file.
     model : PhysicsModel
-        Names the columns.
+        Defines the columns.
     sample_time : float, optional
-        Time from sample to sample [s] of a file without a time.
+        Sample interval [s] of a file without a time.
 
     Returns
     -------
     FileTable
-        Its `header` and its columns.
+        The file, with its `header` and its columns.
     """
     return _CsvTable(os.fspath(path), model, sample_time)
 
@@ -98,21 +98,21 @@ def read_csv_files(
     paths : iterable of str or path-like
         The files.
     model : PhysicsModel
-        Names the columns; its `columns` say what the files call them.
+        Defines the columns; its `columns` give their names in the files.
     sample_time : float, optional
-        Time from sample to sample [s] of files without a time.
+        Sample interval [s] of files without a time.
 
     Returns
     -------
     X : DataFrame
-        As `read_csv`; ``trajectory`` holds the file's stem, made unique.
+        As returned by `read_csv`; ``trajectory`` holds the file's stem, made unique.
     y : DataFrame
         The outputs.
 
     Raises
     ------
     RecordError
-        As `read_csv`, or if there is no file.
+        As raised by `read_csv`, or if there is no file.
 
     Examples
     --------
@@ -147,7 +147,7 @@ class _CsvTable(FileTable):
         self.check_widths()
 
     def refuse_line(self, line: int, why: str) -> NoReturn:
-        """Raise `RecordError` about a line, whether it is a sample or not."""
+        """Raise `RecordError` for a line, whether it is a sample or not."""
         raise RecordError(f"{self.path}:{line}: {' '.join(why.split())}") from None
 
     # -- lines -------------------------------------------------------------------------------------
@@ -172,7 +172,7 @@ class _CsvTable(FileTable):
             return raw.decode("latin-1")
 
     def split(self, text: str) -> tuple[list[int], list[str]]:
-        """Return line numbers and texts without comments and empty lines."""
+        """Return the line numbers and texts of all lines but comments and empty ones."""
         lines = re.split(r"\r\n|\n|\r", text)
         kept = [k for k, line in enumerate(lines) if line.strip() and line.lstrip()[0] != "#"]
         if not kept:
@@ -223,7 +223,7 @@ class _CsvTable(FileTable):
         return [row[k].strip() if k < len(row) else "" for row in self.rows]
 
     def number(self, cell: str) -> float | None:
-        """Read a number, NaN where there is nothing, None where there is something else."""
+        """Read a number: NaN for an empty cell, None for anything else."""
         try:
             return float(cell) if "_" not in cell else None
         except ValueError:
@@ -245,13 +245,13 @@ class _CsvTable(FileTable):
 
 
 def _separator(header: str) -> str:
-    """Find the separator in a header, outside of quotes."""
+    """Find the separator in a header, outside quotes."""
     bare = re.sub(r'"[^"]*"', "", header)
     return next((sign for sign in ("\t", ";") if sign in bare), ",")
 
 
 def _fields(text: str, separator: str) -> list[str]:
-    """Cut a line into fields; the csv module is asked only where there are quotes."""
+    """Split a line into fields; the csv module is used only if there are quotes."""
     if '"' not in text:
         return text.split(separator)
     return next(csv.reader([text], delimiter=separator, skipinitialspace=True))

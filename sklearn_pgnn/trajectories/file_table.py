@@ -1,4 +1,4 @@
-"""A file of measured samples as X and y: its columns by name, every error with its place."""
+"""A file of measured samples as X and y: columns by name, errors with their location."""
 
 import math
 import re
@@ -25,9 +25,9 @@ from sklearn_pgnn.trajectories.reader import MIN_SAMPLES, TIME, TRAJECTORY, spli
 from sklearn_pgnn.trajectories.tables import read_clock
 
 _UNIT = re.compile(r"\s*(\[[^]]*\]|\([^)]*\))$")
-#: units of time, other than the second, that a column's name may end in
+#: units of time, other than the second, in which a column's name may end
 TIMES = ("ms", "us", "ns", "min", "h")
-#: what files call the time where they do not call it t
+#: names of the time in files, other than t
 TIME_NAME = "time"
 #: remedy for a file without a time
 NO_TIME = (
@@ -44,12 +44,12 @@ class FileTable(ABC):
     path : str
         The file.
     model : PhysicsModel
-        Names the columns; its `columns` say what the file calls them.
+        Defines the columns; its `columns` give their names in the file.
     sample_time : float, optional
-        Time from sample to sample [s] of a file without a time.
+        Sample interval [s] of a file without a time.
     """
 
-    #: the file's name in an error
+    #: the file's name in error messages
     kind = "file"
     header: list[str]
 
@@ -69,11 +69,11 @@ class FileTable(ABC):
 
     @abstractmethod
     def place(self, row: int | None) -> str:
-        """Return the place of a row, or of the header, as an error gives it."""
+        """Return the location of a row, or of the header, for an error message."""
 
     @abstractmethod
     def name_of(self, row: int) -> str:
-        """Return the name of a row in an error about another one."""
+        """Return the name of a row in an error message about another row."""
 
     @abstractmethod
     def cells(self, k: int) -> Sequence[Any]:
@@ -81,14 +81,14 @@ class FileTable(ABC):
 
     @abstractmethod
     def number(self, cell) -> float | None:
-        """Read a number, NaN where there is nothing, None where there is something else."""
+        """Read a number: NaN for an empty cell, None for anything else."""
 
     @abstractmethod
     def dates(self, k: int) -> pd.Series | None:
-        """Read a column as dates or time differences, None where its cells are something else."""
+        """Read a column as dates or time differences; None if its cells are something else."""
 
     def refuse(self, row: int | None, why: str, column: str | None = None) -> NoReturn:
-        """Raise `RecordError` about a row, or the header."""
+        """Raise `RecordError` for a row, or for the header."""
         about = "" if column is None else f"column {column!r}: "
         place = self.path + self.place(row)
         raise RecordError(f"{place}: {about}{' '.join(why.split())}") from None
@@ -99,7 +99,7 @@ class FileTable(ABC):
         Parameters
         ----------
         needs_outputs : bool, default=True
-            Whether every output must be there.
+            Whether every output must be present.
         """
         model = self.model
         names = self.trajectories()
@@ -119,7 +119,7 @@ class FileTable(ABC):
     def find(self, name: str) -> int | None:
         """Find a quantity of the model in the header, by its whole name or without its unit.
 
-        Where a column has no unit, the model's `columns` may tell it: ``angle [deg]``.
+        If a column has no unit, the model's `columns` may give it: ``angle [deg]``.
         """
         wanted = self.model.columns.get(name, name)
         bare = [_UNIT.sub("", text) for text in self.header]
@@ -146,7 +146,7 @@ class FileTable(ABC):
         return found
 
     def unused(self) -> dict[str, str]:
-        """Return the columns that are no quantity of the model, each with its unit."""
+        """Return the columns that match no quantity of the model, each with its unit."""
         model = self.model
         taken = {self.find(n) for n in (TIME, TRAJECTORY, *model.inputs, *model.states)}
         taken |= {self.find(n) for n in model.outputs or ()}
@@ -154,7 +154,7 @@ class FileTable(ABC):
         return {_UNIT.sub("", text): unit_of(text) for text in free}
 
     def remedy(self, name: str) -> str:
-        """Return the remedy for a missing column: of those that are not used, what is like it."""
+        """Return the remedy for a missing column: the most similar ones of the unused columns."""
         last = f" {NO_TIME}" if name == TIME else ""
         near = self.nearest()
         if name not in near and (free := self.unused()):
@@ -173,9 +173,9 @@ class FileTable(ABC):
         )
 
     def nearest(self) -> dict[str, str]:
-        """Return for quantities that are missing the most similar column that is not used.
+        """Return the most similar unused column for each missing quantity.
 
-        Their names are alike, or no other column, and no other quantity, has a unit like theirs.
+        Their names are similar, or no other column, and no other quantity, has a unit like theirs.
         """
         near: dict[str, str] = {}
         free, missing = self.unused(), self.missing()
@@ -205,21 +205,21 @@ class FileTable(ABC):
         return {name: self.wanted_unit(name) for name in names if self.find(name) is None}
 
     def called(self, name: str) -> tuple[str, ...]:
-        """Return what a quantity may be called in a file."""
+        """Return the possible names of a quantity in a file."""
         said = _UNIT.sub("", self.model.columns.get(name, name))
         return (said, name, TIME_NAME) if name == TIME else (said, name)
 
     def likeness(self, own: str, theirs: str) -> tuple[int, float]:
-        """Return how like a column's name is to what a quantity may be called."""
+        """Return the similarity of a column's name to the possible names of a quantity."""
         return max(likeness(name, theirs) for name in self.called(own))
 
     def with_unit(self, name: str, title: str) -> str:
-        """Return a column's title as the model's `columns` would say it, with its unit."""
+        """Return a column's title as the model's `columns` would give it, with its unit."""
         unit = self.unit_in_name(name, title)
         return f'"{title} [{unit}]"' if unit else title
 
     def unit_in_name(self, name: str, title: str) -> str:
-        """Return the unit that a title such as time_ms ends in, where it is not the model's."""
+        """Return the unit at the end of a title such as time_ms, if it is not the model's."""
         wanted, (_, _, last) = self.wanted_unit(name), title.rpartition("_")
         if unit_of(title) or last == title or not wanted or plain_unit(last) == plain_unit(wanted):
             return ""
@@ -229,11 +229,11 @@ class FileTable(ABC):
         return last if found not in (None, (1.0, 0.0)) else ""
 
     def wanted_unit(self, name: str) -> str:
-        """Return the unit that the model has for a quantity."""
+        """Return the model's unit of a quantity."""
         return "s" if name == TIME else self.model.unit(name)
 
     def numbers(self, name: str) -> np.ndarray:
-        """Read a column; NaN where it is empty."""
+        """Read a column of numbers, NaN where it is empty."""
         k = self.column(name)
         self.warn_of_unit(name, k)
         self.warn_of_scale(name, k)
@@ -249,11 +249,11 @@ class FileTable(ABC):
     # -- units -------------------------------------------------------------------------------------
 
     def given_unit(self, name: str, k: int) -> str:
-        """Return the unit of a column by its header, else by the model's `columns`."""
+        """Return the unit of a column from its header, else from the model's `columns`."""
         return unit_of(self.header[k]) or unit_of(self.model.columns.get(name, ""))
 
     def warn_of_unit(self, name: str, k: int) -> None:
-        """Warn where a column's name ends in another unit than the one it is read in."""
+        """Warn if a column's name ends in a unit other than the one it is read in."""
         title, unit = self.header[k], self.unit_in_name(name, self.header[k])
         if unit and not self.given_unit(name, k):
             wanted = self.wanted_unit(name)
@@ -266,7 +266,7 @@ class FileTable(ABC):
             )
 
     def warn_of_scale(self, name: str, k: int) -> None:
-        """Warn where an output's expression is in another unit than its column."""
+        """Warn if an output's expression is in a unit other than that of its column."""
         given = self.given_unit(name, k)
         told = not given or self.wanted_unit(name) or name not in (self.model.outputs or ())
         if told or not is_installed("units"):
@@ -288,7 +288,7 @@ class FileTable(ABC):
     def conversion(self, name: str, k: int) -> tuple[float, float]:
         """Return factor and offset from a column's unit to the model's, or raise `RecordError`.
 
-        What stands in round brackets and is no unit is taken for a remark.
+        Text in round brackets that is not a unit is treated as a remark.
         """
         wanted = self.wanted_unit(name)
         given, title = self.given_unit(name, k), self.header[k]
@@ -311,7 +311,7 @@ class FileTable(ABC):
         return found or (1.0, 0.0)
 
     def without_pint(self, title: str, given: str, wanted: str, may_be_remark: bool) -> None:
-        """Refuse another unit that cannot be read, or warn of what may be a remark."""
+        """Refuse a different unit that cannot be read, or warn of a possible remark."""
         install = 'pip install "sklearn-pgnn[units]"'
         if not may_be_remark:
             self.refuse(
@@ -328,7 +328,7 @@ class FileTable(ABC):
         )
 
     def converted(self) -> dict[str, tuple[str, str]]:
-        """Return the columns that are converted: by quantity the file's unit and the model's."""
+        """Return the columns that are converted: by quantity, the file's unit and the model's."""
         model, found = self.model, {}
         for name in (TIME, *model.inputs, *model.states, *(model.outputs or ())):
             k = self.find(name)
@@ -399,7 +399,7 @@ class FileTable(ABC):
         return t
 
     def check_records(self, t: np.ndarray, names: list[str]) -> None:
-        """Refuse a time that does not increase, and records of too few samples."""
+        """Refuse a time that does not increase, and records with too few samples."""
         k = self.find(TIME)
         column = TIME if k is None else self.header[k]
         if not t.size:
@@ -429,7 +429,7 @@ class FileTable(ABC):
 
 
 def unit_of(title: str) -> str:
-    """Return the unit in a column's header, empty where there is none.
+    """Return the unit in a column's header, empty if there is none.
 
     Examples
     --------
@@ -446,18 +446,18 @@ def read_each(read, paths, model: PhysicsModel, sample_time) -> tuple[pd.DataFra
     Parameters
     ----------
     read : callable
-        Reads one: ``read(path, model, sample_time)``.
+        Reads one file: ``read(path, model, sample_time)``.
     paths : iterable of str or path-like
         The files.
     model : PhysicsModel
-        Names the columns.
+        Defines the columns.
     sample_time : float or None
-        Time from sample to sample [s] of files without a time.
+        Sample interval [s] of files without a time.
 
     Returns
     -------
     X : DataFrame
-        ``trajectory`` holds the file's stem, made unique, and the file's own names behind it.
+        ``trajectory`` holds the file's stem, made unique, followed by the file's own names.
     y : DataFrame
         The outputs.
     """
@@ -487,7 +487,7 @@ def _unique(names: list[str]) -> list[str]:
 
 
 def _remedy(cell, name: str) -> str:
-    """Say what to do about a cell that is no number."""
+    """Return the remedy for a cell that is not a number."""
     if name == TIME and re.search(r"\d[:./-]\d", str(cell)):
         return "Remedy: write dates as 2026-01-31 12:00:00.005, or the time in seconds."
     return "Remedy: leave the cell empty where nothing was measured."

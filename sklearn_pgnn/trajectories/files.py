@@ -1,4 +1,4 @@
-"""Files of measured samples by their ending: CSV, MAT, Parquet, Excel, MDF and ROS bags."""
+"""Files of measured samples by file extension: CSV, MAT, Parquet, Excel, MDF and ROS bags."""
 
 import os
 from collections import Counter
@@ -21,7 +21,7 @@ from sklearn_pgnn.trajectories.mdf_file import MdfLog
 from sklearn_pgnn.trajectories.reader import TIME, TRAJECTORY
 from sklearn_pgnn.trajectories.ros_bag import BagLog, is_bag_folder
 
-#: where the format of MAT files of version 7.3 may begin, and what it begins with
+#: possible offsets of the signature in MAT files of version 7.3, and the signature
 _HDF5, _STARTS = b"\x89HDF\r\n\x1a\n", (0, 512, 1024, 2048)
 #: MATLAB tables are opaque objects, which no library reads
 _AS_STRUCT = (
@@ -33,27 +33,26 @@ _AS_STRUCT = (
 def read_file(
     path, model: PhysicsModel, sample_time: float | None = None
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    r"""Read a file of measured samples as the X and y of a model, by its ending.
+    r"""Read a file of measured samples as the X and y of a model, by its file extension.
 
-    ``.mat`` holds vectors of one length, in variables of their own or in a struct; versions up to
-    7 are read as they are, 7.3 needs h5py. ``.parquet`` needs pyarrow. ``.xlsx`` holds a header and
-    samples on its first sheet, and needs openpyxl. All these come with
-    ``pip install "sklearn-pgnn[files]"``. ``.mf4`` and ``.mdf`` (extra ``mdf``), and bags of ROS
+    ``.mat`` holds vectors of equal length, in separate variables or in a struct; versions up to
+    7 need no further library, 7.3 needs h5py. ``.parquet`` needs pyarrow. ``.xlsx`` holds a header
+    and samples on its first sheet, and needs openpyxl. All of these come with
+    ``pip install "sklearn-pgnn[files]"``. ``.mf4`` and ``.mdf`` (extra ``mdf``), and ROS bags
     (extra ``ros``), a ``.bag``, ``.mcap`` or ``.db3`` or the folder of ROS 2, hold channels with
-    clocks of their own: there is a row wherever an output was measured, NaN in the outputs that
-    were not, and inputs have their mean until the next row. Everything else is a CSV file, see
-    `read_csv`.
+    separate clocks: there is a row wherever an output was measured, with NaN in the other outputs,
+    and inputs have their mean until the next row. Any other file is read as CSV, see `read_csv`.
 
     Parameters
     ----------
     path : str or path-like
         The file.
     model : PhysicsModel
-        Names the columns; its `columns` say what the file calls them (a number in a bag
-        ``/topic/field``), and in which unit, where the file does not: ``/joints/position/0 [deg]``.
+        Defines the columns; its `columns` give their names in the file (``/topic/field`` for a
+        number in a bag), and the unit where the file does not: ``/joints/position/0 [deg]``.
     sample_time : float, optional
-        Time from sample to sample [s] of a file without a time; channels with clocks of their own
-        are resampled to it, by straight lines between their samples.
+        Sample interval [s] of a file without a time; channels with separate clocks are resampled
+        to it by linear interpolation.
 
     Returns
     -------
@@ -61,12 +60,12 @@ def read_file(
         ``trajectory`` (by default the file's stem), ``t``, the inputs, and the states that the
         file has, under the model's own names.
     y : DataFrame
-        The outputs under the model's own names, NaN where there is none.
+        The outputs under the model's own names, NaN where there is no value.
 
     Raises
     ------
     RecordError
-        If the file cannot be read or says what a record cannot say: ``FILE, row N: what``.
+        If the file cannot be read or is not a valid record: ``FILE, row N: what``.
     ModuleNotFoundError
         If the library that reads the file is not installed.
 
@@ -86,21 +85,21 @@ def read_file(
 
 
 def open_file(path, model: PhysicsModel, sample_time: float | None = None) -> FileTable:
-    """Open a file of measured samples, by its ending, to ask what it holds.
+    """Open a file of measured samples, by its file extension, to inspect its content.
 
     Parameters
     ----------
     path : str or path-like
         The file.
     model : PhysicsModel
-        Names the columns.
+        Defines the columns.
     sample_time : float, optional
-        Time from sample to sample [s] of a file without a time.
+        Sample interval [s] of a file without a time.
 
     Returns
     -------
     FileTable
-        Its `header` and its columns.
+        The file, with its `header` and its columns.
     """
     path = os.fspath(path)
     log = _LOGS.get(".bag" if is_bag_folder(path) else Path(path).suffix.lower())
@@ -124,21 +123,21 @@ def read_files(
     paths : iterable of str or path-like
         The files, of any kind that `read_file` reads.
     model : PhysicsModel
-        Names the columns; its `columns` say what the files call them.
+        Defines the columns; its `columns` give their names in the files.
     sample_time : float, optional
-        Time from sample to sample [s] of files without a time.
+        Sample interval [s] of files without a time.
 
     Returns
     -------
     X : DataFrame
-        As `read_file`; ``trajectory`` holds the file's stem, made unique.
+        As returned by `read_file`; ``trajectory`` holds the file's stem, made unique.
     y : DataFrame
         The outputs.
 
     Raises
     ------
     RecordError
-        As `read_file`, or if there is no file.
+        As raised by `read_file`, or if there is no file.
     ModuleNotFoundError
         If the library that reads a file is not installed.
 
@@ -157,7 +156,7 @@ def read_files(
 
 
 class _FrameTable(FileTable):
-    """A file whose columns have types."""
+    """A file with typed columns."""
 
     def __init__(self, path, model, sample_time, kind, frame: pd.DataFrame, offset: int):
         super().__init__(path, model, sample_time)
@@ -170,7 +169,7 @@ class _FrameTable(FileTable):
         return len(self.frame)
 
     def place(self, row: int | None) -> str:
-        """Return the row, counted as in the file's own program."""
+        """Return the row number, counted as in the file's own program."""
         return "" if row is None else f", {self.name_of(row)}"
 
     def name_of(self, row: int) -> str:
@@ -182,7 +181,7 @@ class _FrameTable(FileTable):
         return self.frame.iloc[:, k].tolist()
 
     def number(self, cell) -> float | None:
-        """Read a number, NaN where there is nothing, None where there is something else."""
+        """Read a number: NaN for an empty cell, None for anything else."""
         if isinstance(cell, Real):
             return float(cell)
         if isinstance(cell, str):
@@ -199,7 +198,7 @@ class _FrameTable(FileTable):
 
 
 class _ChannelTable(_FrameTable):
-    """A log of channels with clocks of their own, of which those are read that the model needs."""
+    """A log of channels with separate clocks, of which only those the model needs are read."""
 
     def __init__(self, log: ChannelLog, model, sample_time, kind: str):
         titles = _loaded(log.path, kind, lambda: log.titles)
@@ -238,7 +237,7 @@ class _ChannelTable(_FrameTable):
         return f"at {self.joined[TIME].iloc[row]:.9g} s"
 
     def cells(self, k: int) -> list[Any]:
-        """Return the values of a channel that is read."""
+        """Return the values of a channel."""
         return self.joined[self.header[k] if k else TIME].tolist()
 
     def dates(self, k: int) -> None:
@@ -249,7 +248,7 @@ class _ChannelTable(_FrameTable):
 
 
 def _loaded(path: str, kind: str, load) -> Any:
-    """Load a file, or raise `RecordError`: a broken file may raise any error in a library."""
+    """Load a file, or raise `RecordError` for any error that a library raises on a broken file."""
     try:
         if not is_bag_folder(path):
             Path(path).open("rb").close()
@@ -302,7 +301,7 @@ def _load_mat(path: str, model: PhysicsModel) -> pd.DataFrame:
 
 
 def _matrix_columns(found: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Return the columns of matrices as ``data_1``, ``data_2`` and so on; samples are many."""
+    """Return matrix columns as ``data_1`` and so on; samples are the longer dimension."""
     matrices = {name: values for name, values in found.items() if values.ndim == 2}
     return {
         f"{name}_{k}": column
@@ -340,7 +339,7 @@ def _hdf5_content(group) -> dict:
 
 
 def _leaves(content: Mapping, path: str = "") -> dict[str, np.ndarray]:
-    """Return the numbers of structs in structs, each by its own name, or if shared by its path."""
+    """Return the numbers of nested structs by their own names, or by path where names repeat."""
     found: list[tuple[str, str, np.ndarray]] = []
 
     def walk(part: Mapping, path: str) -> None:
@@ -355,7 +354,7 @@ def _leaves(content: Mapping, path: str = "") -> dict[str, np.ndarray]:
     return {name if shared[name] == 1 else full: values for name, full, values in found}
 
 
-#: by ending: what a log of channels is, and what reads it
+#: by file extension: kind of channel log, and its reader
 _LOGS: dict[str, tuple[str, type[ChannelLog]]] = {
     ".bag": ("a ROS bag", BagLog),
     ".db3": ("a ROS bag", BagLog),
@@ -363,7 +362,7 @@ _LOGS: dict[str, tuple[str, type[ChannelLog]]] = {
     ".mdf": ("an MDF file", MdfLog),
     ".mf4": ("an MDF file", MdfLog),
 }
-#: by ending: what the file is called, what reads it, and the number of its first sample
+#: by file extension: name of the format, its reader, and the number of the first sample
 _KINDS = {
     ".mat": ("MAT", _load_mat, 1),
     ".parquet": ("Parquet", _load_parquet, 0),

@@ -1,4 +1,4 @@
-"""Records with a gap: they are split there into two records."""
+"""Splitting of records at gaps."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -10,7 +10,7 @@ from sklearn_pgnn.trajectories.record import Record
 
 
 def split_at_gaps(records: tuple[Record, ...], longest: float, samples: int) -> tuple[Record, ...]:
-    """Cut records at long gaps, in which the inputs are unknown.
+    """Split records at long gaps, in which the inputs are unknown.
 
     Parameters
     ----------
@@ -19,13 +19,13 @@ def split_at_gaps(records: tuple[Record, ...], longest: float, samples: int) -> 
     longest : float
         Longest time without a sample [s] that a simulation may bridge.
     samples : int
-        So many of a record's usual sample intervals are always bridged.
+        Number of a record's usual sample intervals that are always bridged.
 
     Returns
     -------
     tuple of Record
-        The records; what lies behind a gap begins at an unknown state, and keeps its time. A piece
-        too short to be a record, or without a measured output, is left out.
+        The records; the piece after a gap begins at an unknown state, and keeps its time. Pieces
+        that are too short for a record, or have no measured output, are left out.
 
     Examples
     --------
@@ -51,7 +51,7 @@ def _pieces(record: Record, longest: float, samples: int) -> list[Record]:
 
 
 def piece_of(record: Record, span: slice) -> Record:
-    """Return a piece of a record; one that is not its beginning begins at an unknown state."""
+    """Return a piece of a record; any but the first begins at an unknown state."""
     start = span.start
     return replace(
         record,

@@ -1,13 +1,13 @@
-"""Records that have lost their units to a scaler, and how they are recognised.
+"""Records that a scaler has stripped of their units, and how they are recognised.
 
-No number tells its unit. What gives a scaler away is that it moves the time too: to the mean 0 and
-the deviation 1. A part of such a table, as a fold is, has them nearly, and so have its inputs; its
-trajectories begin below zero, and its even steps are no round number of seconds, nor their rate:
-clocks are set, a standard deviation is not. So are the levels of an input: a column that runs
-between round numbers, as a square wave of 1 N or a clock from -1 s to 1 s does, has its mean and
-its deviation by chance, unless the others have them too. What a ``MinMaxScaler`` leaves, inputs
-that were scaled without the time, and a part of a standardised clock with uneven steps look like
-records of their own.
+A number does not reveal its unit. A scaler shows in the time, which it standardises too: to mean 0
+and standard deviation 1. In a part of such a table, such as a fold, time and inputs have nearly
+this mean and deviation; its trajectories begin below zero, and neither its even steps nor their
+rate are a round number: clocks are set by hand, standard deviations are not. The levels of an input
+are also set by hand: a column that runs between round numbers, such as a square wave of 1 N or a
+clock from -1 s to 1 s, has its mean and deviation by chance, unless the other columns have them
+too. The output of a ``MinMaxScaler``, inputs that were scaled without the time, and a part of a
+standardised clock with uneven steps cannot be distinguished from ordinary records.
 """
 
 import numpy as np
@@ -15,12 +15,12 @@ import numpy as np
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.physics.model import PhysicsModel
 
-#: how near to 0 and 1 mean and deviation of a whole standardised column are
+#: tolerance of mean 0 and deviation 1 for a whole standardised column
 EXACT = 1e-6
-#: and of a part of one: two thirds of a column cannot have a larger mean than this, for the rest
-#: has the opposite one; a deviation is less than this factor away from 1
+#: tolerances for a part of one: two thirds of a column cannot have a larger mean than this, since
+#: the rest has the opposite one; a deviation differs from 1 by less than this factor
 PART_MEAN, PART_FACTOR = 0.5**0.5, 2.0
-#: significant digits of a sample interval, rate or level that was set by hand
+#: significant digits of a sample interval, rate or level set by hand
 DIGITS = 6
 #: fewest samples for a decision
 FEWEST = 10
@@ -31,7 +31,7 @@ REMEDY = (
 
 
 def refuse_standardised(model: PhysicsModel, records, *, energies: bool = False) -> None:
-    """Refuse records that have lost their units to a scaler.
+    """Refuse records that a scaler has stripped of their units.
 
     Parameters
     ----------
@@ -40,14 +40,14 @@ def refuse_standardised(model: PhysicsModel, records, *, energies: bool = False)
     records : tuple of Record
         The records.
     energies : bool, default=False
-        Whether energies are taken from them: one column that is standardised, and not set by hand,
-        is then enough.
+        Whether energies are computed from the records: one column that is standardised, and not
+        set by hand, then suffices.
 
     Raises
     ------
     RecordError
-        If the time is standardised, or, of a part of such a table, time and inputs nearly are; with
-        `energies`, if an input or an output is exactly standardised over all records.
+        If the time is standardised, or time and inputs nearly are, as in a part of such a table;
+        with `energies`, if an input or an output is exactly standardised over all records.
 
     Examples
     --------
@@ -91,19 +91,19 @@ def _refuse_each(model, records, u) -> None:
 
 
 def _are_standardised_together(t, u) -> bool:
-    """Whether one scaler moved the time and every input, of which one at least is no constant."""
+    """Whether one scaler changed the time and all inputs, at least one of them not constant."""
     return bool(u.any()) and bool(set.intersection(*map(_scalers, [t, *u.T])))
 
 
 def _is_standardised(values) -> bool:
-    """Whether a whole column left a scaler, and does not run between levels that were set."""
+    """Whether a whole column is standardised and does not run between levels set by hand."""
     if values.size < FEWEST or not _scalers(values):
         return False
     return not (_is_round(values.min()) and _is_round(values.max()))
 
 
 def _scalers(values) -> set[str]:
-    """Name the scalers that leave a whole column like this one; all leave a constant at 0."""
+    """Name the scalers that yield such a column; all of them map a constant to 0."""
     low, middle, high = np.percentile(values, [25, 50, 75])
     found = {
         "StandardScaler": (values.mean(), values.std()),
@@ -117,7 +117,7 @@ def _scalers(values) -> set[str]:
 
 
 def _has_set_clock(records) -> bool:
-    """Whether the steps or their rate are a round number, or the steps are not even."""
+    """Whether the steps or their rate are a round number, or the steps are uneven."""
     steps = np.concatenate([np.diff(record.t) for record in records])
     if not steps.size:
         return True
@@ -127,7 +127,7 @@ def _has_set_clock(records) -> bool:
 
 
 def _is_round(value) -> bool:
-    """Whether a number has few digits, as one that was set by hand."""
+    """Whether a number has few digits, like one set by hand."""
     return bool(abs(float(f"{value:.{DIGITS}g}") - value) < 1e-9 * abs(value)) or value == 0
 
 

@@ -1,4 +1,4 @@
-"""Measurement files of the automotive kind: MDF, of versions 2 to 4."""
+"""Automotive measurement files: MDF, versions 2 to 4."""
 
 from functools import cached_property
 
@@ -10,7 +10,7 @@ from sklearn_pgnn.trajectories.channels import Channel, ChannelLog
 
 
 class MdfLog(ChannelLog):
-    """An MDF file; a channel whose name stands in several groups is called ``GROUP.name``."""
+    """An MDF file; a channel whose name occurs in several groups is called ``GROUP.name``."""
 
     def __init__(self, path: str):
         with needed_by("Reading an MDF file"):
@@ -19,7 +19,7 @@ class MdfLog(ChannelLog):
 
     @cached_property
     def _places(self) -> dict[str, tuple[int, int]]:
-        """Group and number of every channel, by its title; the groups' clocks are no channels."""
+        """Group and number of every channel by title; the groups' clocks are no channels."""
         found = {}
         with self._open() as file:
             for name, places in file.channels_db.items():
@@ -36,7 +36,7 @@ class MdfLog(ChannelLog):
         return [*self._places]
 
     def load(self, titles: list[str]) -> dict[str, Channel]:
-        """Return some channels; samples that the file marks as invalid are none."""
+        """Return the requested channels, without the samples that the file marks as invalid."""
         with self._open() as file:
             return {title: self._channel(title, file) for title in titles}
 

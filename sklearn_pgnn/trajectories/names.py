@@ -1,4 +1,4 @@
-"""Where a table holds a quantity: by the name that the model's table gives it, else its own."""
+"""The column of a quantity in a table: by its name in the model's `columns`, else its own."""
 
 import numpy as np
 import pandas as pd
@@ -6,17 +6,17 @@ import pandas as pd
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.physics.model import PhysicsModel
 
-#: what a simulated quantity has behind its name
+#: suffix to the name of a simulated quantity
 SIMULATED = "_phy"
 
 
 def column_of(model: PhysicsModel, name: str, columns) -> str | None:
-    """Return the name of the column that holds a quantity, or None where there is none.
+    """Return the name of the column that holds a quantity, or None if there is none.
 
     Parameters
     ----------
     model : PhysicsModel
-        Its `columns` say what the table calls the quantities.
+        Its `columns` give the names of the quantities in the table.
     name : str
         The quantity: an input, state, output, ``t`` or ``trajectory``.
     columns : sequence of str
@@ -38,7 +38,7 @@ def column_of(model: PhysicsModel, name: str, columns) -> str | None:
 
 
 def time_name(columns, time_column):
-    """Return the name of the column that `time_column` means: a number is its place.
+    """Return the name of the column that `time_column` refers to; a number is its position.
 
     Parameters
     ----------
@@ -50,12 +50,12 @@ def time_name(columns, time_column):
     Returns
     -------
     str or None
-        The name; None as it came.
+        The name; None is returned unchanged.
 
     Raises
     ------
     RecordError
-        If there is no column in that place.
+        If there is no column at that position.
 
     Examples
     --------
@@ -68,24 +68,24 @@ def time_name(columns, time_column):
 
 
 def place_of(time_column, width: int) -> int:
-    """Return the place of the time among so many columns.
+    """Return the position of the time among the columns.
 
     Parameters
     ----------
     time_column : int
-        The parameter; below zero it counts from the last column.
+        The parameter; a negative number counts from the last column.
     width : int
         Number of columns.
 
     Returns
     -------
     int
-        The place.
+        The position.
 
     Raises
     ------
     RecordError
-        If there is no column in that place.
+        If there is no column at that position.
 
     Examples
     --------
@@ -121,7 +121,7 @@ def is_named(table) -> bool:
 
 
 def once(table: pd.DataFrame, name: str, what: str) -> pd.Series:
-    """Return the column of a name that no other column has.
+    """Return the column with a name that must be unique.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ def once(table: pd.DataFrame, name: str, what: str) -> pd.Series:
     name : str
         The column.
     what : str
-        What it is called, for the error's text.
+        Description of the column, for error messages.
 
     Returns
     -------

@@ -9,30 +9,30 @@ from scipy.stats import norm
 
 from sklearn_pgnn.trajectories.triangle import blocks, triangle
 
-#: orders of differences: every one passes less of a signal and more of it near two samples a period
+#: orders of differences: higher ones pass less of a signal, but more near two samples per period
 ORDERS = (3, 4, 6, 8, 12, 16, 24, 32)
-#: samples of the filter that the record itself chooses, and rows of it from which that is done
+#: length of the filter that is fitted to the record, and the rows of the record used for it
 TAPS, ROWS = 32, 4096
-#: rows for every number of that filter, at least
+#: least number of rows per coefficient of that filter
 ROWS_A_TAP = 4
-#: rows of which the weights are held at a time
+#: rows whose weights are held in memory at a time
 CHUNK = 10_000
 #: median size of a normal value of unit strength; sizes that count; the strength of what they keep
 MEDIAN, REACH = norm.ppf(0.75), 3.0
 INSIDE = np.sqrt(1 - 2 * REACH * norm.pdf(REACH) / (norm.cdf(REACH) - norm.cdf(-REACH)))
-#: relative scatter of its steps up to which a clock is even
+#: relative scatter of the steps up to which a clock counts as even
 EVEN = 1e-6
 
 
 def noise_level(y: np.ndarray, t: np.ndarray | None = None) -> float:
     r"""Estimate the standard deviation of white noise on a signal.
 
-    A filter of unit norm, :math:`\sum_k h_k^2 = 1`, keeps the variance of white noise. So
-    what it makes of a record is the noise, and what it passes of the signal on top: the filter that
-    leaves least comes nearest. Tried are divided differences, which remove every polynomial below
-    their order, and on an even clock the filter that leaves least of one half of the record (the
-    least eigenvector of its covariance [1]_), applied to the other half. Medians keep jumps and
-    corners out.
+    A filter of unit norm, :math:`\sum_k h_k^2 = 1`, keeps the variance of white noise. Its
+    output is thus the noise plus the part of the signal that it passes: the filter with the
+    smallest output is the best estimate. The candidates are divided differences, which remove every
+    polynomial below their order, and, for an even clock, the filter with the smallest output on one
+    half of the record (the eigenvector of the least eigenvalue of its covariance [1]_), applied to
+    the other half. Medians exclude jumps and corners.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def rough_noise_level(y: np.ndarray, t: np.ndarray | None = None) -> float:
     Returns
     -------
     float
-        Noise, and what is left of the signal [unit of y].
+        Noise, plus the remaining signal [unit of y].
 
     Examples
     --------
@@ -126,14 +126,14 @@ def finest_differences(y: np.ndarray, t: np.ndarray | None = None) -> tuple[np.n
 def relative_error(size: int, order: int = ORDERS[0]) -> float:
     r"""Return the relative standard error of the noise, estimated from differences.
 
-    The squares of differences of order :math:`m` are worth :math:`1/\sqrt{\pi m/2}` as many
+    The squares of differences of order :math:`m` count as :math:`1/\sqrt{\pi m/2}` as many
     independent ones.
     """
     return float(np.sqrt(0.5 * np.sqrt(np.pi * order / 2) / max(size, 1)))
 
 
 def _finest(y, clock) -> tuple[np.ndarray, float]:
-    """Raise the order of the differences while the residue, given too, falls significantly."""
+    """Raise the order of the differences while the residue, also returned, falls significantly."""
     best = _divided_differences(y, clock, ORDERS[0])
     least = _strength(best)
     for order in ORDERS[1:]:
@@ -148,7 +148,7 @@ def _finest(y, clock) -> tuple[np.ndarray, float]:
 def _strength(differences) -> float:
     """Return the standard deviation of normal values with a few outliers; inf for none.
 
-    Jumps and corners of a signal are few: what lies beyond some times the median size is left out.
+    Jumps and corners of a signal are few: values beyond some multiple of the median are left out.
     """
     if not differences.size:
         return np.inf
@@ -158,7 +158,7 @@ def _strength(differences) -> float:
 
 
 def _clocks(y, t) -> list[np.ndarray]:
-    """Return the known samples' places, and their times if these run otherwise."""
+    """Return the indices of the known samples, and their times if the clock is uneven."""
     known = np.flatnonzero(np.isfinite(y))
     if t is None or known.size < 2:
         return [known]
@@ -200,7 +200,7 @@ def _weights(clock, order: int) -> np.ndarray:
 
 
 def _least_passed(y) -> np.ndarray:
-    """Filter each half of an even record as leaves least of the other; parabolas never pass."""
+    """Filter each half of an even record as fitted to the other half; parabolas never pass."""
     places = _whole_windows(y)
     half = places.size // 2
     if half < ROWS_A_TAP * TAPS:
@@ -214,13 +214,13 @@ def _least_passed(y) -> np.ndarray:
 
 
 def _whole_windows(y) -> np.ndarray:
-    """Return where the windows of so many samples begin that are all known."""
+    """Return the starts of the windows of a given length whose samples are all known."""
     unknown = np.concatenate([[0], np.cumsum(~np.isfinite(y))])
     return np.flatnonzero(unknown[TAPS:] == unknown[:-TAPS])
 
 
 def _least_direction(y, places, straight) -> np.ndarray:
-    """Return the combination that leaves least of the windows that begin at these places.
+    """Return the combination that is smallest on the windows that begin at these indices.
 
     It is their last right singular vector.
     """
@@ -230,6 +230,6 @@ def _least_direction(y, places, straight) -> np.ndarray:
 
 
 def _filtered(y, places, weights) -> np.ndarray:
-    """Return the weighted sums of the windows that begin at increasing places."""
+    """Return the weighted sums of the windows that begin at increasing indices."""
     first = places[0]
     return np.correlate(y[first : places[-1] + TAPS], weights, "valid")[places - first]

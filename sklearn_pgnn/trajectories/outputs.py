@@ -1,7 +1,7 @@
-"""The measured outputs: columns of y stand in the model's order, whether they have names or not.
+"""The measured outputs: the columns of y follow the model's order, whether named or not.
 
-scikit-learn compares predictions with y by place, in its scores, its searches and its targets that
-are transformed. Were y read by name, all these would compare one output with another.
+scikit-learn compares predictions with y by position, in its scores, searches and transformed
+targets. If y were read by name, all of these could compare one output with another.
 """
 
 import numpy as np
@@ -15,16 +15,16 @@ from sklearn_pgnn.trajectories.tables import as_pandas
 
 
 def read_outputs(model: PhysicsModel | None, y, n_samples: int) -> np.ndarray:
-    """Read what was measured, NaN where there is nothing.
+    """Read the measured outputs, NaN where there is no value.
 
     Parameters
     ----------
     model : PhysicsModel or None
-        Names the outputs; its `columns` say what the table calls them. Without one the columns of
-        y may be any.
+        Defines the outputs; its `columns` give their names in the table. Without a model, y may
+        have any columns.
     y : DataFrame, Series or array-like of shape (n_samples, n_outputs) or (n_samples,)
-        The measured outputs in the model's order. Of a DataFrame the names are checked, but for a
-        single output, which may have any name.
+        The measured outputs in the model's order. The names of a DataFrame are checked, except for
+        a single output, which may have any name.
     n_samples : int
         Number of rows that X has.
 
@@ -36,7 +36,7 @@ def read_outputs(model: PhysicsModel | None, y, n_samples: int) -> np.ndarray:
     Raises
     ------
     RecordError
-        If they are others, in another order, of another number, or no finite numbers.
+        If the outputs have other names, another order or number, or are not finite numbers.
 
     Examples
     --------

@@ -1,15 +1,15 @@
-"""The one reader of X and y: a table of samples becomes records.
+"""The single reader of X and y, which turns a table of samples into records.
 
-A row is a sample. Of a DataFrame, of pandas, polars or another library, the columns of X count by
+A row is a sample. In a DataFrame (pandas, polars or another library) the columns of X are found by
 name: the time ``t``, the inputs, and the states, of which only each trajectory's first row is read.
-Of an array they stand in that order: time, inputs, then states if there are as many more. The
-columns of y stand in the model's order, whether they have names or not. A new trajectory begins
-wherever the time does not increase; a column ``trajectory`` overrules that.
+In an array they follow this order: time, inputs, then states if there are as many more columns. The
+columns of y follow the model's order, whether named or not. A new trajectory begins
+wherever the time does not increase; a column ``trajectory`` overrides this.
 
 The time is in seconds, or dates or time differences: these count from a trajectory's first sample.
 
-A record's time counts from its first sample: it does not matter what its clock showed. Where the
-model's own equations contain the time, it is taken as it is given.
+A record's time counts from its first sample, whatever its clock showed. If the model's own
+equations contain the time, it is used as given.
 """
 
 import numpy as np
@@ -36,30 +36,31 @@ def read_records(
     Parameters
     ----------
     model : PhysicsModel
-        Names the inputs, states and outputs; its `columns` say what the table calls them.
+        Defines the inputs, states and outputs; its `columns` give their names in the table.
     X : DataFrame or array-like of shape (n_samples, n_columns)
         Time [s], inputs and, where known, the states in each trajectory's first row. The time may
-        be dates, or time differences, too, and stand in the index of a pandas DataFrame.
+        also be dates or time differences, and may be the index of a pandas DataFrame.
     y : DataFrame or array-like of shape (n_samples, n_outputs) or (n_samples,), optional
-        Measured outputs in the model's order; NaN where there is none.
+        Measured outputs in the model's order; NaN where there is no value.
     time_column : int or str, optional
-        Name or place of the column of the time; by default ``"t"``, of an array the first.
+        Name or position of the time column; by default ``"t"``, for an array the first.
     allow_unmeasured : bool, default=False
         Whether some trajectories, but not all, may have no measured output at all.
     to_fit : bool, default=True
-        Whether y must tell enough for a fit; with False any trajectory may be short or have no
+        Whether y must suffice for a fit; if False, any trajectory may be short or have no
         measured output.
 
     Returns
     -------
     tuple of Record
-        One a trajectory, in the order of their first rows.
+        One per trajectory, in the order of their first rows.
 
     Raises
     ------
     RecordError
         If a column is missing, a time or an input is not finite, time runs backward inside a
-        named trajectory, or a trajectory has too few samples; with row, column and trajectory.
+        named trajectory, or a trajectory has too few samples; the message gives row, column and
+        trajectory.
 
     Examples
     --------
@@ -122,14 +123,14 @@ def split_rows(t: np.ndarray, names=None) -> list[tuple[str, np.ndarray]]:
 
 
 def rows_in_order(records: tuple[Record, ...], values: np.ndarray) -> np.ndarray:
-    """Put what was computed record by record back into the order of the table.
+    """Put values that were computed record by record back into the order of the table.
 
     Parameters
     ----------
     records : tuple of Record
-        As `read_records` gave them.
+        Records as returned by `read_records`.
     values : ndarray of shape (n_samples, ...)
-        A value a sample, record after record.
+        One value per sample, record after record.
 
     Returns
     -------
@@ -188,7 +189,7 @@ def _from_array(model: PhysicsModel, array: np.ndarray, time_column) -> pd.DataF
 
 
 def _clock(table: pd.DataFrame) -> tuple[np.ndarray, float | None]:
-    """Read the time: in seconds, or of dates in ticks, with what one lasts [s]."""
+    """Read the time: in seconds or, for dates, in ticks, with the length of a tick [s]."""
     clock = read_clock(table[TIME], "X: time 't'")
     if clock is not None:
         return clock
@@ -203,7 +204,7 @@ def _inputs(model: PhysicsModel, table: pd.DataFrame) -> np.ndarray:
 
 
 def _states(model: PhysicsModel, table: pd.DataFrame, firsts) -> np.ndarray:
-    """Read the states in the first row of every trajectory, NaN where there is none."""
+    """Read the states in the first row of every trajectory, NaN where there is no value."""
     states = np.full((len(firsts), len(model.states)), np.nan)
     first = table.iloc[firsts]
     for i, name in enumerate(model.states):
@@ -214,7 +215,7 @@ def _states(model: PhysicsModel, table: pd.DataFrame, firsts) -> np.ndarray:
 
 
 def _trajectories(table: pd.DataFrame) -> np.ndarray | None:
-    """Return the trajectory of every row, or None where the table has no such column."""
+    """Return the trajectory of every row, or None if the table has no such column."""
     if TRAJECTORY not in table:
         return None
     empty = np.flatnonzero(table[TRAJECTORY].isna())

@@ -7,14 +7,14 @@ from sklearn_pgnn.exceptions import RecordError
 
 
 def read_numbers(column: pd.Series, what: str) -> np.ndarray:
-    """Read a column as real numbers, NaN where there is nothing.
+    """Read a column as real numbers, NaN where there is no value.
 
     Parameters
     ----------
     column : Series of shape (n_samples,)
         A column of the table.
     what : str
-        What it is called, for the error's text.
+        Description of the column, for error messages.
 
     Returns
     -------
@@ -24,7 +24,7 @@ def read_numbers(column: pd.Series, what: str) -> np.ndarray:
     Raises
     ------
     RecordError
-        If it holds dates, complex numbers, or what is no number.
+        If it holds dates, complex numbers, or values that are not numbers.
 
     Examples
     --------

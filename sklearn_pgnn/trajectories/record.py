@@ -16,15 +16,15 @@ class Record:
     u : ndarray of shape (n_samples, n_inputs)
         Inputs.
     y : ndarray of shape (n_samples, n_outputs) or None
-        Measured outputs, NaN where there is none; None where only inputs are known.
+        Measured outputs, NaN where there is no value; None if only inputs are known.
     x0 : ndarray of shape (n_states,)
-        Initial state, NaN where it is not known.
+        Initial state, NaN where unknown.
     name : str
-        What the trajectory is called.
+        Name of the trajectory.
     rows : ndarray of shape (n_samples,)
-        Where its samples stand in the table they came from.
+        Row numbers of its samples in the original table.
     origin : float, default=0
-        What was taken off the table's clock [s]: it showed ``origin + t``.
+        Offset subtracted from the table's clock [s], which showed ``origin + t``.
     """
 
     t: np.ndarray

@@ -1,4 +1,4 @@
-"""Bags of ROS 1 and ROS 2: the numbers in the messages of topics."""
+"""Bags of ROS 1 and ROS 2: the numbers in the messages of their topics."""
 
 from collections.abc import Iterator
 from functools import cached_property
@@ -9,16 +9,16 @@ import numpy as np
 from sklearn_pgnn.extras import needed_by
 from sklearn_pgnn.trajectories.channels import Channel, ChannelLog
 
-#: what makes a folder a bag of ROS 2
+#: file that identifies a folder as a bag of ROS 2
 METADATA = "metadata.yaml"
-#: longest array of a message whose numbers are channels, each; longer ones are pictures and scans
+#: longest array of a message whose elements become channels; longer ones are images and scans
 LONGEST = 64
 
 
 class BagLog(ChannelLog):
-    """A bag; a channel is called ``/topic/field``, and of an array ``/topic/field/0``.
+    """A bag; a channel is called ``/topic/field``, an element of an array ``/topic/field/0``.
 
-    Its clock is the time stamp in the messages' headers where there is one, else the time at which
+    Its clock is the time stamp in the messages' headers if there is one, else the time at which
     they were received.
     """
 
@@ -29,7 +29,7 @@ class BagLog(ChannelLog):
 
     @cached_property
     def titles(self) -> list[str]:
-        """Names of the channels, as the first message of every topic tells."""
+        """Names of the channels, taken from the first message of every topic."""
         found: list[str] = []
         with self._open() as bag:
             for topic in dict.fromkeys(connection.topic for connection in bag.connections):
@@ -41,7 +41,7 @@ class BagLog(ChannelLog):
         return found
 
     def load(self, titles: list[str]) -> dict[str, Channel]:
-        """Return some channels, in the order of their times."""
+        """Return the requested channels, sorted by time."""
         rows: dict[str, list[tuple[int, float]]] = {title: [] for title in titles}
         with self._open() as bag:
             wanted = [
@@ -82,7 +82,7 @@ def numbers(message, path: str = "") -> Iterator[tuple[str, float]]:
     Yields
     ------
     tuple of str and float
-        ``/field`` and its value; the header is none of the measured quantities.
+        ``/field`` and its value; the header is skipped.
     """
     if isinstance(message, bool | int | float | np.number | np.bool_):
         yield path, float(message)
@@ -96,7 +96,7 @@ def numbers(message, path: str = "") -> Iterator[tuple[str, float]]:
 
 
 def _stamp(message) -> int:
-    """Return the time stamp of a message's header [ns], 0 where there is none."""
+    """Return the time stamp of a message's header [ns], 0 if there is none."""
     stamp = getattr(getattr(message, "header", None), "stamp", None)
     return 0 if stamp is None else int(stamp.sec) * 10**9 + int(stamp.nanosec)
 

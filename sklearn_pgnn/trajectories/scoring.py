@@ -10,21 +10,21 @@ from sklearn_pgnn.trajectories.outputs import read_outputs
 
 
 class GapScoreMixin(RegressorMixin):
-    """A regressor that is scored by what was measured, as it is fitted to it.
+    """A regressor that is scored on the measured samples only, as in its fit.
 
-    Where y has names they are checked as in ``fit``, by the parameter ``model``.
+    If y has names, they are checked as in ``fit``, against the parameter ``model``.
     """
 
     def score(self, X, y, sample_weight=None):
-        """Return the coefficient of determination of `predict`, over what was measured.
+        """Return the coefficient of determination of `predict` over the measured samples.
 
         Parameters
         ----------
         X : DataFrame or array of shape (n_samples, n_columns)
             As in `predict`.
         y : array-like of shape (n_samples, n_outputs) or (n_samples,)
-            Measured outputs, NaN where there is none: such samples are left out, and so is an
-            output that has no other.
+            Measured outputs, NaN where there is no value: such samples are left out, and so is an
+            output without any value.
         sample_weight : array-like of shape (n_samples,), optional
             Weights of the samples.
 
@@ -36,7 +36,7 @@ class GapScoreMixin(RegressorMixin):
         Raises
         ------
         ValueError
-            If y is not what `fit` takes, or nothing was measured.
+            If y is not as in `fit`, or nothing was measured.
         """
         predicted = np.asarray(self.predict(X))
         predicted = predicted.reshape(len(predicted), -1)

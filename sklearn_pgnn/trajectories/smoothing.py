@@ -6,10 +6,10 @@ import numpy as np
 from scipy.interpolate import PPoly
 from scipy.linalg import solveh_banded
 
-#: samples on which the smoothing is chosen (the choice costs far more than its use)
+#: samples used for the choice of the smoothing (which costs far more than its use)
 CHOICE_SAMPLES = 600
 PENALTIES = np.logspace(-4, 9, 14)
-#: samples that a spline needs, one left out
+#: samples that a spline needs, with one left out
 FEWEST = 6
 
 
@@ -88,14 +88,14 @@ class NaturalSpline:
         Returns
         -------
         scipy.interpolate.PPoly
-            The spline; of several penalties it gives values of shape (..., n_penalties).
+            The spline; for several penalties it gives values of shape (..., n_penalties).
         """
         value, curvature = self._at_samples(np.atleast_1d(penalty))
         pieces = _pieces(self.h[:, None], value[:-1], value[1:], curvature[:-1], curvature[1:])
         return PPoly(np.stack(pieces).reshape(4, self.h.size, *np.shape(penalty)), self.t)
 
     def predicted(self, penalties, t) -> np.ndarray:
-        """Return what `smoothed` is at a few times, which are looked up once for all penalties.
+        """Return the values of `smoothed` at a few times, located once for all penalties.
 
         Parameters
         ----------
@@ -117,7 +117,7 @@ class NaturalSpline:
         return ((cubic * after + square) * after + slope) * after + start
 
     def _at_samples(self, penalties) -> tuple[np.ndarray, np.ndarray]:
-        """Return values and second derivatives at the samples, one column a penalty."""
+        """Return values and second derivatives at the samples, one column per penalty."""
         curvature = self._curvatures(penalties)
         value = np.repeat(self.y[:, None], penalties.size, axis=1)
         for i, part in enumerate(self._q):
@@ -125,7 +125,7 @@ class NaturalSpline:
         return value, curvature
 
     def _curvatures(self, penalties) -> np.ndarray:
-        """Return the second derivatives at the samples, one column a penalty, by a single solve."""
+        """Return the second derivatives at the samples by one solve, one column per penalty."""
         blocks = self._r[:, None] + penalties[:, None] * self._qq[:, None]
         inner = solveh_banded(
             blocks.reshape(3, -1),
@@ -141,7 +141,7 @@ class NaturalSpline:
 
 
 def _pieces(h, start, end, curvature, next_curvature) -> list[np.ndarray]:
-    """Return the coefficients of cubics of length `h`, the highest power first."""
+    """Return the coefficients of cubics over intervals `h`, the highest power first."""
     bend = h / 6 * (2 * curvature + next_curvature)
     return [(next_curvature - curvature) / (6 * h), curvature / 2, (end - start) / h - bend, start]
 
@@ -154,7 +154,7 @@ def _evaluate(spline: PPoly, t) -> np.ndarray:
 
 
 def _symmetric(diagonal, next_to_it, two_off) -> np.ndarray:
-    """Write a symmetric matrix by its diagonal and the two below it, as LAPACK does."""
+    """Store a symmetric matrix by its diagonal and the two below it, as LAPACK does."""
     bands = np.zeros((3, diagonal.size))
     bands[0], bands[1, :-1], bands[2, :-2] = diagonal, next_to_it, two_off
     return bands
@@ -171,7 +171,7 @@ def smooth(t: np.ndarray, y: np.ndarray, penalty: float | None = None) -> Smooth
         Measured quantity; NaN is skipped.
     penalty : float, optional
         Penalty on the curvature, in units of the mean sample interval; by default
-        `choose_penalty` of this record.
+        that of `choose_penalty` for this record.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Tables of any library as pandas ones, and their clocks."""
+"""Conversion of tables of any library to pandas, and their clocks."""
 
 import narwhals.stable.v1 as nw
 import numpy as np
@@ -10,20 +10,20 @@ TIME = "t"
 
 
 def as_table(X, time_column=None):
-    """Return a DataFrame of any library as one of pandas, with its clock as a column.
+    """Return a DataFrame of any library as a pandas one, with its clock as a column.
 
     Parameters
     ----------
     X : DataFrame, Series or array-like of shape (n_samples, ...)
-        The table. An index of dates or of time differences becomes the column ``t``, if X has none
-        and `time_column` is not given.
+        The table. An index of dates or of time differences becomes the column ``t``, if X has no
+        such column and `time_column` is not given.
     time_column : int or str, optional
         Column of the time.
 
     Returns
     -------
     DataFrame, Series or array-like
-        The table; what is no DataFrame as it came.
+        The table; anything but a DataFrame is returned unchanged.
 
     Examples
     --------
@@ -42,7 +42,7 @@ def as_table(X, time_column=None):
 
 
 def as_pandas(X):
-    """Return a DataFrame or Series of any library as one of pandas; anything else as it came.
+    """Return a DataFrame or Series of any library as a pandas one, anything else unchanged.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def as_pandas(X):
     Returns
     -------
     DataFrame, Series or array-like
-        The table, its numbers in the byte order of this machine: pandas reads no other.
+        The table, with numbers in native byte order, the only one that pandas reads.
 
     Examples
     --------
@@ -72,7 +72,7 @@ def as_pandas(X):
 
 
 def _in_native_order(X):
-    """Return numbers in the byte order of this machine; a table that has no others as it came."""
+    """Return numbers in native byte order; a table that has only such numbers unchanged."""
     if isinstance(X, pd.DataFrame):
         other = {i: _native(X.iloc[:, i]) for i, d in enumerate(X.dtypes) if _is_foreign(d)}
         X = X.copy(deep=False) if other else X
@@ -91,7 +91,7 @@ def _native(values):
 
 
 def as_columns(values) -> np.ndarray:
-    """Return numbers with a column for every output, one of a plain sequence.
+    """Return numbers with one column per output; a plain sequence becomes one column.
 
     Parameters
     ----------
@@ -125,7 +125,7 @@ def take_rows(table, rows):
     Returns
     -------
     DataFrame, Series or ndarray
-        The rows, of the table's own kind.
+        The rows, as a table of the same type.
     """
     if hasattr(table, "iloc"):
         return table.iloc[rows]
@@ -136,19 +136,19 @@ def take_rows(table, rows):
 
 
 def read_clock(column: pd.Series, what: str) -> tuple[np.ndarray, float] | None:
-    """Read dates or time differences, without loss.
+    """Read dates or time differences without loss.
 
     Parameters
     ----------
     column : Series of shape (n_samples,)
         A column of the table.
     what : str
-        What it is called, for the error's text.
+        Description of the column, for error messages.
 
     Returns
     -------
     tuple of (ndarray of int, float) or None
-        Ticks and what one lasts [s]; None where the column holds something else.
+        Ticks and the length of a tick [s]; None if the column holds something else.
 
     Raises
     ------

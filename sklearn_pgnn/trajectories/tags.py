@@ -1,4 +1,4 @@
-"""What scikit-learn is told of estimators that read tables as records."""
+"""scikit-learn tags of estimators that read tables as records."""
 
 from sklearn.utils import Tags
 
@@ -9,14 +9,14 @@ def tags_of_records(tags: Tags, has_time: bool = True) -> Tags:
     Parameters
     ----------
     tags : Tags
-        Those of a regressor.
+        Tags of a regressor.
     has_time : bool, default=True
-        Whether tables are read as records, whose first rows give the states.
+        Whether tables are read as records whose first rows give the states.
 
     Returns
     -------
     Tags
-        The same, changed.
+        The changed tags.
 
     Examples
     --------

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 from scipy.linalg.lapack import dgeqrf
 
-#: rows of a block: it stays in the processor's cache, and BLAS starts no thread for it
+#: rows of a block: small enough for the processor's cache, and for BLAS to start no threads
 BLOCK = 256
 
 
@@ -18,8 +18,8 @@ def triangle(parts: Iterable[np.ndarray]) -> np.ndarray:
     r"""Return the triangle of the QR decomposition of rows that come in blocks.
 
     With :math:`A = QR` the triangle :math:`R` has the singular values and the right singular
-    vectors of :math:`A`, and :math:`|R\theta| = |A\theta|`. The triangle of the blocks so far and
-    the next block have the triangle of all of them.
+    vectors of :math:`A`, and :math:`|R\theta| = |A\theta|`. The triangle of the blocks so far,
+    stacked on the next block, has the same triangle as all of them together.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What scikit-learn expects of every estimator's X, before it is read as records."""
+"""Checks that scikit-learn expects for every estimator's X, before it is read as records."""
 
 from os import PathLike
 
@@ -11,14 +11,14 @@ from sklearn_pgnn.trajectories.tables import as_table
 
 
 def check_model(model, *, optional: bool = False) -> None:
-    """Raise `TypeError` unless the parameter ``model`` is a model.
+    """Raise `TypeError` unless the parameter ``model`` is a `PhysicsModel`.
 
     Parameters
     ----------
     model : PhysicsModel or None
         The parameter.
     optional : bool, default=False
-        Whether there may be none.
+        Whether None is allowed.
 
     Raises
     ------
@@ -48,22 +48,22 @@ def _short(value) -> str:
 
 
 def validate_table(estimator, X, *, reset: bool):
-    """Refuse what is no table, and keep or compare the number and the names of its columns.
+    """Refuse invalid tables, and store or compare the number and the names of the columns.
 
     Parameters
     ----------
     estimator : estimator
-        Gets `n_features_in_` and, of a DataFrame, `feature_names_in_`.
+        Receives `n_features_in_` and, for a DataFrame, `feature_names_in_`.
     X : DataFrame or array-like of shape (n_samples, n_columns)
-        The table; NaN is left to `read_records`, which knows where it may stand.
+        The table; NaN is left to `read_records`, which knows where it is allowed.
     reset : bool
-        Whether to keep what X has (in `fit`), or to compare it with what was kept.
+        Whether to store the columns of X (in `fit`), or to compare them with the stored ones.
 
     Returns
     -------
     DataFrame or ndarray
-        The table; a DataFrame of another library as one of pandas. Where `fit` saw names and X has
-        none, of which scikit-learn warns, its columns are those of `fit` in their order.
+        The table; a DataFrame of another library as a pandas one. If `fit` saw names and X has
+        none, of which scikit-learn warns, its columns are taken to be those of `fit` in order.
 
     Raises
     ------
@@ -88,7 +88,7 @@ def validate_table(estimator, X, *, reset: bool):
 
 
 def _with_fitted_names(estimator, X):
-    """Name columns without names as those that `fit` saw."""
+    """Give unnamed columns the names that `fit` saw."""
     names = getattr(estimator, "feature_names_in_", None)
     if names is None or is_named(X):
         return X

@@ -1,4 +1,4 @@
-"""Which column of a file is which quantity of a model, and in which unit."""
+"""Assignment of a file's columns, with their units, to the quantities of a model."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -12,12 +12,12 @@ from sklearn_pgnn.trajectories.csv_file import open_csv
 from sklearn_pgnn.trajectories.file_table import FileTable, read_each, unit_of
 from sklearn_pgnn.trajectories.reader import TIME, TRAJECTORY
 
-#: key of a mapping under which the time from sample to sample [s] stands, for files without a time
+#: key of the sample interval [s] in a mapping, for files without a time
 SAMPLE_TIME = "sample_time"
 
 
 def quantities(model: PhysicsModel) -> list[tuple[str, str, str]]:
-    """Return name, role and unit of all that a file of records must hold.
+    """Return name, role and unit of all quantities that a file of records must contain.
 
     Examples
     --------
@@ -43,12 +43,12 @@ def seen_columns(model: PhysicsModel, files: Sequence[Mapping]) -> dict:
     -------
     dict
         ``columns``; ``quantities`` with role and unit; and ``guess``, by quantity a ``column``,
-        empty where none is like it, and its ``unit``.
+        empty if none is similar, and its ``unit``.
 
     Raises
     ------
     RecordError
-        If a file cannot be read, or has no column of those before.
+        If a file cannot be read, or shares no column with the files before it.
     """
     tables = [_open(file, model) for file in files]
     first, shared = tables[0], list(tables[0].header)
@@ -69,7 +69,7 @@ def seen_columns(model: PhysicsModel, files: Sequence[Mapping]) -> dict:
 
 
 def _guess(table: FileTable, name: str, unit: str, shared: Sequence[str]) -> dict[str, str]:
-    """Return the column of a quantity: of its name, else the most similar one."""
+    """Return the column of a quantity: the one with its name, else the most similar one."""
     k = table.find(name)
     title = "" if k is None else table.header[k]
     if k is None:
@@ -89,7 +89,7 @@ def read_mapped(model: PhysicsModel, files: Sequence[Mapping], mapping: Mapping)
     files : sequence of mapping
         Every ``file``, and its ``label`` for messages and for the name of the record.
     mapping : mapping
-        By quantity ``column`` and ``unit``; and ``sample_time`` [s] where there is no time.
+        ``column`` and ``unit`` by quantity; and ``sample_time`` [s] if there is no time.
 
     Returns
     -------
@@ -99,7 +99,7 @@ def read_mapped(model: PhysicsModel, files: Sequence[Mapping], mapping: Mapping)
     Raises
     ------
     RecordError
-        If a quantity has no column, or two have the same, or a file says something else.
+        If a quantity has no column, or two have the same, or a file is not a valid record.
     """
     sample_time = _sample_time(mapping)
     _check(model, mapping, sample_time)
@@ -117,7 +117,7 @@ def read_mapped(model: PhysicsModel, files: Sequence[Mapping], mapping: Mapping)
 
 
 def _open(file: Mapping, model: PhysicsModel, sample_time: float | None = None) -> FileTable:
-    """Open a file; errors call it by its label."""
+    """Open a file; error messages use its label."""
     return _labelled(
         lambda: open_csv(file["file"], model, sample_time), file["file"], file["label"]
     )
@@ -131,7 +131,7 @@ def _labelled(work, path: str, label: str):
 
 
 def _renamed(title: str, mapping: Mapping) -> str:
-    """Return what a column is called in the model, with its unit; others lose their name."""
+    """Return a column's name in the model, with its unit; other columns lose their names."""
     for name, said in mapping.items():
         if name != SAMPLE_TIME and said["column"] == title:
             return f"{name} [{said['unit']}]" if said["unit"] else name
@@ -171,7 +171,7 @@ def _sample_time(mapping: Mapping) -> float | None:
 
 
 def _named_by_label(names: pd.Series, labels: Mapping[str, str]) -> pd.Series:
-    """Return the records' names with the label of the file in the place of its stem."""
+    """Return the records' names with the label of the file in place of its stem."""
     stems = {Path(path).stem: Path(label).stem for path, label in labels.items()}
     if len({*stems.values()}) < len(stems):
         stems = {stem: f"{shown}, file {stem}" for stem, shown in stems.items()}

@@ -1,4 +1,4 @@
-"""What a visitor fills in, as it may be handed on: known names, texts that are not too long."""
+"""Validation of a visitor's entries: known names, texts of limited length."""
 
 from collections.abc import Mapping
 
@@ -17,7 +17,7 @@ def clean_mapping(form: object, columns: Mapping) -> dict:
     Parameters
     ----------
     form : object
-        What was filled in.
+        The entries.
     columns : mapping
         The ``columns`` and ``quantities`` there are.
 
@@ -29,7 +29,7 @@ def clean_mapping(form: object, columns: Mapping) -> dict:
     Raises
     ------
     Refused
-        If a quantity has a column that is not there, or something is no text.
+        If a quantity has a column that does not exist, or an entry is not a text.
     """
     form = form if isinstance(form, Mapping) else {}
     cleaned: dict = {"sample_time": _text(form.get("sample_time", ""))}
@@ -49,7 +49,7 @@ def clean_options(form: object) -> dict:
     Parameters
     ----------
     form : object
-        What was filled in: ``minutes`` and ``hold``.
+        The entries ``minutes`` and ``hold``.
 
     Returns
     -------
@@ -59,7 +59,7 @@ def clean_options(form: object) -> dict:
     Raises
     ------
     Refused
-        If an option is none.
+        If an option is not valid.
 
     Examples
     --------

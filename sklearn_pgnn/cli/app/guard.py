@@ -1,4 +1,4 @@
-"""What stands before every request: which host, from which page, and what a browser may do."""
+"""Checks of every request: its host, its origin, and what a browser may do."""
 
 from collections.abc import Iterable
 
@@ -23,15 +23,15 @@ SAFE = ("GET", "HEAD")
 class Guard:
     """Refuses requests for another host, and changes that another page asks for.
 
-    A page of somebody else may make a browser send requests here, or have a name of its own lead
-    here; it can change neither the host nor the origin that the browser states.
+    A foreign page may make a browser send requests here, or have its own host name resolve to this
+    server; it can change neither the host nor the origin that the browser states.
 
     Parameters
     ----------
     app : ASGI application
-        What answers the others.
+        Application that answers all other requests.
     hosts : iterable of str
-        What the server may be called, with its port.
+        Permitted names of the server, with its port.
     """
 
     def __init__(self, app, hosts: Iterable[str]):
@@ -47,7 +47,7 @@ class Guard:
         await answer(scope, receive, _with_headers(send))
 
     def refused(self, scope) -> tuple[str, int] | None:
-        """Return why a request is refused, with the status; None if it is not."""
+        """Return the reason for refusing a request, with the status; None if it is accepted."""
         if scope["type"] != "http":
             return "expected a request of a page.", 400
         headers = Headers(scope=scope)

@@ -28,12 +28,12 @@ from sklearn_pgnn.physics.effects import CoulombFriction
 
 MODEL, NEW = Path("model.yaml"), Path("new_model.yaml")
 RESULT, LOOK = Path("result"), Path("look.html")
-#: what the cart of the example hides, and how many records are made of it
+#: hidden effect of the example's cart, and the number of its records
 FRICTION, RECORDS = CoulombFriction("v", level=1.0), 4
 
 
 def take_model(progress: Callable, label: str) -> dict:
-    """Take the new model file, if it is one, and return what it says."""
+    """Accept the new model file, if it is valid, and return its content."""
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always", UnitWarning)
         try:
@@ -46,7 +46,7 @@ def take_model(progress: Callable, label: str) -> dict:
 
 
 def take_system(progress: Callable, system: str) -> dict:
-    """Write the model file of a ready system, and return what it says."""
+    """Write the model file of a ready system, and return its content."""
     if system not in SYSTEMS:
         raise ModelError(f"expected one of the systems {', '.join(SYSTEMS)}, got {system!r}.")
     model = make_system(system)
@@ -55,7 +55,7 @@ def take_system(progress: Callable, system: str) -> dict:
 
 
 def make_example(progress: Callable) -> dict:
-    """Write the model and the records of a cart that rubs, which its model does not know."""
+    """Write the model and the records of a cart with friction that its model lacks."""
     made = make_cart(RECORDS, effect=FRICTION, sample_rate=100, parameter_error=0)
     rows = made.X[["trajectory", "t", "force"]].join(made.y).round(5)
     names = []
@@ -70,7 +70,7 @@ _HEADER = {"t": "t [s]", "force": "force [N]", "position": "position [m]"}
 
 
 def _told_model(model: PhysicsModel, label: str, said: Sequence[str]) -> dict:
-    """Return what is shown of a model."""
+    """Return the data of a model for display."""
     return {
         "label": label,
         "name": model.name,
@@ -94,12 +94,12 @@ def _units(model: PhysicsModel, names) -> list[str]:
 
 
 def show_columns(progress: Callable, files: Sequence[Mapping]) -> dict:
-    """Return what the files' columns are called, and which quantity each may be."""
+    """Return the names of the files' columns, and the quantity that each may be."""
     return seen_columns(PhysicsModel.from_yaml(MODEL), files)
 
 
 def look(progress: Callable, files, mapping, options) -> dict:
-    """Draw the records beside the model as it is given."""
+    """Plot the records together with the model as given."""
     progress("reading the records")
     model = PhysicsModel.from_yaml(MODEL)
     X, y = read_mapped(model, files, mapping)
@@ -109,7 +109,7 @@ def look(progress: Callable, files, mapping, options) -> dict:
 
 
 def diagnose(progress: Callable, files, mapping, options, label: str) -> dict:
-    """Diagnose, write the files of the result, and return what is shown of it."""
+    """Diagnose, write the files of the result, and return the data for display."""
     progress("reading the model and the records")
     model = PhysicsModel.from_yaml(MODEL)
     X, y = read_mapped(model, files, mapping)

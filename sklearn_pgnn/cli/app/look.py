@@ -1,4 +1,4 @@
-"""The records beside the model as it is given, as a piece of a page."""
+"""The records together with the model as given, as a part of a page."""
 
 import numpy as np
 from markupsafe import Markup
@@ -12,7 +12,7 @@ from sklearn_pgnn.inspection.svg import Plot, Scale
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.trajectories import read_records
 
-#: a simulation that leaves the record by more than this many of its ranges is cut
+#: a simulation that exceeds the record by more than this multiple of its range is clipped
 SIGHT = 1.0
 
 
@@ -67,7 +67,7 @@ def _fits(record, seen) -> str:
 
 
 def _plots(model: PhysicsModel, record, run) -> list[tuple[str, Markup]]:
-    """Return the plots of a record: every output measured and simulated, then the inputs."""
+    """Return the plots of a record: every output, measured and simulated, then the inputs."""
     x = Scale.over(record.t, room=0)
     plots = []
     for i, name in enumerate(model.outputs):

@@ -38,7 +38,7 @@ def _look(visitor: Visitor) -> Markup:
 
 
 def _choices(visitor: Visitor) -> list[dict]:
-    """Return every quantity with the column and the unit that are chosen."""
+    """Return every quantity with its chosen column and unit."""
     if visitor.columns is None:
         return []
     nothing = {"column": "", "unit": ""}

@@ -1,11 +1,11 @@
-"""The page's pieces of HTML; all that is put in is escaped."""
+"""The page's pieces of HTML; all inserted content is escaped."""
 
 from functools import cache
 from importlib.resources import files
 
 
 def render(name: str, **content) -> str:
-    """Return a template of the page with its content.
+    """Return a template of the page, filled with its content.
 
     Parameters
     ----------
@@ -24,19 +24,19 @@ def render(name: str, **content) -> str:
 
 @cache
 def source(name: str) -> str:
-    """Return a file of the page as it is."""
+    """Return a file of the page unchanged."""
     return files("sklearn_pgnn.cli.app").joinpath("templates", name).read_text(encoding="utf-8")
 
 
 @cache
 def style() -> str:
-    """Return the style: the report's, and what the page has besides."""
+    """Return the style sheet: that of the report, and the additions of the page."""
     return f"{of_report('style.css')}\n{source('app.css')}"
 
 
 @cache
 def of_report(name: str) -> str:
-    """Return a file of the report as it is."""
+    """Return a file of the report unchanged."""
     folder = files("sklearn_pgnn").joinpath("inspection", "report", "templates")
     return folder.joinpath(name).read_text(encoding="utf-8")
 

@@ -1,4 +1,4 @@
-"""The job of ``sklearn-pgnn app``: the page is served until it is ended."""
+"""The job of ``sklearn-pgnn app``: serve the page until it is stopped."""
 
 import click
 
@@ -15,7 +15,7 @@ def serve(port: int, *, opens: bool, quiet: bool) -> None:
     Parameters
     ----------
     port : int
-        Where; 0 for any port that is free.
+        The port; 0 for any free one.
     opens : bool
         Whether to open the page.
     quiet : bool

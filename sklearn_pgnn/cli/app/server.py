@@ -1,4 +1,4 @@
-"""The page's server: what it answers, on which address it listens."""
+"""The page's server: its responses, and the address on which it listens."""
 
 import hmac
 import json
@@ -23,7 +23,7 @@ from sklearn_pgnn.cli.app.visitors import Full, Visitors
 from sklearn_pgnn.cli.app.work import Refused
 
 ADDRESS = "127.0.0.1"
-#: what the report may do: what its own policy allows it, and nothing as this page
+#: permissions of the report: those of its own policy, and none of this page
 SANDBOX = "sandbox allow-scripts; frame-ancestors 'none'"
 _HTML, _TEXT = "text/html; charset=utf-8", "text/plain; charset=utf-8"
 
@@ -36,9 +36,9 @@ class Server:
     Parameters
     ----------
     hosts : iterable of str
-        What the server may be called, with its port.
+        Permitted names of the server, with its port.
     cookie : str
-        What the visitors' cookie is called.
+        Name of the visitors' cookie.
     """
 
     def __init__(self, hosts: Iterable[str], cookie: str):
@@ -99,7 +99,7 @@ class Server:
         return endpoint
 
     def _changing(self, change: Change):
-        """Return an endpoint that changes something of a visitor, and shows what came out."""
+        """Return an endpoint that changes something of a visitor, and shows the result."""
 
         async def endpoint(request: Request) -> Response:
             visitor = self.visitors.find(request.cookies.get(self.cookie, ""))
@@ -159,7 +159,7 @@ def _model_file(visitor: Visitor, _request: Request) -> Response:
 
 
 def _result_file(visitor: Visitor, request: Request) -> Response:
-    """Return a file of the result; a name that is not in the list of its files is none."""
+    """Return a file of the result; only names in the list of its files are accepted."""
     wanted = request.path_params["name"]
     known = [name for name, _ in (visitor.result or {}).get("files", ()) if name == wanted]
     if not known:
@@ -237,11 +237,11 @@ def _label(request: Request) -> str:
 
 
 class TooLarge(Exception):
-    """More came than is taken."""
+    """A request exceeds the accepted size."""
 
 
 async def _body(request: Request, most: int) -> bytes:
-    """Return what was sent; raise `TooLarge` as soon as it is more than is taken."""
+    """Return the body of a request; raise `TooLarge` as soon as it exceeds the accepted size."""
     said = f"Expected at most {max(most, 0) / 1e6:g} MB more, got more than that."
     with suppress(ValueError):
         if int(request.headers.get("content-length", "0")) > most:
@@ -295,7 +295,7 @@ def make_server(listening: socket.socket) -> uvicorn.Server:
     Parameters
     ----------
     listening : socket.socket
-        Where it listens.
+        Socket on which it listens.
 
     Returns
     -------

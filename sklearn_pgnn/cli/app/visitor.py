@@ -1,4 +1,4 @@
-"""A visitor of the page: a folder, a process, and how far the work is."""
+"""A visitor of the page: a folder, a process, and the progress of the work."""
 
 import asyncio
 import hashlib
@@ -22,13 +22,13 @@ class RecordFile:
     Parameters
     ----------
     number : int
-        What it is called in the visitor's folder.
+        Its number in the visitor's folder.
     label : str
-        What the visitor calls it; it is shown, and never part of a path.
+        The visitor's name of the file, for display only, never part of a path.
     size : int
-        Its bytes.
+        Its size in bytes.
     sha256 : str
-        Their hash.
+        Hash of its content.
     """
 
     number: int
@@ -42,20 +42,20 @@ class RecordFile:
         return f"{self.number}.csv"
 
     def to_dict(self) -> dict:
-        """Return what the process needs to know."""
+        """Return the data that the process needs."""
         return {"file": self.file, "label": self.label, "sha256": self.sha256}
 
 
 @dataclass
 class Stages:
-    """The stages of what is being done.
+    """The stages of the work in progress.
 
     Parameters
     ----------
     what : str
-        What is being done.
+        The work in progress.
     began : float
-        When it began, by `time.monotonic` [s].
+        Time of its beginning, by `time.monotonic` [s].
     """
 
     what: str
@@ -70,7 +70,7 @@ class Stages:
         self._stage_began = self.began
 
     def step(self, told: dict) -> None:
-        """Note a step of the process."""
+        """Record a step of the process."""
         stage = in_words(told["stage"])
         if stage.startswith(BEST):
             self.best = stage
@@ -83,29 +83,30 @@ class Stages:
 
     @property
     def seconds(self) -> float:
-        """Time since it began [s]."""
+        """Time since the beginning [s]."""
         return monotonic() - self.began
 
 
 class Visitor:
-    """What a visitor brought, and what became of it.
+    """A visitor's files and their results.
 
     Attributes
     ----------
     token : str
-        What every change must state, so that no other page can ask for it.
+        Token that every change must state, so that no other page can request it.
     model, columns, result : dict or None
-        What the process read of the model, in the records, and found.
+        Results of the process: of reading the model, of reading the records, and of the
+        diagnosis.
     records : list of RecordFile
         The files.
     mapping : dict
-        By quantity its ``column`` and ``unit``; and ``sample_time``.
+        ``column`` and ``unit`` by quantity; and ``sample_time``.
     looked : bool
-        Whether the records can be seen against the model.
+        Whether the plots of the records and the model are available.
     running : Stages or None
-        What is being done.
+        The work in progress.
     message : str
-        What went wrong, and what to do about it; empty if nothing did.
+        The last error and its remedy; empty if there is none.
     """
 
     def __init__(self) -> None:
@@ -127,7 +128,7 @@ class Visitor:
     # -- what is brought ---------------------------------------------------------------------------
 
     def check_idle(self) -> None:
-        """Refuse a change while a diagnosis is going on; a look gives way."""
+        """Refuse a change during a diagnosis; a look in progress does not prevent it."""
         if self.running is not None and self.running.what == "diagnose":
             raise Refused("A diagnosis is running: wait for it, or stop it first.")
 
@@ -138,7 +139,7 @@ class Visitor:
         await self._read_model({"do": "model", "label": shown_name(label)})
 
     async def take_system(self, system: str) -> None:
-        """Take a ready system for the model."""
+        """Use a ready system as the model."""
         self.check_idle()
         await self._read_model({"do": "system", "system": system})
 
@@ -148,7 +149,7 @@ class Visitor:
         await self.read_columns()
 
     async def take_example(self) -> None:
-        """Take a simulated cart and its records in place of all that is there."""
+        """Replace all files by a simulated cart and its records."""
         self.check_idle()
         made = await self.ask({"do": "example"})
         self.model, self.records = made["model"], []
@@ -160,13 +161,13 @@ class Visitor:
         await self.read_columns()
 
     def new_number(self) -> int:
-        """Return the number of a file that is to come."""
+        """Return the number for a new file."""
         self.check_room(0)
         self._count += 1
         return self._count
 
     def check_room(self, size: int) -> None:
-        """Refuse a file of so many bytes while a diagnosis is going on, or beyond what is taken."""
+        """Refuse a file of a given size during a diagnosis, or beyond the accepted total."""
         self.check_idle()
         if len(self.records) >= RECORDS:
             raise Refused(f"Expected at most {RECORDS} files of records.")
@@ -187,7 +188,7 @@ class Visitor:
             raise
 
     async def drop_record(self, number: int) -> None:
-        """Take a file of records away again."""
+        """Remove a file of records."""
         self.check_idle()
         for record in [record for record in self.records if record.number == number]:
             self.records.remove(record)
@@ -197,7 +198,7 @@ class Visitor:
 
     @property
     def size(self) -> int:
-        """Bytes of all records."""
+        """Size of all records in bytes."""
         return sum(record.size for record in self.records)
 
     def forget_look(self) -> None:
@@ -205,9 +206,9 @@ class Visitor:
         self.looked, self.result, self.message, self.running = False, None, "", None
 
     async def read_columns(self) -> None:
-        """Read what the files' columns are called, and guess which is which.
+        """Read the names of the files' columns, and guess their quantities.
 
-        What was chosen stays where the files still have that column.
+        A chosen column is kept if the files still have it.
         """
         self.columns = None
         if self.model is None or not self.records:
@@ -221,13 +222,13 @@ class Visitor:
 
     @property
     def files(self) -> list[dict]:
-        """The files, as the process takes them."""
+        """The files in the form that the process takes."""
         return [record.to_dict() for record in self.records]
 
     # -- what is done ------------------------------------------------------------------------------
 
     async def ask(self, command: dict) -> dict:
-        """Have something short done."""
+        """Carry out a short command."""
         try:
             async with asyncio.timeout(PATIENCE):
                 return await self.worker.ask(command, lambda _: None)
@@ -240,7 +241,7 @@ class Visitor:
             ) from None
 
     def begin(self, what: str, mapping: dict, options: dict) -> None:
-        """Begin a look or a diagnosis; it goes on by itself."""
+        """Begin a look or a diagnosis, which runs in the background."""
         self.check_idle()
         if self.columns is None:
             raise Refused("Expected a model and records first.")
@@ -252,7 +253,7 @@ class Visitor:
         self._task = asyncio.create_task(self._work(command, self.running))
 
     async def _work(self, command: dict, running: Stages) -> None:
-        """Wait for what is being done; what has given way to something else is nobody's."""
+        """Wait for the work in progress; the result of replaced work is dropped."""
         found, message = None, ""
         try:
             found = await self.worker.ask(command, running.step)
@@ -267,7 +268,7 @@ class Visitor:
             self.looked = not message
 
     async def stop(self) -> None:
-        """Stop what is being done."""
+        """Stop the work in progress."""
         if self.running is not None:
             self.running, self.message = None, "Stopped."
             await self.worker.end()
@@ -284,7 +285,7 @@ def _record(number: int, label: str, content: bytes) -> RecordFile:
 
 
 def shown_name(name: str) -> str:
-    r"""Return the name of a file as it is shown: its last part, printable, not too long.
+    r"""Return the name of a file for display: its last part, printable, not too long.
 
     Examples
     --------

@@ -8,11 +8,11 @@ from sklearn_pgnn.cli.app.visitor import Visitor
 
 
 class Full(Exception):
-    """There are as many visitors as there may be."""
+    """The number of visitors has reached its limit."""
 
 
 class Visitors:
-    """The visitors that are here."""
+    """The current visitors."""
 
     def __init__(self) -> None:
         self._known: dict[str, Visitor] = {}
@@ -40,14 +40,14 @@ class Visitors:
         return key, self._known[key]
 
     async def _forget(self, age: float) -> None:
-        """Forget those who did nothing for so long [s] and have nothing done."""
+        """Forget visitors that were idle for a given time [s] and have no work in progress."""
         now = monotonic()
         for key, visitor in list(self._known.items()):
             if visitor.running is None and now - visitor.seen > age:
                 await self._known.pop(key).close()
 
     async def _forget_oldest(self) -> None:
-        """Forget who has brought nothing and did nothing for longest."""
+        """Forget the visitor without model and records that was idle for longest."""
         empty = [k for k, v in self._known.items() if v.model is None and not v.records]
         if not empty:
             raise Full
@@ -55,7 +55,7 @@ class Visitors:
         await self._known.pop(oldest).close()
 
     async def close(self) -> None:
-        """Forget all."""
+        """Forget all visitors."""
         for visitor in list(self._known.values()):
             await visitor.close()
         self._known.clear()

@@ -1,4 +1,4 @@
-"""The process that works for a visitor: asked in lines of JSON, ended to cancel."""
+"""The process that works for a visitor: commanded by lines of JSON, ended to cancel."""
 
 import asyncio
 import contextlib
@@ -15,7 +15,7 @@ LINE = 4_000_000
 
 
 class Refused(Exception):
-    """What was asked for cannot be done; says why, for the visitor."""
+    """A request that cannot be carried out, with the reason for the visitor."""
 
 
 class Ended(Exception):
@@ -28,7 +28,7 @@ class Worker:
     Parameters
     ----------
     folder : Path
-        Where its files are.
+        Folder of its files.
     """
 
     def __init__(self, folder: Path):
@@ -53,26 +53,26 @@ class Worker:
         return self._process
 
     async def ask(self, command: Mapping, progress: Callable[[dict], object]) -> dict:
-        """Have something done.
+        """Send a command to the process and wait for its result.
 
         Parameters
         ----------
         command : mapping
-            Plain data; ``do`` says what.
+            Plain data; ``do`` names the job.
         progress : callable
             Called with every step that the process reports.
 
         Returns
         -------
         dict
-            What came out.
+            The result.
 
         Raises
         ------
         Refused
-            If it cannot be done.
+            If the command cannot be carried out.
         Ended
-            If the process ended before.
+            If the process ended before its answer.
         """
         async with self._turn:
             process = await self.start()
@@ -92,7 +92,7 @@ class Worker:
             raise Ended
 
     async def end(self) -> None:
-        """End the process and all that it started."""
+        """End the process and all processes that it started."""
         process, self._process = self._process, None
         if process is None or process.returncode is not None:
             return

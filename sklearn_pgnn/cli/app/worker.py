@@ -1,4 +1,4 @@
-"""The visitor's process: takes commands as lines of JSON, answers with steps and an end.
+"""The visitor's process: takes commands as lines of JSON, answers with steps and a result.
 
 Its input closes when the server ends; then it ends, whatever it is doing.
 """
@@ -17,7 +17,7 @@ from sklearn_pgnn.cli.app.jobs import JOBS
 from sklearn_pgnn.cli.guard import one_line
 from sklearn_pgnn.exceptions import UNUSABLE
 
-#: least time between two steps of a stage that are told [s]
+#: least time between two reported steps of a stage [s]
 EVERY = 0.1
 
 
@@ -27,7 +27,7 @@ class Answers:
     Parameters
     ----------
     stream : text file
-        Where they go.
+        Stream to write to.
     """
 
     def __init__(self, stream):
@@ -48,7 +48,7 @@ class Answers:
 
 
 def answer(command: dict, answers: Answers, jobs: dict[str, Callable] = JOBS) -> None:
-    """Do what a command says, and write what came out.
+    """Execute a command, and write the result.
 
     Parameters
     ----------

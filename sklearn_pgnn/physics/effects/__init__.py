@@ -1,4 +1,4 @@
-"""The catalogue: every physical cause of a diagnosis. A new effect is one class, listed once."""
+"""The catalogue of physical causes for a diagnosis. A new effect is one class, listed once."""
 
 from collections.abc import Iterable, Iterator
 from difflib import get_close_matches
@@ -99,12 +99,12 @@ __all__ = ["CATALOGUE", "Formula", "by_id", *(effect.__name__ for effect in CATA
 
 
 def by_id(effect: str) -> type[Effect]:
-    """Return the effect of the catalogue that has an id.
+    """Return the effect of the catalogue with a given id.
 
     Parameters
     ----------
     effect : str
-        Its id, as a diagnosis and its report write it.
+        Its id, as used in a diagnosis and its report.
 
     Returns
     -------
@@ -130,7 +130,7 @@ def by_id(effect: str) -> type[Effect]:
 
 
 def find_effect(effect: str) -> type[Effect]:
-    """Return the effect that has an id: of the catalogue, or any that is defined.
+    """Return the effect with a given id: of the catalogue, or any other that is defined.
 
     Parameters
     ----------
@@ -140,7 +140,7 @@ def find_effect(effect: str) -> type[Effect]:
     Returns
     -------
     type[Effect]
-        The effect; of several of one's own with the id, the one defined last.
+        The effect; if several user-defined effects have the id, the one defined last.
 
     Raises
     ------
@@ -166,7 +166,7 @@ def _kinds_of(kind: type) -> Iterator[type]:
 
 
 def read_catalogue(catalogue) -> tuple[type[Effect], ...]:
-    """Return the effects that a parameter ``catalogue`` means.
+    """Return the effects that a parameter ``catalogue`` stands for.
 
     Parameters
     ----------
@@ -181,7 +181,7 @@ def read_catalogue(catalogue) -> tuple[type[Effect], ...]:
     Raises
     ------
     OptionError
-        If it is no sequence, or something in it is neither an effect nor the id of one.
+        If it is not a sequence, or an element is neither an effect nor the id of one.
 
     Examples
     --------

@@ -11,15 +11,15 @@ from sklearn_pgnn.physics.effects.rates import is_velocity
 from sklearn_pgnn.physics.effects.targets import pair, parts
 from sklearn_pgnn.physics.expressions import symbol
 
-#: a parameter keeps at least this share of its value
+#: a parameter keeps at least this fraction of its value
 KEPT = 0.05
-#: a parameter grows at most so many times over the range of what it depends on
+#: largest factor by which a parameter grows over the range of the signal that it depends on
 GROWN = 20.0
 
 
 @dataclass(frozen=True)
 class ParameterDependence(Effect):
-    """A parameter in whose place a function of it and of a signal stands."""
+    """A parameter that is replaced by a function of itself and of a signal."""
 
     @classmethod
     def can_act(cls, target, model):
@@ -32,7 +32,7 @@ class ParameterDependence(Effect):
         raise NotImplementedError
 
     def rewrite(self, model, p):
-        """Put the value for the parameter."""
+        """Replace the parameter by its value as a function of the signal."""
         parameter, signal = map(symbol, parts(self.target))
         return substitute(model, parameter, self.value(parameter, signal, p))
 
@@ -63,10 +63,10 @@ class ParameterDependence(Effect):
 class ParameterSlope(ParameterDependence):
     r"""A parameter that changes in proportion to a signal, :math:`p\,(1 + a s)`.
 
-    Looked for are coefficients (the rates are linear in them) that depend on a state that a sensor
-    shows, or on an input that drives nothing, such as a room's temperature. Velocities and what the
-    coefficient itself multiplies are no such signals: frictions, springs and `ParameterSaturation`
-    stand for those. The signal counts from its zero.
+    A diagnosis considers coefficients (the rates are linear in them) that depend on a measured
+    state, or on an input that drives nothing, such as the room temperature. Velocities and the
+    signals that the coefficient itself multiplies are excluded: frictions, springs and
+    `ParameterSaturation` cover those. The signal is measured from its zero.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ class ParameterSlope(ParameterDependence):
 
     @classmethod
     def targets(cls, model):
-        """Return coefficients with shown signals that they do not multiply themselves."""
+        """Return coefficients with measured signals that they do not multiply themselves."""
         return tuple(
             pair(name, signal)
             for name, slopes in _coefficients(model).items()
@@ -122,10 +122,10 @@ class ParameterSlope(ParameterDependence):
 class ParameterSaturation(ParameterDependence):
     r"""A coefficient that depends on the magnitude of its signal, :math:`p/(1 + b |s|)`.
 
-    Its term :math:`p\,s` grows ever less and ends at :math:`p/b`, as a motor's torque or an
-    amplifier's output does; with a negative :math:`b` it grows ever more, as a propeller's thrust
+    Its term :math:`p\,s` levels off towards :math:`p/b`, as a motor's torque or an amplifier's
+    output does; with a negative :math:`b` it grows ever more steeply, as a propeller's thrust
     over its voltage does. Candidates are the
-    coefficients that stand at a function of one shown signal alone. Forces of a velocity or of a
+    coefficients that multiply a function of a single measured signal. Forces of a velocity or of a
     position are not among them: they are friction, drag and springs.
 
     Parameters
@@ -133,7 +133,7 @@ class ParameterSaturation(ParameterDependence):
     target : str
         Parameter and signal, as ``"K(u)"``.
     bend : float, default=0
-        Inverse :math:`b` of the magnitude at which half is left [1/signal].
+        Inverse :math:`b` of the magnitude at which the coefficient has halved [1/signal].
 
     Examples
     --------
@@ -158,7 +158,7 @@ class ParameterSaturation(ParameterDependence):
 
     @classmethod
     def targets(cls, model):
-        """Return coefficients of a function of one shown signal, with that signal."""
+        """Return coefficients of a function of a single measured signal, with that signal."""
         pairs = (
             (name, signal)
             for name, slopes in _coefficients(model).items()
@@ -183,13 +183,13 @@ class ParameterSaturation(ParameterDependence):
 
     @classmethod
     def limits(cls, target, model, scales):
-        """Let the parameter at most double."""
+        """Bound the growth of the parameter to a factor of two."""
         peak = scales.peak[parts(target)[1]] or 1.0
         return {"bend": (-0.5 / peak, GROWN / peak)}
 
 
 def _coefficients(model) -> dict[str, tuple[sympy.Expr, ...]]:
-    """Return the parameters that the rates are linear in, with the derivatives by them."""
+    """Return the parameters in which the rates are linear, with the derivatives by them."""
     found = {}
     for name in model.free_parameters:
         p = symbol(name)
@@ -200,7 +200,7 @@ def _coefficients(model) -> dict[str, tuple[sympy.Expr, ...]]:
 
 
 def _shown(model) -> tuple[str, ...]:
-    """Return the inputs, and the states that an output shows or whose position it shows."""
+    """Return the inputs, and the states measured by an output, itself or by their position."""
     read = {str(s) for output in model.outputs.values() for s in output.free_symbols}
     read |= {velocity for velocity, position in model.slope_pairs.items() if position in read}
     return (*(state for state in model.states if state in read), *model.inputs)

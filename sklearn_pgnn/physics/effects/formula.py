@@ -1,4 +1,4 @@
-"""A formula as an effect: terms that were found in records."""
+"""A formula as an effect: terms identified from records."""
 
 import re
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ def add_at(model, target: str, expression) -> dict:
     target : str
         The state whose rate it is added to, or the input or output.
     expression : sympy.Expr
-        What is added.
+        Expression to add.
 
     Returns
     -------
@@ -39,7 +39,7 @@ def add_at(model, target: str, expression) -> dict:
 class Formula(Effect):
     r"""Terms added to a rate, to an input or to an output, :math:`\sum_i c_i \theta_i(x, u, t)`.
 
-    It is no candidate of a diagnosis: it is what a diagnosis proposes where no candidate will do.
+    It is not a candidate of a diagnosis, but proposed by it where no candidate is adequate.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ class Formula(Effect):
     terms : tuple of str
         Expressions of states, inputs and ``t``.
     coefficients : tuple of float
-        One for every term.
+        One per term.
     first : int, default=1
         Number of the first coefficient; see `next_number` for a second formula on a target.
 
@@ -74,7 +74,7 @@ class Formula(Effect):
 
     @staticmethod
     def next_number(model, target: str) -> int:
-        """Return the number that follows those of a target's coefficients in a model.
+        """Return the next free number for the coefficients of a target in a model.
 
         Parameters
         ----------
@@ -86,7 +86,7 @@ class Formula(Effect):
         Returns
         -------
         int
-            1 where there are none.
+            The number; 1 if there are no coefficients.
 
         Examples
         --------

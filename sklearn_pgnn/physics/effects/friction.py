@@ -19,10 +19,10 @@ from sklearn_pgnn.physics.effects.rates import (
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.extremes import maximum, minimum
 
-#: stands for the load until the model says what it is
+#: placeholder for the load until the model defines it
 LOAD = sympy.Symbol("_load", real=True)
-#: share of a speed's range on either side of rest from which on it has two directions; less lies
-#: within the noise of a speed that is found by differences
+#: least fraction of a speed's range on either side of rest for motion in two directions; less is
+#: within the noise of a speed obtained from differences
 BOTH_WAYS = 0.05
 
 
@@ -62,11 +62,11 @@ class ViscousFriction(RateEffect):
 
 @dataclass(frozen=True)
 class SpeedEffect(RateEffect):
-    """A force that needs no more than a speed, be it called one or not."""
+    """A force that needs only a speed, whether or not the model declares it as one."""
 
     @classmethod
     def targets(cls, model):
-        """Return the names of the velocities of the model, and the signals that may be some."""
+        """Return the names of the velocities of the model, and of signals that may be speeds."""
         known = super().targets(model)
         return tuple(s for s in model.states if s in known or may_be_speed(model, s))
 
@@ -75,7 +75,7 @@ class SpeedEffect(RateEffect):
 class CoulombFriction(SpeedEffect):
     r"""Dry friction of constant level, :math:`F = F_c\,\mathrm{sign}(v)`.
 
-    The simulation treats the jump at rest exactly: below the level the target sticks.
+    The simulation treats the jump at rest exactly: for forces below the level the target sticks.
 
     Parameters
     ----------
@@ -111,12 +111,12 @@ class CoulombFriction(SpeedEffect):
 
 @dataclass(frozen=True)
 class LoadFriction(SpeedEffect):
-    r"""Dry friction that grows with the load that is transmitted, as in a gear.
+    r"""Dry friction that grows with the transmitted load, as in a gear.
 
     .. math:: F = (F_c + \mu\,|F_d|)\,\mathrm{sign}(v)
 
-    The load :math:`F_d` is what drives the velocity: the inputs' part of its force, or, where no
-    input acts on it, that of states of first order, such as a motor's current.
+    The load :math:`F_d` is the driving force of the velocity: the part of the inputs or, where no
+    input acts on it, that of first-order states, such as a motor's current.
 
     Parameters
     ----------
@@ -125,7 +125,7 @@ class LoadFriction(SpeedEffect):
     level : float, default=0
         Friction level :math:`F_c` without load [force].
     share : float, default=0
-        Share :math:`\mu` of the load that is lost; from 1 on, nothing would move.
+        Fraction :math:`\mu` of the load that is lost; from 1 on, nothing would move.
 
     Examples
     --------
@@ -145,7 +145,7 @@ class LoadFriction(SpeedEffect):
 
     @classmethod
     def targets(cls, model):
-        """Return the velocities that something drives."""
+        """Return the velocities with a driving force."""
         return tuple(state for state in super().targets(model) if _drive(model, state) != 0)
 
     @classmethod
@@ -154,7 +154,7 @@ class LoadFriction(SpeedEffect):
         return target in super().targets(model)
 
     def rewrite(self, model, p):
-        """Put what drives the target for its symbol, and subtract the force."""
+        """Replace the load's symbol by the driving force, and subtract the friction."""
         changes = super().rewrite(model, p)
         load = {LOAD: _drive(model, self.target)}
         return {
@@ -173,18 +173,18 @@ class LoadFriction(SpeedEffect):
 
     @classmethod
     def starts(cls, target, model, scales):
-        """Start with little of the load lost, and with more."""
+        """Start with a small and with a larger loss."""
         force = force_scale(target, model, scales)
         return (cls(target, 0.02 * force, 0.02), cls(target, 0.02 * force, 0.2))
 
     @classmethod
     def limits(cls, target, model, scales):
-        """Let some of the load through."""
+        """Keep the transmitted load above zero."""
         return {"share": (0.0, 0.95)}
 
 
 def _drive(model, state: str) -> sympy.Expr:
-    """Return the addends of a velocity's force that hold inputs, or else states of first order."""
+    """Return the addends of a velocity's force with inputs, or else with first-order states."""
     inertia = model.inertia.get(state, sympy.Integer(1))
     known = {state, model.kinematic_pairs.get(state)}
     addends = sympy.Add.make_args(sympy.expand(_unbounded(model.equations[state]) * inertia))
@@ -202,7 +202,7 @@ def _drive(model, state: str) -> sympy.Expr:
 
 
 def _unbounded(rate: sympy.Expr) -> sympy.Expr:
-    """Return what a rate is between its bounds: of what it compares, that with most symbols."""
+    """Return a rate without its bounds: of the values it compares, the one with most symbols."""
     while isinstance(rate, sympy.Max | sympy.Min):
         rate = max(rate.args, key=lambda part: len(part.free_symbols))
     return rate
@@ -265,7 +265,7 @@ class StribeckFriction(SpeedEffect):
 
 @dataclass(frozen=True)
 class AsymmetricFriction(SpeedEffect):
-    r"""Dry and viscous friction that differ by direction.
+    r"""Dry and viscous friction that differ by the direction of motion.
 
     .. math:: F = F_+ + d_+ v \;(v > 0), \qquad F = -F_- + d_- v \;(v < 0)
 
@@ -308,7 +308,7 @@ class AsymmetricFriction(SpeedEffect):
         return (cls(target, force, force),)
 
     def is_distinct(self, scales):
-        """Return whether the motion has two directions."""
+        """Return whether the motion goes in both directions."""
         low, high = scales.ends(self.target)
         return min(-low, high) > BOTH_WAYS * (high - low)
 
@@ -347,15 +347,15 @@ class QuadraticDrag(SpeedEffect):
 
 @dataclass(frozen=True)
 class Hysteresis(PositionEffect):
-    r"""A force with hysteresis: Bouc and Wen's model, normalised.
+    r"""A force with hysteresis: the normalised Bouc-Wen model.
 
     .. math::
         F = F_h\,\zeta, \qquad
         \dot\zeta = \frac{1}{x_y} \left(v - (1 - s)\,|v|\,\zeta - s\,v\,|\zeta|\right)
 
-    The force reaches :math:`\pm F_h` when the motion has gone on for some yield deflections; below
-    it acts as a spring of stiffness :math:`F_h/x_y`. A window may start with any :math:`\zeta`; one
-    beyond :math:`\pm 1`, from which the equation would run away, counts as :math:`\pm 1`.
+    The force reaches :math:`\pm F_h` after a motion of some yield deflections; below, it acts as a
+    spring of stiffness :math:`F_h/x_y`. A window may start with any :math:`\zeta`; a value beyond
+    :math:`\pm 1`, from which the equation would diverge, counts as :math:`\pm 1`.
 
     Parameters
     ----------
@@ -366,7 +366,7 @@ class Hysteresis(PositionEffect):
     deflection : float, default=1
         Yield deflection :math:`x_y` [position].
     shape : float, default=0.5
-        How unloading differs from loading, :math:`s` [-]: 0 gives Dahl's friction, 0.5 unloads
+        Difference of unloading from loading, :math:`s` [-]: 0 gives Dahl friction, 0.5 unloads
         along a straight line.
 
     References
@@ -398,7 +398,7 @@ class Hysteresis(PositionEffect):
 
     @property
     def bounded(self) -> sympy.Expr:
-        """The state, kept where it is bound to stay."""
+        """The state, limited to its admissible range."""
         return maximum(minimum(symbol(self.state), 1), -1)
 
     def rewrite(self, model, p):
@@ -421,9 +421,9 @@ class Hysteresis(PositionEffect):
 
     @classmethod
     def limits(cls, target, model, scales):
-        """Keep the deflection well below the travel, and wider than the way of one sample.
+        """Keep the deflection well below the travel and above the motion within one sample.
 
-        One of the size of the travel is a spring, with a load that is new in every window.
+        A deflection of the size of the travel is a spring, with a new load in every window.
         """
         travel, step = scales.typical[model.kinematic_pairs[target]], scales.sample_time
         least = max(0.002 * travel, step * scales.typical[target])

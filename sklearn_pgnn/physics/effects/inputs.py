@@ -1,4 +1,4 @@
-"""Effects on an input: what reaches the machine is not what was commanded."""
+"""Effects on an input: the machine receives something other than the command."""
 
 import re
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ class InputEffect(Effect):
         return tuple(model.inputs)
 
     def seen(self, u, p):
-        """Return what the machine sees of the input."""
+        """Return the input as it acts on the machine."""
         raise NotImplementedError
 
     def rewrite(self, model, p):
@@ -31,12 +31,12 @@ class InputEffect(Effect):
         return substitute(model, u, self.seen(u, p))
 
     def characteristic(self, model):
-        """Return the input as the machine feels it over the commanded one."""
+        """Return the input as it acts on the machine over the commanded one."""
         return Characteristic("input", self.target)
 
 
 def substitute(model, old, new) -> dict:
-    """Return the changes that put `new` for `old` in every expression of a model."""
+    """Return the changes that replace `old` by `new` in every expression of a model."""
 
     def replaced(items):
         return {key: item.subs(old, new) for key, item in items.items()}
@@ -51,7 +51,7 @@ def substitute(model, old, new) -> dict:
 
 @dataclass(frozen=True)
 class InputBias(InputEffect):
-    r"""A constant error of the input, :math:`u + b`.
+    r"""A constant offset of the input, :math:`u + b`.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ class InputBias(InputEffect):
 
 @dataclass(frozen=True)
 class InputGain(InputEffect):
-    r"""An actuator whose scale is off, :math:`(1 + g)\,u`.
+    r"""An actuator with a gain error, :math:`(1 + g)\,u`.
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ class InputGain(InputEffect):
 
 @dataclass(frozen=True)
 class InputDeadZone(InputEffect):
-    r"""An input that does nothing while it is small.
+    r"""An input with a dead zone.
 
     .. math:: \max(u - w, 0) + \min(u + w, 0)
 
@@ -144,7 +144,7 @@ class InputDeadZone(InputEffect):
 
     @classmethod
     def starts(cls, target, model, scales):
-        """Start from small to large shares of the input."""
+        """Start from small to large fractions of the input."""
         return tuple(cls(target, share * scales.peak[target]) for share in (0.03, 0.15, 0.4))
 
     @classmethod
@@ -155,7 +155,7 @@ class InputDeadZone(InputEffect):
 
 @dataclass(frozen=True)
 class AsymmetricDeadZone(InputEffect):
-    r"""An input that does nothing while it is small, and not as long on both sides.
+    r"""An input with a dead zone of different widths on its two sides.
 
     .. math:: \max(u - w_+, 0) + \min(u + w_-, 0)
 
@@ -199,7 +199,7 @@ class AsymmetricDeadZone(InputEffect):
 
 @dataclass(frozen=True)
 class InputSaturation(InputEffect):
-    r"""An input that is cut at a limit, :math:`\min(\max(u, -L), L)`.
+    r"""An input that saturates at a limit, :math:`\min(\max(u, -L), L)`.
 
     Parameters
     ----------
@@ -220,17 +220,17 @@ class InputSaturation(InputEffect):
     check = "Command large steps of growing size: the response stops growing."
 
     def seen(self, u, p):
-        """Return u cut at the limit."""
+        """Return u clipped at the limit."""
         return minimum(maximum(u, -p["limit"]), p["limit"])
 
     @classmethod
     def starts(cls, target, model, scales):
-        """Start from a light to a heavy cut."""
+        """Start from light to heavy clipping."""
         return tuple(cls(target, share * scales.peak[target]) for share in (0.95, 0.75, 0.5))
 
     @classmethod
     def limits(cls, target, model, scales):
-        """Cut something, and let something through: of an input of one sign its least value."""
+        """Clip some and pass some of the input; for an input of one sign, pass its least value."""
         (low, high), peak = scales.ends(target), scales.peak[target]
         least = max(low, -high, 0.0)
         return {"limit": (least + 0.02 * (peak - least), peak)}
@@ -238,7 +238,7 @@ class InputSaturation(InputEffect):
 
 @dataclass(frozen=True)
 class Delay(Effect):
-    """What comes late, by a delay of at most half a window."""
+    """A delayed signal, by a delay of at most half a window."""
 
     phrase = "{effect} of {target}"
 
@@ -259,7 +259,7 @@ class Delay(Effect):
 
 @dataclass(frozen=True)
 class InputDelay(Delay):
-    r"""An input that acts late, :math:`u(t - \tau)`.
+    r"""An input that acts with a delay, :math:`u(t - \tau)`.
 
     Parameters
     ----------
@@ -285,20 +285,20 @@ class InputDelay(Delay):
         return tuple(name for name in model.inputs if name not in model.delays)
 
     def rewrite(self, model, p):
-        """Note the delay beside the input."""
+        """Add the delay to the input."""
         return {"delays": {**model.delays, self.target: str(p["delay"])}}
 
     def characteristic(self, model):
-        """Return the input as the machine feels it over the time."""
+        """Return the input as it acts on the machine over the time."""
         return Characteristic("input", self.target, TIME)
 
 
 @dataclass(frozen=True)
 class ActuatorEffect(Effect):
-    """An input that the machine sees through a state of the actuator."""
+    """An input that acts on the machine through a state of the actuator."""
 
     phrase = "{effect} of {target}"
-    #: what follows the input's name in the state's
+    #: suffix to the input's name in the name of the state
     ending = ""
 
     @classmethod
@@ -314,15 +314,15 @@ class ActuatorEffect(Effect):
         return next((state for state in followers if named.fullmatch(state)), None)
 
     def rate(self, u, acting, p):
-        """Return the rate of what acts, from what is commanded."""
+        """Return the rate of the acting input, from the commanded one."""
         raise NotImplementedError
 
     def characteristic(self, model):
-        """Return the input as the machine feels it over the time."""
+        """Return the input as it acts on the machine over the time."""
         return Characteristic("input", self.target, TIME)
 
     def rewrite(self, model, p):
-        """Add the actuator's state and let the equations see it."""
+        """Add the actuator's state and use it in the equations."""
         u, acting = symbol(self.target), symbol(self._free_name(model))
         changes = substitute(model, u, acting)
         changes["equations"][str(acting)] = self.rate(u, acting, p)
@@ -331,7 +331,7 @@ class ActuatorEffect(Effect):
         return changes
 
     def _free_name(self, model) -> str:
-        """Return the first name for the actuator's state that the model has not given away."""
+        """Return the first name for the actuator's state that is free in the model."""
         wanted = self.target + self.ending
         taken = {same_name(name) for name in (*model.states, *model.inputs, *model.parameters)}
         names = (wanted, *(f"{wanted}_{number}" for number in range(2, len(taken) + 3)))
@@ -384,7 +384,7 @@ class ActuatorLag(ActuatorEffect):
 
 @dataclass(frozen=True)
 class InputRateLimit(ActuatorEffect):
-    r"""An actuator that slews: it follows its command no faster than a limit.
+    r"""An actuator with a limited slew rate: it follows its command no faster than a limit.
 
     .. math:: \dot u_a = \max(\min((u - u_a)/T, R), -R)
 
@@ -395,8 +395,8 @@ class InputRateLimit(ActuatorEffect):
     limit : float, default=1e9
         Largest rate :math:`R` [input per second].
     time_constant : float, default=1
-        Time constant :math:`T` [s] with which it follows small changes; a diagnosis keeps it at a
-        sample or two, for one that is felt is an `ActuatorLag`.
+        Time constant :math:`T` [s] for small changes; a diagnosis keeps it at a sample or two,
+        because a noticeable one is an `ActuatorLag`.
 
     Examples
     --------
@@ -426,7 +426,7 @@ class InputRateLimit(ActuatorEffect):
 
     @classmethod
     def limits(cls, target, model, scales):
-        """Bound what is commanded, a step between its extremes at most; follow within samples."""
+        """Bound the command, at most a step between its extremes; follow it within samples."""
         peak, quickest = scales.peak[target], 0.5 * scales.sample_time
         return {
             "limit": (0.02 * peak / scales.window, 2.0 * peak / quickest),
@@ -436,7 +436,7 @@ class InputRateLimit(ActuatorEffect):
 
 @dataclass(frozen=True)
 class InputBacklash(ActuatorEffect):
-    r"""Play between the command and the machine.
+    r"""Backlash (play) between the command and the machine.
 
     .. math:: T\,\dot u_a = \max(u - u_a - w, 0) + \min(u - u_a + w, 0)
 
@@ -445,7 +445,7 @@ class InputBacklash(ActuatorEffect):
     target : str
         The input.
     width : float, default=0
-        Half of the play, :math:`w` [input].
+        Half-width :math:`w` of the play [input].
     time_constant : float, default=1
         Time constant :math:`T` [s] of the contact; a diagnosis keeps it at a sample or two.
 
@@ -464,7 +464,7 @@ class InputBacklash(ActuatorEffect):
     ending = "_engaged"
 
     def rate(self, u, acting, p):
-        """Return the rate in contact, none within the play."""
+        """Return the rate in contact, zero within the play."""
         gap, w = u - acting, p["width"]
         return (maximum(gap - w, 0) + minimum(gap + w, 0)) / p["time_constant"]
 

@@ -1,4 +1,4 @@
-"""Effects on any rate: bounds on it and on its state, and a linear loss."""
+"""Effects on any rate: bounds on the rate and on its state, and a linear loss."""
 
 from dataclasses import dataclass
 
@@ -34,7 +34,7 @@ class StateEffect(Effect):
 
     @classmethod
     def targets(cls, model):
-        """Return the names of the states of first order: neither velocities nor their positions."""
+        """Return the names of the first-order states: neither velocities nor their positions."""
         return first_order_states(model)
 
     def rate(self, state, rate, p):
@@ -48,7 +48,7 @@ class StateEffect(Effect):
         return {"equations": {**model.equations, self.target: new}}
 
     def characteristic(self, model):
-        """Return what is missing in the rate over the state."""
+        """Return the missing rate over the state."""
         return Characteristic("force", self.target, symbol(self.target))
 
     def units(self, model):
@@ -96,18 +96,18 @@ class RateLimit(StateEffect):
 
     @classmethod
     def starts(cls, target, model, scales):
-        """Start from a light to a heavy cut."""
+        """Start from light to heavy limiting."""
         return tuple(cls(target, share * scales.rate[target]) for share in (2.0, 1.0, 0.5))
 
     @classmethod
     def limits(cls, target, model, scales):
-        """Cut something."""
+        """Keep the limit low enough to act."""
         return {"limit": (0.05 * scales.rate[target], 10.0 * scales.rate[target])}
 
 
 @dataclass(frozen=True)
 class StateLimit(StateEffect):
-    r"""A state that cannot leave a range: a level that spills, a value at its stop.
+    r"""A state that cannot leave a range: a level that overflows, a value at its stop.
 
     .. math:: \dot x = \max(\min(f, (L - x)\,c), -(L + x)\,c)
 
@@ -116,9 +116,9 @@ class StateLimit(StateEffect):
     target : str
         The state.
     limit : float, default=1e9
-        Limit :math:`L` [state], of its magnitude.
+        Limit :math:`L` of the magnitude [state].
     steepness : float, default=1
-        How fast the state comes to rest at its limit, :math:`c` [1/s].
+        Rate :math:`c` at which the state comes to rest at its limit [1/s].
 
     Examples
     --------
@@ -147,16 +147,16 @@ class StateLimit(StateEffect):
 
     @classmethod
     def limits(cls, target, model, scales):
-        """Bound something, and come to rest no faster than the samples show."""
+        """Keep the limit low enough to act, and the stop no faster than the samples resolve."""
         steepness = (1.0 / scales.window, 1.0 / scales.sample_time)
         return {"limit": limits_of_a_level(target, scales), "steepness": steepness}
 
 
 def limits_of_a_level(target: str, scales) -> tuple[float, float]:
-    """Return how small and large a limit may be that a level is slowed down towards.
+    """Return the least and the largest limit for a level that slows down towards it.
 
-    A level that flows in comes to rest before its limit, and still at its peak it is slowed down
-    by a limit beyond.
+    A level with inflow comes to rest below its limit, and even at its peak it is slowed down by a
+    limit above.
     """
     peak = scales.peak[target]
     return 0.1 * peak, peak + scales.rate[target] * scales.window
@@ -190,13 +190,13 @@ class Leak(StateEffect):
 
     @classmethod
     def starts(cls, target, model, scales):
-        """Start tight."""
+        """Start without a loss."""
         return (cls(target),)
 
 
 @dataclass(frozen=True)
 class LeakToLevel(StateEffect):
-    r"""An exchange with surroundings that stay as they are, :math:`\dot x = f - \lambda (x - c)`.
+    r"""An exchange with constant surroundings, :math:`\dot x = f - \lambda (x - c)`.
 
     Parameters
     ----------
@@ -205,7 +205,7 @@ class LeakToLevel(StateEffect):
     coefficient : float, default=0
         Exchange :math:`\lambda` [1/s].
     level : float, default=0
-        Value :math:`c` [state] that the state goes to if left alone.
+        Value :math:`c` [state] that the state tends to if left alone.
 
     Examples
     --------
@@ -223,7 +223,7 @@ class LeakToLevel(StateEffect):
 
     @classmethod
     def targets(cls, model):
-        """Return the states without a linear loss: beside one, a constant load is the level."""
+        """Return the states without a linear loss: with one, a constant load acts as the level."""
         return tuple(s for s in super().targets(model) if not _has_loss(model, s))
 
     def rate(self, state, rate, p):
@@ -232,7 +232,7 @@ class LeakToLevel(StateEffect):
 
     @classmethod
     def starts(cls, target, model, scales):
-        """Start at a loss within a window or so, to the lower or to the upper end of the state."""
+        """Start at a loss within about a window, to the lower or the upper end of the state."""
         low, high = scales.ends(target)
         return tuple(cls(target, 0.1 / scales.window, level) for level in (low, high))
 
@@ -245,7 +245,7 @@ class LeakToLevel(StateEffect):
 
 @dataclass(frozen=True)
 class LeakToInput(Effect):
-    r"""An exchange with surroundings that an input records, :math:`\dot x = f - \lambda (x - u)`.
+    r"""An exchange with surroundings given by an input, :math:`\dot x = f - \lambda (x - u)`.
 
     Parameters
     ----------
@@ -269,7 +269,7 @@ class LeakToInput(Effect):
 
     @classmethod
     def targets(cls, model):
-        """Return the states of first order, each with every input of its unit, if it has one."""
+        """Return the first-order states, each with every input of the same unit, if it has one."""
         return tuple(
             pair(state, name)
             for state in first_order_states(model)
@@ -294,11 +294,11 @@ class LeakToInput(Effect):
 
     @classmethod
     def starts(cls, target, model, scales):
-        """Start tight."""
+        """Start without a loss."""
         return (cls(target),)
 
     def characteristic(self, model):
-        """Return what is missing in the rate over the difference of state and input."""
+        """Return the missing rate over the difference of state and input."""
         state, name = parts(self.target)
         difference = symbol(state) - symbol(name)
         return Characteristic("force", state, difference, unit=model.unit(state))

@@ -1,4 +1,4 @@
-"""Effects on an output: what the sensor shows is not what is."""
+"""Effects on an output: the reading of the sensor differs from the true value."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ from sklearn_pgnn.physics.effects.inputs import Delay
 from sklearn_pgnn.physics.expressions import TIME
 from sklearn_pgnn.physics.extremes import maximum, minimum
 
-#: a bent scale is at most so many times as steep, or as flat, as at zero
+#: largest factor by which a curved scale is steeper, or flatter, than at zero
 STEEPEST = 10.0
 
 
@@ -27,7 +27,7 @@ class OutputEffect(Effect):
         return tuple(model.outputs)
 
     def shown(self, y, p):
-        """Return what the sensor shows of the true output."""
+        """Return the reading of the sensor for the true output."""
         raise NotImplementedError
 
     def rewrite(self, model, p):
@@ -37,13 +37,13 @@ class OutputEffect(Effect):
         return {"outputs": outputs}
 
     def characteristic(self, model):
-        """Return the error of the sensor over what it should show."""
+        """Return the error of the sensor over the true output."""
         return Characteristic("output", self.target)
 
 
 @dataclass(frozen=True)
 class SensorBias(OutputEffect):
-    r"""A sensor that is off by a constant, :math:`y + b`.
+    r"""A sensor with a constant offset, :math:`y + b`.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ class SensorBias(OutputEffect):
 
 @dataclass(frozen=True)
 class SensorGain(OutputEffect):
-    r"""A sensor whose scale is off, :math:`(1 + g)\,y`.
+    r"""A sensor with a gain error, :math:`(1 + g)\,y`.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ class SensorGain(OutputEffect):
 
 @dataclass(frozen=True)
 class SensorCurvature(OutputEffect):
-    r"""A sensor whose scale is bent, :math:`y + c\,y^2`.
+    r"""A sensor with a curved scale, :math:`y + c\,y^2`.
 
     The slope of the scale is one at zero, and :math:`\sqrt{1 + 4 c r}` at the reading :math:`r`: a
     fit keeps it between a tenth and ten over all readings.
@@ -188,21 +188,21 @@ class SensorSaturation(OutputEffect):
 
     @classmethod
     def starts(cls, target, model, scales):
-        """Start with an end above, below, or both."""
+        """Start with an upper end, a lower end, or both."""
         cuts = ((0.02, 0.0), (0.0, 0.02), (0.02, 0.02), (0.1, 0.0), (0.0, 0.1), (0.15, 0.15))
         places = (scales.ends(target, below, above) for above, below in cuts)
         return tuple(cls(target, upper, lower) for lower, upper in places)
 
     @classmethod
     def limits(cls, target, model, scales):
-        """Keep the ends where the reading goes."""
+        """Keep the ends within the range of the readings."""
         (low, high), (lowest, highest) = scales.ends(target), scales.ends(target, 0.02, 0.02)
         return {"upper": (lowest, high), "lower": (low, highest)}
 
 
 @dataclass(frozen=True)
 class SensorRectification(OutputEffect):
-    r"""A sensor that sees a magnitude only, :math:`|y|`.
+    r"""A sensor that measures the magnitude only, :math:`|y|`.
 
     Parameters
     ----------
@@ -227,15 +227,15 @@ class SensorRectification(OutputEffect):
 
     @classmethod
     def starts(cls, target, model, scales):
-        """Start as it is: there is nothing to fit."""
+        """Return the effect itself: there is nothing to fit."""
         return (cls(target),)
 
 
 @dataclass(frozen=True)
 class SensorDelay(Delay):
-    r"""A sensor that shows what was some time ago, :math:`y(t - \tau)`.
+    r"""A sensor with a delay, :math:`y(t - \tau)`.
 
-    Seen from the only sensor of a machine, all of its inputs act late: the states of the extended
+    For the only sensor of a machine this is a delay of all inputs: the states of the extended
     model are those that the sensor shows at the time, :math:`x(t - \tau)`.
 
     Parameters
@@ -258,12 +258,12 @@ class SensorDelay(Delay):
 
     @classmethod
     def targets(cls, model):
-        """Return the output of a model with only one, whose inputs act at once."""
+        """Return the output of a model with a single output, whose inputs have no delay."""
         late = model.delays or not model.inputs or len(model.outputs) > 1
         return () if late else tuple(model.outputs)
 
     def rewrite(self, model, p):
-        """Let every input act late."""
+        """Delay every input."""
         return {"delays": {name: str(p["delay"]) for name in model.inputs}}
 
     def characteristic(self, model):

@@ -1,4 +1,4 @@
-"""A vessel that runs over, into the next one below."""
+"""A vessel that overflows into the next one below."""
 
 from dataclasses import dataclass
 
@@ -15,13 +15,13 @@ from sklearn_pgnn.physics.extremes import maximum, minimum
 
 @dataclass(frozen=True)
 class Overflow(StateEffect):
-    r"""A level that spills over a rim, partly into the vessel that it flows into.
+    r"""A level that overflows at a rim, partly into the vessel that it flows into.
 
     .. math:: \dot x = \min(f, c (L - x)), \qquad
               \dot x_\mathrm{next} = f_\mathrm{next} + \rho \max(f - c (L - x), 0)
 
-    The next vessel is the one state of first order and of the same unit whose rate the level is
-    in, and that does not act back.
+    The next vessel is the one first-order state of the same unit whose rate depends on the level
+    and that does not act back on it.
 
     Parameters
     ----------
@@ -30,9 +30,9 @@ class Overflow(StateEffect):
     limit : float, default=1e9
         Rim :math:`L` [state].
     steepness : float, default=1
-        How fast the level comes to rest at its rim, :math:`c` [1/s].
+        Rate :math:`c` at which the level comes to rest at its rim [1/s].
     share : float, default=0
-        What the next level gains for what this one loses, :math:`\rho`.
+        Gain of the next level per loss of this one, :math:`\rho`.
 
     Examples
     --------
@@ -53,11 +53,11 @@ class Overflow(StateEffect):
 
     @classmethod
     def targets(cls, model):
-        """Return the names of the levels that flow into one other."""
+        """Return the names of the levels that flow into exactly one other."""
         return tuple(state for state in super().targets(model) if len(_next(model, state)) == 1)
 
     def rewrite(self, model, p):
-        """Take what spills from the target, and give a share of it to the next."""
+        """Subtract the overflow from the target, and add a share of it to the next level."""
         (below,) = _next(model, self.target)
         inflow = model.equations[self.target]
         room = (p["limit"] - symbol(self.target)) * p["steepness"]
@@ -68,13 +68,13 @@ class Overflow(StateEffect):
 
     @classmethod
     def starts(cls, target, model, scales):
-        """Start from a little to a lot that spills, half of it caught."""
+        """Start from a small to a large overflow, half of it caught."""
         steepness, peak = 0.3 / scales.sample_time, scales.peak[target]
         return tuple(cls(target, part * peak, steepness, 0.5) for part in (0.95, 0.8, 0.6))
 
     @classmethod
     def limits(cls, target, model, scales):
-        """Spill something, at rest within a tenth of a window, no faster than samples show."""
+        """Keep some overflow; come to rest within a tenth of a window, as samples can resolve."""
         fastest = 1.0 / scales.sample_time
         return {
             "limit": limits_of_a_level(target, scales),
@@ -84,7 +84,7 @@ class Overflow(StateEffect):
 
 
 def _next(model, state: str) -> tuple[str, ...]:
-    """Return the names of the levels that a level flows into."""
+    """Return the names of the levels into which a level flows."""
     unit = model.unit(state)
     return tuple(
         other

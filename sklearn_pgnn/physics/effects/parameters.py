@@ -1,4 +1,4 @@
-"""Effects on a parameter: the structure is right, a number is not."""
+"""Effects on a parameter: the structure is right, but a number is wrong."""
 
 import math
 from dataclasses import dataclass, replace
@@ -18,7 +18,7 @@ class WrongParameter(Effect):
     target : str
         The parameter.
     value : float, optional
-        Its true value, if known; by default it stays where it is and is only freed.
+        Its true value, if known; by default the value is unchanged and only freed.
 
     Examples
     --------
@@ -45,7 +45,7 @@ class WrongParameter(Effect):
         return {"value": self.target}
 
     def parameters(self, model):
-        """Return nothing new: the parameter is the model's own."""
+        """Return no new parameters: the parameter is the model's own."""
         return ()
 
     def rewrite(self, model, p):
@@ -61,7 +61,7 @@ class WrongParameter(Effect):
         }
 
     def characteristic(self, model):
-        """Return what is missing in a rate over what the new value adds to it."""
+        """Return the missing rate over the contribution of the new value to it."""
         return Characteristic("parameter", self.target)
 
     @classmethod
@@ -99,7 +99,7 @@ class ParameterDrift(Effect):
     target : str
         The parameter.
     rate : float, default=0
-        Relative change :math:`r` [1/s]; the time is that of the record.
+        Relative change :math:`r` [1/s], over the time of the record.
 
     Examples
     --------
@@ -120,7 +120,7 @@ class ParameterDrift(Effect):
         return model.free_parameters
 
     def rewrite(self, model, p):
-        """Put the changing value for the parameter."""
+        """Replace the parameter by its changing value."""
         parameter = symbol(self.target)
         return substitute(model, parameter, parameter * (1 + p["rate"] * TIME))
 

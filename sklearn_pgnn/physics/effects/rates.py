@@ -1,4 +1,4 @@
-"""Effects on the rate of a velocity: what they share, and forces from outside."""
+"""Effects on the rate of a velocity: their common base, and external forces."""
 
 from dataclasses import dataclass
 
@@ -15,15 +15,15 @@ from sklearn_pgnn.physics.typical import typical_inertia
 SPEED_UNITS = frozenset(
     {"m/s", "mm/s", "km/h", "rad/s", "deg/s", "rpm", "1/s", "rev/s", "r/min", "1/min"}
 )
-#: units of a sensor's signal, which do not say what the sensor sees
+#: units of a sensor's signal, which do not define what the sensor measures
 SIGNAL_UNITS = frozenset({"", "1", "-", "%", "V", "mV"})
 
-#: share of the typical force with which a wave starts: so small, a linear model tells its worth
+#: start amplitude of a wave per typical force: small, so that a linear model shows its benefit
 FAINT = 0.001
 
 
 def is_velocity(model, state: str) -> bool:
-    """Return whether a state is a velocity: by a position, an inertia or its unit."""
+    """Return whether a state is a velocity, judged by a position, an inertia or its unit."""
     return (
         state in model.kinematic_pairs
         or state in model.inertia
@@ -32,10 +32,10 @@ def is_velocity(model, state: str) -> bool:
 
 
 def may_be_speed(model, state: str) -> bool:
-    """Return whether a state may be a speed that nobody called so.
+    """Return whether a state may be a speed that is not declared as one.
 
-    A sensor shows it in a unit that does not say what it measures, and its rate depends on itself,
-    though not by a root, as that of a level does.
+    A sensor measures it in a unit that does not define the quantity, and its rate depends on
+    itself, though not through a root, as that of a level does.
 
     Examples
     --------
@@ -111,7 +111,7 @@ class RateEffect(Effect):
 
 
 def unit_of_force(model, target: str) -> str:
-    """Return the unit of what changes a velocity: of a force, or without an inertia of its rate."""
+    """Return the unit of a force on a velocity; without an inertia, that of its rate."""
     inertia, velocity = model.inertia.get(target), model.unit(target)
     if inertia is None:
         return rate_unit(velocity)
@@ -143,7 +143,7 @@ class PositionEffect(RateEffect):
 
 
 def force_scale(target, model, scales) -> float:
-    """Return the force that makes up the typical rate of the target."""
+    """Return the force that causes the typical rate of the target."""
     return typical_inertia(target, model, scales) * scales.rate[target]
 
 
@@ -156,7 +156,7 @@ class ConstantLoad(RateEffect):
     target : str
         The velocity.
     load : float, default=0
-        Load :math:`F_0` [force]; positive pulls backward.
+        Load :math:`F_0` [force]; a positive load acts in the negative direction.
 
     Examples
     --------
@@ -188,7 +188,7 @@ class PeriodicDisturbance(RateEffect):
     target : str
         The velocity.
     sine, cosine : float, default=0
-        Amplitudes :math:`A, B` [force]; the time is that of the record.
+        Amplitudes :math:`A, B` [force], over the time of the record.
     frequency : float, default=1
         Frequency :math:`f` [Hz].
 
@@ -216,12 +216,12 @@ class PeriodicDisturbance(RateEffect):
 
     @classmethod
     def starts(cls, target, model, scales):
-        """Start faintly at the frequencies that stand out, or at one wave a window."""
+        """Start with small amplitudes at prominent frequencies, or at one period per window."""
         force = FAINT * force_scale(target, model, scales)
         lines = scales.tones.get(target) or (1.0 / scales.window,)
         return tuple(cls(target, force, force, line) for line in lines)
 
     @classmethod
     def limits(cls, target, model, scales):
-        """Repeat within the longest record, and stay below half the sampling rate."""
+        """Keep a period within the longest record, and stay below half the sampling rate."""
         return {"frequency": (1.0 / scales.duration, 0.5 / scales.sample_time)}

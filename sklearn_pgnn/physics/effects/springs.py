@@ -9,7 +9,7 @@ from sklearn_pgnn.physics.effect import quantity
 from sklearn_pgnn.physics.effects.rates import FAINT, PositionEffect, force_scale
 from sklearn_pgnn.physics.extremes import maximum, minimum
 
-#: most periods of a ripple within the travel
+#: largest number of periods of a ripple within the travel
 MOST_CYCLES = 40.0
 
 
@@ -40,7 +40,7 @@ class LinearStiffness(PowerOfPosition):
     Parameters
     ----------
     target : str
-        The velocity whose position the spring holds.
+        The velocity whose position the spring acts on.
     stiffness : float, default=0
         Stiffness :math:`k` [force per position].
 
@@ -64,7 +64,7 @@ class QuadraticStiffness(PowerOfPosition):
     Parameters
     ----------
     target : str
-        The velocity whose position the spring holds.
+        The velocity whose position the spring acts on.
     stiffness : float, default=0
         Stiffness :math:`k_2` [force per position squared].
 
@@ -88,7 +88,7 @@ class CubicStiffness(PowerOfPosition):
     Parameters
     ----------
     target : str
-        The velocity whose position the spring holds.
+        The velocity whose position the spring acts on.
     stiffness : float, default=0
         Stiffness :math:`k_3` [force per position cubed].
 
@@ -138,7 +138,7 @@ class Cogging(PositionEffect):
 
     @classmethod
     def starts(cls, target, model, scales):
-        """Start faintly at periods that stand out in the missing rate, or at half of the travel."""
+        """Start with small amplitudes at prominent periods of the missing rate, or half travel."""
         force = FAINT * force_scale(target, model, scales)
         periods = scales.ripples.get(target) or (scales.peak[model.kinematic_pairs[target]],)
         return tuple(cls(target, force, force, period) for period in periods)
@@ -159,9 +159,9 @@ class EndStop(PositionEffect):
     Parameters
     ----------
     target : str
-        The velocity whose position the stops bound.
+        The velocity whose position the stops limit.
     upper, lower : float, default=1e9, -1e9
-        Where the stops stand, :math:`x_+, x_-` [position].
+        Positions of the stops, :math:`x_+, x_-` [position].
     stiffness : float, default=0
         Their stiffness :math:`k` [force per position].
 
@@ -185,7 +185,7 @@ class EndStop(PositionEffect):
         return p["stiffness"] * beyond
 
     def potential(self, position, p):
-        """Return what the stops store."""
+        """Return the energy that the stops store."""
         above = maximum(position - p["upper"], 0)
         below = minimum(position - p["lower"], 0)
         return p["stiffness"] * (above**2 + below**2) / 2

@@ -1,4 +1,4 @@
-"""Targets of two quantities, of which one acts on the other: ``"k(x)"``."""
+"""Targets of two quantities, one of which depends on the other: ``"k(x)"``."""
 
 
 def pair(quantity: str, other: str) -> str:
@@ -7,7 +7,7 @@ def pair(quantity: str, other: str) -> str:
     Parameters
     ----------
     quantity, other : str
-        What is changed, and by what.
+        The quantity that is changed, and the one it depends on.
 
     Returns
     -------
@@ -28,12 +28,13 @@ def parts(target: str) -> tuple[str, str]:
     Parameters
     ----------
     target : str
-        What `pair` returned.
+        Target as returned by `pair`.
 
     Returns
     -------
     tuple of str
-        What is changed, and by what; the latter is empty where the target is no pair.
+        The quantity that is changed, and the one it depends on; the latter is empty if the target
+        is not a pair.
     """
     quantity, _, other = target.rstrip(")").partition("(")
     return quantity, other
