@@ -9,8 +9,12 @@ from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.pointwise import numpy_function
 
-#: steps of Newton's method at most, its accuracy as a share of the largest reading, and of none
-ITERATIONS, ACCURACY, TINY = 50, 1e-12, 1e-300
+#: largest number of Newton steps
+ITERATIONS = 50
+#: last step, as a share of the largest reading, and of readings that are all zero
+ACCURACY, TINY = 1e-12, 1e-300
+#: error of the reading of a state that counts as found, in last steps: slopes are below it
+SLACK = 1e3
 
 
 def state_behind(
@@ -58,8 +62,8 @@ def state_behind(
             x -= step
             if np.abs(step).max(initial=0.0) <= least:
                 break
-        value, slope = scale(*numbers, x)
-        found = (np.abs(value - shown) <= 1e3 * least) & (slope * np.ones_like(x) != 0)
+        value, slope = np.broadcast_arrays(*scale(*numbers, x))
+        found = (np.abs(value - shown) <= SLACK * least) & (slope != 0)
         return np.where(found, x, shown), np.where(found, 1 / slope, 1.0)
 
 
