@@ -202,13 +202,26 @@ def test_a_model_with_a_formula_may_miss_another_term():
 
 @pytest.mark.slow
 def test_a_bent_sensor_is_told_from_a_force():
+    """By its formula, where the catalogue has no such sensor."""
     hidden = hide("position", "x**2", 0.25)
-    diagnosis = ModelDiagnosis(hidden.prior).fit(hidden.X, hidden.y)
+    others = [kind for kind in effects.CATALOGUE if kind is not effects.SensorCurvature]
+    diagnosis = ModelDiagnosis(hidden.prior, catalogue=others).fit(hidden.X, hidden.y)
     assert diagnosis.verdict_ == "unexplained"
     assert (diagnosis.discrepancy_.target, diagnosis.discrepancy_.effect.terms) == (
         "position",
         ("x**2",),
     )
+
+
+@pytest.mark.slow
+def test_a_bent_sensor_is_named_and_its_interval_holds_the_curvature():
+    hidden = hide("position", "x**2", 0.25)
+    diagnosis = ModelDiagnosis(hidden.prior).fit(hidden.X, hidden.y)
+    (cause,) = diagnosis.causes_
+    assert (cause.effect, cause.target) == ("sensor_curvature", "position")
+    curvature = cause.parameters["curvature"]
+    assert curvature.low < 0.25 < curvature.high
+    assert diagnosis.discrepancy_ is None
 
 
 @pytest.mark.slow
