@@ -79,7 +79,7 @@ class NetworkNarx(Peer):
 
     def _run(self, u, first):
         n = self.lags
-        u = np.vstack([np.repeat(u[:1], n, axis=0), u])
+        u = _begun_at_rest(u, n)
         y = np.empty((len(u), len(first)))
         y[: n + 1] = first
         for k in range(n + 1, len(u)):
@@ -168,7 +168,7 @@ class FrolsNarx(Peer):
             self.models_.append(model.fit(X=u, y=column[:, None]))
 
     def _run(self, u, first):
-        u = np.vstack([np.repeat(u[:1], self.lags, axis=0), u])
+        u = _begun_at_rest(u, self.lags)
         columns = []
         for model, start in zip(self.models_, first, strict=True):
             begun = np.full((model.max_lag, 1), start)
@@ -199,8 +199,8 @@ class Subnet(Peer):
         from deepSI.fitting import fit_minimal_implementation
 
         torch.manual_seed(self.random_state)
-        data = [Input_output_data(*(self._begun(each) for each in part)) for part in parts]
         n = int(self.lags)
+        data = [Input_output_data(*(_begun_at_rest(each, n) for each in part)) for part in parts]
         sizes = {"nx": int(self.states), "nb": n, "na": n, "feedthrough": False}
         self.model_ = SUBNET(*get_nu_ny_and_auto_norm(data), **sizes)
         with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
@@ -209,9 +209,6 @@ class Subnet(Peer):
                 val_freq=100,
                 optimizer=torch.optim.Adam(self.model_.parameters(), lr=self.learning_rate),
             )  # fmt: skip
-
-    def _begun(self, rows):
-        return np.vstack([np.repeat(rows[:1], int(self.lags), axis=0), rows])
 
     def _run(self, u, first):
         import torch
@@ -222,6 +219,11 @@ class Subnet(Peer):
         with torch.no_grad():
             run = self.model_(*(torch.tensor(part[None], dtype=torch.float32) for part in parts))
         return run[0].numpy()
+
+
+def _begun_at_rest(rows, n):
+    """Return the rows of a trajectory behind its first one, repeated."""
+    return np.vstack([np.repeat(rows[:1], n, axis=0), rows])
 
 
 def _trajectories(X):

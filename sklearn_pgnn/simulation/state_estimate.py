@@ -187,11 +187,14 @@ class StateEstimator:
     def _known(self, model) -> dict[str, np.ndarray]:
         """Return what is measured, behind the model's sensors."""
         known = dict(self.known)
-        for state, (output, position) in self._shown.items():
+        for output, position in dict.fromkeys(self._shown.values()):
             behind = state_behind(model, output, position, self.known[position])
-            if behind is not None:
-                x, slope = behind
-                known[state] = x if state == position else self.known[state] * slope
+            if behind is None:
+                continue
+            known[position], slope = behind
+            for state, shown in self._shown.items():
+                if state != position and shown == (output, position):
+                    known[state] = self.known[state] * slope
         return known
 
     def _simulate(self, model, known) -> np.ndarray:
