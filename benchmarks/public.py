@@ -3,7 +3,8 @@
 Only the training records and the usual prior go in. The recipe diagnoses the prior, fits what was
 named in free run over whole trajectories, trains networks on the rest, and chooses its depth by
 cross-validation over blocks of time and ranges of operation of the training records. Every test
-record starts from the state that fits its official initial window, which does not count.
+record starts from the state that fits its official initial window, which does not count. Two more
+lines compare: the fitted prior, and the recipe with an ensemble of networks in the place of one.
 
 The tables are written to ``docs/tables/public.rst``. Run:
 ``python benchmarks/public.py [--data FOLDER] [--machines EMPS ...] [--jobs 2]``.
@@ -15,11 +16,12 @@ import warnings
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
 import sklearn_pgnn
-from sklearn_pgnn import GreyBoxRegressor, datasets
+from sklearn_pgnn import EnsembleRegressor, GreyBoxRegressor, PGNNLRegressor, datasets
 
 TABLE = Path(__file__).parents[1] / "docs" / "tables" / "public.rst"
 
@@ -107,19 +109,29 @@ def errors_by_trajectory(data, found) -> list[float]:
 
 
 def measure(machine, folder, jobs) -> list[list[str]]:
-    """Fit the recipe, and its prior alone, and return the lines of the table."""
+    """Return the lines of the table: the prior alone, the recipe, and the recipe with an ensemble.
+
+    The last two share the diagnosis and the physical depths.
+    """
     data = machine.load(data_home=folder)
     X, y = thinned(data, machine.every, machine.most)
     lines = []
-    for label, depths in (("prior, fitted", ("fitted",)), ("recipe", None)):
-        grey_box = GreyBoxRegressor(
-            data.prior, depths=depths, initial_window=data.initial_window, n_jobs=jobs, verbose=1
-        ).fit(X, y)
-        test = errors_by_trajectory(data, grey_box.predict_from(data.X_test, data.y_test))
-        said = label if depths else f"recipe, {described(grey_box)}"
-        hidden = machine.factor * grey_box.errors_[grey_box.depth_] * float(np.std(y))
-        lines.append([f"sklearn_pgnn: {said}", numbers(machine.factor, test), f"{hidden:.3g}"])
-        print(" ", *lines[-1], grey_box.errors_, grey_box.parameters_, flush=True)
+    with TemporaryDirectory() as memory:
+        common = {"initial_window": data.initial_window, "n_jobs": jobs, "verbose": 1}
+        several = EnsembleRegressor(PGNNLRegressor(data.prior))
+        for label, grey_box in {
+            "prior, fitted": GreyBoxRegressor(data.prior, depths=("fitted",), **common),
+            "recipe": GreyBoxRegressor(data.prior, memory=memory, **common),
+            "recipe, ensemble of five": GreyBoxRegressor(
+                data.prior, network=several, memory=memory, **common
+            ),
+        }.items():
+            grey_box.fit(X, y)
+            test = errors_by_trajectory(data, grey_box.predict_from(data.X_test, data.y_test))
+            said = label if grey_box.depths else f"{label}, {described(grey_box)}"
+            hidden = machine.factor * grey_box.errors_[grey_box.depth_] * float(np.std(y))
+            lines.append([f"sklearn_pgnn: {said}", numbers(machine.factor, test), f"{hidden:.3g}"])
+            print(" ", *lines[-1], grey_box.errors_, grey_box.parameters_, flush=True)
     return lines + [[who, numbers(1.0, errors), ""] for who, errors in machine.published]
 
 
