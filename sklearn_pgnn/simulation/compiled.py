@@ -17,6 +17,7 @@ from numba.extending import intrinsic
 
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.callbacks import report_calls
+from sklearn_pgnn.simulation.lanes import data_of
 from sklearn_pgnn.simulation.machine_code import SIGNATURE, machine_code
 from sklearn_pgnn.simulation.model_function import emit_model_function
 from sklearn_pgnn.simulation.source import Source, write_source
@@ -76,11 +77,6 @@ def _compile(source: Source, method: str):
         emitted(task, t, h, x, S, u, u_end, p, s, stuck, out)
 
     return function
-
-
-def data_of(context, builder, kind, value):
-    """Return the LLVM pointer to the numbers of an array."""
-    return context.make_array(kind)(context, builder, value).data
 
 
 @intrinsic

@@ -15,8 +15,6 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-from sklearn_pgnn.simulation.compiled import data_of
-
 #: numbers at once
 LANES = 8
 _FLOAT, _INT = ir.DoubleType(), ir.IntType(64)
@@ -30,6 +28,11 @@ _COEFFICIENTS = [1.0 / math.factorial(k) for k in range(14)]
 _ONE_FROM = 20.0
 #: bits of a float before its exponent, and the exponent of one
 _FRACTION_BITS, _BIAS = 52, 1023
+
+
+def data_of(context, builder, kind, value):
+    """Return the LLVM pointer to the numbers of an array."""
+    return context.make_array(kind)(context, builder, value).data
 
 
 @intrinsic

@@ -19,13 +19,15 @@ model, which does what ``task`` says:
     for the sensitivities. The inputs run straight from ``u`` to ``u_end``; a state that is stuck
     stays.
 
-In a step every row of the sensitivities is one vector, and a derivative that is zero costs nothing.
+In a step the rows of the sensitivities are vectors no wider than a register, since LLVM works on
+wider ones slowly, and a derivative that is zero costs nothing.
 """
 
 import numpy as np
 from llvmlite import ir
 from numba.core import cgutils
 
+from sklearn_pgnn.simulation.lanes import LANES
 from sklearn_pgnn.simulation.source import Source
 from sklearn_pgnn.simulation.straight_line import FLOAT, INT, Assignments, emit_entries
 
@@ -65,6 +67,7 @@ class _Emission:
     def __init__(self, builder, source, t, h, arrays):
         self.builder, self.source = builder, source
         self.lines = Assignments(source.text)
+        self.pieces = pieces_of_row(source.n_sensitivities)
         self.t, self.h, self.arrays = t, h, arrays
 
     def emit(self, task, method) -> None:
@@ -99,10 +102,11 @@ class _Emission:
         source, rows = self.source, self._rows()
         wanted = self._not_zero(source.outputs, source.slopes_of_outputs)
         values = dict(zip(wanted, self._entries(wanted, self.t, self._load), strict=True))
-        sensitivities = [self._tangent(row, values, rows) for row in source.slopes_of_outputs]
+        sensitivities = self._tangents(source.slopes_of_outputs, values, rows)
         for entry in source.outputs:
             self.builder.store(values[entry], self._place("out", INT(entry)))
-        places = self._row_places("out", source.output_slopes.start, len(sensitivities))
+        n_rows = len(source.slopes_of_outputs)
+        places = self._row_places("out", source.output_slopes.start, n_rows)
         for row, place in zip(sensitivities, places, strict=True):
             self.builder.store(row, place, align=8)
 
@@ -153,19 +157,30 @@ class _Emission:
         t = builder.fadd(self.t, along)
         values = dict(zip(wanted, self._entries(wanted, t, at_stage), strict=True))
         rates = [values[entry] for entry in source.rates]
-        tangents = [self._tangent(row, values, rows) for row in source.rate_slopes]
+        tangents = self._tangents(source.rate_slopes, values, rows)
+        n_pieces = len(self.pieces)
         return [
-            self._unless_stuck(i, value) for i, value in [*enumerate(rates), *enumerate(tangents)]
+            *(self._unless_stuck(i, value) for i, value in enumerate(rates)),
+            *(self._unless_stuck(i // n_pieces, value) for i, value in enumerate(tangents)),
         ]
 
-    def _tangent(self, slopes, values, rows):
-        r"""Return a row of :math:`\partial f/\partial x\, S + \partial f/\partial p`."""
+    def _tangents(self, slopes, values, rows):
+        r"""Return the rows of :math:`\partial f/\partial x\, S + \partial f/\partial p`."""
+        n_pieces = len(self.pieces)
+        return [
+            self._tangent(row, values, piece, rows[i::n_pieces])
+            for row in slopes
+            for i, piece in enumerate(self.pieces)
+        ]
+
+    def _tangent(self, slopes, values, piece, column):
+        """Return a piece of a row, from that piece of the rows of all states."""
         builder, n = self.builder, self.source.n_states
-        total = ir.Constant(rows[0].type, None)
-        for place, entry in enumerate(slopes[n:]):
+        total = ir.Constant(ir.VectorType(FLOAT, len(piece)), None)
+        for place, entry in enumerate(slopes[n:][piece.start : piece.stop]):
             if entry in values:
                 total = builder.insert_element(total, values[entry], INT(place))
-        for entry, row in zip(slopes[:n], rows, strict=True):
+        for entry, row in zip(slopes[:n], column, strict=True):
             if entry in values:
                 total = self._plus(total, values[entry], row)
         return total
@@ -243,18 +258,41 @@ class _Emission:
         return self.builder.gep(self.arrays[array], [index])
 
     def _row_places(self, array="S", first=0, n_rows=None):
-        """Return where rows of sensitivities are, as vectors; by default those of the states."""
+        """Return where the pieces of rows of sensitivities are; by default those of the states."""
         width = self.source.n_sensitivities
-        if not width:
-            return []
-        kind = ir.VectorType(FLOAT, width).as_pointer()
-        places = range(self.source.n_states if n_rows is None else n_rows)
-        starts = (self._place(array, INT(first + i * width)) for i in places)
-        return [self.builder.bitcast(start, kind) for start in starts]
+        return [
+            self.builder.bitcast(
+                self._place(array, INT(first + i * width + piece.start)),
+                ir.VectorType(FLOAT, len(piece)).as_pointer(),
+            )
+            for i in range(self.source.n_states if n_rows is None else n_rows)
+            for piece in self.pieces
+        ]
 
     def _targets(self):
         states = [self._place("x", INT(i)) for i in range(self.source.n_states)]
         return [*states, *self._row_places()]
+
+
+def pieces_of_row(count: int) -> list[range]:
+    """Return the pieces of a row, none wider than a vector register.
+
+    Parameters
+    ----------
+    count : int
+        Numbers in the row.
+
+    Returns
+    -------
+    list of range
+        The places of the pieces in it.
+
+    Examples
+    --------
+    >>> pieces_of_row(11)
+    [range(0, 8), range(8, 11)]
+    """
+    return [range(start, min(start + LANES, count)) for start in range(0, count, LANES)]
 
 
 def _is_start(node) -> bool:
