@@ -48,7 +48,10 @@ class Comparison:
         return evidence / self._overdispersion(without, with_)
 
     def evidence_disturbed(self, without: FittedHypothesis, with_: FittedHypothesis) -> float:
-        """Return the evidence for the second of two hypotheses, each with a disturbance."""
+        """Return the evidence for the second of two hypotheses, each with a disturbance.
+
+        It is NaN where it cannot be computed.
+        """
         share = self.criterion.smallest_share
         return self.fitter.evidence_disturbed(without, with_, share)
 
@@ -109,10 +112,13 @@ class Comparison:
     def names_disturbed(
         self, without: FittedHypothesis, with_: FittedHypothesis, needed: float
     ) -> bool:
-        """Return whether the evidence for causes, given a disturbance, exceeds a threshold."""
+        """Return whether the evidence for causes, given a disturbance, exceeds a threshold.
+
+        Evidence that cannot be computed speaks against none.
+        """
         if own_causes(without, with_) <= self.given:
             return True
-        return self.evidence_disturbed(without, with_) > needed
+        return not self.evidence_disturbed(without, with_) <= needed
 
     def _overdispersion(self, without: FittedHypothesis, with_: FittedHypothesis) -> float:
         """Return the overdispersion along the causes that only the second one has, at least 1."""

@@ -282,4 +282,4 @@ class Search:
         evidence = self.compare.evidence(without, final)
         if is_long(self.fitter.problem) or not self.compare.is_coloured(final):
             return evidence
-        return min(evidence, self.compare.evidence_disturbed(without, final))
+        return float(np.fmin(evidence, self.compare.evidence_disturbed(without, final)))

@@ -353,14 +353,14 @@ class WindowFitter:
         Returns
         -------
         float
-            Logarithm of the ratio of the likelihoods, see `sklearn_pgnn.estimation.disturbed`; zero
-            where neither can be simulated.
+            Logarithm of the ratio of the likelihoods, see `sklearn_pgnn.estimation.disturbed`; NaN
+            where neither can be computed.
         """
         before, after = (self.held_out(trial).windows for trial in (without, with_))
         squares = np.minimum(before.squares, after.squares) / np.maximum(after.counts, 1.0)
         noise = self.problem.windows.scale**2 * np.maximum(1.0, smallest_share * squares)
         less, more = (self._disturbed_likelihood(trial, noise) for trial in (without, with_))
-        return more - less if np.isfinite([less, more]).any() else 0.0
+        return more - less if np.isfinite([less, more]).any() else np.nan
 
     def _disturbed_likelihood(self, trial: FittedHypothesis, variance: np.ndarray) -> float:
         """Return the likelihood of held-out windows beside the likeliest disturbance."""

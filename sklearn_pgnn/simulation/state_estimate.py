@@ -20,6 +20,8 @@ from sklearn_pgnn.trajectories.smoothing import FEWEST, Smoothed, choose_penalty
 SAFETY = 3.0
 #: least spread of a measured state, as a share of its range: the sensor may have an error
 MEASURED_SPREAD = 0.3
+#: measured samples without which a half of a record shows no error of the smoothing
+HALF = 10
 #: states so large that their squares and products may not be finite
 ENDLESS = 1e100
 
@@ -250,10 +252,14 @@ class _SmoothedOutput:
     def spreads(self) -> np.ndarray:
         """The spread of value and slope; this costs more than the smoothing.
 
-        They may be as large as a sensor's error: a window's own samples determine its start.
+        They may be as large as a sensor's error: a window's own samples determine its start. Of
+        records that are too short to show it, nothing is known; infinite where all are.
         """
-        variances = [_halves_differ(t, y, p) for (t, y), p in self._with_penalties()]
-        errors = SAFETY * np.sqrt(np.mean(variances, axis=0))
+        found = [_halves_differ(t, y, p) for (t, y), p in self._with_penalties()]
+        counts, variances = np.array([n for n, _ in found]), np.array([each for _, each in found])
+        if not counts.any():
+            return np.full(2, np.inf)
+        errors = SAFETY * np.sqrt(np.average(variances, axis=0, weights=counts))
         return np.maximum(errors, MEASURED_SPREAD * np.std([self.value, self.slope], axis=1))
 
 
@@ -317,17 +323,21 @@ def _mean_step(t: np.ndarray) -> float:
     return (t[-1] - t[0]) / (t.size - 1) if t.size > 1 else 1.0
 
 
-def _halves_differ(t, y, penalty):
-    """Estimate the variance of value and slope from two halves of the samples."""
-    if t.size < 20:
-        return np.inf, np.inf
+def _halves_differ(t, y, penalty) -> tuple[int, tuple[float, float]]:
+    """Estimate the variance of value and slope from two halves of the measured samples.
+
+    Returned are the number of samples that count, 0 where they are too few, and the variances.
+    """
+    t, y = t[np.isfinite(y)], y[np.isfinite(y)]
+    if penalty is None or t.size < 2 * HALF:
+        return 0, (0.0, 0.0)
     # a half has twice the sample interval: the same smoothing in time is 1/8 of the penalty
     first: Smoothed = smooth(t[::2], y[::2], penalty / 8)
     second: Smoothed = smooth(t[1::2], y[1::2], penalty / 8)
     inner = t[2:-2]
     value = np.mean((first.value(inner) - second.value(inner)) ** 2) / 4
     slope = np.mean((first.slope(inner) - second.slope(inner)) ** 2) / 4
-    return value, slope
+    return t.size, (value, slope)
 
 
 def _smallest_spread(x):

@@ -1,6 +1,7 @@
 """Something unmeasured acts on the machine: it gets no name, and hides none."""
 
 import numpy as np
+import pandas as pd
 import pytest
 from disturbed_cart import CART, RECORDS, drive, slow_noise
 
@@ -57,3 +58,13 @@ def test_what_is_hidden_is_named_beside_a_disturbance(hidden):
     assert (cause.effect, cause.target) == (hidden.id, hidden.target)
     assert cause.probability > 0.99
     assert diagnosis.remaining_.kind == "disturbance"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("short", [4, 15])
+def test_a_short_record_changes_no_name(short):
+    X, y = drive(CART + effects.CoulombFriction("v", level=0.5), 0.2)
+    X = pd.concat([X, X[:short].assign(trajectory=RECORDS)], ignore_index=True)
+    diagnosis = ModelDiagnosis(CART, catalogue=("coulomb_friction", "quadratic_drag"))
+    (cause,) = diagnosis.fit(X, np.concatenate([y, y[:short]])).causes_
+    assert (cause.effect, cause.probability > 0.99) == ("coulomb_friction", True)

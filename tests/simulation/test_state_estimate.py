@@ -84,3 +84,40 @@ def test_a_sensor_with_other_signs_hides_none():
     cart = systems.cart_on_spring()
     assert unsigned_states(cart + effects.SensorGain("position", 0.2)) == ()
     assert unsigned_states(cart.replace(outputs={"position": "abs(x) + 0.1*x"})) == ()
+
+
+def spread_of(model, X, y):
+    return build_problem(model, read_records(model, X, y)).states.estimate(model).spread
+
+
+def cart_in_motion():
+    cart = systems.cart_on_spring()
+    t = np.arange(2000) / 50
+    force = 20 * np.sin(0.7 * t) + 10 * np.sin(1.9 * t)
+    noise = 1e-3 * np.random.default_rng(0).normal(size=(t.size, 1))
+    return cart, np.column_stack([t, force]), cart.simulate(t, force).y + noise
+
+
+@pytest.mark.parametrize("short", [4, 19])
+def test_a_short_record_leaves_the_spread_of_states_as_it_is(short):
+    cart, X, y = cart_in_motion()
+    both = np.vstack([X, X[:short]]), np.vstack([y, y[:short]])
+    np.testing.assert_allclose(spread_of(cart, *both), spread_of(cart, X, y), rtol=0.05)
+
+
+@pytest.mark.parametrize("every", [2, 10, 11])
+def test_the_spread_of_states_is_that_of_the_measured_rows(every):
+    cart, X, y = cart_in_motion()
+    both = cart.replace(outputs={"position": "x", "speed": "v"})
+    seen = np.column_stack([y, both.simulate(X[:, 0], X[:, 1]).y[:, 1:]])
+    seen[np.arange(len(X)) % every > 0, 1] = np.nan
+    np.testing.assert_allclose(
+        spread_of(both, X, seen), spread_of(both, X[::every], seen[::every]), rtol=0.2
+    )
+
+
+def test_nothing_is_known_of_states_where_all_records_are_short():
+    cart, X, y = cart_in_motion()
+    seen = np.full_like(y, np.nan)
+    seen[::150] = y[::150]
+    assert np.isinf(spread_of(cart, X, seen)).all()
