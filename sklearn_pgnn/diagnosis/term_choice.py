@@ -6,6 +6,7 @@ from sklearn_pgnn.diagnosis.leading_terms import leading_terms
 from sklearn_pgnn.estimation.budgets import MOST_TERMS, OWN, RESOLUTION
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
 from sklearn_pgnn.estimation.problem import EstimationProblem
+from sklearn_pgnn.estimation.small_step import small_step
 from sklearn_pgnn.simulation.linear_response import linear_responses, without_states
 from sklearn_pgnn.simulation.windows import evaluate
 
@@ -33,7 +34,7 @@ def telling_terms(
     """
     windows, fit = problem.windows, base.fit
     responses, by_state = linear_responses(fit.model, windows, fit.evaluation.x0, channel, columns)
-    tuned = [_slope_by(problem, base, freedom) for freedom in fit.freedoms]
+    tuned = [_slope_by(problem, base, place) for place in range(len(fit.freedoms))]
     block = np.concatenate([responses, np.stack(tuned, axis=-1)] if tuned else [responses], axis=-1)
     table = np.concatenate([fit.evaluation.residual[..., None], block], axis=-1)
     table = without_states(windows, table, by_state)
@@ -48,10 +49,11 @@ def telling_terms(
     return list(full)
 
 
-def _slope_by(problem, base, freedom) -> np.ndarray:
+def _slope_by(problem, base, place) -> np.ndarray:
     """Return the derivative of the outputs by a parameter, from a small step."""
-    fit, value = base.fit, base.fit.model.parameters[freedom.name].value
-    moved = freedom.beside(value, 1e-3 * freedom.scale)
+    fit, freedom = base.fit, base.fit.freedoms[place]
+    value = fit.model.parameters[freedom.name].value
+    moved = freedom.beside(value, small_step(problem.windows, fit, place))
     model = fit.model.with_parameters(**{freedom.name: moved})
     change = fit.evaluation.residual - evaluate(model, problem.windows, fit.x0, ()).residual
     return change / (moved - value)

@@ -59,11 +59,8 @@ def freedoms(
                 low, high = start.parameters[name].bounds
                 inner = limits.get(field_name, (low, high))
                 value = start.parameters[name].value
-                free.append(
-                    ParameterPrior(
-                        name, max(low, inner[0]), min(high, inner[1]), value, math.inf, 1.0
-                    )
-                )
+                low, high, scale = max(low, inner[0]), min(high, inner[1]), abs(value) or 1.0
+                free.append(ParameterPrior(name, low, high, value, math.inf, scale))
     return tuple(free)
 
 

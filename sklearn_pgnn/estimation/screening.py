@@ -18,8 +18,9 @@ from itertools import combinations
 
 import numpy as np
 
-from sklearn_pgnn.estimation.budgets import ROUNDING, SMALL_CHANGE
+from sklearn_pgnn.estimation.budgets import ROUNDING
 from sklearn_pgnn.estimation.fitted_hypothesis import SubsampleFit
+from sklearn_pgnn.estimation.small_step import small_step
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.window_fit import WindowFit
@@ -165,10 +166,8 @@ class _View:
         """Return the direction in which a parameter moves the outputs, within its bounds."""
         fit = self.fit
         place = [freedom.name for freedom in fit.freedoms].index(name)
-        steep = np.sqrt(fit.evaluation.gram[:, place, place].sum() / self.windows.lengths.sum())
-        value, freedom = fit.model.parameters[name].value, fit.freedoms[place]
-        step = SMALL_CHANGE / steep if steep > 0 else SMALL_CHANGE * freedom.scale
-        model = fit.model.with_parameters(**{name: freedom.beside(value, step)})
+        value, step = fit.model.parameters[name].value, small_step(self.windows, fit, place)
+        model = fit.model.with_parameters(**{name: fit.freedoms[place].beside(value, step)})
         return self.change(model, fit.x0)
 
     @cached_property

@@ -10,6 +10,8 @@ import pytest
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects, systems
 from sklearn_pgnn.datasets import make_hidden_effect
 from sklearn_pgnn.diagnosis.leading_terms import leading_terms
+from sklearn_pgnn.diagnosis.term_choice import _slope_by
+from sklearn_pgnn.estimation.fitting import HypothesisFitter
 from sklearn_pgnn.estimation.problem import build_problem
 from sklearn_pgnn.exceptions import ModelError
 from sklearn_pgnn.physics.effects.formula import Formula
@@ -74,6 +76,27 @@ def test_linear_responses_are_those_of_small_added_inputs(channel):
     np.testing.assert_allclose(responses[:, :, 0], (base - moved) / small, atol=1e-6)
     pushed = evaluate(model, windows, x0 + small * np.array([0.0, 1.0]), ()).residual
     np.testing.assert_allclose(by_state[:, :, 1], (base - pushed) / small, atol=1e-6)
+
+
+@pytest.mark.parametrize("size", [1.0, 1e-5])
+def test_the_slope_by_a_parameter_depends_on_no_unit(size):
+    """Compare with the slope that sensitivities give, of a cart whose forces have another size."""
+    numbers = {"m": 2.0 * size, "d": 0.5 * size}
+    cart = PhysicsModel({"v": "m/s"}, {"v": "(F - d*v)/m"}, numbers, {"F": "N"}, inertia={"v": "m"})
+    rig = cart + effects.CoulombFriction("v", level=0.4 * size)
+    t = np.arange(0, 30, 0.05)
+    force = size * (2 * np.sin(0.7 * t) + np.sin(1.9 * t))
+    y = rig.simulate(t, force, substeps=4).y
+    noise = 1e-3 * np.random.default_rng(0).normal(size=y.shape)
+    fitter = HypothesisFitter(
+        build_problem(cart, read_records(cart, np.column_stack([t, force]), y + noise))
+    )
+    friction = fitter.first_fit(fitter.subsample(fitter.base()), effects.CoulombFriction("v"))
+    trial = fitter.fit_all(friction, fitter.base())
+    windows, gram = fitter.problem.windows, trial.fit.evaluation.gram.sum(axis=0)
+    for place in range(len(trial.fit.freedoms)):
+        slope = np.nan_to_num(_slope_by(fitter.problem, trial, place)) / windows.scale
+        assert np.sum(slope**2) == pytest.approx(gram[place, place], rel=0.05)
 
 
 @pytest.mark.core
