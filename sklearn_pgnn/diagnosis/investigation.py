@@ -1,5 +1,6 @@
 """The steps of a diagnosis: from records to what is missing and what is left."""
 
+import math
 from collections.abc import Mapping
 from contextlib import suppress
 from copy import copy
@@ -180,10 +181,12 @@ class Investigation:
         return bool(self.options.get("substeps") or self.model.simulation.get("substeps"))
 
     def _like(self, problem: EstimationProblem, whole: EstimationProblem) -> HypothesisFitter:
-        """Return the fitter on all records, with the window length of the search."""
+        """Return the fitter on all records, with the window length and step of the search."""
         if problem.windows.hold != whole.windows.hold:
             whole = with_hold(whole, problem.windows.hold)
-        whole = with_substeps(whole, problem.windows.substeps)
+        if not self._steps_are_told:
+            thinned = max(1, round(problem.scales.sample_time / whole.scales.sample_time))
+            whole = with_substeps(whole, math.ceil(problem.windows.substeps / thinned))
         whole = recut(whole, problem.scales.window) or whole
         fitter = HypothesisFitter(whole, self.progress)
         check_prior(fitter, [record.name for record in self.records])

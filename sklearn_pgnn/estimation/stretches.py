@@ -44,7 +44,7 @@ def on_stretches(
         See `telling_stretches`.
     """
     stretches, factor = telling_stretches(whole, records)
-    substeps = options.get("substeps")
+    substeps = options.get("substeps") or whole.prior.simulation.get("substeps")
     options = {
         **options,
         "hold": whole.windows.hold,

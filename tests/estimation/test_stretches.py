@@ -111,3 +111,23 @@ def test_a_time_limit_leaves_a_result_on_all_records(small_budget):
     assert "time limit" in diagnosis.stopped_
     assert diagnosis.records_.windows.t.size == len(X)
     assert pd.notna(diagnosis.gain_["v"].extended)
+
+
+@pytest.mark.parametrize("told_by", ["model", "option"])
+def test_thinned_stretches_have_the_steps_that_the_user_gives(small_budget, monkeypatch, told_by):
+    monkeypatch.setattr(stretches, "MIN_WINDOWS", 60)
+    model = SLEDGE.replace(simulation={"substeps": 2}) if told_by == "model" else SLEDGE
+    options = {"hold": "zoh", **({} if told_by == "model" else {"substeps": 2})}
+    records = read_records(model, *drive(n_records=1, samples=9600, noise=NOISE))
+    whole = build_problem(model, records, **options)
+    problem, _ = on_stretches(whole, records, options)
+    thinned = problem.scales.sample_time / whole.scales.sample_time
+    assert thinned > 1.5
+    assert problem.windows.substeps == pytest.approx(2 * thinned)
+
+
+@pytest.mark.slow
+def test_all_records_are_judged_with_the_steps_that_the_user_gives(small_budget, monkeypatch):
+    monkeypatch.setattr(stretches, "MIN_WINDOWS", 60)
+    X, y = drive(n_records=3, samples=2000)
+    assert ModelDiagnosis(SLEDGE, catalogue=KINDS, substeps=2).fit(X, y).substeps_ == 2
