@@ -85,17 +85,18 @@ class _Few:
         whole = fitter.start_from(model, self.base)
         start = whole.select(which)
         model, free = fitter.models.free(self.hypothesis, model)
+        windows = fitter.windows_of(model).select(which)
         fit = fitter.fit_model(
             suppress(*BREAKDOWNS),  # another start may do
             model,
-            fitter.windows_of(model).select(which),
+            windows,
             tuple(freedom for freedom in free if freedom.name not in held),
             start,
             carry_over(self.base.fit, self.base.start.x0, model, whole.x0)[which],
             max_steps=steps,
             tolerance=COARSER**2 * TOLERANCE,
         )
-        promise = fit.objective - expected_decrease(fit, *start)
+        promise = fit.objective - expected_decrease(fit, windows, *start)
         return _Glance(fit.objective, promise, fit.model)
 
 

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.normal_equations import bounded_step, normal_equations, project
+from sklearn_pgnn.simulation.normal_equations import bounded_step, project
 from sklearn_pgnn.simulation.windows import Evaluation, ShootingWindows, evaluate
 
 #: first Levenberg-Marquardt damping, and its smallest and largest
@@ -258,7 +258,7 @@ def _damp(damping, missed, promise, small):
     return np.clip(damping * factor, *DAMPINGS)
 
 
-#: predicted decrease
+#: for the decrease that a linear model predicts
 UNDAMPED = _Damping(DAMPINGS[0], DAMPINGS[0])
 
 
@@ -361,13 +361,17 @@ def _promise(gram, by_p, by_x) -> np.ndarray:
     return np.einsum("wi,wi->w", by, slope)
 
 
-def expected_decrease(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) -> float:
+def expected_decrease(
+    fit: WindowFit, windows: ShootingWindows, expected: np.ndarray, spread: np.ndarray
+) -> float:
     """Return the further decrease of the objective that a linear model predicts.
 
     Parameters
     ----------
     fit : WindowFit
         A fit, not at its minimum.
+    windows : ShootingWindows
+        Its windows.
     expected : ndarray of shape (n_windows, n_states)
         Expected initial states.
     spread : ndarray of shape (n_states,)
@@ -381,12 +385,8 @@ def expected_decrease(fit: WindowFit, expected: np.ndarray, spread: np.ndarray) 
     """
     if not np.isfinite(fit.objective):
         return 0.0
-    normal = normal_equations(fit, expected, spread)
-    hessian = normal.hessian.sum(axis=0) + prior_precision(fit.freedoms)
-    gradient = normal.gradient.sum(axis=0)
-    far = np.full(gradient.size, np.inf)
-    step = bounded_step(hessian, gradient, 1e-6, -far, far)
-    decrease = float(gradient @ step)
+    task = _Task(windows, fit.freedoms, expected, 1.0 / spread**2)
+    decrease = float(task.step(fit, UNDAMPED).promise.sum())
     return decrease if decrease <= fit.objective else 0.0
 
 
