@@ -39,7 +39,11 @@ from sklearn_pgnn.diagnosis.unexplained import MissingPart
 from sklearn_pgnn.estimation.budgets import KEPT
 from sklearn_pgnn.estimation.criterion import SelectionCriterion
 from sklearn_pgnn.estimation.fitted_records import as_judged, keep_records
-from sklearn_pgnn.estimation.possible_causes import check_targets, possible_causes
+from sklearn_pgnn.estimation.possible_causes import (
+    check_targets,
+    possible_causes,
+    warn_of_taken_names,
+)
 from sklearn_pgnn.estimation.problem import check_records
 from sklearn_pgnn.estimation.progress import Progress, TimeIsUp
 from sklearn_pgnn.exceptions import RecordWarning
@@ -328,6 +332,7 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
     def _investigation(self, records: tuple[Record, ...]) -> Investigation:
         """Return the search, ready to run on records."""
         catalogue = read_catalogue(self.catalogue)
+        warn_of_taken_names(self.model, catalogue, self.targets)
         return Investigation(
             self.model,
             records,

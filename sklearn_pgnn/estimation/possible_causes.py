@@ -1,5 +1,6 @@
 """The possible causes of a model's error: the effects of a catalogue, each at every target."""
 
+import warnings
 from collections.abc import Iterable
 from difflib import get_close_matches
 
@@ -32,11 +33,42 @@ def possible_causes(model: PhysicsModel, catalogue, targets=None) -> tuple[Effec
     """
     return tuple(
         effect
-        for effect in (kind(target) for kind in catalogue for target in kind.targets(model))
-        if (targets is None or effect.target in targets)
-        and not already_holds(model, effect)
-        and same_parameter(model, effect) is None
+        for effect in _effects_on(model, catalogue, targets)
+        if not already_holds(model, effect) and same_parameter(model, effect) is None
     )
+
+
+def _effects_on(model, catalogue, targets) -> list[Effect]:
+    """List the effects of a catalogue on the targets that are considered."""
+    effects = (kind(target) for kind in catalogue for target in kind.targets(model))
+    return [effect for effect in effects if targets is None or effect.target in targets]
+
+
+def warn_of_taken_names(model: PhysicsModel, catalogue, targets=None) -> None:
+    """Warn of effects that are no candidates because the model uses a name of theirs otherwise.
+
+    A parameter of another unit is not the effect's own, where that is known.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The prior.
+    catalogue : iterable of type[Effect]
+        The effects to consider.
+    targets : collection of str, optional
+        Targets to consider; by default all.
+    """
+    for effect in _effects_on(model, catalogue, targets):
+        for parameter in effect.parameters(model):
+            known = model.parameters.get(parameter.name)
+            if known is not None and parameter.unit not in ("", known.unit):
+                warnings.warn(
+                    f"{effect.id} of {effect.target!r} is not considered: it would add a parameter "
+                    f"{parameter.name!r} [{parameter.unit}], and the model has one of that name "
+                    f"[{known.unit}]. Remedy: rename the model's parameter.",
+                    UserWarning,
+                    stacklevel=4,
+                )
 
 
 def check_targets(model: PhysicsModel, targets, catalogue: Iterable[type[Effect]] = ()) -> None:

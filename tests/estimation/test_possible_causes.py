@@ -3,7 +3,11 @@
 import pytest
 
 from sklearn_pgnn import PhysicsModel, effects, systems
-from sklearn_pgnn.estimation.possible_causes import check_targets, possible_causes
+from sklearn_pgnn.estimation.possible_causes import (
+    check_targets,
+    possible_causes,
+    warn_of_taken_names,
+)
 from sklearn_pgnn.exceptions import OptionError
 
 pytestmark = pytest.mark.core
@@ -42,3 +46,22 @@ def test_the_targets_of_an_effect_of_ones_own_are_known():
     check_targets(OVEN, ["gear of T"], [Gear])
     with pytest.raises(OptionError, match="got 'gear of T'"):
         check_targets(OVEN, ["gear of T"])
+
+
+def motor(inductance):
+    rates = {"i": f"(u - R*i - k*w)/{inductance}", "w": "(k*i - b*w)/J"}
+    numbers = {inductance: 0.01, "R": 1.0, "k": 0.1, "b": 0.001, "J": 0.002}
+    return PhysicsModel({"i": "A", "w": "rad/s"}, rates, numbers, {"u": "V"}, inertia={"w": "J"})
+
+
+def test_a_name_that_the_model_uses_otherwise_is_told_of():
+    with pytest.warns(UserWarning, match=r"state_limit of 'i' is not considered.*'L_i'.*rename"):
+        warn_of_taken_names(motor("L_i"), effects.CATALOGUE)
+
+
+@pytest.mark.parametrize("kind", effects.CATALOGUE, ids=lambda kind: kind.id)
+def test_an_extended_model_uses_no_name_otherwise(kind, recwarn):
+    models = systems.cart_on_spring(), systems.two_tanks(), OVEN
+    model, target = next((model, t) for model in models for t in kind.targets(model))
+    warn_of_taken_names(model + kind(target), effects.CATALOGUE)
+    assert not recwarn
