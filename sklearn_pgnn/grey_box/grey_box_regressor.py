@@ -261,6 +261,7 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         self._single_output = np.asarray(y).ndim == 1
         folds = hidden_parts(records, self.n_splits, self.by)
         check_window(table, folds, self.initial_window)
+        vars(self).pop("diagnosis_", None)  # of an earlier fit
         candidates = self._candidates(depths, table)
         results = self._judge_all(candidates, depths, table, folds)
         self.errors_ = {depth: mean_error(found) for depth, found in results.items()}
@@ -489,7 +490,16 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
                 models["extended"] = self.diagnosis_.extended_model_
             if self.diagnosis_.discrepancy_ is not None:
                 models["formula"] = self.diagnosis_.discrepancy_.model
-        return {depth: model for depth, model in models.items() if depth in depths}
+        found = {depth: model for depth, model in models.items() if depth in depths}
+        if not found:
+            asked = ", ".join(depth for depth in depths if depth not in NETWORKS)
+            warnings.warn(
+                f"depths: the diagnosis has nothing for {asked}; the depth 'fitted' is taken "
+                f"instead. Remedy: depths={('fitted', *depths)!r}.",
+                UserWarning,
+                stacklevel=3,
+            )
+        return found or {"fitted": models["fitted"]}
 
     def _diagnose(self, table) -> None:
         """Diagnose the prior; if the diagnosis fails, take its best result until then."""

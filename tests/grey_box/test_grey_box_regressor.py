@@ -322,3 +322,17 @@ def test_wrong_parameters_are_refused(wrong, with_friction):
     _, X, y = with_friction
     with pytest.raises(OptionError, match=next(iter(wrong))):
         GreyBoxRegressor(CART, **wrong).fit(X, y)
+
+
+def test_where_the_diagnosis_names_nothing_the_prior_is_fitted():
+    X, y = records(CART)
+    grey_box = GreyBoxRegressor(CART, **QUICK | {"depths": ("extended",)})
+    with pytest.warns(UserWarning, match=r"nothing for extended; the depth 'fitted' is taken"):
+        assert grey_box.fit(X, y).depth_ == "fitted"
+
+
+def test_a_fit_forgets_the_diagnosis_of_an_earlier_one():
+    X, y = records(CART)
+    grey_box = GreyBoxRegressor(CART, **QUICK).fit(X, y)
+    assert hasattr(grey_box, "diagnosis_")
+    assert not hasattr(grey_box.set_params(depths=("prior",)).fit(X, y), "diagnosis_")
