@@ -270,7 +270,7 @@ class SelectionCriterion:
         ndarray of shape (1 + len(evidence),)
             Probabilities that sum to 1: the cause, its rivals, none.
         """
-        weights = np.array([0.0, *(-value for value in evidence)])
+        weights = np.nan_to_num([0.0, *(-value for value in evidence)])  # infinite is very large
         weights[-1] += self.to_name
-        weights = np.exp(np.clip(weights - weights.max(), -700.0, 0.0))
+        weights = np.exp(np.maximum(weights - weights.max(), -700.0))
         return weights / weights.sum()

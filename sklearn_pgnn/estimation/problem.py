@@ -340,6 +340,11 @@ def check_records(model: PhysicsModel, records: tuple[Record, ...]) -> None:
             f"longer, more often, or at a higher rate."
         )
     for name, column in zip(model.outputs, np.concatenate([r.y for r in records]).T, strict=True):
+        if not np.isfinite(column).any():
+            raise RecordError(
+                f"output {name!r}: expected measured values, got none. Remedy: leave the output "
+                f"out of the model, or add its column."
+            )
         if not np.nanstd(column) > 0:
             raise RecordError(
                 f"output {name!r}: expected a signal that changes, got a constant. Remedy: record "

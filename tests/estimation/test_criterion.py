@@ -272,3 +272,8 @@ def test_probabilities_sum_to_one_and_follow_the_evidence(evidence):
 def test_equal_evidence_is_equal_probability_and_the_threshold_is_even_odds():
     np.testing.assert_allclose(CRITERION.probabilities([0.0, 1e3]), [0.5, 0.5, 0.0], atol=1e-12)
     np.testing.assert_allclose(CRITERION.probabilities([CRITERION.to_name]), [0.5, 0.5])
+
+
+def test_what_cannot_be_simulated_has_no_probability():
+    np.testing.assert_allclose(CRITERION.probabilities([-np.inf, 3.0]), [0, 1, 0], atol=1e-12)
+    np.testing.assert_allclose(CRITERION.probabilities([np.inf, np.inf]), [1, 0, 0], atol=1e-12)
