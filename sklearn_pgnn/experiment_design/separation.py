@@ -389,6 +389,7 @@ def _told(records, criterion, design, t, noise: Noise, left: _Shown, reached) ->
     """Describe an experiment by its residuals after re-tuning."""
     name, wave, amplitude, offset = design
     shares = left.squares / noise.power
+    evidence = np.sqrt((shares / noise.times).sum())
     return Experiment(
         input=name,
         excitation=str(wave),
@@ -399,7 +400,7 @@ def _told(records, criterion, design, t, noise: Noise, left: _Shown, reached) ->
         duration=float(t[-1]),
         reached=reached,
         difference=float(np.sqrt(shares.sum() / (t.size * shares.size))),
-        evidence=float(np.sqrt(shares.sum())),
+        evidence=float(evidence),
         repeats=_repeats(noise, left, t.size, criterion.to_refute),
     )
 

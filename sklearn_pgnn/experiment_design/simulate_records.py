@@ -56,9 +56,10 @@ def _table(analysis, r, t, u, start) -> pd.DataFrame:
     table = pd.DataFrame(u, columns=list(model.inputs))
     table.insert(0, TIME, t)
     table.insert(0, TRAJECTORY, analysis.records.names[r])
-    for i, (name, told) in enumerate(analysis.records.problem.states.starts[r].items()):
+    told = analysis.records.problem.states.told[r]
+    for i, name in enumerate(model.states):
         table[name] = np.nan
-        if np.isfinite(told):
+        if name in told:
             table.loc[0, name] = start[i]
     return table
 
