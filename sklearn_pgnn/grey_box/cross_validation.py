@@ -71,7 +71,7 @@ def judge(
 
 def counted(table: PlainTable, hidden: np.ndarray, window: int) -> np.ndarray:
     """Return which samples count in a fold: hidden, and not used for an initial state."""
-    unseen = np.repeat(_is_unseen(table, hidden), table.lengths)
+    unseen = np.repeat(is_unseen(table, hidden), table.lengths)
     return hidden & ~(unseen & (table.place < window))
 
 
@@ -119,7 +119,7 @@ def training_error(fitted: FittedDepth, table: PlainTable, visible: np.ndarray) 
 
 
 def _starts(fitted, table, hidden, window) -> np.ndarray:
-    unseen = _is_unseen(table, hidden)
+    unseen = is_unseen(table, hidden)
     if not unseen.any():
         return fitted.starts
     known = np.where(unseen[:, None], starts_for(fitted.model, table), fitted.starts)
@@ -127,6 +127,6 @@ def _starts(fitted, table, hidden, window) -> np.ndarray:
     return find_unknown_starts(fitted, table, known, states_met(fitted, table), window, noise)
 
 
-def _is_unseen(table, hidden) -> np.ndarray:
+def is_unseen(table: PlainTable, hidden: np.ndarray) -> np.ndarray:
     """Return which trajectories are hidden as a whole."""
     return np.bincount(table.X["trajectory"], weights=~hidden) == 0

@@ -16,6 +16,7 @@ from sklearn_pgnn.extras import is_installed, needed_by
 from sklearn_pgnn.grey_box.cross_validation import (
     FoldResult,
     check_window,
+    is_unseen,
     judge,
     mean_error,
     training_error,
@@ -30,6 +31,7 @@ from sklearn_pgnn.grey_box.depth import (
 from sklearn_pgnn.grey_box.hidden_parts import WAYS, hidden_parts
 from sklearn_pgnn.grey_box.spread_warning import warn_of_spreads
 from sklearn_pgnn.grey_box.tables import plain_table, starts_for, usual_starts
+from sklearn_pgnn.grey_box.time_functions import depends_on_time, time_invariant_causes
 from sklearn_pgnn.model_selection.nested_parameters import parameters_named
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.intervals import check_coverage, interval_around, quantile_of
@@ -86,7 +88,9 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         installed.
     diagnosis : ModelDiagnosis, optional
         Settings of the diagnosis: its parameters are used, its model is not; by default
-        ``ModelDiagnosis(model)``.
+        ``ModelDiagnosis(model)``, without the causes that are functions of the time, unless folds
+        hide whole trajectories: such a cause describes how one record went, and only another one
+        can show whether it is a law.
     network : estimator, optional
         Learns the rest: any regressor that has a parameter ``model``, itself or in an estimator
         inside it, such as `PGNNLRegressor`, `ResidualRegressor` or an `EnsembleRegressor` of one;
@@ -262,7 +266,8 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         folds = hidden_parts(records, self.n_splits, self.by)
         check_window(table, folds, self.initial_window)
         vars(self).pop("diagnosis_", None)  # of an earlier fit
-        candidates = self._candidates(depths, table)
+        whole = any(is_unseen(table, hidden).any() for hidden in folds)
+        candidates = self._candidates(depths, table, judges_new_records=whole)
         results = self._judge_all(candidates, depths, table, folds)
         self.errors_ = {depth: mean_error(found) for depth, found in results.items()}
         enough = (1 + self.least_gain) * min(self.errors_.values())
@@ -474,22 +479,11 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         refuse_standardised(self.model, records)
         return records
 
-    def _candidates(self, depths, table) -> dict[str, PhysicsModel]:
+    def _candidates(self, depths, table, *, judges_new_records) -> dict[str, PhysicsModel]:
         """Return the model of every physical depth, to start its fits from."""
         models = dict.fromkeys(("prior", "fitted"), self.model)
         if {"extended", "formula"} & set(depths):
-            progress_printer(self)("diagnosis")
-            own = {"model": self.model, "time_column": None, "n_jobs": None}
-            self.diagnosis_ = clone(self._diagnosis()).set_params(**own)
-            self._diagnose(table)
-            said = {"hold": self.diagnosis_.hold_, "substeps": self.diagnosis_.substeps_}
-            models["prior"] = self.model.replace(simulation=said)
-            models["fitted"] = self.diagnosis_.refitted_model_
-            warn_of_spreads(self.model, self.diagnosis_.extended_model_)
-            if self.diagnosis_.causes_:
-                models["extended"] = self.diagnosis_.extended_model_
-            if self.diagnosis_.discrepancy_ is not None:
-                models["formula"] = self.diagnosis_.discrepancy_.model
+            models |= self._diagnosed_models(table, judges_new_records)
         found = {depth: model for depth, model in models.items() if depth in depths}
         if not found:
             asked = ", ".join(depth for depth in depths if depth not in NETWORKS)
@@ -500,6 +494,31 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
                 stacklevel=3,
             )
         return found or {"fitted": models["fitted"]}
+
+    def _diagnosed_models(self, table, judges_new_records) -> dict[str, PhysicsModel]:
+        """Diagnose the prior, and return the models of the depths that follow from it.
+
+        They take no function of the time from one record, unless folds judge it on others.
+        """
+        progress_printer(self)("diagnosis")
+        own = {"model": self.model, "time_column": None, "n_jobs": None}
+        if self.diagnosis is None and not judges_new_records:
+            own["catalogue"] = time_invariant_causes(self.model)
+        self.diagnosis_ = clone(self._diagnosis()).set_params(**own)
+        self._diagnose(table)
+        said = {"hold": self.diagnosis_.hold_, "substeps": self.diagnosis_.substeps_}
+        extended, part = self.diagnosis_.extended_model_, self.diagnosis_.discrepancy_
+        warn_of_spreads(self.model, extended)
+        models = {
+            "prior": self.model.replace(simulation=said),
+            "fitted": self.diagnosis_.refitted_model_,
+        }
+        if self.diagnosis_.causes_:
+            models["extended"] = extended
+        may_be_timed = judges_new_records or depends_on_time(extended)
+        if part is not None and (may_be_timed or not depends_on_time(part.model)):
+            models["formula"] = part.model
+        return models
 
     def _diagnose(self, table) -> None:
         """Diagnose the prior; if the diagnosis fails, take its best result until then."""

@@ -29,6 +29,7 @@ CART = PhysicsModel(
     {"v": "m/s"}, {"v": "(F - d*v)/m"}, {"m": 2.0, "d": 0.5}, {"F": "N"}, inertia={"v": "m"}
 )
 DRY = ModelDiagnosis(CART, catalogue=(effects.CoulombFriction,))
+TIMED = ("parameter_drift", "periodic_disturbance")
 QUICK = {"diagnosis": DRY, "depths": ("prior", "fitted", "extended")}
 
 
@@ -336,3 +337,12 @@ def test_a_fit_forgets_the_diagnosis_of_an_earlier_one():
     grey_box = GreyBoxRegressor(CART, **QUICK).fit(X, y)
     assert hasattr(grey_box, "diagnosis_")
     assert not hasattr(grey_box.set_params(depths=("prior",)).fit(X, y), "diagnosis_")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("n", "named"), [(1, ()), (4, ("parameter_drift",))])
+def test_a_function_of_time_is_a_law_where_other_records_are_judged(n, named):
+    X, y = records(CART + effects.ParameterDrift("d", rate=0.05), n)
+    grey_box = GreyBoxRegressor(CART, depths=("prior", "fitted", "extended")).fit(X, y)
+    found = tuple(cause.effect for cause in grey_box.diagnosis_.causes_)
+    assert tuple(each for each in found if each in TIMED) == named
