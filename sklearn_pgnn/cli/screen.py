@@ -1,5 +1,6 @@
 """The result of a diagnosis as printed to stdout."""
 
+import math
 from pathlib import Path
 
 from rich.text import Text
@@ -17,10 +18,11 @@ from sklearn_pgnn.cli.tables import (
 )
 from sklearn_pgnn.inspection.model_files import described_models
 from sklearn_pgnn.inspection.numbers import chance, free_run_error, measured, number, share
+from sklearn_pgnn.inspection.report.parameter_facts import parameter_facts
 from sklearn_pgnn.inspection.words import (
     cause_name,
     remaining_sentence,
-    rivals,
+    rivals_or_none,
     separation_sentence,
     spread_sentence,
     unusable_sentence,
@@ -73,7 +75,7 @@ def print_diagnosis(diagnosis, output: Path, *, quiet: bool) -> None:
     if quiet:
         return
     for place, cause in enumerate(diagnosis.causes_, start=1):
-        _print_cause(console, place, cause, diagnosis.separations_)
+        _print_cause(console, place, cause, diagnosis)
     _print_parameters(console, diagnosis)
     _print_gain(console, diagnosis)
     _print_free_run(console, diagnosis)
@@ -98,7 +100,7 @@ def _print_quality(console, findings) -> None:
     console.print()
 
 
-def _print_cause(console, place: int, cause, separations) -> None:
+def _print_cause(console, place: int, cause, diagnosis) -> None:
     worth = f"{abs(cause.gain):.0f} % {'smaller' if cause.gain >= 0 else 'larger'}"
     heading(console, f"Cause {place}: {cause_name(cause.effect, cause.target)}")
     if cause.summary:
@@ -109,8 +111,8 @@ def _print_cause(console, place: int, cause, separations) -> None:
     rows.add_row("gain", f"error on held-out windows {worth}")
     if cause.probability < SURE:
         rows.add_row("probability", chance(cause.probability))
-    rows.add_row("confused with", cell(rivals(cause) or "nothing"))
-    for found in separations:
+    rows.add_row("confused with", cell(rivals_or_none(cause, diagnosis.complete_)))
+    for found in diagnosis.separations_:
         if found.cause == (cause.effect, cause.target):
             rows.add_row("to separate", cell(separation_sentence(found)))
     if cause.check:
@@ -120,19 +122,22 @@ def _print_cause(console, place: int, cause, separations) -> None:
 
 def _print_parameters(console, diagnosis) -> None:
     parameters = diagnosis.parameters_
-    changed = {name: p for name, p in parameters.items() if p.changed}
     if not parameters:
         return
-    if not changed:
+    limited, told = parameter_facts(diagnosis).at_limit, diagnosis.model.parameters
+    unknown = [name for name in parameters if math.isinf(told[name].reach)]
+    shown = {n: p for n, p in parameters.items() if p.changed or n in (*limited, *unknown)}
+    if not shown:
         moved = retuning_counts(diagnosis) and not diagnosis.causes_
         together = "re-tuned together; " if moved else ""
         heading(console, f"Parameters: {together}none changed beyond its 95 % interval")
         return
-    heading(console, "Parameters changed (95 % interval)")
-    rows = table("", "as given", "re-tuned", "change")
-    for name, p in changed.items():
-        now = measured(p.value, p.low, p.high, p.unit)
-        rows.add_row(cell(name), number(p.prior), cell(now), change(p.value, p.prior))
+    kinds = "changed, unknown or at a limit" if (limited or unknown) else "changed"
+    heading(console, f"Parameters {kinds} (95 % interval)")
+    rows = table("", "as given", "re-tuned", "change", "")
+    for name, p in shown.items():
+        now, at = measured(p.value, p.low, p.high, p.unit), "at a limit" if name in limited else ""
+        rows.add_row(cell(name), number(p.prior), cell(now), change(p.value, p.prior), at)
     print_table(console, rows)
     if pinned := spread_sentence(diagnosis):
         say(console, pinned)

@@ -17,7 +17,7 @@ from sklearn_pgnn.inspection.numbers import (
 from sklearn_pgnn.inspection.words import (
     cause_name,
     remaining_sentence,
-    rivals,
+    rivals_or_none,
     verdict_sentence,
     verdict_title,
 )
@@ -129,13 +129,15 @@ def effect_latex(effect) -> str | None:
     return None if found is None else f"${' '.join(found[1].split())}$"
 
 
-def cause_html(cause) -> str:
+def cause_html(cause, complete: bool = True) -> str:
     """Return a named cause as HTML: description, size, probability, and how to check it.
 
     Parameters
     ----------
     cause : NamedCause
         A cause of a diagnosis.
+    complete : bool, default=True
+        Whether the diagnosis ran to completion, and compared the cause with others.
 
     Returns
     -------
@@ -149,7 +151,7 @@ def cause_html(cause) -> str:
     rows += [
         ("error on held-out windows", f"{-cause.gain:+.0f} %"),
         ("probability", chance(cause.probability)),
-        ("confused with", rivals(cause) or "nothing"),
+        ("confused with", rivals_or_none(cause, complete)),
         ("check on the rig", cause.check or "-"),
     ]
     name = escape(cause_name(cause.effect, cause.target))
@@ -180,7 +182,7 @@ def diagnosis_html(diagnosis) -> str:
         f"<b>{verdict_title(diagnosis)}.</b> {escape(verdict_sentence(diagnosis))}"
         f"<div>{escape(remaining_sentence(diagnosis))}</div>"
     )
-    causes = "".join(map(cause_html, diagnosis.causes_))
+    causes = "".join(cause_html(cause, diagnosis.complete_) for cause in diagnosis.causes_)
     titles = ("error (rms)", "as given", "re-tuned", "extended", "noise", "unit", "explained")
     windows = [
         (

@@ -96,6 +96,25 @@ def rivals(cause) -> str:
     return listed(f"{name} ({chance(probability)})" for name, probability in others)
 
 
+def rivals_or_none(cause, complete: bool) -> str:
+    """Return the rivals of a cause; if there are none, whether it was compared with others.
+
+    Parameters
+    ----------
+    cause : NamedCause
+        A cause of a diagnosis.
+    complete : bool
+        Whether the diagnosis ran to completion.
+
+    Returns
+    -------
+    str
+        The list, or a word in its place.
+    """
+    none = "nothing" if complete else "not known: the diagnosis ended before others were compared"
+    return rivals(cause) or none
+
+
 def cause_name(effect: str, target: str) -> str:
     """Return the plain name of an effect on its target.
 

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from sklearn_pgnn import PhysicsModel, effects
+from sklearn_pgnn import Parameter, PhysicsModel, effects
 from sklearn_pgnn.cli.screen import print_diagnosis
 from sklearn_pgnn.diagnosis import (
     FreeRunError,
@@ -14,12 +14,15 @@ from sklearn_pgnn.diagnosis import (
     MissingPart,
     NamedCause,
     Remaining,
+    RetunedParameter,
     Rival,
 )
 from sklearn_pgnn.record_quality.finding import Finding
+from sklearn_pgnn.simulation.window_fit import ParameterPrior
 
 pytestmark = pytest.mark.core
 
+ENDS = {"m": (0.0, np.inf), "d": (0.45, 0.55), "k": (0.9, 1.1)}
 CART = PhysicsModel(
     {"v": "m/s"}, {"v": "(F - d*v)/m"}, {"m": 2.0, "d": 0.5}, {"F": "N"}, name="cart"
 )
@@ -58,6 +61,28 @@ def test_a_cause_that_is_sure_has_no_probability(capsys):
     text = shown(capsys, diagnosis(0.999))
     assert "probability" not in text
     assert "confused with nothing" in text
+
+
+def test_a_cause_of_an_unfinished_search_was_compared_with_none(capsys):
+    early = diagnosis(0.999)
+    early.complete_ = False
+    assert "confused with not known: the diagnosis ended before" in shown(capsys, early)
+
+
+def test_parameters_that_were_unknown_or_lie_at_a_limit_are_shown(capsys):
+    told = CART.replace(parameters={"m": Parameter("m", 2.0, spread=np.inf), "d": 0.5, "k": 1.0})
+    found = diagnosis()
+    found.model = told
+    found.parameters_ = {
+        name: RetunedParameter(prior, value, value - 0.1, value + 0.1, "", False)
+        for name, prior, value in (("m", 2.0, 1.95), ("d", 0.5, 0.55), ("k", 1.0, 1.02))
+    }
+    freedoms = tuple(ParameterPrior(n, *ends, 0, 1, 1) for n, ends in ENDS.items())
+    found.records_.fits = {"extended": SimpleNamespace(freedoms=freedoms, model=told)}
+    text = shown(capsys, found)
+    assert "Parameters changed, unknown or at a limit (95 % interval)" in text
+    assert "m 2 1.95 (1.85 to 2.05) -2.5 % d 0.5 0.55 (0.45 to 0.65) +10.0 % at a limit" in text
+    assert "k 1 1.02" not in text
 
 
 def test_a_cause_that_is_not_sure_has_one_and_so_have_its_rivals(capsys):

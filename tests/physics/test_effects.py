@@ -103,10 +103,11 @@ def test_an_end_stop_holds_what_it_stores():
     assert np.abs(x).max() == pytest.approx(0.5 + np.sqrt(1 / 200.0), rel=1e-3)
 
 
-def test_stops_do_not_cross():
+def test_stops_stand_near_the_ends_of_the_travel():
     seen = Scales({}, {"x": 0.5}, {}, 0.01, 2.0, extremes={"x": (-0.1, 0.5)})
     limits = effects.EndStop.limits("v", block(), seen)
-    assert limits == {"upper": (0.2, 0.5), "lower": (-0.1, 0.2)}
+    assert limits["upper"] == pytest.approx((0.35, 0.5))
+    assert limits["lower"] == pytest.approx((-0.1, 0.05))
 
 
 def test_a_late_sensor_shows_what_was():

@@ -11,6 +11,8 @@ from sklearn_pgnn.physics.extremes import maximum, minimum
 
 #: largest number of periods of a ripple within the travel
 MOST_CYCLES = 40.0
+#: share of the travel at each of its ends in which a stop may stand
+OUTER = 0.25
 
 
 @dataclass(frozen=True)
@@ -201,7 +203,8 @@ class EndStop(PositionEffect):
 
     @classmethod
     def limits(cls, target, model, scales):
-        """Keep each stop in its half of the travel."""
-        low, high = scales.ends(model.kinematic_pairs[target])
-        middle = (low + high) / 2
-        return {"upper": (middle, high), "lower": (low, middle)}
+        """Keep each stop near its end of the travel: what acts further inside is a spring."""
+        position = model.kinematic_pairs[target]
+        low, high = scales.ends(position)
+        inner_low, inner_high = scales.ends(position, OUTER, OUTER)
+        return {"upper": (inner_high, high), "lower": (low, inner_low)}
