@@ -532,8 +532,8 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         r"""Return the smallest size at which records like these would reveal each effect.
 
         Every effect is added to the extended model, which is simulated with the records' own
-        inputs, initial states and noise; the model is then re-tuned, and the rules of the diagnosis
-        are applied to the residuals.
+        inputs, initial states and noise; the model is then re-tuned, and the residuals are judged by
+        the evidence, the share and the free run that a cause needs to be named.
 
         Parameters
         ----------

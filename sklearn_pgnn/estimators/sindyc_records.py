@@ -47,18 +47,23 @@ class MeasuredStates:
         Inputs as they act.
     period : float
         Dominant period of the outputs [s].
+    is_shown : ndarray of bool, shape (n_records,)
+        Whether the outputs that show the states were measured in a record.
     """
 
     windows: ShootingWindows
     x: np.ndarray
     u: np.ndarray
     period: float
+    is_shown: np.ndarray
 
     @property
     def pieces(self) -> list[slice]:
-        """The rows of every record."""
-        bounds = self.windows.bounds
-        return [slice(a, b) for a, b in pairwise(bounds)]
+        """The rows of every record whose states are shown; of all where they are in none."""
+        spans = [slice(a, b) for a, b in pairwise(self.windows.bounds)]
+        if not self.is_shown.any():
+            return spans
+        return [span for span, shown in zip(spans, self.is_shown, strict=True) if shown]
 
     @property
     def interval(self) -> float:
@@ -88,7 +93,10 @@ def measure_states(model: PhysicsModel, records, **options) -> MeasuredStates:
         options = {"noise_std": np.ones(len(model.outputs)), **options, "substeps": 1}
     windowed = window_records(model, records, **options)
     u = windowed.windows.acting_inputs(model)[:, : len(model.inputs)]
-    return MeasuredStates(windowed.windows, windowed.states.values(model), u, windowed.period)
+    states = windowed.states
+    return MeasuredStates(
+        windowed.windows, states.values(model), u, windowed.period, states.is_shown
+    )
 
 
 def rate_rows(states: MeasuredStates, library, span: float | None):

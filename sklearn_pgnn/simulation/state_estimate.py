@@ -67,6 +67,8 @@ class StateEstimator:
         #: measured quantities: values by state name
         self.known: dict[str, np.ndarray] = {}
         self._from: dict[str, tuple[_SmoothedOutput, int]] = {}
+        #: by state, all outputs that show it
+        self._sources: dict[str, list[tuple[_SmoothedOutput, int]]] = {}
         #: by state, the output it is taken from, and the state that this shows
         self._shown: dict[str, tuple[str, str]] = {}
         #: by states, estimates that depend on no parameter
@@ -83,12 +85,35 @@ class StateEstimator:
             shown = shown_by(model, name)
             if shown:
                 self._smooth_output(name, column, *shown)
+        for state, sources in self._sources.items():
+            if len(sources) > 1:
+                self.known[state] = self._where_measured(state, sources)
+
+    def _where_measured(self, state, sources) -> np.ndarray:
+        """Return a state, in records in which its output was not measured by another one."""
+        usual, values = self._from[state], self.known[state].copy()
+        for r, (a, b) in enumerate(itertools.pairwise(self.windows.bounds)):
+            if not usual[0].is_measured[r]:
+                other = next((each for each in sources if each[0].is_measured[r]), usual)
+                values[a:b] = other[0].of(other[1])[a:b]
+        return values
+
+    @property
+    def is_shown(self) -> np.ndarray:
+        """Whether every state that an output shows was measured, of shape (n_records,)."""
+        measured = [
+            np.any([smoothed.is_measured for smoothed, _ in sources], axis=0)
+            for sources in self._sources.values()
+        ]
+        return np.all(measured, axis=0) if measured else np.ones(len(self.starts), dtype=bool)
 
     def _smooth_output(self, name: str, column: int, state: str, *velocities: str) -> None:
         """Smooth an output that shows a state, whose slope is the velocity if it has one."""
         smoothed = _SmoothedOutput(self.windows, column)
         self.known[state], self._from[state] = smoothed.value, (smoothed, 0)
         self._shown[state] = name, state
+        for place, each in enumerate((state, *velocities)):
+            self._sources.setdefault(each, []).append((smoothed, min(place, 1)))
         for velocity in velocities:
             if velocity not in self.known:
                 self.known[velocity], self._from[velocity] = smoothed.slope, (smoothed, 1)
@@ -231,6 +256,15 @@ class _SmoothedOutput:
         times = [t for t, _ in self._records]
         self.value = np.concatenate([s.value(t) for s, t in zip(curves, times, strict=True)])
         self.slope = np.concatenate([s.slope(t) for s, t in zip(curves, times, strict=True)])
+
+    def of(self, derivative: int) -> np.ndarray:
+        """Return the smoothed output, or its slope."""
+        return self.slope if derivative else self.value
+
+    @cached_property
+    def is_measured(self) -> np.ndarray:
+        """Whether a record has enough samples of the output for a spline, of shape (n_records,)."""
+        return np.array([np.isfinite(y).sum() >= FEWEST for _, y in self._records])
 
     def _with_penalties(self):
         return zip(self._records, self._penalties, strict=True)

@@ -597,3 +597,23 @@ def test_a_fit_keeps_no_object_of_pysindy(spring):
 @parametrize_with_checks([SINDYcRegressor()])
 def test_scikit_learn_checks(estimator, check):
     check(estimator)
+
+
+@pytest.mark.parametrize("without", ["position", "speed"])
+def test_a_sensor_that_one_record_lacks_spoils_no_fit(without):
+    rates = {"x": "v", "v": "force - 9*x - 0.5*v - 4*x**3"}
+    outputs = {"position": "x", "speed": "v"}
+    cart = PhysicsModel({"x": "m", "v": "m/s"}, rates, {}, {"force": "N"}, outputs)
+    t, rng, frames, measured = np.arange(300) / 40, np.random.default_rng(0), [], []
+    for i in range(4):
+        force = 4 * np.sin((1.0 + 0.6 * i) * t + i)
+        run = cart.simulate(t, force, [0.3, 0.0], substeps=4)
+        frames.append(pd.DataFrame({"trajectory": i, "t": t, "force": force}))
+        noise = 2e-3 * rng.normal(size=run.y.shape)
+        measured.append(pd.DataFrame(run.y + noise, columns=list(outputs)))
+    X, y = pd.concat(frames, ignore_index=True), pd.concat(measured, ignore_index=True)
+    X[["x", "v"]] = np.where(X[["t"]] == 0, [0.3, 0.0], np.nan)
+    y.loc[X["trajectory"] == 0, without] = np.nan
+    prior = cart.replace(equations={"x": "v", "v": "force"})
+    fitted = SINDYcRegressor(prior, degree=3).fit(X, y)
+    assert fitted.score(X[X["trajectory"] > 0], y[X["trajectory"] > 0]) > 0.99

@@ -121,3 +121,16 @@ def test_nothing_is_known_of_states_where_all_records_are_short():
     seen = np.full_like(y, np.nan)
     seen[::150] = y[::150]
     assert np.isinf(spread_of(cart, X, seen)).all()
+
+
+@pytest.mark.parametrize("without", ["position", "speed"])
+def test_a_sensor_that_is_missing_in_one_record_leaves_the_state_to_another(without):
+    cart, X, _ = cart_in_motion()
+    both = cart.replace(outputs={"position": "x", "speed": "v"})
+    run = both.simulate(X[:, 0], X[:, 1])
+    y = np.vstack([run.y, run.y])
+    y[: len(X), list(both.outputs).index(without)] = np.nan
+    states = build_problem(both, read_records(both, np.vstack([X, X]), y)).states
+    np.testing.assert_array_equal(states.is_shown, [without == "speed", True])
+    if without == "speed":
+        np.testing.assert_allclose(states.known["v"][20 : len(X) - 20], run.x[20:-20, 1], atol=0.02)
