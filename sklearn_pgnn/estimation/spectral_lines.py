@@ -9,6 +9,7 @@ none, so they are looked for in what the re-tuned model leaves of the outputs, t
 
 from contextlib import suppress
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import sympy
@@ -60,10 +61,7 @@ def missing_rate(
 
 
 def _slopes(windows, values):
-    slopes = [
-        np.gradient(values[a:b], windows.t[a:b])
-        for a, b in zip(windows.bounds[:-1], windows.bounds[1:], strict=True)
-    ]
+    slopes = [np.gradient(values[a:b], windows.t[a:b]) for a, b in pairwise(windows.bounds)]
     return np.concatenate(slopes)
 
 
@@ -183,7 +181,7 @@ def _explained(windows, model, x0, state, phase) -> np.ndarray:
 def _tones(windows, signal) -> tuple[float, ...]:
     """Return the frequencies that stand out, the records' spectra summed."""
     step = float(np.median(np.diff(windows.t)[np.diff(windows.t) > 0]))
-    spans = list(zip(windows.bounds[:-1], windows.bounds[1:], strict=True))
+    spans = list(pairwise(windows.bounds))
     size = 2 * max(b - a for a, b in spans)
     power = np.zeros(size // 2 + 1)
     for a, b in spans:
