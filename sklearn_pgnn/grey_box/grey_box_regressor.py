@@ -37,7 +37,7 @@ from sklearn_pgnn.trajectories import read_records, rows_in_order
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
 from sklearn_pgnn.trajectories.scoring import GapScoreMixin
 from sklearn_pgnn.trajectories.tags import tags_of_records
-from sklearn_pgnn.trajectories.validation import check_model, validate_table
+from sklearn_pgnn.trajectories.validation import check_model, require_target, validate_table
 
 #: from the shallowest to the deepest
 DEPTHS = ("prior", "fitted", "extended", "formula", "state_network", "network")
@@ -252,10 +252,7 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             If the network is asked for and its extra is not installed.
         """
         depths = self._check_parameters()
-        if y is None:
-            raise ValueError(
-                f"{type(self).__name__} requires y to be passed, but the target y is None."
-            )
+        require_target(self, y)
         records = self._records(validate_table(self, X, reset=True), y)
         table = plain_table(self.model, records)
         self._single_output = np.asarray(y).ndim == 1
