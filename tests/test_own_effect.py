@@ -17,7 +17,6 @@ from sklearn_pgnn.physics.characteristic import Characteristic
 from sklearn_pgnn.physics.effect import Effect, quantity
 from sklearn_pgnn.physics.effects import find_effect
 from sklearn_pgnn.physics.expressions import symbol
-from sklearn_pgnn.physics.laws import laws_of
 from sklearn_pgnn.simulation.simulate import settled_start
 
 SOURCE = Path(sklearn_pgnn.__file__).parent
@@ -137,15 +136,6 @@ def test_states_that_an_effect_adds_start_where_it_says_and_no_others():
     tired = lag + Fatigue("F", time_constant=0.1)
     assert settled_start(tired, [2.0]) == {"F_lagged": 0.0, "acting": 2.0, "strength": 1.0}
     assert find_effect("fatigue").title("F") == "fatigue on F"  # by the words of its id
-
-
-@pytest.mark.core
-def test_laws_are_read_off_the_equations():
-    cart = systems.cart_on_spring()
-    v = symbol("v")
-    assert laws_of(effects.QuadraticDrag("v"), cart) == {frozenset({("v'", v * abs(v))})}
-    assert laws_of(EddyBrake("v", peak=1.0), cart) == frozenset()  # it has a shape
-    assert laws_of(effects.ActuatorLag("force"), cart) == frozenset()
 
 
 @pytest.mark.core

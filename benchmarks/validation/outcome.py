@@ -6,11 +6,11 @@ import warnings
 from dataclasses import asdict, dataclass
 
 from cases import Case, make
+from laws import laws_of
 
 from sklearn_pgnn import ModelDiagnosis
 from sklearn_pgnn.effects import by_id
 from sklearn_pgnn.estimation.same_in_equations import same_parameter
-from sklearn_pgnn.physics.laws import laws_of
 
 OUTCOMES = ("named", "group", "absorbed", "missed", "wrong", "failed")
 #: share of the error power above the noise that counts as only noise

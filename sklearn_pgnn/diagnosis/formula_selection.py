@@ -13,15 +13,17 @@ from sklearn_pgnn.diagnosis.unexplained import (
 )
 from sklearn_pgnn.estimation.criterion import SelectionCriterion, explained_share
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
+from sklearn_pgnn.estimation.hypothesis_models import Key
 from sklearn_pgnn.estimation.same_in_equations import same_causes
 from sklearn_pgnn.simulation.hidden_input import channels
+from sklearn_pgnn.simulation.window_fit import WindowFit
 
 
 class FormulaSelection:
     """Look for a formula where the catalogue's causes leave something."""
 
     def __init__(self):
-        self._known: dict[tuple, Proposal | None] = {}
+        self._known: dict[Key, tuple[WindowFit, Proposal | None]] = {}
 
     def is_law(self, search: Search) -> bool:
         """Return whether a formula with no more parameters leaves noise where causes leave more.
@@ -105,9 +107,9 @@ class FormulaSelection:
 
     def _best(self, search: Search, ground: FittedHypothesis) -> Proposal | None:
         key = search.fitter.key(ground.hypothesis)
-        if key not in self._known:
-            self._known[key] = _best_formula(search, ground)
-        return self._known[key]
+        if key not in self._known or self._known[key][0] is not ground.fit:
+            self._known[key] = ground.fit, _best_formula(search, ground)
+        return self._known[key][1]
 
 
 def _best_formula(search: Search, ground: FittedHypothesis) -> Proposal | None:

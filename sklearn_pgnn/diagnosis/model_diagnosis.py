@@ -71,7 +71,7 @@ from sklearn_pgnn.trajectories.lost_units import refuse_standardised
 from sklearn_pgnn.trajectories.record import Record
 from sklearn_pgnn.trajectories.scoring import GapScoreMixin
 from sklearn_pgnn.trajectories.tags import tags_of_records
-from sklearn_pgnn.trajectories.validation import check_model, validate_table
+from sklearn_pgnn.trajectories.validation import check_model, require_target, validate_table
 
 
 class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
@@ -286,10 +286,7 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         check_max_causes(self.max_causes)
         check_time_limit(self.time_limit)
         read_noise_std(self.noise_std, list(self.model.outputs))
-        if y is None:
-            raise ValueError(
-                f"{type(self).__name__} requires y to be passed, but the target y is None."
-            )
+        require_target(self, y)
         X = validate_table(self, X, reset=True)
         whole = read_records(self.model, X, y, time_column=self.time_column)
         refuse_standardised(self.model, whole)

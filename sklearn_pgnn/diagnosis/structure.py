@@ -20,7 +20,8 @@ import numpy as np
 from scipy.stats import t as student
 from sklearn.ensemble import HistGradientBoostingRegressor
 
-from sklearn_pgnn.estimation.budgets import LAGS, LEAVES, SAMPLES, STRETCHES, TREES
+from sklearn_pgnn.diagnosis.trees import boosted_trees, groups_of
+from sklearn_pgnn.estimation.budgets import LAGS, SAMPLES, STRETCHES
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
 from sklearn_pgnn.estimation.fitted_records import record_starts
 from sklearn_pgnn.estimation.held_out import record_of, segments
@@ -196,7 +197,7 @@ class _Table:
             np.column_stack([*columns, since, windows.t[rows] - windows.t[windows.bounds[record]]]),
             trial.fit.evaluation.residual[rows] / windows.scale,
             window[rows],
-            _groups(record, rows),
+            groups_of(record),
         )
 
     def levelled(self) -> "_Table":
@@ -218,10 +219,7 @@ class _Table:
             inside, outside = known & (self.group == group), known & (self.group != group)
             if not outside.any() or not np.var(y[inside]) > 0:
                 continue
-            trees = HistGradientBoostingRegressor(
-                max_iter=TREES, max_leaf_nodes=LEAVES, random_state=0
-            )
-            trees.fit(self.features[outside], y[outside])
+            trees = boosted_trees().fit(self.features[outside], y[outside])
             share = _share(trees, self.features[inside], y[inside])
             yield _Prediction(share, float(np.sum(y[inside] ** 2)), trees, inside)
 
@@ -255,12 +253,3 @@ def _held_where_endless(x: np.ndarray) -> np.ndarray:
     rows = np.arange(len(x))[:, None]
     last = np.maximum.accumulate(np.where(finite, rows, 0), axis=0)
     return np.take_along_axis(x, last, axis=0)
-
-
-def _groups(record: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """Assign samples to groups: records, or stretches of them where there are few records."""
-    stretches = -(-STRETCHES // (record.max() + 1))
-    first = np.searchsorted(record, record)
-    size = np.bincount(record)[record]
-    stretch = (np.arange(rows.size) - first) * stretches // size
-    return (record * stretches + stretch) % max(STRETCHES, stretches)

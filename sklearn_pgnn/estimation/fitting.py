@@ -59,7 +59,7 @@ class HypothesisFitter(WindowFitter):
         """Return a fitter for another process, which has fitted nothing yet."""
         alone = HypothesisFitter(on_one_thread(self.problem))
         windows = replace(self.rough.windows, threads=1)
-        vars(alone).update(rough=replace(self.rough, windows=windows), scales=self.scales)
+        alone.rough, alone.scales = replace(self.rough, windows=windows), self.scales
         return alone
 
     @cached_property

@@ -1,7 +1,7 @@
 """How far re-tuning may move each parameter under a hypothesis."""
 
 import math
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from functools import reduce
 from operator import add
 
@@ -9,6 +9,7 @@ from sklearn_pgnn.estimation.hypothesis import Hypothesis
 from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.estimation.same_in_equations import held_parameters
 from sklearn_pgnn.exceptions import ModelError
+from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects import WrongParameter
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.freedom import freedom_of
@@ -44,7 +45,7 @@ def freedoms(
         One for every free parameter.
     """
     wrong = _said_to_be_wrong(hypothesis)
-    still = {*held, *without_spread(problem.prior, hypothesis)}
+    still = {*held, *_without_spread(problem.prior, hypothesis)}
     free = [
         freedom_of(problem.prior, name, within_spread=name not in wrong)
         for name in problem.prior.free_parameters
@@ -86,22 +87,40 @@ def held_freedoms(problem: EstimationProblem, hypothesis: Hypothesis) -> tuple[P
     return tuple(freedom_of(prior, name, within_spread=True) for name in uncertain)
 
 
-def held_by(model: PhysicsModel, hypothesis: Hypothesis) -> set[str]:
+def held_by(
+    model: PhysicsModel,
+    hypothesis: Hypothesis,
+    held: Callable[[PhysicsModel, Effect], Collection[str]] = held_parameters,
+) -> set[str]:
     """Name the model's parameters that stay where they are under a hypothesis.
 
     Those are what any of the causes speaks for, see `held_parameters`, and what has no spread.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    hypothesis : Hypothesis
+        What is said to be missing.
+    held : callable, default=held_parameters
+        Names what a cause speaks for, as one that remembers it may.
+
+    Returns
+    -------
+    set of str
+        Their names.
     """
     spoken_for: set[str] = set()
     for place, cause in enumerate(hypothesis.causes):
         try:
-            held = held_parameters(model, cause)
+            names = held(model, cause)
         except ModelError:  # it holds what the causes before it add, as a formula may
-            held = held_parameters(reduce(add, hypothesis.causes[:place], model), cause)
-        spoken_for |= set(held) & set(model.parameters)
-    return spoken_for | without_spread(model, hypothesis)
+            names = held_parameters(reduce(add, hypothesis.causes[:place], model), cause)
+        spoken_for |= set(names) & set(model.parameters)
+    return spoken_for | _without_spread(model, hypothesis)
 
 
-def without_spread(model: PhysicsModel, hypothesis: Hypothesis) -> set[str]:
+def _without_spread(model: PhysicsModel, hypothesis: Hypothesis) -> set[str]:
     """Name the parameters of value 0 that are not said to be wrong: a share of 0 is 0."""
     still = {name for name in model.free_parameters if model.parameters[name].reach == 0}
     return still - _said_to_be_wrong(hypothesis)

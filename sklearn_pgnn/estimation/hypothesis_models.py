@@ -2,7 +2,7 @@
 
 import itertools
 
-from sklearn_pgnn.estimation.freedoms import freedoms, without_spread
+from sklearn_pgnn.estimation.freedoms import freedoms, held_by
 from sklearn_pgnn.estimation.hypothesis import Hypothesis, commute
 from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.estimation.same_in_equations import held_parameters
@@ -154,7 +154,6 @@ class HypothesisModels:
             The rest.
         """
         prior = self.problem.prior
-        held = {name for cause in hypothesis.causes for name in self.held(cause)}
-        held |= without_spread(prior, hypothesis)
+        held = held_by(prior, hypothesis, lambda _, cause: self.held(cause))
         model = model.with_parameters(**{name: prior.parameters[name].value for name in held})
         return model, freedoms(self.problem, hypothesis, model, held)

@@ -15,7 +15,7 @@ from sklearn_pgnn.estimation.budgets import (
     SMALL_CHANGE,
     STRETCHES,
 )
-from sklearn_pgnn.estimation.spectral_lines import find_lines
+from sklearn_pgnn.estimation.spectral_lines import find_lines, slopes_by_record
 from sklearn_pgnn.exceptions import OptionError, RecordError
 from sklearn_pgnn.physics.effect import Scales
 from sklearn_pgnn.physics.model import PhysicsModel
@@ -318,10 +318,9 @@ def _scales(model, windows, x) -> Scales:
 
 def _rate(windows, values) -> float:
     r"""Return :math:`\sqrt{\overline{\dot x^2}}` of a state, the mean taken over time."""
-    spans = [slice(a, b) for a, b in pairwise(windows.bounds)]
-    slopes = np.concatenate([np.gradient(values[span], windows.t[span]) for span in spans])
-    widths = np.concatenate([np.gradient(windows.t[span]) for span in spans])
-    return float(np.sqrt(np.average(slopes**2, weights=widths)))
+    widths = np.concatenate([np.gradient(windows.t[a:b]) for a, b in pairwise(windows.bounds)])
+    squares = slopes_by_record(windows, values) ** 2
+    return float(np.sqrt(np.average(squares, weights=widths)))
 
 
 def _positive(value) -> float:

@@ -9,6 +9,7 @@ none, so they are looked for in what the re-tuned model leaves of the outputs, t
 
 from contextlib import suppress
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import sympy
@@ -52,18 +53,29 @@ def missing_rate(
     table = sample_table(model, windows, x)
     explained = [sympy.Integer(1), *(sympy.diff(rate, symbol(n)) for n in model.free_parameters)]
     columns = np.column_stack([evaluate_samples(e, table, size) for e in explained])
-    missing = _slopes(windows, table[state]) - evaluate_samples(rate, table, size)
+    missing = slopes_by_record(windows, table[state]) - evaluate_samples(rate, table, size)
     known = np.isfinite(columns).all(axis=1) & np.isfinite(missing)
     columns, missing = np.where(known[:, None], columns, 0.0), np.where(known, missing, 0.0)
     scale = np.maximum(np.linalg.norm(columns, axis=0), np.finfo(float).tiny)
     return missing - columns / scale @ np.linalg.lstsq(columns / scale, missing, rcond=ROUNDING)[0]
 
 
-def _slopes(windows, values):
-    slopes = [
-        np.gradient(values[a:b], windows.t[a:b])
-        for a, b in zip(windows.bounds[:-1], windows.bounds[1:], strict=True)
-    ]
+def slopes_by_record(windows: ShootingWindows, values: np.ndarray) -> np.ndarray:
+    """Return the slope of a signal at every sample, by differences within its record.
+
+    Parameters
+    ----------
+    windows : ShootingWindows
+        The records.
+    values : ndarray of shape (n_samples,)
+        The signal.
+
+    Returns
+    -------
+    ndarray of shape (n_samples,)
+        The slopes [signal per second].
+    """
+    slopes = [np.gradient(values[a:b], windows.t[a:b]) for a, b in pairwise(windows.bounds)]
     return np.concatenate(slopes)
 
 
@@ -183,7 +195,7 @@ def _explained(windows, model, x0, state, phase) -> np.ndarray:
 def _tones(windows, signal) -> tuple[float, ...]:
     """Return the frequencies that stand out, the records' spectra summed."""
     step = float(np.median(np.diff(windows.t)[np.diff(windows.t) > 0]))
-    spans = list(zip(windows.bounds[:-1], windows.bounds[1:], strict=True))
+    spans = list(pairwise(windows.bounds))
     size = 2 * max(b - a for a, b in spans)
     power = np.zeros(size // 2 + 1)
     for a, b in spans:

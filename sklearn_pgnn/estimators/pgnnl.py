@@ -22,6 +22,7 @@ from sklearn_pgnn.threads import one_thread_each
 from sklearn_pgnn.trajectories import rows_in_order
 from sklearn_pgnn.trajectories.scoring import GapScoreMixin
 from sklearn_pgnn.trajectories.tags import tags_of_records
+from sklearn_pgnn.trajectories.validation import require_target
 
 with needed_by("PGNNLRegressor"):
     import torch
@@ -581,10 +582,7 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
     # -- training ----------------------------------------------------------------------------------
 
     def _fit(self, X, y, *, anew: bool, **fit_params):
-        if y is None:
-            raise ValueError(
-                f"{type(self).__name__} requires y to be passed, but the target y is None."
-            )
+        require_target(self, y)
         self._check_parameters()
         random = check_random_state(self.random_state)
         has_time = self._has_time(X)

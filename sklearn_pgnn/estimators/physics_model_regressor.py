@@ -45,7 +45,7 @@ from sklearn_pgnn.trajectories import read_records, rows_in_order
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
 from sklearn_pgnn.trajectories.scoring import GapScoreMixin
 from sklearn_pgnn.trajectories.tags import tags_of_records
-from sklearn_pgnn.trajectories.validation import check_model, validate_table
+from sklearn_pgnn.trajectories.validation import check_model, require_target, validate_table
 
 
 class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
@@ -186,10 +186,7 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         """
         check_model(self.model)
         told = read_noise_std(self.noise_std, list(self.model.outputs))
-        if y is None:
-            raise ValueError(
-                f"{type(self).__name__} requires y to be passed, but the target y is None."
-            )
+        require_target(self, y)
         X = validate_table(self, X, reset=True)
         names = self._free_names()
         if self.search not in SEARCHES:

@@ -21,7 +21,7 @@ from sklearn_pgnn.trajectories.lost_units import refuse_standardised
 from sklearn_pgnn.trajectories.names import SIMULATED, is_named, place_of, time_name
 from sklearn_pgnn.trajectories.reader import TIME, TRAJECTORY
 from sklearn_pgnn.trajectories.scoring import GapScoreMixin
-from sklearn_pgnn.trajectories.validation import check_model, validate_table
+from sklearn_pgnn.trajectories.validation import check_model, require_target, validate_table
 
 
 class ResidualRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
@@ -146,10 +146,7 @@ class ResidualRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             If X and y cannot be read as records of the model, or no row has all outputs.
         """
         check_model(self.model, optional=True)
-        if y is None:
-            raise ValueError(
-                f"{type(self).__name__} requires y to be passed, but the target y is None."
-            )
+        require_target(self, y)
         X = validate_table(self, X, reset=True)
         self._single_output = np.asarray(y).ndim == 1
         if self.model is None:

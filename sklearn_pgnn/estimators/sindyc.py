@@ -37,7 +37,7 @@ from sklearn_pgnn.trajectories.lost_units import refuse_standardised
 from sklearn_pgnn.trajectories.scoring import GapScoreMixin
 from sklearn_pgnn.trajectories.tables import as_pandas
 from sklearn_pgnn.trajectories.tags import tags_of_records
-from sklearn_pgnn.trajectories.validation import check_model, validate_table
+from sklearn_pgnn.trajectories.validation import check_model, require_target, validate_table
 
 #: a simulation this many times larger than any measured output has diverged
 RUNAWAY = 1e3
@@ -209,10 +209,7 @@ class SINDYcRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         ImportError
             If pysindy is not installed.
         """
-        if y is None:
-            raise ValueError(
-                f"{type(self).__name__} requires y to be passed, but the target y is None."
-            )
+        require_target(self, y)
         self._check_parameters()
         y = as_pandas(y)
         self._single_output = np.asarray(y).ndim == 1

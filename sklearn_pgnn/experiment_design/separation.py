@@ -233,16 +233,13 @@ def put_in_place(
 
 def _extend(records, causes, start=None, held=frozenset()):
     """Extend the prior by causes: a new one at its start, the others at fitted values."""
-    problem = records.problem
-    model = problem.prior
-    for cause in causes:
-        own = cause.proposals(problem.prior, problem.scales)[0]
-        is_new = start is not None and (cause.id, cause.target) == (start.id, start.target)
-        model = (start if is_new else own).apply(model)
-    new = set() if start is None else set(start.names().values())
-    fresh = held | (new - set(problem.prior.parameters))
-    known = records.fits["extended"].model.parameters
-    values = {n: known[n].value for n in model.parameters if n in known and n not in fresh}
+    problem, prior = records.problem, records.problem.prior.parameters
+    fitted = records.fits["extended"].model
+    model = HypothesisModels(problem).extend(Hypothesis(causes), fitted)
+    values = {name: prior[name].value for name in held}
+    if start is not None:
+        own = start.names().items()
+        values |= {name: getattr(start, field) for field, name in own if name not in prior}
     return model.with_parameters(**values)
 
 

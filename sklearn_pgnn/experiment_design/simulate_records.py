@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Collection, Iterable
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pandas as pd
@@ -41,7 +42,7 @@ def inject(analysis: PowerAnalysis, effect: Effect | None, random_state=0):
     model = analysis.model if effect is None else effect.apply(analysis.model)
     x0, record = analysis.start(model), windows.record
     tables, outputs = [], []
-    for r, (a, b) in enumerate(zip(windows.bounds[:-1], windows.bounds[1:], strict=True)):
+    for r, (a, b) in enumerate(pairwise(windows.bounds)):
         start = x0[np.flatnonzero(record == r)[0]]
         y = free_run(model, windows, a, b, start).check().y
         rest = analysis.records.fits["extended"].residual[a:b]

@@ -1,5 +1,6 @@
 """A trained network as one C99 file."""
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -177,7 +178,7 @@ def layers_of(step: NetworkStep, core) -> list[dict[str, np.ndarray]]:
         ``weights`` and ``bias`` of every layer.
     """
     found, place, theta = [], 0, weights_of(core)
-    for n_in, n_out in zip(step.sizes[:-1], step.sizes[1:], strict=True):
+    for n_in, n_out in pairwise(step.sizes):
         bias = place + n_in * n_out
         weights = theta[place:bias].reshape(n_out, n_in)
         found.append({"weights": weights, "bias": theta[bias : bias + n_out]})

@@ -33,13 +33,14 @@ from sklearn_pgnn.grey_box.spread_warning import warn_of_spreads
 from sklearn_pgnn.grey_box.tables import plain_table, starts_for, usual_starts
 from sklearn_pgnn.grey_box.time_functions import depends_on_time, time_invariant_causes
 from sklearn_pgnn.model_selection.nested_parameters import parameters_named
+from sklearn_pgnn.model_selection.search_space import searched_parts
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.intervals import check_coverage, interval_around, quantile_of
 from sklearn_pgnn.trajectories import read_records, rows_in_order
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
 from sklearn_pgnn.trajectories.scoring import GapScoreMixin
 from sklearn_pgnn.trajectories.tags import tags_of_records
-from sklearn_pgnn.trajectories.validation import check_model, validate_table
+from sklearn_pgnn.trajectories.validation import check_model, require_target, validate_table
 
 #: from the shallowest to the deepest
 DEPTHS = ("prior", "fitted", "extended", "formula", "state_network", "network")
@@ -256,10 +257,7 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             If the network is asked for and its extra is not installed.
         """
         depths = self._check_parameters()
-        if y is None:
-            raise ValueError(
-                f"{type(self).__name__} requires y to be passed, but the target y is None."
-            )
+        require_target(self, y)
         records = self._records(validate_table(self, X, reset=True), y)
         table = plain_table(self.model, records)
         self._single_output = np.asarray(y).ndim == 1
@@ -581,14 +579,14 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             from sklearn_pgnn.estimators.pgnnl import PGNNLRegressor
         return PGNNLRegressor()
 
-    def _searched_parts(self) -> dict:
-        """Return the parts that `search_space` searches: the network as trained; None if never."""
+    def _network_as_trained(self):
+        """Return the network with the prior as its model; None if no depth trains one."""
         tried = NETWORKS if self.depths is None else self.depths
         if not set(NETWORKS) & set(tried):
-            return {"network": None}
+            return None
         network = clone(self._network())
         models = parameters_named(network, "model")
-        return {"network": network.set_params(**dict.fromkeys(models, self.model))}
+        return network.set_params(**dict.fromkeys(models, self.model))
 
     def _fit_chosen(self, candidates, table) -> None:
         """Fit the chosen depth to all records."""
@@ -612,6 +610,12 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
 
     def __sklearn_tags__(self):
         return tags_of_records(super().__sklearn_tags__())
+
+
+@searched_parts.register
+def _network_searched(regressor: GreyBoxRegressor) -> dict:
+    """Return the network as `search_space` searches it."""
+    return {"network": regressor._network_as_trained()}
 
 
 def _diagnosed(diagnosis, X, y, n_jobs) -> ModelDiagnosis:

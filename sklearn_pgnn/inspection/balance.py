@@ -9,6 +9,7 @@ the same states and inputs, over spans long enough to stand out from the noise:
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -92,7 +93,7 @@ class Samples:
     def _by_record(self, values, function):
         windows, m = self.records.windows, self.span
         out = np.full(windows.t.size, np.nan)
-        for a, b in zip(windows.bounds[:-1], windows.bounds[1:], strict=True):
+        for a, b in pairwise(windows.bounds):
             if b - a > 2 * m + 1:
                 out[a + m : b - m] = function(windows.t[a:b], values[a:b], m)
         return out

@@ -1,5 +1,6 @@
 """Default search spaces of the estimators, as dimensions for `BayesSearchCV`."""
 
+from functools import singledispatch
 from inspect import signature
 
 from sklearn_pgnn.extras import needed_by
@@ -101,10 +102,28 @@ def _parts(estimator) -> dict:
     inside = {f"{name}__": part for name, part in estimator.get_params().items() if _is_one(part)}
     parts = {"": estimator, **inside}
     for prefix, part in list(parts.items()):
-        if hasattr(part, "_searched_parts"):  # its parameters do not tell what it fits
-            parts |= {f"{prefix}{name}__": own for name, own in part._searched_parts().items()}
+        parts |= {f"{prefix}{name}__": own for name, own in searched_parts(part).items()}
     unused = tuple(prefix for prefix, part in parts.items() if part is None)
     return {prefix: part for prefix, part in parts.items() if not prefix.startswith(unused)}
+
+
+@singledispatch
+def searched_parts(estimator) -> dict:
+    """Return the estimators inside another one as it fits them, where its parameters do not tell.
+
+    To be registered for such an estimator's class.
+
+    Parameters
+    ----------
+    estimator : estimator
+        The outer estimator.
+
+    Returns
+    -------
+    dict of str to estimator or None
+        The estimators by the name of the parameter; None for one that is never fitted.
+    """
+    return {}
 
 
 def _is_one(part) -> bool:

@@ -49,6 +49,29 @@ def minimum(*values) -> sympy.Expr:
     return extreme(sympy.Min, values)
 
 
+def bounded(value, limit) -> sympy.Expr:
+    """Return a value, kept between minus a limit and the limit.
+
+    Parameters
+    ----------
+    value : sympy.Expr
+        The value.
+    limit : sympy.Expr or number
+        The limit, at least 0.
+
+    Returns
+    -------
+    sympy.Expr
+        The value within the limits, see `maximum`.
+
+    Examples
+    --------
+    >>> bounded(sympy.Symbol("x"), 1)
+    Max(-1, Min(1, x))
+    """
+    return maximum(minimum(value, limit), -limit)
+
+
 def extreme(kind: type[sympy.Max | sympy.Min], values) -> sympy.Expr:
     """Return the largest or the smallest of some values.
 

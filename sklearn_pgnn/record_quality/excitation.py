@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -145,7 +146,7 @@ def _rich_windows(windows: ShootingWindows) -> ShootingWindows:
     """Return the windows with many sines of the inputs' own range as inputs."""
     rng = np.random.default_rng(0)
     u = np.empty_like(windows.u)
-    for a, b in zip(windows.bounds[:-1], windows.bounds[1:], strict=True):
+    for a, b in pairwise(windows.bounds):
         clock = (windows.t[a:b] - windows.t[a]) / max(windows.t[b - 1] - windows.t[a], 1e-12)
         for i in range(u.shape[1]):
             cycles = np.geomspace(0.5, max((b - a) / 10, 1.0), SINES)
@@ -158,7 +159,7 @@ def _rich_windows(windows: ShootingWindows) -> ShootingWindows:
 def _states_under(fit: WindowFit, windows: ShootingWindows, other: ShootingWindows) -> np.ndarray:
     """Return the windows' initial states in a free run under other inputs."""
     x0, record = np.empty_like(fit.x0), windows.record
-    for r, (a, b) in enumerate(zip(windows.bounds[:-1], windows.bounds[1:], strict=True)):
+    for r, (a, b) in enumerate(pairwise(windows.bounds)):
         mine = np.flatnonzero(record == r)
         if mine.size:
             run = free_run(fit.model, other, a, b, fit.x0[mine[0]])

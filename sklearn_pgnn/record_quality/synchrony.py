@@ -1,6 +1,7 @@
 """Synchrony: outputs that respond before their inputs."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -75,7 +76,7 @@ def _best_lead(problem, base, windows: ShootingWindows) -> tuple[int, WindowFit]
 def _earlier(windows: ShootingWindows, time: float) -> ShootingWindows:
     """Return the windows with inputs moved to earlier samples, of every record's own clock."""
     u = windows.u.copy()
-    for a, b in zip(windows.bounds[:-1], windows.bounds[1:], strict=True):
+    for a, b in pairwise(windows.bounds):
         lead = round(time / float(np.median(np.diff(windows.t[a:b]))))
         u[a:b] = windows.u[np.minimum(np.arange(a, b) + lead, b - 1)]
     return replace(windows, u=u)

@@ -28,7 +28,7 @@ from sklearn_pgnn.simulation.kalman import run_filter
 from sklearn_pgnn.simulation.linear_response import output_slopes
 from sklearn_pgnn.simulation.pointwise import evaluate_samples, sample_table
 from sklearn_pgnn.simulation.simulate import parameter_values
-from sklearn_pgnn.simulation.stepping import OPTIONS, _copy
+from sklearn_pgnn.simulation.stepping import OPTIONS, copy_values
 from sklearn_pgnn.simulation.windows import ShootingWindows
 
 _F2, _F3, _I1 = types.float64[:, ::1], types.float64[:, :, ::1], types.int64[::1]
@@ -141,7 +141,7 @@ def _subtract_response(F, H, filtered, predicted, starts, lengths, begun, residu
     n = F.shape[1]
     x, moved = np.zeros(n), np.zeros(n)
     for w in range(starts.size):
-        _copy(begun[w], x)
+        copy_values(begun[w], x)
         end = starts[w] + lengths[w]
         for k in range(starts[w], end):
             for o in range(H.shape[1]):
@@ -153,4 +153,4 @@ def _subtract_response(F, H, filtered, predicted, starts, lengths, begun, residu
                 moved[i] = predicted[k + 1, i]
                 for j in range(n):
                     moved[i] += F[k, i, j] * (x[j] - filtered[k, j])
-            _copy(moved, x)
+            copy_values(moved, x)

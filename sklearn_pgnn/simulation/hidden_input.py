@@ -16,6 +16,7 @@ References
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import sympy
@@ -168,10 +169,7 @@ class _Filter:
     def __init__(self, model, windows, x, spread, size):
         self.function, self.source = compile_model(model, ())
         self.p, self.u = parameter_values(model), windows.acting_inputs(model)
-        self.windows, self.spans = (
-            windows,
-            list(zip(windows.bounds[:-1], windows.bounds[1:], strict=True)),
-        )
+        self.windows, self.spans = windows, list(pairwise(windows.bounds))
         self.starts = [np.append(x[a], 0.0) for a, _ in self.spans]
         self.P0 = np.diag(np.append(spread**2, size**2))
 

@@ -9,11 +9,11 @@ from sklearn_pgnn.simulation.compiled import FUNCTION
 from sklearn_pgnn.simulation.stepping import (
     INNER,
     OPTIONS,
-    _copy_rows,
-    _keep,
-    _observe,
-    _to_next_sample,
+    copy_rows,
     is_any,
+    keep,
+    observe,
+    to_next_sample,
     workspace,
 )
 
@@ -24,7 +24,7 @@ OUTLIER = 25.0
 
 
 @njit(**INNER)
-def _multiply(A, B, into):
+def multiply(A, B, into):
     """Fill an array with the product of two matrices."""
     for i in range(into.shape[0]):
         for j in range(into.shape[1]):
@@ -35,7 +35,7 @@ def _multiply(A, B, into):
 
 
 @njit(**INNER)
-def _set_unit(S):
+def set_unit(S):
     """Make a matrix the unit matrix."""
     for i in range(S.shape[0]):
         for j in range(S.shape[1]):
@@ -45,7 +45,7 @@ def _set_unit(S):
 @njit(**INNER)
 def _predict_covariance(S, C, noise, half):
     """Replace C by S C S' plus a diagonal, in place."""
-    _multiply(S, C, half)
+    multiply(S, C, half)
     nx = C.shape[0]
     for i in range(nx):
         for j in range(i + 1):
@@ -86,12 +86,12 @@ def run_filter(
                 return -np.inf
             if dry[i] and not stuck[i]:
                 s[i] = 1.0 if x[i] > 0.0 else (-1.0 if x[i] < 0.0 else 0.0)
-        _keep(x, C, Xp[k], Pp[k])
+        keep(x, C, Xp[k], Pp[k])
         for j in range(ny):
             if math.isnan(y[k, j]):
                 continue
-            _set_unit(S)
-            _observe(function, t[k], x, S, u[k], p, s, stuck, out, y_model, H)
+            set_unit(S)
+            observe(function, t[k], x, S, u[k], p, s, stuck, out, y_model, H)
             spread = variance[j]
             for a in range(nx):
                 gain[a] = 0.0
@@ -112,16 +112,16 @@ def run_filter(
                     C[a, b] -= gain[a] * gain[b] / spread
             for i in range(nx):
                 stuck[i] = stuck[i] and not moved
-        _keep(x, C, X[k], P[k])
+        keep(x, C, X[k], P[k])
         if k + 1 < t.size:
-            _set_unit(S)
-            _to_next_sample(
+            set_unit(S)
+            to_next_sample(
                 function, t, u, linear_hold, k, x, S, p, s, stuck, dry, substeps,
                 out, old, u_start, u_end, any_dry, usual,
             )  # fmt: skip
             for i in range(nx):
                 noise[i] = diffusion[i] * (t[k + 1] - t[k])
-            _copy_rows(S, F[k])
+            copy_rows(S, F[k])
             _predict_covariance(S, C, noise, half)
     return total
 
@@ -145,7 +145,7 @@ def _run_back(X, P, Xp, Pp, gains):
             for j in range(nx):
                 X[k, i] += gain[i, j] * (X[k + 1, j] - Xp[k + 1, j])
                 change[i, j] = P[k + 1, i, j] - Pp[k + 1, i, j]
-        _multiply(gain, change, half)
+        multiply(gain, change, half)
         for i in range(nx):
             for j in range(nx):
                 for m in range(nx):

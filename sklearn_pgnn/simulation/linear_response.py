@@ -17,11 +17,11 @@ from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.compiled import compile_model
 from sklearn_pgnn.simulation.hidden_input import with_hidden_input
-from sklearn_pgnn.simulation.kalman import _multiply, _set_unit, run_filter
+from sklearn_pgnn.simulation.kalman import multiply, run_filter, set_unit
 from sklearn_pgnn.simulation.pointwise import evaluate_samples, sample_table
 from sklearn_pgnn.simulation.simulate import parameter_values
 from sklearn_pgnn.simulation.source import differentiate
-from sklearn_pgnn.simulation.stepping import INNER, OPTIONS, _copy_rows
+from sklearn_pgnn.simulation.stepping import INNER, OPTIONS, copy_rows
 from sklearn_pgnn.simulation.windows import ShootingWindows
 
 _F2, _F3, _I1 = types.float64[:, ::1], types.float64[:, :, ::1], types.int64[::1]
@@ -44,7 +44,7 @@ def _respond(F, H, starts, lengths, theta, E, E0):
     for w in range(starts.size):
         end = starts[w] + lengths[w]
         _clear(s)
-        _set_unit(s0)
+        set_unit(s0)
         for k in range(starts[w], end):
             for o in range(H.shape[1]):
                 for i in range(nx):
@@ -58,10 +58,10 @@ def _respond(F, H, starts, lengths, theta, E, E0):
                 continue
             for j in range(m):
                 s[nx, j] = 0.5 * (theta[k, j] + theta[k + 1, j])
-            _multiply(F[k], s, moved)
-            _multiply(F[k], s0, moved0)
-            _copy_rows(moved, s)
-            _copy_rows(moved0, s0)
+            multiply(F[k], s, moved)
+            multiply(F[k], s0, moved0)
+            copy_rows(moved, s)
+            copy_rows(moved0, s0)
 
 
 def linear_responses(

@@ -202,7 +202,7 @@ def _prior_step(
 @njit(
     int64(
         FUNCTION, FUNCTION, FUNCTION, _F1, _F2, boolean, _F2, _F2, _F2, _F1, _B1, int64, int64,
-        int64, int64, int64, int64, _F, _F1, _F3, _I1, _F1, _F1, _F1, _F2, _I1, int64, int64, _F1,
+        int64, int64, int64, int64, _F, _F1, _F3, _I1, _F1, _F1, _F1, _F2, _I1, int64, _F1, int64,
         _F1, _F1, _F2,
     ),
     **OPTIONS,
@@ -210,8 +210,7 @@ def _prior_step(
 def run(
     function, terms, energy, t, acting, linear_hold, u, simulated, features, p, dry, substeps,
     size, n_terms, n_parts, base, guide, seen_at, offset, gain, lossy, root, mean, scale, reach,
-    sizes, core, activation,
-    theta, x, hidden, X,
+    sizes, activation, theta, core, x, hidden, X,
 ):  # fmt: skip
     """Run a network along one trajectory into X; return the first sample out of reach, or -1."""
     nx, n_out = x.size, gain.shape[2]
@@ -396,16 +395,15 @@ def _carry_numbers(base, lossy, by_prior, step_S, S):
 @njit(
     void(
         FUNCTION, FUNCTION, FUNCTION, _F1, _F2, boolean, _F2, _F2, _F2, _F1, _B1, int64, int64,
-        int64, int64, int64, int64, _F, _F1, _F3, _I1, _F1, _F1, _F1, _F2, _I1, int64, int64, _F1,
-        _F1, _F2, int64, _I1, _F2, _F3,
+        int64, int64, int64, int64, _F, _F1, _F3, _I1, _F1, _F1, _F1, _F2, _I1, int64, _F1, _F1,
+        _F2, int64, _I1, _F2, _F3,
     ),
     **OPTIONS,
 )  # fmt: skip
 def run_sensitive(
     function, terms, energy, t, acting, linear_hold, u, simulated, features, p, dry, substeps,
     size, n_terms, n_parts, base, guide, seen_at, offset, gain, lossy, root, mean, scale, reach,
-    sizes, core, activation,
-    theta, x, S, begin, wanted, X, SX,
+    sizes, activation, theta, x, S, begin, wanted, X, SX,
 ):  # fmt: skip
     """Run on from sample ``begin``, x and S in place; those wanted go into X and SX.
 

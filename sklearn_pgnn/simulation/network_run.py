@@ -237,14 +237,15 @@ class FreeRun:
 
     def __init__(self, step: NetworkStep, theta: np.ndarray):
         self._functions, self._settings = _functions_and_settings(step, theta)
-        self._n_hidden, self._linear = _n_hidden(step), step.hold == "foh"
+        self._core, self._n_hidden = CORES.index(step.core), _n_hidden(step)
+        self._linear = step.hold == "foh"
 
     def __call__(self, record: NetworkRecord, hidden=None):
         """Run along a trajectory, see `run_network`."""
         states = np.empty((record.t.size, record.x0.size))
         hidden = np.zeros(self._n_hidden) if hidden is None else hidden
         given = (*self._functions, *_given(record, self._linear), *self._settings)
-        return states, run(*given, record.x0.copy(), hidden, states)
+        return states, run(*given, self._core, record.x0.copy(), hidden, states)
 
 
 class NetworkSensitivities:
@@ -520,7 +521,6 @@ def _functions_and_settings(step, theta, wrt=None):
         np.array([list(step.model.states).index(name) for name in lossy], dtype=np.int64),
         *(_own(part) for part in (root, step.mean, step.scale, step.reach)),
         np.array(step.sizes, dtype=np.int64),
-        CORES.index(step.core),
         ACTIVATIONS.index(step.activation),
         np.ascontiguousarray(theta),
     )

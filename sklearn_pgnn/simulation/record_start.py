@@ -1,6 +1,6 @@
 """The initial state of a record, in states that it neither measures nor gives."""
 
-import itertools
+from itertools import pairwise
 
 import numpy as np
 
@@ -42,7 +42,7 @@ def find_starts(model: PhysicsModel, windows: ShootingWindows, states: StateEsti
     least = np.full(len(first), np.inf)
     for place in PLACES:
         there = here.copy()
-        for r, (a, b) in enumerate(itertools.pairwise(windows.bounds)):
+        for r, (a, b) in enumerate(pairwise(windows.bounds)):
             there[r, unknown[r]] = np.quantile(usual.x[a:b, unknown[r]], place, axis=0)
         tried = fit_windows(model, first, (), there, usual.spread)
         squares = tried.evaluation.squares

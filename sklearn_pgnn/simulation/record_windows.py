@@ -3,6 +3,7 @@
 import warnings
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import pairwise
 from numbers import Real
 
 import numpy as np
@@ -269,8 +270,8 @@ def cut(whole: ShootingWindows, length: float, min_windows: int = MIN_WINDOWS) -
     counts = np.clip(np.rint(durations / length), 1, most).astype(int)
     while counts.sum() < min_windows and (counts < most).any():
         counts[np.argmax(np.where(counts < most, durations / counts, -np.inf))] += 1
-    spans = zip(whole.bounds[:-1], whole.bounds[1:], counts, strict=True)
-    return _between(whole, [np.linspace(a, b, count + 1).astype(int) for a, b, count in spans])
+    spans = zip(pairwise(whole.bounds), counts, strict=True)
+    return _between(whole, [np.linspace(a, b, count + 1).astype(int) for (a, b), count in spans])
 
 
 def cut_exactly(whole: ShootingWindows, length: float) -> ShootingWindows:
@@ -290,9 +291,7 @@ def cut_exactly(whole: ShootingWindows, length: float) -> ShootingWindows:
         The windows.
     """
     edges = []
-    for a, b, duration in zip(
-        whole.bounds[:-1], whole.bounds[1:], record_durations(whole), strict=True
-    ):
+    for (a, b), duration in zip(pairwise(whole.bounds), record_durations(whole), strict=True):
         t = whole.t[a:b]
         # half a sample of slack: a rounded clock moves no sample into the window before
         ends = t[0] + length * np.arange(1, int(duration / length) + 1) - 0.5 * duration / t.size

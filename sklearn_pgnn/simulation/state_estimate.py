@@ -1,9 +1,9 @@
 """States of a record: smoothed where measured, else differentiated or simulated."""
 
-import itertools
 import warnings
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from itertools import pairwise
 
 import numpy as np
 import sympy
@@ -227,7 +227,7 @@ class StateEstimator:
     def _simulate(self, model, known) -> np.ndarray:
         """Simulate every record in free run; if that fails, the state stays at its start."""
         windows, runs = self.windows, []
-        for r, (a, b) in enumerate(zip(windows.bounds[:-1], windows.bounds[1:], strict=True)):
+        for r, (a, b) in enumerate(pairwise(windows.bounds)):
             start = {**settled_start(model, windows.u[a]), **_finite(self.starts[r])}
             start |= {state: values[a] for state, values in known.items()}
             x0 = np.array([start[state] for state in model.states])
@@ -249,7 +249,7 @@ class _SmoothedOutput:
 
     def __init__(self, windows: ShootingWindows, column: int):
         self._records = [
-            (windows.t[a:b], windows.y[a:b, column]) for a, b in itertools.pairwise(windows.bounds)
+            (windows.t[a:b], windows.y[a:b, column]) for a, b in pairwise(windows.bounds)
         ]
         self._penalties = self._choose_penalties()
         curves = [smooth(t, y, p) for (t, y), p in self._with_penalties()]

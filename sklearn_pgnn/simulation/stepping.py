@@ -85,21 +85,21 @@ def _first_crossing(x_old, x, stuck, dry):
 
 
 @njit(**INNER)
-def _copy(values, into):
+def copy_values(values, into):
     """Fill an array from the beginning of another."""
     for i in range(into.size):
         into[i] = values[i]
 
 
 @njit(**INNER)
-def _keep(x, S, x_old, S_old):
+def keep(x, S, x_old, S_old):
     """Copy a state and its sensitivities."""
-    _copy(x, x_old)
-    _copy_rows(S, S_old)
+    copy_values(x, x_old)
+    copy_rows(S, S_old)
 
 
 @njit(**INNER)
-def _copy_rows(values, into):
+def copy_rows(values, into):
     """Fill a matrix from another."""
     for i in range(into.shape[0]):
         for j in range(into.shape[1]):
@@ -160,25 +160,25 @@ def _cut(function, t, h, x, S, u_start, u_end, p, s, stuck, dry, out, old, i, sh
     """Go through a step again in which state i crosses zero first, at a share of it."""
     x_old, S_old, u_now, u_mid, before = old
     done, left = 0.0, h
-    _copy(u_start, u_now)
+    copy_values(u_start, u_now)
     for _ in range(MAX_EVENTS):
         now = t + done * h
-        _keep(x_old, S_old, x, S)
+        keep(x_old, S_old, x, S)
         for k in range(u_mid.size):
             u_mid[k] = u_now[k] + share * (u_end[k] - u_now[k])
         _step(function, now, share * left, x, S, u_now, u_mid, p, s, stuck, out)
         done += share * (1.0 - done)
-        _copy(u_mid, u_now)
+        copy_values(u_mid, u_now)
         x[i] = 0.0
         now, left = t + done * h, (1.0 - done) * h
         evaluate(function, RATES, now, x, S, u_now, p, s, stuck, out)
-        _copy(out, before)
+        copy_values(out, before)
         _side(function, now, x, S, u_now, p, s, stuck, i, out)
         evaluate(function, RATES, now, x, S, u_now, p, s, stuck, out)
         _jump(S, before, out, stuck, i)
         if not stuck[i]:
             x[i] = 1e-300 * s[i]
-        _keep(x, S, x_old, S_old)
+        keep(x, S, x_old, S_old)
         _step(function, now, left, x, S, u_now, u_end, p, s, stuck, out)
         i, share = _first_crossing(x_old, x, stuck, dry)
         if i < 0:
@@ -197,7 +197,7 @@ def advance(function, t, h, x, S, u_start, u_end, p, s, stuck, dry, any_dry, out
             for j in range(S.shape[1] if stuck[i] else 0):
                 S[i, j] = 0.0
     x_old, S_old = old[:2]
-    _keep(x, S, x_old, S_old)
+    keep(x, S, x_old, S_old)
     _step(function, t, h, x, S, u_start, u_end, p, s, stuck, out)
     i, share = _first_crossing(x_old, x, stuck, dry)
     if i >= 0:
@@ -232,7 +232,7 @@ def workspace(nx, nq, nu, size):
 
 
 @njit(**INNER)
-def _observe(function, t, x, S, u, p, s, stuck, out, y, Sy):
+def observe(function, t, x, S, u, p, s, stuck, out, y, Sy):
     """Evaluate the outputs and their sensitivities at one sample."""
     evaluate(function, OBSERVE, t, x, S, u, p, s, stuck, out)
     (nx, nq), ny = S.shape, y.size
@@ -244,7 +244,7 @@ def _observe(function, t, x, S, u, p, s, stuck, out, y, Sy):
 
 
 @njit(**INNER)
-def _to_next_sample(
+def to_next_sample(
     function, t, u, linear_hold, k, x, S, p, s, stuck, dry, substeps, out, old,
     u_start, u_end, any_dry, usual,
 ):  # fmt: skip
@@ -291,11 +291,11 @@ def run_trajectory(function, t, u, linear_hold, p, x, S, dry, substeps, size, us
             X[k, i] = x[i]
             if dry[i] and not stuck[i]:
                 s[i] = 1.0 if x[i] > 0.0 else (-1.0 if x[i] < 0.0 else 0.0)
-        _observe(function, t[k], x, S, u[k], p, s, stuck, out, Y[k], Sy)
+        observe(function, t[k], x, S, u[k], p, s, stuck, out, Y[k], Sy)
         if nq > 0:
-            _copy_rows(Sy, SY[k])
+            copy_rows(Sy, SY[k])
         if k + 1 < t.size:
-            _to_next_sample(
+            to_next_sample(
                 function, t, u, linear_hold, k, x, S, p, s, stuck, dry, substeps,
                 out, old, u_start, u_end, any_dry, usual,
             )  # fmt: skip
@@ -344,7 +344,7 @@ def run_windows(
             before, piece = piece, (k - starts[w]) * G.shape[1] // lengths[w]
             if piece != before:
                 _empty(products, G[w, before])
-            _observe(function, t[k], x, S, u[k], p, s, stuck, out, y_model, Sy)
+            observe(function, t[k], x, S, u[k], p, s, stuck, out, y_model, Sy)
             for i in range(ny):
                 R[k, i] = y[k, i] - y_model[i]
                 if math.isnan(y[k, i]):
@@ -354,7 +354,7 @@ def run_windows(
                 row[nq] = R[k, i] / scale[i]
                 _add_products(row, products)
             if k + 1 < starts[w] + lengths[w]:
-                _to_next_sample(
+                to_next_sample(
                     function, t, u, linear_hold, k, x, S, p, s, stuck, dry, substeps,
                     out, old, u_start, u_end, any_dry, usual[w],
                 )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Checks that scikit-learn expects for every estimator's X, before it is read as records."""
+"""Checks that scikit-learn expects of every estimator, before X and y are read as records."""
 
 from os import PathLike
 
@@ -45,6 +45,35 @@ PhysicsModel.from_yaml('model.yaml').
 def _short(value) -> str:
     text = repr(str(value) if isinstance(value, PathLike) else value)
     return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def require_target(estimator, y) -> None:
+    """Raise `ValueError` if the parameter ``y`` of `fit` is None.
+
+    Parameters
+    ----------
+    estimator : estimator
+        Whose `fit` it is.
+    y : array-like or None
+        The parameter.
+
+    Raises
+    ------
+    ValueError
+        In the words that scikit-learn expects.
+
+    Examples
+    --------
+    >>> from sklearn.base import BaseEstimator
+    >>> require_target(BaseEstimator(), None)
+    Traceback (most recent call last):
+        ...
+    ValueError: BaseEstimator requires y to be passed, but the target y is None.
+    """
+    if y is None:
+        raise ValueError(
+            f"{type(estimator).__name__} requires y to be passed, but the target y is None."
+        )
 
 
 def validate_table(estimator, X, *, reset: bool):

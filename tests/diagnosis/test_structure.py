@@ -9,12 +9,8 @@ from servo import SERVO, follow_sines
 from sledge import SLEDGE, drive
 
 from sklearn_pgnn import effects
-from sklearn_pgnn.diagnosis.structure import (
-    IN_RECORD,
-    _groups,
-    find_structure,
-    is_positive,
-)
+from sklearn_pgnn.diagnosis.structure import IN_RECORD, find_structure, is_positive
+from sklearn_pgnn.diagnosis.trees import groups_of
 from sklearn_pgnn.estimation.budgets import STRETCHES
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
@@ -212,7 +208,8 @@ def test_the_states_it_asks_are_those_of_a_free_run(fitted):
 @pytest.mark.parametrize("records", [1, 2, 3, 8, 20])
 def test_groups_are_records_or_stretches_of_them_and_never_mixed_samples(records):
     record = np.repeat(np.arange(records), 48)
-    group = _groups(record, np.arange(record.size))
+    group = groups_of(record)
     assert np.unique(group).size == STRETCHES
     inside = np.diff(record) == 0
     assert np.count_nonzero(np.diff(group)[inside]) == records * (-(-STRETCHES // records) - 1)
+    np.testing.assert_array_equal(groups_of(2 * record + 1), group)  # some have no sample

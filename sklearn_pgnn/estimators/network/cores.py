@@ -1,5 +1,6 @@
 """The cores of a network: layers in sequence, or a recurrent unit."""
 
+from itertools import pairwise
 from numbers import Integral
 
 import torch
@@ -48,7 +49,7 @@ class FeedForward(nn.Module):
         self.activation = activation
         self.sizes = (n_inputs, *[int(neurons)] * int(layers), n_outputs)
         parts: list[nn.Module] = []
-        for n_in, n_out in zip(self.sizes[:-1], self.sizes[1:], strict=True):
+        for n_in, n_out in pairwise(self.sizes):
             parts += [nn.Linear(n_in, n_out), _ACTIVATIONS[activation]()]
         self.layers = nn.Sequential(*parts[:-1])
 

@@ -10,6 +10,7 @@ from sklearn_pgnn.physics.effects.inputs import substitute
 from sklearn_pgnn.physics.effects.rates import is_velocity
 from sklearn_pgnn.physics.effects.targets import pair, parts
 from sklearn_pgnn.physics.expressions import symbol
+from sklearn_pgnn.physics.shown_states import told_states
 
 #: a parameter keeps at least this fraction of its value
 KEPT = 0.05
@@ -201,9 +202,8 @@ def _coefficients(model) -> dict[str, tuple[sympy.Expr, ...]]:
 
 def _shown(model) -> tuple[str, ...]:
     """Return the inputs, and the states measured by an output, itself or by their position."""
-    read = {str(s) for output in model.outputs.values() for s in output.free_symbols}
-    read |= {velocity for velocity, position in model.slope_pairs.items() if position in read}
-    return (*(state for state in model.states if state in read), *model.inputs)
+    told = told_states(model)
+    return (*(state for state in model.states if state in told), *model.inputs)
 
 
 def _drives_or_moves(model, signal: str) -> bool:

@@ -17,7 +17,7 @@ from sklearn_pgnn.physics.effects.rates import (
     unit_of_force,
 )
 from sklearn_pgnn.physics.expressions import symbol
-from sklearn_pgnn.physics.extremes import maximum, minimum
+from sklearn_pgnn.physics.extremes import bounded
 
 #: placeholder for the load until the model defines it
 LOAD = sympy.Symbol("_load", real=True)
@@ -399,7 +399,7 @@ class Hysteresis(PositionEffect):
     @property
     def bounded(self) -> sympy.Expr:
         """The state, limited to its admissible range."""
-        return maximum(minimum(symbol(self.state), 1), -1)
+        return bounded(symbol(self.state), 1)
 
     def rewrite(self, model, p):
         """Subtract the force and add the state."""

@@ -7,7 +7,7 @@ from types import MappingProxyType
 from sklearn_pgnn.physics.characteristic import Characteristic
 from sklearn_pgnn.physics.effect import Effect, quantity
 from sklearn_pgnn.physics.expressions import TIME, same_name, symbol
-from sklearn_pgnn.physics.extremes import maximum, minimum
+from sklearn_pgnn.physics.extremes import bounded, maximum, minimum
 
 
 @dataclass(frozen=True)
@@ -414,8 +414,7 @@ class InputRateLimit(ActuatorEffect):
 
     def rate(self, u, acting, p):
         """Return the rate of the lag, bounded."""
-        follow = (u - acting) / p["time_constant"]
-        return maximum(minimum(follow, p["limit"]), -p["limit"])
+        return bounded((u - acting) / p["time_constant"], p["limit"])
 
     @classmethod
     def starts(cls, target, model, scales):

@@ -8,12 +8,7 @@ from sklearn_pgnn.physics.effect import Effect, quantity
 from sklearn_pgnn.physics.effects.rates import is_velocity
 from sklearn_pgnn.physics.effects.targets import pair, parts
 from sklearn_pgnn.physics.expressions import symbol
-from sklearn_pgnn.physics.extremes import maximum, minimum
-
-
-def _bounded(value, limit):
-    """Keep a value between minus a limit and the limit."""
-    return maximum(minimum(value, limit), -limit)
+from sklearn_pgnn.physics.extremes import bounded, maximum, minimum
 
 
 def first_order_states(model):
@@ -88,7 +83,7 @@ class RateLimit(StateEffect):
 
     def rate(self, state, rate, p):
         """Return the rate, bounded."""
-        return _bounded(rate, p["limit"])
+        return bounded(rate, p["limit"])
 
     def characteristic(self, model):
         """Return the rate over the rate without the limit."""

@@ -2,6 +2,7 @@
 
 import sympy
 
+from sklearn_pgnn.estimation.same_in_equations import is_of_other_order
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.expressions import TIME, symbol
 from sklearn_pgnn.physics.model import PhysicsModel
@@ -37,7 +38,7 @@ def laws_of(effect: Effect, model: PhysicsModel) -> frozenset[Law]:
     [{"v'": sign(v)}]
     """
     extended = effect.apply(model)
-    if extended.delays != model.delays or extended.states != model.states:
+    if is_of_other_order(model, extended):
         return frozenset()
     own = set(map(symbol, effect.names().values()))
     rates = ((f"{state}'", rate) for state, rate in extended.equations.items())
