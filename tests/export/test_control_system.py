@@ -80,7 +80,7 @@ def test_in_discrete_time_it_is_the_simulation_itself(model):
     ("model", "interval", "what"),
     [
         (STICKING, None, r"'v' sticks in dry friction.*interval=0\.01"),
-        (CART + effects.InputDelay("force", 0.1), None, r"'force' acts late.*interval=0\.01"),
+        (CART + effects.InputDelay("force", 0.1), None, r"'force' is delayed.*interval=0\.01"),
         (CART.replace(simulation={"hold": "foh"}), 0.01, "straight.*'zoh'"),
     ],
 )

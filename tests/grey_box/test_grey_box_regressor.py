@@ -74,7 +74,7 @@ def test_wrong_parameters_are_fitted():
 
 def test_numbers_that_nobody_has_measured_are_told():
     X, y = records(CART.with_parameters(m=2.6, d=0.8))
-    with pytest.warns(UserWarning, match="re-tuned m and d to the ends.*Remedy.*spread=inf"):
+    with pytest.warns(UserWarning, match="re-tuned m and d to the limits.*Remedy.*spread=inf"):
         GreyBoxRegressor(CART, **QUICK).fit(X, y)
     wide = {name: each.with_spread(np.inf) for name, each in CART.parameters.items()}
     model = CART.replace(parameters=wide)

@@ -112,7 +112,7 @@ def test_trajectories_that_only_their_names_tell_apart():
     later["t"] += 100.0 * (later["trajectory"] == later["trajectory"].iloc[-1])
     mixed = X.sort_values("t", kind="stable")
     transformer = PhysicsModelTransformer(CART).fit(X)
-    with pytest.warns(UserWarning, match=r"does not tell the trajectories apart.*append='all'"):
+    with pytest.warns(UserWarning, match=r"does not separate the trajectories.*append='all'"):
         transformer.transform(mixed)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
