@@ -165,7 +165,7 @@ def test_the_trajectory_is_no_feature_whatever_it_is_called():
     pd.testing.assert_frame_equal(transformer.transform(other), expected)
     both = PhysicsModelTransformer(renamed).fit_transform(other.assign(trajectory="all"))
     pd.testing.assert_frame_equal(both, expected)
-    with pytest.warns(UserWarning, match="'run' is left out, and the time alone does not tell"):
+    with pytest.warns(UserWarning, match="'run' is left out, and the time alone does not separate"):
         transformer.transform(other.sort_values("t", kind="stable"))
 
 
