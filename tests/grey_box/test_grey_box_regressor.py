@@ -176,7 +176,7 @@ class BrokenOff(ModelDiagnosis):
 def test_a_diagnosis_that_breaks_off_is_said(with_friction):
     _, X, y = with_friction
     broken = BrokenOff(CART, catalogue=(effects.CoulombFriction,))
-    with pytest.warns(UserWarning, match="unexpected ModelError; ModelError: broken.*is taken"):
+    with pytest.warns(UserWarning, match="unexpected ModelError; ModelError: broken.*is used"):
         grey_box = GreyBoxRegressor(CART, diagnosis=broken, depths=("extended",)).fit(X, y)
     assert grey_box.parameters_["Fc_v"].value == pytest.approx(0.4, rel=0.02)
 

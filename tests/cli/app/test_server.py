@@ -264,7 +264,7 @@ def test_columns_of_other_names_and_units_are_mapped(port):
     assert "expected the unit 'N'" in client.wait()["message"]
     mapping["F"]["column"] = "Zeit"
     client.ask("/look", mapping=mapping)
-    assert "'Zeit', which is 't' already" in client.wait()["message"]
+    assert "'Zeit', which is already used for 't'" in client.wait()["message"]
 
 
 @pytest.mark.slow
