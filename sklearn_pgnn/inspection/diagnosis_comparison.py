@@ -100,7 +100,7 @@ class DiagnosisComparison:
     Examples
     --------
     >>> DiagnosisComparison(("before", "after"), (), (), ()).summary
-    'before and after say the same, within their 95 % intervals.'
+    'before and after agree within their 95 % intervals.'
     """
 
     names: tuple[str, str]

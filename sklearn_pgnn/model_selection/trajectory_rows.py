@@ -80,8 +80,8 @@ def refuse_merging(X, pieces, groups=None, time_column=None, trajectory_column=N
     >>> refuse_merging(X, [first, third])
     Traceback (most recent call last):
         ...
-    ValueError: X: the trajectories that end in row 1 and begin in row 4 would read as one, \
-for time goes on increasing from 0.1 s to 0.4 s. Remedy: give X a column 'trajectory'.
+    ValueError: X: the trajectories that end in row 1 and begin in row 4 would be read as one, \
+since time keeps increasing from 0.1 s to 0.4 s. Remedy: give X a column 'trajectory'.
     """
     X = as_table(X, time_column)
     if groups is not None or _named(X, trajectory_column) is not None:
