@@ -151,8 +151,8 @@ def test_an_effect_is_found_by_its_id_wherever_it_is_defined():
     ("arguments", "said"),
     [
         (("torque", "v"), "shows: expected one of force, rate"),
-        (("force", "v"), "over: expected what the force is drawn over, got None"),
-        (("rate", "v", symbol("v")), "over: a rate is drawn over itself, got v"),
+        (("force", "v"), "over: expected what the force is plotted over, got None"),
+        (("rate", "v", symbol("v")), "over: expected None, since a rate is plotted over the rate"),
         (("input", "u", symbol("v")), "over: expected None or the time t, got v"),
         (("parameter", "k", symbol("v")), "law: expected the parameter's value"),
     ],

@@ -22,7 +22,7 @@ Example:
   sklearn-pgnn diagnose --model model.yaml train.csv test.csv --output result
 """
 WHERE = """\b
-Where it goes:
+Install it with:
   bash  eval "$(sklearn-pgnn completion bash)"   in ~/.bashrc
   zsh   eval "$(sklearn-pgnn completion zsh)"    in ~/.zshrc
   fish  sklearn-pgnn completion fish > ~/.config/fish/completions/sklearn-pgnn.fish
@@ -60,7 +60,7 @@ def main():
 
 @main.command(epilog=EXAMPLE)
 @records_arguments
-@click.option("--output", required=True, metavar="DIR", type=FILE, help="Where the results go.")
+@click.option("--output", required=True, metavar="DIR", type=FILE, help="Folder for the results.")
 @result_options
 @diagnosis_options
 @job_options
@@ -93,12 +93,12 @@ def diagnose(data, model, output, quiet, debug, force, as_json, opens, **options
     show_default=True,
     metavar="DIR",
     type=FILE,
-    help="Where it goes.",
+    help="Folder for the files of the demo.",
 )
 @result_options
 @job_options
 def demo(output, quiet, debug, **options):
-    """Diagnose a simulated golf robot whose model misses its stick-slip.
+    """Diagnose a simulated golf robot whose model lacks stick-slip.
 
     Writes the model file and the CSV records to DIR/input, and diagnoses them.
     """

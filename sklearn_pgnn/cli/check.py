@@ -93,7 +93,7 @@ def _summary(look: FirstLook) -> str:
     counts = [
         f"{len(p)} {n}{'' if len(p) == 1 else 's'}" for p, n in zip(parts, names, strict=True)
     ]
-    held = "can be used" if not look.warnings else "can be read, but look odd"
+    held = "can be used" if not look.warnings else "can be read, with warnings"
     return f"The model of the {model.name} ({', '.join(counts)}) and the records {held}."
 
 
@@ -110,7 +110,7 @@ def _print_records(console, look) -> None:
 
 
 def _print_quantities(console, checked) -> None:
-    heading(console, "What they hold")
+    heading(console, "Contents")
     rows = table("", "", "from", "to", "", "missing")
     for q in checked.look.quantities:
         missing = str(q.missing) if q.missing else ""

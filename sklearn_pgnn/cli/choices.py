@@ -95,7 +95,9 @@ def choose_effects(only: Iterable[str], not_these: Iterable[str]) -> tuple[type[
     unwanted = [by_id(word) for word in split(not_these)]
     chosen = tuple(e for e in CATALOGUE if e in wanted and e not in unwanted)
     if not chosen:
-        raise OptionError("--exclude: expected to leave some effect, got all of them excluded.")
+        raise OptionError(
+            "--exclude: expected at least one effect to remain, got all of them excluded."
+        )
     return chosen
 
 
@@ -156,6 +158,6 @@ def check_candidates(model: PhysicsModel, effects, targets) -> None:
         ids = ", ".join(effect.id for effect in effects)
         on = f"on {', '.join(targets)} " if targets else ""
         raise OptionError(
-            f"--catalogue, --exclude, --targets: expected to leave a candidate, but "
+            f"--catalogue, --exclude, --targets: expected at least one candidate to remain, but "
             f"{ids} cannot act {on}in the model {model.name!r}."
         )

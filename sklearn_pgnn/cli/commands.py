@@ -26,17 +26,17 @@ from sklearn_pgnn.cli.systems import SYSTEMS
     type=click.Choice(tuple(SYSTEMS)),
     default=next(iter(SYSTEMS)),
     show_default=True,
-    help="The ready system to begin with.",
+    help="The ready system to start from.",
 )
 @click.option(
-    "--records", metavar="DATA", type=FILE, help="A file of records, whose columns are noted."
+    "--records", metavar="DATA", type=FILE, help="A file of records, whose columns are listed."
 )
 @force_option
 @quiet_options
 def init(path, like, records, force, quiet, debug):
-    """Write a commented model file to begin with.
+    """Write a commented model file to start from.
 
-    It is a complete model of a ready system; put your machine in its place.
+    It is a complete model of a ready system; replace it by your machine.
     """
     with guarded(debug):
         with show_progress(quiet) as progress:
@@ -52,8 +52,8 @@ def init(path, like, records, force, quiet, debug):
 def check(model, data, sample_time, as_json, quiet, debug):
     """Compare a model file with records, in seconds.
 
-    Shows what the files hold and how the model follows them as it is given, and says what looks
-    wrong: columns that are missing, another unit, another sign, an input that never moves.
+    Shows the contents of the files and the fit of the model as given, and warns of missing columns,
+    wrong units, wrong signs and inputs that never change.
     """
     with guarded(debug):
         with show_progress(quiet) as progress:
@@ -67,14 +67,14 @@ def check(model, data, sample_time, as_json, quiet, debug):
 
 @click.command()
 @records_arguments
-@click.option("--output", required=True, metavar="FILE.csv", type=FILE, help="Where it goes.")
+@click.option("--output", required=True, metavar="FILE.csv", type=FILE, help="Output file.")
 @force_option
 @quiet_options
 def simulate(model, data, sample_time, output, force, quiet, debug):
     """Simulate a model file on the inputs of records, in free run.
 
-    A record starts in the states that its file gives, else where its outputs show it to, else in
-    the model's initial state. The files need no outputs; where they have them, the fit is printed.
+    A record starts from the states in its file, else from those that its outputs show, else from
+    the model's initial state. The files need no outputs; if they have them, the fit is printed.
     """
     with guarded(debug):
         with show_progress(quiet) as progress:
@@ -91,12 +91,12 @@ def simulate(model, data, sample_time, output, force, quiet, debug):
 
 @click.command()
 @records_arguments
-@click.option("--output", required=True, metavar="FITTED.yaml", type=FILE, help="Where it goes.")
+@click.option("--output", required=True, metavar="FITTED.yaml", type=FILE, help="Output file.")
 @click.option(
     "--free",
     multiple=True,
     metavar="NAMES",
-    help="Parameters to fit, with commas between; by default all that are not fixed.",
+    help="Parameters to fit, separated by commas; by default all that are not fixed.",
 )
 @click.option("--free-run", is_flag=True, help="Fit the free run of whole records, not windows.")
 @force_option
@@ -106,7 +106,8 @@ def simulate(model, data, sample_time, output, force, quiet, debug):
 def fit(model, data, output, force, as_json, quiet, debug, **options):
     """Fit the free parameters of a model file to records.
 
-    A fit may go as far as the bounds, whatever the spread; it does not look for missing effects.
+    The fit uses the bounds of the parameters, not their spreads; it does not look for missing
+    effects.
     """
     with guarded(debug):
         with show_progress(quiet) as progress:
@@ -128,7 +129,7 @@ def fit(model, data, output, force, as_json, quiet, debug, **options):
 @click.command()
 @click.argument("one", metavar="A", type=FILE)
 @click.argument("other", metavar="B", type=FILE)
-@click.option("--output", metavar="FILE.html", type=FILE, help="Where a report goes, if wanted.")
+@click.option("--output", metavar="FILE.html", type=FILE, help="File for a report (optional).")
 @result_options
 @quiet_options
 def compare(one, other, output, force, as_json, opens, quiet, debug):
@@ -157,15 +158,15 @@ def compare(one, other, output, force, as_json, opens, quiet, debug):
     type=click.IntRange(min=0, max=65535),
     default=8765,
     show_default=True,
-    help="Where it is served; 0 for any port that is free.",
+    help="Port of the page; 0 selects a free one.",
 )
 @click.option("--open", "opens", is_flag=True, help="Open the page.")
 @quiet_options
 def app(port, opens, quiet, debug):
     """Serve a page on which files are dropped and diagnosed.
 
-    It is for this computer only, and nothing leaves it. Drop a model file and CSV files, assign the
-    columns, see the records beside the model, and have them diagnosed.
+    It is accessible from this computer only, and no data leave it. Drop a model file and CSV files,
+    assign the columns, compare the records with the model, and start a diagnosis.
     """
     with guarded(debug):
         with show_progress(quiet) as progress:
@@ -188,7 +189,7 @@ def app(port, opens, quiet, debug):
 @job_options
 @list_effects
 def detect(model, data, as_json, quiet, debug, **options):
-    """Find how large every effect must be before records like these would show it.
+    """Find how large every effect must be to be named on records like these.
 
     Every effect is added to the re-tuned model, with the inputs and the noise of the records.
     """

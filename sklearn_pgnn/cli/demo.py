@@ -1,4 +1,4 @@
-"""The job of ``sklearn-pgnn demo``: a golf robot whose model misses its stick-slip."""
+"""The job of ``sklearn-pgnn demo``: a golf robot whose model lacks stick-slip."""
 
 import shlex
 from pathlib import Path

@@ -143,7 +143,7 @@ class Job:
         """Return a sentence on the files that were written before the failure."""
         if not names:
             return ""
-        return f"What was found before is in {one_line(self.output)}: {', '.join(names)}."
+        return f"The results so far are in {one_line(self.output)}: {', '.join(names)}."
 
 
 def fit_kept(diagnosis: ModelDiagnosis, X, y) -> tuple[Exception | None, list[str]]:
@@ -158,8 +158,8 @@ def fit_kept(diagnosis: ModelDiagnosis, X, y) -> tuple[Exception | None, list[st
             raise
         except SystemExit:
             click.echo(
-                "Nothing of the search is kept. Remedy: --time-limit SECONDS ends one with the "
-                "best so far.",
+                "No result of the search is kept. Remedy: --time-limit SECONDS ends a search with "
+                "the best result so far.",
                 err=True,
             )
             raise

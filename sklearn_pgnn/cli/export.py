@@ -28,16 +28,16 @@ NEEDED = {"c": ("interval",), "fmu": ("interval",), "modelica": ()}
     "target",
     required=True,
     type=click.Choice([*TARGETS]),
-    help="One file of C99, a unit for co-simulation (FMU), or text of Modelica.",
+    help="One C99 file, an FMU for co-simulation, or Modelica text.",
 )
-@click.option("--output", required=True, metavar="FILE", type=FILE, help="Where it goes.")
+@click.option("--output", required=True, metavar="FILE", type=FILE, help="Output file.")
 @click.option(
     "--interval",
     type=click.FloatRange(min=0, min_open=True),
     metavar="S",
     help="c, fmu: time from sample to sample [s].",
 )
-@click.option("--name", help="What all names in the file begin with; by default the model's name.")
+@click.option("--name", help="Prefix of all names in the file; by default the model's name.")
 @click.option(
     "--substeps",
     type=click.IntRange(min=1),
@@ -71,7 +71,7 @@ NEEDED = {"c": ("interval",), "fmu": ("interval",), "modelica": ()}
 def export(model, target, output, name, force, quiet, debug, **options):
     """Write a model file in the language of another tool.
 
-    The C file and the unit do what the simulation does, friction that sticks and delays included.
+    The C file and the FMU compute the same as the simulation, with sticking friction and delays.
     """
     with guarded(debug):
         with show_progress(quiet) as progress:

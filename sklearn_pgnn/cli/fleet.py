@@ -25,7 +25,7 @@ Example:
 @click.command(epilog=EXAMPLE)
 @click.argument("records", metavar="FOLDER", type=FILE)
 @model_option
-@click.option("--output", required=True, metavar="DIR", type=FILE, help="Where the results go.")
+@click.option("--output", required=True, metavar="DIR", type=FILE, help="Folder for the results.")
 @click.option(
     "--pattern",
     metavar="PATTERN",
@@ -52,10 +52,9 @@ Example:
 def fleet(model, records, output, quiet, debug, as_json, opens, **options):
     """Diagnose many machines of one kind on their records.
 
-    Writes DIR/index.html (open it first), a row a machine, DIR/fleet.json, and for every machine
-    the files that diagnose writes. Machines that are finished are kept in DIR: a run that was
-    stopped goes on there, and only machines whose records, model or options differ are
-    diagnosed again.
+    Writes DIR/index.html (open it first) with one row per machine, DIR/fleet.json, and for every
+    machine the files that diagnose writes. Finished machines are kept in DIR: a stopped run
+    continues there, and only machines whose records, model or options differ are diagnosed again.
     """
     with guarded(debug):
         with show_progress(quiet) as progress:

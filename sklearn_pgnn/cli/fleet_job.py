@@ -83,9 +83,9 @@ class FleetJob:
                 return fleet.fit(machines)
         except BrokenProcessPool:
             raise click.ClickException(
-                f"a process that diagnosed a machine was killed, perhaps for lack of "
-                f"memory. Finished machines are kept in {one_line(self.output)}. Remedy: the same "
-                f"command again, with fewer --jobs."
+                f"a worker process was killed, perhaps for lack of memory. Finished machines are "
+                f"kept in {one_line(self.output)}. Remedy: the same command again, with fewer "
+                f"--jobs."
             ) from None
 
 
@@ -199,7 +199,7 @@ def _print_summary(fleet: FleetDiagnosis, report: Path, quiet: bool) -> None:
     adequate = VERDICTS["model_adequate"]
     wrong = [m for m in fleet.machines_.values() if m.said != adequate]
     if wrong:
-        heading(console, "Machines, the surest first")
+        heading(console, "Machines, most certain first")
         rows = table("machine", "verdict", "cause", "how sure")
         for machine in wrong[:SHOWN]:
             causes = ", ".join(cause_name(*pair) for pair in machine.named) or machine.failed

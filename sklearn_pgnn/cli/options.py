@@ -30,13 +30,13 @@ _MODEL = click.option(
     help="The model file, or an FMU for model exchange.",
 )
 _SHARE = click.FloatRange(min=0, max=1, min_open=True, max_open=True)
-_CORES = _jobs("Threads, and processes where these pay, to use.")
+_CORES = _jobs("Number of threads, and of processes where they save time.")
 _PROCESSES = _jobs("Processes to use, each for a machine at a time; a --cluster uses all it has.")
 _TALK = (
     click.option("--quiet", is_flag=True, help="Print a short summary, and no progress."),
     click.option("--debug", is_flag=True, help="Show the traceback of an error as well."),
 )
-_FORCE = click.option("--force", is_flag=True, help="Replace what is there already.")
+_FORCE = click.option("--force", is_flag=True, help="Replace existing files.")
 _JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON only.")
 _SHOW = (
     _JSON,
@@ -60,8 +60,10 @@ _HOLD = click.option(
     type=click.Choice(["auto", "zoh", "foh"]),
     default="auto",
     show_default=True,
-    help="Inputs are held between samples (zoh), or run straight from one to the next (foh); "
-    "auto: as the model file says, else held, unless the records contradict it.",
+    help=(
+        "Inputs are held (zoh) or linearly interpolated (foh) between samples; auto: as the model "
+        "file says, else held, unless the records contradict it."
+    ),
 )
 _SUBSTEPS = click.option(
     "--substeps",
@@ -83,8 +85,10 @@ _CATALOGUE = click.option(
     multiple=True,
     shell_complete=complete_effects,
     metavar="EFFECTS",
-    help="Consider only these effects: ids, with commas between, as in "
-    "coulomb_friction,input_bias. By default all; --list-effects names them.",
+    help=(
+        "Consider only these effects: ids, separated by commas, as in coulomb_friction,input_bias. "
+        "By default all; --list-effects names them."
+    ),
 )
 _EXCLUDE = click.option(
     "--exclude",
@@ -97,8 +101,10 @@ _TARGETS = click.option(
     "--targets",
     multiple=True,
     metavar="NAMES",
-    help="Consider only these states, inputs, outputs and parameters of the model, with commas "
-    "between; by default all.",
+    help=(
+        "Consider only these states, inputs, outputs and parameters of the model, separated by "
+        "commas; by default all."
+    ),
 )
 _SEED = click.option(
     "--seed",
@@ -111,8 +117,10 @@ _SEED = click.option(
 _SAID_HOLD = click.option(
     "--hold",
     type=click.Choice(["zoh", "foh"]),
-    help="Inputs are held between samples (zoh), or run straight from one to the next (foh); by "
-    "default as the model file says, else held.",
+    help=(
+        "Inputs are held (zoh) or linearly interpolated (foh) between samples; by default as the "
+        "model file says, else held."
+    ),
 )
 _CANDIDATES = (_CATALOGUE, _EXCLUDE, _TARGETS)
 _DIAGNOSIS = (
@@ -134,7 +142,7 @@ _DIAGNOSIS = (
         default=0.01,
         show_default=True,
         metavar="RATE",
-        help="False-alarm rate: the chance that a cause is named where nothing is missing.",
+        help="False-alarm rate: the probability that a cause is named although nothing is missing.",
     ),
     click.option(
         "--smallest-share",
@@ -148,8 +156,10 @@ _DIAGNOSIS = (
         "--time-limit",
         type=click.FloatRange(min=0, min_open=True),
         metavar="S",
-        help="Time [s] after which the search ends and the best so far is reported; what that "
-        "needs is still computed, so it takes a little longer.",
+        help=(
+            "Time [s] after which the search ends and the best so far is reported; the rest of the "
+            "report is still computed, which takes a little longer."
+        ),
     ),
     _SEED,
 )

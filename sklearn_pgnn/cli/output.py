@@ -39,11 +39,11 @@ def refuse_existing(path, *, force: bool) -> None:
         If it exists already, or its folder does not.
     """
     if not Path(path).absolute().parent.is_dir():
-        raise OptionError(f"{path}: expected its folder to be there. Remedy: make it first.")
+        raise OptionError(f"{path}: expected its folder to exist. Remedy: create it first.")
     if Path(path).exists() and not force:
         raise OptionError(
-            f"{path}: expected no such file, got one. Remedy: another name, or --force to "
-            f"replace it."
+            f"{path}: expected a new file, got an existing one. Remedy: another name, or --force "
+            f"to replace it."
         )
 
 

@@ -30,7 +30,7 @@ def warn(console: Console, warnings: Iterable[str]) -> None:
     """Print warnings below a heading; nothing where there are none."""
     warnings = list(warnings)
     if warnings:
-        heading(console, "Look at this first")
+        heading(console, "Warnings")
     for warning in warnings:
         console.print(Text(f"  {one_line(warning)}", style="yellow"), soft_wrap=True)
 

@@ -18,13 +18,13 @@ HEAD = """\
 """
 #: comment above each part
 COMMENTS = {
-    "name": "What reports call the machine.",
+    "name": "Name of the machine in reports.",
     "states": "The state variables, with units: positions, speeds, levels, temperatures.",
-    "inputs": "What drives it, with units. Every file of records has a column of each.",
-    "outputs": "What the sensors show: the column of the file, and the state, or an expression.",
-    "parameters": "Constants. bounds: what is possible at all. spread: how far the true value may\n"
-    "lie from this one, as a share of it, and still be called calibrated (0.1 if nothing is\n"
-    "said). fixed: true for what is known and never re-tuned.",
+    "inputs": "The inputs, with units. Every file of records has a column for each.",
+    "outputs": "The measured outputs: the column of the file, and the state or an expression.",
+    "parameters": "Constants. bounds: physically possible values. spread: relative deviation up\n"
+    "to which the value counts as calibrated (0.1 by default). fixed: true for a known value,\n"
+    "which is never re-tuned.",
     "equations": "The rate of every state. Names from above, numbers, t, pi, + - * / **, and abs,\n"
     "sign, min, max, sqrt, exp, log, sin, cos, tan, atan2, tanh and the like.",
     "inertia": "Optional: mass or inertia of a speed; effects on it are then forces or torques.",
@@ -34,9 +34,9 @@ COMMENTS = {
 #: optional parts of a model, to be uncommented
 OPTIONAL = {
     "initial_state": "where a record without initial states starts; zero by default",
-    "columns": "what the files call a quantity, where that is not its name",
-    "delays": "for an input that acts late, the parameter of its delay [s]: a new one, such as tau",
-    "simulation": "hold: zoh or foh (inputs held, or straight from sample to sample); substeps",
+    "columns": "column name of a quantity in the files, where it differs from its name",
+    "delays": "for a delayed input, the parameter of its delay [s]: a new one, such as tau",
+    "simulation": "hold: zoh or foh (inputs held, or linearly interpolated); substeps",
 }
 
 

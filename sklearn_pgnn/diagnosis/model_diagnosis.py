@@ -314,8 +314,8 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             warnings.warn(
                 f"the time in the equations of the extended model counts from the first sample of "
                 f"each trajectory, but the clock of {late[0].name!r} begins at "
-                f"{late[0].origin:.12g} s. Remedy: take the first time off each trajectory before "
-                f"the extended model is simulated on it.",
+                f"{late[0].origin:.12g} s. Remedy: subtract each trajectory's first time before "
+                f"simulating the extended model on it.",
                 RecordWarning,
                 stacklevel=4,
             )
@@ -529,8 +529,8 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         r"""Return the smallest size at which records like these would reveal each effect.
 
         Every effect is added to the extended model, which is simulated with the records' own
-        inputs, initial states and noise; the model is then re-tuned, and the residuals are judged by
-        the evidence, the share and the free run that a cause needs to be named.
+        inputs, initial states and noise; the model is then re-tuned, and the residuals are judged
+        by the evidence, the share and the free run that a cause needs to be named.
 
         Parameters
         ----------
@@ -603,7 +603,7 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         """Find the experiment that would separate a cause from another one.
 
         Both causes are fitted and simulated under designed inputs: steps, slow ramps, pulses with
-        a long rest, sines and a sweep, each at several amplitudes. Each model is re-tuned to the
+        a long pause, sines and a sweep, each at several amplitudes. Each model is re-tuned to the
         outputs of the other; the remaining difference is the information of the experiment.
         Experiments that would drive an output beyond twice its range in the records are left out.
 

@@ -95,7 +95,7 @@ def two_to_separate(
     confused = causes[mine].confused_with
     if other is None and not confused:
         raise ValueError(
-            f"other: expected a cause, got none, and {mine.id} of {mine.target} is confused "
-            f"with nothing. Remedy: name the cause to tell it from."
+            f"other: expected a cause, got none, and {mine.id} of {mine.target} has no rival. "
+            f"Remedy: pass other=(effect, target), the cause to separate it from."
         )
     return mine, effect_named(confused[0] if other is None else other, catalogue)

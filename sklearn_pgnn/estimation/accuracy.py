@@ -1,4 +1,4 @@
-"""Test whether one of two simulations is nearer to the records, beyond chance."""
+"""Test whether one of two simulations is significantly closer to the records."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ from sklearn_pgnn.estimation.residuals import Residuals
 
 
 def accuracy_gained(before: Residuals, after: Residuals) -> float:
-    r"""Return by how many standard errors the second of two simulations is the nearer one.
+    r"""Return the gain in accuracy of the second of two simulations, in standard errors.
 
     .. math:: z = \frac{\sum_k d_k}{\sqrt{n \tau_d \operatorname{var} d}}, \qquad
         d_k = \sum_o \frac{e_{o,0}^2(k) - e_{o,1}^2(k)}{S_{o,0} + S_{o,1}}
@@ -23,7 +23,7 @@ def accuracy_gained(before: Residuals, after: Residuals) -> float:
     Returns
     -------
     float
-        Negative if the second one is further off; infinite if only one of them is finite.
+        Negative if the second one has the larger error; infinite if only one of them is finite.
 
     Raises
     ------

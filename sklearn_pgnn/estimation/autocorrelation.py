@@ -18,14 +18,14 @@ def autocorrelation_times(residual: np.ndarray, segment: np.ndarray) -> np.ndarr
     Parameters
     ----------
     residual : ndarray of shape (n_samples, n_outputs)
-        Residuals; NaN where there is none.
+        Residuals; NaN where nothing was measured.
     segment : ndarray of shape (n_samples,)
         Number of every sample's window or record; segments lie end to end.
 
     Returns
     -------
     ndarray of shape (n_outputs,)
-        The times.
+        The autocorrelation times.
 
     References
     ----------
@@ -56,7 +56,7 @@ def _autocorrelation_time(values: np.ndarray, segment: np.ndarray) -> float:
 
 
 def _sum_over_lags(values: np.ndarray, segment: np.ndarray) -> np.ndarray:
-    """Return the sum of the products of all values of a segment so many samples apart."""
+    """Return the sum of the products of all values of a segment that are a given lag apart."""
     edges = np.flatnonzero(np.diff(segment, prepend=np.nan, append=np.nan))
     lengths = np.diff(edges)
     found = np.zeros(lengths.max())
@@ -73,13 +73,13 @@ def white_power(residual: np.ndarray, starts: np.ndarray) -> np.ndarray:
 
     .. math:: \tfrac12\, \mathrm{mean}\,(r_{k+1} - r_k)^2,
 
-    over neighbours among the known samples of a window: an output may be measured more rarely than
+    over neighbours among the known samples of a window: an output may be measured less often than
     others.
 
     Parameters
     ----------
     residual : ndarray of shape (n_samples, n_outputs)
-        Residuals; NaN where there is none.
+        Residuals; NaN where nothing was measured.
     starts : ndarray of shape (n_windows,)
         First sample of every window.
 

@@ -1,10 +1,10 @@
-"""A candidate as plain data: the effect's id, and what it acts on."""
+"""A candidate as plain data: the effect's id and its target."""
 
 from typing import NamedTuple
 
 
 class Candidate(NamedTuple):
-    """An effect and what it acts on.
+    """An effect and its target.
 
     Parameters
     ----------

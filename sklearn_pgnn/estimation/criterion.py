@@ -1,15 +1,15 @@
 r"""The comparison of two hypotheses: a held-out likelihood ratio, and a decision rule based on it.
 
-Let :math:`S_o` be the squares that a hypothesis leaves of output :math:`o` on :math:`n_o` samples
-its parameters have not seen. With Gaussian errors whose variance is profiled out, the evidence for
-hypothesis 1 over hypothesis 0 is
+Let :math:`S_o` be the sum of squared residuals of a hypothesis in output :math:`o` on :math:`n_o`
+samples its parameters were not fitted to. With Gaussian errors whose variance is profiled out, the
+evidence for hypothesis 1 over hypothesis 0 is
 
 .. math:: \Lambda = \sum_o \frac{n_o}{2 \tau_o} \log \frac{S_{o,0}}{S_{o,1}} - (V_1 - V_0)
 
 in natural units. :math:`\tau_o` is the longer of the integrated autocorrelation times of the two
 residuals: coloured residuals count by their effective number, and a slow residual of the worse
-hypothesis does not count for more because the better one removes it. :math:`V` is the price of the
-states that a hypothesis adds, whose values at the start of every window are integrated out by
+hypothesis does not count for more because the better one removes it. :math:`V` is the penalty for
+the states that a hypothesis adds, whose values at the start of every window are integrated out by
 Laplace's method.
 """
 
@@ -37,7 +37,7 @@ def log_likelihood_ratio(worse: Residuals, better: Residuals) -> float:
     Returns
     -------
     float
-        Positive if hypothesis 1 is nearer; infinite if only one of them can be simulated.
+        Positive if hypothesis 1 is more likely; infinite if only one of them can be simulated.
 
     Examples
     --------
@@ -56,7 +56,7 @@ def log_likelihood_ratio(worse: Residuals, better: Residuals) -> float:
 
 
 def explained_share(worse: Residuals, better: Residuals) -> float:
-    """Return the largest share of an output's squares that hypothesis 1 explains of hypothesis 0.
+    """Return the largest share of hypothesis 0's squares in an output that hypothesis 1 explains.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def explained_share(worse: Residuals, better: Residuals) -> float:
     Returns
     -------
     float
-        At most 1; negative where no output comes nearer.
+        At most 1; negative where the error of no output falls.
 
     Examples
     --------
@@ -118,9 +118,9 @@ class SelectionCriterion:
     than :math:`\log(1/\alpha)`. For a cause that adds states, whose initial values are free in
     every window, the free run must be better than both by the smallest share.
     Of hypotheses that are not separated by evidence of :math:`\log(1/\alpha)`, the one with the
-    fewest parameters is preferred, and of equally many the likelier one. Where more than white
-    noise is left over windows, the evidence given a disturbance must exceed :math:`\log(N/\alpha)`,
-    too.
+    fewest parameters is preferred, and among equally many the more likely one. Where residuals
+    over windows exceed white noise, the evidence given a disturbance must exceed
+    :math:`\log(N/\alpha)`, too.
 
     Parameters
     ----------
@@ -168,7 +168,7 @@ class SelectionCriterion:
         overdispersion: float = 1.0,
         retuned: HeldOut | None = None,
     ) -> bool:
-        """Return whether causes are named beside a hypothesis without them.
+        """Return whether causes are named in addition to a hypothesis without them.
 
         Parameters
         ----------
@@ -194,7 +194,7 @@ class SelectionCriterion:
         return evidence > n_causes * self.to_name and self.explains_enough(without, with_)
 
     def explains_enough(self, without: HeldOut, with_: HeldOut) -> bool:
-        """Return whether a hypothesis explains the smallest share of what another leaves.
+        """Return whether a hypothesis explains the smallest share of another one's error.
 
         Parameters
         ----------

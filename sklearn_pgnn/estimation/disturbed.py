@@ -1,11 +1,11 @@
 r"""The likelihood of held-out windows under a hypothesis, with an unmeasured disturbance.
 
-A window's simulation contains a disturbance through its initial state only. So where one acts, a
-law that makes the machine forget its past predicts records better than the true law, also held-out
+A window's simulation contains a disturbance only through its initial state. Therefore, where one
+acts, a law with a shorter memory predicts the records better than the true law, also held-out
 ones. Here a hypothesis has a hidden input in addition to its causes,
-see `sklearn_pgnn.simulation.disturbance`: at the place, and with the variance and the time, that
-make the records likeliest. Least squares over windows weighs residuals as if nothing disturbed
-them, so the parameters of every fold are estimated again from the innovations of the others,
+see `sklearn_pgnn.simulation.disturbance`: at the place, and with the variance and the time
+constant, of the largest likelihood. Least squares over windows weights residuals as if they were
+undisturbed, so the parameters of every fold are estimated again from the innovations of the others,
 
 .. math:: p \leftarrow \arg\min_p \sum_w \left\| \nu_w + N_w (p - p_w) \right\|^2
           + \sum_i \left(\frac{p_i - \bar p_i}{\sigma_i}\right)^2,
@@ -13,7 +13,7 @@ them, so the parameters of every fold are estimated again from the innovations o
 with the innovations :math:`\nu` and :math:`N` of the residuals and of their derivatives by the
 parameters. No hypothesis is exact, so errors too small for a cause to be named count as output
 noise: otherwise, with an accurate sensor, the hypothesis with the slightly better one-step
-prediction would be likelier, however wrong its trajectory.
+prediction would be more likely, however wrong its trajectory.
 """
 
 import warnings
@@ -49,7 +49,7 @@ def disturbed_likelihood(
     variance: np.ndarray,
     each_run: Callable[[], None] = lambda: None,
 ) -> float:
-    """Return the log-likelihood of held-out windows with the likeliest disturbance.
+    """Return the log-likelihood of held-out windows with the disturbance of largest likelihood.
 
     Parameters
     ----------
@@ -58,11 +58,11 @@ def disturbed_likelihood(
     trial : FittedHypothesis
         The hypothesis.
     held_out : HeldOut
-        What it leaves of windows that its parameters have not seen, and what was learned.
+        Its residuals on held-out windows, and the models fitted to the others.
     folds : ndarray of shape (n_windows,)
         Fold of every window.
     variance : ndarray of shape (n_outputs,)
-        Of the noise of the outputs.
+        Variance of the noise of the outputs.
     each_run : callable, optional
         Called before every run of the filter; an exception it raises ends them.
 
@@ -87,13 +87,13 @@ class HeldOutWindows:
     problem : EstimationProblem
         The problem.
     freedoms : tuple of ParameterPrior
-        What is free.
+        The free parameters.
     held_out : HeldOut
-        What was learned, and the initial states that go with it.
+        The models fitted to the other windows, and the initial states fitted with them.
     folds : ndarray of shape (n_windows,)
         Fold of every window.
     variance : ndarray of shape (n_outputs,)
-        Of the noise of the outputs.
+        Variance of the noise of the outputs.
     """
 
     def __init__(
@@ -140,7 +140,7 @@ class HeldOutWindows:
             self.slopes[a:b] = -slopes
 
     def likelihoods(self, each_run: Callable[[], None] = lambda: None) -> Iterator[float]:
-        """Yield the likelihood with the parameters as they are, and as they are learned again.
+        """Yield the likelihood with the parameters as they are, and as estimated again.
 
         Parameters
         ----------
@@ -150,7 +150,7 @@ class HeldOutWindows:
         Yields
         ------
         float
-            The logarithm, but for a constant, beside the likeliest disturbance.
+            The log-likelihood, up to a constant, with the disturbance of largest likelihood.
         """
         found = (self._likeliest(each, each_run) for each in channels(self.problem.prior))
         best = max(found, key=lambda one: one.likelihood, default=None)
@@ -165,9 +165,9 @@ class HeldOutWindows:
         yield likeliest(again, size, time, best.disturbance, each_run)[1]
 
     def _likeliest(self, channel: str, each_run: Callable[[], None]) -> "_Beside":
-        """Find the likeliest hidden input at a channel, first along what a typical one explains.
+        """Find the most likely hidden input at a channel, first along a typical one's effect.
 
-        That takes but some of the windows: it is to tell where to look on.
+        This uses only some of the windows: it decides where to search further.
         """
         size, time = self._typical(channel)
         linear = self._linearised(channel, Disturbance(size**2, time))
@@ -186,7 +186,7 @@ class HeldOutWindows:
         return scales.rate.get(channel, scales.typical[channel]), scales.window
 
     def _linearised(self, channel: str, disturbance: Disturbance) -> LinearWindows:
-        """Linearise all windows with a hidden input, along what it explains."""
+        """Linearise all windows with a hidden input, along its effect."""
         windows = self.problem.windows
         (size, n_outputs), n = windows.y.shape, self.mean.shape[1] + 1
         F, H = np.zeros((size, n, n)), np.zeros((size, n_outputs, n))
@@ -211,7 +211,7 @@ class HeldOutWindows:
         return left
 
     def _step(self, gram, off, here) -> np.ndarray:
-        """Return how far parameters move from where a fold's windows were simulated with them."""
+        """Return the change of parameters from the values used to simulate a fold's windows."""
         own = {name: np.array([getattr(free, name) for free in self.freedoms]) for name in _PRIOR}
         pull = 1.0 / own["spread"] ** 2
         slopes = gram[:, :-1, :-1]
@@ -225,7 +225,7 @@ class HeldOutWindows:
 
 @dataclass(frozen=True)
 class _Beside:
-    """The likeliest hidden input at a channel."""
+    """The hidden input of largest likelihood at a channel."""
 
     channel: str
     linear: LinearWindows

@@ -1,4 +1,4 @@
-"""Effects that are equivalent in the equations, whatever is recorded."""
+"""Effects that are equivalent in the equations, so that no record can separate them."""
 
 from functools import lru_cache
 
@@ -29,7 +29,7 @@ def are_equivalent(model: PhysicsModel, one: Effect, other: Effect, retuned: boo
         \left[\frac{\partial (f, g)}{\partial p}, S, \frac{\partial (f, g)}{\partial b}\right]
 
     are the same over states, inputs and time, :math:`f` being the rates and :math:`g` the outputs.
-    The columns :math:`S` are the changes by another zero or another scale of a state: with a
+    The columns :math:`S` are the changes due to another zero or another scale of a state: with a
     spring, a constant load is the same as a biased sensor. In a shifted or scaled
     coordinate :math:`x + \epsilon \xi(x)` the rates change by
     :math:`\epsilon (\xi_x f - f_x \xi)` and the outputs by :math:`-\epsilon g_x \xi`.
@@ -57,7 +57,7 @@ def are_equivalent(model: PhysicsModel, one: Effect, other: Effect, retuned: boo
     >>> are_equivalent(cart, InputBias("F"), CoulombFriction("v"))
     False
 
-    From the only sensor of a machine with one input, both delays are one:
+    With a single sensor and a single input, both delays are the same:
 
     >>> from sklearn_pgnn.physics.effects import InputDelay, SensorDelay
     >>> are_equivalent(cart, InputDelay("F"), SensorDelay("v"))
@@ -84,14 +84,14 @@ def are_equivalent(model: PhysicsModel, one: Effect, other: Effect, retuned: boo
 
 
 def _delay_the_same(model: PhysicsModel, one: Effect, other: Effect) -> bool:
-    """Return whether two causes do nothing but delay the same inputs."""
+    """Return whether two causes only delay the same inputs."""
     late = only_delayed(model, one.apply(model))
     return bool(late) and late == only_delayed(model, other.apply(model))
 
 
 @lru_cache(maxsize=512)
 def _slopes(model: PhysicsModel, cause: Effect) -> np.ndarray | None:
-    """Differentiate by a cause's parameters where it does nothing; None where the order changes."""
+    """Differentiate by a cause's parameters at no effect; None where the order changes."""
     extended = cause.apply(model)
     if is_of_other_order(model, extended):
         return None
@@ -108,7 +108,7 @@ def _by_names(model, names) -> np.ndarray:
 def _by_coordinates(model) -> np.ndarray:
     """Return the changes of rates and outputs if a state has another zero or unit.
 
-    States at which a function has a kink are left out: it would move.
+    States at which a function has a kink are left out: the kink would move.
     """
     expressions = [*model.equations.values(), *model.outputs.values()]
     kinks = [kink for e in expressions for kink in e.atoms(*KINKED)]
@@ -118,14 +118,14 @@ def _by_coordinates(model) -> np.ndarray:
 
 
 def _change(model, state, by) -> list:
-    """Change the coordinate of a state by a small amount: what becomes of rates and outputs."""
+    """Return the changes of rates and outputs for a small change of a state's coordinate."""
     rates = {name: -sympy.diff(f, state) * by for name, f in model.equations.items()}
     rates[str(state)] += sympy.diff(by, state) * model.equations[str(state)]
     return [*rates.values(), *(-sympy.diff(g, state) * by for g in model.outputs.values())]
 
 
 def _columns(model, columns) -> np.ndarray:
-    """Evaluate expressions at random points, all points of a column below each other."""
+    """Evaluate expressions at random points, all points of an expression in one column."""
     points = _points(model)
     values = [values_at(column, points, POINTS).T.ravel() for column in columns]
     n_rows = POINTS * (len(model.equations) + len(model.outputs))
@@ -133,7 +133,7 @@ def _columns(model, columns) -> np.ndarray:
 
 
 def _points(model):
-    """Draw states, inputs and times of either sign, small enough not to meet every limit."""
+    """Draw states, inputs and times of either sign, small enough not to exceed every limit."""
     fixed = {symbol(name): p.value for name, p in model.parameters.items()}
     moving = [symbol(name) for name in (*model.states, *model.inputs)] + [TIME]
     rng = np.random.default_rng(0)

@@ -1,4 +1,4 @@
-"""Integration steps so fine that no parameter depends on them."""
+"""Integration steps fine enough that no parameter depends on them."""
 
 from sklearn_pgnn.estimation.budgets import SMALL_CHANGE
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
@@ -10,16 +10,16 @@ from sklearn_pgnn.simulation.uncertainty import standard_errors
 
 
 def fine_substeps(fitter: WindowFitter, trial: FittedHypothesis) -> int:
-    """Return the substeps at which twice as many move no parameter by a tenth of its error.
+    """Return the substeps at which doubling changes no parameter by a tenth of its error.
 
-    The steps of a search are so fine that the outputs change by little of the noise. Many samples
-    tell a parameter more finely than that, and a step over dry friction or a limit errs more than
-    one over the smooth prior.
+    The steps of a search change the outputs by a small part of the noise. Many samples determine a
+    parameter more accurately than that, and a step over dry friction or a limit has a larger error
+    than one over the smooth prior.
 
     Parameters
     ----------
     fitter : WindowFitter
-        What fitted the hypothesis.
+        The fitter of the hypothesis.
     trial : FittedHypothesis
         The hypothesis, at its minimum.
 

@@ -1,8 +1,8 @@
-"""Fits that other processes make before a search asks for them.
+"""Fits that other processes compute before a search requests them.
 
-A search fits one hypothesis after the other, but knows which ones it will ask for next. Where that
-pays, joblib's workers fit these side by side. The search goes on as ever; where it would fit, it
-takes what is there: its result is the same with and without them.
+A search fits one hypothesis after another, but the next ones are known in advance. Where it saves
+time, joblib's workers fit these in parallel. The search itself is unchanged: where it would fit, it
+uses an existing fit. Its result is the same with and without them.
 """
 
 import threading
@@ -25,35 +25,35 @@ from sklearn_pgnn.threads import in_turn, one_thread_each
 if TYPE_CHECKING:
     from sklearn_pgnn.estimation.fitting import HypothesisFitter
 
-#: work [s] that is worth handing to other processes: less is done sooner than handed over. They
-#: take the first one to start
+#: work [s] above which other processes are used: less is computed faster than it is transferred.
+#: The larger value holds until they have started
 WORTH, WORTH_STARTING = 0.3, 3.0
-#: fits that are kept until they are asked for; a search may have gone another way
+#: fits that are kept until requested; a search may not request all of them
 MOST = 256
 
-#: how often a batch is handed over, should other processes be lost
+#: number of attempts with a batch if worker processes are lost
 TRIES = 2
-#: said where other processes are lost
+#: warning if worker processes are lost
 LOST = (
-    "a process that fitted hypotheses was lost ({}); the diagnosis goes on, and its result is the "
-    "same. Remedy: a smaller n_jobs if the memory did not suffice."
+    "a worker process was lost ({}); its fits are made again, with the same result. Remedy: reduce "
+    "n_jobs if memory ran out."
 )
 
-#: called with a fitter and with what it is to fit; returns the fit
+#: called with a fitter and the arguments of the fit; returns the fit
 Task = Callable[..., Any]
 
 
 class Made(NamedTuple):
-    """What another process has fitted.
+    """A fit by another process.
 
     Parameters
     ----------
     arguments : tuple
-        What it was called with.
+        The arguments of the call.
     result : object
         The fit.
     failures : FailureLog
-        What broke down on the way.
+        Numerical failures during the fit.
     """
 
     arguments: tuple
@@ -62,12 +62,12 @@ class Made(NamedTuple):
 
 
 class FitsAhead:
-    """Let other processes make fits that a search will ask for next.
+    """Let other processes compute fits that a search will request next.
 
     Parameters
     ----------
     n_processes : int
-        How many; with one there are no others.
+        Number of processes; with 1 no others are used.
     """
 
     _have_started = False  # those of this process
@@ -78,16 +78,16 @@ class FitsAhead:
         self._seconds: dict[Task, list[float]] = {}
 
     def make(self, fitter: "HypothesisFitter", task: Task, asked: Mapping[Any, tuple]) -> None:
-        """Make fits: some here, and the others side by side once these prove to take long.
+        """Compute fits: some here, and the others in parallel once the first prove to take long.
 
         Parameters
         ----------
         fitter : HypothesisFitter
-            Who will ask for them.
+            The fitter that will request them.
         task : callable
             Makes a fit.
         asked : mapping of hashable to tuple
-            By the name of each fit, what the task is called with.
+            Arguments of the task, by the name of each fit.
         """
         left = dict(asked)
         while self.n_processes > 1 and len(left) > 1:
@@ -101,14 +101,14 @@ class FitsAhead:
             self._keep(task, name, Made(arguments, found, FailureLog()))
 
     def _is_long(self, task: Task, count: int) -> bool:
-        """Return whether so many fits take longer than handing them over, as far as is known."""
+        """Return whether this many fits take longer than their transfer, as far as is known."""
         worth = WORTH if self._have_started else WORTH_STARTING
         return count * float(np.mean(self._seconds.get(task, 0.0))) > worth
 
     def _hand_over(
         self, fitter: "HypothesisFitter", task: Task, asked: Mapping[Any, tuple]
     ) -> None:
-        """Make fits side by side; where that cannot be done the search makes all of its own."""
+        """Compute fits in parallel; where this fails the search computes all of them itself."""
         for _ in range(TRIES):
             left = {name: of for name, of in asked.items() if (task, name) not in self._made}
             packed = _pack(fitter, task, list(left.values()))
@@ -118,14 +118,14 @@ class FitsAhead:
                 return self._collect(fitter, task, left, packed)
             except TimeIsUp:
                 raise
-            except Exception as error:  # one of the program comes again where the search fits
+            except Exception as error:  # a program error recurs when the search fits
                 warnings.warn(LOST.format(type(error).__name__), SimulationWarning, stacklevel=2)
         self.n_processes = 1
 
     def _collect(
         self, fitter: "HypothesisFitter", task: Task, asked: Mapping[Any, tuple], packed: np.ndarray
     ) -> None:
-        """Let the fits of a batch be made, and keep them as they come."""
+        """Let the fits of a batch be computed, and keep them as they arrive."""
         batch = uuid4().hex
         calls = [delayed(_run)(batch, packed, at) for at in range(len(asked))]
         FitsAhead._have_started = True
@@ -136,25 +136,25 @@ class FitsAhead:
             fitter.progress.tick()
 
     def _keep(self, task: Task, name: Hashable, made: Made) -> None:
-        """Keep a fit until it is asked for, in the place of the oldest that nobody asked for."""
+        """Keep a fit until it is requested, in place of the oldest that was not requested."""
         self._made[task, name] = made
         for old in list(self._made)[:-MOST]:
             del self._made[old]
 
     def take(self, task: Task, name: Hashable, *arguments) -> Made | None:
-        """Return a fit, once, if its task was called with these very arguments before others."""
+        """Return a fit, once, if its task was called with exactly these arguments."""
         made = self._made.pop((task, name), None)
         pairs = () if made is None else zip(arguments, made.arguments, strict=False)
         return made if all(one is other for one, other in pairs) else None
 
 
-# -- what travels ----------------------------------------------------------------------------------
+# -- transfer to other processes -------------------------------------------------------------------
 
 
 def _pack(fitter: "HypothesisFitter", task: Task, arguments: list[tuple]) -> np.ndarray | None:
-    """Return what other processes need, as an array: joblib sends one to each of them once.
+    """Return the data other processes need, as an array: joblib sends one to each of them once.
 
-    It is None where a model has something that cannot travel.
+    It is None if a part of the model cannot be pickled.
     """
     content = fitter.on_one_thread(), fitter.progress.time_left, task, arguments
     try:
@@ -164,7 +164,7 @@ def _pack(fitter: "HypothesisFitter", task: Task, arguments: list[tuple]) -> np.
 
 
 class _Received(threading.local):
-    """What a thread of a worker was sent last, so that it is unpacked once."""
+    """The batch last received by a thread of a worker, so that it is unpacked only once."""
 
     batch = ""
 
@@ -175,7 +175,7 @@ class _Received(threading.local):
             self.end, self.batch = None if left is None else monotonic() + left, batch
 
     def progress(self) -> Progress:
-        """Return a progress that ends a fit when the time of the search is up."""
+        """Return a progress that ends a fit when the time limit of the search is reached."""
         progress = Progress(time_limit=None if self.end is None else self.end - monotonic())
         progress.counts = True
         return progress
@@ -186,7 +186,7 @@ _RECEIVED = _Received()
 
 @one_thread_each()
 def _run(batch: str, packed: np.ndarray, at: int) -> tuple[Any, FailureLog] | None:
-    """Return one fit of a batch, and what broke down on the way; None where the time is up."""
+    """Return one fit of a batch and its numerical failures; None after the time limit."""
     _RECEIVED.unpack(batch, packed)
     fitter = _RECEIVED.fitter
     fitter.failures, fitter.progress = FailureLog(), _RECEIVED.progress()

@@ -1,4 +1,4 @@
-"""Fitted hypotheses, on all windows and on some of the samples."""
+"""Hypotheses fitted on all windows or on some of the samples."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -13,21 +13,21 @@ from sklearn_pgnn.simulation.window_fit import WindowFit
 
 
 class Start(NamedTuple):
-    """Expected initial states of windows, and how uncertain they are.
+    """Expected initial states of windows, and their uncertainty.
 
     Parameters
     ----------
     x0 : ndarray of shape (n_windows, n_states)
         Expected initial states.
     spread : ndarray of shape (n_states,)
-        How far each may be off.
+        Standard deviation of each.
     """
 
     x0: np.ndarray
     spread: np.ndarray
 
     def select(self, which) -> "Start":
-        """Return what is known of some of the windows."""
+        """Return the expected initial states of some of the windows."""
         return Start(self.x0[which], self.spread)
 
 
@@ -38,7 +38,7 @@ class FittedHypothesis:
     Parameters
     ----------
     hypothesis : Hypothesis
-        What is said to be missing.
+        The causes assumed to be missing.
     fit : WindowFit
         The extended model and its residuals.
     """
@@ -67,13 +67,13 @@ class SubsampleFit(FittedHypothesis):
     Parameters
     ----------
     start : Start
-        What is known of the initial states.
+        Expected initial states.
     converged : bool, default=False
-        Whether the fit has come to its end.
+        Whether the fit has converged.
     origin : WindowFit, optional
-        The fit on all windows whose hypothesis it is.
+        The fit on all windows of the same hypothesis.
     stays_above : float, default=-inf
-        Limit below which no further fit of it came.
+        Limit below which no further fit of it fell.
     """
 
     start: Start
@@ -83,7 +83,7 @@ class SubsampleFit(FittedHypothesis):
 
 
 def is_clearly_less(objective: float, other: float) -> bool:
-    """Return whether what a fit leaves is less than what another does by more than its tolerance.
+    """Return whether a fit's error is less than another one's by more than its tolerance.
 
     Examples
     --------
@@ -94,7 +94,7 @@ def is_clearly_less(objective: float, other: float) -> bool:
 
 
 def objective_of(trial: FittedHypothesis) -> float:
-    """Return what a fit has minimised, to sort by."""
+    """Return the minimised objective of a fit, to sort by."""
     return trial.fit.objective
 
 
@@ -103,7 +103,7 @@ def carry_over(
 ) -> np.ndarray:
     """Return initial states of another model: fitted ones where it has the same state.
 
-    What an output shows otherwise keeps its distance from what is expected.
+    Where an output shows another quantity, the deviation from the expected value is kept.
 
     Parameters
     ----------
@@ -114,12 +114,12 @@ def carry_over(
     model : PhysicsModel
         The other model.
     expected : ndarray of shape (n_windows, n_states)
-        Those of the other model.
+        Expected initial states of the other model.
 
     Returns
     -------
     ndarray of shape (n_windows, n_states)
-        Where its initial states may start.
+        Starting values of its initial states.
     """
     start, names = expected.copy(), list(fit.model.states)
     turned = set(unsigned_states(model)) ^ set(unsigned_states(fit.model))
@@ -134,7 +134,7 @@ def carry_over(
 
 
 def _shown_otherwise(one: PhysicsModel, other: PhysicsModel) -> set[str]:
-    """Return the states that two models show in different outputs, with their velocities."""
+    """Return the states that two models measure by different outputs, with their velocities."""
     changed = [name for name in one.outputs if one.outputs[name] != other.outputs[name]]
     shown = [model.outputs[name].free_symbols for model in (one, other) for name in changed]
     states = set(map(str, set().union(*shown)))

@@ -1,4 +1,4 @@
-"""What the pictures of a diagnosis need: the records, and what each model makes of them."""
+"""Data for the plots of a diagnosis: the records, and the fit of each model to them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -28,7 +28,7 @@ class FittedWindows:
     residual : ndarray of shape (n_samples, n_outputs)
         Measured minus simulated outputs [unit of the output].
     freedoms : tuple of ParameterPrior
-        What was free in the fit.
+        The free parameters of the fit.
     """
 
     model: PhysicsModel
@@ -39,22 +39,22 @@ class FittedWindows:
 
 @dataclass(frozen=True)
 class DiagnosisRecords:
-    """The records of a diagnosis and what the models make of them.
+    """The records of a diagnosis and the fits of the models to them.
 
     Parameters
     ----------
     windows : ShootingWindows
-        The records, end to end, and the windows on which the models were judged.
+        The records, end to end, and the windows on which the models were evaluated.
     names : tuple of str
-        What each record is called.
+        Names of the records.
     states : ndarray of shape (n_samples, n_states)
         The prior's states as estimated from the records.
     starts : ndarray of shape (n_records, n_states)
-        The extended model's states where every record starts.
+        The extended model's states at the start of every record.
     fits : dict of str to FittedWindows
         The ``"prior"``, the ``"refitted"`` prior and the ``"extended"`` model.
     problem : EstimationProblem
-        The problem, for what is asked of it later.
+        The problem, for later evaluations.
     causes : tuple of Effect
         The causes of the extended model, in the order in which they apply.
     """
@@ -71,16 +71,16 @@ class DiagnosisRecords:
 def keep_records(
     fitter: HypothesisFitter, base: FittedHypothesis, final: FittedHypothesis, names
 ) -> DiagnosisRecords:
-    """Gather what the pictures need.
+    """Collect the data for the plots.
 
     Parameters
     ----------
     fitter : HypothesisFitter
-        What fitted the hypotheses.
+        The fitter of the hypotheses.
     base, final : FittedHypothesis
         The re-tuned prior, and the hypothesis that was accepted.
     names : iterable of str
-        What each record is called.
+        Names of the records.
 
     Returns
     -------
@@ -106,7 +106,7 @@ def keep_records(
 
 
 def record_starts(problem: EstimationProblem, model: PhysicsModel, x0: np.ndarray) -> np.ndarray:
-    """Return where every record starts: what it tells, `settled` states, else as it was found.
+    """Return the initial state of every record: as recorded, else `settled` states, else as fitted.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ def record_starts(problem: EstimationProblem, model: PhysicsModel, x0: np.ndarra
     Returns
     -------
     ndarray of shape (n_records, n_states)
-        Initial states, as whoever simulates the model on the records has them.
+        Initial states for a simulation of the model on the records.
     """
     windows, first = problem.windows, problem.windows.bounds[:-1]
     starts = x0[np.searchsorted(windows.starts, first)].copy()
@@ -133,7 +133,7 @@ def record_starts(problem: EstimationProblem, model: PhysicsModel, x0: np.ndarra
 
 
 def as_judged(problem: EstimationProblem, fit: WindowFit) -> PhysicsModel:
-    """Return a fitted model with all it was judged with, to be handed over.
+    """Return a fitted model with the settings of its evaluation, for the user.
 
     Parameters
     ----------
@@ -145,8 +145,8 @@ def as_judged(problem: EstimationProblem, fit: WindowFit) -> PhysicsModel:
     Returns
     -------
     PhysicsModel
-        The model with its hold and substeps, the prior's spreads, and as `initial_state` where the
-        first record was found to start in what it does not tell.
+        The model with its hold and substeps, the prior's spreads, and as `initial_state` the fitted
+        start of the first record in the states that were not recorded.
     """
     model, windows = with_prior_spreads(fit.model, problem.prior), problem.windows
     start = dict(zip(model.states, record_starts(problem, model, fit.x0)[0].tolist(), strict=True))

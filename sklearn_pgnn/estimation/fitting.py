@@ -1,4 +1,4 @@
-"""Fit hypotheses from rung to rung: from the best start, on some of the samples, on all windows."""
+"""Fit hypotheses in stages: from the best start, on some of the samples, on all windows."""
 
 from collections.abc import Iterable
 from dataclasses import replace
@@ -45,14 +45,14 @@ class HypothesisFitter(WindowFitter):
     problem : EstimationProblem
         The problem.
     progress : Progress, optional
-        Told of every step of a fit.
+        Receives every step of a fit.
     """
 
     def __init__(self, problem: EstimationProblem, progress: Progress | None = None):
         super().__init__(problem, progress)
         self._subsamples: dict[Key, SubsampleFit] = {}
         self._begun: dict[Key, float] = {}
-        #: of long records the threads of this process simulate enough at once
+        #: long records keep the threads of this process busy by themselves
         self._ahead = FitsAhead(1 if is_long(problem) else problem.n_processes)
 
     def on_one_thread(self) -> "HypothesisFitter":
@@ -69,7 +69,7 @@ class HypothesisFitter(WindowFitter):
 
     @cached_property
     def scales(self) -> Scales:
-        """The problem's scales, with the lines in what the re-tuned prior leaves of the outputs."""
+        """The problem's scales, with the spectral lines in the re-tuned prior's residuals."""
         scales, windows, fit = self.problem.scales, self.problem.windows, self.base().fit
         left = tones_left(windows, fit.evaluation.residual)
         x = self.problem.states.estimate(fit.model).x
@@ -86,14 +86,14 @@ class HypothesisFitter(WindowFitter):
     # -- on all windows ------------------------------------------------------------------------
 
     def fit_all(self, subsample: SubsampleFit, base: FittedHypothesis) -> FittedHypothesis:
-        """Fit a hypothesis on all windows, again where its subsample has become better.
+        """Fit a hypothesis on all windows, again if its fit on the subsample has improved.
 
         Parameters
         ----------
         subsample : SubsampleFit
-            The hypothesis, and where its parameters start.
+            The hypothesis, and the starting values of its parameters.
         base : FittedHypothesis
-            Another hypothesis on all windows; the initial states start where its are.
+            Another hypothesis on all windows; the initial states start from its values.
 
         Returns
         -------
@@ -117,7 +117,7 @@ class HypothesisFitter(WindowFitter):
         return self.refit_from_held_out(self._known(hypothesis))
 
     def _is_due(self, subsample: SubsampleFit) -> bool:
-        """Return whether a hypothesis was not fitted on all windows, or from less good numbers."""
+        """Return whether a hypothesis was not fitted on all windows, or from worse values."""
         key = self.key(subsample.hypothesis)
         better = is_clearly_less(subsample.fit.objective, self._begun.get(key, np.inf))
         return key not in self._trials or better
@@ -129,18 +129,18 @@ class HypothesisFitter(WindowFitter):
     def fit_and_validate(
         self, subsample: SubsampleFit, base: FittedHypothesis
     ) -> tuple[WindowFit, HeldOut]:
-        """Return a fit on all windows, and what it leaves of those that are held out."""
+        """Return a fit on all windows, and its residuals on those that are held out."""
         trial = self._from_subsample(subsample, base)
         return trial.fit, self._cross_validate(trial.hypothesis, trial.fit)
 
     def prepare_fits(self, subsamples: Iterable[SubsampleFit], base: FittedHypothesis) -> None:
-        """Let other processes fit hypotheses on all windows for `fit_all`, where that pays."""
+        """Let other processes fit hypotheses on all windows for `fit_all`, if this saves time."""
         due = filter(self._is_due, subsamples)
         asked = {self.key(each.hypothesis): (each, base) for each in due}
         self._ahead.make(self, HypothesisFitter.fit_and_validate, asked)
 
     def refit_from(self, trial: FittedHypothesis, better: FittedHypothesis) -> FittedHypothesis:
-        """Fit a hypothesis again from the numbers of a finer one: its own may have got stuck."""
+        """Fit a hypothesis again from the values of a finer one: its own fit may be stuck."""
         self.subsample(trial)
         return self.fit_all(self._derive(self.subsample(better), trial.hypothesis), better)
 
@@ -160,7 +160,7 @@ class HypothesisFitter(WindowFitter):
         return self._subsamples[key]
 
     def first_fit(self, subsample: SubsampleFit, cause: Effect) -> SubsampleFit:
-        """Fit one more cause for some steps, from the best of its starts and places in the order.
+        """Fit one more cause for some steps, from the best of its starts and positions.
 
         Parameters
         ----------
@@ -172,7 +172,7 @@ class HypothesisFitter(WindowFitter):
         Returns
         -------
         SubsampleFit
-            The hypothesis with it; lost where it can act at no place.
+            The hypothesis with it; unusable if it can act at no position.
         """
         orders = self.models.orders(subsample.hypothesis, cause)
         if not orders:
@@ -181,7 +181,7 @@ class HypothesisFitter(WindowFitter):
         return min(fits, key=objective_of)
 
     def known_squares(self, subsample: SubsampleFit, cause: Effect) -> float:
-        """Return what a hypothesis with one more cause leaves; infinite where it was not fitted."""
+        """Return the error of a hypothesis with one more cause; infinite if it was not fitted."""
         orders = self.models.orders(subsample.hypothesis, cause)
         known = (self._subsamples.get(self.key(order)) for order in orders)
         return min((each.squares for each in known if each is not None), default=np.inf)
@@ -201,7 +201,7 @@ class HypothesisFitter(WindowFitter):
         return replace(self._subsamples[key], hypothesis=hypothesis)
 
     def prepare_first_fits(self, pairs: Iterable[tuple[SubsampleFit, Effect]]) -> None:
-        """Let other processes make what `first_fit` will be asked for, where that pays."""
+        """Let other processes compute the fits that `first_fit` will return, if this saves time."""
         if self._ahead.n_processes == 1:
             return
         asked = {}
@@ -210,19 +210,19 @@ class HypothesisFitter(WindowFitter):
                 asked[self.key(hypothesis)] = subsample, hypothesis, cause
         asked = {key: fit for key, fit in asked.items() if key not in self._subsamples}
         if asked:
-            self.scales  # noqa: B018  no single fit shall take the time for it
+            self.scales  # noqa: B018  computed here, so that no single fit takes the time for it
         self._ahead.make(self, HypothesisFitter.fit_from_starts, asked)
 
     def _lost(self, hypothesis: Hypothesis, base: SubsampleFit) -> SubsampleFit:
-        """Return what stands for a hypothesis that cannot be fitted."""
+        """Return the placeholder for a hypothesis that cannot be fitted."""
         known = base.fit
         lost = lost_fit(known.model, self.rough.windows, known.freedoms, known.x0)
         return SubsampleFit(hypothesis, lost, base.start)
 
     def restart(self, subsample: SubsampleFit, cause: Effect) -> SubsampleFit:
-        """Fit a hypothesis again, one of its causes from its starts beside the others.
+        """Fit a hypothesis again, one of its causes from its starts, with the others present.
 
-        What was found before another cause was thought of may have stood for that one too.
+        An earlier fit of this cause may also have compensated for causes that were added later.
 
         Parameters
         ----------
@@ -234,7 +234,7 @@ class HypothesisFitter(WindowFitter):
         Returns
         -------
         SubsampleFit
-            The hypothesis where it leaves least.
+            The hypothesis with the smallest error.
         """
         without, fits = self.reduce(subsample, cause), [subsample]
         for hypothesis in self.models.orders(without.hypothesis, cause):
@@ -254,12 +254,12 @@ class HypothesisFitter(WindowFitter):
             found = self._from(subsample, hypothesis, model, max_steps=STEPS)
             if found.start is subsample.start:
                 return found
-            # states of its own: they go with its parameters
+            # its own states depend on its parameters
             return replace(found, start=self._rough_start(found.fit.model))
         return self._lost(hypothesis, subsample)
 
     def converge(self, subsample: SubsampleFit, prune_above: float = np.inf) -> SubsampleFit:
-        """Fit a hypothesis on to its minimum, or until its objective must stay above a limit.
+        """Continue the fit of a hypothesis to its minimum, or until it cannot fall below a limit.
 
         Parameters
         ----------
@@ -296,7 +296,7 @@ class HypothesisFitter(WindowFitter):
         return self._derive(subsample, subsample.hypothesis.without(cause))
 
     def split(self, subsample: SubsampleFit, cause: Effect, part: Effect) -> SubsampleFit:
-        """Fit a hypothesis in which a part of a cause stands as a cause of its own."""
+        """Fit a hypothesis in which a part of a cause is a separate cause."""
         hypothesis = subsample.hypothesis.before(cause, part)
         zero = {cause.names()[name]: 0.0 for name in hypothesis.taken_over(cause)}
         return self._derive(subsample, hypothesis, **zero)
@@ -304,14 +304,14 @@ class HypothesisFitter(WindowFitter):
     def exchange(
         self, subsample: SubsampleFit, cause: Effect, others: list[Effect]
     ) -> SubsampleFit:
-        """Fit a hypothesis with some causes in the place of one."""
+        """Fit a hypothesis with some causes in place of one."""
         hypothesis = subsample.hypothesis.without(cause)
         for place, other in enumerate(others, subsample.hypothesis.order.index(cause)):
             hypothesis = hypothesis.plus(other, place)
         return self._derive(subsample, hypothesis)
 
     def _derive(self, subsample: SubsampleFit, hypothesis: Hypothesis, **values) -> SubsampleFit:
-        """Fit a hypothesis from the numbers of another; keep what was known if that is better."""
+        """Fit a hypothesis from the values of another; keep the known fit if that is better."""
         if not self.models.is_possible(hypothesis):
             return self._lost(hypothesis, subsample)
         model = self.models.extend(hypothesis, subsample.fit.model).with_parameters(**values)
@@ -324,7 +324,7 @@ class HypothesisFitter(WindowFitter):
     def _from(
         self, base: SubsampleFit, hypothesis: Hypothesis, model: PhysicsModel, **options
     ) -> SubsampleFit:
-        """Fit a model, its initial states beginning where another hypothesis' are."""
+        """Fit a model, its initial states starting from those of another hypothesis."""
         start = self.start_from(model, base)
         x0 = carry_over(base.fit, base.start.x0, model, start.x0)
         return self._to_end(hypothesis, model, x0, start, **options)
@@ -352,7 +352,7 @@ class HypothesisFitter(WindowFitter):
         return SubsampleFit(hypothesis, self._noted(hypothesis, fit), start, converged)
 
     def start_from(self, model: PhysicsModel, base: SubsampleFit) -> Start:
-        """Return the expected initial states of a model; another one's, if they are shown the same.
+        """Return the expected initial states of a model; another one's for equal outputs.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""How far re-tuning may move each parameter under a hypothesis."""
+"""Ranges within which re-tuning may change each parameter under a hypothesis."""
 
 import math
 from collections.abc import Callable, Collection
@@ -23,21 +23,21 @@ def freedoms(
     start: PhysicsModel,
     held: Collection[str] = (),
 ) -> tuple[ParameterPrior, ...]:
-    """Return how far every free parameter may go under a hypothesis.
+    """Return the range and spread of every free parameter under a hypothesis.
 
-    The prior's parameters stay within their spread, so one of value 0 stays there; one that is said
-    to be wrong may go to its bounds; the effects' own stay within their limits.
+    The prior's parameters stay within their spread, so one of value 0 stays there; one that the
+    hypothesis names as wrong may vary within its bounds; the effects' own stay within their limits.
 
     Parameters
     ----------
     problem : EstimationProblem
         The problem.
     hypothesis : Hypothesis
-        What is said to be missing.
+        The causes assumed to be missing.
     start : PhysicsModel
         The extended model.
     held : collection of str, default=()
-        Parameters of the prior that stay where they are, see `held_parameters`.
+        Parameters of the prior that are not re-tuned, see `held_parameters`.
 
     Returns
     -------
@@ -66,14 +66,14 @@ def freedoms(
 
 
 def held_freedoms(problem: EstimationProblem, hypothesis: Hypothesis) -> tuple[ParameterPrior, ...]:
-    """Return how far the prior's parameters may be off that the causes hold where they are.
+    """Return the spread of the prior's parameters that the causes keep fixed.
 
     Parameters
     ----------
     problem : EstimationProblem
         The problem.
     hypothesis : Hypothesis
-        What is said to be missing.
+        The causes assumed to be missing.
 
     Returns
     -------
@@ -92,18 +92,18 @@ def held_by(
     hypothesis: Hypothesis,
     held: Callable[[PhysicsModel, Effect], Collection[str]] = held_parameters,
 ) -> set[str]:
-    """Name the model's parameters that stay where they are under a hypothesis.
+    """Name the model's parameters that are kept fixed under a hypothesis.
 
-    Those are what any of the causes speaks for, see `held_parameters`, and what has no spread.
+    They are those that a cause already covers, see `held_parameters`, and those without a spread.
 
     Parameters
     ----------
     model : PhysicsModel
         The model.
     hypothesis : Hypothesis
-        What is said to be missing.
+        The causes that are assumed to be missing.
     held : callable, default=held_parameters
-        Names what a cause speaks for, as one that remembers it may.
+        Names what a cause covers, perhaps from memory.
 
     Returns
     -------
@@ -114,18 +114,18 @@ def held_by(
     for place, cause in enumerate(hypothesis.causes):
         try:
             names = held(model, cause)
-        except ModelError:  # it holds what the causes before it add, as a formula may
+        except ModelError:  # it contains what earlier causes add, as a formula may
             names = held_parameters(reduce(add, hypothesis.causes[:place], model), cause)
         spoken_for |= set(names) & set(model.parameters)
     return spoken_for | _without_spread(model, hypothesis)
 
 
 def _without_spread(model: PhysicsModel, hypothesis: Hypothesis) -> set[str]:
-    """Name the parameters of value 0 that are not said to be wrong: a share of 0 is 0."""
+    """Name the parameters of value 0 that are not named as wrong: a share of 0 is 0."""
     still = {name for name in model.free_parameters if model.parameters[name].reach == 0}
     return still - _said_to_be_wrong(hypothesis)
 
 
 def _said_to_be_wrong(hypothesis: Hypothesis) -> set[str]:
-    """Name the parameters that a hypothesis says to be wrong."""
+    """Name the parameters that a hypothesis names as wrong."""
     return {each.target for each in hypothesis.causes if isinstance(each, WrongParameter)}

@@ -21,7 +21,7 @@ def make_folds(problem: EstimationProblem) -> np.ndarray:
     """Split the windows into folds: by whole records, or by stretches.
 
     Stretches are used for a single record, or if one record holds so many of the windows that the
-    others would leave too little to learn from.
+    others would leave too little to estimate from.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ class CrossValidation:
     expected : ndarray of shape (n_windows, n_states)
         Expected initial states of the windows.
     spread : ndarray of shape (n_states,)
-        How uncertain they are.
+        Their standard deviations.
     """
 
     problem: EstimationProblem
@@ -73,14 +73,14 @@ class CrossValidation:
         folds : ndarray of shape (n_windows,)
             Fold of every window.
         learn : callable
-            Called with the windows to learn from; returns the fit.
+            Called with the windows to estimate from; returns the fit.
         judge : callable
-            Called with what was learned and the windows to judge; fits their initial states only.
+            Called with this fit and the windows to evaluate; fits their initial states only.
 
         Returns
         -------
         HeldOut
-            What is left, over windows and in free run.
+            The residuals, over windows and in free run.
         """
         windows = self.problem.windows
         over_windows, over_runs = (np.full(windows.y.shape, np.nan) for _ in range(2))
@@ -123,10 +123,10 @@ class CrossValidation:
         )
 
     def _variance(self, run: Simulation, covariance: np.ndarray, gram: np.ndarray) -> np.ndarray:
-        """Return the variance of outputs by the errors of parameters and initial state.
+        """Return the variance of outputs due to the errors of parameters and initial state.
 
-        It is in units of the noise, and zero where it is unknown. What a window tells of its
-        initial state is in its Gram matrix.
+        It is in units of the noise, and zero where it is unknown. The information of a window on
+        its initial state is in its Gram matrix.
         """
         n = len(self.spread)
         start = np.linalg.pinv(gram[:n, :n] + np.diag(1.0 / self.spread**2), hermitian=True)
@@ -141,7 +141,7 @@ class CrossValidation:
         return (self.problem.typical_outputs / self.problem.windows.scale) ** 2
 
     def _residuals(self, residual: np.ndarray, segment: np.ndarray) -> Residuals:
-        """Count what is left; what no simulation is finer than is left in any case."""
+        """Return the statistics of residuals, with the accuracy limit of a simulation."""
         windows = self.problem.windows
         scaled = residual / windows.scale
         measured = np.isfinite(windows.y) & (segment >= 0)[:, None]
@@ -157,7 +157,7 @@ class CrossValidation:
         )
 
     def _memory_price(self, fit: WindowFit, gram, x0, order, seen: Residuals) -> float:
-        r"""Return what the initial values of the states cost that the prior does not have.
+        r"""Return the penalty for the initial values of the states that the prior does not have.
 
         .. math:: V = \frac{1}{2} \sum_w \left(\log\det(I + \Sigma H_w)
                   + z_w^T \Sigma^{-1} z_w + z_w^T H_w z_w - s_w^T H_w s_w
@@ -166,8 +166,8 @@ class CrossValidation:
         with the information :math:`H_w` that residuals of the power :math:`\phi`, in units of the
         noise and times their autocorrelation time, give of the added states' initial values
         beside those of the others, :math:`g_w = (\phi H_w + \Sigma^{-1}) s_w`, their variances
-        :math:`\Sigma`, what the fit has put them at, :math:`s_w`, from where they are expected,
-        and where such residuals put them, :math:`z_w = (H_w + \Sigma^{-1})^{-1} g_w / \phi`.
+        :math:`\Sigma`, their fitted deviations :math:`s_w` from the expected values,
+        and the deviations for such residuals, :math:`z_w = (H_w + \Sigma^{-1})^{-1} g_w / \phi`.
         """
         states = list(fit.model.states)
         prior = set(self.problem.prior.states)
@@ -205,7 +205,7 @@ def _square(matrices: np.ndarray, columns: np.ndarray) -> np.ndarray:
 
 
 def segments(windows: ShootingWindows) -> np.ndarray:
-    """Return the window of every sample, -1 where there is none."""
+    """Return the window of every sample, -1 if there is none."""
     segment = np.full(windows.t.size, -1)
     segment[windows.rows] = np.repeat(np.arange(len(windows)), windows.lengths)
     return segment
@@ -218,7 +218,7 @@ def record_of(windows: ShootingWindows) -> np.ndarray:
 
 
 def stretches(windows: ShootingWindows, inside: np.ndarray) -> Iterator[tuple[int, int, int]]:
-    """Yield first sample, end and first window of what lies end to end in one record."""
+    """Yield first sample, end and first window of adjacent windows of one record."""
     record, ends = windows.record, windows.starts + windows.lengths
     which = np.flatnonzero(inside)
     follows = (np.diff(which) == 1) & (ends[which[:-1]] == windows.starts[which[1:]])

@@ -16,7 +16,7 @@ class Hypothesis:
     Parameters
     ----------
     causes : tuple of Effect
-        The causes; what counts of each is its kind and target, not its size.
+        The causes; only the kind and target of each matter, not its size.
     order : tuple of Effect, optional
         The causes in the order in which they apply, which matters where, say, an input both
         saturates and lags; by default as they were found.
@@ -46,13 +46,13 @@ class Hypothesis:
         return tuple(name for id, names in cause.shared.items() if id in beside for name in names)
 
     def allows(self, cause: Effect) -> bool:
-        """Return whether a cause may stand beside the others."""
+        """Return whether a cause may be combined with the others."""
         return cause not in self.causes and not any(
             other.id in cause.excludes or cause.id in other.excludes for other in self.causes
         )
 
     def plus(self, cause: Effect, at: int | None = None) -> "Hypothesis":
-        """Return the hypothesis with one more cause, the last to apply or at a place."""
+        """Return the hypothesis with one more cause, the last to apply or at a given position."""
         at = len(self.order) if at is None else at
         return Hypothesis((*self.causes, cause), (*self.order[:at], cause, *self.order[at:]))
 
@@ -73,7 +73,7 @@ def _before(causes: tuple[Effect, ...], cause: Effect, new: Effect) -> tuple[Eff
 
 
 def commute(model: PhysicsModel, one: Effect, other: Effect) -> bool:
-    """Return whether two causes make the same model in either order, as those of two targets do.
+    """Return whether two causes give the same model in either order, as with two targets.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ def commute(model: PhysicsModel, one: Effect, other: Effect) -> bool:
         return True
     try:
         first, second = one.apply(model), other.apply(model)
-    except ModelError:  # a formula may be made of a state that the other one adds
+    except ModelError:  # a formula may contain a state that the other one adds
         return False
     if not (other.can_act(other.target, first) and one.can_act(one.target, second)):
         return True

@@ -1,4 +1,4 @@
-"""The models of hypotheses: the prior extended by causes, and what of it a fit may change."""
+"""The models of hypotheses: the prior extended by causes, and its free parameters."""
 
 import itertools
 
@@ -32,7 +32,7 @@ class HypothesisModels:
         self._begun: dict[tuple[Effect, ...], PhysicsModel] = {(): problem.prior}
 
     def key(self, hypothesis: Hypothesis) -> Key:
-        """Return what tells hypotheses apart: the causes, and their order where it matters.
+        """Return the identity of a hypothesis: its causes, and their order where it matters.
 
         Parameters
         ----------
@@ -54,7 +54,7 @@ class HypothesisModels:
         return self._commuting[pair]
 
     def orders(self, hypothesis: Hypothesis, cause: Effect) -> list[Hypothesis]:
-        """Return a hypothesis with one more cause at every place that makes another model.
+        """Return a hypothesis with one more cause at every position that gives another model.
 
         Parameters
         ----------
@@ -66,8 +66,8 @@ class HypothesisModels:
         Returns
         -------
         list of Hypothesis
-            The cause last, then before others; empty where it can act at no place, for another one
-            has changed its target's equation.
+            The cause last, then before others; empty if it can act at no position, since another
+            cause has changed its target's equation.
         """
         found: dict[Key, Hypothesis] = {}
         for at in reversed(range(len(hypothesis.order) + 1)):
@@ -77,11 +77,11 @@ class HypothesisModels:
         return list(found.values())
 
     def is_possible(self, hypothesis: Hypothesis) -> bool:
-        """Return whether every cause can act on the model that those before it make."""
+        """Return whether every cause can act on the model with those before it."""
         return self._with_equations_of(hypothesis.order) is not None
 
     def _with_equations_of(self, causes: tuple[Effect, ...]) -> PhysicsModel | None:
-        """Return the prior with what causes write; None where one of them cannot act."""
+        """Return the prior extended by causes; None if one of them cannot act."""
         if causes not in self._equations:
             before, last = self._with_equations_of(causes[:-1]), causes[-1]
             self._equations[causes] = None
@@ -90,7 +90,7 @@ class HypothesisModels:
         return self._equations[causes]
 
     def held(self, cause: Effect) -> tuple[str, ...]:
-        """Return the names of the prior's parameters that a cause speaks for.
+        """Return the names of the prior's parameters that a cause covers.
 
         Parameters
         ----------
@@ -137,7 +137,7 @@ class HypothesisModels:
     def free(
         self, hypothesis: Hypothesis, model: PhysicsModel
     ) -> tuple[PhysicsModel, tuple[ParameterPrior, ...]]:
-        """Return a hypothesis' model with what stays at its prior value, and what a fit may change.
+        """Return a hypothesis' model with its fixed parameters, and the free ones.
 
         Parameters
         ----------
@@ -149,9 +149,9 @@ class HypothesisModels:
         Returns
         -------
         model : PhysicsModel
-            The model; what a cause speaks for, and what has no spread, is at its prior value.
+            The model; parameters that a cause covers or without a spread have their prior values.
         freedoms : tuple of ParameterPrior
-            The rest.
+            The other parameters.
         """
         prior = self.problem.prior
         held = held_by(prior, hypothesis, lambda _, cause: self.held(cause))

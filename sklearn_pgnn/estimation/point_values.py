@@ -1,4 +1,4 @@
-"""Expressions at a few points, all points at once; SymPy is used where doubles give no number."""
+"""Expressions at a few points, all points at once; SymPy is used where floating point fails."""
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import reduce
@@ -24,7 +24,7 @@ def values_at(
     Returns
     -------
     ndarray of shape (len(expressions), count)
-        The values; NaN where an expression is no number, as under the root of what is negative.
+        The values; NaN where an expression is undefined, such as the root of a negative number.
 
     Examples
     --------
@@ -46,7 +46,7 @@ def values_at(
 
 
 def number_at(expression: sympy.Expr, point: Mapping[sympy.Symbol, sympy.Float]) -> float:
-    """Evaluate an expression at a point by SymPy; NaN where it is no number there."""
+    """Evaluate an expression at a point by SymPy; NaN where it is undefined."""
     try:
         return float(expression.xreplace(point))
     except (TypeError, ValueError):  # not real there, or compared so, or a derivative of a jump

@@ -28,8 +28,8 @@ def refit_poor_windows(
 ) -> WindowFit:
     """Fit again with other initial states in the windows that may be stuck.
 
-    Fits of models without dry friction and states that inputs lead, whose outputs show the sign of
-    every state, stay as they are.
+    Fits of models without dry friction and input-driven states, whose outputs show the sign of
+    every state, are not changed.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def refit_poor_windows(
     expected : ndarray of shape (n_windows, n_states)
         Expected initial states.
     spread : ndarray of shape (n_states,)
-        How uncertain they are.
+        Their standard deviations.
     tolerance : float
         Relative decrease of the objective at which a fit ends.
     each_step : callable, optional
@@ -86,7 +86,7 @@ def refit_poor_windows(
 
 
 class _OtherStarts:
-    """Windows that may be stuck, and other initial states of theirs to begin from."""
+    """Windows that may be stuck, and alternative initial states for them."""
 
     def __init__(self, fit: WindowFit, windows: ShootingWindows, expected: np.ndarray):
         self.fit, self.windows, self.expected = fit, windows, expected
@@ -95,9 +95,9 @@ class _OtherStarts:
         self.which = self._poor()
 
     def _poor(self) -> np.ndarray:
-        """Return windows worse than the median; by far, if it is but friction that may stick.
+        """Return windows worse than the median; much worse, if only dry friction may stick.
 
-        Of those with states that inputs lead, the ones at the start of a record.
+        With input-driven states, those at the start of a record.
         """
         squares = self.fit.evaluation.squares
         poor = squares > np.median(squares)
@@ -111,10 +111,10 @@ class _OtherStarts:
         return self.windows.starts == self.windows.bounds[self.windows.record]
 
     def __iter__(self) -> Iterator[np.ndarray]:
-        """Begin where expected, and where the windows before lead; with the other signs.
+        """Start from expected states, and from the end of the previous window; with other signs.
 
-        States that inputs lead begin a record at either end of where they are, and between; where
-        the windows before lead, they begin as fitted, and as if they had forgotten their start.
+        Input-driven states start a record at either end of their range, and between; from the end
+        of the previous window they start as fitted, and as if they had forgotten their start.
         """
         reached = [self._reached()]
         if self.led.any():
@@ -135,13 +135,13 @@ class _OtherStarts:
             yield turn * place
 
     def _led_elsewhere(self) -> Iterator[np.ndarray]:
-        """Begin with the states that inputs lead low, high, and in the middle."""
+        """Start with the input-driven states low, high, and in the middle."""
         low, high = (end(self.fit.evaluation.x0, axis=0) for end in (np.min, np.max))
         for place in (low, high, (low + high) / 2):
             yield np.where(self.led, place, self.expected[self.which])
 
     def _reached(self) -> np.ndarray:
-        """Return where the windows before lead; where there is none, what was fitted."""
+        """Return the end states of the previous windows; where there is none, the fitted states."""
         fit, windows = self.fit, self.windows
         starts, ends, reached = windows.starts, windows.starts + windows.lengths, fit.x0.copy()
         first = self._starts_a_record()

@@ -14,8 +14,7 @@ from sklearn_pgnn.physics.model import PhysicsModel
 def possible_causes(model: PhysicsModel, catalogue, targets=None) -> tuple[Effect, ...]:
     """List the causes of a catalogue that a model does not already hold.
 
-    An effect by which the model was already extended is no candidate; only its parameters can be
-    wrong.
+    An effect that already extends the model is not a candidate; only its parameters can be wrong.
 
     Parameters
     ----------

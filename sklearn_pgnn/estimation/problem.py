@@ -1,4 +1,4 @@
-"""What a diagnosis works on: windows, estimated states and the scales of the signals."""
+"""The data of a diagnosis: windows, estimated states and the scales of the signals."""
 
 import math
 from copy import copy
@@ -39,13 +39,13 @@ class EstimationProblem:
     Parameters
     ----------
     prior : PhysicsModel
-        The model as the engineer gave it.
+        The model as given.
     windows : ShootingWindows
         The records cut into windows, with the noise of every output.
     states : StateEstimator
         Estimates the initial states.
     scales : Scales
-        How large the signals are.
+        Magnitudes of the signals.
     n_samples : int
         Number of measured values in all windows.
     period : float
@@ -69,14 +69,14 @@ class EstimationProblem:
 
     @property
     def resolution(self) -> np.ndarray:
-        """What no simulation is finer than, in units of the noise, of shape (n_outputs,)."""
+        """Accuracy limit of a simulation, in units of the noise, of shape (n_outputs,)."""
         return RESOLUTION * self.typical_outputs / self.windows.scale
 
 
 def build_problem(
     model: PhysicsModel, records: tuple[Record, ...], n_processes: int = 1, **options
 ) -> EstimationProblem:
-    """Cut records into windows and estimate what a diagnosis needs to know of them.
+    """Cut records into windows and estimate the quantities a diagnosis needs.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ def build_problem(
     Raises
     ------
     OptionError
-        If the length that the user wants windows to have leaves too few of them.
+        If the user's window length gives too few windows.
     """
     ground = window_records(model, records, **options)
     windows = ground.windows
@@ -115,7 +115,7 @@ def build_problem(
 
 
 def _check_count(windows: ShootingWindows, window_length) -> None:
-    """Raise `OptionError` where the user's windows are so long that too few are left."""
+    """Raise `OptionError` if the user's windows are so long that there are too few."""
     if len(windows) >= FOLDS:
         return
     durations = record_durations(windows)
@@ -126,14 +126,14 @@ def _check_count(windows: ShootingWindows, window_length) -> None:
     least = float(np.max(MIN_SAMPLES * steps))
     raise OptionError(
         f"window_length: expected a length from {least:.4g} s ({MIN_SAMPLES} samples) to "
-        f"{max(enough, default=least):.4g} s ({FOLDS} windows in all records, for each is "
-        f"judged by what the others taught), got {window_length!r}. Remedy: choose one of "
-        f"these, leave it out, or record longer."
+        f"{max(enough, default=least):.4g} s (at least {FOLDS} windows in all records: each is "
+        f"predicted with parameters fitted to the others), got {window_length!r}. Remedy: choose "
+        f"one of these, leave it out, or record longer."
     )
 
 
 def shorter(problem: EstimationProblem) -> EstimationProblem | None:
-    """Return the problem with windows of half the length, or None where they would be too short."""
+    """Return the problem with windows of half the length, or None if they would be too short."""
     length = problem.scales.window / 2
     if length < max(MIN_SAMPLES * problem.scales.sample_time, SHORTEST * problem.period):
         return None
@@ -141,10 +141,10 @@ def shorter(problem: EstimationProblem) -> EstimationProblem | None:
 
 
 def longer(problem: EstimationProblem) -> EstimationProblem | None:
-    """Return the problem with windows of twice the length, or None where they cannot be longer.
+    """Return the problem with windows of twice the length, or None if they cannot be longer.
 
-    There are always `sklearn_pgnn.simulation.record_windows.MIN_WINDOWS`, if the records make so
-    many at all. Statistics stay with blocks of the old length.
+    There are at least `sklearn_pgnn.simulation.record_windows.MIN_WINDOWS`, if the records are long
+    enough. Statistics keep blocks of the old length.
     """
     further = recut(problem, 2 * problem.scales.window)
     grows = further is not None and further.scales.window > problem.scales.window
@@ -152,14 +152,14 @@ def longer(problem: EstimationProblem) -> EstimationProblem | None:
 
 
 def recut(problem: EstimationProblem, length: float) -> EstimationProblem | None:
-    """Return the problem with windows of another length, or None where that changes nothing.
+    """Return the problem with windows of another length, or None if that changes nothing.
 
     Parameters
     ----------
     problem : EstimationProblem
         The problem.
     length : float
-        Length of the windows [s]; they are shorter where there would be fewer than
+        Length of the windows [s]; they are shorter if there would be fewer than
         `sklearn_pgnn.simulation.record_windows.MIN_WINDOWS`.
 
     Returns
@@ -180,14 +180,14 @@ def recut(problem: EstimationProblem, length: float) -> EstimationProblem | None
 
 
 def with_hold(problem: EstimationProblem, hold: str) -> EstimationProblem:
-    """Return the problem with inputs that run otherwise between samples.
+    """Return the problem with another course of the inputs between samples.
 
     Parameters
     ----------
     problem : EstimationProblem
         The problem.
     hold : {"zoh", "foh"}
-        How inputs run between samples.
+        Inputs between samples: held or linearly interpolated.
 
     Returns
     -------
@@ -198,7 +198,7 @@ def with_hold(problem: EstimationProblem, hold: str) -> EstimationProblem:
 
 
 def with_substeps(problem: EstimationProblem, substeps: int) -> EstimationProblem:
-    """Return the problem with so many integration steps from sample to sample."""
+    """Return the problem with another number of integration steps between samples."""
     return _simulated(problem, substeps=substeps)
 
 
@@ -215,16 +215,16 @@ def _simulated(problem: EstimationProblem, **options) -> EstimationProblem:
 
 @dataclass(frozen=True)
 class Subsample:
-    """Some of the samples of a problem, for a first look.
+    """Some of the samples of a problem, for a first fit.
 
     Parameters
     ----------
     windows : ShootingWindows
         Some windows, thinned where the record is sampled faster than the model needs.
     which : ndarray of int
-        Which of the problem's windows they are.
+        Indices of these windows in the problem.
     factor : int
-        One sample of so many was kept.
+        Every factor-th sample was kept.
     """
 
     windows: ShootingWindows
@@ -233,26 +233,26 @@ class Subsample:
 
     @property
     def stepped(self) -> ShootingWindows:
-        """The windows in the steps of the problem's: an effect's state may be as quick as these."""
+        """The windows with the problem's step size: an effect's state may be as fast."""
         return replace(self.windows, substeps=self.factor * self.windows.substeps)
 
 
 def subsample_windows(problem: EstimationProblem, squares: np.ndarray) -> Subsample:
-    """Take about `SAMPLES` samples: every so many of a window, then every so many windows.
+    """Take about `SAMPLES` samples: every n-th of a window, then every m-th window.
 
-    Where the windows are few, and so long that these are far more, their beginnings are taken.
+    If the windows are few, and so long that this is still far more, their beginnings are taken.
 
     Parameters
     ----------
     problem : EstimationProblem
         The problem.
     squares : ndarray of shape (n_windows,)
-        Error of every window; small and large ones are taken alike.
+        Error of every window; small and large ones are taken equally.
 
     Returns
     -------
     Subsample
-        Some of its samples.
+        The selected samples.
     """
     factor = _thinning(problem)
     thinned = problem.windows.thin(factor) if factor > 1 else problem.windows
@@ -265,7 +265,7 @@ def subsample_windows(problem: EstimationProblem, squares: np.ndarray) -> Subsam
 
 
 def one_of(windows: ShootingWindows) -> int:
-    """Return of how many windows one is taken for about `SAMPLES` samples."""
+    """Return the number of windows of which one is taken, for about `SAMPLES` samples."""
     step = round(windows.lengths.sum() / SAMPLES)
     return max(1, min(step, len(windows) // STRETCHES))
 
@@ -276,7 +276,7 @@ def worst_first(squares: np.ndarray) -> np.ndarray:
 
 
 def _thinning(problem: EstimationProblem) -> int:
-    """Return of how many samples one is kept, the prior's simulation hardly changing by it."""
+    """Return the thinning factor at which the prior's simulation hardly changes."""
     windows, model, factor = problem.windows, problem.prior, 1
     x0 = problem.states.estimate(model).x[windows.starts]
     residual = evaluate(model, windows, x0, ()).residual
@@ -328,15 +328,15 @@ def _positive(value) -> float:
 
 
 def check_records(model: PhysicsModel, records: tuple[Record, ...]) -> None:
-    """Raise `RecordError` where records cannot carry a diagnosis."""
+    """Raise `RecordError` if records are insufficient for a diagnosis."""
     sizes = [record.t.size for record in records]
     windows = sum(size // MIN_SAMPLES for size in sizes)
     if windows < FOLDS:
         raise RecordError(
             f"expected records of at least {FOLDS * MIN_SAMPLES} samples to diagnose "
-            f"{model.name!r}, {FOLDS} windows of {MIN_SAMPLES}, for each is judged by what "
-            f"the others taught; got {sum(sizes)} samples, which make {windows}. Remedy: record "
-            f"longer, more often, or at a higher rate."
+            f"{model.name!r}, at least {FOLDS} windows of {MIN_SAMPLES} samples, since each window "
+            f"is predicted with parameters fitted to the others; got {sum(sizes)} samples, enough "
+            f"for {windows}. Remedy: record longer, more often, or at a higher rate."
         )
     for name, column in zip(model.outputs, np.concatenate([r.y for r in records]).T, strict=True):
         if not np.isfinite(column).any():
@@ -357,7 +357,7 @@ def with_prior_spreads(model: PhysicsModel, prior: PhysicsModel) -> PhysicsModel
     Parameters
     ----------
     model, prior : PhysicsModel
-        The extended model and what it came from.
+        The extended model and the prior.
 
     Returns
     -------

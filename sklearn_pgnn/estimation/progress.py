@@ -6,12 +6,12 @@ from time import monotonic
 
 from sklearn_pgnn.estimation.budgets import BETTER
 
-#: how a report begins that is no stage, but the best so far
+#: prefix of a report of the best hypothesis so far, in place of a stage
 BEST = "best candidate so far: "
 
 
 class TimeIsUp(Exception):
-    """The time that a diagnosis may take is over."""
+    """The time limit of a diagnosis is reached."""
 
 
 class Progress:
@@ -20,19 +20,19 @@ class Progress:
     Parameters
     ----------
     report : callable, optional
-        Called as ``report(stage, done, total)``; where a better hypothesis turns up, a stage in
-        between says so, beginning with `BEST`.
+        Called as ``report(stage, done, total)``; a better hypothesis is reported as a
+        stage in between that begins with `BEST`.
     time_limit : float, optional
         Time [s] from now on.
 
     Attributes
     ----------
     stage : str
-        What is being done.
+        The current stage.
     counts : bool
-        Whether the time limit counts: not before there is a result, nor while it is written down.
+        Whether the time limit applies: not before there is a result, nor while it is stored.
     ended : str or None
-        Why the end came early, and at what stage; only what the result needs is still done then.
+        Reason and stage of an early end; only the steps that the result needs follow it.
     """
 
     def __init__(
@@ -43,11 +43,11 @@ class Progress:
         self.stage, self._done, self._total = "", 0, 1
         self.counts = False
         self.ended: str | None = None
-        self._least = inf  # times the noise that the best so far leaves
+        self._least = inf  # error of the best so far, in units of the noise
 
     @property
     def time_left(self) -> float | None:
-        """Time [s] after which `TimeIsUp` is raised; None where it is not."""
+        """Time [s] after which `TimeIsUp` is raised; None if there is no limit."""
         if self._limit is None or not self.counts or self.ended is not None:
             return None
         return self._limit - (monotonic() - self._begun)
@@ -58,9 +58,9 @@ class Progress:
         Parameters
         ----------
         stage : str
-            What is done.
+            Its name.
         total : int, default=1
-            Steps it will take, as far as that is known.
+            Number of its steps, as far as known.
         """
         self.stage, self._done, self._total = stage, 0, max(total, 1)
         self.tick()
@@ -93,12 +93,12 @@ class Progress:
             raise TimeIsUp
 
     def note(self, times_noise: float, causes: str) -> None:
-        """Announce causes that leave clearly less than any before, whatever the stage.
+        """Report causes whose error is clearly less than that of any before, at any stage.
 
         Parameters
         ----------
         times_noise : float
-            What they leave, in units of the noise.
+            Their error, in units of the noise.
         causes : str
             Their names.
         """
@@ -106,7 +106,7 @@ class Progress:
             return
         self._least = times_noise
         if self._report is not None:
-            self._report(f"{BEST}{times_noise:.2f} times the noise left with {causes}", 0, 1)
+            self._report(f"{BEST}error {times_noise:.2f} times the noise with {causes}", 0, 1)
 
     def end(self, reason: str) -> None:
         """End early, and report no more.
@@ -114,6 +114,6 @@ class Progress:
         Parameters
         ----------
         reason : str
-            Why.
+            The reason.
         """
         self.ended, self._report = f"{reason}, at {self.stage!r}", None

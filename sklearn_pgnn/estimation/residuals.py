@@ -21,9 +21,9 @@ class Residuals:
     times : ndarray of shape (n_outputs,)
         Their integrated autocorrelation time, in samples.
     errors : ndarray of shape (n_samples, n_outputs), optional
-        The residuals, NaN where there is none.
+        The residuals, NaN where nothing was measured.
     segment : ndarray of shape (n_samples,), optional
-        Number of the segment in which each sample was simulated, counted from 0; -1 where none was.
+        Number of the segment in which each sample was simulated, counted from 0; -1 if in none.
 
     Examples
     --------
@@ -39,7 +39,7 @@ class Residuals:
     segment: np.ndarray | None = None
 
     def of(self, outputs: np.ndarray) -> "Residuals":
-        """Return what is left of some outputs.
+        """Return the residuals of some outputs.
 
         Parameters
         ----------
@@ -65,23 +65,23 @@ class HeldOut:
     windows : Residuals
         Over windows, each from its own initial state.
     free_run : Residuals
-        Over whole records, or the stretches that were held out, from where they start.
+        Over whole records, or the held-out stretches, from their initial states.
     memory_price : float
-        What the initial values of added states cost, in natural units of likelihood.
+        Penalty for the initial values of added states, in natural units of likelihood.
     block_squares : ndarray of shape (n_windows, n_blocks, n_outputs)
         Squared residuals of every block of every window.
     n_added : int, default=0
         States that the hypothesis adds to the prior's.
     tells_in_free_run : ndarray of shape (n_outputs,), optional
-        Whether the free run of an output is nearer to the records than their mean is; that of a
-        chaotic or unstable motion is not. By default all are.
+        Whether the free run of an output predicts the records better than their mean does; that of
+        a chaotic or unstable motion does not. By default all do.
     learned : tuple of PhysicsModel, default=()
         The model of every fold, with the parameters estimated from the other windows.
     x0 : ndarray of shape (n_windows, n_states), optional
         The windows' initial states, fitted with these models.
     uncertain : ndarray of shape (n_outputs,), optional
-        What the errors of parameters and initial states are expected to add to the squares in free
-        run.
+        Expected increase of the squares in free run due to the errors of parameters and initial
+        states.
 
     Examples
     --------
@@ -116,7 +116,7 @@ class HeldOut:
         Parameters
         ----------
         alpha : float
-            Rate at which they add more.
+            Probability of a larger increase.
 
         Returns
         -------

@@ -15,10 +15,10 @@ from sklearn_pgnn.physics.model import PhysicsModel
 
 
 def same_parameter(model: PhysicsModel, effect: Effect) -> str | None:
-    r"""Name the parameter of a model that does just what an effect would do.
+    r"""Name the parameter of a model whose change is equivalent to an effect.
 
-    Of an effect that the model was extended by, that is the effect's own, fixed or free; else only
-    free ones count.
+    If the model already contains the effect, this is the effect's own parameter, fixed or free;
+    else only free ones count.
 
     An effect with a single parameter :math:`q` is the same as the parameter :math:`p` if
     :math:`\partial (f, g)/\partial q` is :math:`\partial (f, g)/\partial p` times a factor
@@ -40,11 +40,11 @@ def same_parameter(model: PhysicsModel, effect: Effect) -> str | None:
 def same_causes(
     model: PhysicsModel, causes: tuple[Effect, ...]
 ) -> dict[Effect, tuple[Effect, ...]]:
-    r"""Sort causes into classes that no record can tell apart.
+    r"""Sort causes into classes that no record can separate.
 
     Two effects with a single parameter each, :math:`q` and :math:`q'`, are the same if
     :math:`\partial (f, g)/\partial q` is :math:`\partial (f, g)/\partial q'` times a factor that
-    depends on parameters only, or if both do nothing but delay the same inputs.
+    depends on parameters only, or if both only delay the same inputs.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ def same_causes(
     Returns
     -------
     dict of cause to tuple of cause
-        The first cause of every class, and the others of it.
+        The first cause of every class, and its other causes.
     """
     classes: dict[Effect, list[Effect]] = {}
     changes: dict[Effect, _Change] = {}
@@ -71,20 +71,20 @@ def same_causes(
 
 @dataclass(frozen=True)
 class _Change:
-    """What an effect's only parameter changes: inputs that it delays, or rates and outputs."""
+    """Changes by an effect's only parameter: inputs that it delays, or rates and outputs."""
 
     late: frozenset[str] = frozenset()
     slopes: np.ndarray | None = None  # by the parameter, at two values of it
 
     def equals(self, other: "_Change") -> bool:
-        """Return whether another effect changes the same."""
+        """Return whether another effect causes the same changes."""
         if self.slopes is None or other.slopes is None:
             return self.late == other.late
         return all(map(_proportional, self.slopes, other.slopes))
 
 
 def _only_change(model: PhysicsModel, cause: Effect) -> _Change | None:
-    """Return what an effect's only parameter changes; None where it has more, or adds states."""
+    """Return the changes by an effect's only parameter; None if it has more, or adds states."""
     names = tuple(cause.names().values())
     if isinstance(cause, WrongParameter) or len(names) != 1:
         return None
@@ -101,7 +101,7 @@ def _only_change(model: PhysicsModel, cause: Effect) -> _Change | None:
 
 
 def only_delayed(model: PhysicsModel, extended: PhysicsModel) -> frozenset[str]:
-    """Return the inputs that an extension delays, if it does nothing else."""
+    """Return the inputs that an extension delays, if it has no other effect."""
     before, after = ([dict(each.equations), dict(each.outputs)] for each in (model, extended))
     if before != after:
         return frozenset()
@@ -109,12 +109,11 @@ def only_delayed(model: PhysicsModel, extended: PhysicsModel) -> frozenset[str]:
 
 
 def held_parameters(model: PhysicsModel, cause: Effect) -> tuple[str, ...]:
-    r"""Name the model's parameters that a cause speaks for: re-tuning both would be one too many.
+    r"""Name the model's parameters that a cause covers: re-tuning both would be redundant.
 
     They are those of which :math:`\partial (f, g)/\partial p` is a combination of the derivatives
-    by the cause's own parameters. Friction that differs by direction holds the viscous friction
-    that a model may have: the model's own stays at its prior value, and the cause tells what comes
-    on top.
+    by the cause's own parameters. Friction that differs by direction covers the viscous friction
+    of a model: the model's own stays at its prior value, and the cause describes the difference.
     """
     names = tuple(cause.names().values())
     if isinstance(cause, WrongParameter) or len(names) < 2:
@@ -150,7 +149,7 @@ def _derivatives(model: PhysicsModel, names) -> dict[str, np.ndarray]:
     fixed = {symbol(n): p.value for n, p in model.parameters.items()}
     moving = [symbol(n) for n in (*model.states, *model.inputs)] + [TIME]
     draws = np.random.default_rng(0).uniform(0.1, 1.0, (POINTS, len(moving)))
-    draws *= 10.0 ** np.linspace(-4, 1, POINTS)[:, None]  # small enough not to meet every limit
+    draws *= 10.0 ** np.linspace(-4, 1, POINTS)[:, None]  # small enough not to exceed every limit
     draws[1::2] *= -1.0
     points = fixed | dict(zip(moving, draws.T, strict=True))
     expressions = [*model.equations.values(), *model.outputs.values()]
@@ -164,7 +163,7 @@ def is_of_other_order(model: PhysicsModel, extended: PhysicsModel) -> bool:
 
 
 def _proportional(mine: np.ndarray, theirs: np.ndarray) -> bool:
-    """Return whether all that is not zero has one and the same ratio."""
+    """Return whether all entries that are not zero have the same ratio."""
     both = np.isfinite(mine) & np.isfinite(theirs)
     mine, theirs = mine[both], theirs[both]
     if np.count_nonzero(mine) < 2 or not np.array_equal(mine != 0, theirs != 0):

@@ -1,14 +1,14 @@
-r"""Rank candidates, and pairs of them, by the squares that they are expected to leave.
+r"""Rank candidates, and pairs of them, by the expected sum of squared residuals.
 
-A fit of every candidate beside every hypothesis would take long, and two causes may help together
-where neither helps alone. To first order candidates leave
+Fitting every candidate in addition to every hypothesis would take long, and two causes may help
+together where neither helps alone. To first order the candidates leave
 
 .. math:: \min_{p, x_0, a, b} |r - S_p p - S_x x_0 - E_a a - E_b b|^2
 
 of the residuals :math:`r` of a hypothesis, with the sensitivities :math:`S` to its parameters that
 are not at a limit and to every window's initial state, and the changes of the outputs :math:`E`
-that a candidate brings: as it was fitted beside the nearest hypothesis so far, and by each of its
-own parameters.
+that a candidate brings: as fitted with the best hypothesis so far, and by each of its own
+parameters.
 """
 
 from collections.abc import Callable
@@ -29,7 +29,7 @@ from sklearn_pgnn.simulation.windows import ShootingWindows, evaluate
 
 @dataclass
 class Screening:
-    """The changes of the outputs that candidates bring, and what they promise.
+    """The changes of the outputs by candidates, and the expected gain.
 
     Parameters
     ----------
@@ -50,10 +50,10 @@ class Screening:
         return frozenset(self._fits)
 
     def learn(self, ground: SubsampleFit, fit: SubsampleFit) -> None:
-        """Learn what a candidate changes from its fit beside a hypothesis.
+        """Store the changes by a candidate from its fit with a hypothesis.
 
-        The nearest hypothesis counts: far from the records a candidate may change what it would
-        not change near them.
+        The best hypothesis is used: with large errors a candidate may have another effect than with
+        small ones.
 
         Parameters
         ----------
@@ -71,7 +71,7 @@ class Screening:
         self._changes.pop(cause, None)
 
     def _change_by(self, cause: Effect) -> np.ndarray:
-        """Return what a candidate changes, and what each of its parameters does: a column each."""
+        """Return the changes by a candidate, and by each of its parameters: a column each."""
         if cause not in self._changes:
             ground, fit = self._fits[cause]
             view, own = self._view(fit), set(cause.names().values())
@@ -84,7 +84,7 @@ class Screening:
         return _View(self.windows_of(fit.fit.model), fit.fit, self.tick)
 
     def rank(self, ground: SubsampleFit, count: int = 1) -> list[tuple[float, tuple[Effect, ...]]]:
-        """Rank candidates that may stand beside a hypothesis, or so many of them together.
+        """Rank candidates that may be added to a hypothesis, alone or several together.
 
         Parameters
         ----------
@@ -114,19 +114,19 @@ class Screening:
 
 
 def _within_limits(fit: WindowFit) -> list[str]:
-    """Name the parameters that may still move: one at a limit wants to go beyond."""
+    """Name the parameters that can still change: those not at a limit."""
     found = zip(fit.freedoms, fit.values, strict=True)
     return [free.name for free, value in found if free.low < value < free.high]
 
 
 def _basis(table) -> np.ndarray:
-    """Return an orthonormal basis of columns, without what is but rounding."""
+    """Return an orthonormal basis of columns, without rounding errors."""
     directions, sizes, _ = np.linalg.svd(table, full_matrices=False)
     return directions[:, sizes > ROUNDING * sizes[0]]
 
 
 def _left(table) -> float:
-    """Return the squares of the first column that the others leave."""
+    """Return the squares of the first column that the others do not explain."""
     size = np.linalg.norm(table, axis=0)
     table = table / np.where(size > 0, size, 1.0)
     gram = table[:, 1:].T @ table
@@ -152,7 +152,7 @@ class _View:
     def change(self, model, x0) -> np.ndarray:
         """Return by how much the outputs change with the model and the initial states.
 
-        A window that is lost speaks for no change.
+        A window with a failed simulation counts as no change.
         """
         self.tick()
         wrt = tuple(freedom.name for freedom in self.fit.freedoms)
@@ -163,7 +163,7 @@ class _View:
         return np.where(known, self.flat(self.fit.evaluation.residual - moved.residual), 0.0)
 
     def slope(self, name: str) -> np.ndarray:
-        """Return the direction in which a parameter moves the outputs, within its bounds."""
+        """Return the direction in which a parameter changes the outputs, within its bounds."""
         fit = self.fit
         place = [freedom.name for freedom in fit.freedoms].index(name)
         value, step = fit.model.parameters[name].value, small_step(self.windows, fit, place)
@@ -183,6 +183,6 @@ class _View:
         return np.split(table, ends[:-1])
 
     def without_states(self, table) -> np.ndarray:
-        """Take from every column what the initial states explain."""
+        """Subtract from every column the part that the initial states explain."""
         pairs = zip(self.bases, self.by_window(table), strict=True)
         return np.concatenate([part - basis @ (basis.T @ part) for basis, part in pairs])

@@ -1,4 +1,4 @@
-"""The share of another fit's squares that a fit leaves, with its interval."""
+"""The ratio of a fit's squares to another one's, with its interval."""
 
 from typing import NamedTuple
 
@@ -21,7 +21,7 @@ class ShareLeft(NamedTuple):
 
 
 def share_left(before: np.ndarray, after: np.ndarray) -> ShareLeft:
-    r"""Return what share of the squares of windows is left.
+    r"""Return the share of the squares of windows that remains.
 
     .. math:: s = \frac{\sum_w b_w}{\sum_w a_w}, \qquad
         \operatorname{se}(\log s)^2 = \frac{W}{W - 1}
@@ -38,7 +38,7 @@ def share_left(before: np.ndarray, after: np.ndarray) -> ShareLeft:
     Returns
     -------
     ShareLeft
-        The share; its interval has no ends where there is one window only.
+        The share; its interval is unbounded with a single window.
 
     Examples
     --------

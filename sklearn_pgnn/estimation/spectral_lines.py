@@ -1,10 +1,10 @@
 r"""Periodic components of a missing rate: tones in time, ripples over position.
 
-A fit of a wave has a local minimum at every frequency, so it must begin near the right one. What
-a model lacks of a velocity's rate, :math:`\dot v - f(x, u, p)`, is taken from the estimated states;
-what re-tuned parameters could explain of it is projected out, and the lines that stand out in the
-spectrum of the rest are where to begin. That rate is lost where a sensor is noisy or a state has
-none, so they are looked for in what the re-tuned model leaves of the outputs, too.
+A fit of a wave has a local minimum at every frequency, so it must start near the right one. The
+missing part of a velocity's rate, :math:`\dot v - f(x, u, p)`, is taken from the estimated states;
+the part that re-tuned parameters could explain is projected out, and the peaks in the spectrum of
+the rest are the starting values. That rate is not available if a sensor is noisy or a state has
+no sensor, so peaks are also searched in the residuals of the re-tuned model.
 """
 
 from contextlib import suppress
@@ -31,7 +31,7 @@ from sklearn_pgnn.simulation.windows import ShootingWindows
 def missing_rate(
     model: PhysicsModel, windows: ShootingWindows, x: np.ndarray, state: str
 ) -> np.ndarray:
-    """Return what a model lacks of a state's rate, less what its parameters could explain.
+    """Return the missing rate of a state, less the part that the parameters could explain.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ def slopes_by_record(windows: ShootingWindows, values: np.ndarray) -> np.ndarray
 
 
 def find_lines(model: PhysicsModel, windows: ShootingWindows, x: np.ndarray) -> tuple[dict, dict]:
-    """Find the tones and the ripples in what a model lacks of its velocities' rates.
+    """Find the tones and the ripples in the missing rates of a model's velocities.
 
     Parameters
     ----------
@@ -112,7 +112,7 @@ def find_lines(model: PhysicsModel, windows: ShootingWindows, x: np.ndarray) -> 
 
 
 def tones_left(windows: ShootingWindows, residual: np.ndarray) -> tuple[float, ...]:
-    """Find the tones in what a fitted model leaves of the outputs.
+    """Find the tones in the residuals of a fitted model.
 
     Parameters
     ----------
@@ -132,10 +132,10 @@ def tones_left(windows: ShootingWindows, residual: np.ndarray) -> tuple[float, .
 def ripples_left(
     windows: ShootingWindows, fit: WindowFit, x: np.ndarray, which: np.ndarray
 ) -> dict[str, tuple[float, ...]]:
-    r"""Find the ripples that would explain most of what a fitted model leaves of the outputs.
+    r"""Find the ripples that would explain most of the residuals of a fitted model.
 
     A force :math:`a \cos(2 \pi x/P) + b \sin(2 \pi x/P)` changes the outputs linearly; with the
-    initial state of every window free, it explains what a regression on its two responses does.
+    initial state of every window free, it explains as much as a regression on its two responses.
 
     Parameters
     ----------
@@ -146,13 +146,13 @@ def ripples_left(
     x : ndarray of shape (n_samples, n_states)
         Estimated states.
     which : ndarray of int
-        The windows to look at.
+        The windows to use.
 
     Returns
     -------
     dict of str to tuple of float
-        Periods [unit of the position] by velocity; none where the responses leave the finite
-        numbers.
+        Periods [unit of the position] by velocity; none if the responses become
+        non-finite.
     """
     some, x0, found = windows.select(which), fit.evaluation.x0[which], {}
     some = replace(some, y=fit.evaluation.residual)
@@ -168,7 +168,7 @@ def _ripples_left(left, model, x0, state, position) -> tuple[float, ...]:
     if not travel > 0:
         return ()
     cycles = np.arange(1.0, MOST_CYCLES, CYCLE_STEP)
-    parts = -(-left.y.size // SAMPLES)  # of the waves, for the memory that their responses take
+    parts = -(-left.y.size // SAMPLES)  # of the waves, to limit the memory for their responses
     explained = [
         _explained(left, model, x0, state, 2 * np.pi * position[:, None] * some / travel)
         for some in np.array_split(cycles, parts)
@@ -193,7 +193,7 @@ def _explained(windows, model, x0, state, phase) -> np.ndarray:
 
 
 def _tones(windows, signal) -> tuple[float, ...]:
-    """Return the frequencies that stand out, the records' spectra summed."""
+    """Return the frequencies of peaks in the sum of the records' spectra."""
     step = float(np.median(np.diff(windows.t)[np.diff(windows.t) > 0]))
     spans = list(pairwise(windows.bounds))
     size = 2 * max(b - a for a, b in spans)
@@ -208,7 +208,7 @@ def _tones(windows, signal) -> tuple[float, ...]:
 
 
 def _ripples(position, missing) -> tuple[float, ...]:
-    """Return the periods over position that stand out."""
+    """Return the periods of peaks over position."""
     travel = np.ptp(position)
     if not travel > 0:
         return ()

@@ -1,4 +1,4 @@
-"""Where the fit of an effect starts: a glance at all its starts, then some steps from the best."""
+"""Starting values of an effect: all are evaluated, then some steps are made from the best."""
 
 from contextlib import suppress
 from typing import TYPE_CHECKING, NamedTuple
@@ -22,15 +22,15 @@ if TYPE_CHECKING:
 def best_start(
     fitter: "HypothesisFitter", base: SubsampleFit, hypothesis: Hypothesis, cause: Effect
 ) -> PhysicsModel:
-    """Return the model of a hypothesis at the start of its new cause that promises most.
+    """Return the model of a hypothesis at the most promising start of its new cause.
 
-    Of all starts the most promising are followed for some steps on a few windows, and the better
-    half of them on.
+    From the most promising of all starts some steps are made on a few windows, and further ones
+    from the better half.
 
     Parameters
     ----------
     fitter : HypothesisFitter
-        What fits models.
+        The fitter of models.
     base : SubsampleFit
         The hypothesis without the cause.
     hypothesis : Hypothesis
@@ -57,7 +57,7 @@ def best_start(
 
 
 class _Glance(NamedTuple):
-    """The objective where a start has led, what it promises from there, and the model."""
+    """The objective reached from a start, the expected one of further steps, and the model."""
 
     objective: float
     promise: float
@@ -69,7 +69,7 @@ def _objective(glance: _Glance) -> float:
 
 
 class _Few:
-    """A hypothesis on a few of the windows of a subsample: the worst, and as many of all kinds."""
+    """A hypothesis on a few windows of a subsample: the worst, and as many others."""
 
     def __init__(self, fitter: "HypothesisFitter", base: SubsampleFit, hypothesis: Hypothesis):
         self.fitter, self.base, self.hypothesis = fitter, base, hypothesis
@@ -80,14 +80,14 @@ class _Few:
         )
 
     def fit(self, model: PhysicsModel, held: tuple[str, ...] = (), steps: int = STEPS) -> _Glance:
-        """Take some steps from a model, some of its parameters being held."""
+        """Make some steps from a model, with some of its parameters held."""
         fitter, which = self.fitter, self.which
         whole = fitter.start_from(model, self.base)
         start = whole.select(which)
         model, free = fitter.models.free(self.hypothesis, model)
         windows = fitter.windows_of(model).select(which)
         fit = fitter.fit_model(
-            suppress(*BREAKDOWNS),  # another start may do
+            suppress(*BREAKDOWNS),  # another start may work
             model,
             windows,
             tuple(freedom for freedom in free if freedom.name not in held),
@@ -103,7 +103,7 @@ class _Few:
 def _at_starts(
     fitter: "HypothesisFitter", base: SubsampleFit, hypothesis: Hypothesis, cause: Effect
 ) -> list[PhysicsModel]:
-    """Return the model at all starts of a cause; also from the untuned prior where they are few."""
+    """Return the model at all starts of a cause; also from the untuned prior if they are few."""
     model = fitter.models.extend(hypothesis, base.fit.model)
     scales = fitter.scales.of_either_sign(unsigned_states(model))
     starts, models = cause.proposals(fitter.problem.prior, scales), [model]
@@ -125,7 +125,7 @@ def _differing(models: list[PhysicsModel], cause: Effect) -> tuple[str, ...]:
 
 
 def _valleys(glances: list[_Glance]) -> list[int]:
-    """Order starts by what they promise, those that promise more than their neighbours first."""
+    """Order starts by expected objective, those better than their neighbours first."""
     promise = np.array([glance.promise for glance in glances])
     padded = np.concatenate([[np.inf], promise, [np.inf]])
     slope = (padded[:-2] < promise) | (padded[2:] < promise)

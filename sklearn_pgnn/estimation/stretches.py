@@ -18,7 +18,7 @@ from sklearn_pgnn.trajectories.record import Record
 
 
 def is_long(problem: EstimationProblem) -> bool:
-    """Return whether records have more samples than a search works on."""
+    """Return whether records have more samples than a search uses."""
     return int(problem.windows.lengths.sum()) > LONG
 
 
@@ -34,7 +34,7 @@ def on_stretches(
     records : tuple of Record
         The records.
     options : mapping
-        Of `build_problem`; the noise is that of all records.
+        Options of `build_problem`; the noise is that of all records.
 
     Returns
     -------
@@ -57,11 +57,11 @@ def on_stretches(
 def telling_stretches(
     problem: EstimationProblem, records: tuple[Record, ...]
 ) -> tuple[tuple[Record, ...], int]:
-    """Return about `LONG` samples of long records, in stretches, and of how many one is kept.
+    """Return about `LONG` samples of long records, in stretches, and the thinning factor.
 
-    Half of the stretches are those in which the prior errs most, window by window; the others are
-    spread evenly over the rest. Where samples are so dense that a stretch would hold few windows
-    they are thinned.
+    Half of the stretches are those in which the prior has the largest error, window by window; the
+    others are spread evenly over the rest. If samples are so dense that a stretch would contain few
+    windows, they are thinned.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def telling_stretches(
     stretches : tuple of Record
         The stretches, each a record that keeps its clock, in the order of the records.
     factor : int
-        One sample of so many is kept.
+        Every factor-th sample is kept.
     """
     size = LONG // STRETCHES
     in_window = float(np.median(problem.windows.lengths))
@@ -92,14 +92,14 @@ def telling_stretches(
 
 
 def _spans(sizes, length: int) -> Iterator[tuple[int, int, int]]:
-    """Yield record, first sample and end of stretches of about a length that fill the records."""
+    """Yield record, first sample and end of stretches of about a given length, end to end."""
     for record, size in enumerate(sizes):
         edges = np.linspace(0, size, max(1, size // length) + 1).astype(int)
         yield from ((record, int(a), int(b)) for a, b in pairwise(edges))
 
 
 def _errors(problem: EstimationProblem) -> np.ndarray:
-    """Return the logarithm of the prior's squares a sample in every window, sample by sample."""
+    """Return the logarithm of the prior's mean squares in its window, for every sample."""
     windows, model = problem.windows, problem.prior
     x0 = problem.states.estimate(model).x[windows.starts]
     squares = evaluate(model, windows, x0, ()).squares / windows.lengths
@@ -124,7 +124,7 @@ def _choose(told: np.ndarray, lengths: np.ndarray) -> np.ndarray:
 
 
 def _thin(record: Record, factor: int, hold: str) -> Record:
-    """Keep one sample of so many; held inputs are averaged in between."""
+    """Keep every factor-th sample; held inputs are averaged in between."""
     if factor == 1:
         return record
     kept = np.arange(0, record.t.size, factor)

@@ -1,4 +1,4 @@
-"""Hypotheses whose fit failed: they are noted, and the search goes on without them."""
+"""Hypotheses whose fit failed: they are logged, and the search continues without them."""
 
 from collections.abc import Hashable, Iterator
 from contextlib import contextmanager
@@ -8,7 +8,7 @@ import numpy as np
 
 from sklearn_pgnn.exceptions import SimulationError
 
-#: numbers that break down; any other error is a mistake in the program
+#: numerical failures; any other error is a bug in the program
 BREAKDOWNS = (np.linalg.LinAlgError, FloatingPointError, SimulationError)
 
 
@@ -18,9 +18,9 @@ class Unusable(NamedTuple):
     Parameters
     ----------
     effect, target : str
-        The candidate: id of the effect and what it acts on; or a part of the diagnosis.
+        The candidate: id of the effect and its target; or a part of the diagnosis.
     reason : str
-        What went wrong, and beside which other causes.
+        The error, and the other causes in the model.
     """
 
     effect: str
@@ -29,9 +29,9 @@ class Unusable(NamedTuple):
 
 
 class FailureLog:
-    """What could not be fitted, and why.
+    """Log of failed fits, with the reasons.
 
-    What could be fitted from another start, or at another time, is not unusable.
+    A hypothesis that was fitted from another start, or later, is not unusable.
     """
 
     def __init__(self):
@@ -39,24 +39,24 @@ class FailureLog:
         self._fitted: set[Any] = set()
 
     def fitted(self, key: Hashable) -> None:
-        """Note that something could be fitted."""
+        """Record a successful fit."""
         self._fitted.add(key)
 
     def lost(self, key: Hashable, effect: str, target: str, beside: str = "", *, reason) -> None:
-        """Note what could not be fitted."""
+        """Record a failed fit."""
         self._lost.setdefault(key, Unusable(effect, target, f"{reason}{beside}"))
 
     def absorb(self, other: "FailureLog", key: Hashable, *what: str) -> None:
-        """Note what another log has of one thing, whose key begins with a name of its own.
+        """Copy the entries of another log about one item, whose key begins with another name.
 
         Parameters
         ----------
         other : FailureLog
             The log.
         key : hashable
-            How this log names what the other one is about.
+            Name of the item in this log.
         *what : str
-            What comes after the name.
+            The rest of the key.
         """
         for (_, *about), one in other._lost.items():
             if tuple(about) == what:
@@ -66,13 +66,13 @@ class FailureLog:
 
     @contextmanager
     def tolerate(self, key: Hashable, effect: str, target: str, beside: str = "") -> Iterator[None]:
-        """Go on where numbers break down, and note what could not be fitted."""
+        """Continue after numerical failures, and record them."""
         try:
             yield
         except BREAKDOWNS as error:
             self.lost(key, effect, target, beside, reason=error)
 
     def entries(self) -> tuple[Unusable, ...]:
-        """Return what could not be fitted at all, in the order in which it was tried."""
+        """Return all that could not be fitted, in the order of the attempts."""
         lost = (one for key, one in self._lost.items() if key not in self._fitted)
         return tuple(dict.fromkeys(lost))

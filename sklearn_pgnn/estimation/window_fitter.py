@@ -1,4 +1,4 @@
-"""Fit hypotheses on all windows, and on those that are held out; remember what was fitted."""
+"""Fit hypotheses on all windows, and on held-out ones; the results are cached."""
 
 from contextlib import AbstractContextManager
 from dataclasses import replace
@@ -36,24 +36,24 @@ from sklearn_pgnn.simulation.normal_equations import normal_equations
 from sklearn_pgnn.simulation.window_fit import WindowFit, fit_windows, lost_fit, prior_precision
 from sklearn_pgnn.simulation.windows import ShootingWindows
 
-#: what fits for cross-validation are called where they break down
+#: name of the fits for cross-validation in reports of failures
 HELD_OUT = "held out"
-#: and where a parameter is held away from its estimate
+#: and of fits with a parameter held away from its estimate
 AWAY = "away from the estimate"
 
 
 class WindowFitter:
     """Fits hypotheses on all windows of a problem.
 
-    Where numbers break down the fit is `lost_fit`: that hypothesis cannot be used, and nothing
-    else is touched.
+    After a numerical failure the fit is `lost_fit`: that hypothesis cannot be used, and nothing
+    else is affected.
 
     Parameters
     ----------
     problem : EstimationProblem
         The problem.
     progress : Progress, optional
-        Told of every step of a fit.
+        Receives every step of a fit.
     """
 
     def __init__(self, problem: EstimationProblem, progress: Progress | None = None):
@@ -66,14 +66,14 @@ class WindowFitter:
         self._disturbed: dict[tuple, tuple[HeldOut, float]] = {}
 
     def key(self, hypothesis: Hypothesis) -> Key:
-        """Return what tells hypotheses apart, see `HypothesisModels.key`."""
+        """Return the identity of a hypothesis, see `HypothesisModels.key`."""
         return self.models.key(hypothesis)
 
     def held(self, cause: Effect) -> tuple[str, ...]:
         """Return the names of the prior's parameters that a cause covers."""
         return self.models.held(cause)
 
-    # -- where numbers break down --------------------------------------------------------------
+    # -- numerical failures --------------------------------------------------------------------
 
     @property
     def unusable(self) -> tuple[Unusable, ...]:
@@ -90,18 +90,18 @@ class WindowFitter:
         x0: np.ndarray,
         **options,
     ) -> WindowFit:
-        """Fit a model; where numbers break down return what stands for one that cannot be fitted.
+        """Fit a model; after a numerical failure return the placeholder for an unusable fit.
 
         Parameters
         ----------
         tolerate : context manager
-            What suppresses the errors of numbers that break down.
+            Suppresses the errors of numerical failures.
         model, windows, free
             See `fit_windows`.
         start : Start
             Expected initial states.
         x0 : ndarray of shape (n_windows, n_states)
-            Where they start.
+            Starting values of the initial states.
         **options
             See `fit_windows`.
 
@@ -125,17 +125,17 @@ class WindowFitter:
     def _refit_poor(
         self, hypothesis, fit: WindowFit, windows: ShootingWindows, start: Start, tolerance
     ):
-        """Return the better of a fit and one begun elsewhere in windows that may be stuck."""
+        """Return the better of a fit and one from other starts in windows that may be stuck."""
         with self._tolerate(hypothesis):
             fit = refit_poor_windows(fit, windows, *start, tolerance, self.progress.tick)
         return fit
 
     def _tolerate(self, hypothesis: Hypothesis, *what: str) -> AbstractContextManager:
-        """Go on where numbers break down, and note what hypothesis cannot be used."""
+        """Continue after numerical failures, and record the unusable hypothesis."""
         return self.failures.tolerate((self.key(hypothesis), *what), *_described(hypothesis))
 
     def _noted(self, hypothesis: Hypothesis, fit: WindowFit) -> WindowFit:
-        """Note whether a hypothesis could be fitted."""
+        """Record whether a hypothesis could be fitted."""
         key = (self.key(hypothesis),)
         if fit.usable:
             self.failures.fitted(key)
@@ -161,18 +161,18 @@ class WindowFitter:
         return self._trials[key]
 
     def refit(self, trial: FittedHypothesis) -> FittedHypothesis:
-        """Fit a hypothesis that was fitted in the same windows of another problem."""
+        """Fit a hypothesis that was fitted on the same windows of another problem."""
         self._keep(self._fit(trial.hypothesis, trial.fit.model, trial.fit))
         return self._known(trial.hypothesis)
 
     def refit_elsewhere(self, trial: FittedHypothesis) -> FittedHypothesis:
-        """Fit a hypothesis that was fitted on other records, until no parameter moves further."""
+        """Fit a hypothesis that was fitted on other records, until all parameters converge."""
         tolerance = SMALL_CHANGE**2 / self.problem.n_samples
         self._keep(self._fit(trial.hypothesis, trial.fit.model, tolerance=tolerance))
         return self._known(trial.hypothesis)
 
     def refit_two_steps(self, trial: FittedHypothesis) -> FittedHypothesis:
-        """Return where two steps lead from a hypothesis at the minimum of another problem."""
+        """Return the result of two steps from a hypothesis at the minimum of another problem."""
         fit = trial.fit
         moved = self.fit_model(
             self._tolerate(trial.hypothesis),
@@ -187,7 +187,7 @@ class WindowFitter:
         return FittedHypothesis(trial.hypothesis, moved)
 
     def polish(self, trial: FittedHypothesis) -> FittedHypothesis:
-        """Fit a hypothesis on to its minimum, also along directions that records hardly see."""
+        """Continue a fit to its minimum, also along directions that records hardly determine."""
         model, start = trial.fit.model, self._start(trial.fit.model)
         for x0 in (trial.fit.x0, start.x0):
             fit = self.fit_model(
@@ -209,7 +209,7 @@ class WindowFitter:
         return self.key(hypothesis) in self._trials
 
     def rise(self, trial: FittedHypothesis, name: str, value: float, small: float) -> float:
-        """Return what the objective rises by where a parameter is held, the others following.
+        """Return the rise of the objective with one parameter held and the others fitted.
 
         Parameters
         ----------
@@ -218,7 +218,7 @@ class WindowFitter:
         name : str
             A free parameter.
         value : float
-            Where it is held [its unit].
+            Its held value [its unit].
         small : float
             Rise that does not matter.
 
@@ -242,13 +242,13 @@ class WindowFitter:
         return held.objective + ((value - own.centre) / own.spread) ** 2 - fit.objective
 
     def _keep(self, trial: FittedHypothesis) -> None:
-        """Remember a trial unless a better one of the same hypothesis is known."""
+        """Store a trial unless a better one of the same hypothesis is known."""
         key = self.key(trial.hypothesis)
         if key not in self._trials or trial.fit.objective < self._trials[key].fit.objective:
             self._trials[key] = trial
 
     def _known(self, hypothesis: Hypothesis) -> FittedHypothesis:
-        """Return the best fit of a hypothesis, its causes in the order that is asked for."""
+        """Return the best fit of a hypothesis, with its causes in the requested order."""
         return FittedHypothesis(hypothesis, self._trials[self.key(hypothesis)].fit)
 
     def _fit(
@@ -259,9 +259,9 @@ class WindowFitter:
         known: tuple[np.ndarray, np.ndarray] | None = None,
         tolerance: float = TOLERANCE,
     ) -> FittedHypothesis:
-        """Fit a model, its initial states beginning where another's are, or those of some windows.
+        """Fit a model, with initial states from another fit, or known ones in some windows.
 
-        Where some are known, the first step moves the initial states only.
+        If some are known, the first step changes the initial states only.
         """
         model, free = self.models.free(hypothesis, model)
         start, windows = self._start(model), self.problem.windows
@@ -298,10 +298,10 @@ class WindowFitter:
         return make_folds(self.problem)
 
     def held_out(self, trial: FittedHypothesis) -> HeldOut:
-        """Return what a hypothesis leaves of records that its parameters have not seen.
+        """Return the residuals of a hypothesis on records its parameters were not fitted to.
 
-        Of several fits of a hypothesis the one counts that leaves least: another may have got
-        stuck where some records were held out.
+        Among several fits of a hypothesis the one with the smallest error counts: another may have
+        been stuck with some records held out.
 
         Parameters
         ----------
@@ -311,7 +311,7 @@ class WindowFitter:
         Returns
         -------
         HeldOut
-            What is left, over windows and in free run.
+            The residuals, over windows and in free run.
         """
         key = self.key(trial.hypothesis)
         fit, known = self._held_out.get(key, (None, None))
@@ -323,7 +323,7 @@ class WindowFitter:
         return known
 
     def _validate(self, trial: FittedHypothesis) -> HeldOut:
-        """Return what a fit leaves of records that are held out, as it was found or found now."""
+        """Return the held-out residuals of a fit, cached or computed now."""
         key = self.key(trial.hypothesis)
         known = self._validated.pop(key, None)
         if known is None or known[0] is not trial.fit:
@@ -335,7 +335,7 @@ class WindowFitter:
     def evidence_disturbed(
         self, without: FittedHypothesis, with_: FittedHypothesis, smallest_share: float
     ) -> float:
-        r"""Return the evidence for the second of two hypotheses, each beside a disturbance.
+        r"""Return the evidence for the second of two hypotheses, each with a disturbance.
 
         Its outputs have a noise with the variance
 
@@ -363,7 +363,7 @@ class WindowFitter:
         return more - less if np.isfinite([less, more]).any() else np.nan
 
     def _disturbed_likelihood(self, trial: FittedHypothesis, variance: np.ndarray) -> float:
-        """Return the likelihood of held-out windows beside the likeliest disturbance."""
+        """Return the likelihood of held-out windows with the most likely disturbance."""
         key, held_out = (self.key(trial.hypothesis), *variance), self.held_out(trial)
         known, likelihood = self._disturbed.get(key, (None, -np.inf))
         if known is not held_out:
@@ -374,10 +374,10 @@ class WindowFitter:
         return likelihood
 
     def refit_from_held_out(self, trial: FittedHypothesis) -> FittedHypothesis:
-        """Return a better fit of a hypothesis where its held-out fits show that it got stuck.
+        """Return a better fit of a hypothesis if its held-out fits show that it is stuck.
 
-        What other windows have taught leaves no less than what is fitted to all of them, unless
-        that is not the least there is.
+        Parameters fitted to other windows cannot have a smaller error than those fitted to all of
+        them, unless the latter are not at the minimum.
 
         Parameters
         ----------
@@ -398,13 +398,13 @@ class WindowFitter:
         return self._known(trial.hypothesis)
 
     def squares_by_output(self, trial: FittedHypothesis) -> np.ndarray:
-        """Return the squares that a hypothesis leaves of every output, in units of the noise."""
+        """Return the squared residuals of a hypothesis by output, in units of the noise."""
         residual = trial.fit.evaluation.residual / self.problem.windows.scale
         counts = np.isfinite(residual).sum(axis=0)
         return np.nansum(residual**2, axis=0) + counts * self.problem.resolution**2
 
     def white_squares(self, trial: FittedHypothesis) -> np.ndarray:
-        """Return the white part of the squares that a hypothesis leaves, by output.
+        """Return the white part of the squared residuals of a hypothesis, by output.
 
         Parameters
         ----------
@@ -414,7 +414,7 @@ class WindowFitter:
         Returns
         -------
         ndarray of shape (n_outputs,)
-            What neighbouring residuals differ by, as squares in units of the noise.
+            Squared differences of neighbouring residuals, in units of the noise.
         """
         windows = self.problem.windows
         residual = trial.fit.evaluation.residual / windows.scale
@@ -474,10 +474,10 @@ class WindowFitter:
 
 
 def keep_taught(fold: np.ndarray, others: np.ndarray) -> np.ndarray | None:
-    """Return with what precision a fold's fit keeps to what the other folds have taught.
+    """Return the precision with which a fold's fit keeps the other folds' estimates.
 
-    Directions of the parameters stay where the others have put them, but for those of which these
-    carry less than `SMALL_CHANGE` of the fold's information.
+    Directions of the parameters keep the others' estimates, except those on which the others have
+    less than `SMALL_CHANGE` of the fold's information.
 
     Parameters
     ----------
@@ -487,8 +487,8 @@ def keep_taught(fold: np.ndarray, others: np.ndarray) -> np.ndarray | None:
     Returns
     -------
     ndarray of shape (n_parameters, n_parameters) or None
-        Inverse covariance of the parameters about what the others have taught; None where all
-        directions stay.
+        Inverse covariance of the parameters about the others' estimates; None if all directions
+        keep them.
 
     Examples
     --------
@@ -519,16 +519,16 @@ def block_squares(problem: EstimationProblem, fit: WindowFit, which=slice(None))
 
 
 def _described(hypothesis: Hypothesis) -> tuple[str, str, str]:
-    """Return the effect and target of the cause that was added last, and what it stands beside."""
+    """Return the effect and target of the cause added last, and the other causes."""
     if not hypothesis.causes:
         return "", "", ""
     *others, last = hypothesis.causes
     names = " and ".join(f"{each.id} of {each.target}" for each in others)
-    return last.id, last.target, f" beside {names}" if names else ""
+    return last.id, last.target, f" with {names}" if names else ""
 
 
 def _why_lost(fit: WindowFit) -> str:
-    """Return why a fit cannot be used, unless an error has said so."""
+    """Return the reason why a fit cannot be used, unless an error was recorded."""
     lost = np.count_nonzero(~np.isfinite(fit.evaluation.squares))
     return (
         f"its simulation diverges or is dominated by rounding errors in {lost} of {len(fit.x0)} "

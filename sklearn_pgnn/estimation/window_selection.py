@@ -1,4 +1,4 @@
-"""How long the windows are: as long as the re-tuned prior can follow the records."""
+"""Window length: the longest over which the re-tuned prior tracks the records."""
 
 from collections.abc import Sequence
 from math import sqrt
@@ -20,20 +20,20 @@ def select_windows(
 ) -> HypothesisFitter:
     """Make windows as long as the re-tuned prior can track, and as hidden states need to decay.
 
-    Windows are halved, or doubled, as long as the error per sample is small in them, or grows with
-    their length no faster than that of a model which is disturbed at random.
+    Windows are halved, or doubled, while the error per sample in them is small, or grows with their
+    length no faster than that of a model with a random disturbance.
 
     Parameters
     ----------
     problem : EstimationProblem
         The problem with windows of the usual length.
     progress : Progress, optional
-        Told of every step of a fit.
+        Receives every step of a fit.
 
     Returns
     -------
     HypothesisFitter
-        The fitter, on windows of the length that the records ask for.
+        The fitter, on windows of the selected length.
     """
     fitter = HypothesisFitter(problem, progress)
     while fitter.base().times_noise > FOLLOWED and (cut := shorter(fitter.problem)) is not None:
@@ -50,7 +50,7 @@ def select_windows(
 
 
 def _is_lost(shorter_windows: HypothesisFitter, longer_windows: HypothesisFitter) -> bool:
-    r"""Return whether the error grows faster with the windows than a random disturbance makes it.
+    r"""Return whether the error grows faster with the windows than under a random disturbance.
 
     In windows of twice the length the error of a random walk is :math:`\sqrt{2}` times as large.
     """
@@ -60,9 +60,9 @@ def _is_lost(shorter_windows: HypothesisFitter, longer_windows: HypothesisFitter
 def _past_hidden_starts(fitter: HypothesisFitter) -> HypothesisFitter:
     """Return windows in which hidden states decay, if the records are long enough.
 
-    The initial value of a state that nobody sees is fitted in every window. Where the state is
-    slow, that takes up what is wrong with it. Windows in which an unstable prior diverges from the
-    records, farther than their mean is, say nothing of it.
+    The initial value of an unmeasured state is fitted in every window. If the state is slow, this
+    value compensates for errors in its equation. Windows in which an unstable prior diverges from
+    the records, farther than their mean is, give no information on it.
     """
     length = FORGOTTEN * _slowest(fitter)
     while length > fitter.problem.scales.window:
@@ -77,7 +77,7 @@ def _past_hidden_starts(fitter: HypothesisFitter) -> HypothesisFitter:
 
 
 def _tells(fitter: HypothesisFitter) -> bool:
-    """Return whether the re-tuned prior is nearer to some output than its mean is."""
+    """Return whether the re-tuned prior predicts some output better than its mean does."""
     fit = fitter.base().fit
     left = np.nanmean(fit.evaluation.residual**2, axis=0)
     return fit.usable and bool((left < fitter.problem.typical_outputs**2).any())
@@ -94,14 +94,14 @@ def _slowest(fitter: HypothesisFitter) -> float:
 
 
 def check_prior(fitter: HypothesisFitter, names: Sequence[str]) -> None:
-    """Raise `RecordError` where the prior cannot be simulated, whatever its parameters.
+    """Raise `RecordError` if the prior cannot be simulated, whatever its parameters.
 
     Parameters
     ----------
     fitter : HypothesisFitter
         The fitter.
     names : sequence of str
-        What the records are called.
+        Names of the records.
     """
     fit, windows = fitter.base().fit, fitter.problem.windows
     lost = np.flatnonzero(~np.isfinite(fit.evaluation.squares))

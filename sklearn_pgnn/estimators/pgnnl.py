@@ -569,9 +569,9 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
             x, failed = run(ready)
             if failed >= 0:
                 warnings.warn(
-                    f"trajectory {record.name!r}: the network's free run left the reach of the "
-                    f"training data a thousandfold at t = {ready.t[failed]:g} s; its last state "
-                    f"is repeated. Remedy: structure='correction' or 'increment', rollouts "
+                    f"trajectory {record.name!r}: the network's free run exceeded 1000 times the "
+                    f"range of the training data at t = {ready.t[failed]:g} s; its last state is "
+                    f"repeated. Remedy: structure='correction' or 'increment', rollouts "
                     f"(horizon=50), more trajectories, or a smaller network.",
                     SimulationWarning,
                     stacklevel=3,

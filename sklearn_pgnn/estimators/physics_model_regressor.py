@@ -401,9 +401,9 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         still = [name for name in names if self.model.parameters[name].reach == 0]
         if still and self.free is not None:
             raise ValueError(
-                f"free: expected parameters that their spread lets move, got {still[0]!r}, which "
-                f"is 0, with a spread that is a share of it. Remedy: spread=inf for it in the "
-                f"model, or within_spread=False."
+                f"free: expected parameters that can be fitted, got {still[0]!r}, whose value is "
+                f"0, with a spread relative to the value. Remedy: spread=inf for it in the model, "
+                f"or within_spread=False."
             )
         return tuple(name for name in names if name not in still)
 
@@ -413,9 +413,9 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         loose = [name for name, error in errors.items() if self._is_loose(name, error)]
         if loose:
             warnings.warn(
-                f"the records do not determine {', '.join(loose)}: other values fit as well. "
-                f"Remedy: hold what is known fixed, and leave it out of what is free; or excite "
-                f"the machine so that they show.",
+                f"the records do not determine {', '.join(loose)}: other values fit equally well. "
+                f"Remedy: fix known parameters (leave them out of 'free'), or excite the machine "
+                f"more richly.",
                 UserWarning,
                 stacklevel=3,
             )
@@ -440,9 +440,9 @@ def _warn_of_ends(freedoms, model) -> None:
     ]
     if ends:
         warnings.warn(
-            f"{', '.join(ends)} went to the end of what spread or bounds allow. Remedy: a larger "
-            f"spread in the model, or within_spread=False; or something is missing that they make "
-            f"up for, which ModelDiagnosis(model) looks for.",
+            f"{', '.join(ends)} ended at a limit of the spread or bounds. Remedy: a larger spread "
+            f"in the model, or within_spread=False; if they compensate for missing physics, "
+            f"ModelDiagnosis(model) looks for it.",
             UserWarning,
             stacklevel=3,
         )

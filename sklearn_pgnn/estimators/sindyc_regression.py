@@ -58,7 +58,7 @@ def sparse_coefficients(terms, targets, optimizer, *, squares_only=False) -> np.
         optimizer.fit(terms / size, targets / spread)
     if np.any(getattr(optimizer, "intercept_", 0.0)):
         raise ValueError(
-            f"optimizer: {type(optimizer).__name__} fits an intercept, which no term stands for. "
+            f"optimizer: {type(optimizer).__name__} fits an intercept, which no term represents. "
             f"Remedy: fit_intercept=False; 'polynomial' and '1' hold the constant."
         )
     shares = np.reshape(optimizer.coef_, (targets.shape[1], terms.shape[1]))

@@ -230,17 +230,17 @@ class _Sizes:
         """Return why even the largest size that can be simulated is not detected."""
         analysis, effect = self.analysis, self.of_size(share)
         if share and analysis.power(effect, self.bare) >= power:
-            return "is seen by its being there, however small it is"
+            return "is named at every size tried, however small"
         windows = analysis.windows_with(effect, self.bare) if share else None
         if windows is None:
             return "however small, the simulation with it becomes non-finite"
         largest = f"even {self.size_of(effect):.3g} {self._unit(effect)}".rstrip()
         if not analysis.moves_outputs(windows):
-            return f"{largest} hardly moves the outputs: these inputs never bring it to act"
+            return f"{largest} hardly changes the outputs: these inputs do not excite it"
         if not analysis.power(effect, self.bare, retuned=False) >= power:
             return f"{largest} stays within the noise"
         if effect.target in analysis.model.parameters:
-            return f"{largest} is within the spread that re-tuning may use"
+            return f"{largest} lies within the parameter's spread, so re-tuning absorbs it"
         return f"{largest} is imitated by re-tuning {_moved(analysis, windows)}"
 
 

@@ -9,10 +9,10 @@ from sklearn_pgnn.simulation.record_windows import MIN_SAMPLES
 
 #: the name of every kind of wave
 NAMES = {
-    "steps": "steps with rests between",
+    "steps": "steps with pauses",
     "ramp": "slow ramp up and down",
-    "pulse": "one pulse, then a long rest",
-    "sine": "sine of {period:.3g} s",
+    "pulse": "one pulse, then a long pause",
+    "sine": "sine with a period of {period:.3g} s",
     "sweep": "sweep from {low:.2g} to {high:.2g} Hz",
 }
 
@@ -31,7 +31,7 @@ class Wave:
     Examples
     --------
     >>> str(Wave("sine", 4.0, 4.0)), Wave("pulse")([0.0, 1.0, 5.0], duration=10.0)
-    ('sine of 0.25 s', array([0., 1., 0.]))
+    ('sine with a period of 0.25 s', array([0., 1., 0.]))
     """
 
     kind: str
@@ -91,7 +91,7 @@ def waves(period: float, duration: float, sample_time: float) -> list[Wave]:
     Examples
     --------
     >>> [str(wave) for wave in waves(1.0, 10.0, 0.1)][:2]
-    ['steps with rests between', 'slow ramp up and down']
+    ['steps with pauses', 'slow ramp up and down']
     """
     quickest = MIN_SAMPLES / 2 * sample_time  # the shortest period that is sampled well enough
     octaves = np.arange(2.0 * OCTAVES + 1) - OCTAVES

@@ -118,6 +118,6 @@ def _refuse_other_than(usual: dict, settled: dict) -> None:
     for option, value in settled.items():
         if value != usual.get(option):
             raise OptionError(
-                f"{option}: expected no value, for a network's training has settled it, "
+                f"{option}: expected no value, since it is fixed by the training of the network, "
                 f"got {value!r}."
             )

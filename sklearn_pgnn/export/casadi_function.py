@@ -110,7 +110,7 @@ def _late(model, interval) -> list:
         raise OptionError(f"interval: expected a time in seconds above 0, got {interval!r}.")
     if model.delays and interval is None:
         raise ModelError(
-            f"to_casadi: {next(iter(model.delays))!r} acts late, which a rate cannot express. "
+            f"to_casadi: {next(iter(model.delays))!r} is delayed, which a rate cannot express. "
             f"Remedy: to_casadi(model, interval=0.01), with its past samples as states."
         )
     return [] if interval is None else late_inputs(model, interval)

@@ -102,7 +102,7 @@ def _refuse_what_is_not_smooth(model) -> None:
         )
     if model.delays:
         raise ModelError(
-            f"to_control: {next(iter(model.delays))!r} acts late, which a system in continuous "
+            f"to_control: {next(iter(model.delays))!r} is delayed, which a system in continuous "
             f"time cannot express. {remedy}"
         )
 
@@ -112,8 +112,9 @@ def _check_interval(model, interval) -> None:
         raise OptionError(f"interval: expected a time in seconds above 0, got {interval!r}.")
     if model.inputs and hold_of(model) == "foh":
         raise ModelError(
-            "to_control: an input that runs straight to its next sample cannot be expressed in "
-            "discrete time. Remedy: model.replace(simulation={'hold': 'zoh'}), or no interval."
+            "to_control: linearly interpolated inputs (hold 'foh') cannot be expressed in discrete "
+            "time: the next sample is not known. Remedy: "
+            "model.replace(simulation={'hold': 'zoh'}), or no interval."
         )
 
 

@@ -158,13 +158,13 @@ def _check(model, fmi, compiler) -> None:
         raise OptionError(f"fmi: expected 2 or 3, got {fmi!r}.")
     if model.inputs and model.simulation.get("hold") == "foh":
         raise ModelError(
-            "to_fmu: an input that runs straight to its next sample cannot be expressed, for a "
-            "unit does not know that sample. Remedy: model.replace(simulation={'hold': 'zoh'})."
+            "to_fmu: linearly interpolated inputs (hold 'foh') cannot be exported: the FMU does "
+            "not know the next sample. Remedy: model.replace(simulation={'hold': 'zoh'})."
         )
     if compiler is not None and (shutil.which(compiler) is None or sys.platform != "linux"):
         raise OptionError(
-            f"compiler: {compiler!r} makes no binary here. Remedy: compiler=None for a unit of "
-            f"source, which the importing tool compiles."
+            f"compiler: {compiler!r} cannot build a binary here. Remedy: compiler=None for an FMU "
+            f"with source code only, which the importing tool compiles."
         )
 
 

@@ -122,7 +122,7 @@ def _of_causes(old: Machine, new: Machine) -> list[Change]:
     for kind, here, there in (("cause", new, old), ("gone", old, new)):
         for pair, cause in here.named.items():
             if not _has(there, pair, here.alike[pair]):
-                word = "is there now" if kind == "cause" else "is there no more"
+                word = "is newly named" if kind == "cause" else "is no longer named"
                 found.append(Change(new.name, kind, f"{cause_name(*pair)} {word}", acts(cause)))
     if not found and old.verdict != new.verdict:
         one, other = VERDICTS[old.verdict].lower(), VERDICTS[new.verdict].lower()

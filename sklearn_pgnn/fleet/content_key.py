@@ -189,6 +189,6 @@ def _plain_option(name: str, value):
         return np.asarray(value, dtype=float).tolist()
     except (TypeError, ValueError):
         raise OptionError(
-            f"options: {name}: expected numbers or texts, got {value!r}, of which cannot be told "
-            f"whether it is the same next time. Remedy: a seed in place of a generator."
+            f"options: {name}: expected numbers or texts, got {value!r}, which cannot be compared "
+            f"between runs. Remedy: pass a seed instead of a generator."
         ) from None

@@ -178,8 +178,8 @@ class FleetDiagnosis(BaseEstimator):
                 )
         if options.get("progress") is not None:
             raise OptionError(
-                "options: progress: expected none, since machines are diagnosed in processes of "
-                "their own. Remedy: the progress of FleetDiagnosis."
+                "options: progress: expected none, since machines are diagnosed in separate "
+                "processes. Remedy: the progress of FleetDiagnosis."
             )
         if not 0 < self.rate < 1:
             raise OptionError(f"rate: expected a number between 0 and 1, got {self.rate!r}.")
@@ -195,7 +195,7 @@ class FleetDiagnosis(BaseEstimator):
         if self.folder is not None and Path(self.earlier).resolve() == Path(self.folder).resolve():
             raise OptionError(
                 f"earlier: {self.earlier}: expected another folder than that of this fit. Remedy: "
-                f"a folder for every time."
+                f"use a new folder for every fit."
             )
         store = Store(self.earlier)
         found = {name: machine for name in store.names() if (machine := store.load(name))}

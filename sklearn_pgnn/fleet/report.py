@@ -74,8 +74,8 @@ def _changes(fleet) -> list[dict] | None:
     told = [
         (c.machine, c.what, "" if math.isnan(c.sure) else chance(c.sure)) for c in fleet.changes_
     ]
-    told += [(name, "was not there before", "") for name in fleet.new_]
-    told += [(name, "is not there now", "") for name in fleet.missing_]
+    told += [(name, "is new", "") for name in fleet.new_]
+    told += [(name, "is no longer among the records", "") for name in fleet.missing_]
     return [dict(zip(("machine", "what", "sure"), row, strict=True)) for row in told]
 
 
@@ -140,7 +140,7 @@ def _cause(cause) -> dict:
         "named": len(cause.machines),
         "possible": len(cause.possible),
         "share": f"{percent(cause.low)} to {percent(cause.high)}",
-        "remark": "belongs into the model that all share" if cause.is_of_the_model else "",
+        "remark": "add it to the common model" if cause.is_of_the_model else "",
     }
 
 

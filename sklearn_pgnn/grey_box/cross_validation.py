@@ -76,7 +76,7 @@ def counted(table: PlainTable, hidden: np.ndarray, window: int) -> np.ndarray:
 
 
 def check_window(table: PlainTable, folds: list[np.ndarray], window: int) -> None:
-    """Raise `OptionError` if in any fold no measured sample is left to evaluate on.
+    """Raise `OptionError` if no fold has a measured sample to evaluate on.
 
     Parameters
     ----------
@@ -92,10 +92,10 @@ def check_window(table: PlainTable, folds: list[np.ndarray], window: int) -> Non
         return
     longest = int(np.max(table.lengths))
     raise OptionError(
-        f"initial_window: expected fewer samples than a trajectory has, for those after it judge "
-        f"a fit that has not seen the trajectory, got {window}; the longest has {longest}. "
-        f"Remedy: a smaller initial_window, such as {max(1, longest // 10)}, longer records, or "
-        f"by='time'."
+        f"initial_window: expected fewer samples than a trajectory has, since the error of a fit "
+        f"to other trajectories is computed on the samples after them, got {window}; the longest "
+        f"has {longest}. Remedy: a smaller initial_window, such as {max(1, longest // 10)}, longer "
+        f"records, or by='time'."
     )
 
 

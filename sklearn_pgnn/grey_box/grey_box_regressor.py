@@ -381,8 +381,9 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         check_is_fitted(self)
         if not self.initial_window:
             raise OptionError(
-                "initial_window: predict_from expects the number of samples from which it may "
-                "find the initial states, got 0. Remedy: set it, and fit again; or use predict."
+                "initial_window: predict_from needs the number of samples from which to estimate "
+                "the initial states, got 0. Remedy: set initial_window and fit again, or use "
+                "predict."
             )
         records = self._records(validate_table(self, X, reset=False), y)
         table = plain_table(self.model, records)
@@ -528,9 +529,9 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             if not hasattr(self.diagnosis_, "verdict_"):
                 raise
             warnings.warn(
-                f"the diagnosis broke off ({self.diagnosis_.stopped_}; {type(error).__name__}: "
-                f"{error}); the best that it had found is taken. Remedy: a smaller catalogue in "
-                f"diagnosis=ModelDiagnosis(...).",
+                f"the diagnosis stopped with an error ({self.diagnosis_.stopped_}; "
+                f"{type(error).__name__}: {error}); its best result so far is used. Remedy: a "
+                f"smaller catalogue in diagnosis=ModelDiagnosis(...).",
                 UserWarning,
                 stacklevel=4,
             )
@@ -631,8 +632,9 @@ def _fit_model(depth, model, table, visible, n_jobs=None) -> FittedDepth:
 def _warn_of_training(error, depth, base) -> None:
     """Warn that a network is left out."""
     warnings.warn(
-        f"depth {depth!r}: {error} It is left out, the best depth below the networks is {base!r}. "
-        f"Remedy: network=PGNNLRegressor(lr=0.003, horizon=20), or depths without {depth!r}.",
+        f"depth {depth!r}: {error} This depth is skipped; the best depth without a network is "
+        f"{base!r}. Remedy: network=PGNNLRegressor(lr=0.003, horizon=20), or depths without "
+        f"{depth!r}.",
         UserWarning,
         stacklevel=4,
     )

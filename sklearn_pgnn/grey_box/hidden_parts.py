@@ -49,7 +49,7 @@ def hidden_parts(records, n_splits: int, by: str = "auto") -> list[np.ndarray]:
         return blocks + ([] if by == "time" else operating_ranges(records, n_splits))
     if len(lengths) < n_splits:
         raise ValueError(
-            f"n_splits: expected at most one fold a trajectory, got {n_splits} folds and "
+            f"n_splits: expected at most as many folds as trajectories, got {n_splits} folds and "
             f"{len(lengths)} trajectories. Remedy: by='time', by='range', or lower n_splits."
         )
     dealt = deal_in_order(lengths, np.full(n_splits, 1 / n_splits))

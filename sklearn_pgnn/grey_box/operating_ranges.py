@@ -49,8 +49,8 @@ def operating_ranges(records, n_ranges: int) -> list[np.ndarray]:
     n_known = len(np.unique(signals[known], axis=0))
     if n_known <= n_ranges:
         raise ValueError(
-            f"y: expected more different samples that were measured than the {n_ranges + 1} ranges "
-            f"of operation, got {n_known}. Remedy: lower n_splits, by='time', or record more."
+            f"y: expected more distinct measured samples than the {n_ranges + 1} operating ranges, "
+            f"got {n_known}. Remedy: lower n_splits, by='time', or record more."
         )
     found = KMeans(n_ranges + 1, n_init=10, random_state=0).fit(signals[known])
     label = np.full(len(signals), -1)

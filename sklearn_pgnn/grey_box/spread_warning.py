@@ -22,11 +22,10 @@ def warn_of_spreads(prior: PhysicsModel, retuned: PhysicsModel) -> None:
     if len(names) < SEVERAL:
         return
     warnings.warn(
-        f"the diagnosis re-tuned {', '.join(names[:-1])} and {names[-1]} to the ends of their "
-        f"spreads, within which a prior's parameters count as known, whatever cause it named "
-        f"beside them; the recipe fits them between their bounds. What it named may stand for "
-        f"wrong numbers. Remedy: give the spread of parameters that nobody has measured, "
-        f"Parameter(..., spread=inf) where nothing is known of them.",
+        f"the diagnosis re-tuned {', '.join(names[:-1])} and {names[-1]} to the limits of their "
+        f"spreads. The named causes may compensate for wrong parameter values. Remedy: widen the "
+        f"spread of parameters that were not measured, Parameter(..., spread=inf) for unknown "
+        f"ones. (The fits of GreyBoxRegressor use the bounds, not the spreads.)",
         UserWarning,
         stacklevel=5,
     )

@@ -100,7 +100,7 @@ class DiagnosisComparison:
     Examples
     --------
     >>> DiagnosisComparison(("before", "after"), (), (), ()).summary
-    'before and after say the same, within their 95 % intervals.'
+    'before and after agree within their 95 % intervals.'
     """
 
     names: tuple[str, str]
@@ -113,7 +113,7 @@ class DiagnosisComparison:
         """Summary of the comparison in words."""
         one, other = self.names
         if not self.differences:
-            return f"{one} and {other} say the same, within their 95 % intervals."
+            return f"{one} and {other} agree within their 95 % intervals."
         count = len(self.differences)
         return f"{one} and {other} differ in {count} {'thing' if count == 1 else 'things'}."
 
@@ -212,7 +212,7 @@ def _read(source) -> Mapping:
     missing = [key for key in _NEEDED if key not in data]
     if missing:
         raise OptionError(
-            f"compare: expected what a diagnosis found, got data without {missing[0]!r}."
+            f"compare: expected the results of a diagnosis, got data without {missing[0]!r}."
         )
     return data
 
@@ -227,8 +227,8 @@ def _check_related(pair, names) -> None:
         )
         raise OptionError(
             f"compare: expected two diagnoses of machines of one kind, got {has}, and no parameter "
-            f"is in both. Remedy: compare diagnoses whose models name their outputs alike, such as "
-            f"before and after a repair."
+            f"is in both. Remedy: compare diagnoses whose models use the same output names, such "
+            f"as before and after a repair."
         )
 
 

@@ -92,7 +92,7 @@ def equations_of(model: PhysicsModel, other: PhysicsModel, *, marks: bool = True
         if other.outputs.get(output) != shown
     ]
     delays = [
-        Equation(f"{name} acts {delay} late", "", other.delays.get(name) != delay)
+        Equation(f"{name} acts with a delay of {delay}", "", other.delays.get(name) != delay)
         for name, delay in model.delays.items()
     ]
     return rates + outputs + delays

@@ -86,6 +86,8 @@ def missing_evidence(diagnosis) -> Evidence:
         y_label=label("as the records show it", unit),
         points=(x, part.course),
         lines=(Line(grid, grid, "extended", "the formula"),),
-        note="Every point is a moment of the records: the smoothed course of what is missing, over "
-        "what its formula says. About the line, the formula describes it.",
+        note=(
+            "Every point is a sample of the records: the smoothed missing quantity over the value "
+            "of its formula. Points close to the line are described by the formula."
+        ),
     )

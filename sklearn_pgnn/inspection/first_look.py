@@ -245,8 +245,10 @@ def _fits(model, windows, simulated) -> tuple[FirstFit, ...]:
 def _constant(quantities) -> list[str]:
     return [
         f"{q.role} {q.name!r} is {number(q.low)} {q.unit}".rstrip()
-        + " in every sample: nothing that depends on its changes can be found. Remedy: a record "
-        "in which it moves."
+        + (
+            " in every sample: nothing that depends on its changes can be found. Remedy: a record "
+            "in which it changes."
+        )
         for q in quantities
         if q.low == q.high
     ]
@@ -306,8 +308,8 @@ def _about(model, output, scale, share, spread) -> list[str]:
     name, expression = output.output, model.outputs[output.output]
     if share > TELLING and scale < 0:
         return [
-            f"{name!r} runs against the simulation ({number(scale, 3)} times it). Remedy: check "
-            f"the signs of the sensor, of the inputs and of the equations."
+            f"{name!r} has the opposite sign of the simulation ({number(scale, 3)} times it). "
+            f"Remedy: check the signs of the sensor, of the inputs and of the equations."
         ]
     factor, unit = _unit_factor(output.unit, scale) if share > TELLING else (1.0, "")
     if factor != 1.0:
@@ -326,7 +328,7 @@ def _about(model, output, scale, share, spread) -> list[str]:
         ]
     if output.fit < 0:
         return [
-            f"{name!r}: the first simulation is no nearer to the records than their mean is. "
+            f"{name!r}: the first simulation predicts the records no better than their mean does. "
             f"Remedy: check units, signs and values; a diagnosis re-tunes a parameter only within "
             f"its spread."
         ]

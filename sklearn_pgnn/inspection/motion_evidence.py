@@ -43,11 +43,13 @@ def _cut_rate(case: Case, state: str) -> Evidence | None:
         y_label=label(f"{state}' as measured", unit),
         points=(x, samples.rate(state)),
         lines=(
-            Line(grid, grid, "prior", "as the model has it"),
+            Line(grid, grid, "prior", "in the model"),
             Line(grid, cut, "extended", case.name),
         ),
-        note=f"Every point is a moment of the records: how fast {state} changes, over how fast it "
-        "would change without this cause.",
+        note=(
+            f"Every point is a sample of the records: how fast {state} changes, over how fast it "
+            f"would change without this cause."
+        ),
     )
 
 
@@ -69,8 +71,10 @@ def missing_force(case: Case, curve: Characteristic) -> Evidence | None:
         y_label=label(f"{what} against {state}", of_force),
         points=(x, -scale * case.missing_rate(state)),
         lines=(_law(case, force, curve.over, x),),
-        note=f"Every point is a moment of the records: the {what} that the model without this "
-        f"cause lacks. The line is the {case.name} as identified.",
+        note=(
+            f"Every point is a sample of the records: the {what} that the model without this cause "
+            f"lacks. The line is the {case.name} as identified."
+        ),
     )
 
 
@@ -110,8 +114,10 @@ def _implied_value(case: Case, curve: Characteristic, state: str) -> Evidence:
         y_label=label(name, case.full.unit(name)),
         points=(x[telling], implied),
         lines=(_law(case, curve.law, curve.over, x[telling]),),
-        note=f"Every point is a moment of the records: the {name} that would explain how {state} "
-        "changed.",
+        note=(
+            f"Every point is a sample of the records: the {name} that would explain how {state} "
+            f"changed."
+        ),
     )
 
 
@@ -126,8 +132,10 @@ def _over_correction(case: Case, name: str, state: str) -> Evidence:
         y_label=label(f"missing in {state}'", unit),
         points=(added, case.missing_rate(state)),
         lines=(Line(grid, grid, "extended", f"{name} as identified"),),
-        note=f"On the line, the new value of {name} adds just what was missing; with the "
-        f"prior value all points would have to lie at zero height.",
+        note=(
+            f"On the line, the new value of {name} adds exactly the missing rate; if the prior "
+            f"value were right, all points would lie at zero."
+        ),
     )
 
 

@@ -35,11 +35,13 @@ def _over_command(case: Case, name: str, state: str, felt) -> Evidence:
         y_label=label(f"effective {name}", unit),
         points=(u, felt),
         lines=(
-            Line(grid, grid, "prior", "as the model has it"),
+            Line(grid, grid, "prior", "in the model"),
             Line(grid, _seen_input(case, name, state, grid), "extended", case.name),
         ),
-        note=f"Every point is a moment of the records: the {name} that would explain the "
-        f"measured motion, over the one that was commanded.",
+        note=(
+            f"Every point is a sample of the records: the {name} that would explain the measured "
+            f"motion, over the one that was commanded."
+        ),
     )
 
 
@@ -48,7 +50,7 @@ def _input_in_time(case: Case, name: str, felt) -> Evidence:
     rows = _about_largest_change(case.records.windows, _column(case, name), _lateness(case))
     t, unit = case.records.windows.t[rows], case.full.unit(name)
     return Evidence(
-        title=f"{name} about its largest change",
+        title=f"{name} around its largest change",
         x_label=label("t", "s"),
         y_label=label(name, unit),
         points=(t, felt[rows]),
@@ -56,8 +58,10 @@ def _input_in_time(case: Case, name: str, felt) -> Evidence:
             Line(t, _column(case, name)[rows], "prior", "commanded"),
             Line(t, _late_input(case, name)[rows], "extended", f"with {case.name}"),
         ),
-        note=f"The points are the {name} that would explain the measured motion: they "
-        f"follow the command late.",
+        note=(
+            f"The points are the {name} that would explain the measured motion: they follow the "
+            f"command with a delay."
+        ),
     )
 
 
@@ -77,7 +81,7 @@ def _output_in_time(case: Case, name: str, column: int) -> Evidence:
         (y - window_residual(case, model)[:, column])[rows] for model in (case.without, case.full)
     )
     return Evidence(
-        title=f"{name} about its quickest change",
+        title=f"{name} around its fastest change",
         x_label=label("t", "s"),
         y_label=label(name, unit),
         points=(t, y[rows]),
@@ -85,7 +89,7 @@ def _output_in_time(case: Case, name: str, column: int) -> Evidence:
             Line(t, at_once, "prior", "without delay"),
             Line(t, late, "extended", f"with {case.name}"),
         ),
-        note=f"The points are what {name} showed: it comes late.",
+        note=f"The points are the readings of {name}: they are delayed.",
     )
 
 
@@ -102,8 +106,10 @@ def _over_truth(case: Case, name: str, column: int) -> Evidence:
         y_label=label("measured minus simulated", unit),
         points=(true, residual),
         lines=(Line(true[order], added[order], "extended", case.name),),
-        note="Every point is a sample of the records: what the sensor shows too much, over what "
-        "it should show.",
+        note=(
+            "Every point is a sample of the records: the error of the sensor over the value that "
+            "it should show."
+        ),
     )
 
 
@@ -124,8 +130,10 @@ def residual_over_time(case: Case) -> Evidence:
             Line(t, without[rows], "prior", f"without {case.name}"),
             Line(t, left[rows], "extended", f"with {case.name}"),
         ),
-        note="The error on short windows, each started from the record, where the cause tells "
-        "most; both models have the same parameters.",
+        note=(
+            "The error on short windows, each started from the record, where the cause has most "
+            "effect; both models have the same parameters."
+        ),
     )
 
 

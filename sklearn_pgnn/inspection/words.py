@@ -164,8 +164,8 @@ def _so_far(diagnosis) -> str:
     """Return a sentence on the prior's error, where the search ended before a cause was found."""
     the_model = _the_model(diagnosis)
     if diagnosis.verdict_ == "model_adequate":
-        return f"The re-tuned {the_model} leaves hardly more than noise."
-    return f"The {the_model} misses something, and no cause was found yet."
+        return f"The re-tuned {the_model} leaves little more than noise."
+    return f"The {the_model} lacks something, and no cause was found yet."
 
 
 def _the_model(diagnosis) -> str:
@@ -178,7 +178,7 @@ def stopped_sentence(diagnosis) -> str:
     """Return why a diagnosis ended early; empty if it did not."""
     if not diagnosis.stopped_:
         return ""
-    left = "the search was complete" if diagnosis.complete_ else "this is the best found until then"
+    left = "the search was complete" if diagnosis.complete_ else "this is the best result so far"
     return f"Ended early ({diagnosis.stopped_}); {left}. "
 
 
@@ -200,7 +200,7 @@ def unusable_sentence(diagnosis) -> str:
         return ""
     names = listed(dict.fromkeys(candidate_name(effect, target) for effect, target, _ in lost))
     fits = "fit" if len(lost) == 1 else "fits"
-    return f"{len(lost)} {fits} failed and could not be judged: {names}."
+    return f"{len(lost)} {fits} failed and could not be evaluated: {names}."
 
 
 def lacks(causes) -> str:
@@ -214,7 +214,7 @@ def lacks(causes) -> str:
     Returns
     -------
     str
-        A verb and the causes' names, such as "misses backlash of u and has a wrong value of m".
+        A verb and the causes' names, such as "lacks backlash of u and has a wrong value of m".
     """
     names: dict[str, list[str]] = {}
     for cause in causes:
@@ -230,9 +230,11 @@ def _found(diagnosis) -> str:
         return f"{_adequate(diagnosis)} {_in_free_run(diagnosis)}".strip()
     sentences = {
         "cause_named": f"The {the_model} {lacking}.",
-        "ambiguous": f"The {the_model} {lacking}, or {_others(diagnosis)}: these records "
-        f"cannot tell.",
-        "unexplained": f"The {the_model} misses something that no known effect explains.",
+        "ambiguous": (
+            f"The {the_model} {lacking}, or {_others(diagnosis)}: these records do not separate "
+            f"them."
+        ),
+        "unexplained": f"The {the_model} lacks something that no known effect explains.",
     }
     causes = f"{_order(diagnosis)}{_worth(diagnosis)}" if diagnosis.causes_ else ""
     parts = (sentences[diagnosis.verdict_], causes, _in_free_run(diagnosis), _described(diagnosis))
@@ -245,14 +247,14 @@ def _adequate(diagnosis) -> str:
     left = [_of(output, times(e.refitted), errors) for output, e in errors.items()]
     if leaves_much(diagnosis):
         return (
-            f"No effect of the catalogue makes the {the_model} better; yet, re-tuned, it leaves "
+            f"No effect of the catalogue improves the {the_model}; but after re-tuning it leaves "
             f"{listed(left)} the noise."
         )
     if is_adequate_as_given(diagnosis):
         given = [_of(output, times(e.prior), errors) for output, e in errors.items()]
         return (
             f"The {the_model} is adequate as given: it leaves {listed(given)} the noise, and no "
-            f"effect of the catalogue makes it better."
+            f"effect of the catalogue improves it."
         )
     both = [
         _of(output, f"{times(e.prior)} as given and {times(e.refitted)} re-tuned", errors)
@@ -260,7 +262,7 @@ def _adequate(diagnosis) -> str:
     ]
     return (
         f"The {the_model} is adequate after re-tuning, in units of the noise: {listed(both)}. No "
-        f"effect of the catalogue makes it better."
+        f"effect of the catalogue improves it."
     )
 
 
@@ -319,11 +321,11 @@ def dependence(diagnosis, part) -> str:
     if part.share < diagnosis.smallest_share:
         say = "these explain" if several else "that explains"
         return (
-            f"Its formula holds {names}, but in records not used for it {say} next to nothing of "
-            f"its smoothed course: treat it as a hint only. "
+            f"Its formula holds {names}, but in records not used for it {say} almost nothing of "
+            f"its smoothed time series: treat it as a hint only. "
         )
     verb, share = "explain" if several else "explains", percent(part.share)
-    return f"It depends on {names}, which {verb} {share} of its smoothed course. "
+    return f"It depends on {names}, which {verb} {share} of its smoothed time series. "
 
 
 def _described(diagnosis) -> str:
@@ -359,7 +361,7 @@ def _order(diagnosis) -> str:
         if not all(commute(model, *pair) for pair in itertools.combinations(met, 2)):
             met = met[::-1] if signal in model.inputs else met
             names = [cause_name(effect.id, effect.target) for effect in met]
-            said += f"{signal} meets {', then '.join(names)}: the order matters. "
+            said += f"{signal} passes through {', then '.join(names)} (the order matters). "
     return said
 
 
@@ -382,9 +384,9 @@ def _silent(diagnosis) -> str:
         return ""
     of = f" of {listed(silent)}" if len(silent) < len(diagnosis.free_run_) else ""
     return (
-        f"The free run{of} is not informative: without restarts, no model is nearer to the "
-        f"records than their mean is, as with an unstable or chaotic machine, or where a "
-        f"parameter's spread keeps it from its value."
+        f"The free run{of} is not informative: without restarts, no model predicts the records "
+        f"better than their mean does, as with an unstable or chaotic machine, or where a "
+        f"parameter's spread excludes its true value."
     )
 
 
@@ -403,9 +405,9 @@ def _worse_in_free_run(diagnosis) -> str:
     is_short = any(finding.kind == "short records" for finding in diagnosis.data_quality_)
     cure = "record longer" if is_short else "make window_length longer"
     return (
-        f"But in free run, without restarts, it is farther from the records than as given, in "
-        f"units of the noise: {listed(rise)}. Windows are re-initialised, and show little of what "
-        f"builds up over a whole record: {cure}, or hold what is known fixed."
+        f"But in free run, without restarts, its error is larger than as given, in units of the "
+        f"noise: {listed(rise)}. Windows are re-initialised, so they show little of what builds up "
+        f"over a whole record: {cure}, or fix known parameters."
     )
 
 
@@ -444,7 +446,7 @@ def separation_sentence(separation) -> str:
     often = f", recorded {best.repeats:g} times" if best.repeats > 1 else ""
     unit = "" if best.unit in ("", "1") else f" {best.unit}"
     return (
-        f"To tell {one} from {other}: {best.excitation}, {best.input} by "
+        f"To separate {one} from {other}, apply {best.excitation}, {best.input} by "
         f"{number(best.amplitude, 2)}{unit} about {number(best.offset, 2)}{unit}, for "
         f"{number(best.duration, 3)} s ({reached}){often}. The two then differ by "
         f"{number(best.difference, 2)} times the noise, {number(best.evidence, 2)} standard errors "
@@ -471,7 +473,8 @@ def spread_sentence(diagnosis) -> str:
         return ""
     lies, spread = ("lie", "spreads") if len(names) > 1 else ("lies", "spread")
     return (
-        f"{listed(names)} {lies} at the end of what the {spread} in the model file allowed: causes "
-        f"and what is left may stand for a wrong number. If it is not known that well, give a "
-        f"wider spread, or spread: .inf where nothing is known, and diagnose again."
+        f"{listed(names)} {lies} at the end of what the {spread} in the model file allowed: the "
+        f"named causes and the remaining error may be due to a wrong parameter value. If it is not "
+        f"known that well, give a wider spread, or spread: .inf where nothing is known, and "
+        f"diagnose again."
     )

@@ -222,9 +222,9 @@ class HalvingBayesSearchCV(OuterEstimatorMixin, MetaEstimatorMixin, BaseEstimato
         if not score >= least:
             warnings.warn(
                 f"the best candidate, fitted to all records, scores {score:.4g} on them; in the "
-                f"folds it scored at least {least:.4g} on records that it had not seen: this fit "
-                f"has ended in a bad minimum. Remedy: another random_state of the estimator, or "
-                f"EnsembleRegressor(estimator), of which one such fit does not count.",
+                f"folds it scored at least {least:.4g} on held-out records: this fit has ended in "
+                f"a bad local minimum. Remedy: another random_state of the estimator, or "
+                f"EnsembleRegressor(estimator), in which a single such fit has no effect.",
                 UserWarning,
                 stacklevel=3,
             )

@@ -96,7 +96,7 @@ def _deal(pieces, sizes, rng) -> list[list[np.ndarray]]:
     """Distribute whole trajectories over the sets."""
     if len(pieces) < 3:
         raise ValueError(
-            f"X: expected at least 3 trajectories, one a part, got {len(pieces)}. Remedy: "
+            f"X: expected at least 3 trajectories, one for each part, got {len(pieces)}. Remedy: "
             f"by='time' cuts each of them, or record more."
         )
     order = np.arange(len(pieces)) if rng is None else rng.permutation(len(pieces))

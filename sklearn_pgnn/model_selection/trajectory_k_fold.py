@@ -139,7 +139,7 @@ class TrajectoryKFold(BaseCrossValidator):
             fewer = f"n_splits={n_trajectories}, or " if n_trajectories > 1 else ""
             things = "trajectory" if n_trajectories == 1 else "trajectories"
             raise ValueError(
-                f"n_splits: expected at most one fold a trajectory with a measured output, got "
-                f"{self.n_splits} folds and {n_trajectories} {things}. Remedy: {fewer}more "
-                f"records; a long one may be cut (train_validation_test_split, by='time')."
+                f"n_splits: expected at most as many folds as trajectories with a measured output, "
+                f"got {self.n_splits} folds and {n_trajectories} {things}. Remedy: {fewer}more "
+                f"records; a long one can be cut (train_validation_test_split, by='time')."
             )

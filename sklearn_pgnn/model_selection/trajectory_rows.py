@@ -80,8 +80,8 @@ def refuse_merging(X, pieces, groups=None, time_column=None, trajectory_column=N
     >>> refuse_merging(X, [first, third])
     Traceback (most recent call last):
         ...
-    ValueError: X: the trajectories that end in row 1 and begin in row 4 would read as one, \
-for time goes on increasing from 0.1 s to 0.4 s. Remedy: give X a column 'trajectory'.
+    ValueError: X: the trajectories that end in row 1 and begin in row 4 would be read as one, \
+since time keeps increasing from 0.1 s to 0.4 s. Remedy: give X a column 'trajectory'.
     """
     X = as_table(X, time_column)
     if groups is not None or _named(X, trajectory_column) is not None:
@@ -91,9 +91,9 @@ for time goes on increasing from 0.1 s to 0.4 s. Remedy: give X a column 'trajec
         end, start = before[-1], after[0]
         if t[start] > t[end]:
             raise ValueError(
-                f"X: the trajectories that end in row {end} and begin in row {start} would read "
-                f"as one, for time goes on increasing from {t[end]:g} s to {t[start]:g} s. "
-                f"Remedy: give X a column 'trajectory'."
+                f"X: the trajectories that end in row {end} and begin in row {start} would be read "
+                f"as one, since time keeps increasing from {t[end]:g} s to {t[start]:g} s. Remedy: "
+                f"give X a column 'trajectory'."
             )
 
 
@@ -167,8 +167,8 @@ def _named(X, trajectory_column) -> np.ndarray | None:
         columns = ", ".join(map(str, getattr(X, "columns", ()))) or "columns without names"
         raise ValueError(
             f"trajectory_column: expected a column of X, got {trajectory_column!r}; X has "
-            f"{columns}. Remedy: name one of these, or leave it out where the time tells the "
-            f"trajectories apart."
+            f"{columns}. Remedy: name one of these, or leave it out if the time separates the "
+            f"trajectories."
         )
     return names
 

@@ -58,10 +58,13 @@ class Characteristic:
         if self.shows not in SHOWN:
             raise ValueError(f"shows: expected one of {', '.join(SHOWN)}, got {self.shows!r}.")
         if self.shows == "force" and self.over is None:
-            raise ValueError("over: expected what the force is drawn over, got None.")
+            raise ValueError("over: expected what the force is plotted over, got None.")
         if self.shows == "rate" and self.over is not None:
-            raise ValueError(f"over: a rate is drawn over itself, got {self.over}.")
+            raise ValueError(
+                f"over: expected None, since a rate is plotted over the rate without the effect, "
+                f"got {self.over}."
+            )
         if self.shows in ("input", "output") and self.over not in (None, TIME):
             raise ValueError(f"over: expected None or the time t, got {self.over}.")
         if self.shows == "parameter" and (self.over is None) != (self.law is None):
-            raise ValueError("law: expected the parameter's value in what it is drawn over.")
+            raise ValueError("law: expected the parameter's value in what it is plotted over.")

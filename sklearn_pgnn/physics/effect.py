@@ -97,7 +97,7 @@ class Effect(ABC):
     #: its name in plain words: ``{effect}`` is the words of its id, ``{target}`` its target
     phrase: ClassVar[str] = "{effect} on {target}"
     #: verb for a model that lacks the effect: the words before the phrase
-    lacking: ClassVar[str] = "misses"
+    lacking: ClassVar[str] = "lacks"
     #: one sentence for the reader of a report: what the effect is
     summary: ClassVar[str] = ""
     #: one sentence for the reader of a report: how to check the effect on the rig

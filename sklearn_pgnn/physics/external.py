@@ -420,9 +420,9 @@ def require_equations(model, what: str) -> None:
     """
     if model.opaque_functions:
         raise ModelError(
-            f"{what}: expected a model of equations, got {model.name!r}, which calls "
-            f"{', '.join(model.opaque_functions)}, a function without one. Remedy: equations as "
-            f"text, or a function of numpy that from_function(..., trace=True) can follow."
+            f"{what}: expected a model given by equations, got {model.name!r}, which calls opaque "
+            f"functions ({', '.join(model.opaque_functions)}). Remedy: write the equations as "
+            f"text, or a NumPy function that from_function(..., trace=True) can trace."
         )
 
 

@@ -17,7 +17,7 @@ _OF_NUMBERS = (
     *(sympy.sinh, sympy.cosh, sympy.tanh, sympy.exp, sympy.log, sympy.floor, sympy.ceiling),
 )
 #: added to the message about a term with a numerical factor
-_NUMBER = " (a number has no unit: make one that has, such as 9.81 m/s^2, a fixed parameter)"
+_NUMBER = " (numbers have no unit: define a constant such as 9.81 m/s^2 as a fixed parameter)"
 
 
 def check_units(model: PhysicsModel) -> tuple[str, ...]:

@@ -265,9 +265,9 @@ def _warn_of_merging(records, named: str) -> None:
     if apart and all(map(np.array_equal, by_time, [record.rows for record in records])):
         return
     warnings.warn(
-        f"X: the column {named!r} is left out, and the time alone does not tell the trajectories "
-        f"apart: what reads this table as records would read others. Remedy: append='all', or let "
-        f"the time of every trajectory begin anew.",
+        f"X: the column {named!r} is left out, and the time alone does not separate the "
+        f"trajectories: they would be read differently from this table. Remedy: append='all', or "
+        f"restart the time in every trajectory.",
         UserWarning,
         stacklevel=4,
     )

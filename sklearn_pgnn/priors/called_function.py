@@ -319,9 +319,9 @@ def _check_again(call, known, what: str, results) -> None:
         for name, one, other in zip(results, values, again, strict=True):
             if not abs(one - other) <= NEAR * max(1.0, abs(one)):
                 raise ModelError(
-                    f"{what}: expected a function that computes the same at every call, but "
-                    f"{name!r} is {one:.9g}, and {other:.9g} when it is called again. Remedy: no "
-                    f"memory and no random numbers.",
+                    f"{what}: expected a function that returns the same values in every call, but "
+                    f"{name!r} is {one:.9g}, and {other:.9g} in a second call. Remedy: no memory "
+                    f"and no random numbers.",
                     (what,),
                 )
 

@@ -192,11 +192,13 @@ class Unit:
             self.jumps |= bool(jumps)
             if jumps or ends:
                 raise ModelError(
-                    "the unit sets its states anew at an event." if jumps else "the unit ends."
+                    "the FMU resets its states at an event."
+                    if jumps
+                    else "the FMU terminates the simulation."
                 )
             if not again:
                 return self.fmu.enterContinuousTimeMode()
-        raise ModelError(f"the unit does not settle at an event within {SETTLED} steps.")
+        raise ModelError(f"the FMU does not finish an event iteration within {SETTLED} steps.")
 
     # -- its numbers -------------------------------------------------------------------------------
 

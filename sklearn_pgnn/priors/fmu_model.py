@@ -100,7 +100,7 @@ def from_fmu(
     try:
         unit = function.unit
     except Exception as error:
-        raise ModelError(f"{path}: expected a unit that starts, got: {error}") from error
+        raise ModelError(f"{path}: expected an FMU that starts, got: {error}") from error
     named = PhysicsModel(
         described.units(described.states()),
         dict.fromkeys(described.units(described.states()), 0),
@@ -111,7 +111,7 @@ def from_fmu(
     results = [*named.states, *(f"output {name}" for name in seen)]
     called = calling(function, path, named, results, _points(unit, named), _name(described))
     if unit.jumps:
-        raise ModelError(f"{path}: the unit sets its states anew at events. {_NO_MEMORY}")
+        raise ModelError(f"{path}: the FMU resets its states at events. {_NO_MEMORY}")
     found = called.equations
     return PhysicsModel(
         named.states,
@@ -128,8 +128,8 @@ def from_fmu(
 
 
 _NO_MEMORY = (
-    "A model's rates depend on nothing but time, states, inputs and parameters. Remedy: the part "
-    "of the machine between such events as a unit of its own, and what happens there as effects."
+    "A model's rates may depend only on time, states, inputs and parameters. Remedy: export the "
+    "part of the machine between such events as an FMU of its own, and model the events as effects."
 )
 
 
@@ -141,17 +141,19 @@ def _description(fmpy, path: str):
         raise
     except Exception as error:
         said = " ".join(str(error).split())
-        raise ModelError(f"{path}: expected a functional mock-up unit, got: {said}") from error
+        raise ModelError(
+            f"{path}: expected a functional mock-up unit (FMU), got: {said}"
+        ) from error
     if not str(found.fmiVersion).startswith(("2.", "3.")):
-        raise ModelError(f"{path}: expected a unit by FMI 2 or 3, got FMI {found.fmiVersion}.")
+        raise ModelError(f"{path}: expected an FMU of FMI 2 or 3, got FMI {found.fmiVersion}.")
     if found.modelExchange is None:
         raise ModelError(
-            f"{path}: expected a unit for model exchange, got one for co-simulation only, which "
+            f"{path}: expected an FMU for model exchange, got one for co-simulation only, which "
             f"steps by itself and does not give its rates. Remedy: export the model for model "
-            f"exchange, which most tools offer beside co-simulation."
+            f"exchange, which most tools offer besides co-simulation."
         )
     if not found.derivatives:
-        raise ModelError(f"{path}: expected a unit with continuous states, got one without.")
+        raise ModelError(f"{path}: expected an FMU with continuous states, got one without.")
     _require_continuous(path)
     _require_binary(fmpy, found, path)
     return found
@@ -178,7 +180,7 @@ def _require_binary(fmpy, found, path: str) -> None:
     if wanted not in places:
         raise ModelError(
             f"{path}: expected a binary for {wanted}, got {', '.join(places) or 'none'}. Remedy: "
-            f"export the unit for this kind of machine, or build it from its source, by "
+            f"export the FMU for this platform, or build it from its source, by "
             f"fmpy.util.compile_platform_binary({path!r})."
         )
 
@@ -203,7 +205,7 @@ class _Described:
         self.known = {v.name: v for v in description.modelVariables}
         unknown = [name for name in names if name not in self.known]
         if unknown:
-            raise ModelError(f"{path}: names: the unit has no variable {unknown[0]!r}.")
+            raise ModelError(f"{path}: names: the FMU has no variable {unknown[0]!r}.")
 
     def states(self) -> list:
         """Return the states, in the unit's order."""
@@ -219,8 +221,8 @@ class _Described:
             if not _is_number(v):
                 raise ModelError(
                     f"{self.path}: {part}: expected single real numbers, got {v.name!r}, which is "
-                    f"{v.type}. Remedy: {part}=[...] with the names of others; what is not named "
-                    f"stays as the unit starts."
+                    f"{v.type}. Remedy: {part}=[...] with the names of others; variables that are "
+                    f"not named keep their start values."
                 )
         return found
 

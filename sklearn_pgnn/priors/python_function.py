@@ -19,7 +19,7 @@ from sklearn_pgnn.priors.called_function import NEAR, by_name, called_function
 from sklearn_pgnn.priors.traced import Quantities, Traced, expression_of
 from sklearn_pgnn.readings import reading
 
-_REMEDY = "Remedy: arithmetic and functions of numpy on the elements of x, u and p."
+_REMEDY = "Remedy: use arithmetic and NumPy functions on the elements of x, u and p."
 #: points at which the equations are compared with the function
 POINTS = 8
 #: longest evaluation time of a written equation, in order of magnitude [s]
@@ -132,10 +132,10 @@ def _equations(function: Callable, what: str, named: PhysicsModel, names, trace)
             raise
         called = called_function(function, what, named, names)
         warnings.warn(
-            f"{error} Till then the model calls the function, "
+            f"{error} Until then the model calls the function, "
             f"{reading('how_called')(called.function)}. In Python a call takes "
             f"{1e6 * called.seconds:.2g} us, where an equation takes about {1e6 * WRITTEN:.1g} us. "
-            f"trace=False says that calls are wanted.",
+            f"Set trace=False to accept this.",
             ModelWarning,
             stacklevel=3,
         )
@@ -171,10 +171,10 @@ def _check(function: Callable, what: str, named: PhysicsModel, equations: Mappin
             apart = abs(written - float(value))
             if math.isfinite(apart) and apart > NEAR * max(1.0, abs(written)):
                 raise ModelError(
-                    f"{what}: expected a function that computes the same at every call, but "
-                    f"{name!r} is {float(value):.9g}, and {written:.9g} by the equation that it "
-                    f"wrote, {equations[name]}. Remedy: no memory, no random numbers, and nothing "
-                    f"that depends on the type of a number.",
+                    f"{what}: expected a function that returns the same values in every call, but "
+                    f"{name!r} is {float(value):.9g}, and {written:.9g} by the traced equation, "
+                    f"{equations[name]}. Remedy: no memory, no random numbers, and nothing that "
+                    f"depends on the type of a number.",
                     (what,),
                 )
 

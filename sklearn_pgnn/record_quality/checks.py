@@ -130,7 +130,7 @@ def find_few_windows(windows: ShootingWindows) -> Finding | None:
     return Finding(
         "short records",
         "t",
-        f"the records make only {count} windows of {median_window_length(windows):.3g} s, fewer "
+        f"the records give only {count} windows of {median_window_length(windows):.3g} s, fewer "
         f"than {MIN_WINDOWS}: held-out errors, and so the verdict, are uncertain",
         float(count),
         f"record longer, so that at least {MIN_WINDOWS} windows of {MIN_SAMPLES} samples fit, or "

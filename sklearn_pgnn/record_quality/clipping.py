@@ -38,11 +38,11 @@ def find_clipping(signal: Signal) -> Finding | None:
     return Finding(
         "clipping",
         signal.name,
-        f"{signal.name} stands still at its extreme value {signal.measured(limit)} "
-        f"({total} samples, up to {longest} in a row)",
+        f"{signal.name} stays at its extreme value {signal.measured(limit)} ({total} samples, up "
+        f"to {longest} in a row)",
         float(total),
-        "choose a wider range of the sensor or drive it less; the samples at the limit are no "
-        "measurement",
+        "choose a wider range of the sensor or drive it less; the samples at the limit are not "
+        "measurements",
     )
 
 

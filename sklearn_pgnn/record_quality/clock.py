@@ -49,8 +49,8 @@ def find_gaps(times: Sequence[np.ndarray], records: Sequence[str]) -> Finding | 
         "t",
         f"{missing} samples are missing from {first}",
         float(missing),
-        "find what the logger lost; across a gap the input is taken as held, and a record is taken "
-        "apart where the gap is longer than a window",
+        "find out what the logger lost; across a gap the input is assumed to be held, and a record "
+        "is split where the gap is longer than a window",
     )
 
 
@@ -132,8 +132,8 @@ def _jitter(signals: Sequence[Signal], record: int) -> Finding | None:
         f"in record {signals[0].records[record]}, in which {worst} moves by {max(moved):.2g} times "
         f"its noise",
         scatter,
-        "check that the time stamps are those of the sampling, not of the writing; record with a "
-        "hardware clock",
+        "check that the time stamps are taken at sampling, not at writing; record with a hardware "
+        "clock",
     )
 
 

@@ -118,11 +118,11 @@ def _drift(problem, names, alone, errors) -> Finding:
     return Finding(
         "drift between records",
         name,
-        f"every record has parameters of its own; {name} goes from {values[low]:.4g} in record "
+        f"the parameters differ between records; {name} goes from {values[low]:.4g} in record "
         f"{names[low]} to {values[high]:.4g} {unit} in record {names[high]}".rstrip(),
         float(values[high] - values[low]),
         "look for what changed between the records (temperature, load, supply), or diagnose them "
-        "apart",
+        "separately",
     )
 
 
@@ -157,7 +157,7 @@ def find_uneven_noise(signal: Signal) -> Finding | None:
         f"{signal.records[high]} and {signal.measured(levels[low])} in record "
         f"{signal.records[low]}",
         float(levels[high] / levels[low]),
-        "find what changed between the records, or diagnose them apart",
+        "find out what changed between the records, or diagnose them separately",
     )
 
 

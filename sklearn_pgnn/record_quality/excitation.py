@@ -42,11 +42,12 @@ def find_dull_input(signal: Signal) -> Finding | None:
     text, remedy = {
         1: (
             f"{signal.name} has the value {values} throughout",
-            "vary it: what it does to the machine cannot be seen",
+            "vary it: its effect on the machine cannot be identified",
         ),
         2: (
             f"{signal.name} has only the values {values}",
-            "drive it at several levels: its gain, offset, dead zone and limit look alike at two",
+            "drive it at several levels: its gain, offset, dead zone and limit cannot be "
+            "distinguished with two levels",
         ),
     }[levels.size]
     return Finding("poor excitation", signal.name, text, float(levels.size), remedy)
@@ -83,11 +84,11 @@ def find_first_steps(inputs: Sequence[Signal]) -> Finding | None:
     return Finding(
         "poor excitation",
         names,
-        f"every record has a constant {names} from its first sample on: what acted before is taken "
-        f"to be the same, and what is late, lags or has play looks like something else",
+        f"every record has a constant {names} from its first sample on: earlier inputs are assumed "
+        f"equal, so delays, lags and backlash cannot be identified",
         float(len(inputs[0].pieces)),
-        "record from before the step, or put samples before it, with the inputs that acted then "
-        "and empty (NaN) outputs",
+        "start the record before the step, or insert samples before it, with the inputs of that "
+        "time and empty (NaN) outputs",
     )
 
 
@@ -135,8 +136,8 @@ def _blind(name, share) -> Finding:
     return Finding(
         "poor excitation",
         name,
-        f"these records leave {share:.0%} of the uncertainty of {name}; richer inputs of "
-        f"the same size would determine it",
+        f"these records reduce the uncertainty of {name} only to {share:.0%}; richer inputs of the "
+        f"same size would determine it",
         share,
         f"excite at several frequencies and levels, or measure {name} on its own",
     )

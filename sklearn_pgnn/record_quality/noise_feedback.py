@@ -57,11 +57,11 @@ def _loop(output, source, correlation) -> Finding:
     return Finding(
         "closed loop",
         source,
-        f"{source} follows the noise of {output} (correlation {correlation:.2f}): it was "
-        f"commanded by a controller that sees {output}",
+        f"{source} follows the noise of {output} (correlation {correlation:.2f}): it was commanded "
+        f"by a controller that measures {output}",
         correlation,
-        "record in open loop, or add a test signal to the command that is large beside the noise; "
-        "do not trust a cause found from an input that follows the error",
+        "record in open loop, or add a test signal to the command that is large compared with the "
+        "noise; do not trust a cause found from an input that follows the error",
     )
 
 

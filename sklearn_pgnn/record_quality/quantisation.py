@@ -37,8 +37,8 @@ def find_quantisation(signal: Signal, left: float = 0.0) -> Finding | None:
     return Finding(
         "quantisation",
         signal.name,
-        f"{signal.name} comes in steps of {signal.measured(step)}, larger than its noise "
+        f"{signal.name} is quantised in steps of {signal.measured(step)}, larger than its noise "
         f"({levels} different values)",
         step,
-        "use a finer sensor or range; effects smaller than a step cannot be seen",
+        "use a finer sensor or range; effects smaller than a step cannot be detected",
     )

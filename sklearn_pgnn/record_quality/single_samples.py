@@ -31,8 +31,9 @@ def find_held_samples(signal: Signal) -> Finding | None:
         signal.name,
         f"{signal.name} repeats the value before it in {held} samples although it moves",
         float(held),
-        "leave such samples empty where the logger filled missing ones with old ones, or reads "
-        "the sensor more often than that measures; keep them where the sensor is coarse at rest",
+        "set repeated samples to NaN if the logger repeats the last value for missing samples, or "
+        "reads the sensor more often than it measures; keep them if they come from coarse "
+        "resolution at rest",
     )
 
 

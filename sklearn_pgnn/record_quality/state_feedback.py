@@ -109,7 +109,7 @@ def _feedback(name: str, law: StateLaw, parts: tuple[str, ...]) -> Finding:
         name,
         f"{name} is a function of {of} at the same time ({percent:.1f} % of its variance, held "
         f"out): a controller computed it. A gain of {name} then acts {like}, and these records "
-        f"cannot tell them apart",
+        f"cannot separate them",
         law.share,
         f"add a test signal to the controller's output that {of} cannot predict, and record the "
         f"reference too; or record in open loop",

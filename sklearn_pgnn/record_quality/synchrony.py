@@ -49,7 +49,7 @@ def find_early_output(
         ", ".join(problem.prior.outputs),
         f"the outputs lead the inputs by {count} ({ahead:.3g} s): no cause acts backward in time",
         ahead,
-        "record inputs and outputs on one clock, or move the inputs by this time",
+        "record inputs and outputs on one clock, or shift the inputs by this time",
     )
 
 

@@ -79,8 +79,8 @@ def report_calls() -> None:
         if said not in _SAID:
             _SAID.add(said)
             warnings.warn(
-                f"{said}. Its value is not a number there, and a simulation that needs it ends. "
-                f"Remedy: a function that is defined for all numbers.",
+                f"{said}. Its value is NaN there, and a simulation that needs this value stops. "
+                f"Remedy: make the function defined for all real arguments.",
                 SimulationWarning,
                 stacklevel=3,
             )

@@ -95,9 +95,9 @@ def what_is_wrong(run: Simulation, values: np.ndarray, names) -> str:
     if not np.isfinite(values[k, column]):
         return "an output is not finite. Remedy: check the output's expression."
     return (
-        f"{names[column]!r} diverges: it is {values[k, column]:.3g} at t = {run.t[k]:g} s, more "
-        f"than a regressor can hold. Remedy: check the parameters' values and units; an unstable "
-        f"machine needs shorter trajectories, or feedback in its model."
+        f"{names[column]!r} diverges: it is {values[k, column]:.3g} at t = {run.t[k]:g} s, beyond "
+        f"single precision. Remedy: check the parameters' values and units; simulate an unstable "
+        f"machine over shorter trajectories, or with its controller in the model."
     )
 
 

@@ -70,7 +70,7 @@ def native_function(function: ExternalFunction) -> Native:
         return Native(why_not=said_by(error)[:300])
     for point in call.points:
         if not _same(_at(compiled, point, len(function.results)), call(point)):
-            return Native(why_not="it computes something else when it is compiled")
+            return Native(why_not="its compiled result differs")
     return Native(compiled.address, compiled=compiled)
 
 
@@ -90,7 +90,7 @@ def how_called(function: ExternalFunction) -> str:
     native = native_function(function)
     if native.address:
         return "compiled by numba"
-    return f"in Python, for numba cannot compile it ({native.why_not})"
+    return f"in Python, since numba cannot compile it ({native.why_not})"
 
 
 def _compiled(call: NumericFunction):

@@ -54,6 +54,6 @@ def _refuse(noise_std, outputs: Sequence[str]):
     one = f"one finite number above 0, for the output {outputs[0]}"
     raise OptionError(
         f"noise_std: expected {one if len(outputs) == 1 else many}, got {noise_std!r}. Remedy: "
-        f"give the standard deviation of each output's noise in the output's own unit, or leave "
-        f"it out: the records tell it."
+        f"give the standard deviation of each output's noise in the output's own unit, or omit it: "
+        f"it is then estimated from the records."
     )

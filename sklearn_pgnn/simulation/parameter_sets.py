@@ -131,7 +131,8 @@ def _read(model: PhysicsModel, parameters) -> tuple[list[str], np.ndarray]:
     if len(sizes) != 1:
         found = ", ".join(f"{column.size} of {name}" for name, column in columns.items())
         raise OptionError(
-            f"parameters: expected as many values of every parameter, got {found or 'none'}."
+            f"parameters: expected the same number of values for every parameter, got "
+            f"{found or 'none'}."
         )
     return list(columns), np.column_stack(list(columns.values()))
 
@@ -141,9 +142,9 @@ def _warn_of_lost(model: PhysicsModel, outputs: np.ndarray) -> None:
     lost = np.flatnonzero(~np.isfinite(outputs[:, -1]).all(axis=-1))
     if lost.size:
         warnings.warn(
-            f"the simulation of {model.name!r} became non-finite at {lost.size} of "
-            f"{len(outputs)} parameter sets, first at set {lost[0]}. Remedy: raise substeps, or "
-            f"look at the values there.",
+            f"the simulation of {model.name!r} became non-finite at {lost.size} of {len(outputs)} "
+            f"parameter sets, first at set {lost[0]}. Remedy: raise substeps, or check the "
+            f"parameter values of these sets.",
             SimulationWarning,
             stacklevel=3,
         )

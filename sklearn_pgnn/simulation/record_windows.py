@@ -165,7 +165,7 @@ def noise_levels(records) -> np.ndarray:
 
 
 def output_noise(records, levels: np.ndarray | None = None) -> np.ndarray:
-    """Estimate the noise of every output, never below a millionth of its range.
+    """Estimate the noise of every output, never below a millionth of its standard deviation.
 
     Parameters
     ----------

@@ -326,8 +326,8 @@ def _remedy(model, t, X, failed, substeps) -> str:
     last = X[failed - 1] if failed else X[0]
     at = ", ".join(f"{name} = {value:.3g}" for name, value in zip(model.states, last, strict=True))
     return (
-        f"the simulation of {model.name!r} became non-finite at t = {t[failed]:g} s "
-        f"(sample {failed}; before: {at}). Remedy: raise substeps (now {substeps}), or check the "
-        f"initial state, the parameters' values and that no square root or logarithm sees a "
-        f"negative number."
+        f"the simulation of {model.name!r} became non-finite at t = {t[failed]:g} s (sample "
+        f"{failed}; before: {at}). Remedy: raise substeps (now {substeps}), or check the initial "
+        f"state, the parameters' values and that no square root or logarithm gets a negative "
+        f"number."
     )

@@ -50,8 +50,8 @@ def double_substeps(
     if math.isfinite(changed):
         warnings.warn(
             f"the simulation still changes with {MAX_SUBSTEPS} integration steps from sample to "
-            f"sample, and more are not tried: some motion of the model is far quicker than a "
-            f"sample. Remedy: let the quickest states follow the others without delay, sample "
+            f"sample, the largest number tried: the model has dynamics much faster than the "
+            f"sampling. Remedy: replace the fastest states by their steady-state values, sample "
             f"faster, or set substeps.",
             SimulationWarning,
             stacklevel=2,

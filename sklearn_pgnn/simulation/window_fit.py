@@ -258,7 +258,7 @@ def _damp(damping, missed, promise, small):
     return np.clip(damping * factor, *DAMPINGS)
 
 
-#: for the decrease that a linear model predicts
+#: least damping: nearly a Gauss-Newton step
 UNDAMPED = _Damping(DAMPINGS[0], DAMPINGS[0])
 
 

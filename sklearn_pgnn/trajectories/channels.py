@@ -124,8 +124,8 @@ def join_channels(
     _tell_what_is_left_out(path, outputs, begin - near, end + near)
     if sample_time is None and any(np.isnan(columns[title]).any() for title in outputs):
         warnings.warn(
-            f"{path}: the outputs have clocks of their own; a row has those that were measured at "
-            f"its time. Remedy, if they share no times at all: a sample time, to resample them "
+            f"{path}: the outputs have different time stamps; each row holds those measured at its "
+            f"time. Remedy, if they share no times at all: give a sample time to resample them "
             f"(--sample-time).",
             RecordWarning,
             stacklevel=2,
@@ -141,7 +141,7 @@ def _check(path: str, title: str, channel: Channel) -> None:
         before, now = channel.t[still[0] : still[0] + 2]
         raise RecordError(
             f"{path}: channel {title!r}: expected time to increase, got {now:.9g} s after "
-            f"{before:.9g} s. Remedy: record every channel once, or take out what stands twice."
+            f"{before:.9g} s. Remedy: record every channel once, or remove repeated samples."
         )
 
 
@@ -172,9 +172,9 @@ def _tell_what_is_left_out(path, outputs, begin: float, end: float) -> None:
         outside = float(np.mean((channel.t < begin) | (channel.t > end)))
         if outside > AT_THE_ENDS:
             warnings.warn(
-                f"{path}: channel {title!r}: {outside:.0%} of the samples are left out, for not "
-                f"all inputs were recorded then, only from {begin:.6g} s to {end:.6g} s. Remedy: "
-                f"record the inputs as long as the outputs, if only at the beginning and the end.",
+                f"{path}: channel {title!r}: {outside:.0%} of the samples are left out: all inputs "
+                f"were recorded only from {begin:.6g} s to {end:.6g} s. Remedy: record the inputs "
+                f"as long as the outputs, at least at the beginning and the end.",
                 RecordWarning,
                 stacklevel=3,
             )

@@ -30,10 +30,7 @@ TIMES = ("ms", "us", "ns", "min", "h")
 #: names of the time in files, other than t
 TIME_NAME = "time"
 #: remedy for a file without a time
-NO_TIME = (
-    "Or, if it has no time, say how much of it lies between samples: sample_time=0.01 [s] "
-    "(--sample-time)."
-)
+NO_TIME = "Or, if it has no time, give the sample interval: sample_time=0.01 [s] (--sample-time)."
 
 
 class FileTable(ABC):
@@ -321,8 +318,8 @@ class FileTable(ABC):
                 title,
             )
         warnings.warn(
-            f"{self.path}{self.place(None)}: column {title!r}: {given!r} is taken for a remark; "
-            f"whether it is a unit cannot be told without pint. Remedy: {install}.",
+            f"{self.path}{self.place(None)}: column {title!r}: {given!r} is treated as a remark; "
+            f"without pint it cannot be checked whether it is a unit. Remedy: {install}.",
             RecordWarning,
             stacklevel=2,
         )
@@ -422,8 +419,8 @@ class FileTable(ABC):
         got, last = (str(cells[row]) if dated else f"{t[row]:.12g}" for row in (here, before))
         self.refuse(
             here,
-            f"expected time to increase, got {got} after {last} in {self.name_of(before)}. "
-            f"Remedy: sort the record, or tell several apart by a column 'trajectory'.",
+            f"expected time to increase, got {got} after {last} in {self.name_of(before)}. Remedy: "
+            f"sort the record, or separate several by a column 'trajectory'.",
             self.header[k],
         )
 

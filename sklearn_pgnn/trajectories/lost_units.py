@@ -25,8 +25,8 @@ DIGITS = 6
 #: fewest samples for a decision
 FEWEST = 10
 REMEDY = (
-    "Remedy: let time, inputs, states and outputs pass the scaler untouched "
-    "(ColumnTransformer(..., remainder='passthrough')), or use make_pgnn_pipeline"
+    "Remedy: let time, inputs, states and outputs bypass the scaler (ColumnTransformer(..., "
+    "remainder='passthrough')), or use make_pgnn_pipeline"
 )
 
 

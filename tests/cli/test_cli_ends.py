@@ -103,7 +103,7 @@ def test_what_was_found_before_a_bug_is_kept(tmp_path, breaking, fitted):
     breaking(np.linalg.LinAlgError("SVD did not converge"), {**fitted, "stopped_": why})
     result = run([*args, "--quiet"])
     assert result.exit_code == 1
-    assert f"What was found before is in {tmp_path / 'out'}: {', '.join(FILES)}." in result.stderr
+    assert f"The results so far are in {tmp_path / 'out'}: {', '.join(FILES)}." in result.stderr
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == FILES
     data = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
     assert data["stopped"] == why
@@ -286,8 +286,8 @@ def test_the_best_so_far_is_a_line_of_its_own():
     lines = []
     show = Lines(lines.append)
     show("cause 1", 0, 9)
-    show("best candidate so far: 1.20 times the noise left with drag", 0, None)
-    assert lines[1:] == ["best candidate so far: 1.20 times the noise left with drag"]
+    show("best candidate so far: error 1.20 times the noise with drag", 0, None)
+    assert lines[1:] == ["best candidate so far: error 1.20 times the noise with drag"]
 
 
 def test_a_terminal_shows_the_present_stage_below_what_is_done():
@@ -297,11 +297,11 @@ def test_a_terminal_shows_the_present_stage_below_what_is_done():
     for stage, done, total in (("reading", 0, None), ("cause [1]", 3, 9), ("cause [1]", 4, 7)):
         show(stage, done, total)
         now[0] += 1.5
-    show("best candidate so far: 1.20 times the noise left with drag", 0, None)
+    show("best candidate so far: error 1.20 times the noise with drag", 0, None)
     console.print(bars.get_renderable())
     show.finish()
     done, best, present, last = console.file.getvalue().splitlines()
     assert done == "   1.5 s  reading"
-    assert best.strip() == "best candidate so far: 1.20 times the noise left with drag"
+    assert best.strip() == "best candidate so far: error 1.20 times the noise with drag"
     assert re.search(r"cause \[1\] .*4/7 .*0:0\d", present)
     assert last == "   3.0 s  cause [1]"

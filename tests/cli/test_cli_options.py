@@ -92,7 +92,7 @@ REFUSED = {
     "an excluded effect misspelled": (["--exclude", "input_bais"], "did you mean 'input_bias'?"),
     "nothing left": (
         ["--catalogue", "leak", "--exclude", "leak"],
-        "expected to leave some effect",
+        "expected at least one effect to remain",
     ),
     "nothing to act on": (["--catalogue", "leak"], "leak cannot act in the model 'cart'"),
     "a target misspelled": (["--targets", "vv"], "got 'vv'; did you mean 'v'?"),

@@ -70,12 +70,12 @@ def test_a_unit_as_a_model_is_refused_for_it_has_no_equations(tmp_path):
     unit = tmp_path / "cart.fmu"
     export.to_fmu(systems.cart_on_spring(), unit, interval=0.01)
     said = run(unit, "c", tmp_path / "cart.c", "--interval", 0.01, code=2).stderr
-    assert "expected a model of equations" in said
+    assert "expected a model given by equations" in said
 
 
 def test_nothing_is_replaced_unasked(model, tmp_path):
     (tmp_path / "cart.mo").write_text("mine")
-    assert "expected no such file" in run(model, "modelica", tmp_path / "cart.mo", code=2).stderr
+    assert "expected a new file" in run(model, "modelica", tmp_path / "cart.mo", code=2).stderr
     assert (tmp_path / "cart.mo").read_text() == "mine"
     run(model, "modelica", tmp_path / "cart.mo", "--force")
     assert (tmp_path / "cart.mo").read_text() != "mine"

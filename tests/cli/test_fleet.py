@@ -87,7 +87,7 @@ def test_what_changed_is_told(done):
     then = ("--output", folder / "april_result", "--earlier", folder / "result")
     result = call(folder / "april", *named, *then, *QUICK)
     assert result.exit_code == 0, result.output
-    assert "a: Coulomb friction on v is there now" in result.output
+    assert "a: Coulomb friction on v is newly named" in result.output
 
 
 @pytest.mark.slow

@@ -390,7 +390,7 @@ def test_the_best_so_far_is_told_while_the_search_goes_on():
     told = [stage for stage in stages if stage.startswith(BEST)]
     (cause,) = diagnosis.causes_
     name = effects.by_id(cause.effect).title(cause.target)
-    assert re.fullmatch(rf"{BEST}(0\.9|1\.)\d* times the noise left with {name}", told[-1])
+    assert re.fullmatch(rf"{BEST}error (0\.9|1\.)\d* times the noise with {name}", told[-1])
     assert stages.index("cause 1") < stages.index(told[-1]) < stages.index("held-out error")
     left = [float(stage.removeprefix(BEST).split()[0]) for stage in told]
     assert left == sorted(left, reverse=True)

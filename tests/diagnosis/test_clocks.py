@@ -147,7 +147,9 @@ def test_a_change_in_time_is_found_on_time_stamps_with_a_warning_of_what_its_tim
         random_state=7,
     )
     X = hidden.X.drop(columns=["x", "v"])
-    told = pytest.warns(RecordWarning, match=r"at 17000\d+ s. Remedy: take the first time off")
+    told = pytest.warns(
+        RecordWarning, match=r"at 17000\d+ s. Remedy: subtract each trajectory's first time"
+    )
     with told as warned:
         found = diagnose(hidden.prior, *absolute_and_apart(X, hidden.y))
     assert {each.filename for each in warned} == {__file__}

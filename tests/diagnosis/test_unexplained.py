@@ -207,7 +207,7 @@ def test_the_report_shows_it(friction_that_grows_with_the_deflection, tmp_path):
     _, diagnosis = friction_that_grows_with_the_deflection
     diagnosis.to_html(tmp_path / "report.html")
     text = (tmp_path / "report.html").read_text()
-    assert "misses something that no known effect explains" in text
+    assert "lacks something that no known effect explains" in text
     assert "What no cause explains" in text
 
 

@@ -101,7 +101,7 @@ def lose(fitter, *_):
 def test_where_a_process_is_lost_the_search_goes_on_without_others(batches):
     ahead = FitsAhead(2)
     with pytest.warns(
-        RuntimeWarning, match=r"was lost \(TerminatedWorkerError\).*Remedy: a smaller n_jobs"
+        RuntimeWarning, match=r"was lost \(TerminatedWorkerError\).*Remedy: reduce n_jobs"
     ):
         ahead.make(fitter_on(2), lose, {"one": (), "other": ()})
     assert ahead.take(lose, "one") is None

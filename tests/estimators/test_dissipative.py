@@ -102,7 +102,7 @@ def test_it_goes_with_a_balance():
         (CART.replace(energy={"stored": "v**4"}), {}, "quadratic in v"),
         (CART.replace(energy={"stored": "-m*v**2"}), {}, "makes negative"),
         (CART, {"free": ["m"]}, "would change"),
-        (CART, {"guide": "step"}, "guide='step' does not go"),
+        (CART, {"guide": "step"}, "guide='step' cannot be combined"),
     ],
 )
 def test_what_cannot_be_is_refused(model, options, message):

@@ -118,7 +118,9 @@ def test_a_last_phase_that_cannot_begin_is_said(refine):
     X = pd.DataFrame({"trajectory": np.repeat([0, 1, 2], [400, 6, 6]), "t": t, "u": 1.0})
     options = {"max_epochs": 1, "module__neurons": 2, "substeps": 1, "validation_fraction": 0}
     net = PGNNLRegressor(unstable, structure="correction", refine=refine, **options)
-    expected = "in 1 of 3 trajectories to train on .* its last phase is left out. Remedy: rollouts"
+    expected = (
+        "in 1 of 3 training trajectories .* the last training phase is skipped. Remedy: rollouts"
+    )
     with pytest.warns(SimulationWarning, match=expected):
         net.fit(X, np.sin(t))
     assert len(net.history) == 1

@@ -58,7 +58,7 @@ def quick():
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings("ignore:k went to the end")
+@pytest.mark.filterwarnings("ignore:k ended at a limit")
 def test_what_the_network_cannot_say_the_parameters_do():
     net = PGNNLRegressor(OFF, free="all", corrects=["v"], sees=["x"], module__neurons=5).fit(X, Y)
     for name in ("m", "d"):
@@ -101,7 +101,7 @@ def test_by_default_the_model_is_taken_as_it_is():
 @pytest.mark.slow
 def test_parameters_stay_inside_their_spread_and_the_model_given_stays_as_it_is():
     model = prior(0.01, m=0.8, d=1.2, k=0.8)
-    with pytest.warns(UserWarning, match="went to the end of what spread or bounds allow"):
+    with pytest.warns(UserWarning, match="ended at a limit of the spread or bounds"):
         net = PGNNLRegressor(model, free=["m", "k"], **QUICK).fit(X, Y)
     for name in ("m", "k"):
         value, given = net.model_.parameters[name].value, model.parameters[name].value
@@ -137,7 +137,7 @@ def test_the_stepper_steps_as_the_free_run(quick):
         ({"corrects": ["x"]}, "corrects: expected a list of names among v"),
         ({"corrects": ["v"], "structure": "increment"}, "needs structure='correction'"),
         ({"sees": "x"}, "sees: expected a list of names among x, v, force"),
-        ({"sees": ["x"], "guide": "step"}, "does not go with guide='step'"),
+        ({"sees": ["x"], "guide": "step"}, "cannot be combined with guide='step'"),
     ],
 )
 def test_what_cannot_be_is_refused(options, what):

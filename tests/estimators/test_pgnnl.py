@@ -724,7 +724,9 @@ def test_divergence_is_told():
         for weight in net.module_.core.parameters():
             weight.fill_(50.0)
     net.step_.reach[:] *= 0.001
-    with pytest.warns(SimulationWarning, match=r"trajectory '0'.*left the reach.*Remedy"):
+    with pytest.warns(
+        SimulationWarning, match=r"trajectory '0'.*exceeded 1000 times the range.*Remedy"
+    ):
         found = net.predict(X)
     assert np.isfinite(found).all()
 

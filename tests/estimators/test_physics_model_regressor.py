@@ -407,7 +407,7 @@ def test_millimetres_by_a_transformed_target():
 
 
 def test_parameters_stay_within_their_spread():
-    with pytest.warns(UserWarning, match="k, d went to the end of what spread or bounds allow"):
+    with pytest.warns(UserWarning, match="k, d ended at a limit of the spread or bounds"):
         held = PhysicsModelRegressor(CART, within_spread=True, search="local").fit(X, Y)
     for name, prior in CART.parameters.items():
         assert abs(held.model_.parameters[name].value - prior.value) <= prior.reach * (1 + 1e-12)

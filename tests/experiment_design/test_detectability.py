@@ -143,7 +143,7 @@ def test_what_can_never_be_seen_comes_with_its_reason(diagnosis):
     )
     (row,) = free.detectability((effects.WrongParameter,), ["d"]).rows
     assert np.isnan(row.smallest)
-    assert "within the spread that re-tuning may use" in row.reason
+    assert "lies within the parameter's spread" in row.reason
 
 
 def test_what_re_tuning_imitates_is_said_to_be_imitated():
@@ -170,7 +170,7 @@ def test_an_effect_the_inputs_never_bring_to_act_is_said_so():
         table[["trajectory", "t", "F", "F2"]], table["position"]
     )
     (row,) = fitted.detectability((effects.InputDelay,), ["F2"]).rows
-    assert "hardly moves the outputs" in row.reason
+    assert "hardly changes the outputs" in row.reason
 
 
 def test_a_memory_is_found_by_its_size_and_not_by_being_there(diagnosis):

@@ -173,7 +173,7 @@ def test_the_report_names_the_experiment(slow, tmp_path):
     diagnosis.to_html(tmp_path / "report.html")
     report = (tmp_path / "report.html").read_text()
     best = diagnosis.separations_[0].experiments[0]
-    assert "To tell " in report
+    assert "To separate " in report
     assert best.excitation in report
     (entry,) = diagnosis.to_dict()["separations"]
     assert entry["separable"] is True

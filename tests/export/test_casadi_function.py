@@ -78,7 +78,7 @@ def test_dry_friction_is_rounded_off_over_the_width():
     ("model", "what"),
     [
         (STICKING, r"'v' has dry friction.*friction_width=0\.01"),
-        (CART + effects.InputDelay("force", 0.1), r"'force' acts late.*interval=0\.01"),
+        (CART + effects.InputDelay("force", 0.1), r"'force' is delayed.*interval=0\.01"),
     ],
 )
 def test_what_it_cannot_express_is_refused_with_the_remedy(model, what):

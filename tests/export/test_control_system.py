@@ -80,8 +80,8 @@ def test_in_discrete_time_it_is_the_simulation_itself(model):
     ("model", "interval", "what"),
     [
         (STICKING, None, r"'v' sticks in dry friction.*interval=0\.01"),
-        (CART + effects.InputDelay("force", 0.1), None, r"'force' acts late.*interval=0\.01"),
-        (CART.replace(simulation={"hold": "foh"}), 0.01, "straight.*'zoh'"),
+        (CART + effects.InputDelay("force", 0.1), None, r"'force' is delayed.*interval=0\.01"),
+        (CART.replace(simulation={"hold": "foh"}), 0.01, "linearly interpolated.*'zoh'"),
     ],
 )
 def test_what_it_cannot_express_is_refused_with_the_remedy(model, interval, what):

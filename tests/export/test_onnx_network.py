@@ -68,7 +68,7 @@ def test_every_step_is_that_of_the_free_run(name, structure, guide):
     assert np.allclose(run(to_onnx(network), given)[0], x[1:], rtol=0, atol=1e-12)
 
 
-@pytest.mark.filterwarnings("ignore:.*went to the end")
+@pytest.mark.filterwarnings("ignore:.*ended at a limit")
 def test_parameters_that_were_trained_with_the_network():
     model, X, y = fitted("cart")
     network = PGNNLRegressor(model, free="all", sees=["v"], **BRIEF).fit(X, y)

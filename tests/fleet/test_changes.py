@@ -39,9 +39,9 @@ def test_a_cause_comes_and_goes():
     friction = found([("coulomb_friction", 0.9, ("stribeck_friction",))])
     (came,) = changed({"a": found()}, {"a": friction})
     assert (came.kind, came.machine, came.sure) == ("cause", "a", pytest.approx(1.0))
-    assert came.what == "Coulomb friction on v is there now"
+    assert came.what == "Coulomb friction on v is newly named"
     (went,) = changed({"a": friction}, {"a": found()})
-    assert (went.kind, went.what) == ("gone", "Coulomb friction on v is there no more")
+    assert (went.kind, went.what) == ("gone", "Coulomb friction on v is no longer named")
 
 
 def test_another_name_for_what_may_be_the_same_is_no_change():

@@ -59,7 +59,7 @@ def test_who_is_unlike_the_others_is_said_in_its_row_and_marked_in_the_strip(tmp
 def test_what_changed_is_told_only_beside_an_earlier_time(tmp_path):
     assert "What changed" not in page(tmp_path)
     assert "No significant change" in page(tmp_path, earlier="march")
-    assert "is not there now" in page(tmp_path, earlier="march", missing_=("gone",))
+    assert "is no longer among the records" in page(tmp_path, earlier="march", missing_=("gone",))
 
 
 def test_a_machine_that_leaves_much_is_not_shown_as_adequate(tmp_path):

@@ -75,7 +75,7 @@ def test_wrong_parameters_are_fitted():
 
 def test_numbers_that_nobody_has_measured_are_told():
     X, y = records(CART.with_parameters(m=2.6, d=0.8))
-    with pytest.warns(UserWarning, match="re-tuned m and d to the ends.*Remedy.*spread=inf"):
+    with pytest.warns(UserWarning, match="re-tuned m and d to the limits.*Remedy.*spread=inf"):
         GreyBoxRegressor(CART, **QUICK).fit(X, y)
     wide = {name: each.with_spread(np.inf) for name, each in CART.parameters.items()}
     model = CART.replace(parameters=wide)
@@ -177,7 +177,7 @@ class BrokenOff(ModelDiagnosis):
 def test_a_diagnosis_that_breaks_off_is_said(with_friction):
     _, X, y = with_friction
     broken = BrokenOff(CART, catalogue=(effects.CoulombFriction,))
-    with pytest.warns(UserWarning, match="unexpected ModelError; ModelError: broken.*is taken"):
+    with pytest.warns(UserWarning, match="unexpected ModelError; ModelError: broken.*is used"):
         grey_box = GreyBoxRegressor(CART, diagnosis=broken, depths=("extended",)).fit(X, y)
     assert grey_box.parameters_["Fc_v"].value == pytest.approx(0.4, rel=0.02)
 

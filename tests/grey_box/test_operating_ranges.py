@@ -65,5 +65,5 @@ def test_a_change_is_seen_through_noise():
 
 
 def test_too_few_different_samples_are_refused():
-    with pytest.raises(ValueError, match=r"more different samples.*Remedy: lower n_splits"):
+    with pytest.raises(ValueError, match=r"more distinct measured samples.*Remedy: lower n_splits"):
         operating_ranges((record(np.ones(50)),), 3)

@@ -16,11 +16,10 @@ def tank():
 
 def test_several_are_told_with_the_remedy():
     said = (
-        "the diagnosis re-tuned a and c to the ends of their spreads, within which a prior's "
-        "parameters count as known, whatever cause it named beside them; the recipe fits them "
-        "between their bounds. What it named may stand for wrong numbers. Remedy: give the spread "
-        "of parameters that nobody has measured, Parameter(..., spread=inf) where nothing is known "
-        "of them."
+        "the diagnosis re-tuned a and c to the limits of their spreads. The named causes may "
+        "compensate for wrong parameter values. Remedy: widen the spread of parameters that were "
+        "not measured, Parameter(..., spread=inf) for unknown ones. (The fits of GreyBoxRegressor "
+        "use the bounds, not the spreads.)"
     )
     with pytest.warns(UserWarning, match=f"^{re.escape(said)}$"):
         warn_of_spreads(tank(), tank().with_parameters(a=2.2, c=1.8))

@@ -49,7 +49,7 @@ class Sources(HTMLParser):
 def test_a_diagnosis_does_not_differ_from_itself(before):
     found = compare(rough_sledge()[0], before)
     assert found.differences == ()
-    assert found.summary == "A and B say the same, within their 95 % intervals."
+    assert found.summary == "A and B agree within their 95 % intervals."
 
 
 @pytest.mark.slow

@@ -124,7 +124,7 @@ def test_the_verdict_comes_first_and_everything_is_there(report, friction):
     found = [next(i for i, h in enumerate(headings) if h.startswith(name)) for name in order]
     assert found == sorted(found)
     text = re.sub(r"<[^>]+>", "", report)
-    assert text.index("misses Coulomb friction on v") < text.index("What is missing")
+    assert text.index("lacks Coulomb friction on v") < text.index("What is missing")
     cause = friction.causes_[0]
     for what in (cause.summary, cause.check, "Fc_v", "nothing:", "input bias of F", "windows of"):
         assert what in text
@@ -163,7 +163,7 @@ def test_faults_of_the_records_stand_above_the_verdict(friction):
     changed = copy(friction)
     changed.data_quality_ = (Finding("outliers", "'F'", "three samples lie far off", 3.0, "look"),)
     text = re.sub(r"<[^>]+>", "", render_report(changed))
-    assert text.index("Three samples lie far off") < text.index("misses Coulomb friction on v")
+    assert text.index("Three samples lie far off") < text.index("lacks Coulomb friction on v")
 
 
 def test_how_sure_a_cause_is_and_what_is_left_are_said(friction):

@@ -38,9 +38,9 @@ def test_a_parameter_at_the_end_of_its_spread_is_told_with_the_remedy():
     reach = model.parameters[first].reach
     found[first] = SimpleNamespace(value=values[first] + reach)
     assert words.spread_sentence(SimpleNamespace(model=model, parameters_=found)) == (
-        f"{first} lies at the end of what the spread in the model file allowed: causes and what is "
-        f"left may stand for a wrong number. If it is not known that well, give a wider spread, or "
-        f"spread: .inf where nothing is known, and diagnose again."
+        f"{first} lies at the end of what the spread in the model file allowed: the named causes "
+        f"and the remaining error may be due to a wrong parameter value. If it is not known that "
+        f"well, give a wider spread, or spread: .inf where nothing is known, and diagnose again."
     )
 
 

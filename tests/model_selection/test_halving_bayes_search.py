@@ -183,7 +183,7 @@ class Stuck(Ridge):
 def test_a_last_fit_in_a_bad_minimum_is_named():
     expected = (
         r"fitted to all records, scores 0\.\d+ on them; in the folds it scored at least 0\.99\d* "
-        r"on records that it had not seen.* Remedy: another random_state .*EnsembleRegressor"
+        r"on held-out records.* Remedy: another random_state .*EnsembleRegressor"
     )
     with pytest.warns(UserWarning, match=expected):
         search(Stuck(), n_iter=2).fit(X, Y)

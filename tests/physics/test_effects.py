@@ -286,7 +286,7 @@ def test_a_gain_that_bends_may_grow_or_fall_and_its_words_say_both():
     assert least < 0 < most
     effect = effects.ParameterSaturation
     assert effect.title("K(u)") == "K that changes with the size of u"
-    assert effect.summary.startswith("This number falls as its own signal grows (bend above 0")
+    assert effect.summary.startswith("This parameter falls as its own signal grows (bend above 0")
     assert "or grows with it (bend below 0" in effect.summary
     assert effect.check.endswith("or more if the bend is below 0.")
 

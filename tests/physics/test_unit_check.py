@@ -62,7 +62,7 @@ def test_another_scale_has_its_factor():
 def test_a_number_in_front_of_another_kind_is_no_gravity():
     (said,) = check_units(one_state("-a*sqrt(2*9.81*x)/x", a="m/s"))
     assert "-4.429*a" in said
-    assert "make one that has, such as 9.81 m/s^2, a fixed parameter" in said
+    assert "define a constant such as 9.81 m/s^2 as a fixed parameter" in said
 
 
 def one_state(rate, unit="m", **parameters):

@@ -128,7 +128,7 @@ def test_what_the_regressor_can_do_it_can():
 
 
 def test_one_trajectory_is_too_few():
-    with pytest.raises(ValueError, match="one fold a trajectory"):
+    with pytest.raises(ValueError, match="at most as many folds as trajectories"):
         ConformalRegressor(ResidualRegressor(LAG)).fit(*records(1, seed=0))
 
 

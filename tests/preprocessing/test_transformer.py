@@ -112,7 +112,7 @@ def test_trajectories_that_only_their_names_tell_apart():
     later["t"] += 100.0 * (later["trajectory"] == later["trajectory"].iloc[-1])
     mixed = X.sort_values("t", kind="stable")
     transformer = PhysicsModelTransformer(CART).fit(X)
-    with pytest.warns(UserWarning, match=r"does not tell the trajectories apart.*append='all'"):
+    with pytest.warns(UserWarning, match=r"does not separate the trajectories.*append='all'"):
         transformer.transform(mixed)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -165,7 +165,7 @@ def test_the_trajectory_is_no_feature_whatever_it_is_called():
     pd.testing.assert_frame_equal(transformer.transform(other), expected)
     both = PhysicsModelTransformer(renamed).fit_transform(other.assign(trajectory="all"))
     pd.testing.assert_frame_equal(both, expected)
-    with pytest.warns(UserWarning, match="'run' is left out, and the time alone does not tell"):
+    with pytest.warns(UserWarning, match="'run' is left out, and the time alone does not separate"):
         transformer.transform(other.sort_values("t", kind="stable"))
 
 

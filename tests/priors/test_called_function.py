@@ -114,7 +114,7 @@ def test_it_is_a_value():
     ids=["YAML", "C", "FMU", "ONNX", "CasADi", "Modelica"],
 )
 def test_what_needs_equations_says_so(write):
-    with pytest.raises(ModelError, match=r"calls called, a function without one. Remedy"):
+    with pytest.raises(ModelError, match=r"calls opaque functions \(called\). Remedy"):
         write(CALLED)
 
 

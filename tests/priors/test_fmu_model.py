@@ -120,7 +120,7 @@ def test_a_unit_without_a_binary_is_refused(tmp_path):
     [
         ({"parameters": ["mass"]}, "parameters: expected names among m, k, d, got 'mass'"),
         ({"inputs": ["k"]}, "inputs: expected names among force, got 'k'"),
-        ({"names": {"x": "y", "place": "z"}}, "names: the unit has no variable"),
+        ({"names": {"x": "y", "place": "z"}}, "names: the FMU has no variable"),
     ],
 )
 def test_what_the_unit_lacks_is_named(given, said, path):
@@ -130,7 +130,7 @@ def test_what_the_unit_lacks_is_named(given, said, path):
 
 def test_what_is_no_unit_is_refused(tmp_path):
     (tmp_path / "a.fmu").write_text("no archive")
-    with pytest.raises(ModelError, match="expected a functional mock-up unit, got"):
+    with pytest.raises(ModelError, match=r"expected a functional mock-up unit \(FMU\), got"):
         from_fmu(tmp_path / "a.fmu")
 
 
@@ -195,13 +195,13 @@ def test_a_condition_is_settled_at_every_point(tmp_path):
 
 
 def test_a_unit_that_remembers_is_refused(tmp_path):
-    with pytest.raises(ModelError, match="expected a function that computes the same"):
+    with pytest.raises(ModelError, match="expected a function that returns the same values"):
         from_fmu(_rebuilt(tmp_path, HIGH, LASTS))
 
 
 @pytest.mark.parametrize("where", ["1", "((instance *)it)->machine.x[0] < -1"])
 def test_a_unit_that_sets_its_states_anew_is_refused(where, tmp_path):
-    with pytest.raises(ModelError, match="sets its states anew at"):
+    with pytest.raises(ModelError, match="resets its states at"):
         from_fmu(_rebuilt(tmp_path, JUMPS, {"info->values = 1": f"info->values = {where}"}))
 
 

@@ -114,7 +114,7 @@ def remembers(t, x, u, p, calls=[]):  # noqa: B006
         (fills_an_array, r"rates, line \d+: .*np\.zeros_like"),
         (interpolates, r"rates, line \d+: "),
         (too_few, r"rates: expected 2 rates, of phi, omega, got 1"),
-        (remembers, r"computes the same at every call, but 'omega'"),
+        (remembers, r"returns the same values in every call, but 'omega'"),
         (lambda t, x, u, p: [x[1], p["mass"]], r"expected one of J, d, got 'mass'"),
     ],
 )
@@ -135,7 +135,7 @@ def test_what_cannot_be_followed_is_called_with_a_warning(rates):
     ("rates", "said"),
     [
         (too_few, r"rates: expected 2 rates, of phi, omega, got 1"),
-        (remembers, r"computes the same at every call, but 'omega'"),
+        (remembers, r"returns the same values in every call, but 'omega'"),
         (lambda t, x, u, p: [x[1], p["mass"]], r"expected one of J, d, got 'mass'"),
     ],
 )

@@ -98,7 +98,7 @@ def noisier(table):
 @pytest.mark.parametrize(
     ("fault", "kind", "where", "text"),
     [
-        (clipped, "clipping", "position", "stands still at its extreme value"),
+        (clipped, "clipping", "position", "stays at its extreme value"),
         (quantised, "quantisation", "position", "steps of 0.02 m, larger than its noise"),
         (with_gaps, "dropped samples", "t", "4 samples are missing from a clock of 0.02 s"),
         (held, "dropped samples", "position", "repeats the value before it in 5 samples"),
@@ -178,7 +178,7 @@ def closed_loop(gain, seed=0, noise=0.02):
 def test_a_closed_loop_is_found():
     (finding,) = [f for f in findings(closed_loop(5.0)) if f.kind == "closed loop"]
     assert finding.where == "F"
-    assert "sees position" in finding.text
+    assert "measures position" in finding.text
     assert findings(closed_loop(0.0)) == ()
 
 
@@ -288,5 +288,5 @@ def test_the_report_and_the_screen_begin_with_the_findings(tmp_path, capsys):
     assert report.index("Quality of the records") < report.index("Measured and simulated")
     print_diagnosis(diagnosis, tmp_path, quiet=False)
     (line,) = [line for line in capsys.readouterr().out.splitlines() if "  clipping: " in line]
-    assert "position stands still" in line
+    assert "position stays at its extreme value" in line
     assert "Remedy: choose a wider range" in line

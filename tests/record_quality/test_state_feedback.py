@@ -155,7 +155,7 @@ def test_an_input_that_a_controller_computes_is_found(case):
     assert finding.where == plant_input(plant)
     if states:  # trees hardly tell that of a relay from one of more
         assert f"is a function of {states} at the same time" in finding.text
-    assert f"then acts {like}, and these records cannot tell them apart" in finding.text
+    assert f"then acts {like}, and these records cannot separate them" in finding.text
     assert finding.value > 0.95
     assert "test signal" in finding.remedy
 

@@ -45,7 +45,7 @@ def function_of(model):
 @pytest.fixture(scope="module")
 def in_python():
     model = from_function(in_python_only, trace=False, **SETTINGS)
-    assert "in Python, for numba cannot compile it" in how_called(function_of(model))
+    assert "in Python, since numba cannot compile it" in how_called(function_of(model))
     return model.simulate(T, U, [0.2, 0.0], wrt=("m",))
 
 

@@ -46,8 +46,11 @@ def test_sets_that_diverge_are_told_and_lose_nothing_else():
     [
         ({"mass": [1.0]}, "unknown parameter 'mass'; expected some of m, a, J"),
         ({"J": [[1.0]]}, r"expected finite values of 'J' of shape \(n_sets,\), got shape \(1, 1\)"),
-        ({"J": [1.0, 2.0], "d": [1.0]}, "as many values of every parameter, got 2 of J, 1 of d"),
-        ({}, "as many values of every parameter, got none"),
+        (
+            {"J": [1.0, 2.0], "d": [1.0]},
+            "the same number of values for every parameter, got 2 of J, 1 of d",
+        ),
+        ({}, "the same number of values for every parameter, got none"),
     ],
 )
 def test_what_is_no_set_is_refused(sets, told):

@@ -38,7 +38,7 @@ def test_clocks_that_differ_by_a_rounding_error_are_one():
 
 
 def test_every_measured_value_stands_at_its_own_time_and_no_other_does():
-    with pytest.warns(RecordWarning, match="clocks of their own"):
+    with pytest.warns(RecordWarning, match="different time stamps"):
         table = join({"u": wave(FAST)}, {"y": wave(FAST), "z": wave(SLOW)})
     for title, clock in (("y", FAST), ("z", SLOW)):
         seen = table[table[title].notna()]
@@ -111,7 +111,7 @@ def test_a_state_is_known_between_its_samples_and_nowhere_else():
 
 
 def test_without_inputs_rows_are_wherever_an_output_is():
-    with pytest.warns(RecordWarning, match="clocks of their own"):
+    with pytest.warns(RecordWarning, match="different time stamps"):
         table = join({}, {"y": wave(FAST), "z": wave(SLOW + 5.0)})
     assert len(table) == FAST.size + SLOW.size
 

@@ -203,7 +203,7 @@ def test_no_file_is_refused():
 # -- what is refused -------------------------------------------------------------------------------
 
 GAP = "expected a number, got nothing. Remedy: fill the gap or cut the record there."
-SORT = "Remedy: sort the record, or tell several apart by a column 'trajectory'."
+SORT = "Remedy: sort the record, or separate several by a column 'trajectory'."
 
 
 @pytest.mark.parametrize(

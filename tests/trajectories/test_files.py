@@ -210,8 +210,7 @@ def test_the_remedy_for_a_missing_time_is_no_column_that_something_else_needs(tm
     path = write(tmp_path, "csv", RUN.drop(columns="t"))
     assert refusal(path) == (
         ":1: column 't': missing; the file has force, position, x. Remedy: add it to the file. "
-        "Or, if it has no time, say how much of it lies between samples: sample_time=0.01 [s] "
-        "(--sample-time)."
+        "Or, if it has no time, give the sample interval: sample_time=0.01 [s] (--sample-time)."
     )
 
 

@@ -73,7 +73,7 @@ except ValueError as error:
     result = run_without(("pint",), program, tmp_path)
     assert result.returncode == 0, result.stderr
     remark, unit = result.stdout.splitlines()
-    assert "'filtered' is taken for a remark" in remark
+    assert "'filtered' is treated as a remark" in remark
     assert "expected the unit 'N' of the model, got 'kN'" in unit
     assert 'pip install "sklearn-pgnn[units]"' in unit
 

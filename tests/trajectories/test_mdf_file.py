@@ -54,7 +54,7 @@ def test_clocks_of_their_own_are_kept_or_resampled(tmp_path):
         (FAST, [("force_cmd", "N", np.sin(FAST)), ("speed", "m/s", np.cos(FAST))]),
         (SLOW, [("a", "m/s^2", SLOW)]),
     )
-    with pytest.warns(RecordWarning, match="clocks of their own"):
+    with pytest.warns(RecordWarning, match="different time stamps"):
         X, y = read_file(path, two)
     seen = y["a"].notna()
     assert np.allclose(X["t"][seen], SLOW[FAST[-1] >= SLOW])

@@ -57,7 +57,7 @@ def seen_columns(model: PhysicsModel, files: Sequence[Mapping]) -> dict:
             raise RecordError(
                 f"{file['label']}: expected columns as in {files[0]['label']}, "
                 f"{', '.join(filter(None, shared))}, got {', '.join(filter(None, table.header))}. "
-                "Remedy: name them alike in all files."
+                f"Remedy: use the same column names in all files."
             )
         shared = [title for title in shared if title in table.header]
     needed = quantities(model)
@@ -148,8 +148,8 @@ def _check(model: PhysicsModel, mapping: Mapping, sample_time: float | None) -> 
             raise RecordError(f"expected a column for the {role} {name!r}, got none. {remedy}")
         if column and column in taken:
             raise RecordError(
-                f"expected a column of its own for {name!r}, got {column!r}, which is "
-                f"{taken[column]!r} already. Remedy: choose another one."
+                f"expected a column of its own for {name!r}, got {column!r}, which is already used "
+                f"for {taken[column]!r}. Remedy: choose another one."
             )
         taken[column] = name
 

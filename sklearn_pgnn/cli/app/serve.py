@@ -30,8 +30,8 @@ def serve(port: int, *, opens: bool, quiet: bool) -> None:
         listening = listen(port)
     except OSError as error:
         raise OptionError(
-            f"--port: expected one that is free, got {port} ({error.strerror}). Remedy: --port 0 "
-            f"takes any."
+            f"--port: expected a free port, got {port} ({error.strerror}). Remedy: --port 0 "
+            f"selects a free one."
         ) from error
     url = f"http://{ADDRESS}:{listening.getsockname()[1]}/"
     click.echo(url if quiet else f"The page is at {url}, for this computer only. Ctrl-C ends it.")

@@ -236,9 +236,7 @@ class Visitor:
             await self.worker.end()
             raise Refused(f"This took longer than {PATIENCE:g} s and was ended.") from None
         except Ended:
-            raise Refused(
-                "The process that worked on it ended, perhaps for lack of memory."
-            ) from None
+            raise Refused("The worker process ended, perhaps for lack of memory.") from None
 
     def begin(self, what: str, mapping: dict, options: dict) -> None:
         """Begin a look or a diagnosis, which runs in the background."""
@@ -260,7 +258,7 @@ class Visitor:
         except Refused as refused:
             message = str(refused)
         except Ended:
-            message = "The process that worked on it ended, perhaps for lack of memory."
+            message = "The worker process ended, perhaps for lack of memory."
         if self.running is not running:
             return
         self.running, self.message, self.result = None, message, found or None

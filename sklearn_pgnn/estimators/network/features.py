@@ -42,8 +42,8 @@ def check_features(model: PhysicsModel, structure, guide, corrects, sees, furthe
         )
     if sees is not None and guide in ("simulation", "step"):
         raise ValueError(
-            f"sees={sees!r} does not go with guide={guide!r}, which depends on all quantities. "
-            f"Remedy: guide='terms' or guide=None."
+            f"sees={sees!r} cannot be combined with guide={guide!r}, which depends on all "
+            f"quantities. Remedy: guide='terms' or guide=None."
         )
 
 

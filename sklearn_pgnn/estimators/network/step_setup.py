@@ -90,8 +90,8 @@ def check_structure(structure: str, guide, has_model: bool) -> None:
         raise ValueError(f"{what} needs a model, got none. Remedy: give model=.")
     if structure == "dissipative" and guide == "step":
         raise ValueError(
-            "guide='step' does not go with structure='dissipative', whose network sees the end of "
-            "the model's step. Remedy: guide='terms' or guide=None."
+            "guide='step' cannot be combined with structure='dissipative', whose network sees the "
+            "end of the model's step. Remedy: guide='terms' or guide=None."
         )
 
 

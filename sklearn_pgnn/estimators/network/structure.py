@@ -187,8 +187,8 @@ def dissipation_of(model: PhysicsModel, states, samples, x_next, prior) -> Dissi
     if eigenvalues.min() < -CURVATURE_ROUNDING * np.abs(eigenvalues).max():
         raise ValueError(
             f"structure='dissipative': expected an energy that no motion of {', '.join(states)} "
-            f"makes negative, got {model.energy['stored']}. Remedy: mend the model's 'energy', or "
-            f"name fewer states in 'corrects'."
+            f"makes negative, got {model.energy['stored']}. Remedy: correct the model's 'energy', "
+            f"or name fewer states in 'corrects'."
         )
     left = ((x_next - prior) / samples["dt"][:, None])[:, places]
     size, slope = (np.sqrt(np.mean(each**2, axis=0)) for each in (left, parts[:, :m]))

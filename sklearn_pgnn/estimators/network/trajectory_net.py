@@ -206,9 +206,9 @@ class TrajectoryNet(NeuralNetRegressor):
         if len(found) < len(runs):
             warnings.warn(
                 f"in {len(runs) - len(found)} of {len(runs)} trajectories without y the network's "
-                f"free run left the reach of the training data a thousandfold; its last phase is "
-                f"trained without them. Remedy: rollouts (horizon=50), or inputs nearer to those "
-                f"that were measured.",
+                f"free run exceeded 1000 times the range of the training data; the last training "
+                f"phase omits them. Remedy: rollouts (horizon=50), or inputs closer to the "
+                f"measured ones.",
                 SimulationWarning,
                 stacklevel=6,
             )
@@ -457,9 +457,9 @@ class TrajectoryNet(NeuralNetRegressor):
                 f"shorter horizon."
             )
         return (
-            "the network's weights are not finite, for a step was too large, or a term of "
-            "physics_loss has no finite slope. Remedy: a smaller lr; keep that term away from "
-            "roots and divisions at 0."
+            "the network's weights are not finite: a step was too large, or a term of physics_loss "
+            "has no finite gradient. Remedy: a smaller lr; keep that term away from roots and "
+            "divisions at 0."
         )
 
     def _error_loss(self, y_pred, y_true, X):
@@ -521,8 +521,8 @@ def _warn_of_lost(objective: SimulationObjective, theta) -> None:
     lost = sum(not part.is_finite for part in parts)
     if lost:
         warnings.warn(
-            f"in {lost} of {len(parts)} trajectories to train on the network's free run, or its "
-            f"slope by the weights, is not finite; its last phase is left out. Remedy: rollouts "
+            f"in {lost} of {len(parts)} training trajectories the network's free run, or its "
+            f"gradient, is not finite; the last training phase is skipped. Remedy: rollouts "
             f"(horizon=50), structure='correction' or 'increment', more epochs, or shorter "
             f"trajectories.",
             SimulationWarning,
@@ -534,9 +534,9 @@ def _warn_of_ends(names) -> None:
     """Warn of parameters at a limit of their range."""
     if names:
         warnings.warn(
-            f"{', '.join(names)} went to the end of what spread or bounds allow. Remedy: a larger "
-            f"spread in the model; 'corrects' and 'sees', where it is known what the missing part "
-            f"acts and depends on; or leave it out of 'free'.",
+            f"{', '.join(names)} ended at a limit of the spread or bounds. Remedy: a larger spread "
+            f"in the model; 'corrects' and 'sees', where it is known what the missing part acts on "
+            f"and depends on; or leave the parameter out of 'free'.",
             UserWarning,
             stacklevel=6,
         )

@@ -36,7 +36,7 @@ def verdict_line(diagnosis) -> str:
     Returns
     -------
     str
-        As in "Cause named, in part".
+        As in "Cause named, but further error remains".
     """
     said = verdict_title(diagnosis)
     if diagnosis.verdict_ == "model_adequate" and leaves_much(diagnosis):
@@ -44,7 +44,7 @@ def verdict_line(diagnosis) -> str:
     elif diagnosis.verdict_ == "model_adequate":
         said += ", as given" if is_adequate_as_given(diagnosis) else ", after re-tuning"
     if diagnosis.causes_ and leaves_more(diagnosis):
-        said += ", in part"
+        said += ", but further error remains"
     if not diagnosis.complete_:
         said += "; the search was not complete"
     if diagnosis.data_quality_:
@@ -78,7 +78,7 @@ def _adequate(diagnosis) -> str:
 
 def _named(diagnosis) -> str:
     found = listed(cause_with_size(cause) for cause in diagnosis.causes_)
-    return f"{found}; and something more" if leaves_more(diagnosis) else found
+    return f"{found}; further error remains" if leaves_more(diagnosis) else found
 
 
 def _ambiguous(diagnosis) -> str:

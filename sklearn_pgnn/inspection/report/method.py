@@ -40,7 +40,7 @@ def method(diagnosis) -> str:
 
 
 def _hold(hold: str) -> str:
-    return "held between samples" if hold == "zoh" else "straight from sample to sample"
+    return "held between samples" if hold == "zoh" else "linearly interpolated between samples"
 
 
 def versions() -> str:

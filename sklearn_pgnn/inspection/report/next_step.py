@@ -24,7 +24,8 @@ def next_step(diagnosis) -> str:
     if diagnosis.data_quality_:
         first = diagnosis.data_quality_[0]
         return (
-            f"Records first ({first.kind} of {first.where}): {first.remedy}. Then diagnose again."
+            f"Improve the records first ({first.kind} of {first.where}): {first.remedy}. Then "
+            f"diagnose again."
         )
     if not diagnosis.complete_:
         return "Diagnose again with more time: the search was not complete."
@@ -65,8 +66,8 @@ def _checks(diagnosis, cause) -> str:
 def _use(diagnosis) -> str:
     if leaves_much(diagnosis):
         return (
-            "Look at the map of what is missing, and for what disturbs the machine or its sensors "
-            "there. Record one more quantity, and diagnose again."
+            "See the residual maps, and look for disturbances of the machine or its sensors there. "
+            "Record one more quantity, and diagnose again."
         )
     if is_adequate_as_given(diagnosis):
         return "Use the model as it is."
@@ -80,10 +81,10 @@ def _look(diagnosis) -> str:
     part = diagnosis.discrepancy_
     if part is None:
         on = listed(diagnosis.remaining_.depends_on) or "time"
-        return f"Ask what in the machine depends on {on} and is not in the model."
+        return f"Find out what in the machine depends on {on} and is not in the model."
     on = listed(part.quantities) or "time"
     where = missing_place(diagnosis, part)
-    return f"Ask what acts on {where} and depends on {on}: the formula says how much."
+    return f"Find out what acts on {where} and depends on {on}: the formula gives its size."
 
 
 _BY_VERDICT = {

@@ -116,10 +116,10 @@ def _sure(diagnosis) -> Tile:
     if diagnosis.causes_:
         return _sure_of(diagnosis, min(diagnosis.causes_, key=lambda cause: cause.probability))
     if diagnosis.verdict_ == "unexplained":
-        return Tile("bad", about, "no name", f"{_runner_up(diagnosis)}, and is not enough")
+        return Tile("bad", about, "no cause", f"{_runner_up(diagnosis)}, not sufficient")
     if not diagnosis.complete_:
         return Tile("look", about, "not complete", "the search ended early")
-    text = "no candidate of the catalogue makes it better"
+    text = "no candidate of the catalogue improves it"
     nearest = _runner_up(diagnosis)
     return Tile("good", about, "nothing named", f"{text}; {nearest}" if nearest else text)
 
@@ -127,7 +127,7 @@ def _sure(diagnosis) -> Tile:
 def _sure_of(diagnosis, cause) -> Tile:
     name, sure = cause_name(cause.effect, cause.target), cause.probability >= SURE
     if cause.confused_with:
-        text = f"for {name}, which these records cannot tell from {rivals(cause)}"
+        text = f"for {name}, which these records cannot distinguish from {rivals(cause)}"
     else:
         text = "; ".join(said for said in (f"for {name}", _runner_up(diagnosis)) if said)
     state = "good" if sure and not cause.confused_with and diagnosis.complete_ else "look"
@@ -168,7 +168,7 @@ def _records(diagnosis) -> Tile:
 def _parameters(diagnosis, facts: ParameterFacts) -> Tile:
     found = (
         (facts.at_limit, "at a limit"),
-        (facts.unidentified, "not fixed by the records"),
+        (facts.unidentified, "not determined by the records"),
         (facts.changed, "changed beyond the interval"),
     )
     said = [f"{listed(names)} {what}" for names, what in found if names]
@@ -192,4 +192,4 @@ def _unchanged(diagnosis) -> Tile:
         return Tile("good", "Parameters", "as given", text)
     errors = together(diagnosis)
     worth = f"{times(errors.prior)} → {times(errors.refitted)} noise"
-    return Tile("good", "Parameters", "moved together", f"{worth}; yet {text}")
+    return Tile("good", "Parameters", "changed jointly", f"{worth}; yet {text}")

@@ -87,8 +87,8 @@ class ParameterSlope(ParameterDependence):
 
     slope: float = quantity("slope", "{per_signal}")
     id = "parameter_slope"
-    summary = "This number grows or falls with that signal: a resistance that grows with heat."
-    check = "Hold the signal at two values, and identify the number at each."
+    summary = "This parameter grows or falls with that signal: a resistance that grows with heat."
+    check = "Hold the signal at two values, and identify the parameter at each."
 
     @classmethod
     def targets(cls, model):
@@ -149,12 +149,12 @@ class ParameterSaturation(ParameterDependence):
     bend: float = quantity("bend", "{per_signal}")
     id = "parameter_saturation"
     summary = (
-        "This number falls as its own signal grows (bend above 0: iron that saturates, a valve at "
-        "its end) or grows with it (bend below 0: the thrust of a propeller)."
+        "This parameter falls as its own signal grows (bend above 0: iron that saturates, a valve "
+        "at its end) or grows with it (bend below 0: the thrust of a propeller)."
     )
     check = (
-        "Apply signals of growing size: the answer grows less than in proportion, or more if the "
-        "bend is below 0."
+        "Apply signals of growing size: the response grows less than proportionally, or more if "
+        "the bend is below 0."
     )
 
     @classmethod

@@ -64,8 +64,8 @@ class Formula(Effect):
     coefficients: tuple[float, ...] = ()
     first: int = 1
     id = "formula"
-    summary = "Something that the catalogue does not know; these terms describe it."
-    check = "Plot what is missing over the quantities in the formula and ask what acts that way."
+    summary = "An effect that is not in the catalogue, described by these terms."
+    check = "Plot the missing quantity over those in the formula and find out what acts that way."
 
     @classmethod
     def targets(cls, model):

@@ -385,7 +385,7 @@ class Hysteresis(PositionEffect):
     shape: float = quantity("sh", "", default=0.5, low=-0.5, high=1.0, role="shape")
     id = "hysteresis"
     summary = "A force that lags the position and closes a loop: presliding, rubber, cables, gears."
-    check = "Move slowly to and fro over small strokes: force over position encloses an area."
+    check = "Move slowly back and forth over small strokes: force over position encloses an area."
 
     def force(self, v, position, p):
         """Return the largest force times the state of the hysteresis."""

@@ -68,8 +68,8 @@ class InputBias(InputEffect):
 
     bias: float = quantity("bu", "{target}")
     id = "input_bias"
-    summary = "The actuator gives a little more (or less) than it is told, always."
-    check = "Command zero and measure what the actuator gives."
+    summary = "The actuator output has a constant offset from its command."
+    check = "Command zero and measure the actuator output."
 
     def seen(self, u, p):
         """Return u + b."""
@@ -100,8 +100,10 @@ class InputGain(InputEffect):
 
     error: float = quantity("gu", "", low=-0.95)
     id = "input_gain"
-    summary = "The actuator gives a fixed share more (or less) than it is told."
-    check = "Command two known values and measure the difference of what the actuator gives."
+    summary = "The actuator output differs from its command by a constant factor."
+    check = (
+        "Command two values and compare the difference of the outputs with that of the commands."
+    )
 
     def seen(self, u, p):
         """Return (1 + g)*u."""
@@ -134,7 +136,9 @@ class InputDeadZone(InputEffect):
 
     width: float = quantity("w", "{target}", low=0.0)
     id = "input_dead_zone"
-    summary = "Small commands do nothing: valve overlap, amplifier dead band, play at the drive."
+    summary = (
+        "Small commands have no effect: valve overlap, amplifier dead band, play at the drive."
+    )
     check = "Raise the command slowly from zero in both directions until something moves."
 
     def seen(self, u, p):
@@ -177,7 +181,7 @@ class AsymmetricDeadZone(InputEffect):
     id = "asymmetric_dead_zone"
     generalises = (InputDeadZone.id,)
     excludes = (InputDeadZone.id,)
-    summary = "Small commands do nothing, further on one side than the other: a valve off centre."
+    summary = "Small commands have no effect, over a wider range on one side: a valve off centre."
     check = "Raise the command slowly from zero, once up and once down, until something moves."
 
     def seen(self, u, p):
@@ -216,7 +220,7 @@ class InputSaturation(InputEffect):
 
     limit: float = quantity("L", "{target}", default=1e9, low=0.0, role="end")
     id = "input_saturation"
-    summary = "The actuator cannot give more than a limit: current limit, supply pressure."
+    summary = "The actuator output is limited: current limit, supply pressure."
     check = "Command large steps of growing size: the response stops growing."
 
     def seen(self, u, p):
@@ -276,7 +280,7 @@ class InputDelay(Delay):
 
     id = "input_delay"
     resembles = MappingProxyType({"actuator_lag": ("delay", "time_constant")})
-    summary = "The command acts late: bus, sampling, transport of material."
+    summary = "The command acts after a delay: bus, sampling, transport of material."
     check = "Step the command and measure the time until anything moves at all."
 
     @classmethod
@@ -361,8 +365,8 @@ class ActuatorLag(ActuatorEffect):
     id = "actuator_lag"
     summary = "The actuator needs time to build up: motor current, valve, pressure, heater."
     check = (
-        "Step the command and record what the actuator itself gives: a filter of the sensor looks "
-        "much the same."
+        "Step the command and measure the actuator output itself: a sensor filter has nearly the "
+        "same effect."
     )
     ending = "_lagged"
 
@@ -457,7 +461,9 @@ class InputBacklash(ActuatorEffect):
     width: float = quantity("wb", "{target}", low=0.0)
     time_constant: float = quantity("Tb", "s", default=1.0, low=1e-9, role="shape")
     id = "input_backlash"
-    summary = "Play: after a reversal the command must go some way before the machine follows."
+    summary = (
+        "Play: after a reversal the command must travel through it before the machine follows."
+    )
     check = "Reverse the command slowly: nothing moves over twice the half-width."
     generalises = ("actuator_lag",)
     ending = "_engaged"

@@ -73,7 +73,7 @@ class RateLimit(StateEffect):
 
     limit: float = quantity("R", "{rate}", default=1e9, low=0.0, role="end")
     id = "rate_limit"
-    summary = "The state cannot change faster than a limit: flow, power or current at its end."
+    summary = "The state cannot change faster than a limit: flow, power or current at its maximum."
     check = "Command steps of growing size: the slope of the response stops growing."
 
     @classmethod
@@ -125,7 +125,7 @@ class StateLimit(StateEffect):
     steepness: float = quantity("cL", "1/s", default=1.0, low=0.0, role="shape")
     id = "state_limit"
     summary = "The state cannot go beyond a limit: a tank that spills, a slider at its stop."
-    check = "Drive the machine to its end: the state stays there while the command goes on."
+    check = "Drive the state to its limit: it stays there although the command increases."
 
     def rate(self, state, rate, p):
         """Return the rate that comes to rest at the limits."""
@@ -177,7 +177,7 @@ class Leak(StateEffect):
     coefficient: float = quantity("lk", "1/s", low=0.0)
     id = "leak"
     summary = "The state loses what it holds, in proportion to it: a leak, a heat loss, a drain."
-    check = "Fill, shut everything and watch: the state falls exponentially."
+    check = "Fill, switch off all inputs and record: the state falls exponentially."
 
     def rate(self, state, rate, p):
         """Return the rate less the loss."""
@@ -213,8 +213,8 @@ class LeakToLevel(StateEffect):
     id = "leak_to_level"
     generalises = (Leak.id,)
     excludes = (Leak.id,)
-    summary = "The state goes to a level of its surroundings: a heat loss to a room, a leak."
-    check = "Shut everything and wait: the state goes to a level that is not zero."
+    summary = "The state tends to a level of its surroundings: a heat loss to a room, a leak."
+    check = "Switch off all inputs and record: the state tends to a level that is not zero."
 
     @classmethod
     def targets(cls, model):
@@ -259,8 +259,8 @@ class LeakToInput(Effect):
 
     coefficient: float = quantity("lu", "1/s", low=0.0)
     id = "leak_to_input"
-    summary = "The state goes to what an input records: a heat loss to a room that is measured."
-    check = "Shut everything and wait: the state goes to that input's value."
+    summary = "The state tends to the value of a measured input: a heat loss to a measured room."
+    check = "Switch off all other inputs and record: the state tends to that input's value."
 
     @classmethod
     def targets(cls, model):

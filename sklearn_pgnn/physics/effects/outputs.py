@@ -60,7 +60,7 @@ class SensorBias(OutputEffect):
 
     bias: float = quantity("by", "{target}")
     id = "sensor_bias"
-    summary = "The sensor shows a constant too much: a zero that was set wrong."
+    summary = "The reading has a constant offset: the zero is set incorrectly."
     check = "Bring the machine to a known position and read the sensor."
 
     def shown(self, y, p):
@@ -127,7 +127,10 @@ class SensorCurvature(OutputEffect):
 
     curvature: float = quantity("cy", "{per_target}")
     id = "sensor_curvature"
-    summary = "The sensor's scale is bent: a float on an arm, a thermistor, a worn potentiometer."
+    summary = (
+        "The sensor's characteristic is curved: a float on an arm, a thermistor, a worn "
+        "potentiometer."
+    )
     check = "Move through several known positions and plot the reading over them."
 
     def shown(self, y, p):
@@ -179,7 +182,7 @@ class SensorSaturation(OutputEffect):
     upper: float = quantity("yu", "{target}", default=1e9, role="end")
     lower: float = quantity("yl", "{target}", default=-1e9, role="end")
     id = "sensor_saturation"
-    summary = "The sensor's range ends before the motion does: the reading is cut."
+    summary = "The signal exceeds the sensor's range: the reading is clipped."
     check = "Look for stretches in which the reading stays at one extreme value."
 
     def shown(self, y, p):
@@ -253,8 +256,10 @@ class SensorDelay(Delay):
 
     id = "sensor_delay"
     excludes = ("input_delay",)
-    summary = "The sensor is late: filtering, bus, transport from the machine to the probe."
-    check = "Give the machine a knock and compare the reading with a second, direct sensor."
+    summary = "The reading is delayed: filtering, bus, transport from the machine to the probe."
+    check = (
+        "Excite the machine with an impulse and compare the reading with a second, direct sensor."
+    )
 
     @classmethod
     def targets(cls, model):

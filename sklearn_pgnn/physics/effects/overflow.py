@@ -46,7 +46,7 @@ class Overflow(StateEffect):
     steepness: float = quantity("co", "1/s", default=1.0, low=0.0, role="shape")
     share: float = quantity("so", "", low=0.0, role="shape")
     id = "overflow"
-    summary = "A vessel spills over its rim, and part of that falls into the next one."
+    summary = "A vessel spills over its rim, and part of it enters the next one."
     check = "Fill the vessel to its rim and watch where the excess goes."
     generalises = (StateLimit.id,)
     excludes = (StateLimit.id,)

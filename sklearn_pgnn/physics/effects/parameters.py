@@ -32,7 +32,7 @@ class WrongParameter(Effect):
     id = "wrong_parameter"
     phrase = "wrong value of {target}"
     lacking = "has a"
-    summary = "The model has the right form, but this number is wrong."
+    summary = "The model has the right form, but this parameter has a wrong value."
     check = "Measure the quantity on its own, or look up how its value was found."
 
     @classmethod
@@ -111,7 +111,7 @@ class ParameterDrift(Effect):
 
     rate: float = quantity("drift", "1/s")
     id = "parameter_drift"
-    summary = "This number changes while the record runs: warming up, wear, a tank that empties."
+    summary = "This parameter changes during the record: warming up, wear, a tank that empties."
     check = "Identify it from the first and from the last part of a long record."
 
     @classmethod

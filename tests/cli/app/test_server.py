@@ -223,7 +223,7 @@ def test_a_form_that_is_filled_in_otherwise_is_refused(done, form, said):
 def test_a_port_that_is_taken_is_refused(port):
     result = CliRunner().invoke(main, ["app", "--port", str(port)])
     assert result.exit_code == 2
-    assert "Remedy: --port 0 takes any" in result.output
+    assert "Remedy: --port 0 selects a free one" in result.output
 
 
 # -- from files to a report ------------------------------------------------------------------------
@@ -232,7 +232,7 @@ def test_a_port_that_is_taken_is_refused(port):
 @pytest.mark.slow
 def test_the_example_is_diagnosed_and_its_files_are_there(done, tmp_path):
     result = done.get("/sections").sections["result"]
-    assert "misses Coulomb friction on v" in result
+    assert "lacks Coulomb friction on v" in result
     report = done.get("/result/report.html")
     assert "Coulomb friction on v" in report.text
     assert "cart_1.csv" in report.text
@@ -264,7 +264,7 @@ def test_columns_of_other_names_and_units_are_mapped(port):
     assert "expected the unit 'N'" in client.wait()["message"]
     mapping["F"]["column"] = "Zeit"
     client.ask("/look", mapping=mapping)
-    assert "'Zeit', which is 't' already" in client.wait()["message"]
+    assert "'Zeit', which is already used for 't'" in client.wait()["message"]
 
 
 @pytest.mark.slow

@@ -99,8 +99,8 @@ def test_a_formula_that_tells_nothing_elsewhere_is_a_hint():
     part = diagnosis.discrepancy_
     assert dependence(diagnosis, part).startswith("It depends on v and F, which explain ")
     assert dependence(diagnosis, replace(part, share=0.0)) == (
-        "Its formula holds v and F, but in records not used for it these explain next to nothing "
-        "of its smoothed course: treat it as a hint only. "
+        "Its formula holds v and F, but in records not used for it these explain almost nothing "
+        "of its smoothed time series: treat it as a hint only. "
     )
 
 
@@ -108,5 +108,5 @@ def test_an_effect_is_missing_but_a_number_is_wrong():
     kinds = ("coulomb_friction", "v"), ("wrong_parameter", "m"), ("input_delay", "u")
     causes = [SimpleNamespace(effect=effect, target=target) for effect, target in kinds]
     assert lacks(causes[1:2]) == "has a wrong value of m"
-    said = "misses Coulomb friction on v and input delay of u and has a wrong value of m"
+    said = "lacks Coulomb friction on v and input delay of u and has a wrong value of m"
     assert lacks(causes) == said

@@ -58,7 +58,7 @@ def test_parameters_that_moved_only_together_do_not_contradict_what_that_is_wort
     gain = changed.gain_["v"]
     changed.gain_ = {"v": replace(gain, prior=20.0 * gain.noise, refitted=2.0 * gain.noise)}
     moved = make_tiles(changed)[3]
-    assert moved.headline == "moved together"
+    assert moved.headline == "changed jointly"
     assert moved.text.startswith("20.0 × → 2.00 × noise; yet the interval of each")
 
 
@@ -85,4 +85,4 @@ def test_a_fault_of_records_comes_first_in_what_to_do_next():
     changed = copy(situation("named"))
     assert "Expect width 0.5" in next_step(changed)
     changed.data_quality_ = (Finding("clipping", "v", "v is cut", 3.0, "drive it less"),)
-    assert next_step(changed).startswith("Records first (clipping of v): drive it less")
+    assert next_step(changed).startswith("Improve the records first (clipping of v): drive it less")
