@@ -101,7 +101,7 @@ def held_by(
     model : PhysicsModel
         The model.
     hypothesis : Hypothesis
-        The causes that are assumed to be missing.
+        The causes assumed to be missing.
     held : callable, default=held_parameters
         Names what a cause covers, perhaps from memory.
 

@@ -92,7 +92,7 @@ class StateEstimator:
     def _where_measured(self, state, sources) -> np.ndarray:
         """Return a state, in records in which its output was not measured by another one."""
         usual, values = self._from[state], self.known[state].copy()
-        for r, (a, b) in enumerate(itertools.pairwise(self.windows.bounds)):
+        for r, (a, b) in enumerate(pairwise(self.windows.bounds)):
             if not usual[0].is_measured[r]:
                 other = next((each for each in sources if each[0].is_measured[r]), usual)
                 values[a:b] = other[0].of(other[1])[a:b]
