@@ -329,11 +329,11 @@ def _positive(value) -> float:
 
 def check_records(model: PhysicsModel, records: tuple[Record, ...]) -> None:
     """Raise `RecordError` if records are insufficient for a diagnosis."""
-    sizes = [record.t.size for record in records]
+    sizes = [int(np.isfinite(record.y).any(axis=1).sum()) for record in records]
     windows = sum(size // MIN_SAMPLES for size in sizes)
     if windows < FOLDS:
         raise RecordError(
-            f"expected records of at least {FOLDS * MIN_SAMPLES} samples to diagnose "
+            f"expected records of at least {FOLDS * MIN_SAMPLES} measured samples to diagnose "
             f"{model.name!r}, at least {FOLDS} windows of {MIN_SAMPLES} samples, since each window "
             f"is predicted with parameters fitted to the others; got {sum(sizes)} samples, enough "
             f"for {windows}. Remedy: record longer, more often, or at a higher rate."

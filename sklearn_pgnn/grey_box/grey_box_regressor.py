@@ -273,6 +273,7 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         self.errors_ |= {
             each: np.inf for each in depths if each in NETWORKS and each not in results
         }
+        self._warn_if_useless()
         self._fit_chosen(candidates, table)
         self._left = np.sort(np.concatenate([r.left for r in results[self.depth_]]), axis=0)
         return self
@@ -534,6 +535,19 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
                 f"smaller catalogue in diagnosis=ModelDiagnosis(...).",
                 UserWarning,
                 stacklevel=4,
+            )
+
+    def _warn_if_useless(self) -> None:
+        """Warn if the chosen depth is no nearer to hidden parts than the outputs' mean."""
+        error = self.errors_[self.depth_]
+        if not error < 1.0:
+            warnings.warn(
+                f"no depth predicts the hidden parts of the records better than the mean of the "
+                f"outputs: the error of the chosen one, {self.depth_!r}, is {error:.3g} standard "
+                f"deviations. Remedy: check the model's equations, units and parameters "
+                f"(`sklearn-pgnn check`), and that its free run does not diverge.",
+                UserWarning,
+                stacklevel=3,
             )
 
     def _judge_all(self, candidates, depths, table, folds) -> dict[str, list[FoldResult]]:

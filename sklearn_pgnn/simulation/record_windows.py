@@ -256,7 +256,7 @@ def cut(whole: ShootingWindows, length: float, min_windows: int = MIN_WINDOWS) -
     whole : ShootingWindows
         The records.
     length : float
-        Wanted length [s]; at least `MIN_SAMPLES` samples.
+        Wanted length [s]; at least `MIN_SAMPLES` measured samples.
     min_windows : int, default=8
         The windows are made shorter until there are so many in all, if the samples are enough.
 
@@ -265,8 +265,9 @@ def cut(whole: ShootingWindows, length: float, min_windows: int = MIN_WINDOWS) -
     ShootingWindows
         The windows.
     """
-    durations, samples = record_durations(whole), np.diff(whole.bounds)
-    most = np.maximum(samples // MIN_SAMPLES, 1)
+    durations = record_durations(whole)
+    measured = np.add.reduceat(np.isfinite(whole.y).any(axis=1), whole.bounds[:-1], dtype=int)
+    most = np.maximum(measured // MIN_SAMPLES, 1)
     counts = np.clip(np.rint(durations / length), 1, most).astype(int)
     while counts.sum() < min_windows and (counts < most).any():
         counts[np.argmax(np.where(counts < most, durations / counts, -np.inf))] += 1

@@ -391,7 +391,9 @@ def test_of_an_effect_that_the_model_was_extended_by_a_number_may_be_wrong():
 def test_too_little_data_is_refused():
     golf = systems.golf_robot()
     t = np.arange(10) * 0.01
-    with pytest.raises(RecordError, match=r"at least 80 samples .* got 10 samples, enough for 0"):
+    with pytest.raises(
+        RecordError, match=r"at least 80 measured samples .* got 10 samples, enough for 0"
+    ):
         ModelDiagnosis(golf).fit(np.column_stack([t, np.sin(t)]), np.sin(t))
 
 

@@ -346,3 +346,10 @@ def test_a_function_of_time_is_a_law_where_other_records_are_judged(n, named):
     grey_box = GreyBoxRegressor(CART, depths=("prior", "fitted", "extended")).fit(X, y)
     found = tuple(cause.effect for cause in grey_box.diagnosis_.causes_)
     assert tuple(each for each in found if each in TIMED) == named
+
+
+def test_a_model_that_predicts_nothing_is_warned_of():
+    X, y = records(CART)
+    unstable = CART.replace(equations={"v": "(F + 2*v)/m"}, parameters={"m": 2.0})
+    with pytest.warns(UserWarning, match=r"no depth predicts the hidden parts.*'prior'"):
+        GreyBoxRegressor(unstable, depths=("prior",)).fit(X, y)
