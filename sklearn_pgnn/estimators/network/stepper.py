@@ -32,6 +32,8 @@ class Stepper:
         Sample interval [s].
     guide_line : (ndarray, ndarray)
         Slope and offset by which the simulated columns of the training data follow the simulation.
+    parts : int, default=1
+        Steps of the network from sample to sample.
 
     Attributes
     ----------
@@ -41,12 +43,16 @@ class Stepper:
         Time since the start [s].
     """
 
-    def __init__(self, core: nn.Module, step: NetworkStep, x0, interval: float, guide_line):
+    def __init__(
+        self, core: nn.Module, step: NetworkStep, x0, interval: float, guide_line, parts: int = 1
+    ):
         self._late, self._line = step.model, guide_line
         # delays are applied here, from the past inputs
         self._step = replace(step, model=step.model.replace(delays={}))
         self._run, self._outputs_of = compiled_run(core, self._step), _output_function(step.model)
         self._interval, self.t = float(interval), 0.0
+        self._times = self._interval * np.arange(parts + 1) / parts
+        self._features, self._none = None, np.zeros((parts + 1, 0))
         self._told = x0 is not None
         start = list(step.model.initial_state.values()) if x0 is None else x0
         self.x = np.array(start, dtype=float)
@@ -76,14 +82,14 @@ class Stepper:
             itself, `output` gives it once the next input is known.
         """
         u = self._read(u)
-        acting = np.array([self._acting(u)] * 2)
+        acting = self._acting_along(u)
         self._inputs.extend([u] if self._inputs else [u, u])
-        t = np.array([self.t, self.t + self._interval])
-        guide = self._guide(t, acting) if self._step.guide == "simulation" else np.zeros((2, 0))
-        features = np.array([np.ravel(features)] * 2, dtype=float)
-        self.x = self._run(NetworkRecord(t, acting, acting, guide, features, self.x))[0][-1]
-        self.t = float(t[1])
-        return self._outputs(acting[1])
+        t = self.t + self._times
+        guide = self._guide(t, acting) if self._step.guide == "simulation" else self._none
+        seen = self._features_along(np.ravel(features)) if len(features) else self._none
+        self.x = self._run(NetworkRecord(t, acting, acting, guide, seen, self.x))[0][-1]
+        self.t = float(t[-1])
+        return self._outputs(acting[-1])
 
     def output(self, u) -> np.ndarray:
         """Return the outputs of the present sample, as ``predict`` does.
@@ -119,18 +125,31 @@ class Stepper:
 
     def _acting(self, u) -> np.ndarray:
         """Return the inputs as they act now; before the start they had their first value."""
+        return self._acting_along(u)[0]
+
+    def _acting_along(self, u) -> np.ndarray:
+        """Return the inputs as they act at the steps of the network until the next sample."""
+        parts = self._times.size - 1
         if not self._late.delays:
-            return u
-        history = np.array([*(self._inputs or [u]), u])
-        t = self.t - self._interval * np.arange(len(history))[::-1]
-        return delayed_inputs(self._late, t, history)[-1, : u.size]
+            return np.array([u] * (parts + 1))
+        history = np.array([*(self._inputs or [u]), *[u] * parts])
+        past = self.t - self._interval * np.arange(len(history) - parts + 1)[::-1]
+        t = np.append(past, self.t + self._times[1:-1])
+        acting = delayed_inputs(self._late, t, history)[-parts:, : u.size]
+        return np.vstack([acting, acting[-1:]])
+
+    def _features_along(self, features) -> np.ndarray:
+        """Return further columns at the steps of the network; they change at the next sample."""
+        held = features if self._features is None else self._features
+        self._features = features
+        return np.array([held] * (self._times.size - 1) + [features], dtype=float)
 
     def _guide(self, t, acting) -> np.ndarray:
         """Simulate the model along, in open loop."""
         run = simulate(self._step.model, t, acting, self._simulated, substeps=self._step.substeps)
         self._simulated = run.x[-1]
         slope, offset = self._line
-        return np.tile(self._simulated * slope + offset, (2, 1))
+        return run.x * slope + offset
 
 
 def _output_function(model: PhysicsModel):
