@@ -150,6 +150,20 @@ def test_a_stepper_refuses_what_is_no_state_and_no_input():
         net.stepper().step([0.1, 2.0])
 
 
+@pytest.mark.parametrize("wrong", [np.nan, np.inf])
+def test_a_stepper_refuses_what_is_not_finite(wrong):
+    net = quick(CART, max_epochs=1).fit(X.assign(further=1.0), Y)
+    with pytest.raises(ValueError, match=rf"x0: .* finite numbers, got {wrong} for 'v'\. Remedy"):
+        net.stepper(x0=[0.1, wrong])
+    stepper = net.stepper(x0=[0.1, 0.0])
+    with pytest.raises(ValueError, match=rf"u: .* got {wrong} for 'force'\. Remedy: repeat the la"):
+        stepper.step([wrong], [1.0])
+    with pytest.raises(ValueError, match=rf"features: expected finite numbers, got \[{wrong}\]"):
+        stepper.step([1.0], [wrong])
+    assert stepper.t == 0
+    assert stepper.step([1.0], [1.0]) == net.stepper(x0=[0.1, 0.0]).step([1.0], [1.0])
+
+
 @pytest.mark.slow
 def test_several_outputs():
     both = CART.replace(outputs={"position": "x", "speed": "v"})

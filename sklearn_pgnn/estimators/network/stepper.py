@@ -2,6 +2,7 @@
 
 from collections import deque
 from dataclasses import replace
+from math import isfinite
 
 import numpy as np
 from torch import nn
@@ -61,6 +62,7 @@ class Stepper:
                 f"x0: expected {len(step.model.states)} numbers, one for each of "
                 f"{', '.join(step.model.states)}, got shape {self.x.shape}."
             )
+        _refuse_not_finite("x0", self.x, step.model.states, "leave x0 out to start as the model")
         self._simulated = self.x.copy()
         longest = max([step.model.parameters[p].value for p in step.model.delays.values()] or [0.0])
         self._inputs: deque[np.ndarray] = deque(maxlen=int(longest / interval) + 3)
@@ -80,13 +82,18 @@ class Stepper:
         ndarray of shape (n_outputs,)
             Outputs at the next sample, while `u` still acts; where an output depends on an input
             itself, `output` gives it once the next input is known.
+
+        Raises
+        ------
+        ValueError
+            If an input has the wrong shape or is not finite; nothing is advanced then.
         """
         u = self._read(u)
+        seen = self._features_along(np.ravel(features)) if len(features) else self._none
         acting = self._acting_along(u)
         self._inputs.extend([u] if self._inputs else [u, u])
         t = self.t + self._times
         guide = self._guide(t, acting) if self._step.guide == "simulation" else self._none
-        seen = self._features_along(np.ravel(features)) if len(features) else self._none
         self.x = self._run(NetworkRecord(t, acting, acting, guide, seen, self.x))[0][-1]
         self.t = float(t[-1])
         return self._outputs(acting[-1])
@@ -114,6 +121,9 @@ class Stepper:
                 f"u: expected {len(self._late.inputs)} numbers, one for each of "
                 f"{', '.join(self._late.inputs)}, got shape {u.shape}."
             )
+        if not all(map(isfinite, u.tolist())):
+            told = f"repeat the last good one; the state is still that of t = {self.t:g} s"
+            _refuse_not_finite("u", u, self._late.inputs, told)
         if not (self._told or self._inputs):
             for i, (state, value) in enumerate(settled_start(self._late, u).items()):
                 if state in self._late.settled:
@@ -140,6 +150,11 @@ class Stepper:
 
     def _features_along(self, features) -> np.ndarray:
         """Return further columns at the steps of the network; they change at the next sample."""
+        if not all(map(isfinite, features.tolist())):
+            raise ValueError(
+                f"features: expected finite numbers, got {features.tolist()}. Remedy: repeat the "
+                f"last good ones; nothing was advanced."
+            )
         held = features if self._features is None else self._features
         self._features = features
         return np.array([held] * (self._times.size - 1) + [features], dtype=float)
@@ -150,6 +165,15 @@ class Stepper:
         self._simulated = run.x[-1]
         slope, offset = self._line
         return run.x * slope + offset
+
+
+def _refuse_not_finite(what: str, values, names, remedy: str) -> None:
+    """Raise `ValueError` where a value is NaN or infinite, and name it."""
+    for name, value in zip(names, values.tolist(), strict=True):
+        if not isfinite(value):
+            raise ValueError(
+                f"{what}: expected finite numbers, got {value} for {name!r}. Remedy: {remedy}."
+            )
 
 
 def _output_function(model: PhysicsModel):
