@@ -22,7 +22,7 @@ from sklearn_pgnn import (
     systems,
 )
 from sklearn_pgnn.estimators.network.structure import choose_structure
-from sklearn_pgnn.exceptions import RecordError, SimulationWarning
+from sklearn_pgnn.exceptions import OptionError, RecordError, SimulationWarning
 
 CART = systems.cart_on_spring()
 LAG = PhysicsModel({"y": "V"}, {"y": "(K*u - y)/T"}, {"K": 1.0, "T": 0.5}, {"u": "V"})
@@ -397,6 +397,14 @@ def test_independent_rows():
 def test_parameters_that_are_none(options, message):
     with pytest.raises(ValueError, match=message):
         quick(**options).fit(X, Y)
+
+
+@pytest.mark.parametrize("structure", ["auto", "correction"])
+def test_free_parameters_refuse_the_simulation_as_a_guide(structure, monkeypatch):
+    monkeypatch.setattr(PGNNLRegressor, "_prepare_training", None)  # before any work
+    message = r"guide='simulation' does not go with free=\['k'\]: .*Remedy: guide='terms'"
+    with pytest.raises(OptionError, match=message):
+        quick(free=["k"], guide="simulation", structure=structure).fit(X, Y)
 
 
 # -- leakage ---------------------------------------------------------------------------------------

@@ -41,7 +41,7 @@ from sklearn_pgnn.estimators.network.sample_interval import (
 )
 from sklearn_pgnn.estimators.network.structure import ON_THE_MODEL, lossy_states
 from sklearn_pgnn.estimators.network.trajectory_net import TrajectoryNet
-from sklearn_pgnn.exceptions import RecordError
+from sklearn_pgnn.exceptions import OptionError, RecordError
 from sklearn_pgnn.simulation.free_run import substeps_for
 from sklearn_pgnn.simulation.record_windows import dominant_period, output_noise
 from sklearn_pgnn.simulation.simulate import hold_of
@@ -90,6 +90,7 @@ class PreparedNet(TrajectoryNet):
         check_lambda(self.lambda_phy)
         step_setup.check_structure(self.structure, self.guide, self.model is not None)
         self._free_names = names_of(self.model, self.free)
+        self._check_guide_of_free()
         if not isinstance(self.overlap, Real) or not 0 <= float(self.overlap) < np.inf:
             raise ValueError(f"overlap: expected a number >= 0, got {self.overlap!r}.")
         if self.refine not in REFINEMENTS:
@@ -104,6 +105,16 @@ class PreparedNet(TrajectoryNet):
         if not isinstance(share, Real) or not 0 <= float(share) < 1:
             raise ValueError(
                 f"validation_fraction: expected a share from 0 to below 1, got {share!r}."
+            )
+
+    def _check_guide_of_free(self) -> None:
+        if not self._free_names or self.guide != "simulation":
+            return
+        if self.structure in ("auto", *ON_THE_MODEL):
+            raise OptionError(
+                f"guide='simulation' does not go with free={self.free!r}: expected a guide that "
+                f"follows the state, for the simulation is that of the model before its parameters "
+                f"are trained. Remedy: guide='terms', guide='step' or guide=None."
             )
 
     def _check_rows(self, X, y=None, *, reset):
