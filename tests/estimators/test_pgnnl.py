@@ -1,6 +1,7 @@
 """PGNNLRegressor: what it learns, what it must not read, and its manners."""
 
 import inspect
+import pickle
 
 import joblib
 import numpy as np
@@ -687,6 +688,22 @@ def test_set_params_reaches_the_core():
     assert net.module_.core.sizes[1:-1] == (2,)
     with pytest.raises(ValueError, match="neuron"):
         quick(module_neurons=3).fit(X, Y)
+
+
+@pytest.mark.parametrize("changed", [{"module__neurons": 5}, {"module": OneLayer}])
+def test_a_core_that_was_changed_is_not_fitted(changed):
+    net = quick(max_epochs=1, refine=None).fit(X, Y).set_params(**changed)
+    with pytest.raises(NotFittedError):
+        net.predict(X)
+    with pytest.raises(NotFittedError):
+        pickle.loads(pickle.dumps(net)).predict(X)
+
+
+def test_other_parameters_wait_for_the_next_fit():
+    net = quick(max_epochs=1, refine=None).fit(X, Y)
+    before = net.predict(X)
+    assert np.array_equal(net.set_params(lr=0.1, structure="output").predict(X), before)
+    assert net.set_params(module__neurons=5).fit(X, Y).module_.core.sizes[1] == 5
 
 
 @pytest.mark.slow

@@ -90,6 +90,28 @@ class TrajectoryNet(NeuralNetRegressor):
         """Name the parameters; skorch would also count private attributes set by `fit`."""
         return [name for name in super()._get_param_names() if not name.startswith("_")]
 
+    def set_params(self, **params):
+        """Set parameters; they all wait for the next fit.
+
+        Parameters
+        ----------
+        **params
+            Parameters by name. With one of the core (``module``, ``module__...``) the network does
+            not count as fitted any more.
+
+        Returns
+        -------
+        self : PGNNLRegressor
+            The network.
+        """
+        if any(name.partition("__")[0] == "module" for name in params):
+            self.initialized_ = False  # skorch would make a core of random weights at once
+        return super().set_params(**params)
+
+    def __sklearn_is_fitted__(self):
+        """Return whether there is a trained core."""
+        return bool(self.initialized_) and super().__sklearn_is_fitted__()
+
     def __repr__(self):
         defaults = type(self)().get_params(deep=False)
         changed = [
