@@ -19,7 +19,7 @@ from sklearn_pgnn.estimators.network.sample_interval import (
     parts_of_a_step,
 )
 from sklearn_pgnn.estimators.network.stepper import Stepper
-from sklearn_pgnn.exceptions import SimulationWarning
+from sklearn_pgnn.exceptions import OptionError, SimulationWarning
 from sklearn_pgnn.extras import needed_by
 from sklearn_pgnn.simulation.ahead import Machine, predict_ahead
 from sklearn_pgnn.simulation.network_run import network_record
@@ -600,6 +600,11 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
         if y is None:
             raise ValueError(
                 f"{type(self).__name__} requires y to be passed, but the target y is None."
+            )
+        if fit_params.pop("sample_weight", None) is not None:
+            raise OptionError(
+                f"sample_weight: expected none, for {type(self).__name__} weighs all measured "
+                f"samples alike. Remedy: leave it out; a sample whose y is NaN does not count."
             )
         self._check_parameters()
         random = check_random_state(self.random_state)

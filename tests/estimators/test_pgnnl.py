@@ -391,6 +391,14 @@ def test_independent_rows():
             {"validation_fraction": "some"},
             r"validation_fraction: expected a share from 0 to below 1, got 'some'",
         ),
+        ({"max_epochs": -3}, r"max_epochs: expected an integer >= 0, got -3"),
+        ({"max_epochs": 2.5}, r"max_epochs: expected an integer >= 0, got 2.5"),
+        ({"batch_size": 0}, r"batch_size: expected an integer >= 1 or -1 for all, got 0"),
+        ({"batch_size": -2}, r"batch_size: expected an integer >= 1 or -1 for all, got -2"),
+        ({"lr": 0}, r"lr: expected a number above 0, got 0"),
+        ({"lr": "fast"}, r"lr: expected a number above 0, got 'fast'"),
+        ({"module": "x"}, r"module: expected a class such as FeedForward, got 'x'"),
+        ({"optimizer": "adam"}, r"optimizer: expected a class such as torch.optim.Adam, got 'ad"),
         ({"hold": "linear"}, r"hold: expected one of zoh, foh"),
         ({"substeps": 0}, r"substeps: expected an integer >= 1, got 0"),
     ],
@@ -398,6 +406,12 @@ def test_independent_rows():
 def test_parameters_that_are_none(options, message):
     with pytest.raises(ValueError, match=message):
         quick(**options).fit(X, Y)
+
+
+def test_weights_of_samples_are_refused():
+    message = r"sample_weight: expected none, for PGNNLRegressor weighs .* Remedy: leave it out"
+    with pytest.raises(OptionError, match=message):
+        quick().fit(X, Y, sample_weight=np.ones(len(X)))
 
 
 @pytest.mark.parametrize("structure", ["auto", "correction"])

@@ -53,7 +53,14 @@ from sklearn_pgnn.trajectories.validation import check_model, validate_table
 
 REFINEMENTS = ("auto", "lm", "lbfgs", None)
 #: integer parameters, and their least values
-COUNTS = {"horizon": 1, "rollout_epochs": 0, "refine_max_iter": 0, "n_iter_no_change": 1}
+COUNTS = {
+    "horizon": 1, "rollout_epochs": 0, "refine_max_iter": 0, "n_iter_no_change": 1, "max_epochs": 0,
+}  # fmt: skip
+#: parameters that hold a class, with an example
+CLASSES = {
+    "module": "FeedForward", "criterion": "torch.nn.MSELoss",
+    "optimizer": "torch.optim.Adam",
+}  # fmt: skip
 #: comparisons of the outputs per dominant period in the last phase
 PER_PERIOD = 100
 
@@ -98,7 +105,8 @@ class PreparedNet(TrajectoryNet):
         for name, least in COUNTS.items():
             value = getattr(self, name)
             if not isinstance(value, Integral) or value < least:
-                raise ValueError(f"{name}: expected an integer >= {least}, got {value!r}.")
+                raise OptionError(f"{name}: expected an integer >= {least}, got {value!r}.")
+        self._check_training()
         if not isinstance(self.scaled, bool | np.bool_):
             raise ValueError(f"scaled: expected True or False, got {self.scaled!r}.")
         share = self.validation_fraction
@@ -106,6 +114,19 @@ class PreparedNet(TrajectoryNet):
             raise ValueError(
                 f"validation_fraction: expected a share from 0 to below 1, got {share!r}."
             )
+
+    def _check_training(self) -> None:
+        """Refuse what skorch would take and not train with."""
+        size = self.batch_size
+        if not isinstance(size, Integral) or (size < 1 and size != -1):
+            raise OptionError(f"batch_size: expected an integer >= 1 or -1 for all, got {size!r}.")
+        if not isinstance(self.lr, Real) or not 0 < float(self.lr) < np.inf:
+            raise OptionError(f"lr: expected a number above 0, got {self.lr!r}.")
+        for name, example in CLASSES.items():
+            if not callable(getattr(self, name)):
+                raise OptionError(
+                    f"{name}: expected a class such as {example}, got {getattr(self, name)!r}."
+                )
 
     def _check_guide_of_free(self) -> None:
         if not self._free_names or self.guide != "simulation":
