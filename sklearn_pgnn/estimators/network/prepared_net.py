@@ -49,6 +49,7 @@ from sklearn_pgnn.trajectories import read_records
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
 from sklearn_pgnn.trajectories.names import is_named, time_name
 from sklearn_pgnn.trajectories.tables import TIME, as_pandas, as_table
+from sklearn_pgnn.trajectories.told_starts import warn_of_other_starts
 from sklearn_pgnn.trajectories.validation import check_model, validate_table
 
 REFINEMENTS = ("auto", "lm", "lbfgs", None)
@@ -265,6 +266,7 @@ class PreparedNet(TrajectoryNet):
         given = read_records(self.model_, X, y, time_column=time_column, allow_unmeasured=True)
         if self.model is not None:
             refuse_standardised(self.model, given, energies=self.lambda_phy != 0)
+            warn_of_other_starts(self.model, given)
         self.further_columns_ = further_columns(self.model_, X, time_column)
         return X, given
 
