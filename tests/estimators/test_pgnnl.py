@@ -23,7 +23,7 @@ from sklearn_pgnn import (
     systems,
 )
 from sklearn_pgnn.estimators.network.structure import choose_structure
-from sklearn_pgnn.exceptions import OptionError, RecordError, SimulationWarning
+from sklearn_pgnn.exceptions import OptionError, RecordError, SimulationWarning, TrainingError
 
 CART = systems.cart_on_spring()
 LAG = PhysicsModel({"y": "V"}, {"y": "(K*u - y)/T"}, {"K": 1.0, "T": 0.5}, {"u": "V"})
@@ -323,7 +323,7 @@ def test_plain_network_of_a_machine():
         ({"guide": "step"}, r"guide='step' needs a model, got none. Remedy"),
         ({"states": ["x", "v", "t"]}, r"states: expected 1 outputs, or 2 outputs and rates, got 3"),
         ({"states": ["x", "w"]}, r"states: X has no column 'w'"),
-        ({"lambda_phy": 0.5}, r"physics_loss: expected a model, got none"),
+        ({"lambda_phy": 0.5}, r"physics_loss: expected a model, got none. Remedy: give model=, or"),
         (
             {"time_column": "clock"},
             r"time_column: X has no 'clock'; it has trajectory, t, force, x, v",
@@ -601,6 +601,14 @@ def test_interrupted_training_keeps_the_best(at):
     assert len(net.history) == at
     assert net.free_run_error_ == pytest.approx(min(net.history[:, "free_run"]))
     assert np.isfinite(net.predict(NEW)).all()
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_model_that_is_no_number_at_a_state_is_named_as_the_cause():
+    rooted = CART.replace(equations={"x": "v", "v": "(force - k*sqrt(x) - d*v)/m"})
+    message = r"the error of a single step is nan, though .* Remedy: a model whose equations"
+    with pytest.raises(TrainingError, match=message):
+        quick(rooted, structure="correction", guide=None).fit(X, Y)
 
 
 def test_other_errors_are_not_swallowed():

@@ -473,6 +473,13 @@ class TrajectoryNet(NeuralNetRegressor):
 
     def _why_not_finite(self, error) -> str:
         weights = nn.utils.parameters_to_vector(self.module_.core.parameters())
+        steps = self._phase.horizon if self._phase else 0
+        if torch.isfinite(weights).all() and steps == 1:
+            return (
+                f"the error of a single step is {error.item()}, though the network's weights are "
+                f"finite. Remedy: a model whose equations are finite at every measured state, "
+                f"without a root or a logarithm of what may be negative; or a smaller lr."
+            )
         if torch.isfinite(weights).all():
             return (
                 f"the error of the prediction is {error.item()}. Remedy: a smaller lr, or a "
