@@ -14,10 +14,15 @@ from sklearn_pgnn.estimators.network.cores import FeedForward
 from sklearn_pgnn.estimators.network.free_run import ready_to_run, run_core
 from sklearn_pgnn.estimators.network.prepared_net import PreparedNet
 from sklearn_pgnn.estimators.network.random_numbers import own_random_numbers
+from sklearn_pgnn.estimators.network.sample_interval import (
+    holds_at_one_interval,
+    parts_of_a_step,
+)
 from sklearn_pgnn.estimators.network.stepper import Stepper
-from sklearn_pgnn.exceptions import SimulationWarning
+from sklearn_pgnn.exceptions import OptionError, SimulationWarning
 from sklearn_pgnn.extras import needed_by
 from sklearn_pgnn.simulation.ahead import Machine, predict_ahead
+from sklearn_pgnn.simulation.network_run import network_record
 from sklearn_pgnn.threads import one_thread_each
 from sklearn_pgnn.trajectories import rows_in_order
 from sklearn_pgnn.trajectories.scoring import GapScoreMixin
@@ -58,6 +63,12 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
     trajectories, of the held-out ones; ``callbacks="disable"`` keeps the last weights. The model's
     own step is computed on the CPU whatever the ``device``. A network trained on a GPU can be
     loaded without one.
+
+    One step of the network spans the median sample interval of its training. Longer steps, across
+    a gap or in a table that is sampled more slowly, are divided into such steps, with the inputs
+    held or straight by `hold`, in fits and in predictions. Where an interval is no multiple of it,
+    a `RecordWarning` says so: only corrections and dissipative networks, whose outputs are rates
+    that the step integrates, hold there, too.
 
     Features are standardised internally, so that a preceding scaler changes nothing, and energies
     are computed in physical units.
@@ -205,7 +216,7 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
     noise_ : ndarray of shape (n_outputs,)
         Standard deviation of the training records' noise, by which `predict_ahead` weighs outputs.
     interval_ : float
-        Median time from sample to sample of the training data [s].
+        Median time from sample to sample of the training data [s], one step of the network.
     further_columns_ : sequence of str
         Columns of X that are neither time, inputs nor states, and that the network sees.
     guide_line_ : (ndarray, ndarray)
@@ -391,12 +402,11 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
                 y = self.module_(torch.as_tensor(X, device=self.device)).cpu().numpy()
         else:
             runs = self._free_runs(X)
-            y = rows_in_order(
-                runs.records,
-                np.concatenate(
-                    [self._outputs(each, x) for each, x in zip(runs.ready, runs.x, strict=True)]
-                ),
-            )
+            found = [
+                self._outputs(each, x)[kept]
+                for each, x, kept in zip(runs.ready, runs.x, runs.kept, strict=True)
+            ]
+            y = rows_in_order(runs.records, np.concatenate(found))
         return y.ravel() if self._single_output else y
 
     def predict_states(self, X):
@@ -424,7 +434,8 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
                 "independent rows have no states."
             )
         runs = self._free_runs(X)
-        return rows_in_order(runs.records, np.concatenate(runs.x))
+        own = [x[kept] for x, kept in zip(runs.x, runs.kept, strict=True)]
+        return rows_in_order(runs.records, np.concatenate(own))
 
     def predict_ahead(self, X, y, steps=1):
         """Predict every sample from the outputs up to `steps` samples before it.
@@ -466,17 +477,18 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
             )
         runs = self._read_ready(X, y)
         machines = [
-            Machine(record, ready.x0, partial(self._run_piece, ready))
-            for record, ready in zip(runs.records, runs.ready, strict=True)
+            Machine(record, ready.x0, partial(self._run_piece, ready, kept))
+            for record, ready, kept in zip(runs.records, runs.ready, runs.kept, strict=True)
         ]
         outputs = predict_ahead(machines, steps, self.noise_)[1]
         return outputs.ravel() if self._single_output else outputs
 
-    def _run_piece(self, ready, a, b, x):
-        """Run from a state along part of a trajectory."""
-        piece = ready.piece(a, b + 1, x)
+    def _run_piece(self, ready, kept, a, b, x):
+        """Run from a state along part of a trajectory, between two of its own samples."""
+        piece = ready.piece(kept[a], kept[b] + 1, x)
         states = run_core(self.module_.core, self.step_, piece)[0]
-        return states, self._outputs(piece, states)
+        own = kept[a : b + 1] - kept[a]
+        return states[own], self._outputs(piece, states)[own]
 
     @property
     def predict_proba(self):
@@ -512,8 +524,9 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
         trained = {name: each.value for name, each in self.parameters_.items()}
         trained |= self.dissipation_
         found = []
-        for i, (record, ready) in enumerate(zip(runs.records, runs.ready, strict=True)):
-            x = runs.x[i] if given is None else given[record.rows]
+        for i, record in enumerate(runs.records):
+            x = runs.x[i][runs.kept[i]] if given is None else given[record.rows]
+            ready = network_record(self.model_, record.t, record.u, x[0], hold=self.hold_)
             columns = np.full((len(ready.t), len(loss.terms)), np.nan)
             parts = loss.residuals(
                 torch.as_tensor(x)[None],
@@ -541,7 +554,8 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
         x0 : array-like of shape (n_states,), optional
             Initial state; by default the model's, its `settled` states at the first input.
         interval : float, optional
-            Sample interval [s]; by default the training data's.
+            Sample interval [s]; by default the training data's. A multiple of that is divided
+            into steps of the network.
 
         Returns
         -------
@@ -551,16 +565,18 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
         Raises
         ------
         ValueError
-            If the network is not trained on trajectories with the package's own feed-forward core.
+            If the network is not trained on trajectories with the package's own feed-forward core,
+            or `interval` is no time.
         """
         check_is_fitted(self)
         if self.model_ is None or type(self.module_.core) is not FeedForward:
             raise ValueError(
                 "stepper: expected a network with the core FeedForward, trained on trajectories."
             )
-        return Stepper(
-            self.module_.core, self.step_, x0, interval or self.interval_, self.guide_line_
-        )
+        interval = self.interval_ if interval is None else interval
+        is_map = holds_at_one_interval(self.structure_, self.module)
+        parts = parts_of_a_step(interval, self.interval_, is_map, self.structure_)
+        return Stepper(self.module_.core, self.step_, x0, interval, self.guide_line_, parts)
 
     def _free_runs(self, X):
         runs = self._read_ready(X)
@@ -583,6 +599,11 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
 
     def _fit(self, X, y, *, anew: bool, **fit_params):
         require_target(self, y)
+        if fit_params.pop("sample_weight", None) is not None:
+            raise OptionError(
+                f"sample_weight: expected none, for {type(self).__name__} weighs all measured "
+                f"samples alike. Remedy: leave it out; a sample whose y is NaN does not count."
+            )
         self._check_parameters()
         random = check_random_state(self.random_state)
         has_time = self._has_time(X)

@@ -6,7 +6,12 @@ from typing import Any
 import numpy as np
 
 from sklearn_pgnn.estimators.network.free_run import is_compiled, step_with, weights_of
-from sklearn_pgnn.exceptions import ModelError
+from sklearn_pgnn.estimators.network.sample_interval import (
+    TOLERANCE,
+    check_interval,
+    holds_at_one_interval,
+)
+from sklearn_pgnn.exceptions import ModelError, OptionError
 from sklearn_pgnn.export.assignments import outputs_of
 from sklearn_pgnn.export.c_machine import Machine, machine_of
 from sklearn_pgnn.simulation.network_run import NetworkStep, terms_model
@@ -48,6 +53,7 @@ def network_content(network, interval, *, precision: str, name: str | None) -> d
         If an option has an invalid value.
     """
     step = exportable_step(network, "to_c")
+    refuse_other_interval(network, interval)
     machine = machine_of(
         step.model,
         network.interval_ if interval is None else interval,
@@ -75,6 +81,36 @@ def network_content(network, interval, *, precision: str, name: str | None) -> d
         "features": len(network.further_columns_),
     }
     return content | further
+
+
+def refuse_other_interval(network, interval) -> None:
+    """Refuse a sample interval at which a network does not hold.
+
+    Parameters
+    ----------
+    network : PGNNLRegressor
+        The trained network.
+    interval : float or None
+        Sample interval [s]; None for that of the training data.
+
+    Raises
+    ------
+    OptionError
+        If it is another one than that of the training, and the network is a map from one sample to
+        the next.
+    """
+    if interval is None:
+        return
+    check_interval(interval)
+    own = network.interval_
+    is_map = holds_at_one_interval(network.structure_, network.module_.core)
+    if is_map and abs(interval / own - 1) > TOLERANCE:
+        raise OptionError(
+            f"interval: expected {own:g} s, the sample interval of the training, for the network "
+            f"(structure={network.structure_!r}) is a map from one such sample to the next, got "
+            f"{interval:g} s. Remedy: leave it out, and step every {own:g} s; or train on records "
+            f"resampled to {interval:g} s, or with structure='correction' and a FeedForward core."
+        )
 
 
 def exportable_step(network, what: str) -> NetworkStep:

@@ -76,9 +76,10 @@ def to_onnx(
     check_is_fitted(network)
     with needed_by("to_onnx"):
         import onnx
-    from sklearn_pgnn.export.c_network import exportable_step
+    from sklearn_pgnn.export.c_network import exportable_step, refuse_other_interval
 
     step = exportable_step(network, "to_onnx")
+    refuse_other_interval(network, interval)
     _refuse_events(step, prior_as_input)
     graph = _Step(network, step, interval or network.interval_, precision, prior_as_input)
     results = graph.write()

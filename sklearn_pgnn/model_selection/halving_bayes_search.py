@@ -14,6 +14,7 @@ from sklearn_pgnn.exceptions import OptionError, TrainingError
 from sklearn_pgnn.extras import needed_by
 from sklearn_pgnn.model_selection.outer_estimator import OuterEstimatorMixin, inner_has
 from sklearn_pgnn.model_selection.own_folds import own_folds
+from sklearn_pgnn.model_selection.search_space import refuse_unknown_names
 from sklearn_pgnn.trajectories.tables import take_rows
 
 
@@ -196,6 +197,8 @@ class HalvingBayesSearchCV(OuterEstimatorMixin, MetaEstimatorMixin, BaseEstimato
                 "search_spaces: expected at least one dimension, got none. Remedy: "
                 "search_space(estimator) has those of the package's estimators."
             )
+        refuse_unknown_names(self.estimator, self.search_spaces)
+        self._check_scoring()
         folds = list(own_folds(self.cv, self.estimator, X).split(X, y, groups))
         self.n_splits_ = len(folds)
         scores = np.full((self.n_iter, len(folds)), np.nan)
@@ -215,6 +218,18 @@ class HalvingBayesSearchCV(OuterEstimatorMixin, MetaEstimatorMixin, BaseEstimato
         self.best_estimator_ = clone(self.estimator).set_params(**self.best_params_).fit(X, y)
         self._check_fit(X, y, scores[self.best_index_].min())
         return self
+
+    def _check_scoring(self) -> None:
+        """Refuse a scoring that gives no single number, before any fit."""
+        try:
+            found = check_scoring(self.estimator, self.scoring)
+        except ValueError:
+            found = None
+        if not callable(found) or isinstance(self.scoring, list | tuple | set | dict):
+            raise OptionError(
+                f"scoring: expected None, a callable or one name of scikit-learn such as 'r2', got "
+                f"{self.scoring!r}. Remedy: sklearn.metrics.get_scorer_names() lists them."
+            )
 
     def _check_fit(self, X, y, least: float) -> None:
         """Warn if the final fit scores lower on all records than all folds on held-out ones."""

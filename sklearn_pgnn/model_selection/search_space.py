@@ -3,6 +3,9 @@
 from functools import singledispatch
 from inspect import signature
 
+from sklearn.base import clone
+
+from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.extras import needed_by
 
 #: weights of the physical loss that a search chooses from, fewer than for a Pareto front;
@@ -56,7 +59,8 @@ def search_space(estimator, **changes) -> dict:
     ImportError
         If scikit-optimize is not installed.
     ValueError
-        If a change names no parameter, or nothing is left to search.
+        If a change names no parameter, of the estimators inside and of a network's core either, or
+        nothing is left to search.
 
     Examples
     --------
@@ -77,6 +81,7 @@ def search_space(estimator, **changes) -> dict:
                 f"{name}: expected a dimension's short name ({shorts}) or a parameter of "
                 f"{type(estimator).__name__} such as 'step__name'."
             )
+        refuse_unknown_names(estimator, places or [name])
         known |= {(name, full): dimension for full in places or [name]}
     space = {full: dimension for (_, full), dimension in known.items() if dimension is not None}
     if not space:
@@ -85,6 +90,56 @@ def search_space(estimator, **changes) -> dict:
             f"name what to search, as in search_space(pipeline, ridge__alpha=(1e-6, 1e3))."
         )
     return space
+
+
+def refuse_unknown_names(estimator, names) -> None:
+    """Refuse names that are no parameters of an estimator; nothing is fitted.
+
+    Parameters
+    ----------
+    estimator : estimator
+        The estimator.
+    names : iterable of str
+        Full names, such as ``"network__module__neurons"``. What is inside a parameter that is named
+        itself is not checked, for that may hold anything.
+
+    Raises
+    ------
+    OptionError
+        If a name is none of a parameter, of those of the estimators inside, or of a network's core.
+
+    Examples
+    --------
+    >>> from sklearn.linear_model import Ridge
+    >>> refuse_unknown_names(Ridge(), ["alpha"])
+    """
+    names, parts = list(names), _parts(estimator)
+    for name in names:
+        if any(name.startswith(f"{other}__") for other in names):
+            continue
+        try:
+            clone(estimator).set_params(**{name: None})
+        except (AttributeError, TypeError, ValueError) as error:
+            raise OptionError(
+                f"{name}: expected a parameter of {type(estimator).__name__}, got one that it does "
+                f"not take: {error} Remedy: its get_params() lists them."
+            ) from None
+        _refuse_unknown_of_core(parts, name)
+
+
+def _refuse_unknown_of_core(parts, name: str) -> None:
+    """Refuse a name that is no parameter of the core of a network inside."""
+    prefix, inside, own = name.rpartition("module__")
+    module = getattr(parts.get(prefix), "module", None) if inside else None
+    if not isinstance(module, type):
+        return
+    known = signature(module).parameters
+    given = {"n_inputs", "n_outputs"}
+    if own not in known and not any(each.kind is each.VAR_KEYWORD for each in known.values()):
+        raise OptionError(
+            f"{name}: expected a parameter of the core {module.__name__}, one of "
+            f"{', '.join(each for each in known if each not in given)}, got {own!r}."
+        )
 
 
 def _dimensions_of(estimator) -> dict:

@@ -1,5 +1,6 @@
 """The median of several fits of one regressor with different random numbers."""
 
+import warnings
 from numbers import Integral
 
 import numpy as np
@@ -12,6 +13,9 @@ from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.model_selection.nested_parameters import parameters_named
 from sklearn_pgnn.model_selection.outer_estimator import OuterEstimatorMixin
 from sklearn_pgnn.trajectories.scoring import GapScoreMixin
+
+#: predictions that differ by less than this share of their size are the same
+SAME = 1e-12
 
 
 class EnsembleRegressor(OuterEstimatorMixin, MetaEstimatorMixin, GapScoreMixin, BaseEstimator):
@@ -98,7 +102,13 @@ class EnsembleRegressor(OuterEstimatorMixin, MetaEstimatorMixin, GapScoreMixin, 
         Raises
         ------
         OptionError
-            If `n_estimators` is not at least 1, or the regressor uses no random numbers.
+            If `n_estimators` is not at least 1, or the regressor has no parameter ``random_state``.
+
+        Warns
+        -----
+        UserWarning
+            If all fits predict the same for X: the regressor uses no random numbers, or learns
+            every sample by heart.
         """
         count, names = self.n_estimators, parameters_named(self.estimator, "random_state")
         if not isinstance(count, Integral) or count < 1:
@@ -112,7 +122,25 @@ class EnsembleRegressor(OuterEstimatorMixin, MetaEstimatorMixin, GapScoreMixin, 
         seeds = [{name: int(draw.randint(2**31 - 1)) for name in names} for _ in range(count)]
         calls = (delayed(_fit)(self.estimator, each, X, y, fit_params) for each in seeds)
         self.estimators_ = Parallel(self.n_jobs)(calls)
+        self._tell_of_same_fits(X)
         return self
+
+    def _tell_of_same_fits(self, X) -> None:
+        """Warn where the fits differ by rounding only, whose spread tells nothing."""
+        if self.n_estimators == 1:
+            return
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            each = self._each("predict", X)
+        if np.all(np.ptp(each, axis=0) <= SAME * np.max(np.abs(each))):
+            warnings.warn(
+                f"estimator: the {self.n_estimators} fits of {self.estimator!r} predict the same "
+                f"for X, so that it uses no random numbers, or learns every sample by heart; a "
+                f"spread of 0 says nothing. Remedy: fit it alone; ConformalRegressor gives "
+                f"intervals.",
+                UserWarning,
+                stacklevel=3,
+            )
 
     @property
     def _first(self):

@@ -7,6 +7,7 @@ import pandas as pd
 from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils.validation import _check_feature_names_in, check_is_fitted
 
+from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.simulation.finite_run import quantities_of, simulate_quantities
 from sklearn_pgnn.simulation.free_run import substeps_for
 from sklearn_pgnn.simulation.simulate import hold_of
@@ -114,7 +115,8 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
         Raises
         ------
         ValueError
-            If X cannot be read as records of the model, or a name in `outputs` is unknown.
+            If X cannot be read as records of the model, a name in `outputs` is unknown, or X has a
+            column of the name of one that is appended.
         """
         check_model(self.model, optional=True)
         X = validate_table(self, X, reset=True)
@@ -125,6 +127,7 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
         self._quantities()
         if self.append not in (True, False, "all"):
             raise ValueError(f"append: expected True, False or 'all', got {self.append!r}.")
+        self._refuse_taken_names()
         self.hold_ = hold_of(self.model, self.hold)
         self.substeps_ = substeps_for(
             self.model, records, self.substeps, method=self.method, hold=self.hold_
@@ -196,6 +199,17 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
                 f"{unknown[0] if unknown else self.outputs!r}."
             )
         return names
+
+    def _refuse_taken_names(self) -> None:
+        """Refuse to append a column of a name that X has already."""
+        kept = {self._column_names()[i] for i in self._kept()}
+        taken = [name + SIMULATED for name in self._quantities() if name + SIMULATED in kept]
+        if taken:
+            raise OptionError(
+                f"X: expected no columns with the names of those that are appended, got "
+                f"{', '.join(taken)}. Remedy: rename them or leave them out of X; or append others "
+                f"(outputs=...), or nothing else (append=False)."
+            )
 
     def _kept_table(self, X: pd.DataFrame, records) -> pd.DataFrame:
         """Return the columns of X that are passed on, states as they are in the first rows."""

@@ -1,6 +1,7 @@
 """PGNNLRegressor: what it learns, what it must not read, and its manners."""
 
 import inspect
+import pickle
 
 import joblib
 import numpy as np
@@ -22,7 +23,7 @@ from sklearn_pgnn import (
     systems,
 )
 from sklearn_pgnn.estimators.network.structure import choose_structure
-from sklearn_pgnn.exceptions import RecordError, SimulationWarning
+from sklearn_pgnn.exceptions import OptionError, RecordError, SimulationWarning, TrainingError
 
 CART = systems.cart_on_spring()
 LAG = PhysicsModel({"y": "V"}, {"y": "(K*u - y)/T"}, {"K": 1.0, "T": 0.5}, {"u": "V"})
@@ -148,6 +149,20 @@ def test_a_stepper_refuses_what_is_no_state_and_no_input():
         net.stepper(x0=[0.1])
     with pytest.raises(ValueError, match=r"u: expected 1 numbers, .* got shape \(2,\)"):
         net.stepper().step([0.1, 2.0])
+
+
+@pytest.mark.parametrize("wrong", [np.nan, np.inf])
+def test_a_stepper_refuses_what_is_not_finite(wrong):
+    net = quick(CART, max_epochs=1).fit(X.assign(further=1.0), Y)
+    with pytest.raises(ValueError, match=rf"x0: .* finite numbers, got {wrong} for 'v'\. Remedy"):
+        net.stepper(x0=[0.1, wrong])
+    stepper = net.stepper(x0=[0.1, 0.0])
+    with pytest.raises(ValueError, match=rf"u: .* got {wrong} for 'force'\. Remedy: repeat the la"):
+        stepper.step([wrong], [1.0])
+    with pytest.raises(ValueError, match=rf"features: expected finite numbers, got \[{wrong}\]"):
+        stepper.step([1.0], [wrong])
+    assert stepper.t == 0
+    assert stepper.step([1.0], [1.0]) == net.stepper(x0=[0.1, 0.0]).step([1.0], [1.0])
 
 
 @pytest.mark.slow
@@ -308,7 +323,7 @@ def test_plain_network_of_a_machine():
         ({"guide": "step"}, r"guide='step' needs a model, got none. Remedy"),
         ({"states": ["x", "v", "t"]}, r"states: expected 1 outputs, or 2 outputs and rates, got 3"),
         ({"states": ["x", "w"]}, r"states: X has no column 'w'"),
-        ({"lambda_phy": 0.5}, r"physics_loss: expected a model, got none"),
+        ({"lambda_phy": 0.5}, r"physics_loss: expected a model, got none. Remedy: give model=, or"),
         (
             {"time_column": "clock"},
             r"time_column: X has no 'clock'; it has trajectory, t, force, x, v",
@@ -376,6 +391,14 @@ def test_independent_rows():
             {"validation_fraction": "some"},
             r"validation_fraction: expected a share from 0 to below 1, got 'some'",
         ),
+        ({"max_epochs": -3}, r"max_epochs: expected an integer >= 0, got -3"),
+        ({"max_epochs": 2.5}, r"max_epochs: expected an integer >= 0, got 2.5"),
+        ({"batch_size": 0}, r"batch_size: expected an integer >= 1 or -1 for all, got 0"),
+        ({"batch_size": -2}, r"batch_size: expected an integer >= 1 or -1 for all, got -2"),
+        ({"lr": 0}, r"lr: expected a number above 0, got 0"),
+        ({"lr": "fast"}, r"lr: expected a number above 0, got 'fast'"),
+        ({"module": "x"}, r"module: expected a class such as FeedForward, got 'x'"),
+        ({"optimizer": "adam"}, r"optimizer: expected a class such as torch.optim.Adam, got 'ad"),
         ({"hold": "linear"}, r"hold: expected one of zoh, foh"),
         ({"substeps": 0}, r"substeps: expected an integer >= 1, got 0"),
     ],
@@ -383,6 +406,20 @@ def test_independent_rows():
 def test_parameters_that_are_none(options, message):
     with pytest.raises(ValueError, match=message):
         quick(**options).fit(X, Y)
+
+
+def test_weights_of_samples_are_refused():
+    message = r"sample_weight: expected none, for PGNNLRegressor weighs .* Remedy: leave it out"
+    with pytest.raises(OptionError, match=message):
+        quick().fit(X, Y, sample_weight=np.ones(len(X)))
+
+
+@pytest.mark.parametrize("structure", ["auto", "correction"])
+def test_free_parameters_refuse_the_simulation_as_a_guide(structure, monkeypatch):
+    monkeypatch.setattr(PGNNLRegressor, "_prepare_training", None)  # before any work
+    message = r"guide='simulation' does not go with free=\['k'\]: .*Remedy: guide='terms'"
+    with pytest.raises(OptionError, match=message):
+        quick(free=["k"], guide="simulation", structure=structure).fit(X, Y)
 
 
 # -- leakage ---------------------------------------------------------------------------------------
@@ -566,6 +603,14 @@ def test_interrupted_training_keeps_the_best(at):
     assert np.isfinite(net.predict(NEW)).all()
 
 
+@pytest.mark.filterwarnings("ignore")
+def test_a_model_that_is_no_number_at_a_state_is_named_as_the_cause():
+    rooted = CART.replace(equations={"x": "v", "v": "(force - k*sqrt(x) - d*v)/m"})
+    message = r"the error of a single step is nan, though .* Remedy: a model whose equations"
+    with pytest.raises(TrainingError, match=message):
+        quick(rooted, structure="correction", guide=None).fit(X, Y)
+
+
 def test_other_errors_are_not_swallowed():
     with pytest.raises(ZeroDivisionError):
         quick(callbacks=[Stop(2, ZeroDivisionError)]).fit(X, Y)
@@ -665,6 +710,22 @@ def test_set_params_reaches_the_core():
     assert net.module_.core.sizes[1:-1] == (2,)
     with pytest.raises(ValueError, match="neuron"):
         quick(module_neurons=3).fit(X, Y)
+
+
+@pytest.mark.parametrize("changed", [{"module__neurons": 5}, {"module": OneLayer}])
+def test_a_core_that_was_changed_is_not_fitted(changed):
+    net = quick(max_epochs=1, refine=None).fit(X, Y).set_params(**changed)
+    with pytest.raises(NotFittedError):
+        net.predict(X)
+    with pytest.raises(NotFittedError):
+        pickle.loads(pickle.dumps(net)).predict(X)
+
+
+def test_other_parameters_wait_for_the_next_fit():
+    net = quick(max_epochs=1, refine=None).fit(X, Y)
+    before = net.predict(X)
+    assert np.array_equal(net.set_params(lr=0.1, structure="output").predict(X), before)
+    assert net.set_params(module__neurons=5).fit(X, Y).module_.core.sizes[1] == 5
 
 
 @pytest.mark.slow

@@ -249,3 +249,31 @@ def test_its_columns_are_those_of_the_best():
     assert list(found.fit(pd.DataFrame(X, columns=list("tabc")), Y).feature_names_in_) == [*"tabc"]
     assert found.fit(X, Y).n_features_in_ == 4
     assert not hasattr(found, "feature_names_in_")
+
+
+class Counted(Ridge):
+    """Counts its fits."""
+
+    fits = 0
+
+    def fit(self, X, y):
+        type(self).fits += 1
+        return super().fit(X, y)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (
+            {"search_spaces": {"alfa": (1e-3, 1.0)}},
+            r"alfa: expected a parameter of Counted, got",
+        ),
+        ({"scoring": "r3"}, r"scoring: expected None, a callable or one name .*got 'r3'\. Remedy:"),
+        ({"scoring": ["r2"]}, r"scoring: expected None, a callable or one name .*got \['r2'\]\."),
+    ],
+)
+def test_what_cannot_be_searched_or_scored_is_refused_before_any_fit(options, message):
+    Counted.fits = 0
+    with pytest.raises(OptionError, match=message):
+        search(Counted()).set_params(**options).fit(X, Y)
+    assert Counted.fits == 0

@@ -269,7 +269,7 @@ def test_too_little_is_refused_with_a_remedy():
 class Core:
     """Stands for a network's core."""
 
-    def __init__(self, neurons=8, layers=2):
+    def __init__(self, neurons=8, layers=2, activation="tanh"):
         pass
 
 
@@ -444,6 +444,12 @@ def test_changes_replace_drop_and_add():
 def test_what_cannot_be_searched_is_refused():
     with pytest.raises(ValueError, match=r"neuron: .* \(neurons, layers, lr, lambda_phy, struc"):
         search_space(Network(GOLF), neuron=(2, 4))
+    pipeline = make_pipeline(PhysicsModelTransformer(GOLF), Network(GOLF))
+    with pytest.raises(ValueError, match=r"transformer__foo: expected a parameter of Pipeline"):
+        search_space(pipeline, physicsmodeltransformer__foo=[1, 2])
+    for estimator in (pipeline, GreyBoxRegressor(GOLF)):
+        with pytest.raises(ValueError, match=r"module__neuron: .* the core .*, one of neurons, la"):
+            search_space(estimator, network__module__neuron=(3, 8))
     with pytest.raises(ValueError, match=r"Ridge has no parameter .* Remedy: name what to search"):
         search_space(Ridge())
 

@@ -1,13 +1,14 @@
 """An ensemble predicts by the median of fits that draw differently."""
 
 import pickle
+import warnings
 
 import numpy as np
 import pandas as pd
 import pytest
 from sklearn.base import clone
 from sklearn.ensemble import RandomForestRegressor
-from sklearn.linear_model import LinearRegression
+from sklearn.linear_model import LinearRegression, Ridge
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 from sklearn.tree import ExtraTreeRegressor
@@ -121,3 +122,13 @@ def test_what_draws_nothing_is_refused():
         OptionError, match=r"'random_state', got LinearRegression\(\).*fit it alone"
     ):
         EnsembleRegressor(LinearRegression()).fit(X, Y)
+
+
+def test_fits_that_are_all_the_same_are_told():
+    same = EnsembleRegressor(ResidualRegressor(LAG, Ridge()), 2)  # it draws for one solver only
+    with pytest.warns(UserWarning, match=r"the 2 fits of .* predict the same .*Remedy: fit it al"):
+        same.fit(X, Y)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        EnsembleRegressor(RESIDUAL, 2).fit(X, Y)
+        same.set_params(n_estimators=1).fit(X, Y)

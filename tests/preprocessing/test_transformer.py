@@ -16,7 +16,7 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
 from sklearn_pgnn import PhysicsModel, PhysicsModelTransformer, datasets, systems
-from sklearn_pgnn.exceptions import RecordError, SimulationWarning
+from sklearn_pgnn.exceptions import OptionError, RecordError, SimulationWarning
 
 pytestmark = pytest.mark.core
 
@@ -290,3 +290,15 @@ def test_searches_and_scores():
     }
     search = GridSearchCV(pipeline, grid, cv=folds).fit(X, Y)
     assert search.best_params_["ridge__alpha"] == 1e-6
+
+
+def test_names_that_x_has_already_are_refused():
+    X, _ = table()
+    twice = PhysicsModelTransformer(CART).fit_transform(X)
+    message = r"X: expected no columns with the names .* got x_phy, v_phy, position_phy\. Remedy:"
+    with pytest.raises(OptionError, match=message):
+        PhysicsModelTransformer(CART).fit(twice)
+    with pytest.raises(OptionError, match=r"got x_phy\. Remedy: rename them"):
+        PhysicsModelTransformer(CART, outputs=["x"]).fit(X.assign(x_phy=0.0))
+    alone = PhysicsModelTransformer(CART, append=False).fit(twice)
+    assert list(alone.get_feature_names_out()) == ["x_phy", "v_phy", "position_phy"]

@@ -373,9 +373,15 @@ def as_terms(physics_loss, model: PhysicsModel | None) -> list[PhysicsTerm]:
             )
         if term.kind not in KINDS:
             raise ValueError(f"kind: expected one of {', '.join(KINDS)}, got {term.kind!r}.")
-    if not terms or model is None:
-        what = "a model" if model is None else "at least one term"
-        raise ValueError(f"physics_loss: expected {what}, got none. Remedy: give it, or leave out.")
+    if model is None:
+        raise ValueError(
+            "physics_loss: expected a model, got none. Remedy: give model=, or do without a "
+            "physical loss (lambda_phy=0, physics_loss=None)."
+        )
+    if not terms:
+        raise ValueError(
+            "physics_loss: expected at least one term, got none. Remedy: give it, or leave out."
+        )
     return terms
 
 

@@ -33,9 +33,15 @@ from sklearn_pgnn.estimators.network.records import (
     told_samples,
     unmeasured_record,
 )
+from sklearn_pgnn.estimators.network.sample_interval import (
+    FilledRecord,
+    fill,
+    holds_at_one_interval,
+    warn_of_other_intervals,
+)
 from sklearn_pgnn.estimators.network.structure import ON_THE_MODEL, lossy_states
 from sklearn_pgnn.estimators.network.trajectory_net import TrajectoryNet
-from sklearn_pgnn.exceptions import RecordError
+from sklearn_pgnn.exceptions import OptionError, RecordError
 from sklearn_pgnn.simulation.free_run import substeps_for
 from sklearn_pgnn.simulation.record_windows import dominant_period, output_noise
 from sklearn_pgnn.simulation.simulate import hold_of
@@ -43,11 +49,19 @@ from sklearn_pgnn.trajectories import read_records
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
 from sklearn_pgnn.trajectories.names import is_named, time_name
 from sklearn_pgnn.trajectories.tables import TIME, as_pandas, as_table
+from sklearn_pgnn.trajectories.told_starts import warn_of_other_starts
 from sklearn_pgnn.trajectories.validation import check_model, validate_table
 
 REFINEMENTS = ("auto", "lm", "lbfgs", None)
 #: integer parameters, and their least values
-COUNTS = {"horizon": 1, "rollout_epochs": 0, "refine_max_iter": 0, "n_iter_no_change": 1}
+COUNTS = {
+    "horizon": 1, "rollout_epochs": 0, "refine_max_iter": 0, "n_iter_no_change": 1, "max_epochs": 0,
+}  # fmt: skip
+#: parameters that hold a class, with an example
+CLASSES = {
+    "module": "FeedForward", "criterion": "torch.nn.MSELoss",
+    "optimizer": "torch.optim.Adam",
+}  # fmt: skip
 #: comparisons of the outputs per dominant period in the last phase
 PER_PERIOD = 100
 
@@ -61,13 +75,16 @@ class Runs:
     records : tuple of Record
         The trajectories.
     ready : list of NetworkRecord
-        The trajectories as the loop needs them.
+        The trajectories as the loop needs them, with samples in between where steps are long.
+    kept : list of ndarray of int
+        Where the trajectories' own samples are among these.
     x : list of ndarray
         The states of the free runs.
     """
 
     records: tuple
     ready: list
+    kept: list
     x: list
 
 
@@ -81,6 +98,7 @@ class PreparedNet(TrajectoryNet):
         check_lambda(self.lambda_phy)
         step_setup.check_structure(self.structure, self.guide, self.model is not None)
         self._free_names = names_of(self.model, self.free)
+        self._check_guide_of_free()
         if not isinstance(self.overlap, Real) or not 0 <= float(self.overlap) < np.inf:
             raise ValueError(f"overlap: expected a number >= 0, got {self.overlap!r}.")
         if self.refine not in REFINEMENTS:
@@ -88,13 +106,37 @@ class PreparedNet(TrajectoryNet):
         for name, least in COUNTS.items():
             value = getattr(self, name)
             if not isinstance(value, Integral) or value < least:
-                raise ValueError(f"{name}: expected an integer >= {least}, got {value!r}.")
+                raise OptionError(f"{name}: expected an integer >= {least}, got {value!r}.")
+        self._check_training()
         if not isinstance(self.scaled, bool | np.bool_):
             raise ValueError(f"scaled: expected True or False, got {self.scaled!r}.")
         share = self.validation_fraction
         if not isinstance(share, Real) or not 0 <= float(share) < 1:
             raise ValueError(
                 f"validation_fraction: expected a share from 0 to below 1, got {share!r}."
+            )
+
+    def _check_training(self) -> None:
+        """Refuse what skorch would take and not train with."""
+        size = self.batch_size
+        if not isinstance(size, Integral) or (size < 1 and size != -1):
+            raise OptionError(f"batch_size: expected an integer >= 1 or -1 for all, got {size!r}.")
+        if not isinstance(self.lr, Real) or not 0 < float(self.lr) < np.inf:
+            raise OptionError(f"lr: expected a number above 0, got {self.lr!r}.")
+        for name, example in CLASSES.items():
+            if not callable(getattr(self, name)):
+                raise OptionError(
+                    f"{name}: expected a class such as {example}, got {getattr(self, name)!r}."
+                )
+
+    def _check_guide_of_free(self) -> None:
+        if not self._free_names or self.guide != "simulation":
+            return
+        if self.structure in ("auto", *ON_THE_MODEL):
+            raise OptionError(
+                f"guide='simulation' does not go with free={self.free!r}: expected a guide that "
+                f"follows the state, for the simulation is that of the model before its parameters "
+                f"are trained. Remedy: guide='terms', guide='step' or guide=None."
             )
 
     def _check_rows(self, X, y=None, *, reset):
@@ -135,9 +177,20 @@ class PreparedNet(TrajectoryNet):
         records = read_records(self.model_, X, y, time_column=time_column, to_fit=False)
         if self.model is not None:
             refuse_standardised(self.model, records)
-        return Runs(records, self._prepare(X, records), [])
+        filled = self._fill(records)
+        return Runs(records, self._prepare(X, filled), [each.kept for each in filled], [])
 
-    def _prepare(self, X, records):
+    def _fill(self, records) -> list[FilledRecord]:
+        """Divide the records' long steps into the network's, and tell of other steps."""
+        filled = [fill(record, self.interval_, self.hold_) for record in records]
+        self._tell_of_intervals(filled)
+        return filled
+
+    def _tell_of_intervals(self, filled) -> None:
+        if holds_at_one_interval(self.structure_, self.module):
+            warn_of_other_intervals(filled, self.interval_, self.structure_)
+
+    def _prepare(self, X, filled):
         features = feature_values(X, self.further_columns_)
         if self._guide != "simulation":
             simulated = np.zeros((len(X), 0))
@@ -145,46 +198,43 @@ class PreparedNet(TrajectoryNet):
             simulated = simulated_states(self.model_, X)
         return prepare(
             self.model_,
-            records,
-            [features[record.rows] for record in records],
-            None if simulated is None else [simulated[record.rows] for record in records],
+            [each.record for each in filled],
+            [each.along(features[each.rows], self.hold_) for each in filled],
+            None if simulated is None else [self._along(each, simulated) for each in filled],
             hold=self.hold_,
             substeps=self.substeps_,
         )
+
+    def _along(self, each: FilledRecord, simulated) -> np.ndarray:
+        """Return simulated columns of X at all samples; in between the model is simulated."""
+        given = simulated[each.rows]
+        if each.is_whole or not given.shape[1]:
+            return each.along(given, "zoh")
+        slope, offset = self.guide_line_
+        found = self._open_loop(each.record) * slope + offset
+        found[each.kept] = given
+        return found
 
     # -- preparing ---------------------------------------------------------------------------------
 
     def _prepare_training(self, X, y, random, anew):
         """Read the records, estimate their states, and define the network's step."""
-        table = X = validate_table(self, X, reset=anew)
+        table = validate_table(self, X, reset=anew)
         y = as_pandas(y)
         outputs = y if hasattr(y, "iloc") else np.asarray(y)
-        self._single_output = np.asarray(y).ndim == 1
-        self.model_ = self.model if anew else self.model_
-        if self.model is None:
-            X, y = self._with_column_names(X), np.asarray(y)  # y names nothing that a model knows
-            self.model_ = plain_model(X, y, self._time_name(X), self.states)
-        self._settle_dissipation()
-        X, time_column = self._named(X)
-        given = read_records(self.model_, X, y, time_column=time_column, allow_unmeasured=True)
-        records = tuple(record for record in given if record.is_measured)
-        if self.model is not None:
-            refuse_standardised(self.model, given, energies=self.lambda_phy != 0)
+        X, given = self._read_training(table, y, anew)
+        measured = [record for record in given if record.is_measured]
+        filled = self._settle_interval(measured, anew)
+        records = tuple(each.record for each in filled)
         self.noise_ = output_noise(records)
         options = self._settle_clock(records)
-        self.further_columns_ = further_columns(self.model_, X, time_column)
         states = estimate_states(self.model_, records, **options)
         if anew:
             self._settle_structure(records, states, options)
-        ready = self._prepare(X, records)
-        self.guide_line_ = self._find_guide_line(X, records, ready)
-        told = told_samples(records)
-        whole = [
-            TrainingRecord(each, x, record.y, told=by_y)
-            for each, x, record, by_y in zip(ready, states, records, told, strict=True)
-        ]
+        self._tell_of_intervals(filled)
+        whole = self._with_states(X, filled, states)
         training, self._validation = split_for_validation(whole, self.validation_fraction, random)
-        self._show(table, outputs, records, whole)
+        self._show(table, outputs, measured, whole)
         self._unmeasured = self._prepare_unmeasured(X, given, options)
         windows = self._cut_windows([*training, *self._unmeasured], options)
         if anew:
@@ -204,6 +254,36 @@ class PreparedNet(TrajectoryNet):
         self._spread = np.where(spread > 0, spread, 1.0)
         return training, windows
 
+    def _read_training(self, X, y, anew):
+        """Name the columns of X, and read it with y as records of the model."""
+        self._single_output = np.asarray(y).ndim == 1
+        self.model_ = self.model if anew else self.model_
+        if self.model is None:
+            X, y = self._with_column_names(X), np.asarray(y)  # y names nothing that a model knows
+            self.model_ = plain_model(X, y, self._time_name(X), self.states)
+        self._settle_dissipation()
+        X, time_column = self._named(X)
+        given = read_records(self.model_, X, y, time_column=time_column, allow_unmeasured=True)
+        if self.model is not None:
+            refuse_standardised(self.model, given, energies=self.lambda_phy != 0)
+            warn_of_other_starts(self.model, given)
+        self.further_columns_ = further_columns(self.model_, X, time_column)
+        return X, given
+
+    def _settle_interval(self, records, anew) -> list[FilledRecord]:
+        """Choose what one step of the network spans, and divide the records' longer ones."""
+        self.hold_ = hold_of(self.model_, self.hold)
+        if anew:
+            self.interval_ = float(np.median(np.concatenate([np.diff(r.t) for r in records])))
+        return [fill(record, self.interval_, self.hold_) for record in records]
+
+    def _with_states(self, X, filled, states) -> list[TrainingRecord]:
+        """Return the trajectories as the network is trained on them."""
+        self.guide_line_ = self._find_guide_line(X, filled)
+        records = [each.record for each in filled]
+        parts = zip(self._prepare(X, filled), states, records, told_samples(records), strict=True)
+        return [TrainingRecord(ready, x, record.y, told=told) for ready, x, record, told in parts]
+
     def _settle_dissipation(self) -> None:
         """Let the model dissipate energy as defined by a weighted balance."""
         terms = as_terms(self.physics_loss, self.model) if self.lambda_phy != 0 else []
@@ -213,9 +293,7 @@ class PreparedNet(TrajectoryNet):
 
     def _settle_clock(self, records) -> dict:
         """Choose how the records are simulated and compared, and return the simulation options."""
-        self.hold_ = hold_of(self.model_, self.hold)
         self.substeps_ = substeps_for(self.model_, records, self.substeps, hold=self.hold_)
-        self.interval_ = float(np.median(np.concatenate([np.diff(r.t) for r in records])))
         self._stride = max(1, int(dominant_period(records) / self.interval_ / PER_PERIOD))
         if any(np.isnan(record.y).any() for record in records):
             self._stride = 1  # else those that were measured may be skipped
@@ -243,9 +321,10 @@ class PreparedNet(TrajectoryNet):
         blind = [record for record in records if not record.is_measured]
         if self.lambda_phy == 0 or not blind:
             return []
+        filled = self._fill(blind)
         return [
-            unmeasured_record(self.model_, record, ready, **options)
-            for record, ready in zip(blind, self._prepare(X, blind), strict=True)
+            unmeasured_record(self.model_, each.record, ready, **options)
+            for each, ready in zip(filled, self._prepare(X, filled), strict=True)
         ]
 
     def _settle_structure(self, records, states, options) -> None:
@@ -298,13 +377,14 @@ class PreparedNet(TrajectoryNet):
             )
         return self._physics
 
-    def _find_guide_line(self, X, records, ready):
-        """Find the line of the simulated columns of X over the simulation, for a stepper."""
+    def _find_guide_line(self, X, filled):
+        """Find the line of the simulated columns of X over the simulation, for other samples."""
         nx = len(self.model_.states)
-        if self._guide != "simulation" or simulated_states(self.model_, X) is None:
+        simulated = simulated_states(self.model_, X) if self._guide == "simulation" else None
+        if simulated is None:
             return np.ones(nx), np.zeros(nx)
-        own = np.concatenate([self._open_loop(record) for record in records])
-        given = np.concatenate([each.simulated for each in ready])
+        own = np.concatenate([self._open_loop(each.record)[each.kept] for each in filled])
+        given = simulated[np.concatenate([each.rows for each in filled])]
         lines = [
             np.polyfit(a, b, 1) if np.ptp(a) else (1.0, b[0] - a[0])
             for a, b in zip(own.T, given.T, strict=True)

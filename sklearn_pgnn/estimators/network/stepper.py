@@ -2,6 +2,7 @@
 
 from collections import deque
 from dataclasses import replace
+from math import isfinite
 
 import numpy as np
 from torch import nn
@@ -32,6 +33,8 @@ class Stepper:
         Sample interval [s].
     guide_line : (ndarray, ndarray)
         Slope and offset by which the simulated columns of the training data follow the simulation.
+    parts : int, default=1
+        Steps of the network from sample to sample.
 
     Attributes
     ----------
@@ -41,12 +44,16 @@ class Stepper:
         Time since the start [s].
     """
 
-    def __init__(self, core: nn.Module, step: NetworkStep, x0, interval: float, guide_line):
+    def __init__(
+        self, core: nn.Module, step: NetworkStep, x0, interval: float, guide_line, parts: int = 1
+    ):
         self._late, self._line = step.model, guide_line
         # delays are applied here, from the past inputs
         self._step = replace(step, model=step.model.replace(delays={}))
         self._run, self._outputs_of = compiled_run(core, self._step), _output_function(step.model)
         self._interval, self.t = float(interval), 0.0
+        self._times = self._interval * np.arange(parts + 1) / parts
+        self._features, self._none = None, np.zeros((parts + 1, 0))
         self._told = x0 is not None
         start = list(step.model.initial_state.values()) if x0 is None else x0
         self.x = np.array(start, dtype=float)
@@ -55,6 +62,7 @@ class Stepper:
                 f"x0: expected {len(step.model.states)} numbers, one for each of "
                 f"{', '.join(step.model.states)}, got shape {self.x.shape}."
             )
+        _refuse_not_finite("x0", self.x, step.model.states, "leave x0 out to start as the model")
         self._simulated = self.x.copy()
         longest = max([step.model.parameters[p].value for p in step.model.delays.values()] or [0.0])
         self._inputs: deque[np.ndarray] = deque(maxlen=int(longest / interval) + 3)
@@ -74,16 +82,21 @@ class Stepper:
         ndarray of shape (n_outputs,)
             Outputs at the next sample, while `u` still acts; where an output depends on an input
             itself, `output` gives it once the next input is known.
+
+        Raises
+        ------
+        ValueError
+            If an input has the wrong shape or is not finite; nothing is advanced then.
         """
         u = self._read(u)
-        acting = np.array([self._acting(u)] * 2)
+        seen = self._features_along(np.ravel(features)) if len(features) else self._none
+        acting = self._acting_along(u)
         self._inputs.extend([u] if self._inputs else [u, u])
-        t = np.array([self.t, self.t + self._interval])
-        guide = self._guide(t, acting) if self._step.guide == "simulation" else np.zeros((2, 0))
-        features = np.array([np.ravel(features)] * 2, dtype=float)
-        self.x = self._run(NetworkRecord(t, acting, acting, guide, features, self.x))[0][-1]
-        self.t = float(t[1])
-        return self._outputs(acting[1])
+        t = self.t + self._times
+        guide = self._guide(t, acting) if self._step.guide == "simulation" else self._none
+        self.x = self._run(NetworkRecord(t, acting, acting, guide, seen, self.x))[0][-1]
+        self.t = float(t[-1])
+        return self._outputs(acting[-1])
 
     def output(self, u) -> np.ndarray:
         """Return the outputs of the present sample, as ``predict`` does.
@@ -108,6 +121,9 @@ class Stepper:
                 f"u: expected {len(self._late.inputs)} numbers, one for each of "
                 f"{', '.join(self._late.inputs)}, got shape {u.shape}."
             )
+        if not all(map(isfinite, u.tolist())):
+            told = f"repeat the last good one; the state is still that of t = {self.t:g} s"
+            _refuse_not_finite("u", u, self._late.inputs, told)
         if not (self._told or self._inputs):
             for i, (state, value) in enumerate(settled_start(self._late, u).items()):
                 if state in self._late.settled:
@@ -119,18 +135,45 @@ class Stepper:
 
     def _acting(self, u) -> np.ndarray:
         """Return the inputs as they act now; before the start they had their first value."""
+        return self._acting_along(u)[0]
+
+    def _acting_along(self, u) -> np.ndarray:
+        """Return the inputs as they act at the steps of the network until the next sample."""
+        parts = self._times.size - 1
         if not self._late.delays:
-            return u
-        history = np.array([*(self._inputs or [u]), u])
-        t = self.t - self._interval * np.arange(len(history))[::-1]
-        return delayed_inputs(self._late, t, history)[-1, : u.size]
+            return np.array([u] * (parts + 1))
+        history = np.array([*(self._inputs or [u]), *[u] * parts])
+        past = self.t - self._interval * np.arange(len(history) - parts + 1)[::-1]
+        t = np.append(past, self.t + self._times[1:-1])
+        acting = delayed_inputs(self._late, t, history)[-parts:, : u.size]
+        return np.vstack([acting, acting[-1:]])
+
+    def _features_along(self, features) -> np.ndarray:
+        """Return further columns at the steps of the network; they change at the next sample."""
+        if not all(map(isfinite, features.tolist())):
+            raise ValueError(
+                f"features: expected finite numbers, got {features.tolist()}. Remedy: repeat the "
+                f"last good ones; nothing was advanced."
+            )
+        held = features if self._features is None else self._features
+        self._features = features
+        return np.array([held] * (self._times.size - 1) + [features], dtype=float)
 
     def _guide(self, t, acting) -> np.ndarray:
         """Simulate the model along, in open loop."""
         run = simulate(self._step.model, t, acting, self._simulated, substeps=self._step.substeps)
         self._simulated = run.x[-1]
         slope, offset = self._line
-        return np.tile(self._simulated * slope + offset, (2, 1))
+        return run.x * slope + offset
+
+
+def _refuse_not_finite(what: str, values, names, remedy: str) -> None:
+    """Raise `ValueError` where a value is NaN or infinite, and name it."""
+    for name, value in zip(names, values.tolist(), strict=True):
+        if not isfinite(value):
+            raise ValueError(
+                f"{what}: expected finite numbers, got {value} for {name!r}. Remedy: {remedy}."
+            )
 
 
 def _output_function(model: PhysicsModel):

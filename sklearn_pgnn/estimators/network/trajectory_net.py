@@ -90,6 +90,28 @@ class TrajectoryNet(NeuralNetRegressor):
         """Name the parameters; skorch would also count private attributes set by `fit`."""
         return [name for name in super()._get_param_names() if not name.startswith("_")]
 
+    def set_params(self, **params):
+        """Set parameters; they all wait for the next fit.
+
+        Parameters
+        ----------
+        **params
+            Parameters by name. With one of the core (``module``, ``module__...``) the network does
+            not count as fitted any more.
+
+        Returns
+        -------
+        self : PGNNLRegressor
+            The network.
+        """
+        if any(name.partition("__")[0] == "module" for name in params):
+            self.initialized_ = False  # skorch would make a core of random weights at once
+        return super().set_params(**params)
+
+    def __sklearn_is_fitted__(self):
+        """Return whether there is a trained core."""
+        return bool(self.initialized_) and super().__sklearn_is_fitted__()
+
     def __repr__(self):
         defaults = type(self)().get_params(deep=False)
         changed = [
@@ -451,6 +473,13 @@ class TrajectoryNet(NeuralNetRegressor):
 
     def _why_not_finite(self, error) -> str:
         weights = nn.utils.parameters_to_vector(self.module_.core.parameters())
+        steps = self._phase.horizon if self._phase else 0
+        if torch.isfinite(weights).all() and steps == 1:
+            return (
+                f"the error of a single step is {error.item()}, though the network's weights are "
+                f"finite. Remedy: a model whose equations are finite at every measured state, "
+                f"without a root or a logarithm of what may be negative; or a smaller lr."
+            )
         if torch.isfinite(weights).all():
             return (
                 f"the error of the prediction is {error.item()}. Remedy: a smaller lr, or a "

@@ -1,0 +1,251 @@
+"""Records on the clock of a training: one step of a network spans the interval it was trained at.
+
+A step longer than that is divided: samples are put in between, of which nothing was measured and
+nothing is reported. What cannot be divided so is told, unless the network's output is a rate that
+the step integrates: then a step of any length says about the same.
+"""
+
+import warnings
+from dataclasses import dataclass, replace
+from numbers import Real
+
+import numpy as np
+
+from sklearn_pgnn.estimators.network.structure import ON_THE_MODEL
+from sklearn_pgnn.exceptions import OptionError, RecordError, RecordWarning
+from sklearn_pgnn.trajectories.record import Record
+
+#: a step this many times as long as that of the training is divided
+LONG = 1.5
+#: a step that differs by more than this share of the training's counts as another one
+TOLERANCE = 0.1
+#: most samples that are put in between in one trajectory
+MOST = 1_000_000
+
+
+@dataclass(frozen=True)
+class FilledRecord:
+    """A trajectory with samples in between where its own are far apart.
+
+    Parameters
+    ----------
+    record : Record
+        All samples; those in between have no outputs, and the row number of the one before.
+    rows : ndarray of int
+        Row numbers of its own samples in the original table.
+    kept : ndarray of int
+        Where its own samples are among all.
+    before : ndarray of int
+        The own sample at or before each of all samples.
+    share : ndarray of float
+        How far each sample is from there to the next own one, from 0 to below 1.
+    """
+
+    record: Record
+    rows: np.ndarray
+    kept: np.ndarray
+    before: np.ndarray
+    share: np.ndarray
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether no sample was put in between."""
+        return self.kept.size == self.before.size
+
+    def along(self, values: np.ndarray, hold: str) -> np.ndarray:
+        """Return values of the own samples at all samples.
+
+        Parameters
+        ----------
+        values : ndarray of shape (n_own_samples, n)
+            Values.
+        hold : {"zoh", "foh"}
+            Whether they are held in between, or follow a straight line.
+
+        Returns
+        -------
+        ndarray of shape (n_samples, n)
+            The values.
+        """
+        found = values[self.before]
+        if hold == "foh":
+            after = np.minimum(self.before + 1, self.kept.size - 1)
+            found = found + self.share[:, None] * (values[after] - found)
+        return found
+
+
+def fill(record: Record, interval: float, hold: str) -> FilledRecord:
+    """Divide the long steps of a record.
+
+    Parameters
+    ----------
+    record : Record
+        The record.
+    interval : float
+        Step of the network [s].
+    hold : {"zoh", "foh"}
+        How the inputs vary between two samples.
+
+    Returns
+    -------
+    FilledRecord
+        The record, with samples in between where a step is at least `LONG` intervals.
+
+    Raises
+    ------
+    RecordError
+        If more than `MOST` samples would be put in between.
+
+    Examples
+    --------
+    >>> t, none = np.array([0.0, 0.1, 0.2, 0.5]), np.zeros((4, 0))
+    >>> record = Record(t, none, np.ones((4, 1)), np.zeros(1), "a", np.arange(4))
+    >>> filled = fill(record, 0.1, "zoh")
+    >>> filled.record.t.round(3).tolist(), filled.kept.tolist()
+    ([0.0, 0.1, 0.2, 0.3, 0.4, 0.5], [0, 1, 2, 5])
+    """
+    counts = _parts(np.diff(record.t), interval)
+    _refuse_endless(record, counts, interval)
+    n, counts = record.t.size, counts.astype(int)
+    kept = np.concatenate([[0], np.cumsum(counts)])
+    before = np.append(np.repeat(np.arange(n - 1), counts), n - 1)
+    share = (np.arange(before.size) - kept[before]) / np.append(counts, 1)[before]
+    filled = FilledRecord(record, record.rows, kept, before, share)
+    if filled.is_whole:
+        return filled
+    y = record.y
+    if y is not None:
+        y = np.full((before.size, y.shape[1]), np.nan)
+        y[kept] = record.y
+    t = filled.along(record.t[:, None], "foh")[:, 0]
+    u = filled.along(record.u, hold)
+    return replace(filled, record=replace(record, t=t, u=u, y=y, rows=record.rows[before]))
+
+
+def _parts(steps, interval: float) -> np.ndarray:
+    """Return into how many parts each step is divided."""
+    ratios = np.asarray(steps) / interval
+    return np.where(ratios >= LONG, np.rint(ratios), 1.0)
+
+
+def _refuse_endless(record: Record, counts: np.ndarray, interval: float) -> None:
+    if counts.sum() - counts.size <= MOST:
+        return
+    k = int(np.argmax(counts))
+    raise RecordError(
+        f"X: the network steps by {interval:g} s, the sample interval of its training; expected at "
+        f"most {MOST} such steps between the rows of trajectory {record.name!r}, got "
+        f"{counts.max():.3g} after row {record.rows[k]}, a gap of "
+        f"{record.t[k + 1] - record.t[k]:g} s. Remedy: give what follows the gap a name of its own "
+        f"in a column 'trajectory', or resample the records."
+    )
+
+
+def holds_at_one_interval(structure: str, module) -> bool:
+    """Return whether a network is a map from sample to sample, and no correction of rates.
+
+    Parameters
+    ----------
+    structure : str
+        Meaning of the network's output.
+    module : Module or Module class
+        The core; one with a hidden state changes that from sample to sample.
+
+    Returns
+    -------
+    bool
+        Whether the network holds for the sample interval of its training only.
+    """
+    return structure not in ON_THE_MODEL or hasattr(module, "at_rest")
+
+
+def warn_of_other_intervals(filled: list[FilledRecord], interval: float, structure: str) -> None:
+    """Warn of trajectories whose steps are no multiples of the training's.
+
+    Parameters
+    ----------
+    filled : list of FilledRecord
+        Trajectories, their long steps divided.
+    interval : float
+        Step of the network [s].
+    structure : str
+        Meaning of the network's output.
+    """
+    others = [each for each in filled if _is_other(each, interval)]
+    if not others:
+        return
+    first = others[0]
+    usual = float(np.median(np.diff(first.record.t[first.kept])))
+    more = f" and {len(others) - 1} more are" if len(others) > 1 else " is"
+    warnings.warn(
+        f"X: expected steps of {interval:g} s, the sample interval of the training, or multiples "
+        f"of it, for the network (structure={structure!r}) is a map from one such sample to the "
+        f"next; trajectory {first.record.name!r} from row {first.rows[0]} on{more} sampled "
+        f"otherwise, there every {usual:g} s in the median. The prediction is wrong by as much. "
+        f"{_remedy(interval)}",
+        RecordWarning,
+        stacklevel=5,
+    )
+
+
+def _is_other(each: FilledRecord, interval: float) -> bool:
+    """Return whether most steps of a trajectory, divided or not, are not the network's."""
+    steps = np.diff(each.record.t)
+    return bool(steps.size and np.median(np.abs(steps / interval - 1)) > TOLERANCE)
+
+
+def _remedy(interval: float) -> str:
+    return (
+        f"Remedy: resample the records to {interval:g} s, or train with structure='correction' "
+        f"and a FeedForward core, which corrects rates and holds at other intervals, too."
+    )
+
+
+def parts_of_a_step(wanted, interval: float, is_map: bool, structure: str) -> int:
+    """Return how many steps of a network make a sample interval.
+
+    Parameters
+    ----------
+    wanted : float
+        The sample interval [s].
+    interval : float
+        Step of the network [s].
+    is_map : bool
+        Whether the network holds for that step only.
+    structure : str
+        Meaning of the network's output.
+
+    Returns
+    -------
+    int
+        The number; a `RecordWarning` says where no number fits.
+
+    Raises
+    ------
+    OptionError
+        If it is no time.
+    """
+    check_interval(wanted)
+    parts = int(_parts(wanted, interval))
+    if is_map and abs(wanted / parts / interval - 1) > TOLERANCE:
+        warnings.warn(
+            f"interval: expected {interval:g} s, the sample interval of the training, or a "
+            f"multiple of it, for the network (structure={structure!r}) is a map from one such "
+            f"sample to the next; got {wanted:g} s. Its outputs are wrong by as much. "
+            f"{_remedy(wanted)}",
+            RecordWarning,
+            stacklevel=4,
+        )
+    return parts
+
+
+def check_interval(interval) -> None:
+    """Raise `OptionError` unless a sample interval is a time above 0.
+
+    Parameters
+    ----------
+    interval : float
+        The value.
+    """
+    if not isinstance(interval, Real) or not 0 < float(interval) < np.inf:
+        raise OptionError(f"interval: expected the sample interval in seconds, got {interval!r}.")

@@ -1,0 +1,66 @@
+"""A target that is scaled contradicts the initial states in X, and that is told."""
+
+import warnings
+
+import numpy as np
+import pandas as pd
+import pytest
+from sklearn.compose import TransformedTargetRegressor
+from sklearn.linear_model import Ridge
+from sklearn.preprocessing import StandardScaler
+
+from sklearn_pgnn import PhysicsModelRegressor, ResidualRegressor, systems
+from sklearn_pgnn.exceptions import RecordWarning
+from sklearn_pgnn.trajectories import read_records
+from sklearn_pgnn.trajectories.told_starts import warn_of_other_starts
+
+CART = systems.cart_on_spring()
+
+
+def records(noise=0.0):
+    rng = np.random.default_rng(1)
+    tables, outputs = [], []
+    for i in range(3):
+        t, start = np.arange(100) * 0.05, rng.normal(size=2) * 0.3
+        force = np.sin(t + i)
+        y = CART.simulate(t, force, start, substeps=4).y[:, 0]
+        table = {"trajectory": i, "t": t, "force": force, "x": start[0], "v": start[1]}
+        tables.append(pd.DataFrame(table))
+        outputs.append(y + noise * rng.normal(size=t.size))
+    return pd.concat(tables, ignore_index=True), np.concatenate(outputs)
+
+
+X, Y = records()
+MESSAGE = r"y: output 'position' is the state 'x', but in \d of 3 .* row 0, y is .* Remedy: let y"
+
+
+@pytest.mark.parametrize(
+    "estimator", [PhysicsModelRegressor(CART), ResidualRegressor(CART, Ridge())]
+)
+def test_a_scaled_target_is_told(estimator):
+    scaled = TransformedTargetRegressor(estimator, transformer=StandardScaler())
+    with pytest.warns(RecordWarning, match=MESSAGE):
+        scaled.fit(X, Y)
+
+
+def test_a_network_tells_of_it_too():
+    pgnnl = pytest.importorskip("sklearn_pgnn.estimators.pgnnl")
+    net = pgnnl.PGNNLRegressor(CART, max_epochs=1, refine=None)
+    with pytest.warns(RecordWarning, match=MESSAGE):
+        net.fit(X, 10 * Y)
+
+
+@pytest.mark.parametrize(
+    ("table", "y"),
+    [
+        (X, Y),
+        records(noise=0.05),
+        (X.drop(columns=["x", "v"]), 10 * Y),
+        (X, np.where(X.t, Y, np.nan)),
+    ],
+    ids=["as told", "noisy", "not told", "not measured"],
+)
+def test_starts_that_agree_or_are_not_known_are_not(table, y):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        warn_of_other_starts(CART, read_records(CART, table, y))
