@@ -329,7 +329,8 @@ def _positive(value) -> float:
 
 def check_records(model: PhysicsModel, records: tuple[Record, ...]) -> None:
     """Raise `RecordError` if records are insufficient for a diagnosis."""
-    sizes = [int(np.isfinite(record.y).any(axis=1).sum()) for record in records]
+    outputs = [record.y for record in records if record.y is not None]
+    sizes = [int(np.isfinite(y).any(axis=1).sum()) for y in outputs]
     windows = sum(size // MIN_SAMPLES for size in sizes)
     if windows < FOLDS:
         raise RecordError(
@@ -338,7 +339,7 @@ def check_records(model: PhysicsModel, records: tuple[Record, ...]) -> None:
             f"is predicted with parameters fitted to the others; got {sum(sizes)} samples, enough "
             f"for {windows}. Remedy: record longer, more often, or at a higher rate."
         )
-    for name, column in zip(model.outputs, np.concatenate([r.y for r in records]).T, strict=True):
+    for name, column in zip(model.outputs, np.concatenate(outputs).T, strict=True):
         if not np.isfinite(column).any():
             raise RecordError(
                 f"output {name!r}: expected measured values, got none. Remedy: leave the output "
