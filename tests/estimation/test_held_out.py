@@ -373,7 +373,7 @@ def test_the_price_is_that_of_the_integral_over_the_initial_value(sharpness, see
 @pytest.mark.parametrize("sizes", [(79,), (39, 39, 39), (19,) * 5])
 def test_records_that_make_too_few_windows_are_refused(sizes):
     with pytest.raises(
-        RecordError, match=r"at least 80 samples .*, 4 windows of 20.*got .* Remedy"
+        RecordError, match=r"at least 80 measured samples .*, at least 4 windows of 20.*got .* Remedy"
     ):
         ModelDiagnosis(CART).fit(*drive(sizes))
 
