@@ -220,6 +220,8 @@ class FileTable(ABC):
         wanted, (_, _, last) = self.wanted_unit(name), title.rpartition("_")
         if unit_of(title) or last == title or not wanted or plain_unit(last) == plain_unit(wanted):
             return ""
+        if last.isdecimal():  # it counts columns
+            return ""
         if name == TIME:
             return last if last in TIMES else ""
         found = conversion(last, wanted) if is_installed("units") else None

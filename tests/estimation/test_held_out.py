@@ -372,9 +372,8 @@ def test_the_price_is_that_of_the_integral_over_the_initial_value(sharpness, see
 
 @pytest.mark.parametrize("sizes", [(79,), (39, 39, 39), (19,) * 5])
 def test_records_that_make_too_few_windows_are_refused(sizes):
-    with pytest.raises(
-        RecordError, match=r"at least 80 measured samples .*, at least 4 windows of 20.*got .* Remedy"
-    ):
+    said = r"at least 80 measured samples .*, at least 4 windows of 20.*got .* Remedy"
+    with pytest.raises(RecordError, match=said):
         ModelDiagnosis(CART).fit(*drive(sizes))
 
 

@@ -88,6 +88,15 @@ def test_a_time_whose_name_ends_in_milliseconds_is_asked_about(tmp_path):
     assert X["t"].to_numpy() == pytest.approx([0, 1, 2, 3])
 
 
+def test_a_number_at_the_end_of_a_name_is_no_unit(tmp_path, recwarn):
+    pytest.importorskip("pint")
+    angle = PhysicsModel(
+        {"phi": "rad"}, {"phi": "u - phi"}, {}, {"u": "rad"}, columns={"u": "d_1", "phi": "d_3"}
+    )
+    read_csv(write(tmp_path, "t,d_1,d_3"), angle)
+    assert not recwarn
+
+
 @pytest.mark.parametrize("shown", ["v/n", "2*v/n", "m*v/n"])
 def test_an_output_whose_expression_is_in_another_unit_is_asked_about(tmp_path, recwarn, shown):
     pytest.importorskip("pint")
