@@ -392,7 +392,7 @@ def test_the_best_so_far_is_told_while_the_search_goes_on():
     name = effects.by_id(cause.effect).title(cause.target)
     assert re.fullmatch(rf"{BEST}error (0\.9|1\.)\d* times the noise with {name}", told[-1])
     assert stages.index("cause 1") < stages.index(told[-1]) < stages.index("held-out error")
-    left = [float(stage.removeprefix(BEST).split()[0]) for stage in told]
+    left = [float(stage.removeprefix(f"{BEST}error ").split()[0]) for stage in told]
     assert left == sorted(left, reverse=True)
 
 
