@@ -164,7 +164,7 @@ def test_a_time_that_cannot_be_told_is_asked_for():
     )
     silent = make_pipeline(FunctionTransformer(), FunctionTransformer())
     for fit in (
-        lambda: HalvingBayesSearchCV(silent, {"a": [1]}, n_iter=1, cv=3).fit(CALLED, Y),
+        lambda: HalvingBayesSearchCV(silent, {"functiontransformer-1__validate": [True]}, n_iter=1, cv=3).fit(CALLED, Y),
         lambda: ConformalRegressor(TransformedTargetRegressor()).fit(CALLED, Y),
         lambda: next(TrajectoryKFold(3).split(CALLED)),
     ):

@@ -120,7 +120,7 @@ def test_nothing_is_known_of_states_where_all_records_are_short():
     cart, X, y = cart_in_motion()
     seen = np.full_like(y, np.nan)
     seen[::150] = y[::150]
-    assert np.isinf(spread_of(cart, X, seen)).all()
+    assert np.isinf(spread_of(cart, np.vstack([X] * 5), np.vstack([seen] * 5))).all()
 
 
 @pytest.mark.parametrize("without", ["position", "speed"])
