@@ -163,8 +163,9 @@ def test_a_time_that_cannot_be_told_is_asked_for():
         r"asked for by cv=TrajectoryKFold\(\.\.\., time_column=\.\.\.\); or give X a column 'traj"
     )
     silent = make_pipeline(FunctionTransformer(), FunctionTransformer())
+    tried = {"functiontransformer-1__validate": [True]}
     for fit in (
-        lambda: HalvingBayesSearchCV(silent, {"functiontransformer-1__validate": [True]}, n_iter=1, cv=3).fit(CALLED, Y),
+        lambda: HalvingBayesSearchCV(silent, tried, n_iter=1, scoring="r2", cv=3).fit(CALLED, Y),
         lambda: ConformalRegressor(TransformedTargetRegressor()).fit(CALLED, Y),
         lambda: next(TrajectoryKFold(3).split(CALLED)),
     ):
