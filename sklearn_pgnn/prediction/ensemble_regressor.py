@@ -122,17 +122,25 @@ class EnsembleRegressor(OuterEstimatorMixin, MetaEstimatorMixin, GapScoreMixin, 
         seeds = [{name: int(draw.randint(2**31 - 1)) for name in names} for _ in range(count)]
         calls = (delayed(_fit)(self.estimator, each, X, y, fit_params) for each in seeds)
         self.estimators_ = Parallel(self.n_jobs)(calls)
-        self._tell_of_same_fits(X)
+        self._warn_of_same_fits(X)
         return self
 
-    def _tell_of_same_fits(self, X) -> None:
-        """Warn where the fits differ by rounding only, whose spread tells nothing."""
+    def _warn_of_same_fits(self, X) -> None:
+        """Warn where the fits differ by rounding only, whose spread tells nothing.
+
+        They predict one after the other until one differs: mostly that is the second.
+        """
         if self.n_estimators == 1:
             return
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            each = self._each("predict", X)
-        if np.all(np.ptp(each, axis=0) <= SAME * np.max(np.abs(each))):
+            first, *others = self.estimators_
+            reference = np.asarray(first.predict(X))
+            limit = SAME * np.max(np.abs(reference))
+            are_same = all(
+                np.all(np.abs(np.asarray(each.predict(X)) - reference) <= limit) for each in others
+            )
+        if are_same:
             warnings.warn(
                 f"estimator: the {self.n_estimators} fits of {self.estimator!r} predict the same "
                 f"for X, so that it uses no random numbers, or learns every sample by heart; a "
