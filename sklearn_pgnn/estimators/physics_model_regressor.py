@@ -42,10 +42,10 @@ from sklearn_pgnn.simulation.uncertainty import (
 )
 from sklearn_pgnn.threads import local_threads, one_thread_each
 from sklearn_pgnn.trajectories import read_records, rows_in_order
+from sklearn_pgnn.trajectories.contradicted_states import warn_of_contradicted_states
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
 from sklearn_pgnn.trajectories.scoring import GapScoreMixin
 from sklearn_pgnn.trajectories.tags import tags_of_records
-from sklearn_pgnn.trajectories.told_starts import warn_of_other_starts
 from sklearn_pgnn.trajectories.validation import check_model, require_target, validate_table
 
 
@@ -194,7 +194,7 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             raise ValueError(f"search: expected one of {', '.join(SEARCHES)}, got {self.search!r}.")
         records = read_records(self.model, X, y, time_column=self.time_column)
         refuse_standardised(self.model, records)
-        warn_of_other_starts(self.model, records)
+        warn_of_contradicted_states(self.model, records)
         pieces = without_gaps(records, self.window_length)
         windowed, found = self._find(pieces, names)
         windows = windowed.windows

@@ -17,11 +17,11 @@ from sklearn_pgnn.simulation.free_run import substeps_for
 from sklearn_pgnn.simulation.record_windows import output_noise
 from sklearn_pgnn.simulation.simulate import hold_of
 from sklearn_pgnn.trajectories import read_records, rows_in_order
+from sklearn_pgnn.trajectories.contradicted_states import warn_of_contradicted_states
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
 from sklearn_pgnn.trajectories.names import SIMULATED, is_named, place_of, time_name
 from sklearn_pgnn.trajectories.reader import TIME, TRAJECTORY
 from sklearn_pgnn.trajectories.scoring import GapScoreMixin
-from sklearn_pgnn.trajectories.told_starts import warn_of_other_starts
 from sklearn_pgnn.trajectories.validation import check_model, require_target, validate_table
 
 
@@ -268,7 +268,7 @@ class ResidualRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         """Return the features and the model's error."""
         records = read_records(self.model, X, y, time_column=self.time_column)
         refuse_standardised(self.model, records)
-        warn_of_other_starts(self.model, records)
+        warn_of_contradicted_states(self.model, records)
         self.hold_ = hold_of(self.model, self.hold)
         self.substeps_ = substeps_for(self.model, records, self.substeps, hold=self.hold_)
         self.noise_ = output_noise(records)

@@ -7,9 +7,9 @@ import numpy as np
 
 from sklearn_pgnn.estimators.network.free_run import is_compiled, step_with, weights_of
 from sklearn_pgnn.estimators.network.sample_interval import (
-    TOLERANCE,
     check_interval,
     holds_at_one_interval,
+    is_other_interval,
 )
 from sklearn_pgnn.exceptions import ModelError, OptionError
 from sklearn_pgnn.export.assignments import outputs_of
@@ -104,7 +104,7 @@ def refuse_other_interval(network, interval) -> None:
     check_interval(interval)
     own = network.interval_
     is_map = holds_at_one_interval(network.structure_, network.module_.core)
-    if is_map and abs(interval / own - 1) > TOLERANCE:
+    if is_map and is_other_interval(interval, own):
         raise OptionError(
             f"interval: expected {own:g} s, the sample interval of the training, for the network "
             f"(structure={network.structure_!r}) is a map from one such sample to the next, got "

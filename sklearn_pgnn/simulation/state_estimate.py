@@ -86,7 +86,7 @@ class StateEstimator:
             if shown:
                 self._smooth_output(name, column, *shown)
         for state, sources in self._sources.items():
-            if len(sources) > 1:
+            if not self._from[state][0].is_measured.all():
                 self.known[state] = self._where_measured(state, sources)
 
     def _where_measured(self, state, sources) -> np.ndarray:

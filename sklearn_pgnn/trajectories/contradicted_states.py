@@ -13,7 +13,7 @@ SHARE = 0.1
 ROUGH = 5.0
 
 
-def warn_of_other_starts(model: PhysicsModel, records) -> None:
+def warn_of_contradicted_states(model: PhysicsModel, records) -> None:
     """Warn where outputs that show a state begin elsewhere than X says, in most trajectories.
 
     Parameters
@@ -28,15 +28,15 @@ def warn_of_other_starts(model: PhysicsModel, records) -> None:
     >>> from sklearn_pgnn.trajectories import read_records
     >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
     >>> X = np.column_stack([np.arange(9.0), np.ones(9), np.zeros(9)])
-    >>> warn_of_other_starts(lag, read_records(lag, X, 1 - np.exp(-X[:, 0] / 2)))  # agree
+    >>> warn_of_contradicted_states(lag, read_records(lag, X, 1 - np.exp(-X[:, 0] / 2)))  # agree
     """
     states = list(model.states)
     for i, (output, shown) in enumerate(model.outputs.items()):
         if str(shown) in states:
-            _tell(records, i, states.index(str(shown)), (output, str(shown)))
+            _warn_of_output(records, i, states.index(str(shown)), (output, str(shown)))
 
 
-def _tell(records, i: int, state: int, names: tuple[str, str]) -> None:
+def _warn_of_output(records, i: int, state: int, names: tuple[str, str]) -> None:
     """Warn where one output contradicts the state that it shows."""
     told = [r for r in records if np.isfinite(r.x0[state]) and np.isfinite(r.y[0, i])]
     spread = np.nanstd(np.concatenate([record.y[:, i] for record in records]))

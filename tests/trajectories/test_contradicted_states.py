@@ -12,7 +12,7 @@ from sklearn.preprocessing import StandardScaler
 from sklearn_pgnn import PhysicsModelRegressor, ResidualRegressor, systems
 from sklearn_pgnn.exceptions import RecordWarning
 from sklearn_pgnn.trajectories import read_records
-from sklearn_pgnn.trajectories.told_starts import warn_of_other_starts
+from sklearn_pgnn.trajectories.contradicted_states import warn_of_contradicted_states
 
 CART = systems.cart_on_spring()
 
@@ -63,4 +63,4 @@ def test_a_network_tells_of_it_too():
 def test_starts_that_agree_or_are_not_known_are_not(table, y):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        warn_of_other_starts(CART, read_records(CART, table, y))
+        warn_of_contradicted_states(CART, read_records(CART, table, y))

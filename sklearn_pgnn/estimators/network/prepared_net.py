@@ -46,10 +46,10 @@ from sklearn_pgnn.simulation.free_run import substeps_for
 from sklearn_pgnn.simulation.record_windows import dominant_period, output_noise
 from sklearn_pgnn.simulation.simulate import hold_of
 from sklearn_pgnn.trajectories import read_records
+from sklearn_pgnn.trajectories.contradicted_states import warn_of_contradicted_states
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
 from sklearn_pgnn.trajectories.names import is_named, time_name
 from sklearn_pgnn.trajectories.tables import TIME, as_pandas, as_table
-from sklearn_pgnn.trajectories.told_starts import warn_of_other_starts
 from sklearn_pgnn.trajectories.validation import check_model, validate_table
 
 REFINEMENTS = ("auto", "lm", "lbfgs", None)
@@ -183,10 +183,10 @@ class PreparedNet(TrajectoryNet):
     def _fill(self, records) -> list[FilledRecord]:
         """Divide the records' long steps into the network's, and tell of other steps."""
         filled = [fill(record, self.interval_, self.hold_) for record in records]
-        self._tell_of_intervals(filled)
+        self._warn_of_intervals(filled)
         return filled
 
-    def _tell_of_intervals(self, filled) -> None:
+    def _warn_of_intervals(self, filled) -> None:
         if holds_at_one_interval(self.structure_, self.module):
             warn_of_other_intervals(filled, self.interval_, self.structure_)
 
@@ -231,7 +231,7 @@ class PreparedNet(TrajectoryNet):
         states = estimate_states(self.model_, records, **options)
         if anew:
             self._settle_structure(records, states, options)
-        self._tell_of_intervals(filled)
+        self._warn_of_intervals(filled)
         whole = self._with_states(X, filled, states)
         training, self._validation = split_for_validation(whole, self.validation_fraction, random)
         self._show(table, outputs, measured, whole)
@@ -266,7 +266,7 @@ class PreparedNet(TrajectoryNet):
         given = read_records(self.model_, X, y, time_column=time_column, allow_unmeasured=True)
         if self.model is not None:
             refuse_standardised(self.model, given, energies=self.lambda_phy != 0)
-            warn_of_other_starts(self.model, given)
+            warn_of_contradicted_states(self.model, given)
         self.further_columns_ = further_columns(self.model_, X, time_column)
         return X, given
 

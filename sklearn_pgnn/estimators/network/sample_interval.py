@@ -122,6 +122,27 @@ def fill(record: Record, interval: float, hold: str) -> FilledRecord:
     return replace(filled, record=replace(record, t=t, u=u, y=y, rows=record.rows[before]))
 
 
+def is_other_interval(wanted: float, interval: float) -> bool:
+    """Return whether a sample interval is not that of the training, within the tolerance.
+
+    Parameters
+    ----------
+    wanted, interval : float
+        The sample interval, and that of the training [s].
+
+    Returns
+    -------
+    bool
+        Whether it is another one.
+
+    Examples
+    --------
+    >>> is_other_interval(0.0105, 0.01), is_other_interval(0.02, 0.01)
+    (False, True)
+    """
+    return abs(wanted / interval - 1) > TOLERANCE
+
+
 def _parts(steps, interval: float) -> np.ndarray:
     """Return into how many parts each step is divided."""
     ratios = np.asarray(steps) / interval
@@ -227,7 +248,7 @@ def parts_of_a_step(wanted, interval: float, is_map: bool, structure: str) -> in
     """
     check_interval(wanted)
     parts = int(_parts(wanted, interval))
-    if is_map and abs(wanted / parts / interval - 1) > TOLERANCE:
+    if is_map and is_other_interval(wanted / parts, interval):
         warnings.warn(
             f"interval: expected {interval:g} s, the sample interval of the training, or a "
             f"multiple of it, for the network (structure={structure!r}) is a map from one such "
