@@ -147,7 +147,28 @@ def bounded_step(hessian, gradient, damping, low, high) -> np.ndarray:
     lower, upper = np.minimum(low[seen] * size, -1e-15), np.maximum(high[seen] * size, 1e-15)
     free = vectors @ (target / root)
     if not np.all((lower <= free) & (free <= upper)):
-        matrix = root[:, None] * vectors.T
-        free = lsq_linear(matrix, target, bounds=(lower, upper), method="bvls").x
+        free = _solve_within(root[:, None] * vectors.T, target, lower, upper, free)
     step[seen] = free / size
     return step
+
+
+def _solve_within(matrix, target, lower, upper, free) -> np.ndarray:
+    """Return the least-squares solution within bounds, from the one without.
+
+    The set of values at their bounds is improved until it satisfies the conditions of optimality.
+    This takes few solutions, but may cycle; then a slower algorithm, which cannot, solves it.
+    """
+    low, high = free < lower, free > upper
+    for _ in range(free.size):
+        inside = ~(low | high)
+        x = np.where(low, lower, np.where(high, upper, 0.0))
+        x[inside] = np.linalg.lstsq(matrix[:, inside], target - matrix @ x, rcond=None)[0]
+        slope = matrix.T @ (target - matrix @ x)
+        is_low, is_high = (
+            np.where(low, slope <= 0, x < lower),
+            np.where(high, slope >= 0, x > upper),
+        )
+        if np.array_equal(is_low, low) and np.array_equal(is_high, high):
+            return x
+        low, high = is_low, is_high
+    return lsq_linear(matrix, target, bounds=(lower, upper), method="bvls").x
