@@ -1,14 +1,11 @@
 """Fit hypotheses on all windows, and on held-out ones; the results are cached."""
 
 from contextlib import AbstractContextManager
-from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 
-from sklearn_pgnn.estimation.autocorrelation import white_power
 from sklearn_pgnn.estimation.budgets import (
-    COARSER,
     POLISH_STEPS,
     ROUNDING,
     SMALL_CHANGE,
@@ -16,24 +13,26 @@ from sklearn_pgnn.estimation.budgets import (
     TOLERANCE,
 )
 from sklearn_pgnn.estimation.criterion import HeldOut, log_likelihood_ratio
-from sklearn_pgnn.estimation.disturbed import disturbed_likelihood
+from sklearn_pgnn.estimation.disturbed_evidence import DisturbedEvidence, Judged
 from sklearn_pgnn.estimation.fitted_hypothesis import (
     FittedHypothesis,
     Start,
     carry_over,
     is_clearly_less,
 )
+from sklearn_pgnn.estimation.fold_fits import FoldFits
 from sklearn_pgnn.estimation.held_out import CrossValidation, make_folds
 from sklearn_pgnn.estimation.hypothesis import Hypothesis
+from sklearn_pgnn.estimation.hypothesis_failures import note_fit, tolerate_failures
 from sklearn_pgnn.estimation.hypothesis_models import HypothesisModels, Key
 from sklearn_pgnn.estimation.poor_windows import refit_poor_windows
 from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.estimation.progress import Progress
+from sklearn_pgnn.estimation.squares_left import squares_by_output, white_squares
 from sklearn_pgnn.estimation.unusable import FailureLog, Unusable
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.normal_equations import normal_equations
-from sklearn_pgnn.simulation.window_fit import WindowFit, fit_windows, lost_fit, prior_precision
+from sklearn_pgnn.simulation.window_fit import WindowFit, fit_windows, lost_fit
 from sklearn_pgnn.simulation.windows import ShootingWindows
 
 #: name of the fits for cross-validation in reports of failures
@@ -63,7 +62,6 @@ class WindowFitter:
         self._trials: dict[Key, FittedHypothesis] = {}
         self._held_out: dict[Key, tuple[WindowFit, HeldOut]] = {}
         self._validated: dict[Key, tuple[WindowFit, HeldOut, FailureLog]] = {}  # not yet asked for
-        self._disturbed: dict[tuple, tuple[HeldOut, float]] = {}
 
     def key(self, hypothesis: Hypothesis) -> Key:
         """Return the identity of a hypothesis, see `HypothesisModels.key`."""
@@ -132,16 +130,11 @@ class WindowFitter:
 
     def _tolerate(self, hypothesis: Hypothesis, *what: str) -> AbstractContextManager:
         """Continue after numerical failures, and record the unusable hypothesis."""
-        return self.failures.tolerate((self.key(hypothesis), *what), *_described(hypothesis))
+        return tolerate_failures(self.failures, self.key(hypothesis), hypothesis, *what)
 
     def _noted(self, hypothesis: Hypothesis, fit: WindowFit) -> WindowFit:
         """Record whether a hypothesis could be fitted."""
-        key = (self.key(hypothesis),)
-        if fit.usable:
-            self.failures.fitted(key)
-        else:
-            self.failures.lost(key, *_described(hypothesis), reason=_why_lost(fit))
-        return fit
+        return note_fit(self.failures, self.key(hypothesis), hypothesis, fit)
 
     # -- on all windows ------------------------------------------------------------------------
 
@@ -335,13 +328,7 @@ class WindowFitter:
     def evidence_disturbed(
         self, without: FittedHypothesis, with_: FittedHypothesis, smallest_share: float
     ) -> float:
-        r"""Return the evidence for the second of two hypotheses, each with a disturbance.
-
-        Its outputs have a noise with the variance
-
-        .. math:: \max(\sigma_o^2, s \min(S_{o,0}, S_{o,1}) / n_o)
-
-        with the squares :math:`S_o` that the hypotheses leave and the smallest share :math:`s`.
+        """Return the evidence for the second of two hypotheses, each with a disturbance.
 
         Parameters
         ----------
@@ -353,25 +340,17 @@ class WindowFitter:
         Returns
         -------
         float
-            Logarithm of the ratio of the likelihoods, see `sklearn_pgnn.estimation.disturbed`; NaN
-            where neither can be computed.
+            See `DisturbedEvidence.evidence`.
         """
-        before, after = (self.held_out(trial).windows for trial in (without, with_))
-        squares = np.minimum(before.squares, after.squares) / np.maximum(after.counts, 1.0)
-        noise = self.problem.windows.scale**2 * np.maximum(1.0, smallest_share * squares)
-        less, more = (self._disturbed_likelihood(trial, noise) for trial in (without, with_))
-        return more - less if np.isfinite([less, more]).any() else np.nan
+        less, more = (
+            Judged(self.key(trial.hypothesis), trial, self.held_out(trial))
+            for trial in (without, with_)
+        )
+        return self._disturbed.evidence(less, more, smallest_share, self.progress.tick)
 
-    def _disturbed_likelihood(self, trial: FittedHypothesis, variance: np.ndarray) -> float:
-        """Return the likelihood of held-out windows with the most likely disturbance."""
-        key, held_out = (self.key(trial.hypothesis), *variance), self.held_out(trial)
-        known, likelihood = self._disturbed.get(key, (None, -np.inf))
-        if known is not held_out:
-            likelihood = disturbed_likelihood(
-                self.problem, trial, held_out, self.folds, variance, self.progress.tick
-            )
-            self._disturbed[key] = held_out, likelihood
-        return likelihood
+    @cached_property
+    def _disturbed(self) -> DisturbedEvidence:
+        return DisturbedEvidence(self.problem, self.folds)
 
     def refit_from_held_out(self, trial: FittedHypothesis) -> FittedHypothesis:
         """Return a better fit of a hypothesis if its held-out fits show that it is stuck.
@@ -399,115 +378,21 @@ class WindowFitter:
 
     def squares_by_output(self, trial: FittedHypothesis) -> np.ndarray:
         """Return the squared residuals of a hypothesis by output, in units of the noise."""
-        residual = trial.fit.evaluation.residual / self.problem.windows.scale
-        counts = np.isfinite(residual).sum(axis=0)
-        return np.nansum(residual**2, axis=0) + counts * self.problem.resolution**2
+        return squares_by_output(self.problem, trial.fit)
 
     def white_squares(self, trial: FittedHypothesis) -> np.ndarray:
-        """Return the white part of the squared residuals of a hypothesis, by output.
-
-        Parameters
-        ----------
-        trial : FittedHypothesis
-            The hypothesis, fitted on all windows.
-
-        Returns
-        -------
-        ndarray of shape (n_outputs,)
-            Squared differences of neighbouring residuals, in units of the noise.
-        """
-        windows = self.problem.windows
-        residual = trial.fit.evaluation.residual / windows.scale
-        counts = np.isfinite(residual).sum(axis=0)
-        white = white_power(residual, windows.starts)
-        return counts * np.maximum(white, self.problem.resolution**2)
+        """Return the white part of the squared residuals of a hypothesis, by output."""
+        return white_squares(self.problem, trial.fit)
 
     def _cross_validate(self, hypothesis: Hypothesis, fit: WindowFit) -> HeldOut:
-        windows, start = self.problem.windows, self._start(fit.model)
+        """Return the residuals of a fit on windows that its parameters were not fitted to."""
 
-        def run(
-            model: PhysicsModel,
-            which: np.ndarray,
-            free,
-            x0,
-            tolerance=COARSER * TOLERANCE,
-            **options,
-        ) -> WindowFit:
-            return self.fit_model(
-                self._tolerate(hypothesis, HELD_OUT),
-                model,
-                windows.select(which),
-                free,
-                start.select(which),
-                x0,
-                tolerance=tolerance,
-                **options,
-            )
+        def fit_some(*arguments, **options) -> WindowFit:
+            return self.fit_model(self._tolerate(hypothesis, HELD_OUT), *arguments, **options)
 
-        told = normal_equations(fit, *start).hessian
-
-        def learn(which: np.ndarray) -> WindowFit:
-            known, x0 = fit.evaluation.select(which), fit.x0[which]
-            forgets = SMALL_CHANGE / self.problem.n_samples
-            taught = run(fit.model, which, fit.freedoms, x0, forgets, evaluation=known, min_steps=1)
-            others = told[which].sum(axis=0) + prior_precision(fit.freedoms)
-            precision = keep_taught(told[~which].sum(axis=0), others)
-            if not taught.usable or precision is None:
-                return taught
-            pairs = zip(fit.freedoms, taught.values, strict=True)
-            free = tuple(replace(freedom, centre=float(value)) for freedom, value in pairs)
-            there = run(taught.model, ~which, free, fit.x0[~which], forgets, precision=precision)
-            return replace(taught, model=there.model) if there.usable else taught
-
-        def judge(learned: WindowFit, which: np.ndarray) -> WindowFit:
-            fits = [run(learned.model, which, (), x0[which]) for x0 in (fit.x0, start.x0)]
-            nearest = np.argmin([each.evaluation.squares for each in fits], axis=0)
-            if (nearest == nearest[0]).all():
-                return fits[nearest[0]]
-            x0 = np.array([each.x0 for each in fits])[nearest, np.arange(nearest.size)]
-            (one, other), moved = (each.evaluation for each in fits), np.flatnonzero(nearest)
-            known = one.replaced(windows.select(which), moved, other, moved)
-            return run(learned.model, which, (), x0, max_steps=0, evaluation=known)
-
-        validation = CrossValidation(self.problem, *start)
-        return validation.run(fit, self.folds, learn, judge)
-
-
-def keep_taught(fold: np.ndarray, others: np.ndarray) -> np.ndarray | None:
-    """Return the precision with which a fold's fit keeps the other folds' estimates.
-
-    Directions of the parameters keep the others' estimates, except those on which the others have
-    less than `SMALL_CHANGE` of the fold's information.
-
-    Parameters
-    ----------
-    fold, others : ndarray of shape (n_parameters, n_parameters)
-        Inverse covariances of the parameters by the fold and by the others.
-
-    Returns
-    -------
-    ndarray of shape (n_parameters, n_parameters) or None
-        Inverse covariance of the parameters about the others' estimates; None if all directions
-        keep them.
-
-    Examples
-    --------
-    >>> keep_taught(np.diag([1.0, 5.0]), np.diag([3.0, 1.0])) is None
-    True
-    >>> keep_taught(np.diag([1.0, 5.0]), np.diag([3.0, 0.0])).round(6)
-    array([[4.e+09, 0.e+00],
-           [0.e+00, 0.e+00]])
-    """
-    size = np.sqrt(np.maximum(np.diag(fold + others), np.finfo(float).tiny))
-    values, vectors = np.linalg.eigh((fold + others) / np.outer(size, size))
-    values = np.maximum(values, ROUNDING)
-    whitened = vectors / np.sqrt(values)
-    shares, turns = np.linalg.eigh(whitened.T @ (fold / np.outer(size, size)) @ whitened)
-    untold = shares > 1.0 / (1.0 + SMALL_CHANGE)
-    if not untold.any():
-        return None
-    along = size[:, None] * (vectors * np.sqrt(values)) @ turns
-    return along * np.where(untold, np.maximum(1.0 - shares, 0.0), 1.0 / ROUNDING) @ along.T
+        start = self._start(fit.model)
+        some = FoldFits(self.problem, fit, start, fit_some)
+        return CrossValidation(self.problem, *start).run(fit, self.folds, some.learn, some.judge)
 
 
 def block_squares(problem: EstimationProblem, fit: WindowFit, which=slice(None)) -> np.ndarray:
@@ -516,21 +401,3 @@ def block_squares(problem: EstimationProblem, fit: WindowFit, which=slice(None))
     sums = windows.sum_blocks((fit.evaluation.residual / windows.scale) ** 2)
     sums[~np.isfinite(fit.evaluation.squares)] = np.inf
     return sums
-
-
-def _described(hypothesis: Hypothesis) -> tuple[str, str, str]:
-    """Return the effect and target of the cause added last, and the other causes."""
-    if not hypothesis.causes:
-        return "", "", ""
-    *others, last = hypothesis.causes
-    names = " and ".join(f"{each.id} of {each.target}" for each in others)
-    return last.id, last.target, f" with {names}" if names else ""
-
-
-def _why_lost(fit: WindowFit) -> str:
-    """Return the reason why a fit cannot be used, unless an error was recorded."""
-    lost = np.count_nonzero(~np.isfinite(fit.evaluation.squares))
-    return (
-        f"its simulation diverges or is dominated by rounding errors in {lost} of {len(fit.x0)} "
-        f"windows"
-    )

@@ -4,8 +4,6 @@ from collections.abc import Mapping
 from importlib.resources import files
 from typing import Any
 
-import numpy as np
-
 from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.export.assignments import Assignments, outputs_of, rates_of
 from sklearn_pgnn.export.c_expression import CPrinter
@@ -16,6 +14,7 @@ from sklearn_pgnn.simulation.model_function import METHODS
 from sklearn_pgnn.simulation.simulate import hold_of
 from sklearn_pgnn.simulation.source import dry_states
 from sklearn_pgnn.simulation.stepping import MAX_EVENTS
+from sklearn_pgnn.trajectories.sample_interval import check_sample_interval
 
 PRECISIONS = {"double": "double", "single": "float"}
 KEPT = ("constants", "struct")
@@ -258,11 +257,10 @@ def machine_of(model, interval, *, precision, parameters, name, method, substeps
     OptionError
         If an option has an invalid value.
     """
-    if not isinstance(interval, int | float) or not 0 < interval < np.inf:
-        raise OptionError(
-            f"interval: expected the sample interval in seconds, got {interval!r}. Remedy: "
-            f"to_c(model, 0.01) for a loop that runs a hundred times a second."
-        )
+    check_sample_interval(
+        interval,
+        remedy="Remedy: to_c(model, 0.01) for a loop that runs a hundred times a second.",
+    )
     for option, value, known in (
         ("precision", precision, PRECISIONS),
         ("parameters", parameters, KEPT),

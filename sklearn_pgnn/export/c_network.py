@@ -7,7 +7,6 @@ import numpy as np
 
 from sklearn_pgnn.estimators.network.free_run import is_compiled, step_with, weights_of
 from sklearn_pgnn.estimators.network.sample_interval import (
-    check_interval,
     holds_at_one_interval,
     is_other_interval,
 )
@@ -15,6 +14,7 @@ from sklearn_pgnn.exceptions import ModelError, OptionError
 from sklearn_pgnn.export.assignments import outputs_of
 from sklearn_pgnn.export.c_machine import Machine, machine_of
 from sklearn_pgnn.simulation.network_run import NetworkStep, terms_model
+from sklearn_pgnn.trajectories.sample_interval import check_sample_interval
 
 #: activations of hidden neurons, as the compiled loop computes them
 _ACTIVATIONS = {
@@ -101,7 +101,7 @@ def refuse_other_interval(network, interval) -> None:
     """
     if interval is None:
         return
-    check_interval(interval)
+    check_sample_interval(interval)
     own = network.interval_
     is_map = holds_at_one_interval(network.structure_, network.module_.core)
     if is_map and is_other_interval(interval, own):

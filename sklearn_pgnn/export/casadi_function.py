@@ -10,6 +10,7 @@ from sklearn_pgnn.extras import needed_by
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.simulate import hold_of
 from sklearn_pgnn.simulation.source import dry_states
+from sklearn_pgnn.trajectories.sample_interval import check_sample_interval
 
 
 def to_casadi(
@@ -106,8 +107,8 @@ def _check_dry(model, friction_width) -> None:
 
 
 def _late(model, interval) -> list:
-    if interval is not None and not interval > 0:
-        raise OptionError(f"interval: expected a time in seconds above 0, got {interval!r}.")
+    if interval is not None:
+        check_sample_interval(interval)
     if model.delays and interval is None:
         raise ModelError(
             f"to_casadi: {next(iter(model.delays))!r} is delayed, which a rate cannot express. "

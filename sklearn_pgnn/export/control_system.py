@@ -11,6 +11,7 @@ from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.pointwise import numpy_function
 from sklearn_pgnn.simulation.simulate import hold_of, simulate
 from sklearn_pgnn.simulation.source import dry_states
+from sklearn_pgnn.trajectories.sample_interval import check_sample_interval
 
 
 def to_control(
@@ -108,8 +109,7 @@ def _refuse_what_is_not_smooth(model) -> None:
 
 
 def _check_interval(model, interval) -> None:
-    if isinstance(interval, bool) or not isinstance(interval, int | float) or not interval > 0:
-        raise OptionError(f"interval: expected a time in seconds above 0, got {interval!r}.")
+    check_sample_interval(interval)
     if model.inputs and hold_of(model) == "foh":
         raise ModelError(
             "to_control: linearly interpolated inputs (hold 'foh') cannot be expressed in discrete "

@@ -1,38 +1,32 @@
 """Grey-box recipe as an estimator: diagnose, fit, learn the rest; the depth is cross-validated."""
 
-import warnings
-from functools import partial
-from numbers import Integral, Real
-
 import numpy as np
-from joblib import Parallel, delayed
-from sklearn.base import BaseEstimator, MultiOutputMixin, clone
+from sklearn.base import BaseEstimator, MultiOutputMixin
 from sklearn.utils.validation import check_is_fitted, check_memory
 
-from sklearn_pgnn.diagnosis import ModelDiagnosis
 from sklearn_pgnn.estimators.progress import progress_printer
-from sklearn_pgnn.exceptions import OptionError, TrainingError
-from sklearn_pgnn.extras import is_installed, needed_by
-from sklearn_pgnn.grey_box.cross_validation import (
-    FoldResult,
-    check_window,
-    is_unseen,
-    judge,
-    mean_error,
-    training_error,
+from sklearn_pgnn.exceptions import OptionError
+from sklearn_pgnn.grey_box.cross_validation import check_window, is_unseen, training_error
+from sklearn_pgnn.grey_box.default_parts import (
+    diagnosis_or_default,
+    network_as_trained,
+    network_or_default,
 )
-from sklearn_pgnn.grey_box.depth import (
-    FittedDepth,
-    find_unknown_starts,
-    fit_network,
-    fit_physics,
-    states_met,
+from sklearn_pgnn.grey_box.depth import FittedDepth, find_unknown_starts, states_met
+from sklearn_pgnn.grey_box.depth_fits import fit_chosen
+from sklearn_pgnn.grey_box.depth_warnings import warn_if_useless, warn_of_no_finding
+from sklearn_pgnn.grey_box.diagnosed_models import (
+    diagnose,
+    diagnosed_models,
+    prepare_diagnosis,
+    threads_of,
 )
-from sklearn_pgnn.grey_box.hidden_parts import WAYS, hidden_parts
+from sklearn_pgnn.grey_box.hidden_parts import hidden_parts
+from sklearn_pgnn.grey_box.judged_depths import DepthJudge
+from sklearn_pgnn.grey_box.options import check_options
+from sklearn_pgnn.grey_box.possible_depths import DIAGNOSED, NETWORKS
 from sklearn_pgnn.grey_box.spread_warning import warn_of_spreads
-from sklearn_pgnn.grey_box.tables import plain_table, starts_for, usual_starts
-from sklearn_pgnn.grey_box.time_functions import depends_on_time, time_invariant_causes
-from sklearn_pgnn.model_selection.nested_parameters import parameters_named
+from sklearn_pgnn.grey_box.tables import PlainTable, plain_table, starts_for, usual_starts
 from sklearn_pgnn.model_selection.search_space import searched_parts
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.intervals import check_coverage, interval_around, quantile_of
@@ -40,11 +34,7 @@ from sklearn_pgnn.trajectories import read_records, rows_in_order
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
 from sklearn_pgnn.trajectories.scoring import GapScoreMixin
 from sklearn_pgnn.trajectories.tags import tags_of_records
-from sklearn_pgnn.trajectories.validation import check_model, require_target, validate_table
-
-#: from the shallowest to the deepest
-DEPTHS = ("prior", "fitted", "extended", "formula", "state_network", "network")
-NETWORKS = DEPTHS[-2:]
+from sklearn_pgnn.trajectories.validation import require_target, validate_table
 
 
 class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
@@ -228,11 +218,17 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         >>> GreyBoxRegressor(lag).set_params(diagnosis__max_causes=1).diagnosis.max_causes
         1
         """
-        for name, default in (("diagnosis", self._diagnosis), ("network", self._network)):
+        for name in ("diagnosis", "network"):
             nested = any(each.startswith(f"{name}__") for each in params)
             if nested and params.get(name, getattr(self, name)) is None:
-                params[name] = default()
+                params[name] = self._part(name)
         return super().set_params(**params)
+
+    def _part(self, name: str):
+        """Return the diagnosis or the network, by default the usual one."""
+        if name == "diagnosis":
+            return diagnosis_or_default(self.diagnosis, self.model)
+        return network_or_default(self.network)
 
     def fit(self, X, y):
         """Diagnose, fit every depth in every fold, and the chosen one to all records.
@@ -256,26 +252,28 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         ImportError
             If the network is asked for and its extra is not installed.
         """
-        depths = self._check_parameters()
+        depths = check_options(self)
         require_target(self, y)
-        records = self._records(validate_table(self, X, reset=True), y)
-        table = plain_table(self.model, records)
+        records, table = self._read(validate_table(self, X, reset=True), y)
         self._single_output = np.asarray(y).ndim == 1
         folds = hidden_parts(records, self.n_splits, self.by)
         check_window(table, folds, self.initial_window)
         vars(self).pop("diagnosis_", None)  # of an earlier fit
         whole = any(is_unseen(table, hidden).any() for hidden in folds)
         candidates = self._candidates(depths, table, judges_new_records=whole)
-        results = self._judge_all(candidates, depths, table, folds)
-        self.errors_ = {depth: mean_error(found) for depth, found in results.items()}
-        enough = (1 + self.least_gain) * min(self.errors_.values())
-        self.depth_ = next(d for d, error in self.errors_.items() if error <= enough)
+        judged = self._judge(table, folds).judge_all(candidates, depths, self.network)
+        self.errors_, chosen = judged.errors, judged.choose(self.least_gain)
         self.errors_ |= {
-            each: np.inf for each in depths if each in NETWORKS and each not in results
+            each: np.inf for each in depths if each in NETWORKS and each not in judged.results
         }
-        self._warn_if_useless()
-        self._fit_chosen(candidates, table)
-        self._left = np.sort(np.concatenate([r.left for r in results[self.depth_]]), axis=0)
+        warn_if_useless(chosen, self.errors_[chosen])
+        self.depth_, self._fitted = fit_chosen(
+            chosen, judged.base, candidates, self.network, table, self.n_jobs
+        )
+        if self.depth_ != chosen:
+            self.errors_[chosen] = np.inf
+        self._left = judged.left(self.depth_)
+        self._tell(self._fitted, table)
         return self
 
     def predict(self, X):
@@ -292,13 +290,9 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         ndarray of shape (n_samples, n_outputs) or (n_samples,)
             Predicted outputs.
         """
-        check_is_fitted(self)
-        records = self._records(validate_table(self, X, reset=False))
-        table = plain_table(self.model, records)
-        outputs = rows_in_order(
-            records, self._fitted.predict(table, usual_starts(self.model_, table))
-        )
-        return outputs.ravel() if self._single_output else outputs
+        records, table = self._read_new(X)
+        starts = usual_starts(self.model_, table)
+        return self._as_given(records, self._fitted.predict(table, starts))
 
     def predict_states(self, X):
         """Simulate the states of every trajectory in free run from its initial state.
@@ -318,9 +312,7 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         AttributeError
             If a user-defined `network` without ``predict_states`` was chosen.
         """
-        check_is_fitted(self)
-        records = self._records(validate_table(self, X, reset=False))
-        table = plain_table(self.model, records)
+        records, table = self._read_new(X)
         started = table.starting(self.model_, usual_starts(self.model_, table))
         return rows_in_order(records, self.estimator_.predict_states(started))
 
@@ -350,13 +342,10 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         AttributeError
             If a user-defined `network` without ``predict_ahead`` was chosen.
         """
-        check_is_fitted(self)
-        records = self._records(validate_table(self, X, reset=False), y, to_fit=False)
-        table = plain_table(self.model, records)
+        records, table = self._read_new(X, y, to_fit=False)
         started = table.starting(self.model_, usual_starts(self.model_, table))
         ahead = self.estimator_.predict_ahead(started, table.y, steps)
-        outputs = rows_in_order(records, np.asarray(ahead).reshape(table.y.shape))
-        return outputs.ravel() if self._single_output else outputs
+        return self._as_given(records, np.asarray(ahead).reshape(table.y.shape))
 
     def predict_from(self, X, y):
         """Simulate every trajectory from an initial state fitted to its first measured samples.
@@ -386,14 +375,12 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
                 "the initial states, got 0. Remedy: set initial_window and fit again, or use "
                 "predict."
             )
-        records = self._records(validate_table(self, X, reset=False), y)
-        table = plain_table(self.model, records)
+        records, table = self._read_new(X, y)
         known = starts_for(self.model_, table)
         starts = find_unknown_starts(
             self._fitted, table, known, self._met, self.initial_window, self._noise
         )
-        outputs = rows_in_order(records, self._fitted.predict(table, starts))
-        return outputs.ravel() if self._single_output else outputs
+        return self._as_given(records, self._fitted.predict(table, starts))
 
     def predict_interval(self, X, coverage=0.9, y=None):
         r"""Return the interval in which the measured outputs of a free run are expected.
@@ -429,198 +416,54 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         predicted = self.predict(X) if y is None else self.predict_from(X, y)
         return interval_around(predicted, quantile_of(self._left, coverage))
 
-    # -- fitting -----------------------------------------------------------------------------------
+    # -- reading -----------------------------------------------------------------------------------
 
-    def _check_parameters(self) -> tuple[str, ...]:
-        """Check the parameters, and return the depths in their order."""
-        check_model(self.model)
-        check_memory(self.memory)
-        if self.by not in WAYS:
-            raise OptionError(f"by: expected one of {', '.join(WAYS)}, got {self.by!r}.")
-        for name, least in (("n_splits", 2), ("initial_window", 0)):
-            value = getattr(self, name)
-            if not isinstance(value, Integral) or value < least:
-                raise OptionError(f"{name}: expected an integer >= {least}, got {value!r}.")
-        if not isinstance(self.least_gain, Real) or not float(self.least_gain) >= 0:
-            raise OptionError(f"least_gain: expected a share >= 0, got {self.least_gain!r}.")
-        depths = self._possible_depths() if self.depths is None else self.depths
-        wrong = [depth for depth in depths if depth not in DEPTHS]
-        if wrong or isinstance(depths, str) or not set(depths) - set(NETWORKS):
-            raise OptionError(
-                f"depths: expected some of {', '.join(DEPTHS)}, one at least besides the "
-                f"networks, got {self.depths!r}."
-            )
-        if self.network is not None and not parameters_named(self.network, "model"):
-            raise OptionError(
-                f"network: expected a regressor with a parameter 'model', itself or in what it "
-                f"contains, got {self.network!r}. Remedy: ResidualRegressor(model, regressor)."
-            )
-        if "state_network" in depths and not self._can_see_less():
-            raise OptionError(
-                f"depths: 'state_network' expects a network whose parameter 'sees' is None, got "
-                f"{self.network!r}. Remedy: network=PGNNLRegressor(), or depths without it."
-            )
-        return tuple(depth for depth in DEPTHS if depth in depths)
-
-    def _possible_depths(self) -> tuple[str, ...]:
-        if self.network is None and not is_installed("network"):
-            return DEPTHS[: -len(NETWORKS)]
-        return tuple(d for d in DEPTHS if d != "state_network" or self._can_see_less())
-
-    def _can_see_less(self) -> bool:
-        """Return whether the network can be restricted to seeing the states only."""
-        if self.network is None:
-            return True
-        seen = parameters_named(self.network, "sees").values()
-        return bool(seen) and all(each is None for each in seen)
-
-    def _records(self, X, y=None, to_fit=True):
+    def _read(self, X, y=None, *, to_fit=True) -> tuple[tuple, PlainTable]:
+        """Return the records of a checked table, and the same as one plain table."""
         records = read_records(self.model, X, y, time_column=self.time_column, to_fit=to_fit)
         refuse_standardised(self.model, records)
-        return records
+        return records, plain_table(self.model, records)
+
+    def _read_new(self, X, y=None, *, to_fit=True) -> tuple[tuple, PlainTable]:
+        """Return records to be predicted, and the same as one plain table."""
+        check_is_fitted(self)
+        return self._read(validate_table(self, X, reset=False), y, to_fit=to_fit)
+
+    def _as_given(self, records, outputs) -> np.ndarray:
+        """Return outputs in the order of the rows of X and in the shape of y."""
+        ordered = rows_in_order(records, outputs)
+        return ordered.ravel() if self._single_output else ordered
+
+    # -- fitting -----------------------------------------------------------------------------------
 
     def _candidates(self, depths, table, *, judges_new_records) -> dict[str, PhysicsModel]:
         """Return the model of every physical depth, to start its fits from."""
         models = dict.fromkeys(("prior", "fitted"), self.model)
-        if {"extended", "formula"} & set(depths):
-            models |= self._diagnosed_models(table, judges_new_records)
+        if set(DIAGNOSED) & set(depths):
+            progress_printer(self)("diagnosis")
+            whole = {"judges_new_records": judges_new_records}
+            self.diagnosis_ = prepare_diagnosis(self.diagnosis, self.model, **whole)
+            kept, n_jobs = check_memory(self.memory), threads_of(self.diagnosis, self.n_jobs)
+            self.diagnosis_ = diagnose(self.diagnosis_, table, kept, n_jobs)
+            warn_of_spreads(self.model, self.diagnosis_.extended_model_)
+            models |= diagnosed_models(self.diagnosis_, self.model, **whole)
         found = {depth: model for depth, model in models.items() if depth in depths}
         if not found:
-            asked = ", ".join(depth for depth in depths if depth not in NETWORKS)
-            warnings.warn(
-                f"depths: the diagnosis has nothing for {asked}; the depth 'fitted' is taken "
-                f"instead. Remedy: depths={('fitted', *depths)!r}.",
-                UserWarning,
-                stacklevel=3,
-            )
+            warn_of_no_finding(depths)
         return found or {"fitted": models["fitted"]}
 
-    def _diagnosed_models(self, table, judges_new_records) -> dict[str, PhysicsModel]:
-        """Diagnose the prior, and return the models of the depths that follow from it.
+    def _judge(self, table, folds) -> DepthJudge:
+        """Return what cross-validates the depths."""
+        kept, print_line = check_memory(self.memory), progress_printer(self)
+        return DepthJudge(table, folds, self.initial_window, self.n_jobs, kept, print_line)
 
-        They take no function of the time from one record, unless folds judge it on others.
-        """
-        progress_printer(self)("diagnosis")
-        own = {"model": self.model, "time_column": None, "n_jobs": None}
-        if self.diagnosis is None and not judges_new_records:
-            own["catalogue"] = time_invariant_causes(self.model)
-        self.diagnosis_ = clone(self._diagnosis()).set_params(**own)
-        self._diagnose(table)
-        said = {"hold": self.diagnosis_.hold_, "substeps": self.diagnosis_.substeps_}
-        extended, part = self.diagnosis_.extended_model_, self.diagnosis_.discrepancy_
-        warn_of_spreads(self.model, extended)
-        models = {
-            "prior": self.model.replace(simulation=said),
-            "fitted": self.diagnosis_.refitted_model_,
-        }
-        if self.diagnosis_.causes_:
-            models["extended"] = extended
-        may_be_timed = judges_new_records or depends_on_time(extended)
-        if part is not None and (may_be_timed or not depends_on_time(part.model)):
-            models["formula"] = part.model
-        return models
-
-    def _diagnose(self, table) -> None:
-        """Diagnose the prior; if the diagnosis fails, take its best result until then."""
-        try:
-            X = table.starting(self.model, table.told)
-            kept = self._kept(_diagnosed, ignore=["n_jobs"])
-            self.diagnosis_ = kept(self.diagnosis_, X, table.y, n_jobs=self._diagnosis_threads())
-        except Exception as error:
-            if not hasattr(self.diagnosis_, "verdict_"):
-                raise
-            warnings.warn(
-                f"the diagnosis stopped with an error ({self.diagnosis_.stopped_}; "
-                f"{type(error).__name__}: {error}); its best result so far is used. Remedy: a "
-                f"smaller catalogue in diagnosis=ModelDiagnosis(...).",
-                UserWarning,
-                stacklevel=4,
-            )
-
-    def _warn_if_useless(self) -> None:
-        """Warn if the chosen depth is no nearer to hidden parts than the outputs' mean."""
-        error = self.errors_[self.depth_]
-        if not error < 1.0:
-            warnings.warn(
-                f"no depth predicts the hidden parts of the records better than the mean of the "
-                f"outputs: the error of the chosen one, {self.depth_!r}, is {error:.3g} standard "
-                f"deviations. Remedy: check the model's equations, units and parameters "
-                f"(`sklearn-pgnn check`), and that its free run does not diverge.",
-                UserWarning,
-                stacklevel=3,
-            )
-
-    def _judge_all(self, candidates, depths, table, folds) -> dict[str, list[FoldResult]]:
-        """Fit every depth in every fold; the networks on the best physical depth."""
-        results: dict[str, list[FoldResult]] = {}
-        for depth, model in candidates.items():
-            fit = partial(_fit_model, depth, model)
-            results[depth] = self._judge(depth, [fit] * len(folds), table, folds)
-        self._base = min(results, key=lambda depth: mean_error(results[depth]))
-        physical = [each.fitted for each in results[self._base]]
-        for depth in (each for each in depths if each in NETWORKS):
-            fits = [partial(_fit_on, self._network(), depth, each) for each in physical]
-            try:
-                results[depth] = self._judge(depth, fits, table, folds)
-            except TrainingError as error:
-                _warn_of_training(error, depth, self._base)
-        return results
-
-    def _judge(self, depth, fits, table, folds) -> list[FoldResult]:
-        score = judge if depth in NETWORKS else self._kept(judge)
-        found = Parallel(n_jobs=self.n_jobs)(
-            delayed(score)(fit, table, hidden, self.initial_window)
-            for fit, hidden in zip(fits, folds, strict=True)
-        )
-        progress_printer(self)(f"{depth}: cross-validated error {mean_error(found):.4g}")
-        return found
-
-    def _kept(self, function, **options):
-        """Return a function whose results are kept in `memory`."""
-        return check_memory(self.memory).cache(function, **options)
-
-    def _diagnosis_threads(self) -> int | None:
-        """Return `n_jobs`, or that of a user-defined diagnosis if it has its own."""
-        own = None if self.diagnosis is None else self.diagnosis.n_jobs
-        return self.n_jobs if own is None else own
-
-    def _diagnosis(self):
-        return ModelDiagnosis(self.model) if self.diagnosis is None else self.diagnosis
-
-    def _network(self):
-        if self.network is not None:
-            return self.network
-        with needed_by("the depths 'state_network' and 'network'"):
-            from sklearn_pgnn.estimators.pgnnl import PGNNLRegressor
-        return PGNNLRegressor()
-
-    def _network_as_trained(self):
-        """Return the network with the prior as its model; None if no depth trains one."""
-        tried = NETWORKS if self.depths is None else self.depths
-        if not set(NETWORKS) & set(tried):
-            return None
-        network = clone(self._network())
-        models = parameters_named(network, "model")
-        return network.set_params(**dict.fromkeys(models, self.model))
-
-    def _fit_chosen(self, candidates, table) -> None:
-        """Fit the chosen depth to all records."""
+    def _tell(self, fitted: FittedDepth, table) -> None:
+        """Keep what the chosen depth, fitted to all records, tells."""
         everything = np.ones(len(table.X), dtype=bool)
-        chosen = self.depth_
-        base = self._base if chosen in NETWORKS else chosen
-        fitted = _fit_model(base, candidates[base], table, everything, self.n_jobs)
-        if chosen in NETWORKS:
-            try:
-                fitted = _fit_on(self._network(), chosen, fitted, table, everything)
-            except TrainingError as error:
-                _warn_of_training(error, chosen, base)
-                self.depth_, self.errors_[chosen] = base, np.inf
-        self._fitted, self._met = fitted, states_met(fitted, table)
+        self._met = states_met(fitted, table)
         self._noise = training_error(fitted, table, everything)
-        self.estimator_ = fitted.estimator
-        self.initial_states_ = fitted.starts
-        self.parameters_ = fitted.parameters
-        self.model_ = fitted.model
+        self.estimator_, self.model_ = fitted.estimator, fitted.model
+        self.initial_states_, self.parameters_ = fitted.starts, fitted.parameters
         progress_printer(self)(f"chosen: {self.depth_}")
 
     def __sklearn_tags__(self):
@@ -630,30 +473,5 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
 @searched_parts.register
 def _network_searched(regressor: GreyBoxRegressor) -> dict:
     """Return the network as `search_space` searches it."""
-    return {"network": regressor._network_as_trained()}
-
-
-def _diagnosed(diagnosis, X, y, n_jobs) -> ModelDiagnosis:
-    """Fit a diagnosis, in place; if it fails, it holds its best result until then."""
-    return diagnosis.set_params(n_jobs=n_jobs).fit(X, y)
-
-
-def _fit_model(depth, model, table, visible, n_jobs=None) -> FittedDepth:
-    """Fit a physical depth; for the prior only the initial states of the trajectories."""
-    return fit_physics(model, table, visible, n_jobs, free=() if depth == "prior" else None)
-
-
-def _warn_of_training(error, depth, base) -> None:
-    """Warn that a network is left out."""
-    warnings.warn(
-        f"depth {depth!r}: {error} This depth is skipped; the best depth without a network is "
-        f"{base!r}. Remedy: network=PGNNLRegressor(lr=0.003, horizon=20), or depths without "
-        f"{depth!r}.",
-        UserWarning,
-        stacklevel=4,
-    )
-
-
-def _fit_on(network, depth, physics, table, visible) -> FittedDepth:
-    """Train a network on a physical depth that was fitted to the same samples."""
-    return fit_network(network, physics, table, visible, sees_inputs=depth == "network")
+    trained = network_as_trained(regressor.network, regressor.model, regressor.depths)
+    return {"network": trained}

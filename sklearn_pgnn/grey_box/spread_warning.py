@@ -27,5 +27,5 @@ def warn_of_spreads(prior: PhysicsModel, retuned: PhysicsModel) -> None:
         f"spread of parameters that were not measured, Parameter(..., spread=inf) for unknown "
         f"ones. (The fits of GreyBoxRegressor use the bounds, not the spreads.)",
         UserWarning,
-        stacklevel=5,
+        stacklevel=4,
     )

@@ -26,6 +26,8 @@ VERDICTS = {
 }
 #: title for a model that is adequate, since nothing recorded explains more, but leaves much error
 NO_CAUSE = "No cause found"
+#: what a cause may be confused with, if the search ended before it had rivals
+NOT_COMPARED = "not known: the diagnosis ended before others were compared"
 #: smallest probability of no cause at all that is listed with the others
 WORTH_SAYING = 0.01
 
@@ -111,8 +113,7 @@ def rivals_or_none(cause, complete: bool) -> str:
     str
         The list, or a word in its place.
     """
-    none = "nothing" if complete else "not known: the diagnosis ended before others were compared"
-    return rivals(cause) or none
+    return rivals(cause) or ("nothing" if complete else NOT_COMPARED)
 
 
 def cause_name(effect: str, target: str) -> str:

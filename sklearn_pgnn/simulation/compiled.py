@@ -9,7 +9,9 @@ than the mathematics.
 """
 
 import os
-from functools import cache
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
 
 import numba
 from numba import types
@@ -17,6 +19,7 @@ from numba.extending import intrinsic
 
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.callbacks import report_calls
+from sklearn_pgnn.simulation.code_memory import CodeMemory
 from sklearn_pgnn.simulation.lanes import data_of
 from sklearn_pgnn.simulation.machine_code import SIGNATURE, machine_code
 from sklearn_pgnn.simulation.model_function import emit_model_function
@@ -30,6 +33,25 @@ _BY_ARRAYS = types.void(*_SCALARS, _FLOATS, _TABLE, *[_FLOATS] * 4, _BITS, _FLOA
 PLAIN_CALLS = os.environ.get("SKLEARN_PGNN_PLAIN_CALLS", "0") == "1"
 #: the type of a model's function as an argument of the time loop
 FUNCTION = types.FunctionType(_BY_ARRAYS) if PLAIN_CALLS else types.int64
+#: most functions that are kept in case they are used again; each takes some 20 kB, and a diagnosis
+#: of a small model compiles 60
+MOST = 1024
+
+
+@dataclass(frozen=True)
+class ModelFunction:
+    """A model's compiled function, which is in memory as long as this object lives.
+
+    Parameters
+    ----------
+    argument : int or numba function
+        What the time loops call by `call`: the function's address, or itself (`PLAIN_CALLS`).
+    memory : CodeMemory, optional
+        What keeps an address valid.
+    """
+
+    argument: Any
+    memory: CodeMemory | None = None
 
 
 def compile_model(model: PhysicsModel, wrt: tuple[str, ...] | None = None, method: str = "rk4"):
@@ -46,8 +68,8 @@ def compile_model(model: PhysicsModel, wrt: tuple[str, ...] | None = None, metho
 
     Returns
     -------
-    function : int or numba function
-        What the time loops call by `call`: the function's address, or itself (`PLAIN_CALLS`).
+    function : ModelFunction
+        The function; a time loop takes its `argument`, and its caller holds it until then.
     source : Source
         What was compiled.
     """
@@ -56,11 +78,11 @@ def compile_model(model: PhysicsModel, wrt: tuple[str, ...] | None = None, metho
     return _compile(source, method), source
 
 
-@cache
-def _compile(source: Source, method: str):
-    """Compile a model's function; it is cached, since its address is passed on."""
+@lru_cache(maxsize=MOST)
+def _compile(source: Source, method: str) -> ModelFunction:
+    """Compile a model's function, unless it is among those that were used last."""
     if not PLAIN_CALLS:
-        return machine_code(source, method)
+        return ModelFunction(*machine_code(source, method))
 
     @intrinsic
     def emitted(context, task, t, h, x, S, u, u_end, p, s, stuck, out):
@@ -76,7 +98,7 @@ def _compile(source: Source, method: str):
     def function(task, t, h, x, S, u, u_end, p, s, stuck, out):
         emitted(task, t, h, x, S, u, u_end, p, s, stuck, out)
 
-    return function
+    return ModelFunction(function)
 
 
 @intrinsic

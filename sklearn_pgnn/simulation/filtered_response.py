@@ -112,7 +112,7 @@ def _filter(model, windows, starts: Starts, disturbance: Disturbance, variance):
     for w, (a, count) in enumerate(zip(windows.starts, windows.lengths, strict=True)):
         rows, P0[:-1, :-1] = slice(a, a + count), starts.covariance[w]
         run_filter(
-            function,
+            function.argument,
             windows.t[rows],
             np.ascontiguousarray(u[rows]),
             windows.hold == "foh",

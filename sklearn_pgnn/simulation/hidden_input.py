@@ -180,7 +180,7 @@ class _Filter:
         steps = np.zeros((b - a, nx, nx))
         diffusion = np.append(1e-8 * np.diag(self.P0)[:-1], intensity)
         likelihood = run_filter(
-            self.function,
+            self.function.argument,
             windows.t[a:b],
             np.ascontiguousarray(self.u[a:b]),
             windows.hold == "foh",

@@ -178,7 +178,7 @@ def _transitions(model, windows, x0):
         rows = slice(a, a + n)
         unused = np.empty((n, nx, nx)), np.empty((n, nx)), np.empty((n, nx, nx))
         run_filter(
-            function,
+            function.argument,
             windows.t[rows],
             np.ascontiguousarray(u[rows]),
             windows.hold == "foh",

@@ -6,11 +6,13 @@ compiled is kept on disk, unless addresses of this process are in it.
 
 from functools import cache
 from threading import Lock
+from weakref import WeakValueDictionary
 
 import llvmlite.binding as llvm
 from llvmlite import ir
 
 from sklearn_pgnn.physics.external import calls_outside
+from sklearn_pgnn.simulation.code_memory import CodeMemory, processor, target_machine
 from sklearn_pgnn.simulation.disk_cache import keep, key_of, load
 from sklearn_pgnn.simulation.model_function import ARRAYS, emit_model_function
 from sklearn_pgnn.simulation.source import Source
@@ -23,10 +25,17 @@ SIGNATURE = ir.FunctionType(
     [INT, FLOAT, FLOAT, *(_KINDS.get(array, FLOAT).as_pointer() for array in ARRAYS)],
 )
 _LOCK = Lock()
-_ADDRESSES: dict[str, int] = {}
+#: where every function is that somebody holds
+_MEMORIES: WeakValueDictionary[str, CodeMemory] = WeakValueDictionary()
 
 
-def machine_code(source: Source, method: str) -> int:
+class _Begun:
+    """The memory that is not full yet."""
+
+    memory: CodeMemory | None = None
+
+
+def machine_code(source: Source, method: str) -> tuple[int, CodeMemory]:
     """Compile a model's function.
 
     Parameters
@@ -38,22 +47,26 @@ def machine_code(source: Source, method: str) -> int:
 
     Returns
     -------
-    int
-        Its address, which is valid as long as the process lives.
+    address : int
+        Where the function begins.
+    memory : CodeMemory
+        What has to be held as long as the address is used.
     """
-    key = key_of("machine code", repr(source), method, *_processor())
+    key = key_of("machine code", repr(source), method, *processor())
     with _LOCK:
-        if key not in _ADDRESSES:
-            _ADDRESSES[key] = _linked(f"model_{key}", _object_file(key, source, method))
-        return _ADDRESSES[key]
+        memory = _MEMORIES.get(key)
+        if memory is None:
+            object_file, memory = _object_file(key, source, method), _memory_with_room()
+            memory.add(object_file)
+            _MEMORIES[key] = memory
+        return memory.address(f"model_{key}"), memory
 
 
-def _linked(name: str, object_file: bytes) -> int:
-    """Return where in memory the function of an object file begins."""
-    _, engine = _compiler()
-    engine.add_object_file(llvm.ObjectFileRef.from_data(object_file))
-    engine.finalize_object()
-    return engine.get_function_address(name)
+def _memory_with_room() -> CodeMemory:
+    """Return the memory of the functions compiled last, or another one if it is full."""
+    if _Begun.memory is None or _Begun.memory.is_full:
+        _Begun.memory = CodeMemory()
+    return _Begun.memory
 
 
 def _object_file(key: str, source: Source, method: str) -> bytes:
@@ -63,7 +76,7 @@ def _object_file(key: str, source: Source, method: str) -> bytes:
     if kept is not None:
         return kept
     module = llvm.parse_assembly(str(_module(f"model_{key}", source, method)))
-    machine, _ = _compiler()
+    machine = _machine()
     _optimise(module, machine)
     made = machine.emit_object(module)
     if not only_here:
@@ -93,19 +106,6 @@ def _optimise(module, machine) -> None:
 
 
 @cache
-def _processor() -> tuple[str, str, str]:
-    """Return what machine code is for: the system, the processor and what it can do."""
-    features = llvm.get_host_cpu_features().flatten()
-    return llvm.get_process_triple(), llvm.get_host_cpu_name(), features
-
-
-@cache
-def _compiler():
-    """Return this machine, and what links for it, created once a process."""
-    llvm.initialize_native_target()
-    llvm.initialize_native_asmprinter()
-    triple, name, features = _processor()
-    machine = llvm.Target.from_triple(triple).create_target_machine(
-        cpu=name, features=features, opt=1
-    )
-    return machine, llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
+def _machine() -> llvm.TargetMachine:
+    """Return what compiles, created once a process."""
+    return target_machine()

@@ -244,7 +244,8 @@ class FreeRun:
         """Run along a trajectory, see `run_network`."""
         states = np.empty((record.t.size, record.x0.size))
         hidden = np.zeros(self._n_hidden) if hidden is None else hidden
-        given = (*self._functions, *_given(record, self._linear), *self._settings)
+        functions = (each.argument for each in self._functions)
+        given = (*functions, *_given(record, self._linear), *self._settings)
         return states, run(*given, self._core, record.x0.copy(), hidden, states)
 
 
@@ -262,7 +263,8 @@ class NetworkSensitivities:
     """
 
     def __init__(self, step: NetworkStep, theta: np.ndarray, record: NetworkRecord):
-        functions, settings = _functions_and_settings(step, theta, step.free)
+        self._functions, settings = _functions_and_settings(step, theta, step.free)
+        functions = (each.argument for each in self._functions)  # which are held here
         self._given = (*functions, *_given(record, step.hold == "foh"), *settings)
         self._unit = parameter_units(step.model, step.free)
         self._x, self._S = record.x0.copy(), np.zeros((record.x0.size, theta.size))
@@ -333,7 +335,7 @@ def prior_steps(model: PhysicsModel, substeps: int, hold: str, t, dt, x, u, u_ne
     x_next = np.array(x, dtype=float, order="C")
     jacobian = np.empty((*x_next.shape, len(free) + x_next.shape[1]))
     run_prior_steps(
-        function,
+        function.argument,
         t,
         dt,
         u,
@@ -408,7 +410,7 @@ def _output_values(model: PhysicsModel, count: int, t, x, u):
     if values.size:
         function, source = compile_model(model, ())
         p = parameter_values(model)
-        run_terms(function, _own(t), _own(x), _own(u), p, source.size, values, jacobian)
+        run_terms(function.argument, _own(t), _own(x), _own(u), p, source.size, values, jacobian)
     return values, jacobian
 
 

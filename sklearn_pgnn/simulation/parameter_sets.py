@@ -101,8 +101,8 @@ def simulate_sets(
                 here = model.with_parameters(**dict(zip(names, values[s].tolist(), strict=True)))
                 felt = delayed_inputs(here, t, u, hold == "foh")
             run_trajectory(
-                function, t, felt, hold == "foh", p, x0.copy(), nothing, np.array(source.dry),
-                substeps, source.size, usual, states, outputs[s], no_slopes,
+                function.argument, t, felt, hold == "foh", p, x0.copy(), nothing,
+                np.array(source.dry), substeps, source.size, usual, states, outputs[s], no_slopes,
             )  # fmt: skip
 
     count = local_threads(n_jobs)

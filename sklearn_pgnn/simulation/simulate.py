@@ -167,7 +167,7 @@ def simulate_acting(
     if wrt is not None:
         S[:, len(wrt) :] = np.eye(nx)
     failed = run_trajectory(
-        function,
+        function.argument,
         t,
         acting,
         hold == "foh",

@@ -288,7 +288,7 @@ def evaluate(model: PhysicsModel, windows: ShootingWindows, x0, wrt: tuple[str, 
 
     def run(part):
         run_windows(
-            function,
+            function.argument,
             windows.t,
             u,
             windows.hold == "foh",

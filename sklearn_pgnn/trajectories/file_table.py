@@ -7,7 +7,6 @@ from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Sequence
 from itertools import product
-from numbers import Real
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -22,6 +21,7 @@ from sklearn_pgnn.physics.unit_check import output_measure
 from sklearn_pgnn.physics.units import conversion, plain_unit, read_unit
 from sklearn_pgnn.trajectories.alike import likeness, names_alike, units_alike
 from sklearn_pgnn.trajectories.reader import MIN_SAMPLES, TIME, TRAJECTORY, split_rows
+from sklearn_pgnn.trajectories.sample_interval import check_sample_interval
 from sklearn_pgnn.trajectories.tables import read_clock
 
 _UNIT = re.compile(r"\s*(\[[^]]*\]|\([^)]*\))$")
@@ -52,12 +52,8 @@ class FileTable(ABC):
 
     def __init__(self, path: str, model: PhysicsModel, sample_time: float | None = None):
         self.path, self.model, self.sample_time = path, model, sample_time
-        known = isinstance(sample_time, Real) and not isinstance(sample_time, bool)
-        if sample_time is not None and not (known and 0 < sample_time < math.inf):
-            raise ValueError(
-                f"sample_time: expected the time from sample to sample [s], a positive number, got "
-                f"{sample_time!r}."
-            )
+        if sample_time is not None:
+            check_sample_interval(sample_time, "sample_time")
 
     @property
     @abstractmethod

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import assume, given
+from hypothesis import given
 from hypothesis import strategies as st
 
 from sklearn_pgnn import (
@@ -19,7 +19,7 @@ from sklearn_pgnn import (
     systems,
 )
 from sklearn_pgnn.diagnosis.result import measure_gain
-from sklearn_pgnn.estimation import window_fitter
+from sklearn_pgnn.estimation import fold_fits, window_fitter
 from sklearn_pgnn.estimation.budgets import FOLDS
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
 from sklearn_pgnn.estimation.held_out import (
@@ -132,7 +132,7 @@ def test_every_window_is_judged_once_by_what_the_others_taught(monkeypatch):
 @pytest.mark.slow
 def test_what_the_others_teach_has_forgotten_the_fold(monkeypatch):
     """Further steps would change no number by more than its standard error."""
-    monkeypatch.setattr(window_fitter, "keep_taught", lambda *_: None)
+    monkeypatch.setattr(fold_fits, "keep_taught", lambda *_: None)
     robot = systems.golf_robot()
     rig = datasets.make_hidden_effect(robot, "cubic_stiffness", n_records=4, random_state=1)
     fitter = HypothesisFitter(build_problem(rig.prior, read_records(rig.prior, rig.X, rig.y)))
@@ -153,37 +153,6 @@ def test_what_the_others_teach_has_forgotten_the_fold(monkeypatch):
         further = fit_windows(*args, **options).objective
         count = windows.lengths[which].sum()
         assert fit.objective - further < fit.objective / count
-
-
-def told(rng, n, rank):
-    """Return the information of so many directions."""
-    some = rng.normal(size=(n, rank))
-    return some @ some.T
-
-
-@given(st.integers(2, 6), st.integers(0, 99))
-def test_a_fold_moves_only_what_the_others_do_not_tell(n, seed):
-    """In any units of the parameters."""
-    rng = np.random.default_rng(seed)
-    fold, others = np.eye(n) + told(rng, n, n), 1e4 * told(rng, n, n - 1)
-    sharp, directions = np.linalg.eigh(others)
-    assume(sharp[1] > 10 * np.linalg.eigvalsh(fold)[-1])
-    precision = window_fitter.keep_taught(fold, others)
-    step = np.linalg.solve(fold + precision, fold @ rng.normal(size=n))
-    across = directions[:, 1:].T @ step
-    assert np.linalg.norm(across) < 1e-3 * np.linalg.norm(step)
-    units = 10.0 ** rng.uniform(-3, 3, n)
-    outer = np.outer(units, units)
-    scaled = window_fitter.keep_taught(outer * fold, outer * others)
-    np.testing.assert_allclose(scaled / outer, precision, rtol=1e-4, atol=1e-4 * sharp[-1])
-
-
-@pytest.mark.parametrize("share", [0.2, 1.0, 50.0])
-def test_a_fold_moves_nothing_where_the_others_tell_a_tenth_of_what_it_does(share):
-    fold = told(np.random.default_rng(0), 4, 4)
-    assert window_fitter.keep_taught(fold, share * fold) is None
-    assert window_fitter.keep_taught(np.zeros((4, 4)), fold) is None
-    assert window_fitter.keep_taught(fold, 0.05 * fold) is not None
 
 
 SLIDE = PhysicsModel(

@@ -90,7 +90,7 @@ def test_what_it_cannot_express_is_refused_with_the_remedy(model, what):
     ("model", "options", "what"),
     [
         ("robot", {}, "expected a PhysicsModel"),
-        (CART, {"interval": 0}, "expected a time"),
+        (CART, {"interval": 0}, "expected the sample interval"),
         (CART, {"free": ("q",)}, "'q' is no parameter"),
         (STICKING, {"friction_width": 0.0}, "expected a speed above 0"),
         (CART, {"interval": 0.1, "substeps": 0}, "expected an integer"),

@@ -23,6 +23,7 @@ from sklearn_pgnn import (
 from sklearn_pgnn.exceptions import ModelError, OptionError, TrainingError
 from sklearn_pgnn.grey_box.hidden_parts import hidden_parts
 from sklearn_pgnn.grey_box.operating_ranges import operating_ranges
+from sklearn_pgnn.grey_box.possible_depths import possible_depths
 from sklearn_pgnn.trajectories.record import Record
 
 CART = PhysicsModel(
@@ -302,7 +303,7 @@ def test_only_a_network_that_can_see_less_has_that_depth(network):
     grey_box = GreyBoxRegressor(CART, depths=("prior", "state_network"), network=network)
     with pytest.raises(OptionError, match="'sees' is None"):
         grey_box.fit(X, y)
-    assert "state_network" not in grey_box._possible_depths()
+    assert "state_network" not in possible_depths(network)
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,7 @@ from sklearn_pgnn import (
     effects,
 )
 from sklearn_pgnn.exceptions import ModelError
-from sklearn_pgnn.grey_box import grey_box_regressor
+from sklearn_pgnn.grey_box import depth_fits
 from sklearn_pgnn.model_selection import HalvingBayesSearchCV, TrajectoryKFold, search_space
 
 CART = PhysicsModel(
@@ -110,13 +110,13 @@ def test_a_search_with_memory_diagnoses_every_fold_once_and_finds_the_same(cart,
 @pytest.mark.slow
 def test_physical_depths_are_judged_once_on_the_same_records(cart, tmp_path, monkeypatch):
     X, y = cart
-    fits, fit = [], grey_box_regressor.fit_physics
+    fits, fit = [], depth_fits.fit_physics
 
     def counted(model, table, visible, *rest, **options):
         fits.append(visible.sum())
         return fit(model, table, visible, *rest, **options)
 
-    monkeypatch.setattr(grey_box_regressor, "fit_physics", counted)
+    monkeypatch.setattr(depth_fits, "fit_physics", counted)
     first = recipe(memory=joblib.Memory(tmp_path, verbose=0)).fit(X, y)
     assert fits == [300] * 4 + [600]  # two depths in two folds, and the chosen one
     fits.clear()

@@ -20,7 +20,7 @@ from sklearn_pgnn.inspection.equations import equations_of
 from sklearn_pgnn.inspection.evidence import find_evidence
 from sklearn_pgnn.inspection.mathml import PAGE
 from sklearn_pgnn.inspection.report import render_report
-from sklearn_pgnn.inspection.words import verdict_sentence
+from sklearn_pgnn.inspection.words import rivals_or_none, verdict_sentence
 from sklearn_pgnn.physics.shown_states import shown_states
 from sklearn_pgnn.record_quality.finding import Finding
 
@@ -178,6 +178,15 @@ def test_how_sure_a_cause_is_and_what_is_left_are_said(friction):
     assert "Confused with: input bias of F (12 %)" in text
     left = "What is left is structure (3.00 × the white noise of position): it depends on v"
     assert text.index(left) < text.index("What is missing")
+
+
+def test_a_report_says_as_a_screen_does_that_a_cause_was_compared_with_none(friction):
+    early = copy(friction)
+    early.causes_ = (replace(friction.causes_[0], probability=1.0, confused_with=()),)
+    early.complete_ = False
+    said = rivals_or_none(early.causes_[0], complete=False)
+    assert said.startswith("not known")
+    assert f"Confused with: {said}." in re.sub(r"<[^>]+>", "", render_report(early))
 
 
 def test_units_have_superscripts(friction):

@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 import time
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -142,12 +143,13 @@ def test_the_folder_is_beside_what_numba_keeps(tmp_path, monkeypatch):
 
 def test_other_processors_libraries_and_versions_have_other_files(monkeypatch):
     source, asked = write_source(PENDULUM), []
-    monkeypatch.setattr(machine_code, "_ADDRESSES", {})
-    monkeypatch.setattr(machine_code, "_linked", lambda *_: 0)
+    monkeypatch.setattr(machine_code, "_MEMORIES", {})
+    monkeypatch.setattr(machine_code, "CodeMemory", Mock)
+    monkeypatch.setattr(machine_code._Begun, "memory", None)
     monkeypatch.setattr(machine_code, "_object_file", lambda key, *_: asked.append(key))
     machine_code.machine_code(source, "rk4")
     machine_code.machine_code(source, "euler")
-    monkeypatch.setattr(machine_code, "_processor", lambda: ("triple", "other", "+less"))
+    monkeypatch.setattr(machine_code, "processor", lambda: ("triple", "other", "+less"))
     machine_code.machine_code(source, "rk4")
     monkeypatch.setattr(disk_cache, "_writers", lambda: ("99.0",))
     machine_code.machine_code(source, "rk4")

@@ -32,8 +32,8 @@ def run_task(task, model, x, u, *, wrt=(), method="rk4", stuck=(False, False), s
     S, out = np.hstack([np.zeros((2, n_p)), np.eye(2)]), np.zeros(source.size)
     x = np.array(x, dtype=float)
     run(
-        function, task, 0.0, H, x, S, np.atleast_1d(u).astype(float), parameter_values(model),
-        np.array(s), np.array(stuck), out,
+        function.argument, task, 0.0, H, x, S, np.atleast_1d(u).astype(float),
+        parameter_values(model), np.array(s), np.array(stuck), out,
     )  # fmt: skip
     return x, S, out
 

@@ -202,7 +202,7 @@ def test_every_trajectory_of_a_sample_time_begins_at_zero(tmp_path):
 
 @pytest.mark.parametrize("value", [0.0, -1.0, np.inf, np.nan, "0.1", True])
 def test_a_sample_time_is_a_positive_number(tmp_path, value):
-    with pytest.raises(ValueError, match=r"^sample_time: expected the time from sample to sample"):
+    with pytest.raises(ValueError, match=r"^sample_time: expected the sample interval in seconds"):
         read_file(write(tmp_path, "csv", RUN), CART, sample_time=value)
 
 

@@ -7,13 +7,13 @@ the step integrates: then a step of any length says about the same.
 
 import warnings
 from dataclasses import dataclass, replace
-from numbers import Real
 
 import numpy as np
 
 from sklearn_pgnn.estimators.network.structure import ON_THE_MODEL
-from sklearn_pgnn.exceptions import OptionError, RecordError, RecordWarning
+from sklearn_pgnn.exceptions import RecordError, RecordWarning
 from sklearn_pgnn.trajectories.record import Record
+from sklearn_pgnn.trajectories.sample_interval import check_sample_interval
 
 #: a step this many times as long as that of the training is divided
 LONG = 1.5
@@ -246,7 +246,7 @@ def parts_of_a_step(wanted, interval: float, is_map: bool, structure: str) -> in
     OptionError
         If it is no time.
     """
-    check_interval(wanted)
+    check_sample_interval(wanted)
     parts = int(_parts(wanted, interval))
     if is_map and is_other_interval(wanted / parts, interval):
         warnings.warn(
@@ -258,15 +258,3 @@ def parts_of_a_step(wanted, interval: float, is_map: bool, structure: str) -> in
             stacklevel=4,
         )
     return parts
-
-
-def check_interval(interval) -> None:
-    """Raise `OptionError` unless a sample interval is a time above 0.
-
-    Parameters
-    ----------
-    interval : float
-        The value.
-    """
-    if not isinstance(interval, Real) or not 0 < float(interval) < np.inf:
-        raise OptionError(f"interval: expected the sample interval in seconds, got {interval!r}.")

@@ -24,6 +24,7 @@ from sklearn_pgnn.inspection.report.tables import error_rows
 from sklearn_pgnn.inspection.report.tiles import make_tiles, worst
 from sklearn_pgnn.inspection.report.who_did_what import segments_of_bar
 from sklearn_pgnn.inspection.words import (
+    NOT_COMPARED,
     candidate_name,
     remaining_sentence,
     unusable_sentence,
@@ -76,7 +77,7 @@ def _story(diagnosis, formula: FoundFormula | None) -> dict:
     maps = residual_maps(diagnosis, formula) if formula or leaves_more(diagnosis) else []
     free, windowed, others = curve_sections(diagnosis, formula)
     return {
-        "complete": diagnosis.complete_,
+        "not_compared": "" if diagnosis.complete_ else NOT_COMPARED,
         "causes": told_causes(diagnosis, members),
         "formula": None if formula is None else told_formula(formula),
         "characteristics": characteristics(diagnosis, members),

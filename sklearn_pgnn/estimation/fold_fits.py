@@ -1,0 +1,107 @@
+"""Fits of one hypothesis for cross-validation: the other folds teach, and a fold is judged."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from sklearn_pgnn.estimation.budgets import COARSER, SMALL_CHANGE, TOLERANCE
+from sklearn_pgnn.estimation.fitted_hypothesis import Start
+from sklearn_pgnn.estimation.problem import EstimationProblem
+from sklearn_pgnn.estimation.taught_precision import keep_taught
+from sklearn_pgnn.simulation.normal_equations import normal_equations
+from sklearn_pgnn.simulation.window_fit import WindowFit, prior_precision
+
+
+@dataclass(frozen=True)
+class FoldFits:
+    """Fits of a hypothesis on some of the windows, from its fit on all of them.
+
+    Parameters
+    ----------
+    problem : EstimationProblem
+        The problem.
+    fit : WindowFit
+        The fit on all windows.
+    start : Start
+        Expected initial states of all windows.
+    fit_model : callable
+        Takes a model, windows, free parameters, the expected initial states, their starting values,
+        and options of `fit_windows`; returns an unusable fit after a numerical failure.
+    """
+
+    problem: EstimationProblem
+    fit: WindowFit
+    start: Start
+    fit_model: Callable[..., WindowFit]
+
+    def learn(self, which: np.ndarray) -> WindowFit:
+        """Fit the parameters to some windows, so that they forget the others.
+
+        Where the others are needed to determine a direction of the parameters, it is fitted to
+        them, see `keep_taught`.
+
+        Parameters
+        ----------
+        which : ndarray of bool, shape (n_windows,)
+            Windows to estimate from.
+
+        Returns
+        -------
+        WindowFit
+            The fit.
+        """
+        fit, forgets = self.fit, SMALL_CHANGE / self.problem.n_samples
+        options = {"evaluation": fit.evaluation.select(which), "min_steps": 1}
+        taught = self._run(fit.model, which, fit.freedoms, fit.x0[which], forgets, **options)
+        precision = self._precision(which)
+        if not taught.usable or precision is None:
+            return taught
+        pairs = zip(fit.freedoms, taught.values, strict=True)
+        free = tuple(replace(freedom, centre=float(value)) for freedom, value in pairs)
+        options = {"precision": precision}
+        there = self._run(taught.model, ~which, free, fit.x0[~which], forgets, **options)
+        return replace(taught, model=there.model) if there.usable else taught
+
+    def _precision(self, which: np.ndarray) -> np.ndarray | None:
+        """Return the precision with which the other windows keep the parameters of some."""
+        others = self._told[which].sum(axis=0) + prior_precision(self.fit.freedoms)
+        return keep_taught(self._told[~which].sum(axis=0), others)
+
+    @cached_property
+    def _told(self) -> np.ndarray:
+        """Information that every window gives of the parameters."""
+        return normal_equations(self.fit, *self.start).hessian
+
+    def judge(self, learned: WindowFit, which: np.ndarray) -> WindowFit:
+        """Fit the initial states of some windows only, each from the better of two starts.
+
+        Parameters
+        ----------
+        learned : WindowFit
+            The fit to the other windows.
+        which : ndarray of bool, shape (n_windows,)
+            Windows to evaluate.
+
+        Returns
+        -------
+        WindowFit
+            The fit.
+        """
+        model = learned.model
+        fits = [self._run(model, which, (), x0[which]) for x0 in (self.fit.x0, self.start.x0)]
+        nearest = np.argmin([each.evaluation.squares for each in fits], axis=0)
+        if (nearest == nearest[0]).all():
+            return fits[nearest[0]]
+        x0 = np.array([each.x0 for each in fits])[nearest, np.arange(nearest.size)]
+        (one, other), moved = (each.evaluation for each in fits), np.flatnonzero(nearest)
+        known = one.replaced(self.problem.windows.select(which), moved, other, moved)
+        return self._run(model, which, (), x0, max_steps=0, evaluation=known)
+
+    def _run(
+        self, model, which: np.ndarray, free, x0, tolerance=COARSER * TOLERANCE, **options
+    ) -> WindowFit:
+        """Fit a model on some of the windows."""
+        windows, start = self.problem.windows.select(which), self.start.select(which)
+        return self.fit_model(model, windows, free, start, x0, tolerance=tolerance, **options)

@@ -1,0 +1,49 @@
+"""Squared residuals that a fit leaves, by output, in units of the noise."""
+
+import numpy as np
+
+from sklearn_pgnn.estimation.autocorrelation import white_power
+from sklearn_pgnn.estimation.problem import EstimationProblem
+from sklearn_pgnn.simulation.window_fit import WindowFit
+
+
+def squares_by_output(problem: EstimationProblem, fit: WindowFit) -> np.ndarray:
+    """Return the squared residuals of a fit by output, with the accuracy limit of a simulation.
+
+    Parameters
+    ----------
+    problem : EstimationProblem
+        The problem.
+    fit : WindowFit
+        The fit on all its windows.
+
+    Returns
+    -------
+    ndarray of shape (n_outputs,)
+        The sums.
+    """
+    residual = fit.evaluation.residual / problem.windows.scale
+    counts = np.isfinite(residual).sum(axis=0)
+    return np.nansum(residual**2, axis=0) + counts * problem.resolution**2
+
+
+def white_squares(problem: EstimationProblem, fit: WindowFit) -> np.ndarray:
+    """Return the white part of the squared residuals of a fit, by output.
+
+    Parameters
+    ----------
+    problem : EstimationProblem
+        The problem.
+    fit : WindowFit
+        The fit on all its windows.
+
+    Returns
+    -------
+    ndarray of shape (n_outputs,)
+        Squared differences of neighbouring residuals.
+    """
+    windows = problem.windows
+    residual = fit.evaluation.residual / windows.scale
+    counts = np.isfinite(residual).sum(axis=0)
+    white = white_power(residual, windows.starts)
+    return counts * np.maximum(white, problem.resolution**2)

@@ -1,0 +1,62 @@
+"""The diagnosis and the network of a recipe, where the user gives none."""
+
+from sklearn.base import clone
+
+from sklearn_pgnn.diagnosis import ModelDiagnosis
+from sklearn_pgnn.extras import needed_by
+from sklearn_pgnn.grey_box.possible_depths import NETWORKS
+from sklearn_pgnn.model_selection.nested_parameters import parameters_named
+from sklearn_pgnn.physics.model import PhysicsModel
+
+
+def diagnosis_or_default(diagnosis, model: PhysicsModel) -> ModelDiagnosis:
+    """Return a diagnosis, by default one of the model with the usual settings."""
+    return ModelDiagnosis(model) if diagnosis is None else diagnosis
+
+
+def network_or_default(network):
+    """Return a network, by default a `PGNNLRegressor`.
+
+    Parameters
+    ----------
+    network : estimator or None
+        The network that the user gives.
+
+    Returns
+    -------
+    estimator
+        The network.
+
+    Raises
+    ------
+    ImportError
+        If none is given, and the extra of the default one is not installed.
+    """
+    if network is not None:
+        return network
+    with needed_by("the depths 'state_network' and 'network'"):
+        from sklearn_pgnn.estimators.pgnnl import PGNNLRegressor
+    return PGNNLRegressor()
+
+
+def network_as_trained(network, model: PhysicsModel, depths):
+    """Return the network with the prior as its model; None if no depth trains one.
+
+    Parameters
+    ----------
+    network : estimator or None
+        The network that the user gives.
+    model : PhysicsModel
+        The prior.
+    depths : sequence of str or None
+        Depths to choose from; None for all.
+
+    Returns
+    -------
+    estimator or None
+        A copy of the network.
+    """
+    if depths is not None and not set(NETWORKS) & set(depths):
+        return None
+    trained = clone(network_or_default(network))
+    return trained.set_params(**dict.fromkeys(parameters_named(trained, "model"), model))

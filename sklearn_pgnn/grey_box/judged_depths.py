@@ -1,0 +1,123 @@
+"""The cross-validated depths of a recipe, and the one that is chosen."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from joblib import Memory, Parallel, delayed
+
+from sklearn_pgnn.estimators.progress import PrintLine
+from sklearn_pgnn.exceptions import TrainingError
+from sklearn_pgnn.grey_box.cross_validation import FoldResult, judge, mean_error
+from sklearn_pgnn.grey_box.default_parts import network_or_default
+from sklearn_pgnn.grey_box.depth import FittedDepth
+from sklearn_pgnn.grey_box.depth_fits import fit_depth, train_depth
+from sklearn_pgnn.grey_box.depth_warnings import warn_of_training
+from sklearn_pgnn.grey_box.possible_depths import NETWORKS
+from sklearn_pgnn.grey_box.tables import PlainTable
+from sklearn_pgnn.physics.model import PhysicsModel
+
+
+@dataclass(frozen=True)
+class JudgedDepths:
+    """The results of every depth that could be fitted.
+
+    Parameters
+    ----------
+    results : dict of str to list of FoldResult
+        Fold by fold, from the shallowest depth to the deepest.
+    base : str
+        The best physical depth, on which networks were trained.
+    """
+
+    results: dict[str, list[FoldResult]]
+    base: str
+
+    @property
+    def errors(self) -> dict[str, float]:
+        """Cross-validated error of every depth."""
+        return {depth: mean_error(found) for depth, found in self.results.items()}
+
+    def choose(self, least_gain: float) -> str:
+        """Return the shallowest depth that no deeper one improves on by the least gain."""
+        enough = (1 + least_gain) * min(self.errors.values())
+        return next(depth for depth, error in self.errors.items() if error <= enough)
+
+    def left(self, depth: str) -> np.ndarray:
+        """Return the sorted magnitudes of a depth's errors on hidden samples, for every output."""
+        return np.sort(np.concatenate([result.left for result in self.results[depth]]), axis=0)
+
+
+@dataclass(frozen=True)
+class DepthJudge:
+    """Cross-validates depths on the same folds.
+
+    Parameters
+    ----------
+    table : PlainTable
+        The records.
+    folds : list of ndarray of bool, shape (n_samples,)
+        Hidden samples of every fold.
+    window : int
+        Number of first samples of a hidden trajectory from which its initial state is estimated.
+    n_jobs : int or None
+        Number of folds that are fitted in parallel.
+    memory : joblib.Memory
+        Where the results of physical depths are kept.
+    print_line : callable
+        Receives a line of text for every depth.
+    """
+
+    table: PlainTable
+    folds: list[np.ndarray]
+    window: int
+    n_jobs: int | None
+    memory: Memory
+    print_line: PrintLine
+
+    def judge_all(
+        self, candidates: dict[str, PhysicsModel], depths: tuple[str, ...], network
+    ) -> JudgedDepths:
+        """Fit every depth in every fold; the networks on the best physical depth.
+
+        Parameters
+        ----------
+        candidates : dict of str to PhysicsModel
+            The models of the physical depths.
+        depths : tuple of str
+            The depths to choose from.
+        network : estimator or None
+            The network that the user gives.
+
+        Returns
+        -------
+        JudgedDepths
+            The results; a network whose training fails in a fold is left out.
+        """
+        results = {depth: self._physical(depth, model) for depth, model in candidates.items()}
+        base = min(results, key=lambda depth: mean_error(results[depth]))
+        physical = [each.fitted for each in results[base]]
+        for depth in (each for each in depths if each in NETWORKS):
+            taught = network_or_default(network)
+            fits = [partial(train_depth, taught, depth, each) for each in physical]
+            try:
+                results[depth] = self._judge(depth, fits, judge)
+            except TrainingError as error:
+                warn_of_training(error, depth, base)
+        return JudgedDepths(results, base)
+
+    def _physical(self, depth: str, model: PhysicsModel) -> list[FoldResult]:
+        fits = [partial(fit_depth, depth, model)] * len(self.folds)
+        return self._judge(depth, fits, self.memory.cache(judge))
+
+    def _judge(
+        self, depth: str, fits: Sequence[Callable[..., FittedDepth]], score: Callable
+    ) -> list[FoldResult]:
+        """Compare a depth, fitted without each fold's hidden samples, with them."""
+        found = Parallel(n_jobs=self.n_jobs)(
+            delayed(score)(fit, self.table, hidden, self.window)
+            for fit, hidden in zip(fits, self.folds, strict=True)
+        )
+        self.print_line(f"{depth}: cross-validated error {mean_error(found):.4g}")
+        return found
