@@ -6,7 +6,6 @@ from typing import NamedTuple
 import numpy as np
 
 from sklearn_pgnn.estimation.criterion import HeldOut
-from sklearn_pgnn.estimation.disturbed import disturbed_likelihood
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
 from sklearn_pgnn.estimation.hypothesis_models import Key
 from sklearn_pgnn.estimation.problem import EstimationProblem
@@ -83,6 +82,9 @@ class DisturbedEvidence:
 
     def _likelihood(self, judged: Judged, variance: np.ndarray, each_run) -> float:
         """Return the likelihood of held-out windows with the most likely disturbance."""
+        # its loops take two seconds to compile, and where white noise is left nothing needs them
+        from sklearn_pgnn.estimation.disturbed import disturbed_likelihood
+
         key, (_, trial, held_out) = (judged.key, *variance), judged
         known, likelihood = self._known.get(key, (None, -np.inf))
         if known is not held_out:
