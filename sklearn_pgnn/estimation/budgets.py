@@ -17,8 +17,9 @@ MOST_HELD_OUT = 2 / 3
 # -- the ladder of fits ----------------------------------------------------------------------------
 
 #: samples that a search works on; of longer records it uses stretches, and its result is
-#: tested on all samples. More cost time in proportion; fewer may miss rare events
-LONG = 50_000
+#: tested on all samples. Beside white noise on so many, the smallest share of the squares that
+#: matters is far beyond doubt. More cost time in proportion; fewer may miss rare events
+LONG = 20_000
 #: samples of a first fit, of a first look for a disturbance, of a regression and of a spectrum.
 #: More cost time in proportion; fewer show less of a rare event
 SAMPLES = 6000
