@@ -70,6 +70,9 @@ SHAPES = {
     ("parameter_drift", "rate"): lambda size, scale: 2.0 * size / scale["duration"],
 }
 
+#: quantities that span a signal to both its sides, as multiples of what is typical of one
+SPANS = {("input_backlash", "width"): 2.0}
+
 
 def measure_scales(model, t, u, x, y) -> Scales:
     """Measure the magnitudes of the signals of a set of records.
@@ -145,6 +148,7 @@ def family(kind, target: str, model, scales: Scales, rng):
         if shape is not None:
             return shape(size, scale)
         number = sign * size * shares[quantity.name] * typical_value(about["unit"], scale)
+        number *= SPANS.get((kind.id, quantity.name), 1.0)
         return np.clip(number, about["low"], about["high"])
 
     return lambda size: kind(target, **{f.name: float(value(f, size)) for f in kind.quantities()})

@@ -5,6 +5,7 @@ import re
 import numpy as np
 from sklearn.model_selection import GroupKFold, cross_val_predict
 
+from sklearn_pgnn.diagnosis.known_terms import known_terms
 from sklearn_pgnn.diagnosis.trees import boosted_trees, groups_of
 from sklearn_pgnn.diagnosis.unexplained import MissingPart, Proposal, smoothed_samples
 from sklearn_pgnn.estimation.budgets import FOLDS, SAMPLES
@@ -39,7 +40,9 @@ def describe(problem: EstimationProblem, proposal: Proposal) -> MissingPart:
         share = _explained(columns, hidden.values[rows], groups)
     model = as_judged(problem, fit)
     error = proposal.trial.times_noise
-    return MissingPart(effect.target, quantities, share, effect, error, model, hidden.values)
+    known = known_terms(problem.prior, effect)
+    course = hidden.values
+    return MissingPart(effect.target, quantities, share, effect, error, model, course, known)
 
 
 def _explained(columns, values, groups) -> float:

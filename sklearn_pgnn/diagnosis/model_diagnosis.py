@@ -132,8 +132,12 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         ``"best candidate so far: "`` names the causes that leave the least error until then.
         `detectability` calls it, too, after every effect.
     time_limit : float, optional
-        Time [s] after which the search stops and the best so far is returned. The re-tuned prior,
-        and the held-out error of what was found, are computed in any case.
+        Time [s] after which search, formula, finer integration steps, quality of the records and
+        separating experiments stop, at the next step of a fit, and the best so far is returned.
+        Whether every cause found by then is named beside the others is tested for a tenth of the
+        limit more. What no result goes without is computed in any case: the records are read, the
+        prior is re-tuned, and what was found is fitted on all records, with its held-out error and
+        its intervals.
 
     Attributes
     ----------
@@ -186,6 +190,8 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         Why the diagnosis ended early, and at what stage.
     complete_ : bool
         Whether the search ran to completion; otherwise the results are the best so far.
+    tested_ : bool
+        Whether every cause was tested beside the others; only a time limit may prevent that.
     records_ : DiagnosisRecords
         The records and the fits of the models, for plots.
     n_features_in_ : int
@@ -388,7 +394,7 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         self.data_quality_: tuple[Finding, ...] = ()
         self.separations_: tuple[Separation, ...] = ()
         self.unusable_, self.complete_ = fitter.unusable, result.complete
-        self.stopped_ = progress.ended
+        self.tested_, self.stopped_ = result.tested, progress.ended
         self.remaining_ = found.remaining
         self.verdict_ = found.verdict  # the last: it says that all is there
 
@@ -410,14 +416,17 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
 
     def _check_data_quality(self, found: Findings, whole: tuple[Record, ...]) -> None:
         result, proposal = found.result, found.proposal
-        self.data_quality_ = check_data_quality(
+        findings = check_data_quality(
             found.search.fitter.problem,
             list(self.records_.names),
             whole,
             result.base.fit,
             result.final.fit,
             None if proposal is None else proposal.trial.fit,
+            found.search.progress.tick,
         )
+        for finding in findings:  # what was found until the time is up is kept
+            self.data_quality_ = (*self.data_quality_, finding)
 
     def _separate(self, progress: Progress) -> None:
         """Find experiments that separate each cause from its equivalents and its next rival."""

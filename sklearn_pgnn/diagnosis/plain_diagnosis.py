@@ -33,6 +33,7 @@ def plain_diagnosis(diagnosis) -> dict:
         "unusable": [plain(candidate) for candidate in diagnosis.unusable_],
         "stopped": diagnosis.stopped_,
         "complete": diagnosis.complete_,
+        "tested": diagnosis.tested_,
         "window": diagnosis.window_,
         "hold": diagnosis.hold_,
         "substeps": diagnosis.substeps_,

@@ -101,12 +101,20 @@ class Search:
         return self.so_far()
 
     def so_far(self) -> SearchResult:
-        """Return the best hypothesis so far all of whose causes are named, if there is any."""
+        """Return the best hypothesis so far, without needless causes as far as the time allows."""
         self.progress.counts = False  # a result there must be
-        self.current = self.moves.without_needless(self.current)
+        tested = self._prune_in_spare_time()
         if self.compare.refutes(self._standing, self.current):
             self.current = self._standing  # what moves led to may not stand itself
-        return self._result(complete=False)
+        return replace(self._result(complete=False), tested=tested)
+
+    def _prune_in_spare_time(self) -> bool:
+        """Drop causes that are not named beside the others; return whether all were tested."""
+        with self.progress.spare_time():
+            while (fewer := self.moves.drop(self.current)) is not None:
+                self.current = fewer
+            return True
+        return False
 
     def judge_on(
         self,
@@ -142,7 +150,7 @@ class Search:
         with suppress(TimeIsUp):
             if complete:
                 self.current = self.moves.without_needless(self.current)
-            return replace(self._result(complete), alone=found.alone)
+                return replace(self._result(complete), alone=found.alone)
         return replace(self.so_far(), alone=found.alone)
 
     def in_steps_of(self, fitter: HypothesisFitter, found: SearchResult) -> SearchResult:

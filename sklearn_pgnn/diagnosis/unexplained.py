@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,6 +17,22 @@ from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.hidden_input import HiddenInput, find_hidden_input
 from sklearn_pgnn.simulation.pointwise import evaluate_samples
 from sklearn_pgnn.simulation.window_fit import ParameterPrior, WindowFit, fit_windows
+
+
+class KnownTerms(NamedTuple):
+    """Terms of a formula that have a name: together they act as one cause does.
+
+    Parameters
+    ----------
+    terms : tuple of str
+        The terms.
+    effect, target : str
+        The cause; for a parameter of the model ``"wrong_parameter"`` and its name.
+    """
+
+    terms: tuple[str, ...]
+    effect: str
+    target: str
 
 
 @dataclass(frozen=True)
@@ -38,6 +55,8 @@ class MissingPart:
         The model with the terms, fitted together.
     course : ndarray of shape (n_samples,)
         Its smoothed trajectory [unit of the target; per second for a state].
+    known : tuple of KnownTerms, default=()
+        The terms that a parameter of the model or an effect of the catalogue expresses.
 
     Examples
     --------
@@ -58,6 +77,12 @@ class MissingPart:
     error: float
     model: PhysicsModel = field(repr=False)
     course: np.ndarray = field(repr=False)
+    known: tuple[KnownTerms, ...] = ()
+
+    @property
+    def has_names(self) -> bool:
+        """Whether parameters or effects of the catalogue express every term."""
+        return {term for each in self.known for term in each.terms} == set(self.effect.terms)
 
     @property
     def formula(self) -> str:
@@ -72,7 +97,7 @@ class MissingPart:
         Returns
         -------
         dict
-            Target, quantities, share, formula and error.
+            Target, quantities, share, formula, error, and the terms that have a name.
         """
         return {
             "target": self.target,
@@ -80,6 +105,10 @@ class MissingPart:
             "explained_share": self.share,
             "formula": self.formula,
             "error_over_noise": self.error,
+            "known_terms": [
+                {"terms": list(each.terms), "effect": each.effect, "target": each.target}
+                for each in self.known
+            ],
         }
 
 

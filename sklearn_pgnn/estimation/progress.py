@@ -1,6 +1,7 @@
 """The progress of a diagnosis, and its time limit."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from math import inf
 from time import monotonic
 
@@ -8,6 +9,8 @@ from sklearn_pgnn.estimation.budgets import BETTER
 
 #: prefix of a report of the best hypothesis so far, in place of a stage
 BEST = "best candidate so far: "
+#: share of the time limit that tests of what was found until then may take beyond it
+SPARE = 0.1
 
 
 class TimeIsUp(Exception):
@@ -43,14 +46,27 @@ class Progress:
         self.stage, self._done, self._total = "", 0, 1
         self.counts = False
         self.ended: str | None = None
+        self._spares = False
         self._least = inf  # error of the best so far, in units of the noise
 
     @property
     def time_left(self) -> float | None:
         """Time [s] after which `TimeIsUp` is raised; None if there is no limit."""
-        if self._limit is None or not self.counts or self.ended is not None:
+        if self._limit is None or not (self._spares or (self.counts and self.ended is None)):
             return None
-        return self._limit - (monotonic() - self._begun)
+        limit = (1.0 + SPARE) * self._limit if self._spares else self._limit
+        return limit - (monotonic() - self._begun)
+
+    @contextmanager
+    def spare_time(self) -> Iterator[None]:
+        """Cut short what a result gains from but does not need, `SPARE` of the limit beyond it."""
+        self._spares = True
+        try:
+            yield
+        except TimeIsUp:
+            return
+        finally:
+            self._spares = False
 
     def begin(self, stage: str, total: int = 1) -> None:
         """Begin a stage.
@@ -83,13 +99,13 @@ class Progress:
         Raises
         ------
         TimeIsUp
-            If the time is up; once only.
+            If the time is up; once only, and where spare time is up.
         """
         if self._report is not None:
             self._report(self.stage, self._done, self._total)
         left = self.time_left
         if left is not None and left <= 0:
-            self.ended = f"time limit of {self._limit:g} s, at {self.stage!r}"
+            self.ended = self.ended or f"time limit of {self._limit:g} s, at {self.stage!r}"
             raise TimeIsUp
 
     def note(self, times_noise: float, causes: str) -> None:

@@ -126,6 +126,50 @@ def held_parameters(model: PhysicsModel, cause: Effect) -> tuple[str, ...]:
     return tuple(name for name, slope in theirs.items() if _is_combined(own, slope.ravel()))
 
 
+def expressed_parameters(model: PhysicsModel, terms: tuple[Effect, ...]) -> dict[str, np.ndarray]:
+    r"""Return how much of each term a change of a parameter is, where terms express all of it.
+
+    A small change of :math:`p` adds :math:`\partial (f, g)/\partial p` to rates and outputs; the
+    terms express it if it is a combination of theirs.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model without the terms.
+    terms : tuple of Effect
+        Effects with a single parameter each, in which they are linear.
+
+    Returns
+    -------
+    dict of str to ndarray of shape (n_terms,)
+        The weights of the terms, for every parameter that they express; free ones come first.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.physics.effects.formula import Formula
+    >>> cart = PhysicsModel({"v": "m/s"}, {"v": "(F - d*v)/m"}, {"m": 2.0, "d": 0.5}, {"F": "N"})
+    >>> drag = Formula("v", ("v",), (1.0,))
+    >>> {name: told.round(3).tolist() for name, told in expressed_parameters(cart, (drag,)).items()}
+    {'d': [-0.5]}
+    """
+    slopes = [_derivatives(t.apply(model), tuple(t.names().values())) for t in terms]
+    columns = np.column_stack([next(iter(slope.values())).ravel() for slope in slopes])
+    names = sorted(model.parameters, key=lambda name: model.parameters[name].fixed)
+    told = {name: _weights(columns, of.ravel()) for name, of in _derivatives(model, names).items()}
+    return {name: weights for name, weights in told.items() if weights is not None}
+
+
+def _weights(columns: np.ndarray, sought: np.ndarray) -> np.ndarray | None:
+    """Return the weights of columns in one that they make up; None if they do not."""
+    known = np.isfinite(columns).all(axis=1) & np.isfinite(sought)
+    columns, sought = columns[known], sought[known]
+    if not _is_combined(columns, sought):
+        return None
+    weights = np.linalg.lstsq(columns, sought)[0]
+    part = np.abs(weights) * np.linalg.norm(columns, axis=0)
+    return np.where(part > ROUNDING * np.linalg.norm(sought), weights, 0.0)
+
+
 def _is_combined(columns: np.ndarray, sought: np.ndarray) -> bool:
     """Return whether a column that is not zero is a linear combination of others."""
     known = np.isfinite(columns).all(axis=1) & np.isfinite(sought)

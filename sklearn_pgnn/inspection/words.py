@@ -13,7 +13,7 @@ from sklearn_pgnn.inspection.yardstick import (
     leaves_much,
     over_windows,
 )
-from sklearn_pgnn.physics.effects import find_effect
+from sklearn_pgnn.physics.effects import WrongParameter, find_effect
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.spread_ends import at_spread_ends
 from sklearn_pgnn.record_quality.wording import listed
@@ -180,6 +180,10 @@ def stopped_sentence(diagnosis) -> str:
     if not diagnosis.stopped_:
         return ""
     left = "the search was complete" if diagnosis.complete_ else "this is the best result so far"
+    if not diagnosis.tested_:
+        left += (
+            ", and whether each cause is needed beside the others was not tested (allow more time)"
+        )
     return f"Ended early ({diagnosis.stopped_}); {left}. "
 
 
@@ -235,11 +239,18 @@ def _found(diagnosis) -> str:
             f"The {the_model} {lacking}, or {_others(diagnosis)}: these records do not separate "
             f"them."
         ),
-        "unexplained": f"The {the_model} lacks something that no known effect explains.",
+        "unexplained": f"The {the_model} lacks something that {_unexplained(diagnosis)}.",
     }
     causes = f"{_order(diagnosis)}{_worth(diagnosis)}" if diagnosis.causes_ else ""
     parts = (sentences[diagnosis.verdict_], causes, _in_free_run(diagnosis), _described(diagnosis))
     return " ".join(part.strip() for part in parts if part)
+
+
+def _unexplained(diagnosis) -> str:
+    part = diagnosis.discrepancy_
+    if part is not None and part.has_names:
+        return "no cause that was considered explains, though its formula has names"
+    return "no known effect explains"
 
 
 def _adequate(diagnosis) -> str:
@@ -337,8 +348,47 @@ def _described(diagnosis) -> str:
     on, left = dependence(diagnosis, part), times(part.error)
     return (
         f"Something is missing in {missing_place(diagnosis, part)}. {on}With "
-        f"{readable(part.formula)} added there the model leaves {left} the noise."
+        f"{readable(part.formula)} added there the model leaves {left} the noise. "
+        f"{known_sentence(diagnosis, part)}"
+    ).rstrip()
+
+
+def known_sentence(diagnosis, part) -> str:
+    """Return which terms of a formula have a name, and how to have it fitted; empty for none.
+
+    Parameters
+    ----------
+    diagnosis : ModelDiagnosis
+        A fitted diagnosis.
+    part : MissingPart
+        Its missing part.
+
+    Returns
+    -------
+    str
+        A sentence and its remedy, or nothing.
+    """
+    if not part.known:
+        return ""
+    said = listed(
+        f"{listed(map(readable, each.terms))} as {cause_name(each.effect, each.target)}"
+        for each in part.known
     )
+    which = "Its term acts" if len(part.effect.terms) == 1 else "Its terms act"
+    which = which if part.has_names else "Some of its terms act"
+    remedies = dict.fromkeys(_remedy(diagnosis.model, each) for each in part.known)
+    return f"{which} like what has a name: {said}. Remedy: {'; '.join(remedies)}."
+
+
+def _remedy(model: PhysicsModel, known) -> str:
+    """Return how a parameter or an effect gets into a diagnosis that did not consider it."""
+    if known.effect != WrongParameter.id:
+        name = cause_name(known.effect, known.target)
+        return f"let the diagnosis consider {name} (catalogue, targets, max_causes)"
+    name = known.target
+    if model.parameters[name].fixed:
+        return f"let {name} be fitted (it is fixed in the model)"
+    return f"give {name} a wider spread, or spread: .inf where nothing is known"
 
 
 def _others(diagnosis) -> str:

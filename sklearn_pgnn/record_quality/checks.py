@@ -1,6 +1,7 @@
 """Data quality: faults of the records, checked before any cause is named."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 
 import numpy as np
 
@@ -33,8 +34,9 @@ def check_data_quality(
     base: WindowFit,
     final: WindowFit,
     best: WindowFit | None = None,
-) -> tuple[Finding, ...]:
-    """Return the faults of the records that limit a diagnosis.
+    each_step: Callable[[], None] = lambda: None,
+) -> Iterator[Finding]:
+    """Yield the faults of the records that limit a diagnosis.
 
     Parameters
     ----------
@@ -48,11 +50,13 @@ def check_data_quality(
         The re-tuned prior and the extended model.
     best : WindowFit, optional
         With a formula for what no cause explains: it drifts less than one that lacks a part.
+    each_step : callable, optional
+        Called before every check, and every step of its fits; an exception it raises ends all.
 
-    Returns
-    -------
-    tuple of Finding
-        The findings; empty if there are none.
+    Yields
+    ------
+    Finding
+        A fault.
 
     Notes
     -----
@@ -63,22 +67,38 @@ def check_data_quality(
     outputs = _signals(model, model.outputs, windows, windows.y, names)
     inputs = _signals(model, model.inputs, windows, windows.u, names)
     left = _signals(model, model.outputs, windows, final.evaluation.residual, names)
-    found: list[Finding | None] = [find_few_windows(windows)]
-    found += [*map(find_dull_input, inputs), find_first_steps(inputs)]
-    found += find_blind_parameters(problem, base)
-    clocks = [record.t for record in whole]
-    found += [find_gaps(clocks, [record.name for record in whole]), find_jitter(outputs)]
-    found.append(find_unused_samples(clocks, windows.t.size))
-    for signal, rest in zip(outputs, left, strict=True):
-        size = float(np.sqrt(np.nanmean(rest.values**2)))
-        found += [find_clipping(signal), find_quantisation(signal, size)]
-        found += [find_held_samples(signal), find_outliers(signal, rest), find_uneven_noise(signal)]
-    found += [find_closed_loop(outputs, inputs, left), *find_state_feedback(problem, final)]
-    found += [
-        find_early_output(problem, base, final),
-        find_drift(problem, names, base, best or final),
+    checks: list[Callable[[], Sequence[Finding | None]]] = [
+        lambda: [find_few_windows(windows)],
+        lambda: [*map(find_dull_input, inputs), find_first_steps(inputs)],
+        lambda: find_blind_parameters(problem, base),
+        lambda: _of_clocks(whole, outputs, windows.t.size),
+        *(partial(_of_signal, *pair) for pair in zip(outputs, left, strict=True)),
+        lambda: [find_closed_loop(outputs, inputs, left)],
+        lambda: find_state_feedback(problem, final, each_step),
+        lambda: [find_early_output(problem, base, final, each_step)],
+        lambda: [find_drift(problem, names, base, best or final, each_step)],
     ]
-    return tuple(finding for finding in found if finding is not None)
+    for check in checks:
+        each_step()
+        yield from (finding for finding in check() if finding is not None)
+
+
+def _of_clocks(whole, outputs, used: int) -> list[Finding | None]:
+    """Check the clocks of the records."""
+    clocks, names = [record.t for record in whole], [record.name for record in whole]
+    return [find_gaps(clocks, names), find_jitter(outputs), find_unused_samples(clocks, used)]
+
+
+def _of_signal(signal: Signal, rest: Signal) -> list[Finding | None]:
+    """Check an output, given what the model leaves of it."""
+    size = float(np.sqrt(np.nanmean(rest.values**2)))
+    return [
+        find_clipping(signal),
+        find_quantisation(signal, size),
+        find_held_samples(signal),
+        find_outliers(signal, rest),
+        find_uneven_noise(signal),
+    ]
 
 
 def clipped_outputs(problem: EstimationProblem) -> tuple[str, ...]:

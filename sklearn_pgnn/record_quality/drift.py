@@ -17,7 +17,7 @@ from sklearn_pgnn.trajectories.noise import finest_differences, noise_level, rel
 
 
 def find_drift(
-    problem: EstimationProblem, names, base: WindowFit, final: WindowFit
+    problem: EstimationProblem, names, base: WindowFit, final: WindowFit, each_step=None
 ) -> Finding | None:
     r"""Find parameters that differ from record to record.
 
@@ -34,6 +34,8 @@ def find_drift(
         What the records are called.
     base, final : WindowFit
         The re-tuned prior and the extended model.
+    each_step : callable, optional
+        Called before every step of a fit.
 
     Returns
     -------
@@ -51,7 +53,7 @@ def find_drift(
         return None
     estimate = problem.states.estimate(base.model)
     expected = estimate.x[problem.windows.starts]
-    alone = [_fit_alone(problem, base, expected, estimate.spread, g) for g in groups]
+    alone = [_fit_alone(problem, base, expected, estimate.spread, g, each_step) for g in groups]
     together = _put_together(base, alone, groups)
     if not np.isfinite(together.squares) or not _removes_most(problem, final, together):
         return None
@@ -64,7 +66,7 @@ def find_drift(
     return _drift(problem, names, alone, errors)
 
 
-def _fit_alone(problem, base, expected, spread, group) -> WindowFit:
+def _fit_alone(problem, base, expected, spread, group, each_step) -> WindowFit:
     return fit_windows(
         base.model,
         problem.windows.select(group),
@@ -73,6 +75,7 @@ def _fit_alone(problem, base, expected, spread, group) -> WindowFit:
         spread,
         x0_start=base.x0[group],
         max_steps=STEPS,
+        each_step=each_step,
     )
 
 

@@ -30,10 +30,42 @@ def grid_step(values: np.ndarray) -> float:
     """
     known = values[np.isfinite(values)]
     large = known[np.abs(known) >= np.median(np.abs(known))] if known.size else known
-    distinct = np.unique(large)
-    # what differs by rounding of the computer only is the same
-    distinct = distinct[np.diff(distinct, prepend=-np.inf) > 1e-9 * np.abs(distinct).max(initial=0)]
+    distinct = _distinct(large)
     return _common_measure(np.diff(distinct)) if distinct.size > 2 else 0.0
+
+
+def steps_at(values: np.ndarray) -> np.ndarray:
+    """Return for every value the distance to the nearest other one.
+
+    No step of a sensor is longer, be its steps even or not.
+
+    Parameters
+    ----------
+    values : ndarray of shape (n_samples,)
+        The values; NaN is skipped.
+
+    Returns
+    -------
+    ndarray of shape (n_samples,)
+        The distances; NaN where there is no value, infinite where there is no other one.
+
+    Examples
+    --------
+    >>> steps_at(np.array([0.0, 0.0, 2.0, 3.0])).tolist()
+    [2.0, 2.0, 1.0, 1.0]
+    """
+    steps, known = np.full(values.shape, np.nan), np.isfinite(values)
+    distinct = _distinct(values[known])
+    gaps = np.diff(distinct, prepend=-np.inf, append=np.inf)
+    nearest = np.minimum(gaps[:-1], gaps[1:])
+    steps[known] = nearest[np.searchsorted(distinct, values[known], side="right") - 1]
+    return steps
+
+
+def _distinct(known: np.ndarray) -> np.ndarray:
+    """Return the distinct values; what differs by rounding of the computer only is the same."""
+    distinct = np.unique(known)
+    return distinct[np.diff(distinct, prepend=-np.inf) > 1e-9 * np.abs(distinct).max(initial=0)]
 
 
 def _common_measure(gaps: np.ndarray) -> float:

@@ -1,5 +1,7 @@
 """Feedback of the states: an input that a controller computed from them."""
 
+from collections.abc import Callable
+
 import numpy as np
 from scipy.stats import t as student
 
@@ -13,7 +15,9 @@ from sklearn_pgnn.record_quality.wording import listed
 from sklearn_pgnn.simulation.window_fit import WindowFit
 
 
-def find_state_feedback(problem: EstimationProblem, final: WindowFit) -> list[Finding]:
+def find_state_feedback(
+    problem: EstimationProblem, final: WindowFit, each_step: Callable[[], None] = lambda: None
+) -> list[Finding]:
     r"""Find inputs that are functions of the states at the same time.
 
     Where :math:`u = h(x)`, a gain of the input acts as any part of the model does that is
@@ -37,6 +41,8 @@ def find_state_feedback(problem: EstimationProblem, final: WindowFit) -> list[Fi
         The problem.
     final : WindowFit
         The extended model.
+    each_step : callable, optional
+        Called before every regression and every replay.
 
     Returns
     -------
@@ -49,12 +55,17 @@ def find_state_feedback(problem: EstimationProblem, final: WindowFit) -> list[Fi
         return []
     x = window_states(problem, final)
     regression = StateRegression(model, windows)
-    laws = {i: regression.find(windows.u[:, i], x) for i in moving}
+    laws = {}
+    for i in moving:
+        each_step()
+        laws[i] = regression.find(windows.u[:, i], x)
     told = {i: law for i, law in laws.items() if law is not None}
     if not told:
         return []
-    replays = list(replay_inputs(problem, final, x))
-    findings = []
+    replays, findings = [], []
+    for ways in replay_inputs(problem, final, x):
+        each_step()
+        replays.append(ways)
     for i, law in told.items():
         others = [_left(regression, ways, i, law) for ways in replays]
         if _is_least(np.log(_share_left(law)), np.log(others), ALPHA / len(moving)):

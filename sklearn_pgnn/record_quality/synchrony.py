@@ -15,7 +15,7 @@ from sklearn_pgnn.simulation.windows import ShootingWindows
 
 
 def find_early_output(
-    problem: EstimationProblem, base: WindowFit, final: WindowFit
+    problem: EstimationProblem, base: WindowFit, final: WindowFit, each_step=None
 ) -> Finding | None:
     """Find outputs that respond before their input: the two were not recorded synchronously.
 
@@ -29,6 +29,8 @@ def find_early_output(
         The problem.
     base, final : WindowFit
         The re-tuned prior and the extended model.
+    each_step : callable, optional
+        Called before every step of a fit.
 
     Returns
     -------
@@ -38,7 +40,7 @@ def find_early_output(
     if not problem.prior.inputs:
         return None
     held = (replace(problem.windows, hold=hold) for hold in ("zoh", "foh"))
-    leads = [_best_lead(problem, base, windows) for windows in held]
+    leads = [_best_lead(problem, base, windows, each_step) for windows in held]
     lead, best = min(leads, key=lambda found: found[1].objective)
     if lead < 1 or not is_better(final, best, 1) or not _leaves_noise(problem, best, final):
         return None
@@ -53,14 +55,14 @@ def find_early_output(
     )
 
 
-def _best_lead(problem, base, windows: ShootingWindows) -> tuple[int, WindowFit]:
+def _best_lead(problem, base, windows: ShootingWindows, each_step=None) -> tuple[int, WindowFit]:
     """Return by how many samples earlier inputs have the least error, and the fit with them."""
     fits = {0: base} if windows.hold == problem.windows.hold else {}
     sample_time = problem.scales.sample_time
 
     def error(lead):
         if lead not in fits:
-            fits[lead] = _refit(problem, base, _earlier(windows, lead * sample_time))
+            fits[lead] = _refit(problem, base, _earlier(windows, lead * sample_time), each_step)
         return fits[lead].objective
 
     best, step = 0, 1
@@ -82,7 +84,7 @@ def _earlier(windows: ShootingWindows, time: float) -> ShootingWindows:
     return replace(windows, u=u)
 
 
-def _refit(problem, fit: WindowFit, windows: ShootingWindows) -> WindowFit:
+def _refit(problem, fit: WindowFit, windows: ShootingWindows, each_step) -> WindowFit:
     estimate = problem.states.estimate(fit.model)
     return fit_windows(
         fit.model,
@@ -92,6 +94,7 @@ def _refit(problem, fit: WindowFit, windows: ShootingWindows) -> WindowFit:
         estimate.spread,
         x0_start=fit.x0,
         max_steps=STEPS,
+        each_step=each_step,
     )
 
 

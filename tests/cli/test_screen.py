@@ -38,6 +38,7 @@ def diagnosis(probability=1.0, rivals=(), remaining=None):
         verdict_="ambiguous" if rivals else "cause_named",
         complete_=True,
         stopped_=None,
+        tested_=True,
         causes_=(cause,),
         discrepancy_=None,
         remaining_=remaining,

@@ -10,12 +10,15 @@ from sklearn.exceptions import NotFittedError
 
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects
 from sklearn_pgnn.diagnosis import formula_selection, model_diagnosis
+from sklearn_pgnn.diagnosis.search import Search
 from sklearn_pgnn.estimation import fitting, progress, window_fitter
 from sklearn_pgnn.estimation.progress import BEST, Progress, TimeIsUp
 from sklearn_pgnn.inspection.report import render_report
 from sklearn_pgnn.inspection.words import unusable_sentence, verdict_sentence
 from sklearn_pgnn.physics.effect import Effect, quantity
 from sklearn_pgnn.physics.expressions import symbol
+from sklearn_pgnn.record_quality import checks
+from sklearn_pgnn.record_quality.finding import Finding
 from sklearn_pgnn.trajectories.csv_file import read_csv_files
 
 CART = PhysicsModel(
@@ -327,6 +330,61 @@ def test_every_time_limit_gives_the_best_until_then(monkeypatch):
     assert known == sorted(known)
     assert known[0] == 0
     assert known[-1] == 1
+
+
+def end_with_a_needless_cause(monkeypatch, spare):
+    """Diagnose with a search that ends with a cause that is not there, by a clock of told steps."""
+    friction, needless = effects.CoulombFriction("v"), effects.ConstantLoad("v")
+    now = [0.0]
+    monkeypatch.setattr(progress, "monotonic", lambda: now[0])
+    monkeypatch.setattr(progress, "SPARE", spare)
+
+    def run(self, begin=None):
+        for cause in (friction, needless):
+            first = self.fitter.first_fit(self.fitter.subsample(self.current), cause)
+            self.current = self.fitter.fit_all(self.fitter.converge(first), self.current)
+        now[0], self.progress.counts = 100.0, True
+        with pytest.raises(TimeIsUp):
+            self.progress.tick()
+        return self.so_far()
+
+    def tell(*_):
+        now[0] += now[0] > 0
+
+    monkeypatch.setattr(Search, "run", run)
+    return diagnose(time_limit=100.0, progress=tell)
+
+
+def test_what_was_found_until_the_time_is_up_is_named_beside_the_others(monkeypatch):
+    diagnosis = end_with_a_needless_cause(monkeypatch, spare=10.0)
+    assert named(diagnosis) == [("coulomb_friction", "v")]
+    assert diagnosis.tested_
+    assert "was not tested" not in verdict_sentence(diagnosis)
+
+
+def test_where_spare_time_does_not_suffice_the_verdict_says_what_was_not_tested(monkeypatch):
+    diagnosis = end_with_a_needless_cause(monkeypatch, spare=0.0)
+    assert set(named(diagnosis)) == {("coulomb_friction", "v"), ("constant_load", "v")}
+    assert not diagnosis.tested_
+    assert not diagnosis.to_dict()["tested"]
+    assert "whether each cause is needed beside the others was not" in verdict_sentence(diagnosis)
+    assert diagnosis.stopped_ == "time limit of 100 s, at 'candidates'"
+
+
+def test_the_checks_of_the_records_end_with_the_time_and_keep_what_they_found(monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr(progress, "monotonic", lambda: now[0])
+
+    def late(*_):
+        now[0] = 200.0
+        return Finding("outliers", "v", "one", 1.0, "none")
+
+    monkeypatch.setattr(checks, "find_quantisation", late)
+    monkeypatch.setattr(checks, "find_closed_loop", lambda *_: pytest.fail("too late"))
+    diagnosis = diagnose(time_limit=100.0)
+    assert diagnosis.stopped_ == "time limit of 100 s, at 'quality of the records'"
+    assert diagnosis.complete_
+    assert [finding.kind for finding in diagnosis.data_quality_] == ["outliers"]
 
 
 @pytest.mark.parametrize("limit", [0, -1.0, "soon", float("nan")])

@@ -46,7 +46,7 @@ def test_a_window_that_sticks_is_begun_elsewhere():
 
 def test_a_play_that_does_not_begin_a_record_where_it_is_settled_is_begun_elsewhere():
     """Where the play is settled is far from where the machine stood."""
-    rig = SLEDGE + effects.InputBacklash("F", width=1.0, time_constant=0.05)
+    rig = SLEDGE + effects.InputBacklash("F", width=2.0, time_constant=0.05)
     X, _ = drive(rig)
     X["F"] += 3.0
     records = (record for _, record in X.groupby("trajectory"))

@@ -104,6 +104,25 @@ def _take_drag(self, begin):
     return self.so_far()
 
 
+def _end_with_drag(self, begin):
+    """Accept a cause that is not there, and end early."""
+    ground = self.fitter.subsample(self.fitter.base())
+    fit = self.fitter.converge(self.fitter.first_fit(ground, effects.QuadraticDrag("v")))
+    self.current = self.fitter.fit_all(fit, self.fitter.base())
+    self.progress.end("time is up")
+    return self._result(complete=False)
+
+
+@pytest.mark.slow
+def test_all_records_drop_a_needless_cause_of_a_search_that_ended_early(small_budget, monkeypatch):
+    monkeypatch.setattr(search.Search, "run", _end_with_drag)
+    X, y = drive(n_records=3, samples=2000, noise=NOISE)
+    diagnosis = ModelDiagnosis(SLEDGE, catalogue=KINDS).fit(X, y)
+    assert diagnosis.causes_ == ()
+    assert diagnosis.tested_
+    assert not diagnosis.complete_
+
+
 def test_a_time_limit_leaves_a_result_on_all_records(small_budget):
     X, y = drive(SLEDGE + effects.CoulombFriction("v", level=LEVEL), n_records=3, samples=2000)
     diagnosis = ModelDiagnosis(SLEDGE, catalogue=KINDS, time_limit=1e-6).fit(X, y)

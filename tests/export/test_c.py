@@ -101,7 +101,7 @@ def scales_of(model):
         effects.InputDelay("force", delay=2 * INTERVAL),
         effects.InputDeadZone("force", 0.3),
         effects.InputSaturation("force", 1.0),
-        effects.InputBacklash("force", 0.3, 0.02),
+        effects.InputBacklash("force", 0.6, 0.02),
         effects.InputRateLimit("force", 3.0, 0.02),
         effects.ActuatorLag("force", 0.05),
         effects.SensorRectification("position"),

@@ -62,12 +62,22 @@ def test_a_leak_empties_exponentially():
 
 def test_backlash_is_the_play_operator():
     u = np.sin(T)
-    played = gain() + effects.InputBacklash("u", width=0.4, time_constant=0.01)
+    played = gain() + effects.InputBacklash("u", width=0.8, time_constant=0.01)
     y = played.simulate(T, u, substeps=4).y[:, 0]
     play = np.zeros(T.size)
     for k in range(1, T.size):
         play[k] = min(max(play[k - 1], u[k] - 0.4), u[k] + 0.4)
     assert np.abs(y - play).max() < 0.05
+
+
+def test_the_width_of_a_play_is_the_way_from_flank_to_flank():
+    """A command that reverses travels the width before the machine follows, as a gauge shows it."""
+    u = np.interp(T, [0.0, 0.5 * T[-1], T[-1]], [0.0, 2.0, -2.0])
+    played = gain() + effects.InputBacklash("u", width=0.6, time_constant=0.01)
+    y = played.simulate(T, u, substeps=4).y[:, 0]
+    back = np.argmax(u)
+    follows = np.flatnonzero(y > y.max() - 0.01)[-1]
+    assert u[back] - u[follows] == pytest.approx(0.6, abs=0.05)
 
 
 def test_a_slewing_actuator_needs_time_in_proportion():

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.signal import lfilter
 
 from sklearn_pgnn.record_quality.clipping import find_clipping
 from sklearn_pgnn.record_quality.clock import find_gaps, find_jitter, find_unused_samples
@@ -94,6 +95,48 @@ def test_samples_that_a_logger_held_are_counted_however_few_decimals_it_wrote():
     y = np.round(swing(), 5)
     y[100::50] = y[99:-1:50]
     assert find_held_samples(signal(y)).value >= 78
+
+
+def coarse(kind, step, noise, decimals, seed):
+    """Return a motion in steps of a sensor: even ones, written with more decimals, or uneven."""
+    rng, t = np.random.default_rng(seed), np.arange(1500)
+    levels = lfilter([0.05], [1, -0.95], np.repeat(rng.normal(size=15), 100))
+    motions = {
+        "swing": np.exp(-t / 300) * np.sin(t * rng.uniform(0.01, 0.1)),
+        "steps": levels / np.ptp(levels),
+        "ramp": t / t.size,
+    }
+    y = step * np.rint(motions[kind] / step + noise * rng.standard_normal(t.size))
+    return {"even": y, "written": np.round(y, 6), "uneven": y + 0.1 * y**2}[decimals]
+
+
+@pytest.mark.parametrize("decimals", ["even", "written", "uneven"])
+@pytest.mark.parametrize("noise", [0.0, 0.15, 1.0, 3.0])
+@pytest.mark.parametrize("kind", ["swing", "steps", "ramp"])
+def test_a_coarse_sensor_that_repeats_at_rest_and_at_turning_points_drops_none(
+    kind, noise, decimals
+):
+    """A smooth signal repeats wherever it moves by less than a step in a sample."""
+    for seed, step in enumerate([0.0301, 0.01003, 0.003007, 0.00101]):
+        assert find_held_samples(signal(coarse(kind, step, noise, decimals, seed))) is None
+
+
+@pytest.mark.parametrize("decimals", ["even", "written", "uneven"])
+@pytest.mark.parametrize("noise", [0.0, 0.3, 3.0, 10.0])
+def test_samples_held_in_motion_are_found_however_coarse_the_sensor(noise, decimals):
+    rng, step = np.random.default_rng(1), 0.002003
+    y = step * np.rint(np.sin(np.arange(1500) / 13) / step + noise * rng.standard_normal(1500))
+    y = {"even": y, "written": np.round(y, 6), "uneven": y + 0.1 * y**2}[decimals]
+    assert find_held_samples(signal(y)) is None
+    y[50::50] = y[49:-1:50]
+    assert find_held_samples(signal(y)).value >= 15
+
+
+def test_samples_held_for_longer_are_counted():
+    y = np.round(swing(), 6)
+    for start in range(100, 3000, 200):
+        y[start : start + 4] = y[start - 1]
+    assert find_held_samples(signal(y)).value == pytest.approx(60, abs=20)
 
 
 @pytest.mark.slow

@@ -48,7 +48,7 @@ def records(model, starts=(0.0, 0.0)):
     [
         LAG,
         CART + effects.InputRateLimit("F", 2.0, 0.1),
-        CART + effects.InputBacklash("F", 6.0, 0.1),
+        CART + effects.InputBacklash("F", 12.0, 0.1),
     ],
     ids=["lag", "rate limit", "play"],
 )
@@ -67,7 +67,7 @@ def test_windows_begin_where_the_start_of_the_record_leads(model):
     [
         effects.InputGain("F", 0.3),
         effects.InputRateLimit("F", 8.0, 0.1),
-        effects.InputBacklash("F", 0.6, 0.1),
+        effects.InputBacklash("F", 1.2, 0.1),
         effects.InputDelay("F", 0.12),
     ],
     ids=lambda effect: effect.id,

@@ -238,7 +238,7 @@ def test_a_state_of_ones_own_is_no_actuators_whatever_its_name():
     [
         effects.ActuatorLag("F", 0.3),
         effects.InputRateLimit("F", 5.0, 0.1),
-        effects.InputBacklash("F", 0.1, 0.1),
+        effects.InputBacklash("F", 0.2, 0.1),
     ],
     ids=lambda effect: effect.id,
 )

@@ -99,6 +99,9 @@ def _unexplained(diagnosis) -> str:
         return "something is missing, and the search ended before it was found"
     if part is None:
         return "something is missing that no known effect explains"
+    if part.has_names:
+        names = listed(cause_name(each.effect, each.target) for each in part.known)
+        return f"something is missing in {missing_place(diagnosis, part)} that acts as {names}"
     return f"something unknown is missing in {missing_place(diagnosis, part)}"
 
 

@@ -441,20 +441,23 @@ class InputRateLimit(ActuatorEffect):
 class InputBacklash(ActuatorEffect):
     r"""Backlash (play) between the command and the machine.
 
-    .. math:: T\,\dot u_a = \max(u - u_a - w, 0) + \min(u - u_a + w, 0)
+    .. math:: T\,\dot u_a = \max(u - u_a - w/2, 0) + \min(u - u_a + w/2, 0)
+
+    The width is the whole gap, as makers of gears state it: the way that the command travels after
+    a reversal, from one flank to the other, before the machine follows.
 
     Parameters
     ----------
     target : str
         The input.
     width : float, default=0
-        Half-width :math:`w` of the play [input].
+        Width :math:`w` of the play, from flank to flank [input].
     time_constant : float, default=1
         Time constant :math:`T` [s] of the contact; a diagnosis keeps it at a sample or two.
 
     Examples
     --------
-    >>> InputBacklash("u", width=0.1, time_constant=0.01).names()
+    >>> InputBacklash("u", width=0.2, time_constant=0.01).names()
     {'width': 'wb_u', 'time_constant': 'Tb_u'}
     """
 
@@ -464,26 +467,26 @@ class InputBacklash(ActuatorEffect):
     summary = (
         "Play: after a reversal the command must travel through it before the machine follows."
     )
-    check = "Reverse the command slowly: nothing moves over twice the half-width."
+    check = "Reverse the command slowly: nothing moves until it has travelled the width."
     generalises = ("actuator_lag",)
     ending = "_engaged"
 
     def rate(self, u, acting, p):
         """Return the rate in contact, zero within the play."""
-        gap, w = u - acting, p["width"]
-        return (maximum(gap - w, 0) + minimum(gap + w, 0)) / p["time_constant"]
+        gap, side = u - acting, p["width"] / 2
+        return (maximum(gap - side, 0) + minimum(gap + side, 0)) / p["time_constant"]
 
     @classmethod
     def starts(cls, target, model, scales):
         """Start from a small to a wide play in stiff contact."""
         quick = scales.sample_time
-        return tuple(cls(target, share * scales.peak[target], quick) for share in (0.03, 0.15, 0.4))
+        return tuple(cls(target, share * scales.peak[target], quick) for share in (0.06, 0.3, 0.8))
 
     @classmethod
     def limits(cls, target, model, scales):
-        """Keep the play narrower than the command, and the contact stiff."""
+        """Keep the play narrower than the command's travel, and the contact stiff."""
         step = scales.sample_time
         return {
-            "width": (0.0, 0.95 * scales.peak[target]),
+            "width": (0.0, 1.9 * scales.peak[target]),
             "time_constant": (0.5 * step, 2.0 * step),
         }

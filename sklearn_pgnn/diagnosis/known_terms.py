@@ -1,0 +1,79 @@
+"""Terms of a formula that have a name: those of the model's parameters and of the catalogue."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from sklearn_pgnn.diagnosis.unexplained import KnownTerms
+from sklearn_pgnn.estimation.same_in_equations import (
+    already_holds,
+    expressed_parameters,
+    same_causes,
+)
+from sklearn_pgnn.physics.effect import Effect
+from sklearn_pgnn.physics.effects import CATALOGUE, WrongParameter
+from sklearn_pgnn.physics.effects.formula import Formula
+from sklearn_pgnn.physics.model import PhysicsModel
+
+#: largest relative difference between coefficients that count as in proportion: what lies beyond is
+#: less than a twentieth of their power
+SPREAD = 0.05**0.5
+
+
+def known_terms(model: PhysicsModel, formula: Formula) -> tuple[KnownTerms, ...]:
+    """Return the terms of a formula that have a name, each under one.
+
+    A name for several terms, whose coefficients must be in its proportion, comes before names for
+    single ones, a parameter of the model before an effect, and a free one before a fixed one.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The prior.
+    formula : Formula
+        The formula for what it lacks.
+
+    Returns
+    -------
+    tuple of KnownTerms
+        Empty if the whole formula is beyond the model and the catalogue.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn import systems
+    >>> cart = systems.cart_on_spring()
+    >>> for known in known_terms(cart, Formula("v", ("v*abs(v)", "v*x**2"), (1.0, 1.0))):
+    ...     print(known.terms, known.effect, known.target)
+    ('v*abs(v)',) quadratic_drag v
+    """
+    terms = tuple(replace(formula, terms=(t,), coefficients=(1.0,)) for t in formula.terms)
+    found: list[KnownTerms] = []
+    expressed = expressed_parameters(model, terms)
+    for name in sorted(expressed, key=lambda name: -np.count_nonzero(expressed[name])):
+        own = np.flatnonzero(expressed[name])
+        told = tuple(formula.terms[i] for i in own)
+        in_proportion = _is_even(np.array(formula.coefficients)[own] / expressed[name][own])
+        if in_proportion and _names(found).isdisjoint(told):
+            found.append(KnownTerms(told, WrongParameter.id, name))
+    for term, effect in _same_effects(model, terms).items():
+        if term not in _names(found):
+            found.append(KnownTerms((term,), effect.id, effect.target))
+    return tuple(found)
+
+
+def _names(found: list[KnownTerms]) -> set[str]:
+    """Return the terms that have a name."""
+    return {term for known in found for term in known.terms}
+
+
+def _is_even(ratios: np.ndarray) -> bool:
+    return bool(np.ptp(ratios) <= SPREAD * abs(ratios.mean()))
+
+
+def _same_effects(model: PhysicsModel, terms: tuple[Formula, ...]) -> dict[str, Effect]:
+    """Return the first effect of the catalogue that is the same in the equations as each term."""
+    effects = [kind(target) for kind in CATALOGUE for target in kind.targets(model)]
+    able = tuple(effect for effect in effects if not already_holds(model, effect))
+    classes = same_causes(model, (*able, *terms))
+    named = {first: others for first, others in classes.items() if first in able}
+    return {t.terms[0]: first for t in terms for first, others in named.items() if t in others}
