@@ -327,7 +327,10 @@ class SINDYcRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         form = "{}[k+1]" if self.discrete else "{}'"
         self._keep_texts([form.format(state) for state in base.states], terms)
         self.substeps_ = 1 if self.discrete else self._enough_substeps(records)
-        method, limits = "euler" if self.discrete else "rk4", limits_of(states.windows.y)
+        method, limits = (
+            "euler" if self.discrete else "rk4",
+            limits_of(np.concatenate([record.y for record in records])),
+        )
         self._simulated = (states.interval, self.substeps_, limits, self.hold_, method, REMEDY)
         said = {"hold": self.hold_, "substeps": self.substeps_}
         self.model_ = self.model_.replace(simulation=said)
@@ -342,10 +345,14 @@ class SINDYcRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             return _finite(function(np.column_stack([x, u]), t), library)
 
         rows = step_rows if self.discrete else rate_rows
-        terms, rates = rows(states, values, self.span)
         known = () if self.discrete else velocities(base)
-        names = [name for name in base.states if name not in known]
-        return self._regress(terms, rates[:, [name in names for name in base.states]], names)
+        names = list(base.states)
+        chosen = [i for i, name in enumerate(names) if name not in known]
+        found = np.zeros((len(names), len(library)))
+        for group in states.alike(chosen):
+            terms, rates = rows(states, values, self.span, states.is_measured[:, group[0]])
+            found[group] = self._regress(terms, rates[:, group], [names[i] for i in group])
+        return found[chosen]
 
     def _enough_substeps(self, records) -> int:
         with np.errstate(all="ignore"):  # a diverging map diverges here as well
