@@ -10,10 +10,12 @@ the simulation has diverged, finite as it may be.
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
+from sklearn_pgnn.estimators.one_warning import one_simulation_warning
 from sklearn_pgnn.exceptions import SimulationWarning
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.ahead import Machine, model_machine, predict_ahead
@@ -105,22 +107,37 @@ class FreeRuns:
             return model
         return model.replace(simulation={"hold": self.hold, "substeps": substeps})
 
-    def machine(self, model: PhysicsModel, record: Record) -> Machine:
-        """Return a model as a machine along a record, for predictions ahead.
+    def ahead(self, model: PhysicsModel, records, steps: int, noise: np.ndarray):
+        """Predict states and outputs some samples ahead of the known outputs.
 
         Parameters
         ----------
         model : PhysicsModel
             The model.
-        record : Record
-            The record, with outputs.
+        records : sequence of Record
+            The records, with outputs.
+        steps, noise
+            See `sklearn_pgnn.simulation.ahead.predict_ahead`.
 
         Returns
         -------
-        Machine
-            The machine.
+        states : ndarray of shape (n_samples, n_states)
+            Finite numbers in the order of the table's rows, those of `simulate` where a prediction
+            diverges. One `SimulationWarning` tells of all simulations that fail.
+        outputs : ndarray of shape (n_samples, n_outputs)
+            In the same order.
         """
-        return model_machine(model, record, **self._options(record))
+        machines = [model_machine(model, each, **self._options(each)) for each in records]
+        with one_simulation_warning() as failed:
+            machines = [replace(each, run=partial(_noted, each, failed)) for each in machines]
+            found = np.hstack(predict_ahead(machines, steps, noise))
+            n_states = len(model.states)
+            with np.errstate(invalid="ignore"):
+                within = (np.abs(found[:, n_states:]) <= self.limits).all(axis=1)
+            lost = ~(within & np.isfinite(found).all(axis=1))
+            if lost.any():
+                found[lost] = self.simulate(model, records, [*model.states, *model.outputs])[lost]
+        return found[:, :n_states], found[:, n_states:]
 
     def simulate(self, model: PhysicsModel, records, names: Sequence[str]) -> np.ndarray:
         """Simulate every record in free run; of one that diverges the first row is repeated.
@@ -175,6 +192,14 @@ class FreeRuns:
         return f"{what} Or {self.remedy}." if what and self.remedy != REMEDY else what
 
 
+def _noted(machine: Machine, failed: list[str], a: int, b: int, x):
+    """Run a machine, and note the name of the trajectory if the run fails."""
+    states, outputs = machine.run(a, b, x)
+    if not np.isfinite(states[-1]).all():
+        failed.append(machine.record.name)
+    return states, outputs
+
+
 def usual_step(records) -> float:
     """Return the median sample interval of records [s].
 
@@ -189,6 +214,34 @@ def usual_step(records) -> float:
         The interval.
     """
     return float(np.median(np.concatenate([np.diff(record.t) for record in records])))
+
+
+def without_long_steps(records) -> list[Record]:
+    """Return records in which no step is longer than a usual one, to find the substeps of that.
+
+    Parameters
+    ----------
+    records : sequence of Record
+        The records.
+
+    Returns
+    -------
+    list of Record
+        The records; steps that are to be divided are as long as `usual_step`.
+
+    Examples
+    --------
+    >>> t, none = np.array([0.0, 1.0, 2.0, 9.0]), np.zeros((4, 0))
+    >>> (record,) = without_long_steps([Record(t, none, None, np.zeros(1), "a", np.arange(4))])
+    >>> record.t.tolist()
+    [0.0, 1.0, 2.0, 3.0]
+    """
+    usual, closed = usual_step(records), []
+    for record in records:
+        steps = np.diff(record.t)
+        steps = np.where(np.rint(steps / usual) > 1, usual, steps)
+        closed.append(replace(record, t=record.t[0] + np.append(0.0, np.cumsum(steps))))
+    return closed
 
 
 def limits_of(y: np.ndarray) -> np.ndarray:
@@ -211,37 +264,6 @@ def limits_of(y: np.ndarray) -> np.ndarray:
     """
     largest = np.max(np.abs(y), axis=0, initial=0.0, where=np.isfinite(y))
     return np.where(largest > 0, RUNAWAY * largest, np.inf)
-
-
-def outputs_ahead(machines: list[Machine], steps: int, noise: np.ndarray):
-    """Predict states and outputs ahead, with one warning for all simulations that fail.
-
-    Parameters
-    ----------
-    machines, steps, noise
-        See `sklearn_pgnn.simulation.ahead.predict_ahead`.
-
-    Returns
-    -------
-    states, outputs : ndarray
-        See there.
-    """
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", SimulationWarning)
-        found = predict_ahead(machines, steps, noise)
-    _pass_on(caught)
-    return found
-
-
-def _pass_on(caught) -> None:
-    """Give warnings again, those of failed simulations as one that counts them."""
-    failed = [each for each in caught if issubclass(each.category, SimulationWarning)]
-    for each in caught:
-        if each not in failed:
-            warnings.warn_explicit(each.message, each.category, each.filename, each.lineno)
-    if failed:
-        more = f" {len(failed) - 1} more simulations failed." if len(failed) > 1 else ""
-        warnings.warn(f"{failed[0].message}{more}", SimulationWarning, stacklevel=4)
 
 
 def _warn_of_diverging(wrong: dict[str, str]) -> None:

@@ -19,6 +19,7 @@ from sklearn_pgnn.estimators.network.sample_interval import (
     parts_of_a_step,
 )
 from sklearn_pgnn.estimators.network.stepper import Stepper
+from sklearn_pgnn.estimators.one_warning import one_simulation_warning
 from sklearn_pgnn.exceptions import OptionError, SimulationWarning
 from sklearn_pgnn.extras import needed_by
 from sklearn_pgnn.simulation.ahead import Machine, predict_ahead
@@ -572,6 +573,7 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
         parts = parts_of_a_step(interval, self.interval_, is_map, self.structure_)
         return Stepper(self.module_.core, self.step_, x0, interval, self.guide_line_, parts)
 
+    @one_simulation_warning()
     def _free_runs(self, X):
         runs = self._read_ready(X)
         run = ready_to_run(self.module_.core, self.step_)

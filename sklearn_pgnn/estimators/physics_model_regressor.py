@@ -7,7 +7,7 @@ import numpy as np
 from sklearn.base import BaseEstimator, MultiOutputMixin
 from sklearn.utils.validation import check_is_fitted
 
-from sklearn_pgnn.estimators.free_runs import FreeRuns, limits_of, outputs_ahead, usual_step
+from sklearn_pgnn.estimators.free_runs import FreeRuns, limits_of, usual_step
 from sklearn_pgnn.estimators.parameter_search import (
     SEARCHES,
     ParameterFit,
@@ -281,8 +281,7 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         [0.   0.72]
         """
         records = self._read(X, y)
-        machines = [self._runs.machine(self.model_, record) for record in records]
-        return self._shaped(outputs_ahead(machines, steps, self.noise_)[1])
+        return self._shaped(self._runs.ahead(self.model_, records, steps, self.noise_)[1])
 
     def predict_interval(self, X, coverage=0.9):
         r"""Return the interval in which the measured outputs of a free run are expected.

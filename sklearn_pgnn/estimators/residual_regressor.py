@@ -11,7 +11,8 @@ from sklearn.preprocessing import StandardScaler
 from sklearn.utils import check_array, check_consistent_length, get_tags
 from sklearn.utils.validation import check_is_fitted
 
-from sklearn_pgnn.estimators.free_runs import FreeRuns, limits_of, outputs_ahead, usual_step
+from sklearn_pgnn.estimators.free_runs import FreeRuns, limits_of, usual_step, without_long_steps
+from sklearn_pgnn.estimators.one_warning import one_simulation_warning
 from sklearn_pgnn.simulation.finite_run import quantities_of
 from sklearn_pgnn.simulation.free_run import substeps_for
 from sklearn_pgnn.simulation.record_windows import output_noise
@@ -249,13 +250,11 @@ class ResidualRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         X = validate_table(self, X, reset=False)
         records = read_records(self.model, X, y, time_column=self.time_column, to_fit=False)
         refuse_standardised(self.model, records)
-        features, simulated = self._simulate(records)
-        expected = self.regressor_.predict(features).reshape(simulated.shape)
-        machines = [
-            self._runs.machine(self.model, replace(record, y=record.y - expected[record.rows]))
-            for record in records
-        ]
-        states, ahead = outputs_ahead(machines, steps, self.noise_)
+        with one_simulation_warning():
+            features, simulated = self._simulate(records)
+            expected = self.regressor_.predict(features).reshape(simulated.shape)
+            left = [replace(record, y=record.y - expected[record.rows]) for record in records]
+            states, ahead = self._runs.ahead(self.model, left, steps, self.noise_)
         features = self._features(records, np.column_stack([states, ahead]))
         outputs = ahead + self.regressor_.predict(features).reshape(ahead.shape)
         return outputs.ravel() if self._single_output else outputs
@@ -271,7 +270,8 @@ class ResidualRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         refuse_standardised(self.model, records)
         warn_of_contradicted_states(self.model, records)
         self.hold_ = hold_of(self.model, self.hold)
-        self.substeps_ = substeps_for(self.model, records, self.substeps, hold=self.hold_)
+        even = without_long_steps(records)
+        self.substeps_ = substeps_for(self.model, even, self.substeps, hold=self.hold_)
         self.noise_ = output_noise(records)
         measured = rows_in_order(records, np.concatenate([record.y for record in records]))
         limits, interval = limits_of(measured), usual_step(records)

@@ -7,7 +7,7 @@ import numpy as np
 from sklearn.base import BaseEstimator, MultiOutputMixin
 from sklearn.utils.validation import check_is_fitted, validate_data
 
-from sklearn_pgnn.estimators.free_runs import FreeRuns, limits_of, outputs_ahead
+from sklearn_pgnn.estimators.free_runs import FreeRuns, limits_of, without_long_steps
 from sklearn_pgnn.estimators.progress import progress_printer
 from sklearn_pgnn.estimators.sindyc_library import read_library, term_function, term_texts
 from sklearn_pgnn.estimators.sindyc_model import (
@@ -299,8 +299,7 @@ class SINDYcRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
                 "predict_ahead: expected an estimator that was fitted to trajectories; "
                 "independent rows have no states."
             )
-        machines = [self._runs.machine(self.model_, record) for record in self._read(X, y)]
-        outputs = outputs_ahead(machines, steps, self.noise_)[1]
+        outputs = self._runs.ahead(self.model_, self._read(X, y), steps, self.noise_)[1]
         return outputs.ravel() if self._single_output else outputs
 
     # -- samples in time ---------------------------------------------------------------------------
@@ -356,7 +355,8 @@ class SINDYcRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
 
     def _enough_substeps(self, records) -> int:
         with np.errstate(all="ignore"):  # a diverging map diverges here as well
-            return substeps_for(self.model_, records, self.substeps, hold=self.hold_)
+            even = without_long_steps(records)
+            return substeps_for(self.model_, even, self.substeps, hold=self.hold_)
 
     def _predict_records(self, X, which="y"):
         """Return the simulated outputs, or the states (``"x"``)."""

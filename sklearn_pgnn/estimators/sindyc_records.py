@@ -165,7 +165,8 @@ def with_fast_sensors(model: PhysicsModel, records) -> tuple[Record, ...]:
 
 
 def _with_fast(record: Record, shown: list[list[int]], span: float) -> Record:
-    counts = np.isfinite(record.y).sum(axis=0)
+    y = np.array(record.y)
+    counts = np.isfinite(y).sum(axis=0)
     duration = record.t[-1] - record.t[0]
     intervals = np.where(counts >= FEWEST, duration / np.maximum(counts - 1, 1), np.inf)
     needed = set(range(counts.size)) - {column for columns in shown for column in columns}
@@ -173,7 +174,6 @@ def _with_fast(record: Record, shown: list[list[int]], span: float) -> Record:
         enough = max(span, GAP * min(intervals[columns]))
         needed.update(column for column in columns if intervals[column] <= enough)
     slow = [column for column in range(counts.size) if column not in needed]
-    y = record.y.copy()
     y[:, slow] = np.nan
     return replace(record, y=y)
 

@@ -8,7 +8,12 @@ from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils.validation import _check_feature_names_in, check_is_fitted
 
 from sklearn_pgnn.exceptions import OptionError
-from sklearn_pgnn.preprocessing.simulated_columns import SimulatedColumns, limits_of, usual_step
+from sklearn_pgnn.preprocessing.simulated_columns import (
+    SimulatedColumns,
+    limits_of,
+    usual_step,
+    without_long_steps,
+)
 from sklearn_pgnn.simulation.finite_run import quantities_of
 from sklearn_pgnn.simulation.free_run import substeps_for
 from sklearn_pgnn.simulation.simulate import hold_of
@@ -136,8 +141,9 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
             raise ValueError(f"append: expected True, False or 'all', got {self.append!r}.")
         self._refuse_taken_names()
         self.hold_ = hold_of(self.model, self.hold)
+        even = without_long_steps(records)
         self.substeps_ = substeps_for(
-            self.model, records, self.substeps, method=self.method, hold=self.hold_
+            self.model, even, self.substeps, method=self.method, hold=self.hold_
         )
         self._interval, self._limits = usual_step(records), np.full(len(self.model.outputs), np.inf)
         runs = [self._simulated.run(record).y for record in records]

@@ -11,7 +11,7 @@ which the medians of y and of the simulation are the same.
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -135,6 +135,34 @@ def usual_step(records) -> float:
     """
     steps = np.concatenate([np.diff(record.t) for record in records])
     return float(np.median(steps)) if steps.size else np.inf
+
+
+def without_long_steps(records) -> list[Record]:
+    """Return records in which no step is longer than a usual one, to find the substeps of that.
+
+    Parameters
+    ----------
+    records : sequence of Record
+        The records.
+
+    Returns
+    -------
+    list of Record
+        The records; steps that are to be divided are as long as `usual_step`.
+
+    Examples
+    --------
+    >>> t, none = np.array([0.0, 1.0, 2.0, 9.0]), np.zeros((4, 0))
+    >>> (record,) = without_long_steps([Record(t, none, None, np.zeros(1), "a", np.arange(4))])
+    >>> record.t.tolist()
+    [0.0, 1.0, 2.0, 3.0]
+    """
+    usual, closed = usual_step(records), []
+    for record in records:
+        steps = np.diff(record.t)
+        steps = np.where(np.rint(steps / usual) > 1, usual, steps)
+        closed.append(replace(record, t=record.t[0] + np.append(0.0, np.cumsum(steps))))
+    return closed
 
 
 def limits_of(model: PhysicsModel, simulated: np.ndarray, y) -> np.ndarray:

@@ -3,10 +3,18 @@
 import warnings
 
 import numpy as np
+import pandas as pd
 import pytest
+from sklearn.base import clone
 from sklearn.linear_model import LinearRegression
 
-from sklearn_pgnn import PhysicsModel, PhysicsModelRegressor, ResidualRegressor, SINDYcRegressor
+from sklearn_pgnn import (
+    PGNNLRegressor,
+    PhysicsModel,
+    PhysicsModelRegressor,
+    ResidualRegressor,
+    SINDYcRegressor,
+)
 from sklearn_pgnn.exceptions import SimulationWarning
 from sklearn_pgnn.simulation.free_run import SMALL
 
@@ -50,6 +58,12 @@ def test_a_long_step_is_predicted_ahead_like_the_short_ones(fitted, rows):
     assert np.all(np.abs(ahead - Y[rows]).max(axis=0) < allowed)
 
 
+@pytest.mark.parametrize("name", ["residual", "sindyc"])
+def test_a_gap_in_the_fit_makes_no_other_step_finer(name):
+    gappy = clone(ESTIMATORS[name]).fit(X[ROWS["gap"]], Y[ROWS["gap"]])
+    assert gappy.substeps_ == ESTIMATORS[name].fit(X, Y).substeps_
+
+
 def test_intervals_hold_at_long_steps():
     fitted = ESTIMATORS["model"].fit(X, Y)
     whole = fitted.predict_interval(X)
@@ -88,16 +102,61 @@ def test_a_finite_divergence_of_a_fitted_model_is_told():
     assert np.abs(found).max() < 10
 
 
-def test_predictions_ahead_warn_once_of_all_simulations_that_fail():
-    root = PhysicsModel({"y": "V"}, {"y": "(u - sqrt(y))/T"}, {"T": 1.0}, {"u": "V"})
-    t = np.arange(200) * 0.02
-    u = 1.0 + 0.5 * np.sin(t)
-    y = root.simulate(t, u, [1.0], substeps=4).y[:, 0]
-    table = np.column_stack([t, u, np.full(t.size, 1.0)])
-    fitted = ResidualRegressor(root).fit(table, y)
+ROOT = PhysicsModel({"y": "V"}, {"y": "(u - sqrt(y))/T"}, {"T": 1.0}, {"u": "V"})
+CLOCK = np.arange(100) * 0.05
+
+
+def root_records(sign=1.0, n=3):
+    """Return records of a model that fails where an input below zero empties it."""
+    frames, outputs = [], []
+    for i in range(n):
+        u = 1.0 + 0.5 * np.sin((i + 1) * CLOCK)
+        table = {"trajectory": f"run {i}", "t": CLOCK, "u": sign * u, "y": 1.0}
+        frames.append(pd.DataFrame(table))
+        outputs.append(ROOT.simulate(CLOCK, u, [1.0], substeps=4).y[:, 0])
+    return pd.concat(frames, ignore_index=True), np.concatenate(outputs)
+
+
+def only_simulation_warning(caught):
+    (warned,) = [each for each in caught if issubclass(each.category, SimulationWarning)]
+    return str(warned.message)
+
+
+@pytest.mark.parametrize(
+    "estimator",
+    [
+        ResidualRegressor(ROOT),
+        PhysicsModelRegressor(ROOT, search="local"),
+        SINDYcRegressor(ROOT, library="model"),
+    ],
+    ids=lambda each: type(each).__name__,
+)
+def test_all_that_fails_ahead_is_one_warning_and_leaves_no_nan(estimator):
+    fitted, (empty, y) = estimator.fit(*root_records()), root_records(-1.0)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        fitted.predict_ahead(table, np.where(t > 2, -3.0, y), steps=3)
-    (warned,) = [each for each in caught if issubclass(each.category, SimulationWarning)]
-    assert "became non-finite at t = " in str(warned.message)
-    assert str(warned.message).endswith("more simulations failed.")
+        found = fitted.predict_ahead(empty, -y, steps=3)
+    message = only_simulation_warning(caught)
+    assert message.startswith("trajectory 'run 0': the simulation of ")
+    assert "became non-finite at t = 0.6 s (sample 12" in message
+    assert message.endswith(" more simulations failed in the same call.")
+    assert np.isfinite(found).all()
+
+
+@pytest.mark.parametrize("structure", ["auto", "increment"])
+def test_all_that_fails_in_a_network_is_one_warning(structure):
+    options = {"module__neurons": 3, "max_epochs": 2, "refine": None}
+    net, (empty, y) = PGNNLRegressor(ROOT, structure=structure, **options), root_records(-1.0)
+    net.fit(*root_records())
+    for call in (net.predict, net.predict_states):
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            call(empty)
+        message = only_simulation_warning(caught)
+        assert message.startswith("trajectory 'run 0': ")
+        assert message.endswith("2 more simulations failed in the same call.")
+    net = PGNNLRegressor(ROOT, structure="auto", guide=None, **options)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        net.fit(empty.drop(columns="y"), -y)
+    assert "more simulations failed in the same call." in only_simulation_warning(caught)

@@ -15,7 +15,7 @@ from sklearn.tree import ExtraTreeRegressor
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
 from sklearn_pgnn import ConformalRegressor, EnsembleRegressor, PhysicsModel, ResidualRegressor
-from sklearn_pgnn.exceptions import OptionError
+from sklearn_pgnn.exceptions import OptionError, SimulationWarning
 
 LAG = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
 FOREST = RandomForestRegressor(3, max_depth=4)
@@ -59,6 +59,19 @@ def test_what_the_regressor_can_do_it_can():
     assert np.array_equal(ensemble.predict_states(X), ensemble.estimators_[0].predict_states(X))
     assert not hasattr(EnsembleRegressor(FOREST), "predict_states")
     assert not hasattr(EnsembleRegressor(FOREST), "predict_ahead")
+
+
+def test_all_that_fails_in_the_fits_is_one_warning():
+    unstable = LAG.with_parameters(T=-0.2)
+    ensemble = EnsembleRegressor(ResidualRegressor(unstable, FOREST), 3)
+    with pytest.warns(SimulationWarning):
+        ensemble.fit(X, Y)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        ensemble.predict(X)
+    (warned,) = caught
+    assert str(warned.message).startswith("trajectory '0': the simulation of 'model' diverges")
+    assert str(warned.message).endswith("2 more simulations failed in the same call.")
 
 
 def in_volt(table):

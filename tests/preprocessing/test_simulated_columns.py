@@ -90,3 +90,8 @@ def test_a_long_step_is_integrated_like_the_short_ones(rows):
     whole = transformer.transform(ROWS)[rows]
     error = np.abs(transformer.transform(ROWS[rows]) - whole).max(axis=0)
     assert np.all(error < SMALL * np.ptp(whole, axis=0))
+
+
+def test_a_gap_in_the_fit_makes_no_other_step_finer():
+    transformer = PhysicsModelTransformer(SWING, append=False)
+    assert transformer.fit(ROWS[GAP]).substeps_ == transformer.fit(ROWS).substeps_
