@@ -2,7 +2,6 @@
 
 import contextlib
 import warnings
-from functools import partial
 
 import numpy as np
 from sklearn.base import MultiOutputMixin
@@ -11,7 +10,8 @@ from sklearn.utils.validation import check_is_fitted
 
 from sklearn_pgnn.estimators.network.batches import TensorBatches
 from sklearn_pgnn.estimators.network.cores import FeedForward
-from sklearn_pgnn.estimators.network.free_run import ready_to_run, run_core
+from sklearn_pgnn.estimators.network.free_run import ready_to_run
+from sklearn_pgnn.estimators.network.pieces import PieceRuns
 from sklearn_pgnn.estimators.network.prepared_net import PreparedNet
 from sklearn_pgnn.estimators.network.random_numbers import own_random_numbers
 from sklearn_pgnn.estimators.network.sample_interval import (
@@ -19,6 +19,7 @@ from sklearn_pgnn.estimators.network.sample_interval import (
     parts_of_a_step,
 )
 from sklearn_pgnn.estimators.network.stepper import Stepper
+from sklearn_pgnn.estimators.one_warning import one_simulation_warning
 from sklearn_pgnn.exceptions import OptionError, SimulationWarning
 from sklearn_pgnn.extras import needed_by
 from sklearn_pgnn.simulation.ahead import Machine, predict_ahead
@@ -476,19 +477,13 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
                 f"{type(self.module_.core).__name__}. Remedy: module=FeedForward."
             )
         runs = self._read_ready(X, y)
+        pieces = PieceRuns(self.module_.core, self.step_)
         machines = [
-            Machine(record, ready.x0, partial(self._run_piece, ready, kept))
+            Machine(record, ready.x0, pieces.along(ready, kept))
             for record, ready, kept in zip(runs.records, runs.ready, runs.kept, strict=True)
         ]
         outputs = predict_ahead(machines, steps, self.noise_)[1]
         return outputs.ravel() if self._single_output else outputs
-
-    def _run_piece(self, ready, kept, a, b, x):
-        """Run from a state along part of a trajectory, between two of its own samples."""
-        piece = ready.piece(kept[a], kept[b] + 1, x)
-        states = run_core(self.module_.core, self.step_, piece)[0]
-        own = kept[a : b + 1] - kept[a]
-        return states[own], self._outputs(piece, states)[own]
 
     @property
     def predict_proba(self):
@@ -578,6 +573,7 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
         parts = parts_of_a_step(interval, self.interval_, is_map, self.structure_)
         return Stepper(self.module_.core, self.step_, x0, interval, self.guide_line_, parts)
 
+    @one_simulation_warning()
     def _free_runs(self, X):
         runs = self._read_ready(X)
         run = ready_to_run(self.module_.core, self.step_)

@@ -7,6 +7,7 @@ import numpy as np
 from sklearn.base import BaseEstimator, MultiOutputMixin
 from sklearn.utils.validation import check_is_fitted
 
+from sklearn_pgnn.estimators.free_runs import FreeRuns, limits_of, usual_step
 from sklearn_pgnn.estimators.parameter_search import (
     SEARCHES,
     ParameterFit,
@@ -16,8 +17,6 @@ from sklearn_pgnn.estimators.parameter_search import (
 from sklearn_pgnn.estimators.progress import progress_printer
 from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.ahead import model_machine, predict_ahead
-from sklearn_pgnn.simulation.finite_run import simulate_quantities
 from sklearn_pgnn.simulation.free_run import simulate_record
 from sklearn_pgnn.simulation.intervals import (
     check_coverage,
@@ -110,7 +109,7 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
     hold_ : {"zoh", "foh"}
         How the inputs were assumed to vary between samples.
     substeps_ : int
-        Integration steps from sample to sample.
+        Integration steps for the sample interval of `fit`; longer steps take as many more.
     n_features_in_ : int
         Number of columns of X.
     feature_names_in_ : ndarray of str
@@ -201,6 +200,8 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         self.hold_, self.substeps_ = windows.hold, windows.substeps
         said = {"hold": self.hold_, "substeps": self.substeps_}
         self.model_ = found.fit.model.replace(simulation=said)
+        limits = limits_of(np.concatenate([record.y for record in records]))
+        self._simulated = (usual_step(records), self.substeps_, limits, self.hold_)
         self._keep_estimates(found)
         _warn_of_ends(found.fit.freedoms, self.model_)
         firsts = found.fit.x0[np.searchsorted(windows.starts, windows.bounds[:-1])]
@@ -224,8 +225,9 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         Returns
         -------
         ndarray of shape (n_samples, n_outputs) or (n_samples,)
-            Simulated outputs. All rows of a trajectory whose simulation becomes non-finite get the
-            values of the first row, which a `SimulationWarning` reports.
+            Simulated outputs. All rows of a trajectory whose simulation diverges, to more than 1000
+            times what was measured or to no number at all, get the values of the first row, which a
+            `SimulationWarning` reports.
         """
         return self._shaped(self._simulate(self._read(X), self.model_.outputs))
 
@@ -279,8 +281,7 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         [0.   0.72]
         """
         records = self._read(X, y)
-        machines = [model_machine(self.model_, record) for record in records]
-        return self._shaped(predict_ahead(machines, steps, self.noise_)[1])
+        return self._shaped(self._runs.ahead(self.model_, records, steps, self.noise_)[1])
 
     def predict_interval(self, X, coverage=0.9):
         r"""Return the interval in which the measured outputs of a free run are expected.
@@ -337,8 +338,13 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         refuse_standardised(self.model, records)
         return records
 
+    @property
+    def _runs(self) -> FreeRuns:
+        """How the fitted estimator simulates."""
+        return FreeRuns(*self._simulated)
+
     def _simulate(self, records, names) -> np.ndarray:
-        return simulate_quantities(self.model_, records, list(names))
+        return self._runs.simulate(self.model_, records, list(names))
 
     def _shaped(self, outputs) -> np.ndarray:
         return outputs.ravel() if self._single_output else outputs
@@ -346,7 +352,12 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
     def _variance(self, records) -> np.ndarray:
         """Return the variance of measurements about a free run, records concatenated."""
         names = tuple(self.parameters_)
-        parts = [output_variance(self.model_, each, names, self._covariance) for each in records]
+        parts = [
+            output_variance(
+                self._runs.model_along(self.model_, each), each, names, self._covariance
+            )
+            for each in records
+        ]
         return np.concatenate(parts) + self._error**2
 
     @one_thread_each()
@@ -355,7 +366,7 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         self._covariance = parameter_covariance(found.fit, found.expected, found.spread)
         starts = zip(records, self.initial_states_, strict=True)
         records = [replace(record, x0=x0) for record, x0 in starts]
-        runs = [simulate_record(self.model_, record) for record in records]
+        runs = [simulate_record(self._runs.model_along(self.model_, r), r) for r in records]
         with np.errstate(over="ignore", invalid="ignore"):
             left = np.concatenate([run.y - r.y for run, r in zip(runs, records, strict=True)])
             square = np.nanmean(left**2, axis=0)

@@ -11,8 +11,9 @@ from sklearn.preprocessing import StandardScaler
 from sklearn.utils import check_array, check_consistent_length, get_tags
 from sklearn.utils.validation import check_is_fitted
 
-from sklearn_pgnn.simulation.ahead import model_machine, predict_ahead
-from sklearn_pgnn.simulation.finite_run import quantities_of, simulate_quantities
+from sklearn_pgnn.estimators.free_runs import FreeRuns, limits_of, usual_step, without_long_steps
+from sklearn_pgnn.estimators.one_warning import one_simulation_warning
+from sklearn_pgnn.simulation.finite_run import quantities_of
 from sklearn_pgnn.simulation.free_run import substeps_for
 from sklearn_pgnn.simulation.record_windows import output_noise
 from sklearn_pgnn.simulation.simulate import hold_of
@@ -35,8 +36,10 @@ class ResidualRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
     regressor treats every row separately; it sees neither time nor trajectory nor measured states.
     Rows in which an output is not measured (NaN) are left out of its fit.
 
-    A simulation that becomes non-finite is reported by a `SimulationWarning`; its rows get the
-    values of the trajectory's first row, as in `PhysicsModelTransformer`.
+    A simulation that diverges, to more than 1000 times what was measured or to no number at all, is
+    reported by a `SimulationWarning`; its rows get the values of the trajectory's first row, as in
+    `PhysicsModelTransformer`. A step longer than those of `fit`, in a slower table or across a gap,
+    is divided into as many integration steps more.
 
     Parameters
     ----------
@@ -68,7 +71,7 @@ class ResidualRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
     hold_ : {"zoh", "foh"}
         How the inputs were assumed to vary between samples, where there is a model.
     substeps_ : int
-        Integration steps from sample to sample, where there is a model.
+        Integration steps for the sample interval of `fit`, where there is a model.
     n_features_in_ : int
         Number of columns of X.
     feature_names_in_ : ndarray of str
@@ -215,8 +218,7 @@ class ResidualRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         X = validate_table(self, X, reset=False)
         records = read_records(self.model, X, time_column=self.time_column)
         refuse_standardised(self.model, records)
-        settings = {"hold": self.hold_, "substeps": self.substeps_}
-        return simulate_quantities(self.model, records, list(self.model.states), **settings)
+        return self._runs.simulate(self.model, records, list(self.model.states))
 
     def predict_ahead(self, X, y, steps=1):
         """Predict every sample from the outputs up to `steps` samples before it.
@@ -248,21 +250,19 @@ class ResidualRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         X = validate_table(self, X, reset=False)
         records = read_records(self.model, X, y, time_column=self.time_column, to_fit=False)
         refuse_standardised(self.model, records)
-        features, simulated = self._simulate(records)
-        expected = self.regressor_.predict(features).reshape(simulated.shape)
-        machines = [
-            model_machine(
-                self.model,
-                replace(record, y=record.y - expected[record.rows]),
-                hold=self.hold_,
-                substeps=self.substeps_,
-            )
-            for record in records
-        ]
-        states, ahead = predict_ahead(machines, steps, self.noise_)
+        with one_simulation_warning():
+            features, simulated = self._simulate(records)
+            expected = self.regressor_.predict(features).reshape(simulated.shape)
+            left = [replace(record, y=record.y - expected[record.rows]) for record in records]
+            states, ahead = self._runs.ahead(self.model, left, steps, self.noise_)
         features = self._features(records, np.column_stack([states, ahead]))
         outputs = ahead + self.regressor_.predict(features).reshape(ahead.shape)
         return outputs.ravel() if self._single_output else outputs
+
+    @property
+    def _runs(self) -> FreeRuns:
+        """How the fitted estimator simulates."""
+        return FreeRuns(*self._simulated)
 
     def _simulate_and_compare(self, X, y) -> tuple[pd.DataFrame, np.ndarray]:
         """Return the features and the model's error."""
@@ -270,21 +270,19 @@ class ResidualRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         refuse_standardised(self.model, records)
         warn_of_contradicted_states(self.model, records)
         self.hold_ = hold_of(self.model, self.hold)
-        self.substeps_ = substeps_for(self.model, records, self.substeps, hold=self.hold_)
+        even = without_long_steps(records)
+        self.substeps_ = substeps_for(self.model, even, self.substeps, hold=self.hold_)
         self.noise_ = output_noise(records)
-        features, simulated = self._simulate(records)
         measured = rows_in_order(records, np.concatenate([record.y for record in records]))
+        limits, interval = limits_of(measured), usual_step(records)
+        self._simulated = (interval, self.substeps_, limits, self.hold_)
+        features, simulated = self._simulate(records)
         return features, measured - simulated
 
     def _simulate(self, records) -> tuple[pd.DataFrame, np.ndarray]:
         """Return the features (inputs, simulated states and outputs) and the simulated outputs."""
-        values = simulate_quantities(
-            self.model,
-            records,
-            [*self.model.states, *self.model.outputs],
-            hold=self.hold_,
-            substeps=self.substeps_,
-        )
+        names = [*self.model.states, *self.model.outputs]
+        values = self._runs.simulate(self.model, records, names)
         return self._features(records, values), values[:, len(self.model.states) :]
 
     def _features(self, records, values) -> pd.DataFrame:

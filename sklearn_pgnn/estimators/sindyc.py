@@ -7,6 +7,7 @@ import numpy as np
 from sklearn.base import BaseEstimator, MultiOutputMixin
 from sklearn.utils.validation import check_is_fitted, validate_data
 
+from sklearn_pgnn.estimators.free_runs import FreeRuns, limits_of, without_long_steps
 from sklearn_pgnn.estimators.progress import progress_printer
 from sklearn_pgnn.estimators.sindyc_library import read_library, term_function, term_texts
 from sklearn_pgnn.estimators.sindyc_model import (
@@ -24,23 +25,21 @@ from sklearn_pgnn.estimators.sindyc_records import (
     step_rows,
 )
 from sklearn_pgnn.estimators.sindyc_regression import sparse_coefficients, stepwise_least_squares
-from sklearn_pgnn.exceptions import SimulationWarning
 from sklearn_pgnn.physics.expressions import parse_expression
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.model_parts import HOLDS
-from sklearn_pgnn.simulation.ahead import model_machine, predict_ahead
-from sklearn_pgnn.simulation.free_run import simulate_record, substeps_for
+from sklearn_pgnn.simulation.free_run import substeps_for
 from sklearn_pgnn.simulation.record_windows import noise_levels, output_noise
 from sklearn_pgnn.simulation.simulate import hold_of
-from sklearn_pgnn.trajectories import read_records, rows_in_order
+from sklearn_pgnn.trajectories import read_records
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
 from sklearn_pgnn.trajectories.scoring import GapScoreMixin
 from sklearn_pgnn.trajectories.tables import as_pandas
 from sklearn_pgnn.trajectories.tags import tags_of_records
 from sklearn_pgnn.trajectories.validation import check_model, require_target, validate_table
 
-#: a simulation this many times larger than any measured output has diverged
-RUNAWAY = 1e3
+#: what may help against a divergence of what was identified
+REMEDY = "raise threshold, take a smaller library, or longer spans"
 
 
 class SINDYcRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
@@ -300,10 +299,7 @@ class SINDYcRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
                 "predict_ahead: expected an estimator that was fitted to trajectories; "
                 "independent rows have no states."
             )
-        method = "rk4" if self._interval is None else "euler"
-        records = self._read(X, y)
-        machines = [model_machine(self.model_, record, method=method) for record in records]
-        outputs = predict_ahead(machines, steps, self.noise_)[1]
+        outputs = self._runs.ahead(self.model_, self._read(X, y), steps, self.noise_)[1]
         return outputs.ravel() if self._single_output else outputs
 
     # -- samples in time ---------------------------------------------------------------------------
@@ -329,9 +325,12 @@ class SINDYcRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             self.model_ = starting_where(self.model_, states.x[firsts].mean(axis=0))
         form = "{}[k+1]" if self.discrete else "{}'"
         self._keep_texts([form.format(state) for state in base.states], terms)
-        largest = np.nanmax(np.abs(np.ascontiguousarray(states.windows.y.T)), axis=1)
-        self._limit = np.where(largest > 0, RUNAWAY * largest, np.inf)
         self.substeps_ = 1 if self.discrete else self._enough_substeps(records)
+        method, limits = (
+            "euler" if self.discrete else "rk4",
+            limits_of(np.concatenate([record.y for record in records])),
+        )
+        self._simulated = (states.interval, self.substeps_, limits, self.hold_, method, REMEDY)
         said = {"hold": self.hold_, "substeps": self.substeps_}
         self.model_ = self.model_.replace(simulation=said)
         progress(f"{self.substeps_} substeps from sample to sample")
@@ -345,20 +344,29 @@ class SINDYcRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             return _finite(function(np.column_stack([x, u]), t), library)
 
         rows = step_rows if self.discrete else rate_rows
-        terms, rates = rows(states, values, self.span)
         known = () if self.discrete else velocities(base)
-        names = [name for name in base.states if name not in known]
-        return self._regress(terms, rates[:, [name in names for name in base.states]], names)
+        names = list(base.states)
+        chosen = [i for i, name in enumerate(names) if name not in known]
+        found = np.zeros((len(names), len(library)))
+        for group in states.alike(chosen):
+            terms, rates = rows(states, values, self.span, states.is_measured[:, group[0]])
+            found[group] = self._regress(terms, rates[:, group], [names[i] for i in group])
+        return found[chosen]
 
     def _enough_substeps(self, records) -> int:
         with np.errstate(all="ignore"):  # a diverging map diverges here as well
-            return substeps_for(self.model_, records, self.substeps, hold=self.hold_)
+            even = without_long_steps(records)
+            return substeps_for(self.model_, even, self.substeps, hold=self.hold_)
 
     def _predict_records(self, X, which="y"):
         """Return the simulated outputs, or the states (``"x"``)."""
-        records = self._read(X)
-        runs = [self._simulate(record, which) for record in records]
-        return rows_in_order(records, np.concatenate(runs))
+        names = self.model_.outputs if which == "y" else self.model_.states
+        return self._runs.simulate(self.model_, self._read(X), list(names))
+
+    @property
+    def _runs(self) -> FreeRuns:
+        """How the fitted estimator simulates."""
+        return FreeRuns(*self._simulated)
 
     def _model_of_y(self) -> PhysicsModel | None:
         return self.model_ if self.model is None else self.model
@@ -370,24 +378,6 @@ class SINDYcRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         if self.model is not None:
             refuse_standardised(self.model, records)
         return records if self._interval is None else on_even_clock(records, self._interval)
-
-    def _simulate(self, record, which) -> np.ndarray:
-        """Simulate one trajectory; repeat its first row where it diverges."""
-        method = "rk4" if self._interval is None else "euler"
-        run = simulate_record(self.model_, record, method=method)
-        away = ~(np.abs(run.y) <= self._limit).all(axis=1)
-        values = getattr(run, which)
-        if not away.any():
-            return values
-        warnings.warn(
-            f"trajectory {record.name!r}: the identified model diverges; at "
-            f"t = {record.t[np.argmax(away)]:g} s its outputs are no longer within {RUNAWAY:g} "
-            f"times what was measured. All its rows get the values of its first row. Remedy: "
-            f"raise threshold, take a smaller library, or longer spans.",
-            SimulationWarning,
-            stacklevel=4,
-        )
-        return np.nan_to_num(np.repeat(values[:1], len(values), axis=0), posinf=0.0, neginf=0.0)
 
     # -- independent rows --------------------------------------------------------------------------
 

@@ -9,6 +9,11 @@ samples (of length :math:`h`) it is not, and the equations hold for the averages
 
 for :math:`\dot x = \Xi\Psi(x, u)` and for :math:`x_{k+1} = \Xi\Psi(x_k, u_k)`, where :math:`S`
 picks the states out of the terms. No row reaches over the end of a trajectory.
+
+Between two measured samples a state is interpolated, and its rate there is that of the
+interpolation. A span therefore begins and ends where its state was measured: behind a sensor that
+is read at every :math:`n`-th sample only, it is at least :math:`n` samples long. Where several
+sensors show a state, those do not count that are too slow for such spans beside a faster one.
 """
 
 from dataclasses import dataclass, replace
@@ -18,10 +23,12 @@ import numpy as np
 
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.record_windows import window_records
+from sklearn_pgnn.physics.shown_states import shown_by
+from sklearn_pgnn.simulation.record_windows import dominant_period, window_records
 from sklearn_pgnn.simulation.state_estimate import hidden_states
 from sklearn_pgnn.simulation.windows import ShootingWindows
 from sklearn_pgnn.trajectories.record import Record
+from sklearn_pgnn.trajectories.smoothing import FEWEST
 
 #: span of a rate as a share of the outputs' dominant period
 SPAN_SHARE = 1 / 30
@@ -49,6 +56,9 @@ class MeasuredStates:
         Dominant period of the outputs [s].
     is_shown : ndarray of bool, shape (n_records,)
         Whether the outputs that show the states were measured in a record.
+    is_measured : ndarray of bool, shape (n_samples, n_states)
+        Whether the output that a state is taken from was measured at a sample; True where no output
+        shows it.
     """
 
     windows: ShootingWindows
@@ -56,6 +66,25 @@ class MeasuredStates:
     u: np.ndarray
     period: float
     is_shown: np.ndarray
+    is_measured: np.ndarray
+
+    def alike(self, chosen: list[int]) -> list[list[int]]:
+        """Group states that were measured at the same samples.
+
+        Parameters
+        ----------
+        chosen : list of int
+            The states to group.
+
+        Returns
+        -------
+        list of list of int
+            The groups.
+        """
+        groups: dict[bytes, list[int]] = {}
+        for i in chosen:
+            groups.setdefault(self.is_measured[:, i].tobytes(), []).append(i)
+        return list(groups.values())
 
     @property
     def pieces(self) -> list[slice]:
@@ -89,17 +118,101 @@ def measure_states(model: PhysicsModel, records, **options) -> MeasuredStates:
     MeasuredStates
         The states.
     """
+    records = with_fast_sensors(model, records)
     if not hidden_states(model):  # nothing is simulated: steps and noise are irrelevant
         options = {"noise_std": np.ones(len(model.outputs)), **options, "substeps": 1}
     windowed = window_records(model, records, **options)
     u = windowed.windows.acting_inputs(model)[:, : len(model.inputs)]
     states = windowed.states
+    measured = measured_samples(model, windowed.windows)
     return MeasuredStates(
-        windowed.windows, states.values(model), u, windowed.period, states.is_shown
+        windowed.windows, states.values(model), u, windowed.period, states.is_shown, measured
     )
 
 
-def rate_rows(states: MeasuredStates, library, span: float | None):
+def with_fast_sensors(model: PhysicsModel, records) -> tuple[Record, ...]:
+    """Leave out what slow sensors measured of states that faster ones show as well.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    records : tuple of Record
+        The records.
+
+    Returns
+    -------
+    tuple of Record
+        The records. An output is NaN in those in which its mean interval between two measured
+        samples is longer than a span of `SPAN_SHARE` of the dominant period, and by a gap (`GAP`)
+        than that of another one, for all the states that it shows.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.trajectories import read_records
+    >>> twice = PhysicsModel({"x": ""}, {"x": "-x"}, outputs={"p": "x", "q": "x"})
+    >>> y = np.column_stack([np.sin(np.arange(80)), np.where(np.arange(80) % 9, np.nan, 1.0)])
+    >>> (record,) = with_fast_sensors(twice, read_records(twice, np.arange(80)[:, None] * 1.0, y))
+    >>> np.isfinite(record.y).sum(axis=0).tolist()
+    [80, 0]
+    """
+    shown = [_sources(model, state) for state in model.states]
+    shown = [columns for columns in shown if columns]
+    if max(map(len, shown), default=0) < 2:
+        return records
+    span = SPAN_SHARE * dominant_period(records)
+    return tuple(_with_fast(record, shown, span) for record in records)
+
+
+def _with_fast(record: Record, shown: list[list[int]], span: float) -> Record:
+    y = np.array(record.y)
+    counts = np.isfinite(y).sum(axis=0)
+    duration = record.t[-1] - record.t[0]
+    intervals = np.where(counts >= FEWEST, duration / np.maximum(counts - 1, 1), np.inf)
+    needed = set(range(counts.size)) - {column for columns in shown for column in columns}
+    for columns in shown:
+        enough = max(span, GAP * min(intervals[columns]))
+        needed.update(column for column in columns if intervals[column] <= enough)
+    slow = [column for column in range(counts.size) if column not in needed]
+    y[:, slow] = np.nan
+    return replace(record, y=y)
+
+
+def measured_samples(model: PhysicsModel, windows: ShootingWindows) -> np.ndarray:
+    """Find the samples at which the outputs that show the states were measured.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    windows : ShootingWindows
+        The records.
+
+    Returns
+    -------
+    ndarray of bool, shape (n_samples, n_states)
+        True also where no output shows a state, or too few samples do for it to be taken from them.
+    """
+    known = np.isfinite(windows.y)
+    found = np.ones((len(known), len(model.states)), dtype=bool)
+    for i, state in enumerate(model.states):
+        for rows in map(slice, windows.bounds[:-1], windows.bounds[1:]):
+            sources = [known[rows, column] for column in _sources(model, state)]
+            enough = [each for each in sources if each.sum() >= FEWEST]
+            if enough:
+                found[rows, i] = enough[0]
+    return found
+
+
+def _sources(model: PhysicsModel, state: str) -> list[int]:
+    """Return the outputs that show a state, that from which it is taken first."""
+    shown = [shown_by(model, output) for output in model.outputs]
+    columns = [column for column, names in enumerate(shown) if state in names]
+    direct = [column for column in columns if shown[column][0] == state]
+    return list(dict.fromkeys([*direct[-1:], *columns]))
+
+
+def rate_rows(states: MeasuredStates, library, span: float | None, ends=None):
     """Return rates and terms of a continuous model, averaged over spans.
 
     Parameters
@@ -110,6 +223,8 @@ def rate_rows(states: MeasuredStates, library, span: float | None):
         Values of the terms at states, inputs and times.
     span : float or None
         Length of a span [s]; by default `SPAN_SHARE` of the dominant period.
+    ends : ndarray of bool, shape (n_samples,), optional
+        Samples at which a span may begin and end; by default all.
 
     Returns
     -------
@@ -121,14 +236,14 @@ def rate_rows(states: MeasuredStates, library, span: float | None):
     terms, rates = [], []
     for rows in states.pieces:
         t, x, u = states.windows.t[rows], states.x[rows], states.u[rows]
-        dt, m = np.diff(t), _samples(states, span, t)
-        h = t[m:] - t[:-m]
-        whole = h < GAP * m * np.median(dt)
-        starts, ends = _at_both_ends(library, x, u, t, states.windows.hold)
-        areas = ((a + b) * dt / 2 for a, b in zip(starts.T, ends.T, strict=True))
-        means = np.array([_sums(area, m) / h for area in areas])
+        dt, spans = np.diff(t), _spans(states, span, rows, ends)
+        h = spans.change(t)
+        whole = h < GAP * spans.counts * np.median(dt)
+        before, after = _at_both_ends(library, x, u, t, states.windows.hold)
+        areas = ((a + b) * dt / 2 for a, b in zip(before.T, after.T, strict=True))
+        means = np.array([spans.sums(area) / h for area in areas])
         terms.append(_chosen(means, whole))
-        rates.append(_chosen((x[m:] - x[:-m]).T / h, whole))
+        rates.append(_chosen(spans.change(x).T / h, whole))
     return _rows(terms), _rows(rates)
 
 
@@ -140,7 +255,7 @@ def _at_both_ends(library, x, u, t, hold: str) -> tuple[np.ndarray, np.ndarray]:
     return library(x[:-1], u[:-1], t[:-1]), library(x[1:], u[:-1], t[1:])
 
 
-def step_rows(states: MeasuredStates, library, span: float | None):
+def step_rows(states: MeasuredStates, library, span: float | None, ends=None):
     """Return steps and terms of a map from sample to sample, averaged over spans.
 
     Parameters
@@ -151,6 +266,8 @@ def step_rows(states: MeasuredStates, library, span: float | None):
         Values of the terms at states, inputs and times.
     span : float or None
         Length of a span [s]; by default `SPAN_SHARE` of the dominant period.
+    ends : ndarray of bool, shape (n_samples,), optional
+        Samples at which a span may begin and end; by default all.
 
     Returns
     -------
@@ -167,11 +284,12 @@ def step_rows(states: MeasuredStates, library, span: float | None):
     terms, steps, wanted, T = [], [], 0, states.interval
     for rows in states.pieces:
         t, x, u = states.windows.t[rows], states.x[rows], states.u[rows]
-        m = _samples(states, span, t)
-        even = _sums(_is_other(np.diff(t), T), m) == 0
+        spans = _spans(states, span, rows, ends)
+        even = spans.sums(_is_other(np.diff(t), T)) == 0
         values = library(x[:-1], u[:-1], t[:-1])
-        terms.append(_chosen(np.array([_sums(term, m) / m for term in values.T]), even))
-        steps.append(_chosen((x[m:] - x[:-m]).T / m, even))
+        means = np.array([spans.sums(term) / spans.counts for term in values.T])
+        terms.append(_chosen(means, even))
+        steps.append(_chosen(spans.change(x).T / spans.counts, even))
         wanted += even.size
     if sum(part.shape[1] for part in terms) < EVEN_SHARE * wanted:
         raise RecordError(
@@ -214,21 +332,40 @@ def on_even_clock(records, T: float) -> tuple[Record, ...]:
     return tuple(replace(r, t=r.t[0] + T * np.arange(r.t.size)) for r in records)
 
 
-def _samples(states: MeasuredStates, span: float | None, t) -> int:
-    """Return the number of samples in a span of one record."""
+@dataclass(frozen=True)
+class _Spans:
+    """Where spans begin and end in one record, and their numbers of samples."""
+
+    begin: slice | np.ndarray
+    end: slice | np.ndarray
+    counts: int | np.ndarray
+
+    def change(self, values) -> np.ndarray:
+        """Return how values change over the spans."""
+        return values[self.end] - values[self.begin]
+
+    def sums(self, values) -> np.ndarray:
+        """Sum values over the spans, their last samples left out."""
+        return self.change(np.concatenate([[0.0], np.cumsum(values)]))
+
+
+def _spans(states: MeasuredStates, span: float | None, rows: slice, ends) -> _Spans:
+    """Return the spans of one record, each the shortest of the wanted length at least."""
+    t = states.windows.t[rows]
     span = SPAN_SHARE * states.period if span is None else span
-    return int(np.clip(round(span / np.median(np.diff(t))), 1, t.size - 1))
+    m = int(np.clip(round(span / np.median(np.diff(t))), 1, t.size - 1))
+    if ends is None or ends[rows].all():
+        return _Spans(slice(None, -m), slice(m, None), m)
+    allowed = np.flatnonzero(ends[rows])
+    place = np.searchsorted(allowed, allowed + m)
+    reached = place < allowed.size
+    begin, end = allowed[reached], allowed[place[reached]]
+    return _Spans(begin, end, end - begin)
 
 
 def _is_other(intervals, T: float) -> np.ndarray:
     """Return which intervals differ from the map's sample interval."""
     return np.abs(intervals / T - 1) > UNEVEN
-
-
-def _sums(values, m: int) -> np.ndarray:
-    """Sum every `m` values that follow each other."""
-    total = np.concatenate([[0.0], np.cumsum(values)])
-    return total[m:] - total[:-m]
 
 
 def _chosen(columns, chosen) -> np.ndarray:

@@ -17,6 +17,9 @@ from sklearn_pgnn.model_selection.own_folds import own_folds
 from sklearn_pgnn.model_selection.search_space import refuse_unknown_names
 from sklearn_pgnn.trajectories.tables import take_rows
 
+#: draws among which a candidate is sought that was not tried yet
+DRAWS = 1000
+
 
 def _is_inside(point, space) -> bool:
     """Return whether every coordinate lies in its dimension."""
@@ -60,6 +63,23 @@ def _warn_of_failure(params, fold: int, what: str) -> None:
     )
 
 
+def _ask(optimizer):
+    """Return the point that the optimizer proposes, also where it tells that it was tried."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="The objective has been evaluated at point")
+        return optimizer.ask()
+
+
+def _warn_of_few(found: int, wanted: int) -> None:
+    """Warn of a space that has no further candidates."""
+    warnings.warn(
+        f"search_spaces: expected at least n_iter={wanted} different candidates, got {found}, all "
+        f"of which have been scored: the search ends. Remedy: n_iter={found}, or a larger space.",
+        UserWarning,
+        stacklevel=3,
+    )
+
+
 class HalvingBayesSearchCV(OuterEstimatorMixin, MetaEstimatorMixin, BaseEstimator):
     """Search parameters by a Gaussian process; continue only the better half after each fold.
 
@@ -74,6 +94,9 @@ class HalvingBayesSearchCV(OuterEstimatorMixin, MetaEstimatorMixin, BaseEstimato
     if its parameters lie in the space; if one does not (``structure="auto"``, which is none of the
     three values searched), it is scored all the same, and the process starts with the next one.
 
+    No candidate is scored twice: in the place of one that was tried, another one is drawn from the
+    space at random, and where none is left the search ends, with a warning.
+
     A candidate whose training diverges, or whose score is not finite, causes a warning and counts
     as the worst of those that have a score.
 
@@ -87,7 +110,7 @@ class HalvingBayesSearchCV(OuterEstimatorMixin, MetaEstimatorMixin, BaseEstimato
     search_spaces : dict of str to Dimension
         Dimensions to search, as from `search_space`.
     n_iter : int, default=20
-        Number of candidates, including the estimator as it is.
+        Number of candidates, including the estimator as it is; fewer, if the space has no more.
     cv : int or cross-validation splitter, default=3
         Folds, in the order in which they are scored; a number means `TrajectoryKFold` with the
         time column of the estimator.
@@ -205,7 +228,10 @@ class HalvingBayesSearchCV(OuterEstimatorMixin, MetaEstimatorMixin, BaseEstimato
         candidates, seconds, waiting = [], [], {}
         optimizer = self._optimizer()
         for i in range(self.n_iter):
-            point, params = self._candidate(optimizer, i)
+            point, params = self._candidate(optimizer, candidates)
+            if params in candidates:
+                _warn_of_few(i, self.n_iter)
+                break
             candidates.append(params)
             start = time.perf_counter()
             self._race(params, X, y, folds, scores, i)
@@ -214,7 +240,7 @@ class HalvingBayesSearchCV(OuterEstimatorMixin, MetaEstimatorMixin, BaseEstimato
                 waiting[i] = point
             _tell(optimizer, waiting, _means(scores))
             self._show(i, scores, seconds[i])
-        self._keep(candidates, scores, seconds)
+        self._keep(candidates, scores[: len(candidates)], seconds)
         self.best_estimator_ = clone(self.estimator).set_params(**self.best_params_).fit(X, y)
         self._check_fit(X, y, scores[self.best_index_].min())
         return self
@@ -254,12 +280,24 @@ class HalvingBayesSearchCV(OuterEstimatorMixin, MetaEstimatorMixin, BaseEstimato
         dimensions = dimensions_aslist(dict(self.search_spaces))
         return Optimizer(dimensions, n_initial_points=first, random_state=seed)
 
-    def _candidate(self, optimizer, i):
-        """Return a candidate's point, None if outside the space, and its parameters."""
+    def _candidate(self, optimizer, candidates):
+        """Return a candidate's point, None if outside the space, and its parameters.
+
+        A fold scores the same candidate alike a second time. In the place of one that was tried,
+        another one is drawn; where none is left, it is returned as it is.
+        """
         names = sorted(self.search_spaces)  # the order of scikit-optimize's dimensions
-        if i or not self.own_first:
-            point = optimizer.ask()
-            return point, dict(zip(names, map(_plain, point), strict=True))
+
+        def params_at(point):
+            return dict(zip(names, map(_plain, point), strict=True))
+
+        if candidates or not self.own_first:
+            asked = _ask(optimizer)
+            if params_at(asked) in candidates:
+                drawn = optimizer.space.rvs(DRAWS, random_state=optimizer.rng)
+                others = (point for point in drawn if params_at(point) not in candidates)
+                asked = next(others, asked)
+            return asked, params_at(asked)
         own = self.estimator.get_params()
         params = {name: own[name] for name in names if name in own}
         point = [params.get(name) for name in names]

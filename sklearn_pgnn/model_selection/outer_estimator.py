@@ -1,5 +1,8 @@
 """Methods that a meta-estimator delegates to the estimator it contains."""
 
+from collections.abc import Callable
+
+from sklearn.pipeline import Pipeline
 from sklearn.utils import get_tags
 from sklearn.utils.metaestimators import available_if
 from sklearn.utils.validation import check_is_fitted
@@ -20,13 +23,73 @@ def inner_has(method: str):
     """
 
     def check(outer) -> bool:
-        return hasattr(getattr(outer, outer._fitted, outer.estimator), method)
+        return has_method(getattr(outer, outer._fitted, outer.estimator), method)
 
     return available_if(check)
 
 
+def has_method(estimator, method: str) -> bool:
+    """Return whether an estimator has a method, a pipeline also if its last step has.
+
+    Parameters
+    ----------
+    estimator : estimator
+        The estimator.
+    method : str
+        The method, which takes X first.
+
+    Returns
+    -------
+    bool
+        Whether `method_of` finds it.
+    """
+    if hasattr(estimator, method) or not isinstance(estimator, Pipeline):
+        return hasattr(estimator, method)
+    return has_method(estimator.steps[-1][1], method)
+
+
+def method_of(estimator, method: str) -> Callable:
+    """Return a method of an estimator; that of a pipeline's last step behind its transformers.
+
+    Parameters
+    ----------
+    estimator : estimator
+        The fitted estimator.
+    method : str
+        The method, which takes X first.
+
+    Returns
+    -------
+    callable
+        The method.
+
+    Examples
+    --------
+    >>> from sklearn.linear_model import Ridge
+    >>> from sklearn.pipeline import make_pipeline
+    >>> from sklearn.preprocessing import StandardScaler
+    >>> fitted = make_pipeline(StandardScaler(), Ridge()).fit([[0.0], [2.0]], [0.0, 2.0])
+    >>> method_of(fitted, "predict")([[1.0]]).tolist()
+    [1.0]
+    """
+    if hasattr(estimator, method) or not isinstance(estimator, Pipeline):
+        return getattr(estimator, method)
+    last = method_of(estimator.steps[-1][1], method)
+    return lambda X, *args, **kwargs: last(_transformed(estimator, X), *args, **kwargs)
+
+
+def _transformed(pipeline: Pipeline, X):
+    """Return X as the last step of a pipeline sees it."""
+    for _, step in pipeline.steps[:-1]:
+        X = X if step in (None, "passthrough") else step.transform(X)
+    return X
+
+
 class OuterEstimatorMixin:
-    """A meta-estimator that fits and queries another one, its parameter ``estimator``."""
+    """A meta-estimator that fits and queries another one, its parameter ``estimator``.
+
+    What a pipeline's last step can do beyond scikit-learn's methods, it can do behind the others.
+    """
 
     #: attribute that holds the fitted estimator
     _fitted = "estimator_"
@@ -96,7 +159,7 @@ class OuterEstimatorMixin:
     def _ask(self, method: str, *args, **kwargs):
         """Return the result of a method of the fitted estimator."""
         check_is_fitted(self)
-        return getattr(getattr(self, self._fitted), method)(*args, **kwargs)
+        return method_of(getattr(self, self._fitted), method)(*args, **kwargs)
 
     def __sklearn_is_fitted__(self):
         """Return whether there is a fitted estimator."""

@@ -9,9 +9,10 @@ from sklearn.base import BaseEstimator, MetaEstimatorMixin, clone
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
+from sklearn_pgnn.estimators.one_warning import one_simulation_warning
 from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.model_selection.nested_parameters import parameters_named
-from sklearn_pgnn.model_selection.outer_estimator import OuterEstimatorMixin
+from sklearn_pgnn.model_selection.outer_estimator import OuterEstimatorMixin, method_of
 from sklearn_pgnn.trajectories.scoring import GapScoreMixin
 
 #: predictions that differ by less than this share of their size are the same
@@ -182,7 +183,9 @@ class EnsembleRegressor(OuterEstimatorMixin, MetaEstimatorMixin, GapScoreMixin, 
     def _each(self, method: str, *args) -> np.ndarray:
         """Return a method's result for every fit."""
         check_is_fitted(self)
-        return np.stack([np.asarray(getattr(each, method)(*args)) for each in self.estimators_])
+        with one_simulation_warning():
+            found = [np.asarray(method_of(each, method)(*args)) for each in self.estimators_]
+        return np.stack(found)
 
     def _model_of_y(self):
         models = parameters_named(self.estimator, "model").values()

@@ -8,7 +8,13 @@ from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils.validation import _check_feature_names_in, check_is_fitted
 
 from sklearn_pgnn.exceptions import OptionError
-from sklearn_pgnn.simulation.finite_run import quantities_of, simulate_quantities
+from sklearn_pgnn.preprocessing.simulated_columns import (
+    SimulatedColumns,
+    limits_of,
+    usual_step,
+    without_long_steps,
+)
+from sklearn_pgnn.simulation.finite_run import quantities_of
 from sklearn_pgnn.simulation.free_run import substeps_for
 from sklearn_pgnn.simulation.simulate import hold_of
 from sklearn_pgnn.trajectories import read_records, rows_in_order, split_rows
@@ -29,9 +35,14 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
 
     If the X of `fit` has column names, the result is a DataFrame with column names.
 
-    If the simulation of a trajectory becomes non-finite, it carries no information: a
-    `SimulationWarning` says where, when and which remedy, and all its rows get the values of its
-    first row. The result never contains a simulated NaN.
+    If the simulation of a trajectory diverges, it carries no information: a `SimulationWarning`
+    says where, when and which remedy, and all its rows get the values of its first row. It has
+    diverged if it becomes non-finite, or if an output exceeds 1000 times the largest one in the y
+    of `fit`, in the unit of y and in the model's (without y, in the simulation of `fit`). The
+    result never contains a simulated NaN.
+
+    A step longer than those of `fit`, in a slower table or across a gap, takes as many integration
+    steps more.
 
     Parameters
     ----------
@@ -60,7 +71,7 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
     hold_ : {"zoh", "foh"}
         How the inputs were assumed to vary between samples, where there is a model.
     substeps_ : int
-        Integration steps from sample to sample, where there is a model.
+        Integration steps for the sample interval of `fit`, where there is a model.
     n_features_in_ : int
         Number of columns of X.
     feature_names_in_ : ndarray of str
@@ -104,8 +115,9 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
         ----------
         X : DataFrame or array of shape (n_samples, n_columns)
             Time [s], inputs and, where known, the states in each trajectory's first row.
-        y : None
-            Not used.
+        y : array-like of shape (n_samples, n_outputs) or (n_samples,), optional
+            Measured outputs, by which simulations that diverge are told; anything else does not
+            count.
 
         Returns
         -------
@@ -129,9 +141,13 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
             raise ValueError(f"append: expected True, False or 'all', got {self.append!r}.")
         self._refuse_taken_names()
         self.hold_ = hold_of(self.model, self.hold)
+        even = without_long_steps(records)
         self.substeps_ = substeps_for(
-            self.model, records, self.substeps, method=self.method, hold=self.hold_
+            self.model, even, self.substeps, method=self.method, hold=self.hold_
         )
+        self._interval, self._limits = usual_step(records), np.full(len(self.model.outputs), np.inf)
+        runs = [self._simulated.run(record).y for record in records]
+        self._limits = limits_of(self.model, rows_in_order(records, np.concatenate(runs)), y)
         return self
 
     def transform(self, X):
@@ -153,14 +169,7 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
             return X
         records = read_records(self.model, X, time_column=self.time_column)
         refuse_standardised(self.model, records)
-        simulated = simulate_quantities(
-            self.model,
-            records,
-            self._quantities(),
-            method=self.method,
-            hold=self.hold_,
-            substeps=self.substeps_,
-        )
+        simulated = self._simulated(records)
         if not hasattr(self, "feature_names_in_"):
             return np.column_stack([self._kept_table(pd.DataFrame(X), records), simulated])
         new = pd.DataFrame(simulated, X.index, [name + SIMULATED for name in self._quantities()])
@@ -187,6 +196,19 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
             return names
         new = [name + SIMULATED for name in self._quantities()]
         return np.asarray([*names[self._kept()], *new], dtype=object)
+
+    @property
+    def _simulated(self) -> SimulatedColumns:
+        """How the fitted transformer simulates."""
+        return SimulatedColumns(
+            self.model,
+            self._quantities(),
+            self._interval,
+            self.substeps_,
+            self._limits,
+            self.hold_,
+            self.method,
+        )
 
     def _quantities(self) -> list[str]:
         """Return the names of the states and outputs that are appended."""

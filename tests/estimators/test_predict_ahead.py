@@ -13,6 +13,8 @@ from sklearn_pgnn import (
     SINDYcRegressor,
     network,
 )
+from sklearn_pgnn.estimators.network import free_run
+from sklearn_pgnn.estimators.network.pieces import PieceRuns
 
 CART = PhysicsModel(
     {"x": "m", "v": "m/s"},
@@ -115,3 +117,25 @@ def test_the_noise_is_that_of_the_training():
         assert np.array_equal(a[FIRSTS <= 35], b[FIRSTS <= 35])
     told = PhysicsModelRegressor(CART, search="local", noise_std=[0.2]).fit(X, Y)
     assert told.noise_ == pytest.approx([0.2])
+
+
+def test_a_network_is_prepared_once_for_all_pieces(monkeypatch):
+    net, read = PGNNLRegressor(CART, **QUICK).fit(X, Y), []
+    of = free_run.weights_of
+    monkeypatch.setattr(free_run, "weights_of", lambda core: read.append(core) or of(core))
+    net.predict_ahead(X, Y)
+    assert len(read) == 1
+
+
+def test_outputs_of_a_network_ahead_are_those_of_its_prediction():
+    felt = CART.replace(outputs={"felt": "2*x + 0.1*force - t/10", "v": "v", "level": "d"})
+    y = np.column_stack([2 * Y, np.zeros(len(Y)), np.full(len(Y), 0.5)])
+    net = PGNNLRegressor(felt, **QUICK).fit(X, y)
+    free = net.predict(X)
+    assert net.predict_ahead(X, y, steps=50) == pytest.approx(free, rel=1e-12, abs=1e-15)
+    runs = net._read_ready(X, y)
+    run = PieceRuns(net.module_.core, net.step_).along(runs.ready[0], runs.kept[0])
+    states, outputs = run(0, 1, runs.ready[0].x0)
+    rows = runs.records[0].rows[:2]
+    assert outputs == pytest.approx(free[rows], rel=1e-12, abs=1e-15)
+    assert states == pytest.approx(net.predict_states(X)[rows], rel=1e-12, abs=1e-15)

@@ -1,6 +1,8 @@
 """A search that stops candidates by their first folds finds what the whole search finds."""
 
 import pickle
+import warnings
+from typing import ClassVar
 
 import numpy as np
 import pandas as pd
@@ -65,6 +67,40 @@ def test_the_first_candidate_is_the_estimator_as_it_is():
 def test_a_single_candidate_is_no_search():
     found = search(Ridge(alpha=0.5), n_iter=1).fit(X, Y)
     assert np.array_equal(found.predict(X), Ridge(alpha=0.5).fit(X, Y).predict(X))
+
+
+class Counting(Ridge):
+    """A regressor that notes what it is fitted with."""
+
+    fits: ClassVar[list] = []
+
+    def fit(self, X, y):
+        self.fits.append((self.alpha, self.fit_intercept, len(y)))
+        return super().fit(X, y)
+
+
+DISCRETE = {"alpha": [0.1, 1.0, 10.0], "fit_intercept": [True, False]}
+
+
+def test_no_candidate_of_a_discrete_space_is_scored_twice():
+    Counting.fits.clear()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", UserWarning)
+        found = HalvingBayesSearchCV(Counting(), DISCRETE, n_iter=6, random_state=0).fit(X, Y)
+    params = found.cv_results_["params"]
+    assert len({tuple(each.values()) for each in params}) == len(params) == 6
+    in_first_fold = Counting.fits[: sum(found.cv_results_["n_folds"])]
+    assert sum(found.cv_results_["n_folds"]) + 1 == len(Counting.fits)  # and the best, to all
+    assert max(in_first_fold.count(each) for each in in_first_fold) <= found.n_splits_
+
+
+def test_a_search_ends_where_no_candidate_is_left():
+    space = HalvingBayesSearchCV(Ridge(), DISCRETE, n_iter=20, random_state=0)
+    message = r"expected at least n_iter=20 different candidates, got 6, .* Remedy: n_iter=6"
+    with pytest.warns(UserWarning, match=message):
+        found = space.fit(X, Y)
+    assert all(len(column) == 6 for column in found.cv_results_.values())
+    assert found.best_index_ < 6
 
 
 @pytest.mark.parametrize(("alpha", "is_told"), [(0.5, True), (1e-9, False)])

@@ -10,12 +10,12 @@ from sklearn.base import clone
 from sklearn.ensemble import RandomForestRegressor
 from sklearn.linear_model import LinearRegression, Ridge
 from sklearn.pipeline import make_pipeline
-from sklearn.preprocessing import StandardScaler
+from sklearn.preprocessing import FunctionTransformer, StandardScaler
 from sklearn.tree import ExtraTreeRegressor
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
 from sklearn_pgnn import ConformalRegressor, EnsembleRegressor, PhysicsModel, ResidualRegressor
-from sklearn_pgnn.exceptions import OptionError
+from sklearn_pgnn.exceptions import OptionError, SimulationWarning
 
 LAG = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
 FOREST = RandomForestRegressor(3, max_depth=4)
@@ -59,6 +59,45 @@ def test_what_the_regressor_can_do_it_can():
     assert np.array_equal(ensemble.predict_states(X), ensemble.estimators_[0].predict_states(X))
     assert not hasattr(EnsembleRegressor(FOREST), "predict_states")
     assert not hasattr(EnsembleRegressor(FOREST), "predict_ahead")
+
+
+def test_all_that_fails_in_the_fits_is_one_warning():
+    unstable = LAG.with_parameters(T=-0.2)
+    ensemble = EnsembleRegressor(ResidualRegressor(unstable, FOREST), 3)
+    with pytest.warns(SimulationWarning):
+        ensemble.fit(X, Y)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        ensemble.predict(X)
+    (warned,) = caught
+    assert str(warned.message).startswith("trajectory '0': the simulation of 'model' diverges")
+    assert str(warned.message).endswith("2 more simulations failed in the same call.")
+
+
+def in_volt(table):
+    return table.assign(u=table["u"] / 1000.0)
+
+
+@pytest.mark.parametrize("outer", [EnsembleRegressor, ConformalRegressor])
+def test_what_the_last_step_of_a_pipeline_can_do_it_can(outer):
+    steps = ["passthrough", FunctionTransformer(in_volt)]
+    inner = ResidualRegressor(LAG, RandomForestRegressor(3, max_depth=4, random_state=0))
+    if outer is EnsembleRegressor:
+        fitted = outer(make_pipeline(*steps, inner), 1)
+    else:
+        fitted = outer(make_pipeline(*steps, inner), cv=3)
+    millivolt = X.assign(u=X["u"] * 1000.0)
+    assert hasattr(fitted, "predict_ahead")  # before it is fitted, too
+    fitted.fit(millivolt, Y)
+    whole = fitted.estimators_[0] if outer is EnsembleRegressor else fitted.estimator_
+    alone, table = whole[-1], in_volt(millivolt)
+    assert np.array_equal(
+        fitted.predict_ahead(millivolt, Y, steps=5), alone.predict_ahead(table, Y, 5)
+    )
+    assert np.array_equal(fitted.predict_states(millivolt), alone.predict_states(table))
+    plain = make_pipeline(FunctionTransformer(in_volt), FOREST)
+    assert not hasattr(outer(plain), "predict_ahead")
+    assert not hasattr(outer(plain), "predict_states")
 
 
 class Sometimes(ExtraTreeRegressor):

@@ -41,6 +41,7 @@ from sklearn_pgnn.estimators.network.sample_interval import (
 )
 from sklearn_pgnn.estimators.network.structure import ON_THE_MODEL, lossy_states
 from sklearn_pgnn.estimators.network.trajectory_net import TrajectoryNet
+from sklearn_pgnn.estimators.one_warning import one_simulation_warning
 from sklearn_pgnn.exceptions import OptionError, RecordError
 from sklearn_pgnn.simulation.free_run import substeps_for
 from sklearn_pgnn.simulation.record_windows import dominant_period, output_noise
@@ -316,6 +317,7 @@ class PreparedNet(TrajectoryNet):
             )
         return windows
 
+    @one_simulation_warning()
     def _prepare_unmeasured(self, X, records, options) -> list[TrainingRecord]:
         """Prepare the trajectories without any output, if a physical loss needs them."""
         blind = [record for record in records if not record.is_measured]

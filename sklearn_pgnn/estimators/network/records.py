@@ -8,6 +8,7 @@ import numpy as np
 from joblib import hash as hash_of
 
 from sklearn_pgnn.estimators.network.physics_loss import Motion
+from sklearn_pgnn.estimators.one_warning import one_simulation_warning
 from sklearn_pgnn.exceptions import SimulationWarning
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.finite_run import what_is_wrong
@@ -73,6 +74,7 @@ class TrainingRecord:
         )
 
 
+@one_simulation_warning()
 def prepare(model: PhysicsModel, records, features, simulated, *, hold: str, substeps: int):
     """Prepare records for the network's loop.
 

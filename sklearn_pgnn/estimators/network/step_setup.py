@@ -16,6 +16,7 @@ from sklearn_pgnn.estimators.network.structure import (
     gain_of,
     lossy_states,
 )
+from sklearn_pgnn.estimators.one_warning import one_simulation_warning
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.network_run import NetworkStep, run_network
 from sklearn_pgnn.simulation.record_windows import dominant_period
@@ -27,6 +28,7 @@ TRIALS = 200
 REACH = 1e3
 
 
+@one_simulation_warning()
 def find_structure(model: PhysicsModel, records, states, **options) -> str:
     """Compare the model with persistence, a tenth of the outputs' dominant period ahead.
 

@@ -8,11 +8,9 @@ import numpy as np
 from torch import nn
 
 from sklearn_pgnn.estimators.network.free_run import compiled_run
-from sklearn_pgnn.physics.expressions import symbol
-from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.estimators.network.pieces import output_function
 from sklearn_pgnn.simulation.inputs import delayed_inputs
 from sklearn_pgnn.simulation.network_run import NetworkRecord, NetworkStep
-from sklearn_pgnn.simulation.pointwise import numpy_function
 from sklearn_pgnn.simulation.simulate import settled_start, simulate
 
 
@@ -50,7 +48,7 @@ class Stepper:
         self._late, self._line = step.model, guide_line
         # delays are applied here, from the past inputs
         self._step = replace(step, model=step.model.replace(delays={}))
-        self._run, self._outputs_of = compiled_run(core, self._step), _output_function(step.model)
+        self._run, self._outputs_of = compiled_run(core, self._step), output_function(step.model)
         self._interval, self.t = float(interval), 0.0
         self._times = self._interval * np.arange(parts + 1) / parts
         self._features, self._none = None, np.zeros((parts + 1, 0))
@@ -174,10 +172,3 @@ def _refuse_not_finite(what: str, values, names, remedy: str) -> None:
             raise ValueError(
                 f"{what}: expected finite numbers, got {value} for {name!r}. Remedy: {remedy}."
             )
-
-
-def _output_function(model: PhysicsModel):
-    """Return the outputs as a function of time, states and inputs."""
-    fixed = {symbol(name): parameter.value for name, parameter in model.parameters.items()}
-    outputs = [output.xreplace(fixed) for output in model.outputs.values()]
-    return numpy_function(["t", *model.states, *model.inputs], outputs)

@@ -1,0 +1,58 @@
+"""Many simulations that fail in one call are one warning."""
+
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from sklearn_pgnn.exceptions import SimulationWarning
+
+
+@contextmanager
+def one_simulation_warning() -> Iterator[list[str]]:
+    """Give the first `SimulationWarning` of a block at its end, with the number of the others.
+
+    Yields
+    ------
+    list of str
+        The names of trajectories in which a simulation failed, where its message does not say so;
+        the block appends them.
+
+    Examples
+    --------
+    >>> with warnings.catch_warnings(record=True) as caught:
+    ...     warnings.simplefilter("always")
+    ...     with one_simulation_warning():
+    ...         for k in range(3):
+    ...             warnings.warn(f"sample {k} failed.", SimulationWarning)
+    >>> [str(each.message) for each in caught]
+    ['sample 0 failed. 2 more simulations failed in the same call.']
+    """
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", SimulationWarning)
+        names: list[str] = []
+        yield names
+    failed = [each for each in caught if issubclass(each.category, SimulationWarning)]
+    for each in caught:
+        if each not in failed:
+            warnings.warn_explicit(each.message, each.category, each.filename, each.lineno)
+    if failed:
+        where = f"trajectory {names[0]!r}: " if names else ""
+        warnings.warn(_Counted.of(failed, where), stacklevel=4)
+
+
+class _Counted(SimulationWarning):
+    """The first of several warnings, with their number; those may be of this kind themselves."""
+
+    first, count = "", 1
+
+    @classmethod
+    def of(cls, failed, where: str) -> "_Counted":
+        """Count warnings as recorded."""
+        messages = [each.message for each in failed]
+        first = where + (getattr(messages[0], "first", "") or str(messages[0]))
+        count = sum(getattr(each, "count", 1) for each in messages)
+        simulations = "simulation" if count == 2 else "simulations"
+        more = f" {count - 1} more {simulations} failed in the same call." if count > 1 else ""
+        found = cls(f"{first}{more}")
+        found.first, found.count = first, count
+        return found
