@@ -11,10 +11,10 @@ CATALOGUE = (effects.InputDeadZone, effects.InputBias, effects.ConstantLoad, eff
 HIDDEN = {
     "adequate": SLEDGE,
     "retuned": SLEDGE.with_parameters(m=2.1, d=0.53),
-    "named": SLEDGE + effects.InputDeadZone("F", width=0.6),
+    "named": SLEDGE + effects.InputDeadZone("F", threshold=0.6),
     "ambiguous": SLEDGE + effects.InputBias("F", bias=0.3),
     "unexplained": SLEDGE.replace(equations={"v": "(F - d*v - 0.4*v*F**2)/m"}),
-    "bad": SLEDGE + effects.InputDeadZone("F", width=0.6),
+    "bad": SLEDGE + effects.InputDeadZone("F", threshold=0.6),
 }
 
 

@@ -39,7 +39,7 @@ SHAPES = {
     ),
     ("cogging", "period"): lambda size, scale: 0.5 * scale["position"],
     ("input_saturation", "limit"): _below_peak,
-    ("input_dead_zone", "width"): lambda size, scale: 0.6 * size * scale["peak"],
+    ("input_dead_zone", "threshold"): lambda size, scale: 0.6 * size * scale["peak"],
     ("input_gain", "error"): lambda size, scale: 0.5 * size,
     ("input_rate_limit", "limit"): lambda size, scale: scale["target"] / (size * scale["s"]),
     ("input_rate_limit", "time_constant"): lambda size, scale: scale["step"],

@@ -53,10 +53,10 @@ def make_two_tanks(
     --------
     >>> tanks = make_two_tanks(n_records=1, duration=200)
     >>> print(tanks.effect)
-    InputDeadZone(target='pump', width=0.8)
+    InputDeadZone(target='pump', threshold=0.8)
     """
     if isinstance(effect, str) and effect == "dead zone":
-        effect = InputDeadZone("pump", width=0.8)
+        effect = InputDeadZone("pump", threshold=0.8)
     return make_hidden_effect(
         two_tanks(),
         effect,

@@ -395,7 +395,7 @@ def test_the_servo_valve_plant_is_limited():
 
 def test_the_pump_of_the_tanks_passes_through_its_dead_zone():
     tanks = make_two_tanks()
-    assert tanks.effect == effects.InputDeadZone("pump", width=0.8)
+    assert tanks.effect == effects.InputDeadZone("pump", threshold=0.8)
     assert tanks.X["pump"].min() < 0.4
     u = tanks.X["pump"].to_numpy().reshape(4, -1, 1)
     x, _ = integrate(tanks.truth, np.arange(600.0), u)

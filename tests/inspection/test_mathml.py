@@ -19,7 +19,7 @@ BENT = [
     effects.CoulombFriction("v", level=1.0),
     effects.StribeckFriction("v", level=1.0, peak=0.5, velocity=0.2),
     effects.AsymmetricFriction("v", level_forward=1.0, level_backward=2.0),
-    effects.InputDeadZone("force", width=1.0),
+    effects.InputDeadZone("force", threshold=1.0),
     effects.InputSaturation("force", limit=2.0),
 ]
 

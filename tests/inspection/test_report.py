@@ -298,7 +298,7 @@ HIDDEN = [
     (effects.CubicStiffness("v", stiffness=15.0), "x", lambda x: 15.0 * x**3),
     (effects.ConstantLoad("v", load=2.0), "v", lambda v: 2.0 + 0 * v),
     (
-        effects.InputDeadZone("F", width=1.5),
+        effects.InputDeadZone("F", threshold=1.5),
         "F",
         lambda u: np.maximum(u - 1.5, 0) + np.minimum(u + 1.5, 0),
     ),
@@ -449,7 +449,7 @@ def test_a_wrong_parameter_adds_what_was_missing():
 @pytest.mark.slow
 def test_where_states_are_not_seen_the_error_is_shown_over_time():
     tanks = systems.two_tanks()
-    truth = tanks + effects.InputDeadZone("pump", width=1.0)
+    truth = tanks + effects.InputDeadZone("pump", threshold=1.0)
     t = np.arange(0, 600, 2.0)
     pump = 3 + 1.5 * np.sin(0.05 * t) + (t % 200 > 100)
     y = truth.simulate(t, pump).y + 1e-3 * np.random.default_rng(0).standard_normal((t.size, 1))

@@ -215,7 +215,7 @@ def test_an_uneven_dead_zone_lets_through_what_is_beyond_either_end():
     expected = np.where(u > 0.5, u - 0.5, np.where(u < -0.2, u + 0.2, 0.0))
     assert np.abs(y - expected).max() < 0.05
     even = gain() + effects.AsymmetricDeadZone("u", above=0.3, below=0.3)
-    plain = gain() + effects.InputDeadZone("u", width=0.3)
+    plain = gain() + effects.InputDeadZone("u", threshold=0.3)
     np.testing.assert_array_equal(even.simulate(T, u).y, plain.simulate(T, u).y)
 
 

@@ -125,16 +125,16 @@ class InputDeadZone(InputEffect):
     ----------
     target : str
         The input.
-    width : float, default=0
-        Half-width :math:`w` of the dead zone [input].
+    threshold : float, default=0
+        Largest magnitude :math:`w` of the input without effect [input].
 
     Examples
     --------
-    >>> InputDeadZone("u", width=0.3).names()
-    {'width': 'w_u'}
+    >>> InputDeadZone("u", threshold=0.3).names()
+    {'threshold': 'w_u'}
     """
 
-    width: float = quantity("w", "{target}", low=0.0)
+    threshold: float = quantity("w", "{target}", low=0.0)
     id = "input_dead_zone"
     summary = (
         "Small commands have no effect: valve overlap, amplifier dead band, play at the drive."
@@ -143,7 +143,7 @@ class InputDeadZone(InputEffect):
 
     def seen(self, u, p):
         """Return the dead zone of u."""
-        w = p["width"]
+        w = p["threshold"]
         return maximum(u - w, 0) + minimum(u + w, 0)
 
     @classmethod
@@ -154,12 +154,12 @@ class InputDeadZone(InputEffect):
     @classmethod
     def limits(cls, target, model, scales):
         """Let some of the input through."""
-        return {"width": (0.0, 0.95 * scales.peak[target])}
+        return {"threshold": (0.0, 0.95 * scales.peak[target])}
 
 
 @dataclass(frozen=True)
 class AsymmetricDeadZone(InputEffect):
-    r"""An input with a dead zone of different widths on its two sides.
+    r"""An input with a dead zone whose thresholds differ on its two sides.
 
     .. math:: \max(u - w_+, 0) + \min(u + w_-, 0)
 
@@ -168,7 +168,7 @@ class AsymmetricDeadZone(InputEffect):
     target : str
         The input.
     above, below : float, default=0
-        Widths :math:`w_+, w_-` of the dead zone on the positive and the negative side [input].
+        Thresholds :math:`w_+, w_-` of the positive and the negative side [input].
 
     Examples
     --------
