@@ -96,19 +96,26 @@ class SmoothedOutput:
         """
         found = np.full((len(self._records), 2), np.inf)
         for r in np.flatnonzero(self.counts).tolist():
-            (t, y), there = self._records[r], self.variances[r]
-            measured = np.isfinite(y)
-            seen = t[measured]
-            step = _mean_step(seen)
-            outside = (t <= seen[0] - step) | (t >= seen[-1] + step)
-            inner = (t >= seen[2]) & (t <= seen[-3]) & ~measured
-            between = there
-            if inner.any():
-                between = _halves_differ(t, y, self._penalties[r], t[inner])
-            there = np.minimum(there, [self._noise**2, np.inf])
-            share, out = np.mean(measured), np.mean(outside)
-            found[r] = share * there + (1 - share - out) * between + out * self._powers(r)
+            found[r] = self._mean_variances(r)
         return found
+
+    def _mean_variances(self, record: int) -> np.ndarray:
+        """Average the variances of measured samples, of those between, and of those outside."""
+        t, y = self._records[record]
+        measured = np.isfinite(y)
+        seen = t[measured]
+        step = _mean_step(seen)
+        measured_share = np.mean(measured)
+        outside_share = np.mean((t <= seen[0] - step) | (t >= seen[-1] + step))
+        at_measured = between = self.variances[record]
+        inner = (t >= seen[2]) & (t <= seen[-3]) & ~measured
+        if inner.any():
+            between = _halves_differ(t, y, self._penalties[record], t[inner])
+        return (
+            measured_share * np.minimum(at_measured, [self._noise**2, np.inf])
+            + (1 - measured_share - outside_share) * between
+            + outside_share * self._powers(record)
+        )
 
     def interval(self, record: int) -> float:
         """Return the mean interval between two measured samples of a record [s]."""

@@ -7,10 +7,10 @@ it in a record is told by two halves of its measured samples, whose smoothing sp
 .. math:: \sigma^2 = \frac{1}{4} \overline{(g_1 - g_2)^2}
 
 over all samples of the record; a value at a measured sample has the noise of that at most. It holds
-for `RESOLVED` samples a period or more. An output that
-is measured more rarely does not count beside one that is measured more often: its samples look like
-noise, and are smoothed away. Where none is clearly better, it is the last output that shows the
-state as its value, else the first one that shows it as its slope.
+for `RESOLVED` samples a period or more. An output that is measured more rarely does not count
+beside one that is measured more often: its samples look like noise, and are smoothed away. Where
+none is clearly better, the last output that shows the state as its value counts, else the first one
+that shows it as its slope.
 """
 
 from collections.abc import Callable
