@@ -15,7 +15,7 @@ from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
 from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.estimation.residuals import HeldOut, Residuals
-from sklearn_pgnn.estimation.window_fitter import block_squares
+from sklearn_pgnn.estimation.squares_left import block_squares
 from sklearn_pgnn.readings import reading
 from sklearn_pgnn.simulation.uncertainty import Estimate, estimate_of
 from sklearn_pgnn.simulation.window_fit import WindowFit

@@ -47,3 +47,24 @@ def white_squares(problem: EstimationProblem, fit: WindowFit) -> np.ndarray:
     counts = np.isfinite(residual).sum(axis=0)
     white = white_power(residual, windows.starts)
     return counts * np.maximum(white, problem.resolution**2)
+
+
+def block_squares(problem: EstimationProblem, fit: WindowFit) -> np.ndarray:
+    """Return the squared residuals of a fit by window, block and output.
+
+    Parameters
+    ----------
+    problem : EstimationProblem
+        The problem.
+    fit : WindowFit
+        The fit on all its windows.
+
+    Returns
+    -------
+    ndarray of shape (n_windows, n_blocks, n_outputs)
+        The sums; infinite in a window that is lost.
+    """
+    windows = problem.windows
+    sums = windows.sum_blocks((fit.evaluation.residual / windows.scale) ** 2)
+    sums[~np.isfinite(fit.evaluation.squares)] = np.inf
+    return sums

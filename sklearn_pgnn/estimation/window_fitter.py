@@ -393,11 +393,3 @@ class WindowFitter:
         start = self._start(fit.model)
         some = FoldFits(self.problem, fit, start, fit_some)
         return CrossValidation(self.problem, *start).run(fit, self.folds, some.learn, some.judge)
-
-
-def block_squares(problem: EstimationProblem, fit: WindowFit, which=slice(None)) -> np.ndarray:
-    """Return the sum of squared residuals of every block and output, in units of the noise."""
-    windows = problem.windows.select(which)
-    sums = windows.sum_blocks((fit.evaluation.residual / windows.scale) ** 2)
-    sums[~np.isfinite(fit.evaluation.squares)] = np.inf
-    return sums

@@ -7,7 +7,7 @@ import numpy as np
 from sklearn.base import BaseEstimator, MultiOutputMixin
 from sklearn.utils.validation import check_is_fitted
 
-from sklearn_pgnn.estimators.free_runs import FreeRuns, limits_of, usual_step
+from sklearn_pgnn.estimators.ahead import predict_records_ahead
 from sklearn_pgnn.estimators.parameter_search import (
     SEARCHES,
     ParameterFit,
@@ -17,6 +17,8 @@ from sklearn_pgnn.estimators.parameter_search import (
 from sklearn_pgnn.estimators.progress import progress_printer
 from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.divergence import limits_of
+from sklearn_pgnn.simulation.finite_run import FreeRuns
 from sklearn_pgnn.simulation.free_run import simulate_record
 from sklearn_pgnn.simulation.intervals import (
     check_coverage,
@@ -24,6 +26,7 @@ from sklearn_pgnn.simulation.intervals import (
     output_variance,
     quantile_of,
 )
+from sklearn_pgnn.simulation.long_steps import usual_step
 from sklearn_pgnn.simulation.noise_option import read_noise_std
 from sklearn_pgnn.simulation.record_windows import (
     WHOLE,
@@ -281,7 +284,8 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         [0.   0.72]
         """
         records = self._read(X, y)
-        return self._shaped(self._runs.ahead(self.model_, records, steps, self.noise_)[1])
+        _, outputs = predict_records_ahead(self._runs, self.model_, records, steps, self.noise_)
+        return self._shaped(outputs)
 
     def predict_interval(self, X, coverage=0.9):
         r"""Return the interval in which the measured outputs of a free run are expected.

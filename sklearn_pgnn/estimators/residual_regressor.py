@@ -11,10 +11,12 @@ from sklearn.preprocessing import StandardScaler
 from sklearn.utils import check_array, check_consistent_length, get_tags
 from sklearn.utils.validation import check_is_fitted
 
-from sklearn_pgnn.estimators.free_runs import FreeRuns, limits_of, usual_step, without_long_steps
+from sklearn_pgnn.estimators.ahead import predict_records_ahead
 from sklearn_pgnn.estimators.one_warning import one_simulation_warning
-from sklearn_pgnn.simulation.finite_run import quantities_of
+from sklearn_pgnn.simulation.divergence import limits_of
+from sklearn_pgnn.simulation.finite_run import FreeRuns, quantities_of
 from sklearn_pgnn.simulation.free_run import substeps_for
+from sklearn_pgnn.simulation.long_steps import usual_step, without_long_steps
 from sklearn_pgnn.simulation.record_windows import output_noise
 from sklearn_pgnn.simulation.simulate import hold_of
 from sklearn_pgnn.trajectories import read_records, rows_in_order
@@ -254,7 +256,7 @@ class ResidualRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             features, simulated = self._simulate(records)
             expected = self.regressor_.predict(features).reshape(simulated.shape)
             left = [replace(record, y=record.y - expected[record.rows]) for record in records]
-            states, ahead = self._runs.ahead(self.model, left, steps, self.noise_)
+            states, ahead = predict_records_ahead(self._runs, self.model, left, steps, self.noise_)
         features = self._features(records, np.column_stack([states, ahead]))
         outputs = ahead + self.regressor_.predict(features).reshape(ahead.shape)
         return outputs.ravel() if self._single_output else outputs

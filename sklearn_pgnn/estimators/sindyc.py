@@ -7,7 +7,7 @@ import numpy as np
 from sklearn.base import BaseEstimator, MultiOutputMixin
 from sklearn.utils.validation import check_is_fitted, validate_data
 
-from sklearn_pgnn.estimators.free_runs import FreeRuns, limits_of, without_long_steps
+from sklearn_pgnn.estimators.ahead import predict_records_ahead
 from sklearn_pgnn.estimators.progress import progress_printer
 from sklearn_pgnn.estimators.sindyc_library import read_library, term_function, term_texts
 from sklearn_pgnn.estimators.sindyc_model import (
@@ -28,7 +28,10 @@ from sklearn_pgnn.estimators.sindyc_regression import sparse_coefficients, stepw
 from sklearn_pgnn.physics.expressions import parse_expression
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.model_parts import HOLDS
+from sklearn_pgnn.simulation.divergence import limits_of
+from sklearn_pgnn.simulation.finite_run import FreeRuns
 from sklearn_pgnn.simulation.free_run import substeps_for
+from sklearn_pgnn.simulation.long_steps import without_long_steps
 from sklearn_pgnn.simulation.record_windows import noise_levels, output_noise
 from sklearn_pgnn.simulation.simulate import hold_of
 from sklearn_pgnn.trajectories import read_records
@@ -299,7 +302,8 @@ class SINDYcRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
                 "predict_ahead: expected an estimator that was fitted to trajectories; "
                 "independent rows have no states."
             )
-        outputs = self._runs.ahead(self.model_, self._read(X, y), steps, self.noise_)[1]
+        records = self._read(X, y)
+        _, outputs = predict_records_ahead(self._runs, self.model_, records, steps, self.noise_)
         return outputs.ravel() if self._single_output else outputs
 
     # -- samples in time ---------------------------------------------------------------------------

@@ -12,8 +12,7 @@ picks the states out of the terms. No row reaches over the end of a trajectory.
 
 Between two measured samples a state is interpolated, and its rate there is that of the
 interpolation. A span therefore begins and ends where its state was measured: behind a sensor that
-is read at every :math:`n`-th sample only, it is at least :math:`n` samples long. Where several
-sensors show a state, those do not count that are too slow for such spans beside a faster one.
+is read at every :math:`n`-th sample only, it is at least :math:`n` samples long.
 """
 
 from dataclasses import dataclass, replace
@@ -23,12 +22,10 @@ import numpy as np
 
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.physics.shown_states import shown_by
-from sklearn_pgnn.simulation.record_windows import dominant_period, window_records
+from sklearn_pgnn.simulation.record_windows import window_records
 from sklearn_pgnn.simulation.state_estimate import hidden_states
 from sklearn_pgnn.simulation.windows import ShootingWindows
 from sklearn_pgnn.trajectories.record import Record
-from sklearn_pgnn.trajectories.smoothing import FEWEST
 
 #: span of a rate as a share of the outputs' dominant period
 SPAN_SHARE = 1 / 30
@@ -118,98 +115,15 @@ def measure_states(model: PhysicsModel, records, **options) -> MeasuredStates:
     MeasuredStates
         The states.
     """
-    records = with_fast_sensors(model, records)
-    if not hidden_states(model):  # nothing is simulated: steps and noise are irrelevant
-        options = {"noise_std": np.ones(len(model.outputs)), **options, "substeps": 1}
+    if not hidden_states(model):  # nothing is simulated: steps are irrelevant
+        options |= {"substeps": 1}
     windowed = window_records(model, records, **options)
     u = windowed.windows.acting_inputs(model)[:, : len(model.inputs)]
     states = windowed.states
-    measured = measured_samples(model, windowed.windows)
+    measured = np.column_stack([states.measured_samples(state) for state in model.states])
     return MeasuredStates(
         windowed.windows, states.values(model), u, windowed.period, states.is_shown, measured
     )
-
-
-def with_fast_sensors(model: PhysicsModel, records) -> tuple[Record, ...]:
-    """Leave out what slow sensors measured of states that faster ones show as well.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    records : tuple of Record
-        The records.
-
-    Returns
-    -------
-    tuple of Record
-        The records. An output is NaN in those in which its mean interval between two measured
-        samples is longer than a span of `SPAN_SHARE` of the dominant period, and by a gap (`GAP`)
-        than that of another one, for all the states that it shows.
-
-    Examples
-    --------
-    >>> from sklearn_pgnn.trajectories import read_records
-    >>> twice = PhysicsModel({"x": ""}, {"x": "-x"}, outputs={"p": "x", "q": "x"})
-    >>> y = np.column_stack([np.sin(np.arange(80)), np.where(np.arange(80) % 9, np.nan, 1.0)])
-    >>> (record,) = with_fast_sensors(twice, read_records(twice, np.arange(80)[:, None] * 1.0, y))
-    >>> np.isfinite(record.y).sum(axis=0).tolist()
-    [80, 0]
-    """
-    shown = [_sources(model, state) for state in model.states]
-    shown = [columns for columns in shown if columns]
-    if max(map(len, shown), default=0) < 2:
-        return records
-    span = SPAN_SHARE * dominant_period(records)
-    return tuple(_with_fast(record, shown, span) for record in records)
-
-
-def _with_fast(record: Record, shown: list[list[int]], span: float) -> Record:
-    y = np.array(record.y)
-    counts = np.isfinite(y).sum(axis=0)
-    duration = record.t[-1] - record.t[0]
-    intervals = np.where(counts >= FEWEST, duration / np.maximum(counts - 1, 1), np.inf)
-    needed = set(range(counts.size)) - {column for columns in shown for column in columns}
-    for columns in shown:
-        enough = max(span, GAP * min(intervals[columns]))
-        needed.update(column for column in columns if intervals[column] <= enough)
-    slow = [column for column in range(counts.size) if column not in needed]
-    y[:, slow] = np.nan
-    return replace(record, y=y)
-
-
-def measured_samples(model: PhysicsModel, windows: ShootingWindows) -> np.ndarray:
-    """Find the samples at which the outputs that show the states were measured.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The model.
-    windows : ShootingWindows
-        The records.
-
-    Returns
-    -------
-    ndarray of bool, shape (n_samples, n_states)
-        True also where no output shows a state, or too few samples do for it to be taken from them.
-    """
-    known = np.isfinite(windows.y)
-    found = np.ones((len(known), len(model.states)), dtype=bool)
-    for i, state in enumerate(model.states):
-        for rows in map(slice, windows.bounds[:-1], windows.bounds[1:]):
-            sources = [known[rows, column] for column in _sources(model, state)]
-            enough = [each for each in sources if each.sum() >= FEWEST]
-            if enough:
-                found[rows, i] = enough[0]
-    return found
-
-
-def _sources(model: PhysicsModel, state: str) -> list[int]:
-    """Return the outputs that show a state, that from which it is taken first."""
-    shown = [shown_by(model, output) for output in model.outputs]
-    columns = [column for column, names in enumerate(shown) if state in names]
-    direct = [column for column in columns if shown[column][0] == state]
-    return list(dict.fromkeys([*direct[-1:], *columns]))
 
 
 def rate_rows(states: MeasuredStates, library, span: float | None, ends=None):

@@ -8,7 +8,7 @@ from sklearn_pgnn.export.late_inputs import acting_inputs, late_inputs
 from sklearn_pgnn.export.symbolic_machine import SymbolicMachine
 from sklearn_pgnn.extras import needed_by
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.simulate import hold_of
+from sklearn_pgnn.simulation.simulate import hold_of, substeps_of
 from sklearn_pgnn.simulation.source import dry_states
 from sklearn_pgnn.trajectories.sample_interval import check_sample_interval
 
@@ -73,7 +73,7 @@ def to_casadi(
     if unknown:
         raise OptionError(f"free: {unknown[0]!r} is no parameter of the model.")
     _check_dry(model, friction_width)
-    late, steps = _late(model, interval), _substeps(model, substeps)
+    late, steps = _late(model, interval), substeps_of(model, substeps)
     straight = interval is not None and bool(model.inputs) and hold_of(model) == "foh"
     n = len(model.states)
     sizes = {"x": n + sum(each.samples + 1 for each in late), "u": len(model.inputs)}
@@ -115,10 +115,3 @@ def _late(model, interval) -> list:
             f"Remedy: to_casadi(model, interval=0.01), with its past samples as states."
         )
     return [] if interval is None else late_inputs(model, interval)
-
-
-def _substeps(model, substeps) -> int:
-    count = model.simulation.get("substeps", 1) if substeps is None else substeps
-    if not isinstance(count, int) or count < 1:
-        raise OptionError(f"substeps: expected an integer >= 1, got {substeps!r}.")
-    return count

@@ -8,14 +8,10 @@ from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils.validation import _check_feature_names_in, check_is_fitted
 
 from sklearn_pgnn.exceptions import OptionError
-from sklearn_pgnn.preprocessing.simulated_columns import (
-    SimulatedColumns,
-    limits_of,
-    usual_step,
-    without_long_steps,
-)
-from sklearn_pgnn.simulation.finite_run import quantities_of
+from sklearn_pgnn.preprocessing.target_limits import limits_by_targets
+from sklearn_pgnn.simulation.finite_run import FreeRuns, quantities_of
 from sklearn_pgnn.simulation.free_run import substeps_for
+from sklearn_pgnn.simulation.long_steps import usual_step, without_long_steps
 from sklearn_pgnn.simulation.simulate import hold_of
 from sklearn_pgnn.trajectories import read_records, rows_in_order, split_rows
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
@@ -146,8 +142,9 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
             self.model, even, self.substeps, method=self.method, hold=self.hold_
         )
         self._interval, self._limits = usual_step(records), np.full(len(self.model.outputs), np.inf)
-        runs = [self._simulated.run(record).y for record in records]
-        self._limits = limits_of(self.model, rows_in_order(records, np.concatenate(runs)), y)
+        runs = [self._runs.run(self.model, record).y for record in records]
+        simulated = rows_in_order(records, np.concatenate(runs))
+        self._limits = limits_by_targets(self.model, simulated, y)
         return self
 
     def transform(self, X):
@@ -169,7 +166,7 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
             return X
         records = read_records(self.model, X, time_column=self.time_column)
         refuse_standardised(self.model, records)
-        simulated = self._simulated(records)
+        simulated = self._runs.simulate(self.model, records, self._quantities())
         if not hasattr(self, "feature_names_in_"):
             return np.column_stack([self._kept_table(pd.DataFrame(X), records), simulated])
         new = pd.DataFrame(simulated, X.index, [name + SIMULATED for name in self._quantities()])
@@ -198,17 +195,9 @@ class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
         return np.asarray([*names[self._kept()], *new], dtype=object)
 
     @property
-    def _simulated(self) -> SimulatedColumns:
+    def _runs(self) -> FreeRuns:
         """How the fitted transformer simulates."""
-        return SimulatedColumns(
-            self.model,
-            self._quantities(),
-            self._interval,
-            self.substeps_,
-            self._limits,
-            self.hold_,
-            self.method,
-        )
+        return FreeRuns(self._interval, self.substeps_, self._limits, self.hold_, self.method)
 
     def _quantities(self) -> list[str]:
         """Return the names of the states and outputs that are appended."""

@@ -20,7 +20,7 @@ import numpy as np
 from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.inputs import delayed_inputs
-from sklearn_pgnn.simulation.simulate import hold_of, simulate_acting, start_of
+from sklearn_pgnn.simulation.simulate import hold_of, simulate_acting, start_of, substeps_of
 from sklearn_pgnn.trajectories import rows_in_order
 from sklearn_pgnn.trajectories.record import Record
 
@@ -89,7 +89,7 @@ def model_machine(model: PhysicsModel, record, *, method: str = "rk4", **options
         The machine.
     """
     hold = hold_of(model, options.get("hold"))
-    substeps = options.get("substeps") or model.simulation.get("substeps", 1)
+    substeps = substeps_of(model, options.get("substeps"))
     acting = delayed_inputs(model, record.t, record.u, hold == "foh")
 
     def run(a, b, x):

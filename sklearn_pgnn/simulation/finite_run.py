@@ -1,17 +1,19 @@
 """Free runs without NaN: a trajectory that diverges causes a warning, and stays finite."""
 
 import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from sklearn_pgnn.exceptions import SimulationWarning
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.divergence import REMEDY, what_is_beyond, what_is_wrong
 from sklearn_pgnn.simulation.free_run import simulate_record
-from sklearn_pgnn.simulation.simulate import Simulation
+from sklearn_pgnn.simulation.long_steps import substeps_along
+from sklearn_pgnn.simulation.simulate import Simulation, hold_of, substeps_of
 from sklearn_pgnn.trajectories import rows_in_order
-
-#: trees and most networks hold numbers in single precision, whose largest is 3.4e38
-LARGEST = float(np.finfo(np.float32).max)
+from sklearn_pgnn.trajectories.record import Record
 
 
 def quantities_of(model: PhysicsModel) -> list[str]:
@@ -30,8 +32,134 @@ def quantities_of(model: PhysicsModel) -> list[str]:
     return list(dict.fromkeys([*model.states, *model.outputs]))
 
 
-def simulate_quantities(model: PhysicsModel, records, names, **options) -> np.ndarray:
-    """Simulate every record in free run; if one diverges, repeat its first row.
+@dataclass(frozen=True)
+class FreeRuns:
+    """How a fitted estimator simulates: as accurately as its fit, and not larger by far.
+
+    Parameters
+    ----------
+    interval : float
+        Sample interval of the fit [s].
+    substeps : int
+        Integration steps that it takes.
+    limits : ndarray of shape (n_outputs,)
+        Magnitude of the outputs beyond which a simulation has diverged.
+    hold : {"zoh", "foh"}
+        How the inputs vary between two samples.
+    method : {"rk4", "euler"}, default="rk4"
+        Scheme of a step.
+    remedy : str, default=REMEDY
+        What may help against a divergence.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.trajectories import read_records
+    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
+    >>> records = read_records(lag, [[0.0, 1.0], [1.0, 1.0], [8.0, 1.0]])
+    >>> runs = FreeRuns(1.0, 1, np.array([np.inf]), "zoh")
+    >>> runs.options(records[0])["substeps"], runs.simulate(lag, records, ["y"])[2].round(2)
+    (7, array([0.98]))
+    """
+
+    interval: float
+    substeps: int
+    limits: np.ndarray
+    hold: str
+    method: str = "rk4"
+    remedy: str = REMEDY
+
+    def options(self, record: Record) -> dict:
+        """Return the options of `simulate` along a record.
+
+        Parameters
+        ----------
+        record : Record
+            The record.
+
+        Returns
+        -------
+        dict
+            Hold, scheme, and integration steps from sample to sample.
+        """
+        substeps = substeps_along(record, self.interval, self.substeps)
+        return {"hold": self.hold, "method": self.method, "substeps": substeps}
+
+    def model_along(self, model: PhysicsModel, record: Record) -> PhysicsModel:
+        """Return a model that is simulated along a record with enough integration steps.
+
+        Parameters
+        ----------
+        model : PhysicsModel
+            The model.
+        record : Record
+            The record.
+
+        Returns
+        -------
+        PhysicsModel
+            The model, its `simulation` changed where the record's steps are longer.
+        """
+        substeps = substeps_along(record, self.interval, self.substeps)
+        if substeps == self.substeps:
+            return model
+        return model.replace(simulation={"hold": self.hold, "substeps": substeps})
+
+    def run(self, model: PhysicsModel, record: Record) -> Simulation:
+        """Simulate a record in free run.
+
+        Parameters
+        ----------
+        model : PhysicsModel
+            The model.
+        record : Record
+            Time, inputs and initial state.
+
+        Returns
+        -------
+        Simulation
+            The run; no warning is given.
+        """
+        return simulate_record(model, record, **self.options(record))
+
+    def simulate(self, model: PhysicsModel, records, names: Sequence[str]) -> np.ndarray:
+        """Simulate every record in free run; of one that diverges the first row is repeated.
+
+        Parameters
+        ----------
+        model : PhysicsModel
+            The model.
+        records : sequence of Record
+            Time, inputs and initial states.
+        names : sequence of str
+            States and outputs to return.
+
+        Returns
+        -------
+        ndarray of shape (n_samples, n_names)
+            Finite numbers in the order of the table's rows. One `SimulationWarning` tells of the
+            trajectories that diverge.
+        """
+        found, wrong = [], {}
+        for record in records:
+            run = self.run(model, record)
+            values = _values(model, run, names)
+            what = what_is_beyond(model, run, self.limits, self.remedy)
+            what = what or self._not_finite(run, values, names)
+            if what:
+                wrong[record.name] = what
+                first = np.repeat(values[:1], len(values), axis=0)
+                values = np.nan_to_num(first, posinf=0.0, neginf=0.0)
+            found.append(values)
+        _warn_of_diverging(wrong)
+        return rows_in_order(records, np.concatenate(found))
+
+    def _not_finite(self, run, values, names) -> str:
+        what = what_is_wrong(run, values, names)
+        return f"{what} Or {self.remedy}." if what and self.remedy != REMEDY else what
+
+
+def simulate_quantities(model: PhysicsModel, records, names) -> np.ndarray:
+    """Simulate every record in free run, as the model's `simulation` says.
 
     Parameters
     ----------
@@ -41,77 +169,39 @@ def simulate_quantities(model: PhysicsModel, records, names, **options) -> np.nd
         Time, inputs and initial states.
     names : sequence of str
         States and outputs to return.
-    **options
-        See `simulate`.
 
     Returns
     -------
     ndarray of shape (n_samples, n_names)
-        Finite numbers in the order of the table's rows. A trajectory whose simulation becomes
-        non-finite is reported by a `SimulationWarning`.
+        See `FreeRuns.simulate`; a simulation has diverged if it becomes non-finite.
 
     Examples
     --------
     >>> from sklearn_pgnn.trajectories import read_records
-    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
+    >>> said = {"simulation": {"substeps": 4}}
+    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"}, **said)
     >>> records = read_records(lag, [[0.0, 1.0], [1.0, 1.0]])
-    >>> simulate_quantities(lag, records, ["y"], substeps=4).round(4).ravel().tolist()
+    >>> simulate_quantities(lag, records, ["y"]).round(4).ravel().tolist()
     [0.0, 0.3935]
     """
-    runs = [_finite_run(model, record, names, options) for record in records]
-    return rows_in_order(records, np.concatenate(runs))
+    limits = np.full(len(model.outputs), np.inf)
+    runs = FreeRuns(np.inf, substeps_of(model), limits, hold_of(model))
+    return runs.simulate(model, records, names)
 
 
-def what_is_wrong(run: Simulation, values: np.ndarray, names) -> str:
-    """Return why a free run cannot be used for training; empty if it can.
-
-    Parameters
-    ----------
-    run : Simulation
-        The run.
-    values : ndarray of shape (n_samples, n_names)
-        The quantities taken from it.
-    names : sequence of str
-        Its names.
-
-    Returns
-    -------
-    str
-        What happened and the remedy.
-
-    Examples
-    --------
-    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": -0.01}, {"u": "V"})
-    >>> run = lag.simulate([0.0, 1.0, 2.0], [1.0, 1.0, 1.0], [1e-9], substeps=100)
-    >>> print(what_is_wrong(run, run.y, ["y"]).split(",")[0])
-    'y' diverges: it is -1.86e+43 at t = 1 s
-    """
-    if run.message:
-        return run.message
-    bad = np.argwhere(~(np.abs(values) <= LARGEST))
-    if not bad.size:
-        return ""
-    k, column = bad[0]
-    if not np.isfinite(values[k, column]):
-        return "an output is not finite. Remedy: check the output's expression."
-    return (
-        f"{names[column]!r} diverges: it is {values[k, column]:.3g} at t = {run.t[k]:g} s, beyond "
-        f"single precision. Remedy: check the parameters' values and units; simulate an unstable "
-        f"machine over shorter trajectories, or with its controller in the model."
-    )
-
-
-def _finite_run(model, record, names, options) -> np.ndarray:
-    run = simulate_record(model, record, **options)
+def _values(model: PhysicsModel, run: Simulation, names) -> np.ndarray:
     columns = dict(zip(model.states, run.x.T, strict=True))
     columns |= dict(zip(model.outputs, run.y.T, strict=True))
-    values = np.column_stack([columns[name] for name in names])
-    what = what_is_wrong(run, values, names)
-    if not what:
-        return values
+    return np.column_stack([columns[name] for name in names])
+
+
+def _warn_of_diverging(wrong: dict[str, str]) -> None:
+    if not wrong:
+        return
+    first, *others = wrong
+    more = f" So do those of {len(others)} more: {', '.join(others)}." if others else ""
     warnings.warn(
-        f"trajectory {record.name!r}: {what} Its rows get the values of its first row.",
+        f"trajectory {first!r}: {wrong[first]} Its rows get the values of its first row.{more}",
         SimulationWarning,
         stacklevel=5,
     )
-    return np.nan_to_num(np.repeat(values[:1], len(values), axis=0), posinf=0.0, neginf=0.0)

@@ -11,7 +11,13 @@ from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.callbacks import report_calls
 from sklearn_pgnn.simulation.compiled import compile_model
 from sklearn_pgnn.simulation.inputs import delayed_inputs
-from sklearn_pgnn.simulation.simulate import check_arrays, check_options, hold_of, parameter_values
+from sklearn_pgnn.simulation.simulate import (
+    check_arrays,
+    check_method,
+    hold_of,
+    parameter_values,
+    substeps_of,
+)
 from sklearn_pgnn.simulation.stepping import run_trajectory, usual_interval
 from sklearn_pgnn.threads import local_threads
 
@@ -82,8 +88,8 @@ def simulate_sets(
     """
     t, u, x0 = check_arrays(model, t, u, x0)
     hold = hold_of(model, hold)
-    substeps = model.simulation.get("substeps", 1) if substeps is None else substeps
-    check_options(method, substeps)
+    check_method(method)
+    substeps = substeps_of(model, substeps)
     names, values = _read(model, parameters)
     function, source = compile_model(model, None, method)
     outputs = np.full((len(values), t.size, len(model.outputs)), np.nan)

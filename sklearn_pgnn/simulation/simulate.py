@@ -2,10 +2,11 @@
 
 import warnings
 from dataclasses import dataclass
+from numbers import Integral
 
 import numpy as np
 
-from sklearn_pgnn.exceptions import SimulationError, SimulationWarning
+from sklearn_pgnn.exceptions import OptionError, SimulationError, SimulationWarning
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.model_parts import HOLDS
 from sklearn_pgnn.simulation.callbacks import report_calls
@@ -127,8 +128,8 @@ def simulate(
     """
     t, u, x0 = check_arrays(model, t, u, x0)
     hold = hold_of(model, hold)
-    substeps = model.simulation.get("substeps", 1) if substeps is None else substeps
-    check_options(method, substeps)
+    check_method(method)
+    substeps = substeps_of(model, substeps)
     unknown = [name for name in wrt or () if name not in model.parameters]
     if unknown:
         raise ValueError(f"wrt: unknown parameter {unknown[0]!r}.")
@@ -224,6 +225,38 @@ def hold_of(model: PhysicsModel, hold: str | None = None) -> str:
     return hold
 
 
+def substeps_of(model: PhysicsModel, substeps: int | None = None) -> int:
+    """Return the integration steps from sample to sample: as given, else as in the model, else 1.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    substeps : int, optional
+        The given value, if any.
+
+    Returns
+    -------
+    int
+        The steps.
+
+    Raises
+    ------
+    OptionError
+        If it is no integer of at least 1.
+
+    Examples
+    --------
+    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
+    >>> substeps_of(lag), substeps_of(lag.replace(simulation={"substeps": 4})), substeps_of(lag, 2)
+    (1, 4, 2)
+    """
+    substeps = model.simulation.get("substeps", 1) if substeps is None else substeps
+    if not isinstance(substeps, Integral) or isinstance(substeps, bool) or substeps < 1:
+        raise OptionError(f"substeps: expected an integer >= 1, got {substeps!r}.")
+    return int(substeps)
+
+
 def simulate_records(model: PhysicsModel, records, **options) -> np.ndarray:
     """Simulate the outputs of every record in free run, concatenated.
 
@@ -313,12 +346,10 @@ def check_arrays(model: PhysicsModel, t, u, x0) -> tuple[np.ndarray, np.ndarray,
     return t, np.require(u, requirements=["C", "A", "W"]), x0  # as the loops take it
 
 
-def check_options(method, substeps) -> None:
-    """Raise `ValueError` if the scheme or the number of steps is invalid."""
+def check_method(method) -> None:
+    """Raise `ValueError` if the scheme of a step is none."""
     if method not in METHODS:
         raise ValueError(f"method: expected one of {', '.join(METHODS)}, got {method!r}.")
-    if not isinstance(substeps, int | np.integer) or substeps < 1:
-        raise ValueError(f"substeps: expected an integer >= 1, got {substeps!r}.")
 
 
 def _remedy(model, t, X, failed, substeps) -> str:

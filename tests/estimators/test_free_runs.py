@@ -81,7 +81,7 @@ GROWN = 0.01 * np.expm1(SHORT / 0.1)
 MEASURED = np.concatenate([GROWN, np.sin(LONG), GROWN, np.sin(LONG)])
 DIVERGES = (
     r"^trajectory '1': the simulation of 'unstable' diverges: 'y' is .* at t = [\d.]+ s, more than "
-    r"1000 times what was measured\. Remedy: .* first row\. So do those of 1 more: 3\.$"
+    r"1000 times the largest value in fit\. Remedy: .* first row\. So do those of 1 more: 3\.$"
 )
 
 

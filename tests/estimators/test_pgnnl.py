@@ -23,7 +23,13 @@ from sklearn_pgnn import (
     systems,
 )
 from sklearn_pgnn.estimators.network.structure import choose_structure
-from sklearn_pgnn.exceptions import OptionError, RecordError, SimulationWarning, TrainingError
+from sklearn_pgnn.exceptions import (
+    OptionError,
+    RecordError,
+    SimulationError,
+    SimulationWarning,
+    TrainingError,
+)
 
 CART = systems.cart_on_spring()
 LAG = PhysicsModel({"y": "V"}, {"y": "(K*u - y)/T"}, {"K": 1.0, "T": 0.5}, {"u": "V"})
@@ -466,6 +472,27 @@ def test_rows_may_be_interleaved():
 
 
 # -- one step at a time ----------------------------------------------------------------------------
+
+
+def test_a_stepper_says_where_its_guide_fails_and_stays_there():
+    tank = PhysicsModel({"h": "m"}, {"h": "(q - sqrt(h))/A"}, {"A": 1.0}, {"q": "m^3/s"})
+    t = np.arange(80) * 0.05
+    q = 1.0 + 0.5 * np.sin(t)
+    table = pd.DataFrame({"t": t, "q": q, "h": 1.0})
+    options = {"module__neurons": 2, "max_epochs": 1, "refine": None, "guide": "simulation"}
+    net = PGNNLRegressor(tank, **options).fit(table, tank.simulate(t, q, [1.0]).y)
+    stepper = net.stepper(x0=[1.0])
+    stepper.step(1.0)
+    before = stepper.t, stepper.x.copy()
+    message = (
+        r"step: the simulation of 'model', which guides the network, became non-finite between "
+        r"t = 0\.05 s and t = 0\.1 s \(before: h = 1\)\. Remedy: .*Nothing was advanced\."
+    )
+    for _ in range(2):
+        with pytest.raises(SimulationError, match=message):
+            stepper.step(-100.0)
+    assert (stepper.t, stepper.x) == before
+    assert np.isfinite(stepper.step(1.0)).all()
 
 
 @pytest.mark.slow

@@ -4,9 +4,10 @@ import numpy as np
 import pandas as pd
 import pytest
 import torch
+from sklearn.base import clone
 from sklearn.model_selection import GridSearchCV
 
-from sklearn_pgnn import PGNNLRegressor, PhysicsModel
+from sklearn_pgnn import PGNNLRegressor, PhysicsModel, effects
 from sklearn_pgnn.estimators.network.records import told_samples
 from sklearn_pgnn.exceptions import RecordError, SimulationWarning
 from sklearn_pgnn.model_selection import TrajectoryKFold
@@ -143,3 +144,25 @@ def test_one_on_which_the_network_runs_away_is_left_out_of_the_last_phase():
     away.loc[~SEEN, "q"] *= 1e6
     with pytest.warns(SimulationWarning, match="in 2 of 2 trajectories without y"):
         quick(lambda_phy=0.1).fit(away, BLIND)
+
+
+# -- a sensor that is rarely read ------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "outputs", [{"x": "x", "v": "v"}, {"p": "x", "q": "x"}], ids=["velocity", "second position"]
+)
+def test_a_sparse_second_sensor_spoils_no_training(outputs):
+    rates = {"x": "v", "v": "-30*x - 0.6*v + u"}
+    spring = PhysicsModel({"x": "m", "v": "m/s"}, rates, {}, {"u": "N"}, outputs=outputs)
+    hardening = spring + effects.CubicStiffness("v", stiffness=100.0)
+    t = np.arange(1000) * 0.02
+    table = pd.DataFrame(
+        {"t": t, "u": 16 * np.repeat(np.random.default_rng(0).normal(size=50), 20)}
+    )
+    y = hardening.simulate(t, table["u"], substeps=8).y
+    sparse = np.where((np.arange(1000) % 20 == 0)[:, None] | [True, False], y, np.nan)
+    options = {"structure": "correction", "module__neurons": 3, "max_epochs": 20, "refine": None}
+    net = PGNNLRegressor(spring, random_state=0, **options)
+    left = [np.std(clone(net).fit(table, seen).predict(table) - y) for seen in (y, sparse)]
+    assert left[1] < 1.05 * left[0]

@@ -208,6 +208,7 @@ def test_two_files_share_the_declarations_only(tmp_path):
         ({"precision": "half"}, "precision: expected one of double, single"),
         ({"parameters": "heap"}, "parameters: expected one of"),
         ({"substeps": 0}, "substeps: expected an integer"),
+        ({"substeps": True}, "substeps: expected an integer >= 1, got True"),
         ({"method": "rk5"}, "method: expected one of euler, rk4"),
     ],
 )

@@ -29,7 +29,7 @@ from sklearn_pgnn.model_selection import (
 )
 from sklearn_pgnn.model_selection.pareto_front import _not_dominated
 from sklearn_pgnn.model_selection.trajectory_rows import deal_in_order
-from sklearn_pgnn.preprocessing import physics_model_transformer
+from sklearn_pgnn.simulation.finite_run import FreeRuns
 from sklearn_pgnn.trajectories import split_rows
 
 GOLF = systems.golf_robot()
@@ -505,13 +505,13 @@ def test_bayesian_search_takes_every_dimension_of_a_network():
 @pytest.mark.slow
 def test_memory_saves_simulations_and_changes_no_score(tmp_path, monkeypatch):
     X, y = datasets.make_golf_robot(sample_rate=100, duration=3)
-    simulate, tables = physics_model_transformer.simulate_quantities, []
+    simulate, tables = FreeRuns.simulate, []
 
-    def counted(model, records, *arguments, **options):
+    def counted(runs, model, records, names):
         tables.append(len(records))
-        return simulate(model, records, *arguments, **options)
+        return simulate(runs, model, records, names)
 
-    monkeypatch.setattr(physics_model_transformer, "simulate_quantities", counted)
+    monkeypatch.setattr(FreeRuns, "simulate", counted)
     found = []
     for memory in (None, str(tmp_path)):
         pipeline = make_pipeline(PhysicsModelTransformer(GOLF), Ridge(), memory=memory)

@@ -27,7 +27,8 @@ def test_a_finite_divergence_is_told_and_becomes_the_first_row(unit):
     transformer = PhysicsModelTransformer(UNSTABLE, append=False).fit(X, unit * Y)
     message = (
         r"^trajectory '1': the simulation of 'unstable' diverges: 'y' is .* at t = [\d.]+ s, more "
-        r"than 1000 times what fit saw\. Remedy: .*Its rows get the values of its first row\.$"
+        r"than 1000 times the largest value in fit\. Remedy: .*Its rows get the values of its "
+        r"first row\.$"
     )
     with pytest.warns(SimulationWarning, match=message):
         found = transformer.transform(X)[:, 0]

@@ -309,6 +309,7 @@ def test_whole_solve_passes_its_own_check():
         ({"hold": "none"}, "hold: expected one of zoh, foh, got 'none'."),
         ({"substeps": 0}, "substeps: expected an integer >= 1, got 0."),
         ({"substeps": 1.5}, "substeps: expected an integer >= 1, got 1.5."),
+        ({"substeps": True}, "substeps: expected an integer >= 1, got True."),
         ({"wrt": ("K",)}, "wrt: unknown parameter 'K'."),
     ],
 )

@@ -1,5 +1,6 @@
 """A trained network advanced one sample at a time, for a real-time loop."""
 
+import warnings
 from collections import deque
 from dataclasses import replace
 from math import isfinite
@@ -9,6 +10,7 @@ from torch import nn
 
 from sklearn_pgnn.estimators.network.free_run import compiled_run
 from sklearn_pgnn.estimators.network.pieces import output_function
+from sklearn_pgnn.exceptions import SimulationError, SimulationWarning
 from sklearn_pgnn.simulation.inputs import delayed_inputs
 from sklearn_pgnn.simulation.network_run import NetworkRecord, NetworkStep
 from sklearn_pgnn.simulation.simulate import settled_start, simulate
@@ -85,13 +87,15 @@ class Stepper:
         ------
         ValueError
             If an input has the wrong shape or is not finite; nothing is advanced then.
+        SimulationError
+            If the simulation that guides the network becomes non-finite; nothing is advanced then.
         """
-        u = self._read(u)
-        seen = self._features_along(np.ravel(features)) if len(features) else self._none
-        acting = self._acting_along(u)
-        self._inputs.extend([u] if self._inputs else [u, u])
-        t = self.t + self._times
+        u, features = self._read(u), np.ravel(features)
+        seen = self._features_along(features) if features.size else self._none
+        acting, t = self._acting_along(u), self.t + self._times
         guide = self._guide(t, acting) if self._step.guide == "simulation" else self._none
+        self._inputs.extend([u] if self._inputs else [u, u])
+        self._features = features if features.size else self._features
         self.x = self._run(NetworkRecord(t, acting, acting, guide, seen, self.x))[0][-1]
         self.t = float(t[-1])
         return self._outputs(acting[-1])
@@ -154,15 +158,31 @@ class Stepper:
                 f"last good ones; nothing was advanced."
             )
         held = features if self._features is None else self._features
-        self._features = features
         return np.array([held] * (self._times.size - 1) + [features], dtype=float)
 
     def _guide(self, t, acting) -> np.ndarray:
         """Simulate the model along, in open loop."""
-        run = simulate(self._step.model, t, acting, self._simulated, substeps=self._step.substeps)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", SimulationWarning)  # it is an error here
+            run = simulate(
+                self._step.model, t, acting, self._simulated, substeps=self._step.substeps
+            )
+        if not run.success:
+            raise SimulationError(self._no_guide(t))
         self._simulated = run.x[-1]
         slope, offset = self._line
         return run.x * slope + offset
+
+    def _no_guide(self, t) -> str:
+        """Return that the simulation became non-finite, from where, and the remedy."""
+        at = zip(self._late.states, self._simulated.tolist(), strict=True)
+        return (
+            f"step: the simulation of {self._late.name!r}, which guides the network, became "
+            f"non-finite between t = {t[0]:g} s and t = {t[-1]:g} s (before: "
+            f"{', '.join(f'{state} = {value:.3g}' for state, value in at)}). Remedy: check x0, the "
+            f"inputs and the parameters' values; begin with a new stepper; or train with "
+            f"guide='terms', which simulates nothing beside the network. Nothing was advanced."
+        )
 
 
 def _refuse_not_finite(what: str, values, names, remedy: str) -> None:

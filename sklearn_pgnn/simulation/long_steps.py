@@ -1,0 +1,86 @@
+"""Integration steps where samples lie further apart than in a fit.
+
+A fit finds how many integration steps its sample interval takes. Elsewhere an integration step is
+nowhere longer than that: n sample intervals from one row to the next, in a slower table or across a
+gap, take n times as many.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from sklearn_pgnn.simulation.stepping import GAP, usual_interval
+from sklearn_pgnn.trajectories.record import Record
+
+
+def usual_step(records) -> float:
+    """Return the median sample interval of records [s]; infinite if they have a sample each.
+
+    Parameters
+    ----------
+    records : sequence of Record
+        The records.
+
+    Returns
+    -------
+    float
+        The interval.
+    """
+    steps = np.concatenate([np.diff(record.t) for record in records])
+    return float(np.median(steps)) if steps.size else np.inf
+
+
+def without_long_steps(records) -> list[Record]:
+    """Return records in which no step is longer than a usual one, to find the substeps of that.
+
+    Parameters
+    ----------
+    records : sequence of Record
+        The records.
+
+    Returns
+    -------
+    list of Record
+        The records; steps that are to be divided are as long as `usual_step`.
+
+    Examples
+    --------
+    >>> t, none = np.array([0.0, 1.0, 2.0, 9.0]), np.zeros((4, 0))
+    >>> (record,) = without_long_steps([Record(t, none, None, np.zeros(1), "a", np.arange(4))])
+    >>> record.t.tolist()
+    [0.0, 1.0, 2.0, 3.0]
+    """
+    usual, closed = usual_step(records), []
+    for record in records:
+        steps = np.diff(record.t)
+        steps = np.where(np.rint(steps / usual) > 1, usual, steps)
+        closed.append(replace(record, t=record.t[0] + np.append(0.0, np.cumsum(steps))))
+    return closed
+
+
+def substeps_along(record: Record, interval: float, substeps: int) -> int:
+    """Return how many integration steps a record takes from sample to sample.
+
+    Parameters
+    ----------
+    record : Record
+        The record.
+    interval : float
+        Sample interval of the fit [s].
+    substeps : int
+        Integration steps that it takes.
+
+    Returns
+    -------
+    int
+        Enough for the longest step, those apart that the simulation itself divides as gaps.
+
+    Examples
+    --------
+    >>> t, none = np.array([0.0, 1.0, 8.0]), np.zeros((3, 0))
+    >>> substeps_along(Record(t, none, None, np.zeros(1), "a", np.arange(3)), 1.0, 2)
+    14
+    """
+    steps = np.diff(record.t)
+    longest = np.max(steps[steps <= GAP * usual_interval(record.t)], initial=0.0)
+    return substeps * max(1, round(float(longest) / interval))
