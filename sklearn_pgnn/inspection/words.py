@@ -15,7 +15,7 @@ from sklearn_pgnn.inspection.yardstick import (
 )
 from sklearn_pgnn.physics.effects import WrongParameter, find_effect
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.physics.spread_ends import at_spread_ends
+from sklearn_pgnn.physics.spread_ends import at_bounds, at_spread_ends
 from sklearn_pgnn.record_quality.wording import listed
 
 VERDICTS = {
@@ -256,25 +256,26 @@ def _unexplained(diagnosis) -> str:
 def _adequate(diagnosis) -> str:
     """Return whether the model is adequate as given or re-tuned, or that much error is left."""
     the_model, errors = _the_model(diagnosis), over_windows(diagnosis)
-    left = [_of(output, times(e.refitted), errors) for output, e in errors.items()]
+    noise = {output: _of(output, "the noise", errors) for output in errors}
     if leaves_much(diagnosis):
+        left = [f"{times(e.refitted)} {noise[output]}" for output, e in errors.items()]
         return (
             f"No effect of the catalogue improves the {the_model}; but after re-tuning it leaves "
-            f"{listed(left)} the noise."
+            f"{listed(left)}."
         )
     if is_adequate_as_given(diagnosis):
-        given = [_of(output, times(e.prior), errors) for output, e in errors.items()]
+        given = [f"{times(e.prior)} {noise[output]}" for output, e in errors.items()]
         return (
-            f"The {the_model} is adequate as given: it leaves {listed(given)} the noise, and no "
-            f"effect of the catalogue improves it."
+            f"The {the_model} is adequate as given: it leaves {listed(given)}, and no effect of "
+            f"the catalogue improves it."
         )
     both = [
-        _of(output, f"{times(e.prior)} as given and {times(e.refitted)} re-tuned", errors)
+        f"{times(e.refitted)} {noise[output]} (as given {times(e.prior)})"
         for output, e in errors.items()
     ]
     return (
-        f"The {the_model} is adequate after re-tuning, in units of the noise: {listed(both)}. No "
-        f"effect of the catalogue improves it."
+        f"The {the_model} is adequate after re-tuning: it leaves {listed(both)}. No effect of the "
+        f"catalogue improves it."
     )
 
 
@@ -559,7 +560,7 @@ def separation_sentence(separation) -> str:
 
 
 def spread_sentence(diagnosis) -> str:
-    """Return which parameters lie at the end of their spread, and what to do; empty if none does.
+    """Return which parameters lie at an end of a spread or at a bound, and what to do.
 
     Parameters
     ----------
@@ -569,10 +570,15 @@ def spread_sentence(diagnosis) -> str:
     Returns
     -------
     str
-        A sentence and its remedy.
+        Sentences with their remedies; empty where every parameter lies inside.
     """
     values = {name: parameter.value for name, parameter in diagnosis.parameters_.items()}
-    names = at_spread_ends(diagnosis.model, diagnosis.model.with_parameters(**values))
+    retuned = diagnosis.model.with_parameters(**values)
+    spread, bounds = at_spread_ends(diagnosis.model, retuned), at_bounds(retuned)
+    return " ".join(filter(None, (_at_spreads(spread), _at_bounds(bounds))))
+
+
+def _at_spreads(names) -> str:
     if not names:
         return ""
     lies, spread = ("lie", "spreads") if len(names) > 1 else ("lies", "spread")
@@ -580,5 +586,16 @@ def spread_sentence(diagnosis) -> str:
         f"{listed(names)} {lies} at the end of what the {spread} in the model file allowed: the "
         f"named causes and the remaining error may be due to a wrong parameter value. If it is not "
         f"known that well, give a wider spread, or spread: .inf where nothing is known, and "
+        f"diagnose again."
+    )
+
+
+def _at_bounds(names) -> str:
+    if not names:
+        return ""
+    lies, bounds = ("lie", "bounds") if len(names) > 1 else ("lies", "a bound")
+    return (
+        f"{listed(names)} {lies} at {bounds} of the model file: what is named and what is left may "
+        f"be due to that. If values beyond are physically possible, give wider bounds, and "
         f"diagnose again."
     )
