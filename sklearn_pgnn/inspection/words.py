@@ -307,9 +307,10 @@ def remaining_sentence(diagnosis) -> str:
     )
     if remaining.kind == "structure":
         on = listed(remaining.depends_on) or "what was recorded"
-        return (
-            f"What is left is structure ({much}): it depends on {on}, so physics is still missing."
+        left = (
+            "What is left" if diagnosis.discrepancy_ is None else "What is left without the formula"
         )
+        return f"{left} is structure ({much}): it depends on {on}, so physics is still missing."
     if not diagnosis.complete_:
         return f"What is left is more than noise ({much}); what it depends on was not tested."
     return (

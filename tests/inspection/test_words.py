@@ -56,6 +56,16 @@ def test_a_parameter_at_a_bound_is_told_with_the_remedy():
     )
 
 
+@pytest.mark.parametrize("part", [None, "a formula that leaves less"])
+def test_what_is_left_beside_a_formula_is_what_is_left_without_it(monkeypatch, part):
+    errors = {"x": SimpleNamespace(extended=4.56)}
+    monkeypatch.setattr(words, "over_windows", lambda _: errors)
+    left = SimpleNamespace(kind="structure", depends_on=("v",))
+    said = words.remaining_sentence(SimpleNamespace(remaining_=left, discrepancy_=part))
+    assert said.startswith("What is left without the formula is structure (4.56 ×") == bool(part)
+    assert said.startswith("What is left is structure (4.56 ×") != bool(part)
+
+
 @pytest.mark.parametrize("outputs", [("x",), ("x", "v")])
 def test_what_an_adequate_model_leaves_is_told_output_by_output(monkeypatch, outputs):
     errors = {output: SimpleNamespace(prior=2.0, refitted=1.5) for output in outputs}
