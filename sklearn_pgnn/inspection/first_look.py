@@ -1,21 +1,24 @@
 """A first look: a model simulated on records as given, before any diagnosis."""
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
 from sklearn_pgnn.inspection.fit_percentage import fit_percentage
 from sklearn_pgnn.inspection.numbers import number
+from sklearn_pgnn.inspection.prefixed_unit import prefixed_unit
 from sklearn_pgnn.inspection.start_runs import run_from_starts
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.free_run import simulate_record
 from sklearn_pgnn.simulation.record_windows import MIN_SAMPLES, window_records
 from sklearn_pgnn.trajectories import read_records
 
-#: factors between two units of a quantity: the prefix of the file's, where that is known
-PREFIXES = {1e3: "m", 1e6: "u", 1e-3: "k", 1e-6: "M"}
+#: factors between two units of a quantity that differ by a prefix, and their powers of ten
+PREFIXES = {1e3: 3, 1e6: 6, 1e-3: -3, 1e-6: -6}
+#: seconds in another unit that a file's time may have
+CLOCKS = {"ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0}
 #: and by the model's unit, what else a file may hold
 OTHERS = {
     "m": {100.0: "cm"},
@@ -275,18 +278,49 @@ def _odd(model, records, windows, outputs) -> list[str]:
 
     The runs begin in the model's initial state: the sensors' values may be in another unit.
     """
-    runs = [
-        simulate_record(model, record, hold=windows.hold, substeps=windows.substeps)
-        for record in records
-    ]
-    y, simulated, said = windows.y, np.concatenate([run.y for run in runs]), []
+    told = _tells(np.array([output.fit for output in outputs])).any()
+    if not told and (unit := _clock(model, records, windows)):
+        title = model.columns.get("t", "t").split(" [")[0]
+        return [
+            f"the model follows the records if their time is in {unit}. Remedy: if so, say it in "
+            f'the model file, columns: {{t: "{title} [{unit}]"}}; else check units and values.'
+        ]
+    y, simulated, said = windows.y, _simulated(model, records, windows), []
     for i, output in enumerate(outputs):
         seen = np.isfinite(y[:, i]) & np.isfinite(simulated[:, i])
         if seen.any():
             scale, share = _scale(y[seen, i], simulated[seen, i])
-            spread = _spread(y[seen, i], simulated[seen, i])
-            said += _about(model, output, scale, share, spread)
+            spreads = _spreads(windows.bounds, y[:, i], simulated[:, i])
+            said += _about(model, output, scale, share, spreads)
     return said
+
+
+def _simulated(model, records, windows, second=1.0) -> np.ndarray:
+    """Return the outputs of free runs, with the time of the records in another unit."""
+    runs = [
+        simulate_record(
+            model,
+            replace(record, t=second * record.t),
+            hold=windows.hold,
+            substeps=windows.substeps,
+        )
+        for record in records
+    ]
+    return np.concatenate([run.y for run in runs])
+
+
+def _clock(model, records, windows) -> str:
+    """Return the unit of time in which the model tells much of every output, if there is one."""
+    for unit, second in CLOCKS.items():
+        fit = fit_percentage(windows.y, _simulated(model, records, windows, second))
+        if _tells(fit).all():
+            return unit
+    return ""
+
+
+def _tells(fit: np.ndarray) -> np.ndarray:
+    """Return where a fit [%] explains a telling share of the power."""
+    return (1.0 - fit / 100.0) ** 2 < 1.0 - TELLING
 
 
 def _scale(y, simulated) -> tuple[float, float]:
@@ -298,13 +332,24 @@ def _scale(y, simulated) -> tuple[float, float]:
     return both / power, both**2 / (power * float(y @ y))
 
 
+def _spreads(bounds, y, simulated) -> list[float]:
+    """Return the variation of an output over that of its simulation, by halves of records.
+
+    In another unit it is much the same everywhere, but not where a simulation diverges.
+    """
+    middles = (bounds[:-1] + bounds[1:]) // 2
+    ends = np.sort(np.concatenate([bounds, middles]))
+    return [_spread(y[a:b], simulated[a:b]) for a, b in pairwise(ends)]
+
+
 def _spread(y, simulated) -> float:
-    """Return the variation of an output as a multiple of that of its simulation."""
-    theirs = float(np.std(simulated))
-    return float(np.std(y)) / theirs if 0 < theirs < math.inf else 1.0
+    seen = np.isfinite(y)
+    theirs = float(np.std(simulated[seen])) if seen.any() else 0.0
+    ours = float(np.std(y[seen])) if seen.any() else 0.0
+    return ours / theirs if ours > 0 and 0 < theirs < math.inf else 1.0
 
 
-def _about(model, output, scale, share, spread) -> list[str]:
+def _about(model, output, scale, share, spreads) -> list[str]:
     name, expression = output.output, model.outputs[output.output]
     if share > TELLING and scale < 0:
         return [
@@ -319,11 +364,11 @@ def _about(model, output, scale, share, spread) -> list[str]:
             f"convert the column, or say in the model file outputs: "
             f'{{{name}: "{number(factor, 6)}*({expression})"}}.'
         ]
-    if output.fit < 0 and (unit := _perhaps(output.unit, spread)):
+    if output.fit < 0 and (unit := _perhaps(output.unit, spreads)):
         title = model.columns.get(name, name).split(" [")[0]
         return [
-            f"{name!r} varies {number(spread, 3)} times as much as the simulation: is it recorded "
-            f"in {unit}? Remedy: if so, say it in the model file, columns: "
+            f"{name!r} varies {number(_typical(spreads), 3)} times as much as the simulation: "
+            f"is it recorded in {unit}? Remedy: if so, say it in the model file, columns: "
             f'{{{name}: "{title} [{unit}]"}}; else check the values.'
         ]
     if output.fit < 0:
@@ -343,7 +388,7 @@ def _unit_factor(unit: str, scale: float) -> tuple[float, str]:
     >>> _unit_factor("m/s", 3.58), _unit_factor("m", 1.2)
     ((3.6, 'km/h'), (1.0, ''))
     """
-    units = {factor: prefix + unit if unit else "" for factor, prefix in PREFIXES.items()}
+    units = {factor: prefixed_unit(unit, power) for factor, power in PREFIXES.items()}
     units |= OTHERS.get(unit, {})
     for factor, recorded in units.items():
         if 1 / NEAR < scale / factor < NEAR:
@@ -351,13 +396,23 @@ def _unit_factor(unit: str, scale: float) -> tuple[float, str]:
     return 1.0, ""
 
 
-def _perhaps(unit: str, spread: float) -> str:
-    """Return the unit with the prefix that roughly matches a scale; empty where none does.
+def _perhaps(unit: str, spreads: list[float]) -> str:
+    """Return the unit with the prefix that roughly matches scales; empty where none does.
+
+    Every scale must be nearer to it than to 1: where a simulation diverges, its beginning is not.
 
     Examples
     --------
-    >>> _perhaps("m", 400.0), _perhaps("m", 20.0), _perhaps("", 1000.0)
+    >>> _perhaps("m", [400.0, 700.0]), _perhaps("m", [20.0]), _perhaps("m", [1.0, 0.1, 1e-6])
     ('mm', '', '')
     """
-    near = (p for factor, p in PREFIXES.items() if 1 / ROUGHLY < spread / factor < ROUGHLY)
-    return f"{prefix}{unit}" if unit and (prefix := next(near, "")) else ""
+    size = np.log([_typical(spreads), *spreads])
+    for factor, power in PREFIXES.items():
+        far = abs(size - math.log(factor))
+        if far[0] < math.log(ROUGHLY) and (far < abs(size)).all():
+            return prefixed_unit(unit, power)
+    return ""
+
+
+def _typical(spreads: list[float]) -> float:
+    return float(np.exp(np.mean(np.log(spreads))))

@@ -34,7 +34,8 @@ def free_run_error(value: float) -> str:
 def measured(value: float, low: float, high: float, unit: str = "") -> str:
     """Write a value with its interval, with no more digits than the interval justifies.
 
-    If the interval excludes zero, only zero is rounded to zero. A unit of 1 is omitted.
+    If the interval excludes zero, only zero is rounded to zero, and an end that is less than the
+    sixth digit of the other: a quantity above zero ends there. A unit of 1 is omitted.
 
     Examples
     --------
@@ -48,6 +49,8 @@ def measured(value: float, low: float, high: float, unit: str = "") -> str:
     '-0.26 (at most -0.22) 1/V'
     >>> measured(0.25, 0.2, 0.3, "1")
     '0.25 (0.20 to 0.30)'
+    >>> measured(0.104, 1e-12, 0.213, "mm")
+    '0.10 (0.00 to 0.21) mm'
     """
     unit = "" if unit == "1" else unit
     if math.isfinite(low) != math.isfinite(high):
@@ -55,6 +58,9 @@ def measured(value: float, low: float, high: float, unit: str = "") -> str:
     if not math.isfinite(low) or low == high:
         return f"{number(value)} {unit}".rstrip()
     places = _places(value, (high - low) / 2)
+    low, high = (
+        0.0 if abs(x) < 1e-6 * abs(other) else x for x, other in ((low, high), (high, low))
+    )
     inside = low < 0 < high
     here, start, end = (
         _rounded(x, places if inside else _kept(x, places)) for x in (value, low, high)

@@ -15,7 +15,7 @@ from sklearn_pgnn.inspection.yardstick import (
 )
 from sklearn_pgnn.physics.effects import WrongParameter, find_effect
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.physics.spread_ends import at_spread_ends
+from sklearn_pgnn.physics.spread_ends import at_bounds, at_spread_ends
 from sklearn_pgnn.record_quality.wording import listed
 
 VERDICTS = {
@@ -256,25 +256,26 @@ def _unexplained(diagnosis) -> str:
 def _adequate(diagnosis) -> str:
     """Return whether the model is adequate as given or re-tuned, or that much error is left."""
     the_model, errors = _the_model(diagnosis), over_windows(diagnosis)
-    left = [_of(output, times(e.refitted), errors) for output, e in errors.items()]
+    noise = {output: _of(output, "the noise", errors) for output in errors}
     if leaves_much(diagnosis):
+        left = [f"{times(e.refitted)} {noise[output]}" for output, e in errors.items()]
         return (
             f"No effect of the catalogue improves the {the_model}; but after re-tuning it leaves "
-            f"{listed(left)} the noise."
+            f"{listed(left)}."
         )
     if is_adequate_as_given(diagnosis):
-        given = [_of(output, times(e.prior), errors) for output, e in errors.items()]
+        given = [f"{times(e.prior)} {noise[output]}" for output, e in errors.items()]
         return (
-            f"The {the_model} is adequate as given: it leaves {listed(given)} the noise, and no "
-            f"effect of the catalogue improves it."
+            f"The {the_model} is adequate as given: it leaves {listed(given)}, and no effect of "
+            f"the catalogue improves it."
         )
     both = [
-        _of(output, f"{times(e.prior)} as given and {times(e.refitted)} re-tuned", errors)
+        f"{times(e.refitted)} {noise[output]} (as given {times(e.prior)})"
         for output, e in errors.items()
     ]
     return (
-        f"The {the_model} is adequate after re-tuning, in units of the noise: {listed(both)}. No "
-        f"effect of the catalogue improves it."
+        f"The {the_model} is adequate after re-tuning: it leaves {listed(both)}. No effect of the "
+        f"catalogue improves it."
     )
 
 
@@ -306,9 +307,10 @@ def remaining_sentence(diagnosis) -> str:
     )
     if remaining.kind == "structure":
         on = listed(remaining.depends_on) or "what was recorded"
-        return (
-            f"What is left is structure ({much}): it depends on {on}, so physics is still missing."
+        left = (
+            "What is left" if diagnosis.discrepancy_ is None else "What is left without the formula"
         )
+        return f"{left} is structure ({much}): it depends on {on}, so physics is still missing."
     if not diagnosis.complete_:
         return f"What is left is more than noise ({much}); what it depends on was not tested."
     return (
@@ -376,18 +378,71 @@ def known_sentence(diagnosis, part) -> str:
     )
     which = "Its term acts" if len(part.effect.terms) == 1 else "Its terms act"
     which = which if part.has_names else "Some of its terms act"
-    remedies = dict.fromkeys(_remedy(diagnosis.model, each) for each in part.known)
-    return f"{which} like what has a name: {said}. Remedy: {'; '.join(remedies)}."
+    tried = [each for each in part.known if _was_enough_tried(diagnosis, each)]
+    parts = (
+        f"{which} like what has a name: {said}.",
+        _in_vain(tried),
+        known_remedy(diagnosis, part),
+    )
+    return " ".join(filter(None, parts))
 
 
-def _remedy(model: PhysicsModel, known) -> str:
-    """Return how a parameter or an effect gets into a diagnosis that did not consider it."""
+def known_remedy(diagnosis, part) -> str:
+    """Return how to have terms that have a name fitted; empty where the search has tried that.
+
+    Parameters
+    ----------
+    diagnosis : ModelDiagnosis
+        A fitted diagnosis.
+    part : MissingPart
+        Its missing part.
+
+    Returns
+    -------
+    str
+        A remedy, or nothing.
+    """
+    open_ = [each for each in part.known if not _was_enough_tried(diagnosis, each)]
+    remedies = dict.fromkeys(_remedy(diagnosis, each) for each in open_)
+    return f"Remedy: {'; '.join(remedies)}." if remedies else ""
+
+
+def _was_enough_tried(diagnosis, known) -> bool:
+    """Return whether a complete search considered an effect, and could have named one more."""
+    able = diagnosis.complete_ and len(diagnosis.causes_) < diagnosis.max_causes
+    return able and _is_considered(diagnosis, known) and known.effect != WrongParameter.id
+
+
+def _is_considered(diagnosis, known) -> bool:
+    tried = {(each.effect, each.target) for each in diagnosis.candidates_}
+    return (known.effect, known.target) in tried
+
+
+def _in_vain(known) -> str:
+    """Return which effects were considered without being named; empty if none was."""
+    if not known:
+        return ""
+    names = dict.fromkeys(cause_name(each.effect, each.target) for each in known)
+    them = "them" if len(names) > 1 else "it"
+    return f"The search considered {listed(names)}, but the evidence for {them} is too weak."
+
+
+def _remedy(diagnosis, known) -> str:
+    """Return how a parameter or an effect gets into a diagnosis that could not name it."""
     if known.effect != WrongParameter.id:
         name = cause_name(known.effect, known.target)
-        return f"let the diagnosis consider {name} (catalogue, targets, max_causes)"
-    name = known.target
+        if not _is_considered(diagnosis, known):
+            return f"let the diagnosis consider {name} (catalogue, targets)"
+        how = "more causes (max_causes)" if diagnosis.complete_ else "more time (time_limit)"
+        return f"allow {how}, and {name} may be named"
+    return _remedy_of_parameter(diagnosis.model, known.target)
+
+
+def _remedy_of_parameter(model: PhysicsModel, name: str) -> str:
     if model.parameters[name].fixed:
         return f"let {name} be fitted (it is fixed in the model)"
+    if math.isinf(model.parameters[name].spread):
+        return f"give {name} wider bounds"
     return f"give {name} a wider spread, or spread: .inf where nothing is known"
 
 
@@ -506,7 +561,7 @@ def separation_sentence(separation) -> str:
 
 
 def spread_sentence(diagnosis) -> str:
-    """Return which parameters lie at the end of their spread, and what to do; empty if none does.
+    """Return which parameters lie at an end of a spread or at a bound, and what to do.
 
     Parameters
     ----------
@@ -516,10 +571,15 @@ def spread_sentence(diagnosis) -> str:
     Returns
     -------
     str
-        A sentence and its remedy.
+        Sentences with their remedies; empty where every parameter lies inside.
     """
     values = {name: parameter.value for name, parameter in diagnosis.parameters_.items()}
-    names = at_spread_ends(diagnosis.model, diagnosis.model.with_parameters(**values))
+    retuned = diagnosis.model.with_parameters(**values)
+    spread, bounds = at_spread_ends(diagnosis.model, retuned), at_bounds(retuned)
+    return " ".join(filter(None, (_at_spreads(spread), _at_bounds(bounds))))
+
+
+def _at_spreads(names) -> str:
     if not names:
         return ""
     lies, spread = ("lie", "spreads") if len(names) > 1 else ("lies", "spread")
@@ -527,5 +587,16 @@ def spread_sentence(diagnosis) -> str:
         f"{listed(names)} {lies} at the end of what the {spread} in the model file allowed: the "
         f"named causes and the remaining error may be due to a wrong parameter value. If it is not "
         f"known that well, give a wider spread, or spread: .inf where nothing is known, and "
+        f"diagnose again."
+    )
+
+
+def _at_bounds(names) -> str:
+    if not names:
+        return ""
+    lies, bounds = ("lie", "bounds") if len(names) > 1 else ("lies", "a bound")
+    return (
+        f"{listed(names)} {lies} at {bounds} of the model file: what is named and what is left may "
+        f"be due to that. If values beyond are physically possible, give wider bounds, and "
         f"diagnose again."
     )

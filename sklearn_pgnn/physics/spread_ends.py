@@ -1,4 +1,4 @@
-"""Parameters that were re-tuned to an end of their spread."""
+"""Parameters that were re-tuned to an end of their spread, or to a bound."""
 
 import numpy as np
 
@@ -27,6 +27,32 @@ def at_spread_ends(prior: PhysicsModel, retuned: PhysicsModel) -> tuple[str, ...
     ('T',)
     """
     return tuple(name for name in prior.free_parameters if _is_at_an_end(name, prior, retuned))
+
+
+def at_bounds(retuned: PhysicsModel) -> tuple[str, ...]:
+    """Return the parameters at a bound of the model file that is not zero.
+
+    Nothing physical ends at such a bound as a friction or a mass does at zero.
+
+    Parameters
+    ----------
+    retuned : PhysicsModel
+        The model with re-tuned values and bounds.
+
+    Returns
+    -------
+    tuple of str
+        Their names.
+
+    Examples
+    --------
+    >>> k = {"value": 1.0, "bounds": [0.0, 4.0]}
+    >>> lag = PhysicsModel({"y": "V"}, {"y": "(k*u - y)/T"}, {"T": 2.0, "k": k}, {"u": "V"})
+    >>> at_bounds(lag), at_bounds(lag.with_parameters(k=4.0)), at_bounds(lag.with_parameters(k=0.0))
+    ((), ('k',), ())
+    """
+    free = ((name, retuned.parameters[name]) for name in retuned.free_parameters)
+    return tuple(name for name, p in free if p.value and p.value in p.bounds)
 
 
 def _is_at_an_end(name: str, prior: PhysicsModel, retuned: PhysicsModel) -> bool:

@@ -8,7 +8,9 @@ import pytest
 
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel
 from sklearn_pgnn.diagnosis.known_terms import known_terms
+from sklearn_pgnn.diagnosis.result import Tried
 from sklearn_pgnn.diagnosis.unexplained import MissingPart
+from sklearn_pgnn.inspection.report.next_step import next_step
 from sklearn_pgnn.inspection.words import known_sentence, verdict_sentence
 from sklearn_pgnn.physics.effects.formula import Formula
 
@@ -46,11 +48,12 @@ def test_terms_out_of_proportion_are_not_one_parameter():
     assert {known.target for known in found} == {"c", "M"}
 
 
-def told(target, terms):
+def told(target, terms, model=BEAM, **found):
     law = formula(target, terms)
-    known = known_terms(BEAM, law)
-    part = MissingPart(target, (), 0.0, law, 1.0, BEAM, np.zeros(3), known)
-    return part, known_sentence(SimpleNamespace(model=BEAM), part)
+    known = known_terms(model, law)
+    part = MissingPart(target, (), 0.0, law, 1.0, model, np.zeros(3), known)
+    nothing = {"candidates_": (), "causes_": (), "max_causes": 4, "complete_": True}
+    return part, known_sentence(SimpleNamespace(model=model, **(nothing | found)), part)
 
 
 def test_the_remedy_is_that_of_the_name():
@@ -66,9 +69,40 @@ def test_the_remedy_is_that_of_the_name():
     assert said.startswith(
         "Some of its terms act like what has a name: sign(w) as Coulomb friction"
     )
-    assert "consider Coulomb friction on w (catalogue, targets, max_causes)" in said
+    assert "consider Coulomb friction on w (catalogue, targets)" in said
     assert told("w", {"a*M": 1.0})[1] == ""
     assert part.to_dict()["known_terms"][0]["effect"] == "coulomb_friction"
+
+
+@pytest.mark.parametrize(
+    ("found", "expected"),
+    [
+        ({}, "The search considered Coulomb friction on w, but the evidence for it is too weak."),
+        ({"complete_": False}, "Remedy: allow more time (time_limit)"),
+        ({"max_causes": 0}, "Remedy: allow more causes (max_causes)"),
+    ],
+)
+def test_an_effect_that_was_considered_is_not_told_to_be_considered(found, expected):
+    tried = (Tried("coulomb_friction", "w", 0.9, 0.8, 1.0),)
+    _, said = told("w", {"sign(w)": -0.5}, candidates_=tried, **found)
+    assert expected in said
+    assert "let the diagnosis consider" not in said
+
+
+def test_what_the_search_has_tried_is_no_next_step():
+    tried = (Tried("coulomb_friction", "w", 0.9, 0.8, 1.0),)
+    found = {"candidates_": tried, "causes_": (), "max_causes": 4, "complete_": True}
+    found |= {"data_quality_": (), "verdict_": "unexplained", "model": BEAM}
+    part, _ = told("w", {"sign(w)": -0.5})
+    assert next_step(SimpleNamespace(**found, discrepancy_=part)).startswith("Find out what acts")
+    said = next_step(SimpleNamespace(**(found | {"candidates_": ()}), discrepancy_=part))
+    assert "Remedy: let the diagnosis consider Coulomb friction on w" in said
+
+
+def test_a_parameter_of_any_spread_ends_at_its_bounds():
+    c = {"value": 0.1, "bounds": [0.0, 1.0], "spread": np.inf}
+    loose = BEAM.replace(parameters={**BEAM.parameters, "c": c})
+    assert "Remedy: give c wider bounds." in told("w", {"w": -9.0}, loose)[1]
 
 
 def test_a_parameter_wrong_by_far_more_than_its_spread_is_no_unknown_law():

@@ -80,3 +80,24 @@ def test_a_unit_is_asked_for_though_the_model_follows_nothing():
     (said,) = first_look(SLEDGE, X, 300 * y.iloc[::-1].reset_index(drop=True)).warnings
     assert "is it recorded in mm/s?" in said
     assert 'columns: {v: "v [mm/s]"}' in said
+
+
+@pytest.mark.parametrize(("unit", "second"), [("ms", 1e-3), ("min", 60.0)])
+def test_a_time_in_another_unit_is_recognised(unit, second):
+    X, y = drive(SLEDGE)
+    X["t"] /= second
+    (said,) = first_look(SLEDGE, X, y).warnings
+    assert f'columns: {{t: "t [{unit}]"}}' in said
+
+
+def test_a_file_is_said_to_be_in_a_unit_that_exists():
+    X, y = drive(SLEDGE)
+    model = SLEDGE.replace(states={"v": "mm/s"})
+    assert "as if it were recorded in m/s" in first_look(model, X, 1e-3 * y).warnings[0]
+
+
+def test_a_run_that_diverges_tells_nothing_of_units():
+    X, y = drive(SLEDGE)
+    model = SLEDGE.replace(equations={"v": "F + 1.5*v"})
+    (said,) = first_look(model, X, y).warnings
+    assert "no better than their mean" in said

@@ -166,6 +166,14 @@ def test_faults_of_the_records_stand_above_the_verdict(friction):
     assert text.index("Three samples lie far off") < text.index("lacks Coulomb friction on v")
 
 
+def test_a_report_says_as_a_screen_does_what_a_parameter_at_its_limit_means(friction):
+    pinned, found = copy(friction), friction.parameters_
+    pinned.parameters_ = found | {"k": replace(found["k"], value=11.0)}
+    said = "k lies at the end of what the spread in the model file allowed"
+    assert said in render_report(pinned)
+    assert said not in render_report(friction)
+
+
 def test_how_sure_a_cause_is_and_what_is_left_are_said(friction):
     changed = copy(friction)
     rival = Rival("input_bias", "F", 0.125)

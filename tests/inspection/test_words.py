@@ -44,6 +44,43 @@ def test_a_parameter_at_the_end_of_its_spread_is_told_with_the_remedy():
     )
 
 
+def test_a_parameter_at_a_bound_is_told_with_the_remedy():
+    model = systems.cart_on_spring()
+    m, d = model.parameters["m"], model.parameters["d"]
+    found = {"m": SimpleNamespace(value=m.bounds[1]), "d": SimpleNamespace(value=d.bounds[0])}
+    said = words.spread_sentence(SimpleNamespace(model=model, parameters_=found))
+    assert d.bounds[0] == 0.0
+    assert said == (
+        "m lies at a bound of the model file: what is named and what is left may be due to that. "
+        "If values beyond are physically possible, give wider bounds, and diagnose again."
+    )
+
+
+@pytest.mark.parametrize("part", [None, "a formula that leaves less"])
+def test_what_is_left_beside_a_formula_is_what_is_left_without_it(monkeypatch, part):
+    errors = {"x": SimpleNamespace(extended=4.56)}
+    monkeypatch.setattr(words, "over_windows", lambda _: errors)
+    left = SimpleNamespace(kind="structure", depends_on=("v",))
+    said = words.remaining_sentence(SimpleNamespace(remaining_=left, discrepancy_=part))
+    assert said.startswith("What is left without the formula is structure (4.56 ×") == bool(part)
+    assert said.startswith("What is left is structure (4.56 ×") != bool(part)
+
+
+@pytest.mark.parametrize("outputs", [("x",), ("x", "v")])
+def test_what_an_adequate_model_leaves_is_told_output_by_output(monkeypatch, outputs):
+    errors = {output: SimpleNamespace(prior=2.0, refitted=1.5) for output in outputs}
+    monkeypatch.setattr(words, "over_windows", lambda _: errors)
+    monkeypatch.setattr(words, "leaves_much", lambda _: False)
+    monkeypatch.setattr(words, "is_adequate_as_given", lambda _: False)
+    said = words._adequate(SimpleNamespace(model=systems.cart_on_spring()))
+    one = "it leaves 1.50 × the noise (as given 2.00 ×). No"
+    two = (
+        "it leaves 1.50 × the noise of x (as given 2.00 ×) and 1.50 × the noise of v (as given "
+        "2.00 ×). No"
+    )
+    assert (one if len(outputs) == 1 else two) in said
+
+
 @pytest.mark.parametrize(("unit", "amplitude"), [("1", "3.5 about 2"), ("V", "3.5 V about 2 V")])
 def test_an_input_without_a_unit_has_none_in_an_experiment(unit, amplitude):
     best = SimpleNamespace(

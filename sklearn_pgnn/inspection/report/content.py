@@ -27,6 +27,7 @@ from sklearn_pgnn.inspection.words import (
     NOT_COMPARED,
     candidate_name,
     remaining_sentence,
+    spread_sentence,
     unusable_sentence,
     verdict_sentence,
 )
@@ -98,6 +99,7 @@ def _appendix(diagnosis, formula: FoundFormula | None) -> dict:
     return {
         "errors": error_rows(diagnosis),
         "forest": forest(diagnosis),
+        "pinned": spread_sentence(diagnosis),
         "correlation": correlation(diagnosis, formula),
         "equation_blocks": _equation_blocks(diagnosis),
         "unusable": [

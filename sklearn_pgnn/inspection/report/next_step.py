@@ -3,7 +3,12 @@
 from sklearn_pgnn.inspection.case import known_effects
 from sklearn_pgnn.inspection.numbers import measured, typeset_unit
 from sklearn_pgnn.inspection.report.parameter_facts import parameter_facts
-from sklearn_pgnn.inspection.words import known_sentence, missing_place, separation_sentence
+from sklearn_pgnn.inspection.words import (
+    known_remedy,
+    known_sentence,
+    missing_place,
+    separation_sentence,
+)
 from sklearn_pgnn.inspection.yardstick import is_adequate_as_given, leaves_much
 from sklearn_pgnn.record_quality.wording import listed
 
@@ -82,7 +87,7 @@ def _look(diagnosis) -> str:
     if part is None:
         on = listed(diagnosis.remaining_.depends_on) or "time"
         return f"Find out what in the machine depends on {on} and is not in the model."
-    if part.has_names:
+    if part.has_names and known_remedy(diagnosis, part):
         return known_sentence(diagnosis, part)
     on = listed(part.quantities) or "time"
     where = missing_place(diagnosis, part)
