@@ -46,6 +46,7 @@ from sklearn_pgnn.trajectories.contradicted_states import (
     warn_of_unknown_starts,
 )
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
+from sklearn_pgnn.trajectories.measured import of_measured
 from sklearn_pgnn.trajectories.scoring import GapScoreMixin
 from sklearn_pgnn.trajectories.tags import tags_of_records
 from sklearn_pgnn.trajectories.validation import check_model, require_target, validate_table
@@ -377,7 +378,7 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         runs = [simulate_record(self._runs.model_along(self.model_, r), r) for r in records]
         with np.errstate(over="ignore", invalid="ignore"):
             left = np.concatenate([run.y - r.y for run, r in zip(runs, records, strict=True)])
-            square = np.nanmean(left**2, axis=0)
+            square = of_measured(np.nanmean, left**2)
             self._error = np.sqrt(np.maximum(square, np.finfo(float).tiny))
             self._left = np.sort(np.abs(left) / np.sqrt(self._variance(records)), axis=0)
 

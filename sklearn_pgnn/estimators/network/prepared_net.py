@@ -52,6 +52,7 @@ from sklearn_pgnn.trajectories.contradicted_states import (
     warn_of_unknown_starts,
 )
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
+from sklearn_pgnn.trajectories.measured import of_measured
 from sklearn_pgnn.trajectories.names import is_named, time_name
 from sklearn_pgnn.trajectories.tables import TIME, as_pandas, as_table
 from sklearn_pgnn.trajectories.validation import check_model, validate_table
@@ -254,7 +255,7 @@ class PreparedNet(TrajectoryNet):
                 **options,
             )
         self._settle_physics(windows)
-        spread = np.nanstd(np.concatenate([r.y for r in records]), axis=0)
+        spread = of_measured(np.nanstd, np.concatenate([r.y for r in records]))
         self._spread = np.where(spread > 0, spread, 1.0)
         return training, windows
 
