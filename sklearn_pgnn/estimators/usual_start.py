@@ -45,7 +45,7 @@ def with_usual_start(
     >>> with_usual_start(lag, records, np.array([[3.0]]), runs, np.ones(1)).initial_state["y"]
     3.0
     """
-    told = np.isfinite([record.x0 for record in records]).any(axis=0)
+    told = np.isfinite(np.array([record.x0 for record in records])).any(axis=0).tolist()
     means = {
         state: float(np.mean(column[np.isfinite(column)]))
         for state, column, is_told in zip(model.states, found.T, told, strict=True)

@@ -35,7 +35,8 @@ def warn_of_contradicted_states(model: PhysicsModel, records) -> None:
     for i, state, names in _shown_states(model):
         told = [record for record in records if np.isfinite(record.x0[state])]
         starts = [float(record.x0[state]) for record in told]
-        _warn_of_contradiction(*_elsewhere(records, i, told, starts), names)
+        found, counts = _elsewhere(records, i, told, starts)
+        _warn_of_contradiction(found, counts, names)
 
 
 def warn_of_unknown_starts(model: PhysicsModel, records) -> None:
@@ -62,7 +63,8 @@ def warn_of_unknown_starts(model: PhysicsModel, records) -> None:
             continue  # starts at the first value of its input
         untold = [record for record in records if not np.isfinite(record.x0[state])]
         starts = [float(model.initial_state[names[1]])] * len(untold)
-        if _warn_of_unknown_start(*_elsewhere(records, i, untold, starts), names):
+        found, counts = _elsewhere(records, i, untold, starts)
+        if _warn_of_unknown_start(found, counts, names):
             return  # the remedy is the same for the other outputs
 
 
