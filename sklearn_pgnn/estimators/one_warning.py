@@ -27,32 +27,32 @@ def one_simulation_warning() -> Iterator[list[str]]:
     >>> [str(each.message) for each in caught]
     ['sample 0 failed. 2 more simulations failed in the same call.']
     """
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", SimulationWarning)
-        names: list[str] = []
-        yield names
+    names: list[str] = []
+    caught: list[warnings.WarningMessage] = []
+    try:
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always", SimulationWarning)
+            yield names
+    finally:  # an error may be the consequence of what was warned of
+        _give(caught, f"trajectory {names[0]!r}: " if names else "")
+
+
+def _give(caught: list[warnings.WarningMessage], where: str) -> None:
+    """Give recorded warnings again, those of simulations as one."""
     failed = [each for each in caught if issubclass(each.category, SimulationWarning)]
     for each in caught:
         if each not in failed:
             warnings.warn_explicit(each.message, each.category, each.filename, each.lineno)
     if failed:
-        where = f"trajectory {names[0]!r}: " if names else ""
-        warnings.warn(_Counted.of(failed, where), stacklevel=4)
+        warnings.warn(_counted([each.message for each in failed], where), stacklevel=5)
 
 
-class _Counted(SimulationWarning):
-    """The first of several warnings, with their number; those may be of this kind themselves."""
-
-    first, count = "", 1
-
-    @classmethod
-    def of(cls, failed, where: str) -> "_Counted":
-        """Count warnings as recorded."""
-        messages = [each.message for each in failed]
-        first = where + (getattr(messages[0], "first", "") or str(messages[0]))
-        count = sum(getattr(each, "count", 1) for each in messages)
-        simulations = "simulation" if count == 2 else "simulations"
-        more = f" {count - 1} more {simulations} failed in the same call." if count > 1 else ""
-        found = cls(f"{first}{more}")
-        found.first, found.count = first, count
-        return found
+def _counted(messages, where: str) -> SimulationWarning:
+    """Return the first of several warnings with their number; those may be counted ones, too."""
+    first = where + getattr(messages[0], "first", str(messages[0]))
+    count = sum(getattr(each, "count", 1) for each in messages)
+    simulations = "simulation" if count == 2 else "simulations"
+    more = f" {count - 1} more {simulations} failed in the same call." if count > 1 else ""
+    found = SimulationWarning(f"{first}{more}")
+    vars(found).update(first=first, count=count)
+    return found

@@ -1,7 +1,6 @@
 """A physical model whose parameters are fitted to records."""
 
 import warnings
-from dataclasses import replace
 
 import numpy as np
 from sklearn.base import BaseEstimator, MultiOutputMixin
@@ -15,6 +14,7 @@ from sklearn_pgnn.estimators.parameter_search import (
     find_parameters,
 )
 from sklearn_pgnn.estimators.progress import progress_printer
+from sklearn_pgnn.estimators.usual_start import with_usual_start
 from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.divergence import limits_of
@@ -44,8 +44,12 @@ from sklearn_pgnn.simulation.uncertainty import (
 )
 from sklearn_pgnn.threads import local_threads, one_thread_each
 from sklearn_pgnn.trajectories import read_records, rows_in_order
-from sklearn_pgnn.trajectories.contradicted_states import warn_of_contradicted_states
+from sklearn_pgnn.trajectories.contradicted_states import (
+    warn_of_contradicted_states,
+    warn_of_unknown_starts,
+)
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
+from sklearn_pgnn.trajectories.measured import of_measured
 from sklearn_pgnn.trajectories.scoring import GapScoreMixin
 from sklearn_pgnn.trajectories.tags import tags_of_records
 from sklearn_pgnn.trajectories.validation import check_model, require_target, validate_table
@@ -99,7 +103,9 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
     Attributes
     ----------
     model_ : PhysicsModel
-        The model at the fitted values; its `simulation` says how it was simulated for the fit.
+        The model at the fitted values; its `simulation` says how it was simulated for the fit. In
+        states that X gives nowhere it starts where the trajectories did on average, if that lowers
+        its free-run error notably.
     parameters_ : dict of str to Estimate
         Value, 95 % interval and unit of every fitted parameter. The interval holds also where the
         residuals are not white; it is as wide as the bounds where the records carry no information.
@@ -179,7 +185,8 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         Returns
         -------
         self : PhysicsModelRegressor
-            The fitted regressor. A warning names parameters that the records do not determine.
+            The fitted regressor. A warning names parameters that the records do not determine;
+            another one tells where trajectories begin elsewhere than predictions do.
 
         Raises
         ------
@@ -213,6 +220,9 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         self.initial_states_ = np.array([starts.get(record.rows[0], unknown) for record in records])
         self.window_ = median_window_length(windows)
         self.noise_ = output_noise(records) if told is None else told
+        starts = self.initial_states_
+        self.model_ = with_usual_start(self.model_, records, starts, self._runs, self.noise_)
+        warn_of_unknown_starts(self.model_, records)
         self._single_output = np.asarray(y).ndim == 1
         self._keep_errors(found, records)
         return self
@@ -223,7 +233,8 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         Parameters
         ----------
         X : DataFrame or array of shape (n_samples, n_columns)
-            As in `fit`; of the states only the first row of a trajectory is read.
+            As in `fit`; of the states only the first row of a trajectory is read, and a state that
+            X lacks starts at ``model_.initial_state``.
 
         Returns
         -------
@@ -366,14 +377,12 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
 
     @one_thread_each()
     def _keep_errors(self, found, records) -> None:
-        """Keep the fitted model's free-run errors on its records, for intervals."""
+        """Keep the free-run errors of predictions for the fit's records, for intervals."""
         self._covariance = parameter_covariance(found.fit, found.expected, found.spread)
-        starts = zip(records, self.initial_states_, strict=True)
-        records = [replace(record, x0=x0) for record, x0 in starts]
         runs = [simulate_record(self._runs.model_along(self.model_, r), r) for r in records]
         with np.errstate(over="ignore", invalid="ignore"):
             left = np.concatenate([run.y - r.y for run, r in zip(runs, records, strict=True)])
-            square = np.nanmean(left**2, axis=0)
+            square = of_measured(np.nanmean, left**2)
             self._error = np.sqrt(np.maximum(square, np.finfo(float).tiny))
             self._left = np.sort(np.abs(left) / np.sqrt(self._variance(records)), axis=0)
 

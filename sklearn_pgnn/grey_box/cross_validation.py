@@ -10,6 +10,7 @@ import pandas as pd
 from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.grey_box.depth import FittedDepth, find_unknown_starts, states_met
 from sklearn_pgnn.grey_box.tables import PlainTable, starts_for
+from sklearn_pgnn.trajectories.measured import of_measured
 
 
 @dataclass(frozen=True)
@@ -108,14 +109,14 @@ def mean_error(results: list[FoldResult]) -> float:
 
 def output_spread(y: np.ndarray) -> np.ndarray:
     """Return the standard deviation of every output, 1 for a constant one."""
-    spread = np.nanstd(y, axis=0)
+    spread = of_measured(np.nanstd, y)
     return np.where(spread > 0, spread, 1.0)
 
 
 def training_error(fitted: FittedDepth, table: PlainTable, visible: np.ndarray) -> np.ndarray:
     """Return the root mean square error of every output on the visible samples."""
     left = np.where(visible[:, None], fitted.predict(table, fitted.starts) - table.y, np.nan)
-    return np.maximum(np.sqrt(np.nanmean(left**2, axis=0)), 1e-6 * output_spread(table.y))
+    return np.maximum(np.sqrt(of_measured(np.nanmean, left**2)), 1e-6 * output_spread(table.y))
 
 
 def _starts(fitted, table, hidden, window) -> np.ndarray:

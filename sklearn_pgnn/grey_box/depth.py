@@ -10,12 +10,13 @@ import pandas as pd
 from sklearn.base import clone
 
 from sklearn_pgnn.estimators import PhysicsModelRegressor
-from sklearn_pgnn.exceptions import SimulationWarning
+from sklearn_pgnn.exceptions import RecordWarning, SimulationWarning
 from sklearn_pgnn.grey_box.initial_state import find_initial_state
 from sklearn_pgnn.grey_box.tables import PlainTable, starts_for, usual
 from sklearn_pgnn.model_selection.nested_parameters import parameters_named
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.uncertainty import Estimate
+from sklearn_pgnn.trajectories.contradicted_states import UNKNOWN
 
 #: approximate maximum number of training states that are kept
 ENOUGH = 2000
@@ -122,7 +123,9 @@ def fit_physics(
     starts = starts_for(model, table)
     rows = np.repeat(seen, table.lengths)
     y = np.where(visible[:, None], table.y, np.nan)[rows]
-    regressor.fit(table.starting(model, starts, rows), y)
+    with warnings.catch_warnings():  # the recipe tells of unknown starts itself, once
+        warnings.filterwarnings("ignore", message=UNKNOWN, category=RecordWarning)
+        regressor.fit(table.starting(model, starts, rows), y)
     starts[seen] = regressor.initial_states_
     return FittedDepth(regressor, regressor, starts)
 

@@ -31,6 +31,7 @@ from sklearn_pgnn.model_selection.search_space import searched_parts
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.intervals import check_coverage, interval_around, quantile_of
 from sklearn_pgnn.trajectories import read_records, rows_in_order
+from sklearn_pgnn.trajectories.contradicted_states import warn_of_unknown_starts
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
 from sklearn_pgnn.trajectories.scoring import GapScoreMixin
 from sklearn_pgnn.trajectories.tags import tags_of_records
@@ -274,6 +275,9 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             self.errors_[chosen] = np.inf
         self._left = judged.left(self.depth_)
         self._tell(self._fitted, table)
+        if not self.initial_window:
+            said = {state: self.model_.initial_state[state] for state in self.model.states}
+            warn_of_unknown_starts(self.model.replace(initial_state=said), records)
         return self
 
     def predict(self, X):

@@ -1,5 +1,6 @@
 """Intervals of predictions: how far outputs may lie from a free run."""
 
+from functools import partial
 from numbers import Real
 
 import numpy as np
@@ -8,6 +9,7 @@ from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.free_run import simulate_record
 from sklearn_pgnn.simulation.uncertainty import propagated_variance
+from sklearn_pgnn.trajectories.measured import of_measured
 
 
 def check_coverage(coverage) -> float:
@@ -46,14 +48,15 @@ def quantile_of(magnitudes: np.ndarray, coverage: float) -> np.ndarray:
     Returns
     -------
     ndarray of shape (n_outputs,)
-        The quantiles.
+        The quantiles, NaN for an output that was never measured.
 
     Examples
     --------
     >>> quantile_of(np.arange(1.0, 11.0)[:, None], 0.9).tolist()
     [9.0]
     """
-    return np.nanquantile(magnitudes, check_coverage(coverage), axis=0, method="inverted_cdf")
+    share = check_coverage(coverage)
+    return of_measured(partial(np.nanquantile, q=share, method="inverted_cdf"), magnitudes)
 
 
 def interval_around(predicted: np.ndarray, half: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

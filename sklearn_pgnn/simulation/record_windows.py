@@ -17,6 +17,7 @@ from sklearn_pgnn.simulation.state_estimate import StateEstimator
 from sklearn_pgnn.simulation.substeps import double_substeps
 from sklearn_pgnn.simulation.windows import ShootingWindows, evaluate
 from sklearn_pgnn.trajectories.gaps import split_at_gaps
+from sklearn_pgnn.trajectories.measured import of_measured
 from sklearn_pgnn.trajectories.noise import noise_level, rough_noise_level
 from sklearn_pgnn.trajectories.record import Record
 
@@ -180,7 +181,7 @@ def output_noise(records, levels: np.ndarray | None = None) -> np.ndarray:
         Standard deviation of every output's noise.
     """
     y = np.concatenate([record.y for record in records])
-    spread = np.nanstd(np.ascontiguousarray(y.T), axis=1)
+    spread = of_measured(np.nanstd, y)
     levels = noise_levels(records) if levels is None else levels
     return np.maximum(np.median(levels, axis=0), np.where(spread > 0, 1e-6 * spread, 1.0))
 

@@ -1,4 +1,4 @@
-"""Initial states that X gives and y contradicts, as where y alone was scaled."""
+"""Initial states that y contradicts: those that X gives, or those of the model where X has none."""
 
 import warnings
 
@@ -11,6 +11,8 @@ from sklearn_pgnn.physics.model import PhysicsModel
 SHARE = 0.1
 #: the same in typical second differences of the output, which noise makes large
 ROUGH = 5.0
+#: how the warning of unknown initial states begins
+UNKNOWN = "X: no initial state is given"
 
 
 def warn_of_contradicted_states(model: PhysicsModel, records) -> None:
@@ -30,29 +32,99 @@ def warn_of_contradicted_states(model: PhysicsModel, records) -> None:
     >>> X = np.column_stack([np.arange(9.0), np.ones(9), np.zeros(9)])
     >>> warn_of_contradicted_states(lag, read_records(lag, X, 1 - np.exp(-X[:, 0] / 2)))  # agree
     """
+    for i, state, names in _shown_states(model):
+        told = [record for record in records if np.isfinite(record.x0[state])]
+        starts = [float(record.x0[state]) for record in told]
+        found, counts = _elsewhere(records, i, told, starts)
+        _warn_of_contradiction(found, counts, names)
+
+
+def warn_of_unknown_starts(model: PhysicsModel, records) -> None:
+    """Warn where X gives no initial state and most trajectories begin elsewhere than the model.
+
+    A prediction starts them as the model says: nothing else is known before the measurements.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model that predicts.
+    records : sequence of Record
+        Trajectories with outputs.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.trajectories import read_records
+    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
+    >>> X = np.column_stack([np.arange(9.0), np.ones(9)])
+    >>> warn_of_unknown_starts(lag, read_records(lag, X, 1 - np.exp(-X[:, 0] / 2)))  # from rest
+    """
+    for i, state, names in _shown_states(model):
+        if names[1] in model.settled:
+            continue  # starts at the first value of its input
+        untold = [record for record in records if not np.isfinite(record.x0[state])]
+        starts = [float(model.initial_state[names[1]])] * len(untold)
+        found, counts = _elsewhere(records, i, untold, starts)
+        if _warn_of_unknown_start(found, counts, names):
+            return  # the remedy is the same for the other outputs
+
+
+def _shown_states(model: PhysicsModel) -> list[tuple[int, int, tuple[str, str]]]:
+    """Return every output that is a state: both indices and names."""
     states = list(model.states)
-    for i, (output, shown) in enumerate(model.outputs.items()):
-        if str(shown) in states:
-            _warn_of_output(records, i, states.index(str(shown)), (output, str(shown)))
+    shown = ((i, name, str(what)) for i, (name, what) in enumerate(model.outputs.items()))
+    return [(i, states.index(what), (name, what)) for i, name, what in shown if what in states]
 
 
-def _warn_of_output(records, i: int, state: int, names: tuple[str, str]) -> None:
-    """Warn where one output contradicts the state that it shows."""
-    told = [r for r in records if np.isfinite(r.x0[state]) and np.isfinite(r.y[0, i])]
+def _elsewhere(records, i: int, asked, starts):
+    """Return the first record asked whose output begins elsewhere than it should, if most do.
+
+    Returns
+    -------
+    first : (Record, float, float) or None
+        The record, where it begins and where it should.
+    counts : (int, int)
+        Number of such records, and of those asked whose first sample was measured.
+    """
+    pairs = zip(asked, starts, strict=True)
+    begun = [(r, float(r.y[0, i]), start) for r, start in pairs if np.isfinite(r.y[0, i])]
+    if not begun:
+        return None, (0, 0)
     spread = np.nanstd(np.concatenate([record.y[:, i] for record in records]))
-    others = [r for r in told if abs(r.y[0, i] - r.x0[state]) > _limit(r.y[:, i], spread)]
-    if 2 * len(others) <= len(told):
+    others = [each for each in begun if abs(each[1] - each[2]) > _limit(each[0].y[:, i], spread)]
+    return others[0] if 2 * len(others) > len(begun) else None, (len(others), len(begun))
+
+
+def _warn_of_contradiction(found, counts, names: tuple[str, str]) -> None:
+    if found is None:
         return
-    first = others[0]
+    first, begins, told = found
     warnings.warn(
-        f"y: output {names[0]!r} is the state {names[1]!r}, but in {len(others)} of {len(told)} "
+        f"y: output {names[0]!r} is the state {names[1]!r}, but in {counts[0]} of {counts[1]} "
         f"trajectories it begins elsewhere than X says: in trajectory {first.name!r}, row "
-        f"{first.rows[0]}, y is {first.y[0, i]:.4g}, and X gives {first.x0[state]:.4g}. Remedy: "
+        f"{first.rows[0]}, y is {begins:.4g}, and X gives {told:.4g}. Remedy: "
         f"let y have the model's units (a TransformedTargetRegressor scales y, but not the states "
         f"in X); or leave the state out of X, or NaN, where it is not known.",
         RecordWarning,
         stacklevel=4,
     )
+
+
+def _warn_of_unknown_start(found, counts, names: tuple[str, str]) -> bool:
+    """Warn of an output that begins elsewhere than the model; return whether there was one."""
+    if found is None:
+        return False
+    first, begins, said = found
+    warnings.warn(
+        f"{UNKNOWN} for {names[1]!r}, so that predictions start where the model does, but in "
+        f"{counts[0]} of {counts[1]} trajectories output {names[0]!r} begins elsewhere: in "
+        f"trajectory {first.name!r}, row {first.rows[0]}, y is {begins:.4g}, and the model starts "
+        f"at {said:.4g}. Remedy: columns of the states in X, of which the first row of a "
+        f"trajectory is read; GreyBoxRegressor(initial_window=20).predict_from(X, y) estimates "
+        f"them.",
+        RecordWarning,
+        stacklevel=4,
+    )
+    return True
 
 
 def _limit(y: np.ndarray, spread: float) -> float:

@@ -233,7 +233,7 @@ def _refuse_not_finite(values: np.ndarray, names: list[str], table: pd.DataFrame
     bad = np.argwhere(~np.isfinite(values))
     if bad.size:
         row, column = bad[0]
-        place = f" (trajectory {table[TRAJECTORY].iloc[row]!r})" if TRAJECTORY in table else ""
+        place = f" (trajectory {str(table[TRAJECTORY].iloc[row])!r})" if TRAJECTORY in table else ""
         raise RecordError(
             f"X: column {names[column]!r} is {values[row, column]} in row {row}{place}; expected "
             f"a finite number. Remedy: fill the gap or cut the record there."

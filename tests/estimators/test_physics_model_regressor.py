@@ -20,7 +20,7 @@ from threadpoolctl import threadpool_info, threadpool_limits
 import sklearn_pgnn
 from sklearn_pgnn import Parameter, PhysicsModel, PhysicsModelRegressor, systems
 from sklearn_pgnn.estimators.parameter_search import find_parameters
-from sklearn_pgnn.exceptions import SimulationWarning
+from sklearn_pgnn.exceptions import RecordWarning, SimulationWarning
 from sklearn_pgnn.simulation.normal_equations import project
 from sklearn_pgnn.simulation.record_windows import window_records
 from sklearn_pgnn.trajectories import read_records
@@ -431,3 +431,46 @@ def test_what_its_spread_does_not_let_move_is_refused_or_left():
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         assert "bias" not in PhysicsModelRegressor(model, **options).fit(X, Y).parameters_
+
+
+# -- initial states that no table gives -----------------------------------------------------------
+
+
+def records_from(start, n_records=1, noise=0.01):
+    """Return records without states, of a lightly damped cart that begins anywhere."""
+    rng, t = np.random.default_rng(0), np.arange(0, 4, 0.02)
+    frames, outputs = [], []
+    for name in range(n_records):
+        force = np.sin(2 * t + name)
+        x0 = start if start is not None else rng.normal(size=2) * [1.0, 3.0]
+        frames.append(pd.DataFrame({"trajectory": name, "t": t, "force": force}))
+        y = CART.with_parameters(**TRUTH).simulate(t, force, x0, substeps=4).y[:, 0]
+        outputs.append(y + noise * rng.standard_normal(t.size))
+    return pd.concat(frames, ignore_index=True), np.concatenate(outputs)
+
+
+def test_an_initial_state_that_was_fitted_is_used_by_predictions():
+    table, y = records_from([0.5, 0.0])
+    regressor = PhysicsModelRegressor(CART, window_length="trajectory").fit(table, y)
+    assert regressor.score(table, y) > 0.99
+    assert regressor.model_.initial_state["x"] == pytest.approx(0.5, abs=0.05)
+
+
+def test_an_initial_state_that_the_table_gives_leaves_that_of_the_model():
+    table, y = records_from([0.5, 0.0])
+    regressor = PhysicsModelRegressor(CART).fit(table.assign(x=0.5, v=0.0), y)
+    assert dict(regressor.model_.initial_state) == dict(CART.initial_state)
+
+
+def test_a_machine_at_rest_starts_exactly_there():
+    table, y = records_from([0.0, 0.0], n_records=4)
+    regressor = PhysicsModelRegressor(CART).fit(table, y)
+    assert dict(regressor.model_.initial_state) == {"x": 0.0, "v": 0.0}
+
+
+def test_an_interval_accounts_for_initial_states_that_nobody_knows():
+    table, y = records_from(None, n_records=6)
+    with pytest.warns(RecordWarning, match="no initial state"):
+        regressor = PhysicsModelRegressor(CART).fit(table, y)
+    low, high = regressor.predict_interval(table)
+    assert np.mean((low <= y) & (y <= high)) == pytest.approx(0.9, abs=0.02)

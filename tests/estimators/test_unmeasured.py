@@ -1,5 +1,7 @@
 """Trajectories and rows without y: physics where there are no labels, and nothing else."""
 
+import warnings
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -7,7 +9,14 @@ import torch
 from sklearn.base import clone
 from sklearn.model_selection import GridSearchCV
 
-from sklearn_pgnn import PGNNLRegressor, PhysicsModel, effects
+from sklearn_pgnn import (
+    ConformalRegressor,
+    GreyBoxRegressor,
+    PGNNLRegressor,
+    PhysicsModel,
+    PhysicsModelRegressor,
+    effects,
+)
 from sklearn_pgnn.estimators.network.records import told_samples
 from sklearn_pgnn.exceptions import RecordError, SimulationWarning
 from sklearn_pgnn.model_selection import TrajectoryKFold
@@ -144,6 +153,25 @@ def test_one_on_which_the_network_runs_away_is_left_out_of_the_last_phase():
     away.loc[~SEEN, "q"] *= 1e6
     with pytest.warns(SimulationWarning, match="in 2 of 2 trajectories without y"):
         quick(lambda_phy=0.1).fit(away, BLIND)
+
+
+@pytest.mark.parametrize(
+    "regressor",
+    [
+        PhysicsModelRegressor(TANKS),
+        GreyBoxRegressor(TANKS, depths=("prior",)),
+        ConformalRegressor(quick(refine_max_iter=1)),
+    ],
+)
+def test_an_output_that_was_never_measured_has_no_interval_and_no_warning(regressor):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", RuntimeWarning)  # numpy's of empty slices
+        regressor.fit(X, np.column_stack([Y[:, 0], np.full(len(Y), np.nan)]))
+        low, high = regressor.predict_interval(X)
+    assert np.isfinite(low[:, 0]).all()
+    assert (low[:, 0] < high[:, 0]).all()
+    assert np.isnan(low[:, 1]).all()
+    assert np.isnan(high[:, 1]).all()
 
 
 # -- a sensor that is rarely read ------------------------------------------------------------------

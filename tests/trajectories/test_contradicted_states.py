@@ -9,10 +9,13 @@ from sklearn.compose import TransformedTargetRegressor
 from sklearn.linear_model import Ridge
 from sklearn.preprocessing import StandardScaler
 
-from sklearn_pgnn import PhysicsModelRegressor, ResidualRegressor, systems
+from sklearn_pgnn import GreyBoxRegressor, PhysicsModelRegressor, ResidualRegressor, systems
 from sklearn_pgnn.exceptions import RecordWarning
 from sklearn_pgnn.trajectories import read_records
-from sklearn_pgnn.trajectories.contradicted_states import warn_of_contradicted_states
+from sklearn_pgnn.trajectories.contradicted_states import (
+    warn_of_contradicted_states,
+    warn_of_unknown_starts,
+)
 
 CART = systems.cart_on_spring()
 
@@ -64,3 +67,46 @@ def test_starts_that_agree_or_are_not_known_are_not(table, y):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         warn_of_contradicted_states(CART, read_records(CART, table, y))
+
+
+UNKNOWN = r"X: no initial state is given for 'x', .* in \d of 3 .* row \d+, y is .* Remedy: columns"
+
+
+@pytest.mark.parametrize(
+    "estimator",
+    [
+        PhysicsModelRegressor(CART),
+        ResidualRegressor(CART, Ridge()),
+        GreyBoxRegressor(CART, depths=("prior", "fitted")),
+    ],
+)
+def test_predictions_that_start_elsewhere_than_y_are_told_once(estimator):
+    with pytest.warns(RecordWarning, match=UNKNOWN) as caught:
+        estimator.fit(X.drop(columns=["x", "v"]), Y)
+    assert len([each for each in caught if "no initial state" in str(each.message)]) == 1
+
+
+def test_a_network_and_a_sparse_regression_tell_of_unknown_starts_too():
+    pgnnl = pytest.importorskip("sklearn_pgnn.estimators.pgnnl")
+    sindyc = pytest.importorskip("sklearn_pgnn.estimators.sindyc")
+    net = pgnnl.PGNNLRegressor(CART, max_epochs=1, refine=None)
+    for estimator in (net, sindyc.SINDYcRegressor(CART, library="model")):
+        with pytest.warns(RecordWarning, match=UNKNOWN):
+            estimator.fit(X.drop(columns=["x", "v"]), Y)
+
+
+def test_pieces_cut_from_the_middle_of_trajectories_are_told():
+    middle = X.t > 2  # where X has the initial state of the whole trajectory only
+    pieces = X.assign(x=np.nan, v=np.nan)[middle]
+    with pytest.warns(RecordWarning, match="no initial state is given"):
+        PhysicsModelRegressor(CART).fit(pieces, Y[middle])
+
+
+def test_known_starts_and_machines_at_rest_are_not_told():
+    t = np.arange(100) * 0.05
+    rest = pd.DataFrame({"t": t, "force": np.sin(t)})
+    y = CART.simulate(t, rest["force"], substeps=4).y[:, 0]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        warn_of_unknown_starts(CART, read_records(CART, rest, y))
+        warn_of_unknown_starts(CART, read_records(CART, X, Y))

@@ -252,6 +252,9 @@ def test_time_and_inputs_are_finite(column, value):
         f"X: column {column!r} is {value} in row 5 (trajectory 'b'); expected a finite number. "
         "Remedy: fill the gap or cut the record there."
     )
+    assert "(trajectory '7'); expected" in refusal(
+        X.assign(trajectory=7), y
+    )  # as other errors name it
     assert f"column {column!r} is {value} in row 5" in refusal(X.to_numpy(), y)
 
 

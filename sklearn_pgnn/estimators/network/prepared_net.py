@@ -47,8 +47,12 @@ from sklearn_pgnn.simulation.free_run import substeps_for
 from sklearn_pgnn.simulation.record_windows import dominant_period, output_noise
 from sklearn_pgnn.simulation.simulate import hold_of
 from sklearn_pgnn.trajectories import read_records
-from sklearn_pgnn.trajectories.contradicted_states import warn_of_contradicted_states
+from sklearn_pgnn.trajectories.contradicted_states import (
+    warn_of_contradicted_states,
+    warn_of_unknown_starts,
+)
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
+from sklearn_pgnn.trajectories.measured import of_measured
 from sklearn_pgnn.trajectories.names import is_named, time_name
 from sklearn_pgnn.trajectories.tables import TIME, as_pandas, as_table
 from sklearn_pgnn.trajectories.validation import check_model, validate_table
@@ -251,7 +255,7 @@ class PreparedNet(TrajectoryNet):
                 **options,
             )
         self._settle_physics(windows)
-        spread = np.nanstd(np.concatenate([r.y for r in records]), axis=0)
+        spread = of_measured(np.nanstd, np.concatenate([r.y for r in records]))
         self._spread = np.where(spread > 0, spread, 1.0)
         return training, windows
 
@@ -268,6 +272,7 @@ class PreparedNet(TrajectoryNet):
         if self.model is not None:
             refuse_standardised(self.model, given, energies=self.lambda_phy != 0)
             warn_of_contradicted_states(self.model, given)
+            warn_of_unknown_starts(self.model, given)
         self.further_columns_ = further_columns(self.model_, X, time_column)
         return X, given
 

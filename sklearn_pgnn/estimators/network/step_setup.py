@@ -21,6 +21,7 @@ from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.network_run import NetworkStep, run_network
 from sklearn_pgnn.simulation.record_windows import dominant_period
 from sklearn_pgnn.simulation.simulate import simulate
+from sklearn_pgnn.trajectories.measured import of_measured
 
 #: number of windows in which the model is compared with persistence
 TRIALS = 200
@@ -206,5 +207,5 @@ def base_error(step: NetworkStep, records: list[TrainingRecord], outputs, length
             piece = each.record.piece(k, end, each.x[k] if k else None)
             x = run_network(idle, zero, piece)[0]
             squares.append((outputs(piece, x) - each.y[k : k + len(x)])[1:] ** 2)
-    error = np.sqrt(np.nanmean(np.concatenate(squares), axis=0))
+    error = np.sqrt(of_measured(np.nanmean, np.concatenate(squares)))
     return np.where(error > 0, error, 1.0)
