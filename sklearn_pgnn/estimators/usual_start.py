@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from sklearn_pgnn.estimators.free_runs import FreeRuns
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.free_run import simulate_record
+from sklearn_pgnn.simulation.finite_run import FreeRuns
 
 #: least share of the free-run error that another initial state has to remove
 LEAST_SHARE = 0.05
@@ -63,6 +62,6 @@ def _free_run_error(model, records, runs: FreeRuns, noise) -> float:
     total = 0.0
     for record in records:
         with np.errstate(all="ignore"):
-            left = (simulate_record(runs.model_along(model, record), record).y - record.y) / noise
+            left = (runs.run(model, record).y - record.y) / noise
             total += float(np.sum(left**2, where=np.isfinite(record.y)))
     return total if np.isfinite(total) else np.inf
