@@ -54,7 +54,7 @@ def known_terms(model: PhysicsModel, formula: Formula) -> tuple[KnownTerms, ...]
         told = tuple(formula.terms[i] for i in own)
         in_proportion = _is_even(np.array(formula.coefficients)[own] / expressed[name][own])
         if in_proportion and _names(found).isdisjoint(told):
-            found.append(KnownTerms(told, WrongParameter.id, name))
+            found.append(KnownTerms(told, WrongParameter.id, name, is_parameter=True))
     for term, effect in _same_effects(model, terms).items():
         if term not in _names(found):
             found.append(KnownTerms((term,), effect.id, effect.target))

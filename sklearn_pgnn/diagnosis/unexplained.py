@@ -28,11 +28,14 @@ class KnownTerms(NamedTuple):
         The terms.
     effect, target : str
         The cause; for a parameter of the model ``"wrong_parameter"`` and its name.
+    is_parameter : bool, default=False
+        Whether it is a parameter of the model.
     """
 
     terms: tuple[str, ...]
     effect: str
     target: str
+    is_parameter: bool = False
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from sklearn_pgnn.inspection.yardstick import (
     leaves_much,
     over_windows,
 )
-from sklearn_pgnn.physics.effects import WrongParameter, find_effect
+from sklearn_pgnn.physics.effects import find_effect
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.spread_ends import at_bounds, at_spread_ends
 from sklearn_pgnn.record_quality.wording import listed
@@ -410,7 +410,7 @@ def known_remedy(diagnosis, part) -> str:
 def _was_enough_tried(diagnosis, known) -> bool:
     """Return whether a complete search considered an effect, and could have named one more."""
     able = diagnosis.complete_ and len(diagnosis.causes_) < diagnosis.max_causes
-    return able and _is_considered(diagnosis, known) and known.effect != WrongParameter.id
+    return able and _is_considered(diagnosis, known) and not known.is_parameter
 
 
 def _is_considered(diagnosis, known) -> bool:
@@ -429,7 +429,7 @@ def _in_vain(known) -> str:
 
 def _remedy(diagnosis, known) -> str:
     """Return how a parameter or an effect gets into a diagnosis that could not name it."""
-    if known.effect != WrongParameter.id:
+    if not known.is_parameter:
         name = cause_name(known.effect, known.target)
         if not _is_considered(diagnosis, known):
             return f"let the diagnosis consider {name} (catalogue, targets)"

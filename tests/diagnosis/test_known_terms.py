@@ -40,7 +40,8 @@ def formula(target, terms):
 )
 def test_terms_that_a_parameter_or_an_effect_expresses_are_named(target, terms, expected):
     found = known_terms(BEAM, formula(target, terms))
-    assert [tuple(known) for known in found] == expected
+    assert [known[:3] for known in found] == expected
+    assert all(known.is_parameter == (known.effect == "wrong_parameter") for known in found)
 
 
 def test_terms_out_of_proportion_are_not_one_parameter():

@@ -26,7 +26,7 @@ def test_adequate_as_given_and_after_retuning_are_told_apart():
     retuned = html("retuned")
     assert "adequate with m and d re-tuned" in retuned
     assert "Use the new values of m and d" in retuned
-    assert "as given and" in retuned
+    assert "(as given" in retuned
 
 
 def test_every_member_of_an_ambiguity_has_its_size_and_a_model_that_reads_back(tmp_path):
@@ -89,7 +89,7 @@ def test_an_adequate_model_says_what_may_still_be_hidden():
     diagnosis = situation("adequate")
     table = diagnosis.detectability([effects.InputDeadZone], n_repeats=40)
     text = render_report(diagnosis, detectability=table)
-    assert f"width {table.rows[0].smallest:.2g} N" in text
+    assert f"threshold {table.rows[0].smallest:.2g} N" in text
     assert "sklearn-pgnn detect" in html("adequate")
     assert "would have shown" not in html("named")
 

@@ -83,6 +83,6 @@ def test_a_fault_of_records_comes_first_in_what_to_do_next():
     from sklearn_pgnn.inspection.report.next_step import next_step
 
     changed = copy(situation("named"))
-    assert "Expect width 0.5" in next_step(changed)
+    assert "Expect threshold 0.5" in next_step(changed)
     changed.data_quality_ = (Finding("clipping", "v", "v is cut", 3.0, "drive it less"),)
     assert next_step(changed).startswith("Improve the records first (clipping of v): drive it less")
