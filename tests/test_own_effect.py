@@ -11,8 +11,9 @@ import sklearn_pgnn
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects, systems
 from sklearn_pgnn.datasets import make_hidden_effect
 from sklearn_pgnn.exceptions import OptionError
+from sklearn_pgnn.inspection.cause_names import cause_name
 from sklearn_pgnn.inspection.evidence import find_evidence
-from sklearn_pgnn.inspection.words import cause_name, verdict_sentence
+from sklearn_pgnn.inspection.words import verdict_sentence
 from sklearn_pgnn.physics.characteristic import Characteristic
 from sklearn_pgnn.physics.effect import Effect, quantity
 from sklearn_pgnn.physics.effects import find_effect

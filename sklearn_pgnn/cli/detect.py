@@ -8,9 +8,9 @@ from sklearn_pgnn.cli.choices import check_candidates, choose_effects, choose_ta
 from sklearn_pgnn.cli.records import read_model_and_records
 from sklearn_pgnn.cli.tables import cell, print_table, say, screen, table, warn
 from sklearn_pgnn.diagnosis import Detectability, ModelDiagnosis
+from sklearn_pgnn.inspection.cause_names import cause_name
 from sklearn_pgnn.inspection.numbers import number
 from sklearn_pgnn.inspection.strict_json import as_strict_json
-from sklearn_pgnn.inspection.words import cause_name
 
 
 class DetectJob:

@@ -19,9 +19,10 @@ from sklearn_pgnn.exceptions import OptionError, RecordError
 from sklearn_pgnn.fleet import FleetDiagnosis
 from sklearn_pgnn.fleet.fleet_diagnosis import REPORT
 from sklearn_pgnn.fleet.machine import SAID
+from sklearn_pgnn.inspection.cause_names import cause_name
 from sklearn_pgnn.inspection.numbers import chance
 from sklearn_pgnn.inspection.strict_json import as_strict_json
-from sklearn_pgnn.inspection.words import VERDICTS, cause_name
+from sklearn_pgnn.inspection.words import VERDICTS
 from sklearn_pgnn.trajectories.ros_bag import METADATA
 
 MACHINE = "{machine}"

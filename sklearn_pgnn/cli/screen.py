@@ -16,15 +16,15 @@ from sklearn_pgnn.cli.tables import (
     screen,
     table,
 )
+from sklearn_pgnn.inspection.cause_names import cause_name
 from sklearn_pgnn.inspection.model_files import described_models
 from sklearn_pgnn.inspection.numbers import chance, free_run_error, measured, number, share
+from sklearn_pgnn.inspection.parameter_ends import spread_sentence
 from sklearn_pgnn.inspection.report.parameter_facts import parameter_facts
 from sklearn_pgnn.inspection.words import (
-    cause_name,
     remaining_sentence,
     rivals_or_none,
     separation_sentence,
-    spread_sentence,
     unusable_sentence,
     verdict_sentence,
     verdict_title,

@@ -82,12 +82,12 @@ class DisturbedEvidence:
 
     def _likelihood(self, judged: Judged, variance: np.ndarray, each_run) -> float:
         """Return the likelihood of held-out windows with the most likely disturbance."""
-        # its loops take two seconds to compile, and where white noise is left nothing needs them
-        from sklearn_pgnn.estimation.disturbed import disturbed_likelihood
-
         key, (_, trial, held_out) = (judged.key, *variance), judged
         known, likelihood = self._known.get(key, (None, -np.inf))
         if known is not held_out:
+            # its loops take two seconds to compile, and where white noise is left are not needed
+            from sklearn_pgnn.estimation.disturbed import disturbed_likelihood
+
             likelihood = disturbed_likelihood(
                 self.problem, trial, held_out, self.folds, variance, each_run
             )

@@ -22,8 +22,7 @@ def squares_by_output(problem: EstimationProblem, fit: WindowFit) -> np.ndarray:
     ndarray of shape (n_outputs,)
         The sums.
     """
-    residual = fit.evaluation.residual / problem.windows.scale
-    counts = np.isfinite(residual).sum(axis=0)
+    residual, counts = _in_noise_units(problem, fit)
     return np.nansum(residual**2, axis=0) + counts * problem.resolution**2
 
 
@@ -42,10 +41,8 @@ def white_squares(problem: EstimationProblem, fit: WindowFit) -> np.ndarray:
     ndarray of shape (n_outputs,)
         Squared differences of neighbouring residuals.
     """
-    windows = problem.windows
-    residual = fit.evaluation.residual / windows.scale
-    counts = np.isfinite(residual).sum(axis=0)
-    white = white_power(residual, windows.starts)
+    residual, counts = _in_noise_units(problem, fit)
+    white = white_power(residual, problem.windows.starts)
     return counts * np.maximum(white, problem.resolution**2)
 
 
@@ -68,3 +65,9 @@ def block_squares(problem: EstimationProblem, fit: WindowFit) -> np.ndarray:
     sums = windows.sum_blocks((fit.evaluation.residual / windows.scale) ** 2)
     sums[~np.isfinite(fit.evaluation.squares)] = np.inf
     return sums
+
+
+def _in_noise_units(problem: EstimationProblem, fit: WindowFit) -> tuple[np.ndarray, np.ndarray]:
+    """Return the residuals of a fit in units of the noise, and their number by output."""
+    residual = fit.evaluation.residual / problem.windows.scale
+    return residual, np.isfinite(residual).sum(axis=0)

@@ -9,7 +9,7 @@ from sklearn_pgnn.exceptions import SimulationWarning
 
 @contextmanager
 def one_simulation_warning() -> Iterator[list[str]]:
-    """Give the first `SimulationWarning` of a block at its end, with the number of the others.
+    """Issue the first `SimulationWarning` of a block at its end, with the number of the others.
 
     Yields
     ------
@@ -34,17 +34,19 @@ def one_simulation_warning() -> Iterator[list[str]]:
             warnings.simplefilter("always", SimulationWarning)
             yield names
     finally:  # an error may be the consequence of what was warned of
-        _give(caught, f"trajectory {names[0]!r}: " if names else "")
+        _issue(caught, f"trajectory {names[0]!r}: " if names else "")
 
 
-def _give(caught: list[warnings.WarningMessage], where: str) -> None:
-    """Give recorded warnings again, those of simulations as one."""
-    failed = [each for each in caught if issubclass(each.category, SimulationWarning)]
+def _issue(caught: list[warnings.WarningMessage], where: str) -> None:
+    """Issue recorded warnings again, those of simulations as one."""
+    failed = []
     for each in caught:
-        if each not in failed:
+        if issubclass(each.category, SimulationWarning):
+            failed.append(each.message)
+        else:
             warnings.warn_explicit(each.message, each.category, each.filename, each.lineno)
     if failed:
-        warnings.warn(_counted([each.message for each in failed], where), stacklevel=5)
+        warnings.warn(_counted(failed, where), stacklevel=5)
 
 
 def _counted(messages, where: str) -> SimulationWarning:

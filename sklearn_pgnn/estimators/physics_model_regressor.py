@@ -19,7 +19,6 @@ from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.divergence import limits_of
 from sklearn_pgnn.simulation.finite_run import FreeRuns
-from sklearn_pgnn.simulation.free_run import simulate_record
 from sklearn_pgnn.simulation.intervals import (
     check_coverage,
     interval_around,
@@ -220,8 +219,9 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         self.initial_states_ = np.array([starts.get(record.rows[0], unknown) for record in records])
         self.window_ = median_window_length(windows)
         self.noise_ = output_noise(records) if told is None else told
-        starts = self.initial_states_
-        self.model_ = with_usual_start(self.model_, records, starts, self._runs, self.noise_)
+        self.model_ = with_usual_start(
+            self.model_, records, self.initial_states_, self._runs, self.noise_
+        )
         warn_of_unknown_starts(self.model_, records)
         self._single_output = np.asarray(y).ndim == 1
         self._keep_errors(found, records)
@@ -379,7 +379,7 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
     def _keep_errors(self, found, records) -> None:
         """Keep the free-run errors of predictions for the fit's records, for intervals."""
         self._covariance = parameter_covariance(found.fit, found.expected, found.spread)
-        runs = [simulate_record(self._runs.model_along(self.model_, r), r) for r in records]
+        runs = [self._runs.run(self.model_, record) for record in records]
         with np.errstate(over="ignore", invalid="ignore"):
             left = np.concatenate([run.y - r.y for run, r in zip(runs, records, strict=True)])
             square = of_measured(np.nanmean, left**2)

@@ -332,10 +332,8 @@ class SINDYcRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         form = "{}[k+1]" if self.discrete else "{}'"
         self._keep_texts([form.format(state) for state in base.states], terms)
         self.substeps_ = 1 if self.discrete else self._enough_substeps(records)
-        method, limits = (
-            "euler" if self.discrete else "rk4",
-            limits_of(np.concatenate([record.y for record in records])),
-        )
+        method = "euler" if self.discrete else "rk4"
+        limits = limits_of(np.concatenate([record.y for record in records]))
         self._simulated = (states.interval, self.substeps_, limits, self.hold_, method, REMEDY)
         said = {"hold": self.hold_, "substeps": self.substeps_}
         self.model_ = self.model_.replace(simulation=said)

@@ -10,9 +10,10 @@ from scipy.stats import norm
 from sklearn_pgnn.estimation.candidate import Candidate
 from sklearn_pgnn.fleet.machine import Machine, acts
 from sklearn_pgnn.fleet.spread import first_ones, standard_error
+from sklearn_pgnn.inspection.cause_names import cause_name
 from sklearn_pgnn.inspection.diagnosis_comparison import Quantity, compare
 from sklearn_pgnn.inspection.numbers import measured
-from sklearn_pgnn.inspection.words import VERDICTS, cause_name
+from sklearn_pgnn.inspection.words import VERDICTS
 
 #: the names of the two times
 NAMES = ("before", "now")

@@ -5,7 +5,7 @@ from dataclasses import asdict
 import pandas as pd
 
 from sklearn_pgnn.estimation.plain_data import finite
-from sklearn_pgnn.inspection.words import cause_name
+from sklearn_pgnn.inspection.cause_names import cause_name
 
 CHANGE = ["machine", "kind", "what", "sure"]
 

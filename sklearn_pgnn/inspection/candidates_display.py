@@ -3,9 +3,9 @@
 import numpy as np
 from sklearn.utils.validation import check_is_fitted
 
+from sklearn_pgnn.inspection.cause_names import cause_name
 from sklearn_pgnn.inspection.panels import panels
 from sklearn_pgnn.inspection.style import COLOURS, log_axis, plain, tidy
-from sklearn_pgnn.inspection.words import cause_name
 from sklearn_pgnn.inspection.yardstick import ratio, together
 
 

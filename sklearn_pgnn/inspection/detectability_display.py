@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from sklearn_pgnn.inspection.cause_names import cause_name
 from sklearn_pgnn.inspection.numbers import number, typeset_unit
 from sklearn_pgnn.inspection.style import COLOURS, log_axis, plain, shown_figure, tidy
-from sklearn_pgnn.inspection.words import cause_name
 
 
 class DetectabilityDisplay:

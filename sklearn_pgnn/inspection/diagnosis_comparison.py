@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from sklearn_pgnn.exceptions import OptionError
+from sklearn_pgnn.inspection.cause_names import cause_name
 from sklearn_pgnn.inspection.numbers import chance, measured, number
-from sklearn_pgnn.inspection.words import cause_name, verdict_in_words
+from sklearn_pgnn.inspection.words import verdict_in_words
 from sklearn_pgnn.record_quality.wording import listed
 
 #: the file of a diagnosis, in the folder that the command line writes

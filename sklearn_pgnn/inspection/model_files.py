@@ -4,8 +4,8 @@ import re
 from collections.abc import Callable
 from functools import cache
 
+from sklearn_pgnn.inspection.cause_names import cause_name
 from sklearn_pgnn.inspection.report.members import all_members
-from sklearn_pgnn.inspection.words import cause_name
 from sklearn_pgnn.physics.model import PhysicsModel
 
 EXTENDED = "extended_model.yaml"

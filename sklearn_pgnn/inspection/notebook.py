@@ -5,6 +5,7 @@ from html import escape
 
 from sklearn.base import BaseEstimator
 
+from sklearn_pgnn.inspection.cause_names import cause_name
 from sklearn_pgnn.inspection.equations import equations_of
 from sklearn_pgnn.inspection.numbers import (
     chance,
@@ -15,7 +16,6 @@ from sklearn_pgnn.inspection.numbers import (
     typeset_unit,
 )
 from sklearn_pgnn.inspection.words import (
-    cause_name,
     remaining_sentence,
     rivals_or_none,
     verdict_sentence,

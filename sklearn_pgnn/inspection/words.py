@@ -6,6 +6,8 @@ from collections.abc import Mapping
 
 from sklearn_pgnn.estimation.budgets import MUCH
 from sklearn_pgnn.estimation.hypothesis import commute
+from sklearn_pgnn.inspection.cause_names import candidate_name, cause_name
+from sklearn_pgnn.inspection.named_terms import known_sentence
 from sklearn_pgnn.inspection.numbers import chance, number, percent, readable, times
 from sklearn_pgnn.inspection.yardstick import (
     in_free_run,
@@ -15,7 +17,6 @@ from sklearn_pgnn.inspection.yardstick import (
 )
 from sklearn_pgnn.physics.effects import find_effect
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.physics.spread_ends import at_bounds, at_spread_ends
 from sklearn_pgnn.record_quality.wording import listed
 
 VERDICTS = {
@@ -114,34 +115,6 @@ def rivals_or_none(cause, complete: bool) -> str:
         The list, or a word in its place.
     """
     return rivals(cause) or ("nothing" if complete else NOT_COMPARED)
-
-
-def cause_name(effect: str, target: str) -> str:
-    """Return the plain name of an effect on its target.
-
-    Parameters
-    ----------
-    effect, target : str
-        Id of an effect, of the catalogue or user-defined, and its target.
-
-    Returns
-    -------
-    str
-        The title given by the effect, see `Effect.title`.
-
-    Examples
-    --------
-    >>> cause_name("coulomb_friction", "omega"), cause_name("wrong_parameter", "J")
-    ('Coulomb friction on omega', 'wrong value of J')
-    """
-    return find_effect(effect).title(target)
-
-
-def candidate_name(effect: str, target: str) -> str:
-    """Return the name of a fitted item: an effect, the model, or a part of the diagnosis."""
-    if not effect:
-        return "the re-tuned model"
-    return cause_name(effect, target) if target else effect
 
 
 def verdict_sentence(diagnosis) -> str:
@@ -355,97 +328,6 @@ def _described(diagnosis) -> str:
     ).rstrip()
 
 
-def known_sentence(diagnosis, part) -> str:
-    """Return which terms of a formula have a name, and how to have it fitted; empty for none.
-
-    Parameters
-    ----------
-    diagnosis : ModelDiagnosis
-        A fitted diagnosis.
-    part : MissingPart
-        Its missing part.
-
-    Returns
-    -------
-    str
-        A sentence and its remedy, or nothing.
-    """
-    if not part.known:
-        return ""
-    said = listed(
-        f"{listed(map(readable, each.terms))} as {cause_name(each.effect, each.target)}"
-        for each in part.known
-    )
-    which = "Its term acts" if len(part.effect.terms) == 1 else "Its terms act"
-    which = which if part.has_names else "Some of its terms act"
-    tried = [each for each in part.known if _was_enough_tried(diagnosis, each)]
-    parts = (
-        f"{which} like what has a name: {said}.",
-        _in_vain(tried),
-        known_remedy(diagnosis, part),
-    )
-    return " ".join(filter(None, parts))
-
-
-def known_remedy(diagnosis, part) -> str:
-    """Return how to have terms that have a name fitted; empty where the search has tried that.
-
-    Parameters
-    ----------
-    diagnosis : ModelDiagnosis
-        A fitted diagnosis.
-    part : MissingPart
-        Its missing part.
-
-    Returns
-    -------
-    str
-        A remedy, or nothing.
-    """
-    open_ = [each for each in part.known if not _was_enough_tried(diagnosis, each)]
-    remedies = dict.fromkeys(_remedy(diagnosis, each) for each in open_)
-    return f"Remedy: {'; '.join(remedies)}." if remedies else ""
-
-
-def _was_enough_tried(diagnosis, known) -> bool:
-    """Return whether a complete search considered an effect, and could have named one more."""
-    able = diagnosis.complete_ and len(diagnosis.causes_) < diagnosis.max_causes
-    return able and _is_considered(diagnosis, known) and not known.is_parameter
-
-
-def _is_considered(diagnosis, known) -> bool:
-    tried = {(each.effect, each.target) for each in diagnosis.candidates_}
-    return (known.effect, known.target) in tried
-
-
-def _in_vain(known) -> str:
-    """Return which effects were considered without being named; empty if none was."""
-    if not known:
-        return ""
-    names = dict.fromkeys(cause_name(each.effect, each.target) for each in known)
-    them = "them" if len(names) > 1 else "it"
-    return f"The search considered {listed(names)}, but the evidence for {them} is too weak."
-
-
-def _remedy(diagnosis, known) -> str:
-    """Return how a parameter or an effect gets into a diagnosis that could not name it."""
-    if not known.is_parameter:
-        name = cause_name(known.effect, known.target)
-        if not _is_considered(diagnosis, known):
-            return f"let the diagnosis consider {name} (catalogue, targets)"
-        how = "more causes (max_causes)" if diagnosis.complete_ else "more time (time_limit)"
-        return f"allow {how}, and {name} may be named"
-    return _remedy_of_parameter(diagnosis.model, known.target)
-
-
-def _remedy_of_parameter(model: PhysicsModel, name: str) -> str:
-    if model.parameters[name].fixed:
-        return f"let {name} be fitted (it is fixed in the model)"
-    if math.isinf(model.parameters[name].spread):
-        return f"give {name} wider bounds"
-    return f"give {name} a wider spread, or spread: .inf where nothing is known"
-
-
 def _others(diagnosis) -> str:
     others = {
         cause_name(other.effect, other.target): None
@@ -557,46 +439,4 @@ def separation_sentence(separation) -> str:
         f"{number(best.duration, 3)} s ({reached}){often}. The two then differ by "
         f"{number(best.difference, 2)} times the noise, {number(best.evidence, 2)} standard errors "
         f"in one record."
-    )
-
-
-def spread_sentence(diagnosis) -> str:
-    """Return which parameters lie at an end of a spread or at a bound, and what to do.
-
-    Parameters
-    ----------
-    diagnosis : ModelDiagnosis
-        A fitted diagnosis.
-
-    Returns
-    -------
-    str
-        Sentences with their remedies; empty where every parameter lies inside.
-    """
-    values = {name: parameter.value for name, parameter in diagnosis.parameters_.items()}
-    retuned = diagnosis.model.with_parameters(**values)
-    spread, bounds = at_spread_ends(diagnosis.model, retuned), at_bounds(retuned)
-    return " ".join(filter(None, (_at_spreads(spread), _at_bounds(bounds))))
-
-
-def _at_spreads(names) -> str:
-    if not names:
-        return ""
-    lies, spread = ("lie", "spreads") if len(names) > 1 else ("lies", "spread")
-    return (
-        f"{listed(names)} {lies} at the end of what the {spread} in the model file allowed: the "
-        f"named causes and the remaining error may be due to a wrong parameter value. If it is not "
-        f"known that well, give a wider spread, or spread: .inf where nothing is known, and "
-        f"diagnose again."
-    )
-
-
-def _at_bounds(names) -> str:
-    if not names:
-        return ""
-    lies, bounds = ("lie", "bounds") if len(names) > 1 else ("lies", "a bound")
-    return (
-        f"{listed(names)} {lies} at {bounds} of the model file: what is named and what is left may "
-        f"be due to that. If values beyond are physically possible, give wider bounds, and "
-        f"diagnose again."
     )

@@ -10,8 +10,9 @@ from sklearn_pgnn import ModelDiagnosis, PhysicsModel
 from sklearn_pgnn.diagnosis.known_terms import known_terms
 from sklearn_pgnn.diagnosis.result import Tried
 from sklearn_pgnn.diagnosis.unexplained import MissingPart
+from sklearn_pgnn.inspection.named_terms import known_sentence
 from sklearn_pgnn.inspection.report.next_step import next_step
-from sklearn_pgnn.inspection.words import known_sentence, verdict_sentence
+from sklearn_pgnn.inspection.words import verdict_sentence
 from sklearn_pgnn.physics.effects.formula import Formula
 
 BEAM = PhysicsModel(

@@ -1,6 +1,5 @@
 """The verdict in words."""
 
-import math
 from types import SimpleNamespace
 
 import pytest
@@ -26,34 +25,6 @@ def test_that_no_cause_acts_is_one_of_the_answers():
     assert words.rivals(cause) == "Coulomb friction on v (5 %)"
     cause.confused_with = ()
     assert words.rivals(cause) == ""
-
-
-def test_a_parameter_at_the_end_of_its_spread_is_told_with_the_remedy():
-    model = systems.cart_on_spring()
-    free = [name for name in model.free_parameters if 0 < model.parameters[name].reach < math.inf]
-    values = {name: model.parameters[name].value for name in free}
-    found = {name: SimpleNamespace(value=value) for name, value in values.items()}
-    assert words.spread_sentence(SimpleNamespace(model=model, parameters_=found)) == ""
-    first = free[0]
-    reach = model.parameters[first].reach
-    found[first] = SimpleNamespace(value=values[first] + reach)
-    assert words.spread_sentence(SimpleNamespace(model=model, parameters_=found)) == (
-        f"{first} lies at the end of what the spread in the model file allowed: the named causes "
-        f"and the remaining error may be due to a wrong parameter value. If it is not known that "
-        f"well, give a wider spread, or spread: .inf where nothing is known, and diagnose again."
-    )
-
-
-def test_a_parameter_at_a_bound_is_told_with_the_remedy():
-    model = systems.cart_on_spring()
-    m, d = model.parameters["m"], model.parameters["d"]
-    found = {"m": SimpleNamespace(value=m.bounds[1]), "d": SimpleNamespace(value=d.bounds[0])}
-    said = words.spread_sentence(SimpleNamespace(model=model, parameters_=found))
-    assert d.bounds[0] == 0.0
-    assert said == (
-        "m lies at a bound of the model file: what is named and what is left may be due to that. "
-        "If values beyond are physically possible, give wider bounds, and diagnose again."
-    )
 
 
 @pytest.mark.parametrize("part", [None, "a formula that leaves less"])

@@ -44,6 +44,7 @@ from sklearn_pgnn.estimators.network.trajectory_net import TrajectoryNet
 from sklearn_pgnn.estimators.one_warning import one_simulation_warning
 from sklearn_pgnn.exceptions import OptionError, RecordError
 from sklearn_pgnn.simulation.free_run import substeps_for
+from sklearn_pgnn.simulation.long_steps import usual_step
 from sklearn_pgnn.simulation.record_windows import dominant_period, output_noise
 from sklearn_pgnn.simulation.simulate import hold_of
 from sklearn_pgnn.trajectories import read_records
@@ -280,7 +281,7 @@ class PreparedNet(TrajectoryNet):
         """Choose what one step of the network spans, and divide the records' longer ones."""
         self.hold_ = hold_of(self.model_, self.hold)
         if anew:
-            self.interval_ = float(np.median(np.concatenate([np.diff(r.t) for r in records])))
+            self.interval_ = usual_step(records)
         return [fill(record, self.interval_, self.hold_) for record in records]
 
     def _with_states(self, X, filled, states) -> list[TrainingRecord]:

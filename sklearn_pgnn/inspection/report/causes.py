@@ -1,12 +1,13 @@
 """What a report shows of every cause."""
 
 from sklearn_pgnn.inspection.case import known_effects
+from sklearn_pgnn.inspection.cause_names import cause_name
 from sklearn_pgnn.inspection.model_files import file_of
 from sklearn_pgnn.inspection.numbers import chance, measured, number, times, typeset_unit
 from sklearn_pgnn.inspection.report.members import Member
 from sklearn_pgnn.inspection.report.next_step import expectation
 from sklearn_pgnn.inspection.report.who_did_what import parts_of_error
-from sklearn_pgnn.inspection.words import cause_name, separation_sentence
+from sklearn_pgnn.inspection.words import separation_sentence
 from sklearn_pgnn.record_quality.wording import listed
 
 

@@ -6,12 +6,12 @@ import numpy as np
 from markupsafe import Markup
 
 from sklearn_pgnn.inspection.case import Case, make_case
+from sklearn_pgnn.inspection.cause_names import cause_name
 from sklearn_pgnn.inspection.curves import Evidence, Line
 from sklearn_pgnn.inspection.display import binned_median, limits
 from sklearn_pgnn.inspection.evidence import evidence_of, missing_evidence
 from sklearn_pgnn.inspection.report.members import Member
 from sklearn_pgnn.inspection.svg import Plot, Scale
-from sklearn_pgnn.inspection.words import cause_name
 
 #: points of a cloud that are drawn
 CLOUD = 1500

@@ -3,8 +3,10 @@
 from datetime import date
 from itertools import pairwise
 
+from sklearn_pgnn.inspection.cause_names import candidate_name
 from sklearn_pgnn.inspection.equations import equations_of
 from sklearn_pgnn.inspection.numbers import number, percent, times
+from sklearn_pgnn.inspection.parameter_ends import spread_sentence
 from sklearn_pgnn.inspection.report.causes import told_causes
 from sklearn_pgnn.inspection.report.characteristics import characteristics
 from sklearn_pgnn.inspection.report.correlation import correlation
@@ -25,9 +27,7 @@ from sklearn_pgnn.inspection.report.tiles import make_tiles, worst
 from sklearn_pgnn.inspection.report.who_did_what import segments_of_bar
 from sklearn_pgnn.inspection.words import (
     NOT_COMPARED,
-    candidate_name,
     remaining_sentence,
-    spread_sentence,
     unusable_sentence,
     verdict_sentence,
 )

@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 from markupsafe import Markup
 
+from sklearn_pgnn.inspection.cause_names import cause_name
 from sklearn_pgnn.inspection.numbers import times
 from sklearn_pgnn.inspection.svg import Scale, dot, mark, scale_text, span, strip, whisker
-from sklearn_pgnn.inspection.words import cause_name
 from sklearn_pgnn.inspection.yardstick import left_alone, together
 
 #: candidates that are shown before the rest is folded away

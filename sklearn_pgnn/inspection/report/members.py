@@ -6,7 +6,7 @@ from sklearn_pgnn.diagnosis.noise_units import scaled_error
 from sklearn_pgnn.estimation.fitted_records import FittedWindows, as_judged
 from sklearn_pgnn.experiment_design.separation import swap
 from sklearn_pgnn.inspection.case import known_effects
-from sklearn_pgnn.inspection.words import cause_name
+from sklearn_pgnn.inspection.cause_names import cause_name
 from sklearn_pgnn.inspection.yardstick import together
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.model import PhysicsModel

@@ -1,14 +1,10 @@
 """What to do next, in a line with numbers."""
 
 from sklearn_pgnn.inspection.case import known_effects
+from sklearn_pgnn.inspection.named_terms import known_remedy, known_sentence
 from sklearn_pgnn.inspection.numbers import measured, typeset_unit
 from sklearn_pgnn.inspection.report.parameter_facts import parameter_facts
-from sklearn_pgnn.inspection.words import (
-    known_remedy,
-    known_sentence,
-    missing_place,
-    separation_sentence,
-)
+from sklearn_pgnn.inspection.words import missing_place, separation_sentence
 from sklearn_pgnn.inspection.yardstick import is_adequate_as_given, leaves_much
 from sklearn_pgnn.record_quality.wording import listed
 

@@ -1,7 +1,7 @@
 """How small an effect these records would have shown, where nothing was named."""
 
+from sklearn_pgnn.inspection.cause_names import cause_name
 from sklearn_pgnn.inspection.numbers import number, typeset_unit
-from sklearn_pgnn.inspection.words import cause_name
 
 
 def smallest_rows(detectability) -> list[dict]:

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 from sklearn_pgnn.estimation.budgets import MUCH
 from sklearn_pgnn.estimation.hypothesis import count_parameters
 from sklearn_pgnn.inspection.case import known_effects
+from sklearn_pgnn.inspection.cause_names import cause_name
 from sklearn_pgnn.inspection.numbers import chance, times
 from sklearn_pgnn.inspection.report.parameter_facts import ParameterFacts, parameter_facts
-from sklearn_pgnn.inspection.words import cause_name, rivals
+from sklearn_pgnn.inspection.words import rivals
 from sklearn_pgnn.inspection.yardstick import (
     in_free_run,
     left_alone,

@@ -3,8 +3,8 @@
 import math
 from dataclasses import dataclass
 
+from sklearn_pgnn.inspection.cause_names import cause_name
 from sklearn_pgnn.inspection.numbers import times
-from sklearn_pgnn.inspection.words import cause_name
 from sklearn_pgnn.inspection.yardstick import together
 
 

@@ -1,0 +1,31 @@
+"""Names of causes and candidates as people read them."""
+
+from sklearn_pgnn.physics.effects import find_effect
+
+
+def cause_name(effect: str, target: str) -> str:
+    """Return the plain name of an effect on its target.
+
+    Parameters
+    ----------
+    effect, target : str
+        Id of an effect, of the catalogue or user-defined, and its target.
+
+    Returns
+    -------
+    str
+        The title given by the effect, see `Effect.title`.
+
+    Examples
+    --------
+    >>> cause_name("coulomb_friction", "omega"), cause_name("wrong_parameter", "J")
+    ('Coulomb friction on omega', 'wrong value of J')
+    """
+    return find_effect(effect).title(target)
+
+
+def candidate_name(effect: str, target: str) -> str:
+    """Return the name of a fitted item: an effect, the model, or a part of the diagnosis."""
+    if not effect:
+        return "the re-tuned model"
+    return cause_name(effect, target) if target else effect
