@@ -57,7 +57,7 @@ def on_stretches(
 def telling_stretches(
     problem: EstimationProblem, records: tuple[Record, ...]
 ) -> tuple[tuple[Record, ...], int]:
-    """Return about `LONG` samples of long records, in stretches, and the thinning factor.
+    """Return at most `LONG` samples of long records, in stretches, and the thinning factor.
 
     Half of the stretches are those in which the prior has the largest error, window by window; the
     others are spread evenly over the rest. If samples are so dense that a stretch would contain few
@@ -84,7 +84,7 @@ def telling_stretches(
     errors = _errors(problem)
     offsets = problem.windows.bounds
     told = [_mean_of(errors, offsets[r] + a, offsets[r] + b) for r, a, b in spans]
-    lengths = np.array([b - a for _, a, b in spans]) / factor
+    lengths = np.array([math.ceil((b - a) / factor) for _, a, b in spans])
     chosen = np.sort(_choose(np.array(told), lengths))
     hold = problem.windows.hold
     pieces = [piece_of(records[r], slice(a, b)) for r, a, b in (spans[i] for i in chosen)]
@@ -118,9 +118,11 @@ def _choose(told: np.ndarray, lengths: np.ndarray) -> np.ndarray:
     order = np.argsort(-told, kind="stable")
     first = order[: max(1, np.searchsorted(np.cumsum(lengths[order]), LONG / 2))]
     rest = np.setdiff1d(np.arange(told.size), first)
-    count = round((LONG - lengths[first].sum()) / lengths[rest].mean())
+    budget = LONG - lengths[first].sum()
+    count = round(budget / lengths[rest].mean())
     spread = (np.arange(count) + 0.5) * rest.size / max(count, 1)
-    return np.concatenate([first, rest[np.unique(spread.astype(int))]])
+    others = rest[np.unique(spread.astype(int))]
+    return np.concatenate([first, others[np.cumsum(lengths[others]) <= budget]])
 
 
 def _thin(record: Record, factor: int, hold: str) -> Record:
