@@ -7,7 +7,13 @@ import numpy as np
 
 from sklearn_pgnn.estimation.budgets import FOLLOWED, FORGOTTEN
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
-from sklearn_pgnn.estimation.problem import EstimationProblem, longer, recut, shorter
+from sklearn_pgnn.estimation.problem import (
+    EstimationProblem,
+    longer,
+    recut,
+    shorter,
+    with_few_samples,
+)
 from sklearn_pgnn.estimation.progress import Progress
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.physics.expressions import symbol
@@ -21,7 +27,8 @@ def select_windows(
     """Make windows as long as the re-tuned prior can track, and as hidden states need to decay.
 
     Windows are halved, or doubled, while the error per sample in them is small, or grows with their
-    length no faster than that of a model with a random disturbance.
+    length no faster than that of a model with a random disturbance. Windows in which the prior runs
+    away from the records tell nothing: they are halved on, down to a few samples.
 
     Parameters
     ----------
@@ -41,12 +48,31 @@ def select_windows(
         if not _is_lost(nearer, fitter):
             break
         fitter = nearer
+    fitter = _before_it_runs_away(fitter)
     while (joined := longer(fitter.problem)) is not None:
         further = HypothesisFitter(joined, progress)
         if _is_lost(fitter, further):
             break
         fitter = further
     return _past_hidden_starts(fitter)
+
+
+def _before_it_runs_away(fitter: HypothesisFitter) -> HypothesisFitter:
+    """Return windows so short that the re-tuned prior tells something, if it runs away.
+
+    The error of an unstable prior grows by a constant factor per time constant of the instability,
+    and windows of a usual number of samples may hold many of these. In short windows it must
+    predict some output better than is possible without a model. Where it does so in none, the
+    windows are those given.
+    """
+    if _tells(fitter):
+        return fitter
+    nearer = fitter
+    while (cut := shorter(with_few_samples(nearer.problem))) is not None:
+        nearer = HypothesisFitter(cut, fitter.progress)
+        if _leaves_less_than(nearer, cut.squares_without_model):
+            return nearer
+    return fitter
 
 
 def _is_lost(shorter_windows: HypothesisFitter, longer_windows: HypothesisFitter) -> bool:
@@ -78,9 +104,13 @@ def _past_hidden_starts(fitter: HypothesisFitter) -> HypothesisFitter:
 
 def _tells(fitter: HypothesisFitter) -> bool:
     """Return whether the re-tuned prior predicts some output better than its mean does."""
+    return _leaves_less_than(fitter, fitter.problem.squares_about_mean)
+
+
+def _leaves_less_than(fitter: HypothesisFitter, squares: np.ndarray) -> bool:
+    """Return whether the re-tuned prior leaves less than some squares of any output."""
     fit = fitter.base().fit
-    left = np.nanmean(fit.evaluation.residual**2, axis=0)
-    return fit.usable and bool((left < fitter.problem.typical_outputs**2).any())
+    return fit.usable and bool((fitter.squares_by_output(fitter.base()) < squares).any())
 
 
 def _slowest(fitter: HypothesisFitter) -> float:

@@ -4,6 +4,7 @@ from sklearn_pgnn.inspection.case import known_effects
 from sklearn_pgnn.inspection.named_terms import known_remedy, known_sentence
 from sklearn_pgnn.inspection.numbers import measured, typeset_unit
 from sklearn_pgnn.inspection.report.parameter_facts import parameter_facts
+from sklearn_pgnn.inspection.runaway import runaway_remedy, runs_away
 from sklearn_pgnn.inspection.words import missing_place, separation_sentence
 from sklearn_pgnn.inspection.yardstick import is_adequate_as_given, leaves_much
 from sklearn_pgnn.record_quality.wording import listed
@@ -22,6 +23,8 @@ def next_step(diagnosis) -> str:
     str
         One or two sentences.
     """
+    if runs_away(diagnosis):
+        return runaway_remedy(diagnosis)
     if diagnosis.data_quality_:
         first = diagnosis.data_quality_[0]
         return (

@@ -1,0 +1,83 @@
+"""A model that runs away from the records even over the shortest windows, in words."""
+
+import numpy as np
+
+from sklearn_pgnn.estimation.without_model import free_values, squares_without_model
+from sklearn_pgnn.inspection.numbers import number
+from sklearn_pgnn.record_quality.wording import listed
+
+
+def runs_away(diagnosis) -> bool:
+    """Return whether nothing that was found predicts any output better than its mean does.
+
+    Parameters
+    ----------
+    diagnosis : ModelDiagnosis
+        A fitted diagnosis.
+
+    Returns
+    -------
+    bool
+        False where there is a cause or a formula, as none is named that does not, and where the
+        search did not come to its end.
+    """
+    found = diagnosis.causes_ or diagnosis.discrepancy_
+    return diagnosis.complete_ and diagnosis.remaining_.runs_away and not found
+
+
+def runaway_sentence(diagnosis) -> str:
+    """Return what was expected of the model, what came, and where.
+
+    Parameters
+    ----------
+    diagnosis : ModelDiagnosis
+        A fitted diagnosis.
+
+    Returns
+    -------
+    str
+        Three sentences.
+    """
+    came = [
+        f"{number(gain.refitted, 3)} {gain.unit}".rstrip() + f" of {output} instead of less than "
+        f"{number(expected, 3)}"
+        for (output, gain), expected in zip(
+            diagnosis.gain_.items(), _without_model(diagnosis), strict=True
+        )
+    ]
+    return (
+        f"Nothing can be told: the re-tuned model runs away from the records, as that of an "
+        f"unstable machine does, and in no windows, however short, does it predict an output "
+        f"better than is possible without a model, by carrying on as at the start. Over windows of "
+        f"{number(diagnosis.window_, 3)} s its error is {listed(came)}. No cause is named that "
+        f"merely ends the divergence."
+    )
+
+
+def _without_model(diagnosis) -> np.ndarray:
+    """Return the root mean square error that is possible without a model, of every output."""
+    windows = diagnosis.records_.windows
+    counts = np.isfinite(windows.y[windows.rows]).sum(axis=0)
+    squares = squares_without_model(windows, free_values(diagnosis.model))
+    return windows.scale * np.sqrt(squares / np.maximum(counts, 1))
+
+
+def runaway_remedy(diagnosis) -> str:
+    """Return what to do about a model that runs away.
+
+    Parameters
+    ----------
+    diagnosis : ModelDiagnosis
+        A fitted diagnosis.
+
+    Returns
+    -------
+    str
+        Two sentences.
+    """
+    return (
+        "Check the signs, units and values of the model, and give a wider spread, or spread: .inf, "
+        "to parameters that are not well known. If the machine is unstable by itself, sample "
+        "faster: in windows of a few samples the model cannot run away; or put its controller into "
+        "the model, with the reference as the input."
+    )
