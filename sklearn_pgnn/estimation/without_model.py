@@ -17,7 +17,7 @@ def free_values(model: PhysicsModel) -> int:
 
     Examples
     --------
-    >>> free_values(PhysicsModel({"x": "m", "v": "m/s"}, {"x": "v", "v": "-x"}, outputs=["x"]))
+    >>> free_values(PhysicsModel({"x": "m", "v": "m/s"}, {"x": "v", "v": "-x"}, outputs={"x": "x"}))
     2
     """
     return -(-len(model.states) // len(model.outputs))

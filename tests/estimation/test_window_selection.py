@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from unstable_rig import GROWTH, prior, record
 
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel
 from sklearn_pgnn.estimation import window_selection
@@ -43,3 +44,22 @@ def test_windows_are_drawn_out_as_far_as_the_prior_does_not_run_away(lacking, le
     fitter = window_selection._past_hidden_starts(HypothesisFitter(problem))
     assert fitter.problem.scales.window == pytest.approx(length, rel=0.1)
     assert window_selection._tells(fitter)
+
+
+@pytest.mark.parametrize(("sample_time", "fewest"), [(0.001, 20), (0.005, 4), (0.01, 4)])
+def test_windows_of_a_prior_that_runs_away_are_as_short_as_it_needs(sample_time, fewest):
+    """In 22 ms an error grows by a factor e: 20 samples are one time constant of it, or nine."""
+    model = prior()
+    problem = build_problem(model, read_records(model, *record(sample_time, 2000)))
+    fitter = window_selection.select_windows(problem)
+    assert fitter.problem.min_samples == fewest
+    assert window_selection._tells(fitter)
+    assert fitter.problem.windows.lengths.min() >= fewest
+    assert fitter.problem.scales.window < 0.25
+
+
+def test_windows_in_which_nothing_helps_are_those_given():
+    model = prior(100 * GROWTH)
+    problem = build_problem(model, read_records(model, *record(0.01, 1500)))
+    fitter = window_selection._before_it_runs_away(HypothesisFitter(problem))
+    assert fitter.problem is problem
