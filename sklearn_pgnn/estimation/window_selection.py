@@ -69,7 +69,8 @@ def _before_it_runs_away(fitter: HypothesisFitter) -> HypothesisFitter:
     """
     tried = [fitter]
     while not _tells(tried[-1]):
-        cut = shorter(with_few_samples(tried[-1].problem))
+        problem = tried[-1].problem
+        cut = shorter(problem) or shorter(with_few_samples(problem))
         if cut is None:
             return next((each for each in tried if not _is_beyond_foresight(each)), fitter)
         tried.append(HypothesisFitter(cut, fitter.progress))

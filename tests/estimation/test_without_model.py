@@ -58,7 +58,7 @@ def test_a_window_with_no_more_values_than_are_free_says_nothing():
 
 
 @pytest.mark.parametrize(
-    ("model", "count"), [(POINT, 2), (systems.cart_on_spring(), 2), (systems.two_tanks(), 1)]
+    ("model", "count"), [(POINT, 2), (systems.cart_on_spring(), 2), (systems.two_tanks(), 2)]
 )
 def test_every_output_has_its_part_of_the_initial_values(model, count):
     assert free_values(model) == -(-len(model.states) // len(model.outputs)) == count
