@@ -8,7 +8,7 @@ from sklearn_pgnn.record_quality.wording import listed
 
 
 def runs_away(diagnosis) -> bool:
-    """Return whether nothing that was found predicts any output better than its mean does.
+    """Return whether nothing predicts any output better than is possible without a model.
 
     Parameters
     ----------
@@ -21,8 +21,9 @@ def runs_away(diagnosis) -> bool:
         False where there is a cause or a formula, as none is named that does not, and where the
         search did not come to its end.
     """
-    found = diagnosis.causes_ or diagnosis.discrepancy_
-    return diagnosis.complete_ and diagnosis.remaining_.runs_away and not found
+    if diagnosis.verdict_ != "unexplained" or diagnosis.discrepancy_ or not diagnosis.complete_:
+        return False
+    return diagnosis.remaining_.runs_away
 
 
 def runaway_sentence(diagnosis) -> str:

@@ -76,8 +76,8 @@ def verdict_in_words(found: Mapping) -> str:
     >>> verdict_in_words({"verdict": "model_adequate", "remaining": {"times_noise": {"x": 18.2}}})
     'No cause found'
     """
-    lost, named = found["remaining"].get("runs_away"), found["causes"] or found["unexplained"]
-    if lost and found["complete"] and not named:
+    lost = found["verdict"] == "unexplained" and found["remaining"].get("runs_away")
+    if lost and found["complete"] and not found["unexplained"]:
         return RUNS_AWAY
     left = found["remaining"]["times_noise"].values()
     much = any(times is None or times > MUCH for times in left)
@@ -281,8 +281,6 @@ def remaining_sentence(diagnosis) -> str:
         One sentence.
     """
     remaining = diagnosis.remaining_
-    if runs_away(diagnosis):
-        return "What is left is the model's own divergence: it says nothing about the machine."
     if remaining.kind == "noise":
         return "What is left is white noise."
     errors = {output: e.extended for output, e in over_windows(diagnosis).items()}
@@ -298,6 +296,8 @@ def remaining_sentence(diagnosis) -> str:
         return f"{left} is structure ({much}): it depends on {on}, so physics is still missing."
     if not diagnosis.complete_:
         return f"What is left is more than noise ({much}); what it depends on was not tested."
+    if runs_away(diagnosis):
+        return "What is left is the model's own divergence: it says nothing about the machine."
     return (
         f"What is left is coloured noise or a disturbance ({much}): nothing that was recorded "
         f"predicts it."
