@@ -1,10 +1,18 @@
-"""A model that runs away from the records even over the shortest windows, in words."""
+"""A model that runs away from the records within windows, in words."""
 
 import numpy as np
 
 from sklearn_pgnn.estimation.without_model import free_values, squares_without_model
 from sklearn_pgnn.inspection.numbers import number
 from sklearn_pgnn.record_quality.wording import listed
+
+#: what to do about a model that runs away
+REMEDY = (
+    "Check the signs, units and values of the model, and give wider spreads to parameters that are "
+    "not well known. If the machine is unstable by itself, sample faster: in windows of a few "
+    "samples the model cannot run away; or put its controller into the model, with the reference "
+    "as the input."
+)
 
 
 def runs_away(diagnosis) -> bool:
@@ -47,20 +55,11 @@ def runaway_sentence(diagnosis) -> str:
         )
     ]
     return (
-        f"Nothing can be told: the re-tuned model runs away from the records, as that of an "
-        f"unstable machine does, and in no windows, however short, does it predict an output "
-        f"better than is possible without a model, by carrying on as at the start. Over windows of "
-        f"{number(diagnosis.window_, 3)} s its error is {listed(came)}. No cause is named that "
-        f"merely ends the divergence."
+        f"Nothing can be told: over windows of {number(diagnosis.window_, 3)} s the re-tuned model "
+        f"runs away from the records, as that of an unstable machine does. It predicts no output "
+        f"better than is possible without a model, by carrying on as at the start: its error is "
+        f"{listed(came)}. No cause is named that merely ends the divergence."
     )
-
-
-def _without_model(diagnosis) -> np.ndarray:
-    """Return the root mean square error that is possible without a model, of every output."""
-    windows = diagnosis.records_.windows
-    counts = np.isfinite(windows.y[windows.rows]).sum(axis=0)
-    squares = squares_without_model(windows, free_values(diagnosis.model))
-    return windows.scale * np.sqrt(squares / np.maximum(counts, 1))
 
 
 def runaway_remedy(diagnosis) -> str:
@@ -74,11 +73,15 @@ def runaway_remedy(diagnosis) -> str:
     Returns
     -------
     str
-        Two sentences.
+        Sentences; the first is on windows of a given length.
     """
-    return (
-        "Check the signs, units and values of the model, and give a wider spread, or spread: .inf, "
-        "to parameters that are not well known. If the machine is unstable by itself, sample "
-        "faster: in windows of a few samples the model cannot run away; or put its controller into "
-        "the model, with the reference as the input."
-    )
+    given = "" if diagnosis.window_length is None else "Leave window_length out. "
+    return f"{given}{REMEDY}"
+
+
+def _without_model(diagnosis) -> np.ndarray:
+    """Return the root mean square error that is possible without a model, of every output."""
+    windows = diagnosis.records_.windows
+    counts = np.isfinite(windows.y[windows.rows]).sum(axis=0)
+    squares = squares_without_model(windows, free_values(diagnosis.model))
+    return windows.scale * np.sqrt(squares / np.maximum(counts, 1))
