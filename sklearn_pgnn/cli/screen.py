@@ -74,6 +74,8 @@ def print_diagnosis(diagnosis, output: Path, *, quiet: bool) -> None:
         say(console, unusable_sentence(diagnosis))
     if quiet:
         return
+    if pinned := spread_sentence(diagnosis):
+        say(console, pinned, "yellow")
     for place, cause in enumerate(diagnosis.causes_, start=1):
         _print_cause(console, place, cause, diagnosis)
     _print_parameters(console, diagnosis)
@@ -139,8 +141,6 @@ def _print_parameters(console, diagnosis) -> None:
         now, at = measured(p.value, p.low, p.high, p.unit), "at a limit" if name in limited else ""
         rows.add_row(cell(name), number(p.prior), cell(now), change(p.value, p.prior), at)
     print_table(console, rows)
-    if pinned := spread_sentence(diagnosis):
-        say(console, pinned)
 
 
 def _extended(diagnosis) -> str:

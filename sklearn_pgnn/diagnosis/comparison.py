@@ -91,7 +91,12 @@ class Comparison:
         return self.evidence(current, other) > 0.0 and not self.runs_worse(current, other)
 
     def names(self, without: FittedHypothesis, with_: FittedHypothesis, n_causes=1) -> bool:
-        """Return whether the causes that only the second of two hypotheses has are named."""
+        """Return whether the causes that only the second of two hypotheses has are named.
+
+        Where the prior runs away from the records, less of a divergence is no explanation.
+        """
+        if self.runs_away(with_):
+            return False
         trials = without, with_, self.fitter.base()
         before, after, retuned = (self.fitter.held_out(trial) for trial in trials)
         causes, raw = own_causes(without, with_), self.criterion.evidence(before, after)
@@ -143,6 +148,20 @@ class Comparison:
     def is_coloured(self, trial: FittedHypothesis) -> bool:
         """Return whether more than white noise is left over windows."""
         return bool(self._coloured(trial, self.fitter.held_out(trial).windows.squares).any())
+
+    def runs_away(self, trial: FittedHypothesis) -> bool:
+        """Return whether a hypothesis tells nothing, and leaves more than noise.
+
+        See `WindowFitter.runs_away`.
+        """
+        return self.fitter.runs_away(trial) and self.is_coloured(trial)
+
+    def leaves_what_may_depend(self, trial: FittedHypothesis) -> bool:
+        """Return whether more than white noise is left, and not a divergence of the model itself.
+
+        Only then can what is left depend on what was recorded.
+        """
+        return self.is_nameable(trial) and not self.runs_away(trial)
 
     def leaves_much(self, trial: FittedHypothesis) -> bool:
         """Return whether far more than white noise is left of some output."""

@@ -187,6 +187,7 @@ class Investigation:
         if not self._steps_are_told:
             thinned = max(1, round(problem.scales.sample_time / whole.scales.sample_time))
             whole = with_substeps(whole, math.ceil(problem.windows.substeps / thinned))
+        whole = replace(whole, min_samples=problem.min_samples)
         whole = recut(whole, problem.scales.window) or whole
         fitter = HypothesisFitter(whole, self.progress)
         check_prior(fitter, [record.name for record in self.records])
@@ -212,7 +213,7 @@ class Investigation:
         result, proposal, structure = searched, None, None
         try:
             if self.progress.ended is None:
-                left = search.compare.is_nameable(result.final)
+                left = search.compare.leaves_what_may_depend(result.final)
                 structure = asked.of(result.final) if left else None
                 has_structure = structure is not None and structure.is_significant
                 result, proposal = formulas.choose(search, searched, has_structure)
@@ -239,7 +240,7 @@ class Investigation:
                 if proposal is None and found.replaced is not None:
                     causes = replace(found, result=found.replaced, proposal=None, replaced=None)
                     return self._judge_on_all(causes)
-                if search.compare.is_nameable(result.final) or proposal:
+                if search.compare.leaves_what_may_depend(result.final) or proposal:
                     structure = asked.of(result.final)
         except TimeIsUp:
             result = replace(result, complete=False)
@@ -248,11 +249,13 @@ class Investigation:
     def _in_fine_steps(self, found: Findings) -> Findings:
         """Fit the causes with integration steps so fine that no parameter depends on them.
 
-        If there are no causes, or none remains with finer steps, search again with finer steps.
+        If there are no causes, or none remains with finer steps, search again with finer steps. A
+        model that runs away from the records does so in finer steps, too.
         """
         fitter, result = found.search.fitter, found.result
         is_dear = self.whole is not None and not result.steps
-        if self._steps_are_told or is_dear or found.proposal is not None:
+        is_lost = found.search.compare.runs_away(result.final)
+        if self._steps_are_told or is_dear or is_lost or found.proposal is not None:
             return found
         self.progress.begin("integration steps")
         substeps = fine_substeps(fitter, result.final)
@@ -272,8 +275,9 @@ class Investigation:
         result = search.in_steps_of(finer, found.result)
         structure, before = found.structure, found.result.final.hypothesis
         if len(result.steps) < len(before.causes):
-            asked, left = _Structures(finer, search.criterion), search.compare.is_nameable
-            structure = asked.of(result.final) if left(result.final) else None
+            asked, left = _Structures(finer, search.criterion), search.compare
+            may_depend = left.leaves_what_may_depend(result.final)
+            structure = asked.of(result.final) if may_depend else None
         return replace(found, search=search, result=result, structure=structure)
 
     def _try_slopes(self, held: Findings) -> Findings:

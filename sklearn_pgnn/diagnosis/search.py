@@ -104,7 +104,8 @@ class Search:
         """Return the best hypothesis so far, without needless causes as far as the time allows."""
         self.progress.counts = False  # a result there must be
         tested = self._prune_in_spare_time()
-        if self.compare.refutes(self._standing, self.current):
+        lost = self.compare.runs_away(self.current)
+        if lost or self.compare.refutes(self._standing, self.current):
             self.current = self._standing  # what moves led to may not stand itself
         return replace(self._result(complete=False), tested=tested)
 
@@ -248,12 +249,18 @@ class Search:
             yield self.moves.replace
         if count:
             yield self.moves.split
-        if room >= 1 and (self.has_structure(current) or self.compare.leaves_much(current)):
+        if room >= 1 and self._is_worth_patience(current):
             yield self.moves.add_patiently
             if room >= 2:
                 yield self.moves.add_pair
             if count:
                 yield self.moves.replace_by_pair
+
+    def _is_worth_patience(self, current: FittedHypothesis) -> bool:
+        """Return whether what is left may depend on the records, so that costly moves are tried."""
+        if self.compare.runs_away(current):
+            return False
+        return self.has_structure(current) or self.compare.leaves_much(current)
 
     def _take_given(self) -> None:
         """Begin with the causes that the records show by themselves."""

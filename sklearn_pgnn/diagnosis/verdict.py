@@ -23,6 +23,9 @@ class Remaining:
         Held-out error of every output over windows, as a multiple of its white part.
     depends_on : tuple of str
         States, inputs and the time that structure depends on, the most important first.
+    runs_away : bool, default=False
+        Whether the model tells nothing about any output: over windows the prior runs away from the
+        records, and no output is predicted better than is possible without a model.
 
     Examples
     --------
@@ -33,6 +36,7 @@ class Remaining:
     kind: str
     times_noise: dict[str, float]
     depends_on: tuple[str, ...] = ()
+    runs_away: bool = False
 
 
 def describe_remaining(
@@ -62,10 +66,11 @@ def describe_remaining(
     left, white = fitter.squares_by_output(final), fitter.white_squares(final)
     times = np.sqrt(fitter.held_out(final).windows.squares / white)
     named = dict(zip(fitter.problem.prior.outputs, times.tolist(), strict=True))
-    if structure is not None and structure.is_significant:
-        return Remaining("structure", named, structure.depends_on)
     white_only = bool((left - white <= smallest_share * left).all())
-    return Remaining("noise" if white_only else "disturbance", named)
+    runs_away = not white_only and fitter.runs_away(final)
+    if structure is not None and structure.is_significant:
+        return Remaining("structure", named, structure.depends_on, runs_away)
+    return Remaining("noise" if white_only else "disturbance", named, (), runs_away)
 
 
 def verdict_of(result: SearchResult, remaining: Remaining, has_formula: bool) -> str:
@@ -84,10 +89,11 @@ def verdict_of(result: SearchResult, remaining: Remaining, has_formula: bool) ->
     -------
     {"model_adequate", "cause_named", "ambiguous", "unexplained"}
         The verdict: *unexplained* only where something depends on what was recorded and nothing
-        could be named, or where more than noise is left and the search did not come to its end.
+        could be named, where the model runs away from the records, or where more than noise is left
+        and the search did not come to its end.
     """
     if result.steps:
         return "ambiguous" if any(result.rivals.values()) else "cause_named"
-    if not result.complete and remaining.kind != "noise":
+    if remaining.runs_away or (not result.complete and remaining.kind != "noise"):
         return "unexplained"
     return "unexplained" if has_formula or remaining.kind == "structure" else "model_adequate"

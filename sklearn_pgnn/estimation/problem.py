@@ -3,6 +3,7 @@
 import math
 from copy import copy
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -16,6 +17,7 @@ from sklearn_pgnn.estimation.budgets import (
     STRETCHES,
 )
 from sklearn_pgnn.estimation.spectral_lines import find_lines, slopes_by_record
+from sklearn_pgnn.estimation.without_model import free_values, squares_without_model
 from sklearn_pgnn.exceptions import OptionError, RecordError
 from sklearn_pgnn.physics.effect import Scales
 from sklearn_pgnn.physics.model import PhysicsModel
@@ -29,6 +31,7 @@ from sklearn_pgnn.simulation.record_windows import (
 )
 from sklearn_pgnn.simulation.state_estimate import StateEstimator
 from sklearn_pgnn.simulation.windows import ShootingWindows, evaluate
+from sklearn_pgnn.trajectories.reader import MIN_SAMPLES as LEAST_SAMPLES
 from sklearn_pgnn.trajectories.record import Record
 
 
@@ -52,6 +55,8 @@ class EstimationProblem:
         Dominant period of the outputs [s].
     n_processes : int, default=1
         Processes that fit hypotheses side by side.
+    min_samples : int, default=20
+        Fewest measured samples of a window.
     """
 
     prior: PhysicsModel
@@ -61,11 +66,23 @@ class EstimationProblem:
     n_samples: int
     period: float
     n_processes: int = 1
+    min_samples: int = MIN_SAMPLES
 
     @property
     def typical_outputs(self) -> np.ndarray:
         """Root mean square of every output about its mean, of shape (n_outputs,)."""
         return np.array([self.scales.typical[output] for output in self.prior.outputs])
+
+    @property
+    def squares_about_mean(self) -> np.ndarray:
+        """Squares of every output about its mean, in units of the noise."""
+        measured = np.isfinite(self.windows.y[self.windows.rows]).sum(axis=0)
+        return measured * (self.typical_outputs / self.windows.scale) ** 2
+
+    @cached_property
+    def squares_without_model(self) -> np.ndarray:
+        """Squares of every output that no model is needed for, see `squares_without_model`."""
+        return squares_without_model(self.windows, free_values(self.prior))
 
     @property
     def resolution(self) -> np.ndarray:
@@ -135,9 +152,18 @@ def _check_count(windows: ShootingWindows, window_length) -> None:
 def shorter(problem: EstimationProblem) -> EstimationProblem | None:
     """Return the problem with windows of half the length, or None if they would be too short."""
     length = problem.scales.window / 2
-    if length < max(MIN_SAMPLES * problem.scales.sample_time, SHORTEST * problem.period):
+    if length < max(problem.min_samples * problem.scales.sample_time, SHORTEST * problem.period):
         return None
     return recut(problem, length)
+
+
+def with_few_samples(problem: EstimationProblem) -> EstimationProblem:
+    """Return the problem whose windows may be as short as their initial states allow.
+
+    Of the values measured in a window, as many must be left to judge by as initial states are
+    fitted.
+    """
+    return replace(problem, min_samples=max(2 * free_values(problem.prior), LEAST_SAMPLES))
 
 
 def longer(problem: EstimationProblem) -> EstimationProblem | None:
@@ -167,7 +193,7 @@ def recut(problem: EstimationProblem, length: float) -> EstimationProblem | None
     EstimationProblem or None
         The problem. Longer windows have more blocks, of about the old length.
     """
-    windows = cut(problem.windows, length)
+    windows = cut(problem.windows, length, min_samples=problem.min_samples)
     if np.array_equal(windows.starts, problem.windows.starts):
         return None
     length = median_window_length(windows)

@@ -380,6 +380,27 @@ class WindowFitter:
         """Return the squared residuals of a hypothesis by output, in units of the noise."""
         return squares_by_output(self.problem, trial.fit)
 
+    def runs_away(self, trial: FittedHypothesis) -> bool:
+        """Return whether a hypothesis tells nothing, where the re-tuned prior runs away.
+
+        A prior runs away that predicts no output better over windows than its mean does. What
+        predicts none better than is possible without a model only ends that.
+
+        Parameters
+        ----------
+        trial : FittedHypothesis
+            The hypothesis; it may be the re-tuned prior.
+
+        Returns
+        -------
+        bool
+            False wherever the re-tuned prior does not run away.
+        """
+        of_prior, left = (self.held_out(each).windows.squares for each in (self.base(), trial))
+        if (of_prior < self.problem.squares_about_mean).any():
+            return False
+        return not bool((left < self.problem.squares_without_model).any())
+
     def white_squares(self, trial: FittedHypothesis) -> np.ndarray:
         """Return the white part of the squared residuals of a hypothesis, by output."""
         return white_squares(self.problem, trial.fit)

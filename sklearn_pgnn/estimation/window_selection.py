@@ -7,11 +7,19 @@ import numpy as np
 
 from sklearn_pgnn.estimation.budgets import FOLLOWED, FORGOTTEN
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
-from sklearn_pgnn.estimation.problem import EstimationProblem, longer, recut, shorter
+from sklearn_pgnn.estimation.instability import horizon
+from sklearn_pgnn.estimation.problem import (
+    EstimationProblem,
+    longer,
+    recut,
+    shorter,
+    with_few_samples,
+)
 from sklearn_pgnn.estimation.progress import Progress
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.simulation.pointwise import evaluate_samples, sample_table
+from sklearn_pgnn.simulation.record_windows import MIN_SAMPLES
 from sklearn_pgnn.simulation.source import differentiate
 
 
@@ -21,7 +29,8 @@ def select_windows(
     """Make windows as long as the re-tuned prior can track, and as hidden states need to decay.
 
     Windows are halved, or doubled, while the error per sample in them is small, or grows with their
-    length no faster than that of a model with a random disturbance.
+    length no faster than that of a model with a random disturbance. Windows in which an unstable
+    prior runs away from the records tell nothing: they are halved on, down to a few samples.
 
     Parameters
     ----------
@@ -41,12 +50,31 @@ def select_windows(
         if not _is_lost(nearer, fitter):
             break
         fitter = nearer
+    fitter = _before_it_runs_away(fitter)
     while (joined := longer(fitter.problem)) is not None:
         further = HypothesisFitter(joined, progress)
-        if _is_lost(fitter, further):
+        if _is_lost(fitter, further) or _is_beyond_foresight(further):
             break
         fitter = further
     return _past_hidden_starts(fitter)
+
+
+def _before_it_runs_away(fitter: HypothesisFitter) -> HypothesisFitter:
+    """Return windows so short that the re-tuned prior tells something.
+
+    The error of an unstable prior grows by a constant factor per time constant of the instability,
+    and windows of a usual number of samples may hold many of these. In short windows it must
+    predict some output better than is possible without a model. Where it does so in none, they are
+    as long as its foresight: a cause may be what it lacks.
+    """
+    tried = [fitter]
+    while not _tells(tried[-1]):
+        problem = tried[-1].problem
+        cut = shorter(problem) or shorter(with_few_samples(problem))
+        if cut is None:
+            return next((each for each in tried if not _is_beyond_foresight(each)), fitter)
+        tried.append(HypothesisFitter(cut, fitter.progress))
+    return tried[-1]
 
 
 def _is_lost(shorter_windows: HypothesisFitter, longer_windows: HypothesisFitter) -> bool:
@@ -77,10 +105,28 @@ def _past_hidden_starts(fitter: HypothesisFitter) -> HypothesisFitter:
 
 
 def _tells(fitter: HypothesisFitter) -> bool:
-    """Return whether the re-tuned prior predicts some output better than its mean does."""
+    """Return whether the re-tuned prior says something about some output over windows.
+
+    It does if it predicts it better than its mean does, in windows of fewer samples than usual
+    better than is possible without a model, and if windows do not exceed an unstable prior's
+    foresight.
+    """
+    problem = fitter.problem
+    is_usual = problem.min_samples >= MIN_SAMPLES
+    least = problem.squares_about_mean if is_usual else problem.squares_without_model
+    return _leaves_less_than(fitter, least) and not _is_beyond_foresight(fitter)
+
+
+def _is_beyond_foresight(fitter: HypothesisFitter) -> bool:
+    """Return whether noise at the start of a window grows to the size of the outputs in it."""
+    problem = fitter.problem
+    return problem.scales.window > horizon(problem, fitter.base().fit.model)
+
+
+def _leaves_less_than(fitter: HypothesisFitter, squares: np.ndarray) -> bool:
+    """Return whether the re-tuned prior leaves less than some squares of any output."""
     fit = fitter.base().fit
-    left = np.nanmean(fit.evaluation.residual**2, axis=0)
-    return fit.usable and bool((left < fitter.problem.typical_outputs**2).any())
+    return fit.usable and bool((fitter.squares_by_output(fitter.base()) < squares).any())
 
 
 def _slowest(fitter: HypothesisFitter) -> float:

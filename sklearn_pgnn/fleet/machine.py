@@ -4,11 +4,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from sklearn_pgnn.estimation.candidate import Candidate
-from sklearn_pgnn.inspection.words import NO_CAUSE, VERDICTS, verdict_in_words
+from sklearn_pgnn.inspection.words import NO_CAUSE, RUNS_AWAY, VERDICTS, verdict_in_words
 
 FAILED = "Not diagnosed"
 #: the verdicts in words, with an entry for no verdict
-SAID = (*VERDICTS.values(), NO_CAUSE, FAILED)
+SAID = (*VERDICTS.values(), NO_CAUSE, RUNS_AWAY, FAILED)
 #: the order of verdicts in a fleet
 ORDER = ("cause_named", "ambiguous", "unexplained", "model_adequate", "failed")
 

@@ -1,5 +1,6 @@
 """Parameters at an end of their spread or at a bound, in words."""
 
+from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.spread_ends import at_bounds, at_spread_ends
 from sklearn_pgnn.record_quality.wording import listed
 
@@ -17,10 +18,39 @@ def spread_sentence(diagnosis) -> str:
     str
         Sentences with their remedies; empty where every parameter lies inside.
     """
-    values = {name: parameter.value for name, parameter in diagnosis.parameters_.items()}
-    retuned = diagnosis.model.with_parameters(**values)
+    retuned = _retuned(diagnosis)
     spread, bounds = at_spread_ends(diagnosis.model, retuned), at_bounds(retuned)
     return " ".join(filter(None, (_at_spreads(spread), _at_bounds(bounds))))
+
+
+def spread_remedy(diagnosis) -> str:
+    """Return what to do first where parameters lie at an end of a spread.
+
+    Parameters
+    ----------
+    diagnosis : ModelDiagnosis
+        A fitted diagnosis.
+
+    Returns
+    -------
+    str
+        One sentence; empty where every parameter lies inside its spread.
+    """
+    names = at_spread_ends(diagnosis.model, _retuned(diagnosis))
+    if not names:
+        return ""
+    spread, lie = ("wider spreads", "they lie") if len(names) > 1 else ("a wider spread", "it lies")
+    return (
+        f"Give {listed(names)} {spread} first, or spread: .inf where nothing is known, and "
+        f"diagnose again: {lie} at the end of what was allowed, so a wrong value of a parameter "
+        f"may be taken for a cause."
+    )
+
+
+def _retuned(diagnosis) -> PhysicsModel:
+    """Return the prior with its re-tuned values."""
+    values = {name: parameter.value for name, parameter in diagnosis.parameters_.items()}
+    return diagnosis.model.with_parameters(**values)
 
 
 def _at_spreads(names) -> str:

@@ -9,6 +9,7 @@ from sklearn_pgnn.estimation.hypothesis import commute
 from sklearn_pgnn.inspection.cause_names import candidate_name, cause_name
 from sklearn_pgnn.inspection.named_terms import known_sentence
 from sklearn_pgnn.inspection.numbers import chance, number, percent, readable, times
+from sklearn_pgnn.inspection.runaway import runaway_sentence, runs_away
 from sklearn_pgnn.inspection.yardstick import (
     in_free_run,
     is_adequate_as_given,
@@ -27,6 +28,8 @@ VERDICTS = {
 }
 #: title for a model that is adequate, since nothing recorded explains more, but leaves much error
 NO_CAUSE = "No cause found"
+#: title where no model predicts any output better over windows than its mean does
+RUNS_AWAY = "Model runs away"
 #: what a cause may be confused with, if the search ended before it had rivals
 NOT_COMPARED = "not known: the diagnosis ended before others were compared"
 #: smallest probability of no cause at all that is listed with the others
@@ -50,6 +53,8 @@ def verdict_title(diagnosis) -> str:
         return "Unfinished"
     if diagnosis.verdict_ == "model_adequate" and leaves_much(diagnosis):
         return NO_CAUSE
+    if runs_away(diagnosis):
+        return RUNS_AWAY
     return VERDICTS[diagnosis.verdict_]
 
 
@@ -71,6 +76,9 @@ def verdict_in_words(found: Mapping) -> str:
     >>> verdict_in_words({"verdict": "model_adequate", "remaining": {"times_noise": {"x": 18.2}}})
     'No cause found'
     """
+    lost = found["verdict"] == "unexplained" and found["remaining"].get("runs_away")
+    if lost and found["complete"] and not found["unexplained"]:
+        return RUNS_AWAY
     left = found["remaining"]["times_noise"].values()
     much = any(times is None or times > MUCH for times in left)
     adequate = found["verdict"] == "model_adequate"
@@ -204,6 +212,8 @@ def lacks(causes) -> str:
 def _found(diagnosis) -> str:
     """Return a sentence on what was found."""
     the_model, lacking = _the_model(diagnosis), lacks(diagnosis.causes_)
+    if runs_away(diagnosis):
+        return runaway_sentence(diagnosis)
     if diagnosis.verdict_ == "model_adequate":
         return f"{_adequate(diagnosis)} {_in_free_run(diagnosis)}".strip()
     sentences = {
@@ -286,6 +296,8 @@ def remaining_sentence(diagnosis) -> str:
         return f"{left} is structure ({much}): it depends on {on}, so physics is still missing."
     if not diagnosis.complete_:
         return f"What is left is more than noise ({much}); what it depends on was not tested."
+    if runs_away(diagnosis):
+        return "What is left is the model's own divergence: it says nothing about the machine."
     return (
         f"What is left is coloured noise or a disturbance ({much}): nothing that was recorded "
         f"predicts it."

@@ -249,7 +249,12 @@ def _powers_of(record, column: int, noise: float) -> np.ndarray:
     return np.zeros(3)
 
 
-def cut(whole: ShootingWindows, length: float, min_windows: int = MIN_WINDOWS) -> ShootingWindows:
+def cut(
+    whole: ShootingWindows,
+    length: float,
+    min_windows: int = MIN_WINDOWS,
+    min_samples: int = MIN_SAMPLES,
+) -> ShootingWindows:
     """Cut every record into windows of about equal length.
 
     Parameters
@@ -257,9 +262,11 @@ def cut(whole: ShootingWindows, length: float, min_windows: int = MIN_WINDOWS) -
     whole : ShootingWindows
         The records.
     length : float
-        Wanted length [s]; at least `MIN_SAMPLES` measured samples.
+        Wanted length [s].
     min_windows : int, default=8
         The windows are made shorter until there are so many in all, if the samples are enough.
+    min_samples : int, default=20
+        Fewest measured samples of a window.
 
     Returns
     -------
@@ -268,7 +275,7 @@ def cut(whole: ShootingWindows, length: float, min_windows: int = MIN_WINDOWS) -
     """
     durations = record_durations(whole)
     measured = np.add.reduceat(np.isfinite(whole.y).any(axis=1), whole.bounds[:-1], dtype=int)
-    most = np.maximum(measured // MIN_SAMPLES, 1)
+    most = np.maximum(measured // min_samples, 1)
     counts = np.clip(np.rint(durations / length), 1, most).astype(int)
     while counts.sum() < min_windows and (counts < most).any():
         counts[np.argmax(np.where(counts < most, durations / counts, -np.inf))] += 1

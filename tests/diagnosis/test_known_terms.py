@@ -94,7 +94,7 @@ def test_an_effect_that_was_considered_is_not_told_to_be_considered(found, expec
 def test_what_the_search_has_tried_is_no_next_step():
     tried = (Tried("coulomb_friction", "w", 0.9, 0.8, 1.0),)
     found = {"candidates_": tried, "causes_": (), "max_causes": 4, "complete_": True}
-    found |= {"data_quality_": (), "verdict_": "unexplained", "model": BEAM}
+    found |= {"data_quality_": (), "verdict_": "unexplained", "model": BEAM, "parameters_": {}}
     part, _ = told("w", {"sign(w)": -0.5})
     assert next_step(SimpleNamespace(**found, discrepancy_=part)).startswith("Find out what acts")
     said = next_step(SimpleNamespace(**(found | {"candidates_": ()}), discrepancy_=part))

@@ -14,11 +14,12 @@ pytestmark = pytest.mark.core
 SHARE = 0.05
 
 
-def described(left, white, structure=None):
+def described(left, white, structure=None, runs_away=False):
     """Describe what is left of two outputs, given its squares and their white part."""
     held_out = SimpleNamespace(windows=SimpleNamespace(squares=np.array(left, dtype=float)))
     fitter = SimpleNamespace(
         held_out=lambda trial: held_out,
+        runs_away=lambda trial: runs_away,
         squares_by_output=lambda trial: np.array(left, dtype=float),
         white_squares=lambda trial: np.array(white, dtype=float),
         problem=SimpleNamespace(prior=SimpleNamespace(outputs={"x": "x", "y": "y"})),
@@ -52,6 +53,13 @@ def test_what_is_left_is_told_in_multiples_of_its_white_part_whatever_the_units(
     assert remaining.kind == "disturbance"
 
 
+@pytest.mark.parametrize("structure", [None, Structure({}, True, ("v",))])
+def test_only_what_leaves_more_than_noise_runs_away(structure):
+    assert described((900, 100), (100, 100), structure, runs_away=True).runs_away
+    assert not described((900, 100), (100, 100), structure).runs_away
+    assert not described((100, 100), (100, 100), structure, runs_away=True).runs_away
+
+
 def search_result(rivals, complete=True):
     """Return what a search has named, given what may stand in the place of each cause."""
     steps = [object() for _ in rivals]
@@ -82,6 +90,12 @@ def test_where_nothing_is_named_only_structure_or_its_formula_is_unexplained(
     kind, has_formula, verdict
 ):
     assert verdict_of(search_result([]), Remaining(kind, {}), has_formula) == verdict
+
+
+@pytest.mark.parametrize(("kind", "complete"), [*itertools.product(KINDS, (False, True))])
+def test_no_model_is_adequate_that_runs_away(kind, complete):
+    remaining = Remaining(kind, {}, runs_away=True)
+    assert verdict_of(search_result([], complete), remaining, False) == "unexplained"
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,8 @@ pytestmark = pytest.mark.core
 
 def test_a_number_that_is_not_finite_is_none_however_deep_it_lies():
     left = plain(Remaining("structure", {"y": math.inf, "z": 2.0}, ("v",)))
-    assert left == {"kind": "structure", "times_noise": {"y": None, "z": 2.0}, "depends_on": ["v"]}
+    assert left["times_noise"] == {"y": None, "z": 2.0}
+    assert (left["kind"], left["depends_on"]) == ("structure", ["v"])
     assert plain(Estimate(0.5, -math.inf, math.nan))["low"] is None
     assert finite([{"a": (1.0, [{"b": -math.inf}])}]) == [{"a": [1.0, [{"b": None}]]}]
 

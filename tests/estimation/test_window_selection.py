@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from unstable_rig import FRICTION, GAP, STRENGTH, hovering, record
 
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel
 from sklearn_pgnn.estimation import window_selection
@@ -43,3 +44,29 @@ def test_windows_are_drawn_out_as_far_as_the_prior_does_not_run_away(lacking, le
     fitter = window_selection._past_hidden_starts(HypothesisFitter(problem))
     assert fitter.problem.scales.window == pytest.approx(length, rel=0.1)
     assert window_selection._tells(fitter)
+
+
+@pytest.mark.parametrize(("sample_time", "fewest"), [(0.001, 20), (0.005, 4), (0.01, 4)])
+def test_windows_are_no_longer_than_an_unstable_prior_foresees(sample_time, fewest):
+    """In 23 ms an error grows by a factor e: 20 samples are one time constant of it, or nine."""
+    model = hovering()
+    problem = build_problem(model, read_records(model, *record(sample_time, 2000)))
+    fitter = window_selection.select_windows(problem)
+    assert fitter.problem.min_samples == fewest
+    assert window_selection._tells(fitter)
+    assert fitter.problem.scales.window < 0.15
+
+
+def test_windows_are_as_short_where_a_cause_is_missing():
+    """With this friction the prior tells nothing in any windows."""
+    model = hovering(0.98 * STRENGTH, 0.97 * GAP)
+    problem = build_problem(model, read_records(model, *record(0.01, 1500, FRICTION)))
+    fitter = window_selection._before_it_runs_away(HypothesisFitter(problem))
+    assert not window_selection._is_beyond_foresight(fitter)
+
+
+def test_a_prior_that_foresees_nothing_keeps_its_windows():
+    model = hovering(1e4 * STRENGTH, GAP)
+    problem = build_problem(model, read_records(model, *record(0.01, 1500)), substeps=4)
+    given = HypothesisFitter(problem)
+    assert window_selection._before_it_runs_away(given) is given

@@ -3,6 +3,7 @@
 from sklearn_pgnn.inspection.cause_names import cause_name
 from sklearn_pgnn.inspection.numbers import sized, times, typeset_unit
 from sklearn_pgnn.inspection.report.parameter_facts import parameter_facts
+from sklearn_pgnn.inspection.runaway import runs_away
 from sklearn_pgnn.inspection.words import missing_place, verdict_title
 from sklearn_pgnn.inspection.yardstick import is_adequate_as_given, leaves_much, over_windows
 from sklearn_pgnn.physics.model import PhysicsModel
@@ -98,6 +99,8 @@ def _unexplained(diagnosis) -> str:
     part = diagnosis.discrepancy_
     if not diagnosis.complete_:
         return "something is missing, and the search ended before it was found"
+    if runs_away(diagnosis):
+        return "nothing can be told, the model runs away from the records"
     if part is None:
         return "something is missing that no known effect explains"
     if part.has_names:

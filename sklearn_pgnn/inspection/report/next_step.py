@@ -3,14 +3,16 @@
 from sklearn_pgnn.inspection.case import known_effects
 from sklearn_pgnn.inspection.named_terms import known_remedy, known_sentence
 from sklearn_pgnn.inspection.numbers import measured, typeset_unit
+from sklearn_pgnn.inspection.parameter_ends import spread_remedy
 from sklearn_pgnn.inspection.report.parameter_facts import parameter_facts
+from sklearn_pgnn.inspection.runaway import runaway_remedy, runs_away
 from sklearn_pgnn.inspection.words import missing_place, separation_sentence
 from sklearn_pgnn.inspection.yardstick import is_adequate_as_given, leaves_much
 from sklearn_pgnn.record_quality.wording import listed
 
 
 def next_step(diagnosis) -> str:
-    """Return what to do next: records first, then what separates, then the check on the rig.
+    """Return what to do next: model and records first, then what separates, then the rig.
 
     Parameters
     ----------
@@ -22,6 +24,11 @@ def next_step(diagnosis) -> str:
     str
         One or two sentences.
     """
+    wider = spread_remedy(diagnosis)
+    if runs_away(diagnosis):
+        return f"{wider} {runaway_remedy(diagnosis)}".lstrip()
+    if wider:
+        return wider
     if diagnosis.data_quality_:
         first = diagnosis.data_quality_[0]
         return (

@@ -1,0 +1,87 @@
+"""A model that runs away from the records within windows, in words."""
+
+import numpy as np
+
+from sklearn_pgnn.estimation.without_model import free_values, squares_without_model
+from sklearn_pgnn.inspection.numbers import number
+from sklearn_pgnn.record_quality.wording import listed
+
+#: what to do about a model that runs away
+REMEDY = (
+    "Check the signs, units and values of the model, and give wider spreads to parameters that are "
+    "not well known. If the machine is unstable by itself, sample faster: in windows of a few "
+    "samples the model cannot run away; or put its controller into the model, with the reference "
+    "as the input."
+)
+
+
+def runs_away(diagnosis) -> bool:
+    """Return whether nothing predicts any output better than is possible without a model.
+
+    Parameters
+    ----------
+    diagnosis : ModelDiagnosis
+        A fitted diagnosis.
+
+    Returns
+    -------
+    bool
+        False where there is a cause or a formula, as none is named that does not, and where the
+        search did not come to its end.
+    """
+    if diagnosis.verdict_ != "unexplained" or diagnosis.discrepancy_ or not diagnosis.complete_:
+        return False
+    return diagnosis.remaining_.runs_away
+
+
+def runaway_sentence(diagnosis) -> str:
+    """Return what was expected of the model, what came, and where.
+
+    Parameters
+    ----------
+    diagnosis : ModelDiagnosis
+        A fitted diagnosis.
+
+    Returns
+    -------
+    str
+        Three sentences.
+    """
+    came = [
+        f"{number(gain.refitted, 3)} {gain.unit}".rstrip() + f" of {output} instead of less than "
+        f"{number(expected, 3)}"
+        for (output, gain), expected in zip(
+            diagnosis.gain_.items(), _without_model(diagnosis), strict=True
+        )
+    ]
+    return (
+        f"Nothing can be told: over windows of {number(diagnosis.window_, 3)} s the re-tuned model "
+        f"runs away from the records, as that of an unstable machine does. It predicts no output "
+        f"better than is possible without a model, by carrying on as at the start: its error is "
+        f"{listed(came)}. No cause is named that merely ends the divergence."
+    )
+
+
+def runaway_remedy(diagnosis) -> str:
+    """Return what to do about a model that runs away.
+
+    Parameters
+    ----------
+    diagnosis : ModelDiagnosis
+        A fitted diagnosis.
+
+    Returns
+    -------
+    str
+        Sentences; the first is on windows of a given length.
+    """
+    given = "" if diagnosis.window_length is None else "Leave window_length out. "
+    return f"{given}{REMEDY}"
+
+
+def _without_model(diagnosis) -> np.ndarray:
+    """Return the root mean square error that is possible without a model, of every output."""
+    windows = diagnosis.records_.windows
+    counts = np.isfinite(windows.y[windows.rows]).sum(axis=0)
+    squares = squares_without_model(windows, free_values(diagnosis.model))
+    return windows.scale * np.sqrt(squares / np.maximum(counts, 1))
