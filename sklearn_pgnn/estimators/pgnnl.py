@@ -1,7 +1,6 @@
 """The paper's physics-guided neural network with a physical loss, as a skorch regressor."""
 
 import contextlib
-import warnings
 
 import numpy as np
 from sklearn.base import MultiOutputMixin
@@ -29,6 +28,7 @@ from sklearn_pgnn.trajectories import rows_in_order
 from sklearn_pgnn.trajectories.scoring import GapScoreMixin
 from sklearn_pgnn.trajectories.tags import tags_of_records
 from sklearn_pgnn.trajectories.validation import require_target
+from sklearn_pgnn.user_line import warn_user
 
 with needed_by("PGNNLRegressor"):
     import torch
@@ -580,13 +580,12 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
         for record, ready in zip(runs.records, runs.ready, strict=True):
             x, failed = run(ready)
             if failed >= 0:
-                warnings.warn(
+                warn_user(
                     f"trajectory {record.name!r}: the network's free run exceeded 1000 times the "
                     f"range of the training data at t = {ready.t[failed]:g} s; its last state is "
                     f"repeated. Remedy: structure='correction' or 'increment', rollouts "
                     f"(horizon=50), more trajectories, or a smaller network.",
                     SimulationWarning,
-                    stacklevel=3,
                 )
             runs.x.append(x)
         return runs

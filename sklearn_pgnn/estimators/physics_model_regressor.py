@@ -1,7 +1,5 @@
 """A physical model whose parameters are fitted to records."""
 
-import warnings
-
 import numpy as np
 from sklearn.base import BaseEstimator, MultiOutputMixin
 from sklearn.utils.validation import check_is_fitted
@@ -52,6 +50,7 @@ from sklearn_pgnn.trajectories.measured import of_measured
 from sklearn_pgnn.trajectories.scoring import GapScoreMixin
 from sklearn_pgnn.trajectories.tags import tags_of_records
 from sklearn_pgnn.trajectories.validation import check_model, require_target, validate_table
+from sklearn_pgnn.user_line import warn_user
 
 
 class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
@@ -438,12 +437,10 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         self.parameters_ = {name: estimate_of(self.model_, name, errors) for name in errors}
         loose = [name for name, error in errors.items() if self._is_loose(name, error)]
         if loose:
-            warnings.warn(
+            warn_user(
                 f"the records do not determine {', '.join(loose)}: other values fit equally well. "
                 f"Remedy: fix known parameters (leave them out of 'free'), or excite the machine "
-                f"more richly.",
-                UserWarning,
-                stacklevel=3,
+                f"more richly."
             )
 
     def _is_loose(self, name: str, error: float) -> bool:
@@ -465,10 +462,8 @@ def _warn_of_ends(freedoms, model) -> None:
         if np.isfinite(each.spread) and values[each.name] in (each.low, each.high)
     ]
     if ends:
-        warnings.warn(
+        warn_user(
             f"{', '.join(ends)} ended at a limit of the spread or bounds. Remedy: a larger spread "
             f"in the model, or within_spread=False; if they compensate for missing physics, "
-            f"ModelDiagnosis(model) looks for it.",
-            UserWarning,
-            stacklevel=3,
+            f"ModelDiagnosis(model) looks for it."
         )

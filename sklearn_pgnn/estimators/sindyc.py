@@ -1,6 +1,5 @@
 """Sparse identification of nonlinear dynamics with control, as an estimator."""
 
-import warnings
 from numbers import Integral, Real
 
 import numpy as np
@@ -41,6 +40,7 @@ from sklearn_pgnn.trajectories.scoring import GapScoreMixin
 from sklearn_pgnn.trajectories.tables import as_pandas
 from sklearn_pgnn.trajectories.tags import tags_of_records
 from sklearn_pgnn.trajectories.validation import check_model, require_target, validate_table
+from sklearn_pgnn.user_line import warn_user
 
 #: what may help against a divergence of what was identified
 REMEDY = "raise threshold, take a smaller library, or longer spans"
@@ -419,11 +419,9 @@ class SINDYcRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         )
         for name, row, target in zip(names, found, targets.T, strict=True):
             if not row.any() and target.any():
-                warnings.warn(
+                warn_user(
                     f"no term of the library is left for {name!r}. Remedy: lower threshold, "
-                    f"or give the library other terms.",
-                    UserWarning,
-                    stacklevel=4,
+                    f"or give the library other terms."
                 )
         return found
 

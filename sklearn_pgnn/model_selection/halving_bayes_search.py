@@ -16,6 +16,7 @@ from sklearn_pgnn.model_selection.outer_estimator import OuterEstimatorMixin, in
 from sklearn_pgnn.model_selection.own_folds import own_folds
 from sklearn_pgnn.model_selection.search_space import refuse_unknown_names
 from sklearn_pgnn.trajectories.tables import take_rows
+from sklearn_pgnn.user_line import warn_user
 
 #: draws among which a candidate is sought that was not tried yet
 DRAWS = 1000
@@ -55,11 +56,9 @@ def _tell(optimizer, waiting: dict, means) -> None:
 
 def _warn_of_failure(params, fold: int, what: str) -> None:
     """Warn of a candidate that could not be scored."""
-    warnings.warn(
+    warn_user(
         f"the candidate {params} could not be scored in fold {fold}: {what} It counts as the "
-        f"worst. Remedy: a narrower search space.",
-        UserWarning,
-        stacklevel=4,
+        f"worst. Remedy: a narrower search space."
     )
 
 
@@ -72,11 +71,9 @@ def _ask(optimizer):
 
 def _warn_of_few(found: int, wanted: int) -> None:
     """Warn of a space that has no further candidates."""
-    warnings.warn(
+    warn_user(
         f"search_spaces: expected at least n_iter={wanted} different candidates, got {found}, all "
-        f"of which have been scored: the search ends. Remedy: n_iter={found}, or a larger space.",
-        UserWarning,
-        stacklevel=3,
+        f"of which have been scored: the search ends. Remedy: n_iter={found}, or a larger space."
     )
 
 
@@ -261,13 +258,11 @@ class HalvingBayesSearchCV(OuterEstimatorMixin, MetaEstimatorMixin, BaseEstimato
         """Warn if the final fit scores lower on all records than all folds on held-out ones."""
         score = self.score(X, y)
         if not score >= least:
-            warnings.warn(
+            warn_user(
                 f"the best candidate, fitted to all records, scores {score:.4g} on them; in the "
                 f"folds it scored at least {least:.4g} on held-out records: this fit has ended in "
                 f"a bad local minimum. Remedy: another random_state of the estimator, or "
-                f"EnsembleRegressor(estimator), in which a single such fit has no effect.",
-                UserWarning,
-                stacklevel=3,
+                f"EnsembleRegressor(estimator), in which a single such fit has no effect."
             )
 
     def _optimizer(self):

@@ -1,11 +1,10 @@
 """Initial states that y contradicts: those that X gives, or those of the model where X has none."""
 
-import warnings
-
 import numpy as np
 
 from sklearn_pgnn.exceptions import RecordWarning
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.user_line import warn_user
 
 #: share of an output's deviation by which its first row may differ from the state it shows
 SHARE = 0.1
@@ -98,14 +97,13 @@ def _warn_of_contradiction(found, counts, names: tuple[str, str]) -> None:
     if found is None:
         return
     first, begins, told = found
-    warnings.warn(
+    warn_user(
         f"y: output {names[0]!r} is the state {names[1]!r}, but in {counts[0]} of {counts[1]} "
         f"trajectories it begins elsewhere than X says: in trajectory {first.name!r}, row "
         f"{first.rows[0]}, y is {begins:.4g}, and X gives {told:.4g}. Remedy: "
         f"let y have the model's units (a TransformedTargetRegressor scales y, but not the states "
         f"in X); or leave the state out of X, or NaN, where it is not known.",
         RecordWarning,
-        stacklevel=4,
     )
 
 
@@ -114,7 +112,7 @@ def _warn_of_unknown_start(found, counts, names: tuple[str, str]) -> bool:
     if found is None:
         return False
     first, begins, said = found
-    warnings.warn(
+    warn_user(
         f"{UNKNOWN} for {names[1]!r}, so that predictions start where the model does, but in "
         f"{counts[0]} of {counts[1]} trajectories output {names[0]!r} begins elsewhere: in "
         f"trajectory {first.name!r}, row {first.rows[0]}, y is {begins:.4g}, and the model starts "
@@ -122,7 +120,6 @@ def _warn_of_unknown_start(found, counts, names: tuple[str, str]) -> bool:
         f"trajectory is read; GreyBoxRegressor(initial_window=20).predict_from(X, y) estimates "
         f"them.",
         RecordWarning,
-        stacklevel=4,
     )
     return True
 
