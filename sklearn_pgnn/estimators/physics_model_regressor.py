@@ -41,6 +41,7 @@ from sklearn_pgnn.simulation.uncertainty import (
 )
 from sklearn_pgnn.threads import local_threads, one_thread_each
 from sklearn_pgnn.trajectories import read_records, rows_in_order
+from sklearn_pgnn.trajectories.constant_outputs import warn_of_constant_outputs
 from sklearn_pgnn.trajectories.contradicted_states import (
     warn_of_contradicted_states,
     warn_of_unknown_starts,
@@ -202,6 +203,7 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         records = read_records(self.model, X, y, time_column=self.time_column)
         refuse_standardised(self.model, records)
         warn_of_contradicted_states(self.model, records)
+        warn_of_constant_outputs(self.model, records, noise_is_told=told is not None)
         pieces = without_gaps(records, self.window_length)
         windowed, found = self._find(pieces, names)
         windows = windowed.windows

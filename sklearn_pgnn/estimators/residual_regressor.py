@@ -20,6 +20,7 @@ from sklearn_pgnn.simulation.long_steps import usual_step, without_long_steps
 from sklearn_pgnn.simulation.record_windows import output_noise
 from sklearn_pgnn.simulation.simulate import hold_of
 from sklearn_pgnn.trajectories import read_records, rows_in_order
+from sklearn_pgnn.trajectories.constant_outputs import warn_of_constant_outputs
 from sklearn_pgnn.trajectories.contradicted_states import (
     warn_of_contradicted_states,
     warn_of_unknown_starts,
@@ -275,6 +276,7 @@ class ResidualRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         refuse_standardised(self.model, records)
         warn_of_contradicted_states(self.model, records)
         warn_of_unknown_starts(self.model, records)
+        warn_of_constant_outputs(self.model, records)
         self.hold_ = hold_of(self.model, self.hold)
         even = without_long_steps(records)
         self.substeps_ = substeps_for(self.model, even, self.substeps, hold=self.hold_)

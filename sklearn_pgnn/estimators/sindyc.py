@@ -34,6 +34,7 @@ from sklearn_pgnn.simulation.long_steps import without_long_steps
 from sklearn_pgnn.simulation.record_windows import noise_levels, output_noise
 from sklearn_pgnn.simulation.simulate import hold_of
 from sklearn_pgnn.trajectories import read_records
+from sklearn_pgnn.trajectories.constant_outputs import warn_of_constant_outputs
 from sklearn_pgnn.trajectories.contradicted_states import warn_of_unknown_starts
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
 from sklearn_pgnn.trajectories.scoring import GapScoreMixin
@@ -315,6 +316,7 @@ class SINDYcRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         if self.model is not None:
             refuse_standardised(self.model, records)
             warn_of_unknown_starts(self.model, records)
+        warn_of_constant_outputs(base, records)
         levels = noise_levels(records)
         self.hold_, self.noise_ = hold_of(base, self.hold), output_noise(records, levels)
         options = {"hold": self.hold_, "substeps": self.substeps, "levels": levels}

@@ -14,6 +14,7 @@ from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.free_run import simulate_record
 from sklearn_pgnn.simulation.record_windows import MIN_SAMPLES, window_records
 from sklearn_pgnn.trajectories import read_records
+from sklearn_pgnn.trajectories.constant_outputs import remarks_on_dead_outputs
 
 #: factors between two units of a quantity that differ by a prefix, and their powers of ten
 PREFIXES = {1e3: 3, 1e6: 6, 1e-3: -3, 1e-6: -6}
@@ -194,6 +195,7 @@ def first_look(model: PhysicsModel, X, y) -> FirstLook:
         outputs,
         (
             *_constant(quantities),
+            *remarks_on_dead_outputs(model, records),
             *_gaps(records),
             *failed,
             *_odd(model, records, windows, outputs),
