@@ -19,7 +19,7 @@ from sklearn_pgnn.estimators.network.sample_interval import (
 )
 from sklearn_pgnn.estimators.network.stepper import Stepper
 from sklearn_pgnn.estimators.one_warning import one_simulation_warning
-from sklearn_pgnn.exceptions import OptionError, SimulationWarning
+from sklearn_pgnn.exceptions import SimulationWarning
 from sklearn_pgnn.extras import needed_by
 from sklearn_pgnn.simulation.ahead import Machine, predict_ahead
 from sklearn_pgnn.simulation.network_run import network_record
@@ -27,7 +27,10 @@ from sklearn_pgnn.threads import one_thread_each
 from sklearn_pgnn.trajectories import rows_in_order
 from sklearn_pgnn.trajectories.scoring import GapScoreMixin
 from sklearn_pgnn.trajectories.tags import tags_of_records
-from sklearn_pgnn.trajectories.validation import require_target
+from sklearn_pgnn.trajectories.validation import (
+    refuse_fit_params,
+    require_target,
+)
 from sklearn_pgnn.user_line import warn_user
 
 with needed_by("PGNNLRegressor"):
@@ -594,11 +597,7 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
 
     def _fit(self, X, y, *, anew: bool, **fit_params):
         require_target(self, y)
-        if fit_params.pop("sample_weight", None) is not None:
-            raise OptionError(
-                f"sample_weight: expected none, for {type(self).__name__} weighs all measured "
-                f"samples alike. Remedy: leave it out; a sample whose y is NaN does not count."
-            )
+        refuse_fit_params(self, {"sample_weight": fit_params.pop("sample_weight", None)})
         self._check_parameters()
         random = check_random_state(self.random_state)
         has_time = self._has_time(X)

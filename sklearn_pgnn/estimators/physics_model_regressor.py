@@ -50,7 +50,12 @@ from sklearn_pgnn.trajectories.lost_units import refuse_standardised
 from sklearn_pgnn.trajectories.measured import of_measured
 from sklearn_pgnn.trajectories.scoring import GapScoreMixin
 from sklearn_pgnn.trajectories.tags import tags_of_records
-from sklearn_pgnn.trajectories.validation import check_model, require_target, validate_table
+from sklearn_pgnn.trajectories.validation import (
+    check_model,
+    refuse_fit_params,
+    require_target,
+    validate_table,
+)
 from sklearn_pgnn.user_line import warn_user
 
 
@@ -171,7 +176,7 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         self.random_state = random_state
         self.verbose = verbose
 
-    def fit(self, X, y):
+    def fit(self, X, y, **fit_params):
         """Fit the free parameters.
 
         Parameters
@@ -180,6 +185,8 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             Time [s], inputs and, where known, the states in each trajectory's first row.
         y : array-like of shape (n_samples, n_outputs) or (n_samples,)
             Measured outputs; NaN where there is none.
+        **fit_params
+            Nothing else: weights of samples are refused.
 
         Returns
         -------
@@ -193,6 +200,7 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             If X and y cannot be read as records of the model, or a parameter is unknown or
             invalid.
         """
+        refuse_fit_params(self, fit_params)
         check_model(self.model)
         told = read_noise_std(self.noise_std, list(self.model.outputs))
         require_target(self, y)

@@ -40,7 +40,12 @@ from sklearn_pgnn.trajectories.lost_units import refuse_standardised
 from sklearn_pgnn.trajectories.scoring import GapScoreMixin
 from sklearn_pgnn.trajectories.tables import as_pandas
 from sklearn_pgnn.trajectories.tags import tags_of_records
-from sklearn_pgnn.trajectories.validation import check_model, require_target, validate_table
+from sklearn_pgnn.trajectories.validation import (
+    check_model,
+    refuse_fit_params,
+    require_target,
+    validate_table,
+)
 from sklearn_pgnn.user_line import warn_user
 
 #: what may help against a divergence of what was identified
@@ -191,7 +196,7 @@ class SINDYcRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         self.substeps = substeps
         self.verbose = verbose
 
-    def fit(self, X, y):
+    def fit(self, X, y, **fit_params):
         """Identify the equations.
 
         Parameters
@@ -200,6 +205,8 @@ class SINDYcRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             Time [s], inputs and, where known, the states in each trajectory's first row.
         y : DataFrame or array-like of shape (n_samples, n_outputs) or (n_samples,)
             Measured outputs of the model, or the states; NaN where there is none.
+        **fit_params
+            Nothing else: weights of samples are refused.
 
         Returns
         -------
@@ -213,6 +220,7 @@ class SINDYcRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         ImportError
             If pysindy is not installed.
         """
+        refuse_fit_params(self, fit_params)
         require_target(self, y)
         self._check_parameters()
         y = as_pandas(y)

@@ -35,7 +35,11 @@ from sklearn_pgnn.trajectories.contradicted_states import warn_of_unknown_starts
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
 from sklearn_pgnn.trajectories.scoring import GapScoreMixin
 from sklearn_pgnn.trajectories.tags import tags_of_records
-from sklearn_pgnn.trajectories.validation import require_target, validate_table
+from sklearn_pgnn.trajectories.validation import (
+    refuse_fit_params,
+    require_target,
+    validate_table,
+)
 
 
 class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
@@ -231,7 +235,7 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             return diagnosis_or_default(self.diagnosis, self.model)
         return network_or_default(self.network)
 
-    def fit(self, X, y):
+    def fit(self, X, y, **fit_params):
         """Diagnose, fit every depth in every fold, and the chosen one to all records.
 
         Parameters
@@ -240,6 +244,8 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             Time [s], inputs and, where known, the states in each trajectory's first row.
         y : array-like of shape (n_samples, n_outputs) or (n_samples,)
             Measured outputs; NaN where there is none.
+        **fit_params
+            Nothing else: weights of samples are refused.
 
         Returns
         -------
@@ -253,6 +259,7 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         ImportError
             If the network is asked for and its extra is not installed.
         """
+        refuse_fit_params(self, fit_params)
         depths = check_options(self)
         require_target(self, y)
         records, table = self._read(validate_table(self, X, reset=True), y)

@@ -103,8 +103,8 @@ def warn_of_constant_outputs(model: PhysicsModel, records, *, noise_is_told=Fals
         warn_user(f"y: {remark}", RecordWarning)
     if noise_is_told:
         return
-    still = constant_outputs(records).all(axis=0)
-    for name in (name for name, is_still in zip(model.outputs, still, strict=True) if is_still):
+    still = np.flatnonzero(constant_outputs(records).all(axis=0)).tolist()
+    for name in (list(model.outputs)[i] for i in still):
         one = f"1 {model.unit(name)}".rstrip()
         warn_user(
             f"y: output {name!r} has one value only in every trajectory in which it was measured: "

@@ -72,9 +72,36 @@ def test_names_of_the_table_count_and_those_of_no_table_do_not():
     with pytest.raises(RecordError, match=r"order, position, v; .* y\[\['position', 'v'\]\]"):
         read_outputs(CART, named[["v", "position"]], len(X))
     one = CART.replace(outputs={"x": "x"})
-    np.testing.assert_array_equal(read_outputs(one, Y[["v"]], len(X)), Y[["v"]])
     with pytest.raises(RecordError, match=r"order, x; got the columns x, v"):
         read_records(one, X, Y)
+
+
+@pytest.mark.parametrize("name", ["v", "temp"])
+def test_a_single_column_of_another_name_is_refused(name):
+    one = CART.replace(outputs={"x": "x"})
+    with pytest.raises(RecordError) as caught:
+        ResidualRegressor(one).fit(X, WIDER[[name]])
+    assert str(caught.value) == (
+        f"y: output 'x' is missing; the columns are {name}. Remedy: name the column in the "
+        f"model's 'columns', or y.to_numpy() if only the name is wrong."
+    )
+
+
+@pytest.mark.parametrize("name", ["v", "F", "t", "speed"])
+def test_a_series_with_the_name_of_another_quantity_is_refused(name):
+    one = CART.replace(outputs={"place": "x"}, columns={"v": "speed"})
+    with pytest.raises(RecordError) as caught:
+        ResidualRegressor(one).fit(X, Y["v"].rename(name))
+    assert str(caught.value) == (
+        f"y: expected the output place, got the column {name!r}, which is another quantity of the "
+        f"model. Remedy: y = the column of the output; or y.to_numpy(), if only the name is wrong."
+    )
+
+
+@pytest.mark.parametrize("name", ["place", "x", "sensor 3", None])
+def test_any_other_name_of_a_series_is_taken(name):
+    one = CART.replace(outputs={"place": "x"})
+    np.testing.assert_array_equal(read_outputs(one, Y["x"].rename(name), len(X)), Y[["x"]])
 
 
 def test_without_a_model_columns_may_be_any():
