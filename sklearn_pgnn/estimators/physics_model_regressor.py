@@ -43,7 +43,9 @@ from sklearn_pgnn.threads import local_threads, one_thread_each
 from sklearn_pgnn.trajectories import read_records, rows_in_order
 from sklearn_pgnn.trajectories.constant_outputs import warn_of_constant_outputs
 from sklearn_pgnn.trajectories.contradicted_states import (
+    told_in_all,
     warn_of_contradicted_states,
+    warn_of_missing_starts,
     warn_of_unknown_starts,
 )
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
@@ -232,6 +234,7 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             self.model_, records, self.initial_states_, self._runs, self.noise_
         )
         warn_of_unknown_starts(self.model_, records)
+        self._told = told_in_all(records)
         self._single_output = np.asarray(y).ndim == 1
         self._keep_errors(found, records)
         return self
@@ -250,9 +253,10 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         ndarray of shape (n_samples, n_outputs) or (n_samples,)
             Simulated outputs. All rows of a trajectory whose simulation diverges, to more than 1000
             times what was measured or to no number at all, get the values of the first row, which a
-            `SimulationWarning` reports.
+            `SimulationWarning` reports. A `RecordWarning` tells of a trajectory without the initial
+            value of a state that every trajectory of `fit` had.
         """
-        return self._shaped(self._simulate(self._read(X), self.model_.outputs))
+        return self._shaped(self._simulate(self._read_new(X), self.model_.outputs))
 
     def predict_states(self, X):
         """Simulate the states of every trajectory in free run from its initial state.
@@ -267,7 +271,7 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         ndarray of shape (n_samples, n_states)
             Simulated states of `model_`.
         """
-        return self._simulate(self._read(X), self.model_.states)
+        return self._simulate(self._read_new(X), self.model_.states)
 
     def predict_ahead(self, X, y, steps=1):
         """Predict every sample from the outputs up to `steps` samples before it.
@@ -346,7 +350,7 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         0.9
         """
         check_coverage(coverage)
-        records = self._read(X)
+        records = self._read_new(X)
         predicted = self._simulate(records, self.model_.outputs)
         variance = rows_in_order(records, self._variance(records))
         low, high = interval_around(
@@ -360,6 +364,12 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         X = validate_table(self, X, reset=False)
         records = read_records(self.model, X, y, time_column=self.time_column, to_fit=False)
         refuse_standardised(self.model, records)
+        return records
+
+    def _read_new(self, X):
+        """Read the records of a table to be predicted without y, and tell what starts it lacks."""
+        records = self._read(X)
+        warn_of_missing_starts(self.model_, self._told, records)
         return records
 
     @property
