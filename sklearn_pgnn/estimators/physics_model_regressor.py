@@ -48,7 +48,7 @@ from sklearn_pgnn.trajectories.contradicted_states import (
     warn_of_missing_starts,
     warn_of_unknown_starts,
 )
-from sklearn_pgnn.trajectories.lost_units import refuse_standardised
+from sklearn_pgnn.trajectories.lost_units import refuse_standardised, warn_of_standardised_outputs
 from sklearn_pgnn.trajectories.measured import of_measured
 from sklearn_pgnn.trajectories.scoring import GapScoreMixin
 from sklearn_pgnn.trajectories.tags import tags_of_records
@@ -212,6 +212,7 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             raise ValueError(f"search: expected one of {', '.join(SEARCHES)}, got {self.search!r}.")
         records = read_records(self.model, X, y, time_column=self.time_column)
         refuse_standardised(self.model, records)
+        warn_of_standardised_outputs(self.model, records)
         warn_of_contradicted_states(self.model, records)
         warn_of_constant_outputs(self.model, records, noise_is_told=told is not None)
         pieces = without_gaps(records, self.window_length)
