@@ -87,7 +87,8 @@ class FirstFit:
     output, unit : str
         The output and its unit.
     error, noise : float
-        Root mean square error, and the noise estimated from the records [unit].
+        Root mean square error, and the noise estimated from the records [unit]; NaN for an output
+        that never changes.
     fit : float
         See `fit_percentage`.
     """
@@ -236,10 +237,10 @@ def _fits(model, windows, simulated) -> tuple[FirstFit, ...]:
     with np.errstate(over="ignore", invalid="ignore"):
         errors = np.sqrt(np.nanmean((windows.y - simulated) ** 2, axis=0))
     percent = fit_percentage(windows.y, simulated)
+    still = np.nanmax(windows.y, axis=0) == np.nanmin(windows.y, axis=0)
+    noise = np.where(still, np.nan, windows.scale)  # nothing is known of it
     return tuple(
-        FirstFit(
-            name, model.unit(name), float(errors[i]), float(windows.scale[i]), float(percent[i])
-        )
+        FirstFit(name, model.unit(name), float(errors[i]), float(noise[i]), float(percent[i]))
         for i, name in enumerate(model.outputs)
     )
 

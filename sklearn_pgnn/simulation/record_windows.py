@@ -186,7 +186,7 @@ def output_noise(records, levels: np.ndarray | None = None) -> np.ndarray:
     """
     y = np.concatenate([record.y for record in records])
     spread = of_measured(np.nanstd, y)
-    differ = of_measured(np.nanmax, y) > of_measured(np.nanmin, y)  # a spread may be rounding
+    differ = np.fmax.reduce(y) > np.fmin.reduce(y)  # a spread may be rounding
     levels = noise_levels(records) if levels is None else levels
     usual = of_measured(np.nanmedian, np.where(constant_outputs(records), np.nan, levels))
     return np.fmax(usual, np.where(differ, 1e-6 * spread, 1.0))

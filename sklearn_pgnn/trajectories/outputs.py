@@ -11,7 +11,7 @@ from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.trajectories.names import column_of, once
 from sklearn_pgnn.trajectories.real_numbers import read_numbers
-from sklearn_pgnn.trajectories.tables import TIME, as_pandas
+from sklearn_pgnn.trajectories.tables import as_pandas
 
 
 def read_outputs(model: PhysicsModel | None, y, n_samples: int) -> np.ndarray:
@@ -23,8 +23,8 @@ def read_outputs(model: PhysicsModel | None, y, n_samples: int) -> np.ndarray:
         Defines the outputs; its `columns` give their names in the table. Without a model, y may
         have any columns.
     y : DataFrame, Series or array-like of shape (n_samples, n_outputs) or (n_samples,)
-        The measured outputs in the model's order. The names of a DataFrame are checked; that of a
-        Series is refused where it is another quantity's: an input, the time, or another state.
+        The measured outputs in the model's order. The names of a DataFrame are checked; a Series
+        may have any, for what is computed from a column keeps its name.
     n_samples : int
         Number of rows that X has.
 
@@ -48,8 +48,6 @@ def read_outputs(model: PhysicsModel | None, y, n_samples: int) -> np.ndarray:
 the columns v, x. Predictions are compared with y by place. Remedy: y[['x', 'v']].
     """
     y = as_pandas(y)
-    if model is not None and isinstance(y, pd.Series):
-        _refuse_another_quantity(model, y.name)
     table = y if isinstance(y, pd.DataFrame) else pd.DataFrame(np.asarray(y))
     names = [str(i) for i in range(table.shape[1])] if model is None else list(model.outputs)
     if model is not None:
@@ -76,23 +74,6 @@ def _refuse_other_names(model: PhysicsModel, y: pd.DataFrame) -> None:
             f"{', '.join(map(str, y.columns))}. Predictions are compared with y by place. "
             f"Remedy: y[{given!r}]."
         )
-
-
-def _refuse_another_quantity(model: PhysicsModel, name) -> None:
-    """Refuse a Series with the name of something that is no output."""
-    shown = {str(what) for what in model.outputs.values()}
-    others = {TIME, *model.inputs, *model.states} - shown
-    if name in _called(model, others) - _called(model, model.outputs):
-        raise RecordError(
-            f"y: expected the output {', '.join(model.outputs)}, got the column {name!r}, which "
-            f"is another quantity of the model. Remedy: y = the column of the output; or "
-            f"y.to_numpy(), if only the name is wrong."
-        )
-
-
-def _called(model: PhysicsModel, names) -> set[str]:
-    """Return quantities and what they are called in tables."""
-    return {*names, *(model.columns[name] for name in names if name in model.columns)}
 
 
 def _named_column(model: PhysicsModel, name: str, y: pd.DataFrame) -> str:

@@ -88,4 +88,9 @@ def test_records_without_the_output_do_not_count_for_its_noise():
 
 
 def test_a_first_look_tells_it():
-    assert DEAD in first_look(LAG, *records((0, 2))).warnings
+    look = first_look(LAG, *records((0, 2)))
+    assert DEAD in look.warnings
+    assert look.outputs[0].noise == pytest.approx(NOISE, rel=0.3)
+    nothing = first_look(LAG, *records((0, 1, 2)))
+    assert any("output 'y' is 0.1 V in every sample" in said for said in nothing.warnings)
+    assert np.isnan(nothing.outputs[0].noise)
