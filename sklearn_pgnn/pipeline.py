@@ -1,13 +1,56 @@
 """Simulation, scaling and network in one pipeline."""
 
-from sklearn.compose import ColumnTransformer, make_column_selector
+from sklearn.compose import ColumnTransformer
 from sklearn.pipeline import Pipeline
 from sklearn.preprocessing import StandardScaler
 
 from sklearn_pgnn.estimators.pgnnl import PGNNLRegressor
+from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.preprocessing import PhysicsModelTransformer
+from sklearn_pgnn.trajectories.names import SIMULATED
 from sklearn_pgnn.trajectories.validation import check_model
+
+
+class NamedColumns(ColumnTransformer):
+    """A `ColumnTransformer` whose result has names, by which the network reads it."""
+
+    def set_output(self, *, transform=None):
+        """Choose the library of the table; an array, which has no names, is refused.
+
+        Parameters
+        ----------
+        transform : {"pandas", "polars"}, optional
+            The library; by default as before.
+
+        Returns
+        -------
+        self : NamedColumns
+            The transformer.
+        """
+        if transform == "default":
+            raise OptionError(
+                "transform: expected 'pandas' or 'polars', for the network reads the columns of "
+                "the scaled table by their names, got 'default'. Remedy: "
+                "set_output(transform='pandas'), as the pipeline was made."
+            )
+        return super().set_output(transform=transform)
+
+
+def simulated_columns(X) -> list[str]:
+    """Return the names of the simulated columns of a table.
+
+    Parameters
+    ----------
+    X : DataFrame of any library
+        The table.
+
+    Returns
+    -------
+    list of str
+        The names.
+    """
+    return [name for name in X.columns if name.endswith(SIMULATED)]
 
 
 def make_pgnn_pipeline(model: PhysicsModel, *, memory=None, verbose=0, **network) -> Pipeline:
@@ -31,6 +74,7 @@ def make_pgnn_pipeline(model: PhysicsModel, *, memory=None, verbose=0, **network
     -------
     Pipeline
         With the steps ``physics``, ``scale`` and ``network``; its X is a DataFrame or an array.
+        Between the steps are tables of pandas, or of polars after ``set_output``.
 
     Examples
     --------
@@ -40,8 +84,8 @@ def make_pgnn_pipeline(model: PhysicsModel, *, memory=None, verbose=0, **network
     ['physics', 'scale', 'network']
     """
     check_model(model)
-    scale = ColumnTransformer(
-        [("simulation", StandardScaler(), make_column_selector(pattern="_phy$"))],
+    scale = NamedColumns(
+        [("simulation", StandardScaler(), simulated_columns)],
         remainder="passthrough",
         verbose_feature_names_out=False,
     )

@@ -12,7 +12,7 @@ pytestmark = pytest.mark.core
 
 #: from the bottom; a package imports from lower layers only, not from others in its own
 LAYERS = (
-    {"exceptions", "extras", "readings", "threads", "whole_file"},
+    {"exceptions", "extras", "readings", "threads", "user_line", "whole_file"},
     {"__init__"},
     {"physics"},
     {"effects", "priors", "systems", "trajectories"},

@@ -168,7 +168,12 @@ TRUSTED = {
     "PGNNLRegressor, recurrent": GUIDED | {f"{CORES}.Recurrent"},
     "PGNNLRegressor without a model": PLAIN | {FEED_FORWARD},
     "make_pgnn_pipeline": GUIDED
-    | {FEED_FORWARD, TRANSFORMER, "sklearn.compose._column_transformer.make_column_selector"},
+    | {
+        FEED_FORWARD,
+        TRANSFORMER,
+        "sklearn_pgnn.pipeline.NamedColumns",
+        "sklearn_pgnn.pipeline.simulated_columns",
+    },
 }
 
 

@@ -23,7 +23,7 @@ from sklearn_pgnn import (
     make_pgnn_pipeline,
     systems,
 )
-from sklearn_pgnn.exceptions import SimulationWarning
+from sklearn_pgnn.exceptions import OptionError, SimulationWarning
 from sklearn_pgnn.model_selection import TrajectoryKFold
 
 GOLF = systems.golf_robot()
@@ -98,6 +98,23 @@ def test_array_from_the_transformer_is_read(golf):
     net = PGNNLRegressor(GOLF, structure="increment", **QUICK).fit(array, y[one])
     assert net.n_features_in_ == array.shape[1]
     assert np.isfinite(net.predict(array)).all()
+
+
+@pytest.mark.parametrize("library", ["pandas", "polars"])
+def test_the_tables_between_the_steps_are_of_the_library_asked_for(golf, library):
+    X, y = golf
+    made = make_pgnn_pipeline(GOLF, **{**QUICK, "max_epochs": 1, "refine": None})
+    expected = clone(made).fit(X, y).predict(X)
+    asked = made.set_output(transform=library).fit(X, y)
+    assert type(asked[:-1].transform(X)).__module__.startswith(library)
+    assert np.array_equal(asked.predict(X), expected)
+    names = list(asked[:-1].transform(X).columns)
+    assert names == [*PHY, *X.columns]
+
+
+def test_an_array_between_the_steps_has_no_names():
+    with pytest.raises(OptionError, match=r"by their names, got 'default'. Remedy: set_output\("):
+        make_pgnn_pipeline(GOLF).set_output(transform="default")
 
 
 def plain_by_hand(**network):

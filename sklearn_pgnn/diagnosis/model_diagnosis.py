@@ -1,6 +1,5 @@
 """The diagnosis as an estimator: records in, verdict, causes and an extended model out."""
 
-import warnings
 from contextlib import suppress
 from dataclasses import replace
 
@@ -72,6 +71,7 @@ from sklearn_pgnn.trajectories.record import Record
 from sklearn_pgnn.trajectories.scoring import GapScoreMixin
 from sklearn_pgnn.trajectories.tags import tags_of_records
 from sklearn_pgnn.trajectories.validation import check_model, require_target, validate_table
+from sklearn_pgnn.user_line import warn_user
 
 
 class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
@@ -318,13 +318,12 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         counted = self.model.is_autonomous and not self.extended_model_.is_autonomous
         late = [record for record in records if record.origin]
         if counted and late:
-            warnings.warn(
+            warn_user(
                 f"the time in the equations of the extended model counts from the first sample of "
                 f"each trajectory, but the clock of {late[0].name!r} begins at "
                 f"{late[0].origin:.12g} s. Remedy: subtract each trajectory's first time before "
                 f"simulating the extended model on it.",
                 RecordWarning,
-                stacklevel=4,
             )
 
     def _forget(self) -> None:

@@ -6,7 +6,6 @@ uses an existing fit. Its result is the same with and without them.
 """
 
 import threading
-import warnings
 from collections.abc import Callable, Hashable, Mapping
 from pickle import PicklingError
 from time import monotonic
@@ -21,6 +20,7 @@ from sklearn_pgnn.estimation.progress import Progress, TimeIsUp
 from sklearn_pgnn.estimation.unusable import FailureLog
 from sklearn_pgnn.exceptions import SimulationWarning
 from sklearn_pgnn.threads import in_turn, one_thread_each
+from sklearn_pgnn.user_line import warn_user
 
 if TYPE_CHECKING:
     from sklearn_pgnn.estimation.fitting import HypothesisFitter
@@ -119,7 +119,7 @@ class FitsAhead:
             except TimeIsUp:
                 raise
             except Exception as error:  # a program error recurs when the search fits
-                warnings.warn(LOST.format(type(error).__name__), SimulationWarning, stacklevel=2)
+                warn_user(LOST.format(type(error).__name__), SimulationWarning)
         self.n_processes = 1
 
     def _collect(

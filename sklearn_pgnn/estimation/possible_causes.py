@@ -1,6 +1,5 @@
 """The possible causes of a model's error: the effects of a catalogue, each at every target."""
 
-import warnings
 from collections.abc import Iterable
 from difflib import get_close_matches
 
@@ -9,6 +8,7 @@ from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.effects import CATALOGUE
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.user_line import warn_user
 
 
 def possible_causes(model: PhysicsModel, catalogue, targets=None) -> tuple[Effect, ...]:
@@ -61,12 +61,10 @@ def warn_of_taken_names(model: PhysicsModel, catalogue, targets=None) -> None:
         for parameter in effect.parameters(model):
             known = model.parameters.get(parameter.name)
             if known is not None and parameter.unit not in ("", known.unit):
-                warnings.warn(
+                warn_user(
                     f"{effect.id} of {effect.target!r} is not considered: it would add a parameter "
                     f"{parameter.name!r} [{parameter.unit}], and the model has one of that name "
-                    f"[{known.unit}]. Remedy: rename the model's parameter.",
-                    UserWarning,
-                    stacklevel=4,
+                    f"[{known.unit}]. Remedy: rename the model's parameter."
                 )
 
 

@@ -371,10 +371,13 @@ def check_records(model: PhysicsModel, records: tuple[Record, ...]) -> None:
                 f"output {name!r}: expected measured values, got none. Remedy: leave the output "
                 f"out of the model, or add its column."
             )
-        if not np.nanstd(column) > 0:
+        value = float(np.nanmax(column))
+        if value == np.nanmin(column):
+            said = f"{value:.4g} {model.unit(name)}".rstrip()
             raise RecordError(
-                f"output {name!r}: expected a signal that changes, got a constant. Remedy: record "
-                f"the machine in motion, or leave the output out of the model."
+                f"output {name!r}: expected a signal that changes, got {said} in every sample of "
+                f"every record. Remedy: look at the sensor and its cable; record the machine in "
+                f"motion, or leave the output out of the model."
             )
 
 

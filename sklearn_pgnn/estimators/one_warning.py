@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from sklearn_pgnn.exceptions import SimulationWarning
+from sklearn_pgnn.user_line import warn_user
 
 
 @contextmanager
@@ -46,7 +47,7 @@ def _issue(caught: list[warnings.WarningMessage], where: str) -> None:
         else:
             warnings.warn_explicit(each.message, each.category, each.filename, each.lineno)
     if failed:
-        warnings.warn(_counted(failed, where), stacklevel=5)
+        warn_user(_counted(failed, where))
 
 
 def _counted(messages, where: str) -> SimulationWarning:

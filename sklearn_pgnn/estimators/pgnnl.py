@@ -1,7 +1,6 @@
 """The paper's physics-guided neural network with a physical loss, as a skorch regressor."""
 
 import contextlib
-import warnings
 
 import numpy as np
 from sklearn.base import MultiOutputMixin
@@ -20,7 +19,7 @@ from sklearn_pgnn.estimators.network.sample_interval import (
 )
 from sklearn_pgnn.estimators.network.stepper import Stepper
 from sklearn_pgnn.estimators.one_warning import one_simulation_warning
-from sklearn_pgnn.exceptions import OptionError, SimulationWarning
+from sklearn_pgnn.exceptions import SimulationWarning
 from sklearn_pgnn.extras import needed_by
 from sklearn_pgnn.simulation.ahead import Machine, predict_ahead
 from sklearn_pgnn.simulation.network_run import network_record
@@ -28,7 +27,11 @@ from sklearn_pgnn.threads import one_thread_each
 from sklearn_pgnn.trajectories import rows_in_order
 from sklearn_pgnn.trajectories.scoring import GapScoreMixin
 from sklearn_pgnn.trajectories.tags import tags_of_records
-from sklearn_pgnn.trajectories.validation import require_target
+from sklearn_pgnn.trajectories.validation import (
+    refuse_fit_params,
+    require_target,
+)
+from sklearn_pgnn.user_line import warn_user
 
 with needed_by("PGNNLRegressor"):
     import torch
@@ -580,13 +583,12 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
         for record, ready in zip(runs.records, runs.ready, strict=True):
             x, failed = run(ready)
             if failed >= 0:
-                warnings.warn(
+                warn_user(
                     f"trajectory {record.name!r}: the network's free run exceeded 1000 times the "
                     f"range of the training data at t = {ready.t[failed]:g} s; its last state is "
                     f"repeated. Remedy: structure='correction' or 'increment', rollouts "
                     f"(horizon=50), more trajectories, or a smaller network.",
                     SimulationWarning,
-                    stacklevel=3,
                 )
             runs.x.append(x)
         return runs
@@ -595,11 +597,7 @@ class PGNNLRegressor(GapScoreMixin, MultiOutputMixin, PreparedNet):
 
     def _fit(self, X, y, *, anew: bool, **fit_params):
         require_target(self, y)
-        if fit_params.pop("sample_weight", None) is not None:
-            raise OptionError(
-                f"sample_weight: expected none, for {type(self).__name__} weighs all measured "
-                f"samples alike. Remedy: leave it out; a sample whose y is NaN does not count."
-            )
+        refuse_fit_params(self, {"sample_weight": fit_params.pop("sample_weight", None)})
         self._check_parameters()
         random = check_random_state(self.random_state)
         has_time = self._has_time(X)

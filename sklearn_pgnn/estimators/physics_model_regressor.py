@@ -1,7 +1,5 @@
 """A physical model whose parameters are fitted to records."""
 
-import warnings
-
 import numpy as np
 from sklearn.base import BaseEstimator, MultiOutputMixin
 from sklearn.utils.validation import check_is_fitted
@@ -43,15 +41,24 @@ from sklearn_pgnn.simulation.uncertainty import (
 )
 from sklearn_pgnn.threads import local_threads, one_thread_each
 from sklearn_pgnn.trajectories import read_records, rows_in_order
+from sklearn_pgnn.trajectories.constant_outputs import warn_of_constant_outputs
 from sklearn_pgnn.trajectories.contradicted_states import (
+    told_in_all,
     warn_of_contradicted_states,
+    warn_of_missing_starts,
     warn_of_unknown_starts,
 )
-from sklearn_pgnn.trajectories.lost_units import refuse_standardised
+from sklearn_pgnn.trajectories.lost_units import refuse_standardised, warn_of_standardised_outputs
 from sklearn_pgnn.trajectories.measured import of_measured
 from sklearn_pgnn.trajectories.scoring import GapScoreMixin
 from sklearn_pgnn.trajectories.tags import tags_of_records
-from sklearn_pgnn.trajectories.validation import check_model, require_target, validate_table
+from sklearn_pgnn.trajectories.validation import (
+    check_model,
+    refuse_fit_params,
+    require_target,
+    validate_table,
+)
+from sklearn_pgnn.user_line import warn_user
 
 
 class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
@@ -171,7 +178,7 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         self.random_state = random_state
         self.verbose = verbose
 
-    def fit(self, X, y):
+    def fit(self, X, y, **fit_params):
         """Fit the free parameters.
 
         Parameters
@@ -180,6 +187,8 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             Time [s], inputs and, where known, the states in each trajectory's first row.
         y : array-like of shape (n_samples, n_outputs) or (n_samples,)
             Measured outputs; NaN where there is none.
+        **fit_params
+            Nothing else: weights of samples are refused.
 
         Returns
         -------
@@ -193,6 +202,7 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             If X and y cannot be read as records of the model, or a parameter is unknown or
             invalid.
         """
+        refuse_fit_params(self, fit_params)
         check_model(self.model)
         told = read_noise_std(self.noise_std, list(self.model.outputs))
         require_target(self, y)
@@ -202,7 +212,9 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             raise ValueError(f"search: expected one of {', '.join(SEARCHES)}, got {self.search!r}.")
         records = read_records(self.model, X, y, time_column=self.time_column)
         refuse_standardised(self.model, records)
+        warn_of_standardised_outputs(self.model, records)
         warn_of_contradicted_states(self.model, records)
+        warn_of_constant_outputs(self.model, records, noise_is_told=told is not None)
         pieces = without_gaps(records, self.window_length)
         windowed, found = self._find(pieces, names)
         windows = windowed.windows
@@ -223,6 +235,7 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             self.model_, records, self.initial_states_, self._runs, self.noise_
         )
         warn_of_unknown_starts(self.model_, records)
+        self._told = told_in_all(records)
         self._single_output = np.asarray(y).ndim == 1
         self._keep_errors(found, records)
         return self
@@ -241,9 +254,10 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         ndarray of shape (n_samples, n_outputs) or (n_samples,)
             Simulated outputs. All rows of a trajectory whose simulation diverges, to more than 1000
             times what was measured or to no number at all, get the values of the first row, which a
-            `SimulationWarning` reports.
+            `SimulationWarning` reports. A `RecordWarning` tells of a trajectory without the initial
+            value of a state that every trajectory of `fit` had.
         """
-        return self._shaped(self._simulate(self._read(X), self.model_.outputs))
+        return self._shaped(self._simulate(self._read_new(X), self.model_.outputs))
 
     def predict_states(self, X):
         """Simulate the states of every trajectory in free run from its initial state.
@@ -258,7 +272,7 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         ndarray of shape (n_samples, n_states)
             Simulated states of `model_`.
         """
-        return self._simulate(self._read(X), self.model_.states)
+        return self._simulate(self._read_new(X), self.model_.states)
 
     def predict_ahead(self, X, y, steps=1):
         """Predict every sample from the outputs up to `steps` samples before it.
@@ -337,7 +351,7 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         0.9
         """
         check_coverage(coverage)
-        records = self._read(X)
+        records = self._read_new(X)
         predicted = self._simulate(records, self.model_.outputs)
         variance = rows_in_order(records, self._variance(records))
         low, high = interval_around(
@@ -351,6 +365,12 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         X = validate_table(self, X, reset=False)
         records = read_records(self.model, X, y, time_column=self.time_column, to_fit=False)
         refuse_standardised(self.model, records)
+        return records
+
+    def _read_new(self, X):
+        """Read the records of a table to be predicted without y, and tell what starts it lacks."""
+        records = self._read(X)
+        warn_of_missing_starts(self.model_, self._told, records)
         return records
 
     @property
@@ -438,12 +458,10 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         self.parameters_ = {name: estimate_of(self.model_, name, errors) for name in errors}
         loose = [name for name, error in errors.items() if self._is_loose(name, error)]
         if loose:
-            warnings.warn(
+            warn_user(
                 f"the records do not determine {', '.join(loose)}: other values fit equally well. "
                 f"Remedy: fix known parameters (leave them out of 'free'), or excite the machine "
-                f"more richly.",
-                UserWarning,
-                stacklevel=3,
+                f"more richly."
             )
 
     def _is_loose(self, name: str, error: float) -> bool:
@@ -465,10 +483,8 @@ def _warn_of_ends(freedoms, model) -> None:
         if np.isfinite(each.spread) and values[each.name] in (each.low, each.high)
     ]
     if ends:
-        warnings.warn(
+        warn_user(
             f"{', '.join(ends)} ended at a limit of the spread or bounds. Remedy: a larger spread "
             f"in the model, or within_spread=False; if they compensate for missing physics, "
-            f"ModelDiagnosis(model) looks for it.",
-            UserWarning,
-            stacklevel=3,
+            f"ModelDiagnosis(model) looks for it."
         )

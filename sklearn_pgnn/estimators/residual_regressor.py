@@ -20,6 +20,7 @@ from sklearn_pgnn.simulation.long_steps import usual_step, without_long_steps
 from sklearn_pgnn.simulation.record_windows import output_noise
 from sklearn_pgnn.simulation.simulate import hold_of
 from sklearn_pgnn.trajectories import read_records, rows_in_order
+from sklearn_pgnn.trajectories.constant_outputs import warn_of_constant_outputs
 from sklearn_pgnn.trajectories.contradicted_states import (
     warn_of_contradicted_states,
     warn_of_unknown_starts,
@@ -28,7 +29,12 @@ from sklearn_pgnn.trajectories.lost_units import refuse_standardised
 from sklearn_pgnn.trajectories.names import SIMULATED, is_named, place_of, time_name
 from sklearn_pgnn.trajectories.reader import TIME, TRAJECTORY
 from sklearn_pgnn.trajectories.scoring import GapScoreMixin
-from sklearn_pgnn.trajectories.validation import check_model, require_target, validate_table
+from sklearn_pgnn.trajectories.validation import (
+    check_model,
+    refuse_fit_params,
+    require_target,
+    validate_table,
+)
 
 
 class ResidualRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
@@ -134,7 +140,7 @@ class ResidualRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         self.hold = hold
         self.substeps = substeps
 
-    def fit(self, X, y):
+    def fit(self, X, y, **fit_params):
         """Simulate the model, and fit the regressor to its error.
 
         Parameters
@@ -143,6 +149,8 @@ class ResidualRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             Time [s], inputs and, where known, the states in each trajectory's first row.
         y : array-like of shape (n_samples, n_outputs) or (n_samples,)
             Measured outputs; NaN where there is none.
+        **fit_params
+            Nothing else: weights of samples are refused.
 
         Returns
         -------
@@ -154,6 +162,7 @@ class ResidualRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         ValueError
             If X and y cannot be read as records of the model, or no row has all outputs.
         """
+        refuse_fit_params(self, fit_params)
         check_model(self.model, optional=True)
         require_target(self, y)
         X = validate_table(self, X, reset=True)
@@ -275,6 +284,7 @@ class ResidualRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         refuse_standardised(self.model, records)
         warn_of_contradicted_states(self.model, records)
         warn_of_unknown_starts(self.model, records)
+        warn_of_constant_outputs(self.model, records)
         self.hold_ = hold_of(self.model, self.hold)
         even = without_long_steps(records)
         self.substeps_ = substeps_for(self.model, even, self.substeps, hold=self.hold_)

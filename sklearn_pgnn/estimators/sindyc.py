@@ -1,6 +1,5 @@
 """Sparse identification of nonlinear dynamics with control, as an estimator."""
 
-import warnings
 from numbers import Integral, Real
 
 import numpy as np
@@ -35,12 +34,19 @@ from sklearn_pgnn.simulation.long_steps import without_long_steps
 from sklearn_pgnn.simulation.record_windows import noise_levels, output_noise
 from sklearn_pgnn.simulation.simulate import hold_of
 from sklearn_pgnn.trajectories import read_records
+from sklearn_pgnn.trajectories.constant_outputs import warn_of_constant_outputs
 from sklearn_pgnn.trajectories.contradicted_states import warn_of_unknown_starts
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
 from sklearn_pgnn.trajectories.scoring import GapScoreMixin
 from sklearn_pgnn.trajectories.tables import as_pandas
 from sklearn_pgnn.trajectories.tags import tags_of_records
-from sklearn_pgnn.trajectories.validation import check_model, require_target, validate_table
+from sklearn_pgnn.trajectories.validation import (
+    check_model,
+    refuse_fit_params,
+    require_target,
+    validate_table,
+)
+from sklearn_pgnn.user_line import warn_user
 
 #: what may help against a divergence of what was identified
 REMEDY = "raise threshold, take a smaller library, or longer spans"
@@ -190,7 +196,7 @@ class SINDYcRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         self.substeps = substeps
         self.verbose = verbose
 
-    def fit(self, X, y):
+    def fit(self, X, y, **fit_params):
         """Identify the equations.
 
         Parameters
@@ -199,6 +205,8 @@ class SINDYcRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             Time [s], inputs and, where known, the states in each trajectory's first row.
         y : DataFrame or array-like of shape (n_samples, n_outputs) or (n_samples,)
             Measured outputs of the model, or the states; NaN where there is none.
+        **fit_params
+            Nothing else: weights of samples are refused.
 
         Returns
         -------
@@ -212,6 +220,7 @@ class SINDYcRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         ImportError
             If pysindy is not installed.
         """
+        refuse_fit_params(self, fit_params)
         require_target(self, y)
         self._check_parameters()
         y = as_pandas(y)
@@ -315,6 +324,7 @@ class SINDYcRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         if self.model is not None:
             refuse_standardised(self.model, records)
             warn_of_unknown_starts(self.model, records)
+        warn_of_constant_outputs(base, records)
         levels = noise_levels(records)
         self.hold_, self.noise_ = hold_of(base, self.hold), output_noise(records, levels)
         options = {"hold": self.hold_, "substeps": self.substeps, "levels": levels}
@@ -419,11 +429,9 @@ class SINDYcRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         )
         for name, row, target in zip(names, found, targets.T, strict=True):
             if not row.any() and target.any():
-                warnings.warn(
+                warn_user(
                     f"no term of the library is left for {name!r}. Remedy: lower threshold, "
-                    f"or give the library other terms.",
-                    UserWarning,
-                    stacklevel=4,
+                    f"or give the library other terms."
                 )
         return found
 

@@ -42,10 +42,11 @@ class FittedDepth:
 
     @property
     def model(self) -> PhysicsModel:
-        """The fitted model in the estimator; it starts where the first trajectory seen did."""
-        model = self._tuned if self._tuned is not None else self.physics.model_
-        first = self.starts[np.isfinite(self.starts).all(axis=1)][0]
-        return model.replace(initial_state=dict(zip(model.states, first.tolist(), strict=True)))
+        """The fitted model in the estimator; it starts where the trajectories seen usually did."""
+        fitted = self.physics.model_
+        if self._tuned is None:
+            return fitted
+        return self._tuned.replace(initial_state=fitted.initial_state)
 
     @property
     def parameters(self) -> dict[str, Estimate]:

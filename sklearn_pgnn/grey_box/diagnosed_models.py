@@ -1,6 +1,5 @@
 """The diagnosis of a recipe's prior, and the models of the depths that follow from it."""
 
-import warnings
 from typing import Any
 
 from joblib import Memory
@@ -11,6 +10,7 @@ from sklearn_pgnn.grey_box.default_parts import diagnosis_or_default
 from sklearn_pgnn.grey_box.tables import PlainTable
 from sklearn_pgnn.grey_box.time_functions import depends_on_time, time_invariant_causes
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.user_line import warn_user
 
 
 def prepare_diagnosis(diagnosis, model: PhysicsModel, *, judges_new_records: bool):
@@ -69,12 +69,10 @@ def diagnose(diagnosis: ModelDiagnosis, table: PlainTable, memory: Memory, n_job
     except Exception as error:
         if not hasattr(diagnosis, "verdict_"):
             raise
-        warnings.warn(
+        warn_user(
             f"the diagnosis stopped with an error ({diagnosis.stopped_}; "
             f"{type(error).__name__}: {error}); its best result so far is used. Remedy: a "
-            f"smaller catalogue in diagnosis=ModelDiagnosis(...).",
-            UserWarning,
-            stacklevel=4,
+            f"smaller catalogue in diagnosis=ModelDiagnosis(...)."
         )
         return diagnosis
 

@@ -31,11 +31,19 @@ from sklearn_pgnn.model_selection.search_space import searched_parts
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.intervals import check_coverage, interval_around, quantile_of
 from sklearn_pgnn.trajectories import read_records, rows_in_order
-from sklearn_pgnn.trajectories.contradicted_states import warn_of_unknown_starts
+from sklearn_pgnn.trajectories.contradicted_states import (
+    told_in_all,
+    warn_of_missing_starts,
+    warn_of_unknown_starts,
+)
 from sklearn_pgnn.trajectories.lost_units import refuse_standardised
 from sklearn_pgnn.trajectories.scoring import GapScoreMixin
 from sklearn_pgnn.trajectories.tags import tags_of_records
-from sklearn_pgnn.trajectories.validation import require_target, validate_table
+from sklearn_pgnn.trajectories.validation import (
+    refuse_fit_params,
+    require_target,
+    validate_table,
+)
 
 
 class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
@@ -122,7 +130,8 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         The estimator that predicts: a `PhysicsModelRegressor`, or the network.
     model_ : PhysicsModel
         The fitted physical model in `estimator_`; fitted with the network where that tunes it
-        (``network=PGNNLRegressor(free=...)``). Its initial state is that of the first trajectory.
+        (``network=PGNNLRegressor(free=...)``). It starts where the trajectories did on average, if
+        that describes their free runs better, in states that X never gives.
     parameters_ : dict of str to Estimate
         Fitted parameters of `model_` with their 95 % intervals; for those that the network tunes,
         the network's.
@@ -231,7 +240,7 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             return diagnosis_or_default(self.diagnosis, self.model)
         return network_or_default(self.network)
 
-    def fit(self, X, y):
+    def fit(self, X, y, **fit_params):
         """Diagnose, fit every depth in every fold, and the chosen one to all records.
 
         Parameters
@@ -240,6 +249,8 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             Time [s], inputs and, where known, the states in each trajectory's first row.
         y : array-like of shape (n_samples, n_outputs) or (n_samples,)
             Measured outputs; NaN where there is none.
+        **fit_params
+            Nothing else: weights of samples are refused.
 
         Returns
         -------
@@ -253,6 +264,7 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         ImportError
             If the network is asked for and its extra is not installed.
         """
+        refuse_fit_params(self, fit_params)
         depths = check_options(self)
         require_target(self, y)
         records, table = self._read(validate_table(self, X, reset=True), y)
@@ -275,10 +287,19 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             self.errors_[chosen] = np.inf
         self._left = judged.left(self.depth_)
         self._tell(self._fitted, table)
+        self._told = told_in_all(records)
         if not self.initial_window:
-            said = {state: self.model_.initial_state[state] for state in self.model.states}
-            warn_of_unknown_starts(self.model.replace(initial_state=said), records)
+            warn_of_unknown_starts(self._starting_prior(), records)
         return self
+
+    def _starting_prior(self) -> PhysicsModel:
+        """Return the prior, whose states the records have, starting where predictions do."""
+        said = {state: self.model_.initial_state[state] for state in self.model.states}
+        return self.model.replace(initial_state=said)
+
+    def _warn_of_missing_starts(self, records) -> None:
+        """Tell what starts a table to be predicted without y lacks."""
+        warn_of_missing_starts(self._starting_prior(), self._told, records)
 
     def predict(self, X):
         """Simulate every trajectory in free run from its initial state.
@@ -287,7 +308,8 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         ----------
         X : DataFrame or array of shape (n_samples, n_columns)
             As in `fit`; of the states only the first row of a trajectory is read, and states that
-            it does not give start as `model_` says.
+            it does not give start as `model_` says; a `RecordWarning` tells of those that every
+            trajectory of `fit` had.
 
         Returns
         -------
@@ -295,6 +317,7 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             Predicted outputs.
         """
         records, table = self._read_new(X)
+        self._warn_of_missing_starts(records)
         starts = usual_starts(self.model_, table)
         return self._as_given(records, self._fitted.predict(table, starts))
 
@@ -317,6 +340,7 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             If a user-defined `network` without ``predict_states`` was chosen.
         """
         records, table = self._read_new(X)
+        self._warn_of_missing_starts(records)
         started = table.starting(self.model_, usual_starts(self.model_, table))
         return rows_in_order(records, self.estimator_.predict_states(started))
 

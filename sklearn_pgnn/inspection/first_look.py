@@ -14,6 +14,7 @@ from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.free_run import simulate_record
 from sklearn_pgnn.simulation.record_windows import MIN_SAMPLES, window_records
 from sklearn_pgnn.trajectories import read_records
+from sklearn_pgnn.trajectories.constant_outputs import remarks_on_dead_outputs
 
 #: factors between two units of a quantity that differ by a prefix, and their powers of ten
 PREFIXES = {1e3: 3, 1e6: 6, 1e-3: -3, 1e-6: -6}
@@ -86,7 +87,8 @@ class FirstFit:
     output, unit : str
         The output and its unit.
     error, noise : float
-        Root mean square error, and the noise estimated from the records [unit].
+        Root mean square error, and the noise estimated from the records [unit]; NaN for an output
+        that never changes.
     fit : float
         See `fit_percentage`.
     """
@@ -194,6 +196,7 @@ def first_look(model: PhysicsModel, X, y) -> FirstLook:
         outputs,
         (
             *_constant(quantities),
+            *remarks_on_dead_outputs(model, records),
             *_gaps(records),
             *failed,
             *_odd(model, records, windows, outputs),
@@ -234,10 +237,10 @@ def _fits(model, windows, simulated) -> tuple[FirstFit, ...]:
     with np.errstate(over="ignore", invalid="ignore"):
         errors = np.sqrt(np.nanmean((windows.y - simulated) ** 2, axis=0))
     percent = fit_percentage(windows.y, simulated)
+    still = np.nanmax(windows.y, axis=0) == np.nanmin(windows.y, axis=0)
+    noise = np.where(still, np.nan, windows.scale)  # nothing is known of it
     return tuple(
-        FirstFit(
-            name, model.unit(name), float(errors[i]), float(windows.scale[i]), float(percent[i])
-        )
+        FirstFit(name, model.unit(name), float(errors[i]), float(noise[i]), float(percent[i]))
         for i, name in enumerate(model.outputs)
     )
 

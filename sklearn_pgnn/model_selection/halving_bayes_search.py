@@ -5,6 +5,7 @@ import warnings
 from numbers import Integral
 
 import numpy as np
+from joblib import Parallel, delayed, effective_n_jobs
 from sklearn.base import BaseEstimator, MetaEstimatorMixin, clone
 from sklearn.metrics import check_scoring
 from sklearn.utils import check_random_state
@@ -16,6 +17,7 @@ from sklearn_pgnn.model_selection.outer_estimator import OuterEstimatorMixin, in
 from sklearn_pgnn.model_selection.own_folds import own_folds
 from sklearn_pgnn.model_selection.search_space import refuse_unknown_names
 from sklearn_pgnn.trajectories.tables import take_rows
+from sklearn_pgnn.user_line import warn_user
 
 #: draws among which a candidate is sought that was not tried yet
 DRAWS = 1000
@@ -55,12 +57,24 @@ def _tell(optimizer, waiting: dict, means) -> None:
 
 def _warn_of_failure(params, fold: int, what: str) -> None:
     """Warn of a candidate that could not be scored."""
-    warnings.warn(
+    warn_user(
         f"the candidate {params} could not be scored in fold {fold}: {what} It counts as the "
-        f"worst. Remedy: a narrower search space.",
-        UserWarning,
-        stacklevel=4,
+        f"worst. Remedy: a narrower search space."
     )
+
+
+def _try_fold(estimator, scoring, X, y, train, test) -> float | Exception:
+    """Return the score of a copy of an estimator on a fold, or the error of its fit.
+
+    Whether a fold counts is not known yet where others are scored at the same time.
+    """
+    fitted = clone(estimator)
+    try:
+        fitted.fit(take_rows(X, train), take_rows(y, train))
+        score = check_scoring(fitted, scoring)
+        return score(fitted, take_rows(X, test), take_rows(y, test))
+    except Exception as error:
+        return error
 
 
 def _ask(optimizer):
@@ -72,11 +86,9 @@ def _ask(optimizer):
 
 def _warn_of_few(found: int, wanted: int) -> None:
     """Warn of a space that has no further candidates."""
-    warnings.warn(
+    warn_user(
         f"search_spaces: expected at least n_iter={wanted} different candidates, got {found}, all "
-        f"of which have been scored: the search ends. Remedy: n_iter={found}, or a larger space.",
-        UserWarning,
-        stacklevel=3,
+        f"of which have been scored: the search ends. Remedy: n_iter={found}, or a larger space."
     )
 
 
@@ -119,6 +131,11 @@ class HalvingBayesSearchCV(OuterEstimatorMixin, MetaEstimatorMixin, BaseEstimato
     own_first : bool, default=True
         Whether the first candidate is the estimator as it is, even where its parameters lie outside
         the space; with False every candidate is drawn from the space.
+    n_jobs : int, optional
+        Number of folds that a candidate is scored on at the same time, by joblib; -1 means all
+        processors. Candidates follow each other, for each is drawn from the scores of all before,
+        so that more than the number of folds is of no use. The result is that of one after the
+        other: folds behind the one at which a candidate is stopped do not count.
     random_state : int, RandomState instance or None, default=None
         Controls the random draw of the candidates.
     verbose : int, default=0
@@ -176,6 +193,7 @@ class HalvingBayesSearchCV(OuterEstimatorMixin, MetaEstimatorMixin, BaseEstimato
         cv=3,
         scoring=None,
         own_first=True,
+        n_jobs=None,
         random_state=None,
         verbose=0,
     ):
@@ -185,6 +203,7 @@ class HalvingBayesSearchCV(OuterEstimatorMixin, MetaEstimatorMixin, BaseEstimato
         self.cv = cv
         self.scoring = scoring
         self.own_first = own_first
+        self.n_jobs = n_jobs
         self.random_state = random_state
         self.verbose = verbose
 
@@ -261,13 +280,11 @@ class HalvingBayesSearchCV(OuterEstimatorMixin, MetaEstimatorMixin, BaseEstimato
         """Warn if the final fit scores lower on all records than all folds on held-out ones."""
         score = self.score(X, y)
         if not score >= least:
-            warnings.warn(
+            warn_user(
                 f"the best candidate, fitted to all records, scores {score:.4g} on them; in the "
                 f"folds it scored at least {least:.4g} on held-out records: this fit has ended in "
                 f"a bad local minimum. Remedy: another random_state of the estimator, or "
-                f"EnsembleRegressor(estimator), in which a single such fit has no effect.",
-                UserWarning,
-                stacklevel=3,
+                f"EnsembleRegressor(estimator), in which a single such fit has no effect."
             )
 
     def _optimizer(self):
@@ -309,22 +326,29 @@ class HalvingBayesSearchCV(OuterEstimatorMixin, MetaEstimatorMixin, BaseEstimato
 
         A candidate that cannot be scored gets no score at all, so that none is compared with it.
         """
-        for k, (train, test) in enumerate(folds):
-            fitted = clone(self.estimator).set_params(**params)
-            try:
-                fitted.fit(take_rows(X, train), take_rows(y, train))
-                score = check_scoring(fitted, self.scoring)
-                scores[i, k] = score(fitted, take_rows(X, test), take_rows(y, test))
-                what = f"expected a finite score, got {scores[i, k]}."
-            except TrainingError as error:
-                scores[i, k], what = np.nan, str(error)
+        for k, tried in enumerate(self._try_folds(params, X, y, folds)):
+            if isinstance(tried, Exception) and not isinstance(tried, TrainingError):
+                raise tried
+            failed = isinstance(tried, TrainingError)
+            scores[i, k] = np.nan if failed else tried
             if not np.isfinite(scores[i, k]):
+                what = str(tried) if failed else f"expected a finite score, got {tried}."
                 scores[i] = np.nan
                 _warn_of_failure(params, k, what)
                 break
             means = scores[: i + 1, : k + 1].mean(axis=1)  # NaN of those stopped before
             if means[i] < np.nanmedian(means):
                 break
+
+    def _try_folds(self, params, X, y, folds):
+        """Yield a candidate's score on every fold, or its error, `n_jobs` folds at a time."""
+        together = effective_n_jobs(self.n_jobs)
+        candidate = clone(self.estimator).set_params(**params)
+        for start in range(0, len(folds), together):
+            yield from Parallel(self.n_jobs)(
+                delayed(_try_fold)(candidate, self.scoring, X, y, *fold)
+                for fold in folds[start : start + together]
+            )
 
     def _show(self, i, scores, seconds) -> None:
         if self.verbose:

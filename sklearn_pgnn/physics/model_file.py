@@ -9,7 +9,6 @@ import io
 import math
 import os
 import re
-import warnings
 from pathlib import Path
 from typing import NoReturn
 
@@ -23,6 +22,7 @@ from sklearn_pgnn.exceptions import ModelError, UnitWarning
 from sklearn_pgnn.extras import is_installed
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.unit_check import check_units
+from sklearn_pgnn.user_line import warn_user
 from sklearn_pgnn.whole_file import write_whole
 
 #: largest model file [byte]
@@ -144,7 +144,7 @@ class _Reader:
             mark = self.places[where].start_mark
             place = f"{self.path}:{mark.line + 1}:{mark.column + 1}"
             remedy = "Remedy: correct the term, or the unit of what is in it."
-            warnings.warn(f"{place}: {said} {remedy}", UnitWarning, stacklevel=5)
+            warn_user(f"{place}: {said} {remedy}", UnitWarning)
 
     def root(self) -> Node:
         yaml = YAML(typ="safe", pure=True)

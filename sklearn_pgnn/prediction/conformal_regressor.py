@@ -8,7 +8,12 @@ from sklearn_pgnn.estimators.progress import progress_printer
 from sklearn_pgnn.model_selection.outer_estimator import OuterEstimatorMixin
 from sklearn_pgnn.model_selection.own_folds import columns_of, own_folds
 from sklearn_pgnn.model_selection.trajectory_rows import are_measured, read_pieces
-from sklearn_pgnn.simulation.intervals import check_coverage, interval_around, quantile_of
+from sklearn_pgnn.simulation.intervals import (
+    check_coverage,
+    interval_around,
+    quantile_of,
+    warn_of_few_records,
+)
 from sklearn_pgnn.trajectories.tables import as_columns, take_rows
 
 #: maximum number of folds by default: every fold takes a fit
@@ -28,7 +33,8 @@ class ConformalRegressor(OuterEstimatorMixin, MetaEstimatorMixin, RegressorMixin
     long, with similar inputs and noise, from initial states that are known equally well. The more
     trajectories, the closer the coverage on another one is to :math:`c`; with few it scatters.
     :math:`n` trajectories cannot guarantee more than :math:`n/(n + 1)` [3]_, so that 0.9 needs at
-    least 9.
+    least 9, and 0.99 at least 99: beyond that the interval is that of the errors that were seen,
+    and `predict_interval` warns.
 
     Parameters
     ----------
@@ -106,14 +112,29 @@ class ConformalRegressor(OuterEstimatorMixin, MetaEstimatorMixin, RegressorMixin
         """
         self.estimator_ = clone(self.estimator).fit(X, y)
         left = []
+        held_out = np.full(as_columns(y).shape, np.nan)
         for train, test in self._splitter(X, y, groups).split(X, y, groups):
             fitted = clone(self.estimator).fit(take_rows(X, train), take_rows(y, train))
             predicted = as_columns(fitted.predict(take_rows(X, test)))
             left.append(np.abs(predicted - as_columns(take_rows(y, test))))
+            held_out[test] = left[-1]
             if self.verbose:
                 progress_printer(self)(f"fold {len(left)}: largest error {np.nanmax(left[-1]):.4g}")
         self._left = np.sort(np.concatenate(left), axis=0)
+        self._n_records = self._count_records(X, y, groups, held_out)
         return self
+
+    def _count_records(self, X, y, groups, held_out) -> int:
+        """Return the number of trajectories with errors, of the output that has fewest.
+
+        Rows of a table without a time and without trajectories stand for themselves.
+        """
+        try:
+            pieces = read_pieces(X, groups, **columns_of(self.estimator, X))
+        except ValueError:
+            pieces = [np.array([row]) for row in range(len(held_out))]
+        counts = [int(are_measured(pieces, column).sum()) for column in held_out.T]
+        return min((count for count in counts if count), default=0)
 
     def score(self, X, y, sample_weight=None):
         """Return the score of the regressor that was fitted to all trajectories.
@@ -154,9 +175,16 @@ class ConformalRegressor(OuterEstimatorMixin, MetaEstimatorMixin, RegressorMixin
         ------
         OptionError
             If `coverage` is not a share between 0 and 1.
+
+        Warns
+        -----
+        RecordWarning
+            If the trajectories of the fit are too few to guarantee that coverage: the message says
+            how many are needed, and the largest coverage that these can guarantee.
         """
         check_is_fitted(self)
         check_coverage(coverage)
+        warn_of_few_records(coverage, self._n_records)
         return interval_around(np.asarray(self.predict(X)), quantile_of(self._left, coverage))
 
     def _splitter(self, X, y, groups):

@@ -14,6 +14,7 @@ from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.model_selection.nested_parameters import parameters_named
 from sklearn_pgnn.model_selection.outer_estimator import OuterEstimatorMixin, method_of
 from sklearn_pgnn.trajectories.scoring import GapScoreMixin
+from sklearn_pgnn.user_line import warn_user
 
 #: predictions that differ by less than this share of their size are the same
 SAME = 1e-12
@@ -142,13 +143,11 @@ class EnsembleRegressor(OuterEstimatorMixin, MetaEstimatorMixin, GapScoreMixin, 
                 np.all(np.abs(np.asarray(each.predict(X)) - reference) <= limit) for each in others
             )
         if are_same:
-            warnings.warn(
+            warn_user(
                 f"estimator: the {self.n_estimators} fits of {self.estimator!r} predict the same "
                 f"for X, so that it uses no random numbers, or learns every sample by heart; a "
                 f"spread of 0 says nothing. Remedy: fit it alone; ConformalRegressor gives "
-                f"intervals.",
-                UserWarning,
-                stacklevel=3,
+                f"intervals."
             )
 
     @property

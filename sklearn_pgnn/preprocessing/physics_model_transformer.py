@@ -1,7 +1,5 @@
 """The simulation of a physical model, as further columns of a table of samples."""
 
-import warnings
-
 import numpy as np
 import pandas as pd
 from sklearn.base import BaseEstimator, TransformerMixin
@@ -18,6 +16,7 @@ from sklearn_pgnn.trajectories.lost_units import refuse_standardised
 from sklearn_pgnn.trajectories.names import SIMULATED, column_of, time_name
 from sklearn_pgnn.trajectories.reader import TIME, TRAJECTORY
 from sklearn_pgnn.trajectories.validation import check_model, validate_table
+from sklearn_pgnn.user_line import warn_user
 
 
 class PhysicsModelTransformer(TransformerMixin, BaseEstimator):
@@ -289,10 +288,8 @@ def _warn_of_merging(records, named: str) -> None:
     apart = len(by_time) == len(records)
     if apart and all(map(np.array_equal, by_time, [record.rows for record in records])):
         return
-    warnings.warn(
+    warn_user(
         f"X: the column {named!r} is left out, and the time alone does not separate the "
         f"trajectories: they would be read differently from this table. Remedy: append='all', or "
-        f"restart the time in every trajectory.",
-        UserWarning,
-        stacklevel=4,
+        f"restart the time in every trajectory."
     )

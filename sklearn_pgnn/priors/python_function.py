@@ -4,7 +4,6 @@ If it cannot be traced, the model calls it.
 """
 
 import math
-import warnings
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -18,6 +17,7 @@ from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.priors.called_function import NEAR, by_name, called_function
 from sklearn_pgnn.priors.traced import Quantities, Traced, expression_of
 from sklearn_pgnn.readings import reading
+from sklearn_pgnn.user_line import warn_user
 
 _REMEDY = "Remedy: use arithmetic and NumPy functions on the elements of x, u and p."
 #: points at which the equations are compared with the function
@@ -131,13 +131,12 @@ def _equations(function: Callable, what: str, named: PhysicsModel, names, trace)
         if trace is True:
             raise
         called = called_function(function, what, named, names)
-        warnings.warn(
+        warn_user(
             f"{error} Until then the model calls the function, "
             f"{reading('how_called')(called.function)}. In Python a call takes "
             f"{1e6 * called.seconds:.2g} us, where an equation takes about {1e6 * WRITTEN:.1g} us. "
             f"Set trace=False to accept this.",
             ModelWarning,
-            stacklevel=3,
         )
         return called.equations
 

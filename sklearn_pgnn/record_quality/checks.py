@@ -8,6 +8,7 @@ import numpy as np
 from sklearn_pgnn.estimation.problem import EstimationProblem
 from sklearn_pgnn.record_quality.clipping import find_clipping
 from sklearn_pgnn.record_quality.clock import find_gaps, find_jitter, find_unused_samples
+from sklearn_pgnn.record_quality.dead_sensor import find_dead_sensor
 from sklearn_pgnn.record_quality.drift import find_drift, find_uneven_noise
 from sklearn_pgnn.record_quality.excitation import (
     find_blind_parameters,
@@ -93,6 +94,7 @@ def _of_signal(signal: Signal, rest: Signal) -> list[Finding | None]:
     """Check an output, given what the model leaves of it."""
     size = float(np.sqrt(np.nanmean(rest.values**2)))
     return [
+        find_dead_sensor(signal, rest),
         find_clipping(signal),
         find_quantisation(signal, size),
         find_held_samples(signal),

@@ -40,8 +40,15 @@ class Signal:
 
     @cached_property
     def noise(self) -> float:
-        """Standard deviation of its white noise."""
-        return float(np.median([noise_level(*piece) for piece in self._timed]))
+        """Standard deviation of its white noise, in the records in which it changes if any."""
+        pairs = list(zip(self.is_still, self._timed, strict=True))
+        moving = [piece for is_still, piece in pairs if not is_still]
+        return float(np.median([noise_level(*p) for p in moving or [p for _, p in pairs]]))
+
+    @cached_property
+    def is_still(self) -> list[bool]:
+        """Whether it has no two different values, record by record."""
+        return [np.unique(piece[np.isfinite(piece)]).size < 2 for piece in self.pieces]
 
     @cached_property
     def noisy(self) -> bool:

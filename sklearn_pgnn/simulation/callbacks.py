@@ -9,12 +9,12 @@ calls give NaN at once, and `report_calls` raises it when Python has control aga
 
 import ctypes
 import math
-import warnings
 from collections.abc import Callable
 
 from sklearn_pgnn.exceptions import SimulationWarning
 from sklearn_pgnn.physics.external import ExternalFunction, take_failures
 from sklearn_pgnn.simulation.native_function import native_function
+from sklearn_pgnn.user_line import warn_user
 
 _NUMBERS = ctypes.POINTER(ctypes.c_double)
 _CALL = ctypes.CFUNCTYPE(None, _NUMBERS, _NUMBERS)
@@ -78,11 +78,10 @@ def report_calls() -> None:
     for said in take_failures():
         if said not in _SAID:
             _SAID.add(said)
-            warnings.warn(
+            warn_user(
                 f"{said}. Its value is NaN there, and a simulation that needs this value stops. "
                 f"Remedy: make the function defined for all real arguments.",
                 SimulationWarning,
-                stacklevel=3,
             )
 
 

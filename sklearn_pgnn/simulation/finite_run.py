@@ -1,6 +1,5 @@
 """Free runs without NaN: a trajectory that diverges causes a warning, and stays finite."""
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -14,6 +13,7 @@ from sklearn_pgnn.simulation.long_steps import substeps_along
 from sklearn_pgnn.simulation.simulate import Simulation, hold_of, substeps_of
 from sklearn_pgnn.trajectories import rows_in_order
 from sklearn_pgnn.trajectories.record import Record
+from sklearn_pgnn.user_line import warn_user
 
 
 def quantities_of(model: PhysicsModel) -> list[str]:
@@ -200,8 +200,7 @@ def _warn_of_diverging(wrong: dict[str, str]) -> None:
         return
     first, *others = wrong
     more = f" So do those of {len(others)} more: {', '.join(others)}." if others else ""
-    warnings.warn(
+    warn_user(
         f"trajectory {first!r}: {wrong[first]} Its rows get the values of its first row.{more}",
         SimulationWarning,
-        stacklevel=5,
     )

@@ -1,15 +1,21 @@
 """Intervals of predictions: how far outputs may lie from a free run."""
 
+from fractions import Fraction
 from functools import partial
+from math import ceil
 from numbers import Real
 
 import numpy as np
 
-from sklearn_pgnn.exceptions import OptionError
+from sklearn_pgnn.exceptions import OptionError, RecordWarning
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.free_run import simulate_record
 from sklearn_pgnn.simulation.uncertainty import propagated_variance
 from sklearn_pgnn.trajectories.measured import of_measured
+from sklearn_pgnn.user_line import warn_user
+
+#: largest denominator of a coverage, which is a fraction that was rounded
+FINEST = 10**6
 
 
 def check_coverage(coverage) -> float:
@@ -33,6 +39,45 @@ def check_coverage(coverage) -> float:
     if not isinstance(coverage, Real) or not 0 < float(coverage) < 1:
         raise OptionError(f"coverage: expected a number between 0 and 1, got {coverage!r}.")
     return float(coverage)
+
+
+def warn_of_few_records(coverage: float, n_records: int) -> None:
+    r"""Warn of a coverage that errors on so few records cannot guarantee.
+
+    Of :math:`n + 1` exchangeable records each is as likely as any other to have the largest error.
+    The one to be predicted exceeds all :math:`n` others with the probability :math:`1/(n + 1)`:
+    only an infinite interval would cover it more often than :math:`n/(n + 1)` [1]_.
+
+    Parameters
+    ----------
+    coverage : float
+        Share of the measurements that should lie in the interval.
+    n_records : int
+        Number of records of which held-out errors are known.
+
+    References
+    ----------
+    .. [1] J. Lei, M. G'Sell, A. Rinaldo, R. J. Tibshirani, L. Wasserman, "Distribution-free
+       predictive inference for regression", Journal of the American Statistical Association
+       113(523), 2018, :doi:`10.1080/01621459.2017.1307116`.
+
+    Examples
+    --------
+    >>> warn_of_few_records(0.9, 9)  # enough
+    """
+    asked = Fraction(float(coverage)).limit_denominator(FINEST)  # 0.9 is 9/10
+    needed = ceil(asked / (1 - asked))
+    if n_records >= needed:
+        return
+    most, further = np.floor(1000 * n_records / (n_records + 1)) / 1000, needed - n_records
+    warn_user(
+        f"coverage: expected at most {n_records}/{n_records + 1}, which is what held-out errors of "
+        f"{n_records} trajectories can guarantee for another one, got {coverage:g}, for which "
+        f"{needed} are needed; without a guarantee, the interval covers that share of the errors "
+        f"that were seen, and may cover less. Remedy: coverage={most:g} or less, or fit "
+        f"{further} more {'trajectory' if further == 1 else 'trajectories'}.",
+        RecordWarning,
+    )
 
 
 def quantile_of(magnitudes: np.ndarray, coverage: float) -> np.ndarray:

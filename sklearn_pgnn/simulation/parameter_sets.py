@@ -1,6 +1,5 @@
 """Simulate a model at many values of its parameters, on all cores."""
 
-import warnings
 from collections.abc import Mapping
 
 import numpy as np
@@ -20,6 +19,7 @@ from sklearn_pgnn.simulation.simulate import (
 )
 from sklearn_pgnn.simulation.stepping import run_trajectory, usual_interval
 from sklearn_pgnn.threads import local_threads
+from sklearn_pgnn.user_line import warn_user
 
 #: parts of the work that every thread takes in turn
 PARTS = 4
@@ -147,10 +147,9 @@ def _warn_of_lost(model: PhysicsModel, outputs: np.ndarray) -> None:
     """Warn of sets whose simulation became non-finite."""
     lost = np.flatnonzero(~np.isfinite(outputs[:, -1]).all(axis=-1))
     if lost.size:
-        warnings.warn(
+        warn_user(
             f"the simulation of {model.name!r} became non-finite at {lost.size} of {len(outputs)} "
             f"parameter sets, first at set {lost[0]}. Remedy: raise substeps, or check the "
             f"parameter values of these sets.",
             SimulationWarning,
-            stacklevel=3,
         )

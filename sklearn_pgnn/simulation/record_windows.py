@@ -16,6 +16,7 @@ from sklearn_pgnn.simulation.simulate import hold_of
 from sklearn_pgnn.simulation.state_estimate import StateEstimator
 from sklearn_pgnn.simulation.substeps import double_substeps
 from sklearn_pgnn.simulation.windows import ShootingWindows, evaluate
+from sklearn_pgnn.trajectories.constant_outputs import constant_outputs
 from sklearn_pgnn.trajectories.gaps import split_at_gaps
 from sklearn_pgnn.trajectories.measured import of_measured
 from sklearn_pgnn.trajectories.noise import noise_level, rough_noise_level
@@ -168,6 +169,9 @@ def noise_levels(records) -> np.ndarray:
 def output_noise(records, levels: np.ndarray | None = None) -> np.ndarray:
     """Estimate the noise of every output, never below a millionth of its standard deviation.
 
+    Records in which an output never changes tell nothing of its noise. If none else is there, it
+    counts as 1 in the output's unit; see `warn_of_constant_outputs`.
+
     Parameters
     ----------
     records : tuple of Record
@@ -182,8 +186,10 @@ def output_noise(records, levels: np.ndarray | None = None) -> np.ndarray:
     """
     y = np.concatenate([record.y for record in records])
     spread = of_measured(np.nanstd, y)
+    differ = np.fmax.reduce(y) > np.fmin.reduce(y)  # a spread may be rounding
     levels = noise_levels(records) if levels is None else levels
-    return np.maximum(np.median(levels, axis=0), np.where(spread > 0, 1e-6 * spread, 1.0))
+    usual = of_measured(np.nanmedian, np.where(constant_outputs(records), np.nan, levels))
+    return np.fmax(usual, np.where(differ, 1e-6 * spread, 1.0))
 
 
 def dominant_period(records, levels: np.ndarray | None = None) -> float:

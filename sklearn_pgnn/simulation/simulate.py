@@ -1,6 +1,5 @@
 """Simulate a model along a trajectory; a failure is part of the result, with its remedy."""
 
-import warnings
 from dataclasses import dataclass
 from numbers import Integral
 
@@ -14,6 +13,7 @@ from sklearn_pgnn.simulation.compiled import compile_model
 from sklearn_pgnn.simulation.inputs import delayed_inputs
 from sklearn_pgnn.simulation.model_function import METHODS
 from sklearn_pgnn.simulation.stepping import run_trajectory, usual_interval
+from sklearn_pgnn.user_line import warn_user
 
 
 @dataclass(frozen=True)
@@ -188,7 +188,7 @@ def simulate_acting(
         values[failed:] = np.nan
     message = "" if failed < 0 else _remedy(model, t, X, failed, substeps)
     if message:
-        warnings.warn(message, SimulationWarning, stacklevel=3)
+        warn_user(message, SimulationWarning)
     names = () if wrt is None else (*wrt, *(f"{state}(0)" for state in model.states))
     return Simulation(t, X, Y, names, None if wrt is None else SY, message)
 

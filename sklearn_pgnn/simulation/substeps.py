@@ -1,10 +1,10 @@
 """How many integration steps from sample to sample are enough."""
 
 import math
-import warnings
 from collections.abc import Callable
 
 from sklearn_pgnn.exceptions import SimulationWarning
+from sklearn_pgnn.user_line import warn_user
 
 #: most steps that are tried
 MAX_SUBSTEPS = 32
@@ -48,12 +48,11 @@ def double_substeps(
             return substeps
         substeps, coarse = 2 * substeps, finer
     if math.isfinite(changed):
-        warnings.warn(
+        warn_user(
             f"the simulation still changes with {MAX_SUBSTEPS} integration steps from sample to "
             f"sample, the largest number tried: the model has dynamics much faster than the "
             f"sampling. Remedy: replace the fastest states by their steady-state values, sample "
             f"faster, or set substeps.",
             SimulationWarning,
-            stacklevel=2,
         )
     return substeps

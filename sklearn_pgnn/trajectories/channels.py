@@ -5,7 +5,6 @@ A held input has its mean over the time to the next row, which has the same effe
 the input itself. With a sample time all channels are resampled.
 """
 
-import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from functools import partial
@@ -16,6 +15,7 @@ import pandas as pd
 
 from sklearn_pgnn.exceptions import RecordError, RecordWarning
 from sklearn_pgnn.trajectories.reader import TIME
+from sklearn_pgnn.user_line import warn_user
 
 #: times that differ by less than this fraction of a sample interval are treated as equal
 SAME = 1e-6
@@ -123,12 +123,11 @@ def join_channels(
     columns |= {title: seen(channel, t) for title, channel in outputs.items()}
     _tell_what_is_left_out(path, outputs, begin - near, end + near)
     if sample_time is None and any(np.isnan(columns[title]).any() for title in outputs):
-        warnings.warn(
+        warn_user(
             f"{path}: the outputs have different time stamps; each row holds those measured at its "
             f"time. Remedy, if they share no times at all: give a sample time to resample them "
             f"(--sample-time).",
             RecordWarning,
-            stacklevel=2,
         )
     return pd.DataFrame(columns)
 
@@ -171,12 +170,11 @@ def _tell_what_is_left_out(path, outputs, begin: float, end: float) -> None:
     for title, channel in outputs.items():
         outside = float(np.mean((channel.t < begin) | (channel.t > end)))
         if outside > AT_THE_ENDS:
-            warnings.warn(
+            warn_user(
                 f"{path}: channel {title!r}: {outside:.0%} of the samples are left out: all inputs "
                 f"were recorded only from {begin:.6g} s to {end:.6g} s. Remedy: record the inputs "
                 f"as long as the outputs, at least at the beginning and the end.",
                 RecordWarning,
-                stacklevel=3,
             )
 
 

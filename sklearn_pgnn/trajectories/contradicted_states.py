@@ -1,11 +1,10 @@
 """Initial states that y contradicts: those that X gives, or those of the model where X has none."""
 
-import warnings
-
 import numpy as np
 
 from sklearn_pgnn.exceptions import RecordWarning
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.user_line import warn_user
 
 #: share of an output's deviation by which its first row may differ from the state it shows
 SHARE = 0.1
@@ -32,11 +31,15 @@ def warn_of_contradicted_states(model: PhysicsModel, records) -> None:
     >>> X = np.column_stack([np.arange(9.0), np.ones(9), np.zeros(9)])
     >>> warn_of_contradicted_states(lag, read_records(lag, X, 1 - np.exp(-X[:, 0] / 2)))  # agree
     """
+    contradictions = []
     for i, state, names in _shown_states(model):
         told = [record for record in records if np.isfinite(record.x0[state])]
         starts = [float(record.x0[state]) for record in told]
         found, counts = _elsewhere(records, i, told, starts)
-        _warn_of_contradiction(found, counts, names)
+        if found is not None:
+            contradictions.append((found, counts, names))
+    if contradictions:
+        _warn_of_contradiction(*contradictions[0], [names for *_, names in contradictions[1:]])
 
 
 def warn_of_unknown_starts(model: PhysicsModel, records) -> None:
@@ -68,6 +71,60 @@ def warn_of_unknown_starts(model: PhysicsModel, records) -> None:
             return  # the remedy is the same for the other outputs
 
 
+def warn_of_missing_starts(model: PhysicsModel, is_told: np.ndarray, records) -> None:
+    """Warn where a table to be predicted lacks initial states that every trajectory of a fit had.
+
+    Nothing was learnt of where such a state usually starts; the model's own value is taken.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model that predicts.
+    is_told : ndarray of bool, shape (n_states,)
+        Whether all trajectories of the fit had the initial value of a state.
+    records : sequence of Record
+        Trajectories to be predicted.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.trajectories import read_records
+    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
+    >>> X = np.column_stack([np.arange(9.0), np.ones(9)])
+    >>> warn_of_missing_starts(lag, np.array([False]), read_records(lag, X))  # as in the fit
+    """
+    expected = [i for i in np.flatnonzero(is_told) if list(model.states)[i] not in model.settled]
+    lacking = [record for record in records if np.isnan(record.x0[expected]).any()]
+    if not lacking:
+        return
+    first = lacking[0]
+    names = [list(model.states)[i] for i in expected if np.isnan(first.x0[i])]
+    said = ", ".join(f"{name!r} = {float(model.initial_state[name]):.4g}" for name in names)
+    warn_user(
+        f"{UNKNOWN} for {', '.join(map(repr, names))} in trajectory {first.name!r}, row "
+        f"{first.rows[0]} ({len(lacking)} of {len(records)} trajectories), though every trajectory "
+        f"of fit had it: the prediction starts where the model does, at {said}. Remedy: the states "
+        f"in the first row of every trajectory of X; GreyBoxRegressor(initial_window=20)"
+        f".predict_from(X, y) estimates them.",
+        RecordWarning,
+    )
+
+
+def told_in_all(records) -> np.ndarray:
+    """Return for every state whether all trajectories have its initial value.
+
+    Parameters
+    ----------
+    records : sequence of Record
+        The trajectories of a fit.
+
+    Returns
+    -------
+    ndarray of bool, shape (n_states,)
+        See `warn_of_missing_starts`.
+    """
+    return np.isfinite(np.array([record.x0 for record in records])).all(axis=0)
+
+
 def _shown_states(model: PhysicsModel) -> list[tuple[int, int, tuple[str, str]]]:
     """Return every output that is a state: both indices and names."""
     states = list(model.states)
@@ -94,18 +151,18 @@ def _elsewhere(records, i: int, asked, starts):
     return others[0] if 2 * len(others) > len(begun) else None, (len(others), len(begun))
 
 
-def _warn_of_contradiction(found, counts, names: tuple[str, str]) -> None:
-    if found is None:
-        return
+def _warn_of_contradiction(found, counts, names: tuple[str, str], others) -> None:
+    """Warn of an output that contradicts X, and name the others, whose remedy is the same."""
     first, begins, told = found
-    warnings.warn(
+    more = [f"output {output!r} (state {state!r})" for output, state in others]
+    likewise = f" So does {', '.join(more)}." if more else ""
+    warn_user(
         f"y: output {names[0]!r} is the state {names[1]!r}, but in {counts[0]} of {counts[1]} "
         f"trajectories it begins elsewhere than X says: in trajectory {first.name!r}, row "
-        f"{first.rows[0]}, y is {begins:.4g}, and X gives {told:.4g}. Remedy: "
+        f"{first.rows[0]}, y is {begins:.4g}, and X gives {told:.4g}.{likewise} Remedy: "
         f"let y have the model's units (a TransformedTargetRegressor scales y, but not the states "
         f"in X); or leave the state out of X, or NaN, where it is not known.",
         RecordWarning,
-        stacklevel=4,
     )
 
 
@@ -114,7 +171,7 @@ def _warn_of_unknown_start(found, counts, names: tuple[str, str]) -> bool:
     if found is None:
         return False
     first, begins, said = found
-    warnings.warn(
+    warn_user(
         f"{UNKNOWN} for {names[1]!r}, so that predictions start where the model does, but in "
         f"{counts[0]} of {counts[1]} trajectories output {names[0]!r} begins elsewhere: in "
         f"trajectory {first.name!r}, row {first.rows[0]}, y is {begins:.4g}, and the model starts "
@@ -122,7 +179,6 @@ def _warn_of_unknown_start(found, counts, names: tuple[str, str]) -> bool:
         f"trajectory is read; GreyBoxRegressor(initial_window=20).predict_from(X, y) estimates "
         f"them.",
         RecordWarning,
-        stacklevel=4,
     )
     return True
 

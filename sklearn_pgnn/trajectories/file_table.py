@@ -2,7 +2,6 @@
 
 import math
 import re
-import warnings
 from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Sequence
@@ -23,6 +22,7 @@ from sklearn_pgnn.trajectories.alike import likeness, names_alike, units_alike
 from sklearn_pgnn.trajectories.reader import MIN_SAMPLES, TIME, TRAJECTORY, split_rows
 from sklearn_pgnn.trajectories.sample_interval import check_sample_interval
 from sklearn_pgnn.trajectories.tables import read_clock
+from sklearn_pgnn.user_line import warn_user
 
 _UNIT = re.compile(r"\s*(\[[^]]*\]|\([^)]*\))$")
 #: units of time, other than the second, in which a column's name may end
@@ -252,12 +252,11 @@ class FileTable(ABC):
         title, unit = self.header[k], self.unit_in_name(name, self.header[k])
         if unit and not self.given_unit(name, k):
             wanted = self.wanted_unit(name)
-            warnings.warn(
+            warn_user(
                 f"{self.path}{self.place(None)}: column {title!r} is read as {name} in {wanted}, "
                 f"but its name ends in {unit!r}. Remedy: say which it is in the model file: "
                 f'columns: {{{name}: "{title} [{unit}]"}}, or "{title} [{wanted}]".',
                 RecordWarning,
-                stacklevel=2,
             )
 
     def warn_of_scale(self, name: str, k: int) -> None:
@@ -272,12 +271,11 @@ class FileTable(ABC):
         scale = ours.factor / theirs.factor
         if abs(scale - 1.0) > 1e-6:
             shown = to_text(self.model.outputs[name])
-            warnings.warn(
+            warn_user(
                 f"{self.path}{self.place(None)}: column {self.header[k]!r} is read as it stands, "
                 f"in {given}, but the model's {name} = {shown} is in {ours.to_text()}. Remedy: "
                 f'convert it in the model file: outputs: {{{name}: "{scale:.6g}*({shown})"}}.',
                 RecordWarning,
-                stacklevel=2,
             )
 
     def conversion(self, name: str, k: int) -> tuple[float, float]:
@@ -315,11 +313,10 @@ class FileTable(ABC):
                 f"column, or let it be converted: {install}.",
                 title,
             )
-        warnings.warn(
+        warn_user(
             f"{self.path}{self.place(None)}: column {title!r}: {given!r} is treated as a remark; "
             f"without pint it cannot be checked whether it is a unit. Remedy: {install}.",
             RecordWarning,
-            stacklevel=2,
         )
 
     def converted(self) -> dict[str, tuple[str, str]]:

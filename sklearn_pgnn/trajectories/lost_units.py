@@ -12,8 +12,9 @@ standardised clock with uneven steps cannot be distinguished from ordinary recor
 
 import numpy as np
 
-from sklearn_pgnn.exceptions import RecordError
+from sklearn_pgnn.exceptions import RecordError, RecordWarning
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.user_line import warn_user
 
 #: tolerance of mean 0 and deviation 1 for a whole standardised column
 EXACT = 1e-6
@@ -74,6 +75,39 @@ def refuse_standardised(model: PhysicsModel, records, *, energies: bool = False)
         )
     if energies:
         _refuse_each(model, records, u)
+
+
+def warn_of_standardised_outputs(model: PhysicsModel, records) -> None:
+    """Warn of outputs that a scaler has stripped of their units, to which a model is fitted.
+
+    Parameters
+    ----------
+    model : PhysicsModel
+        The model.
+    records : tuple of Record
+        Trajectories with outputs.
+
+    Examples
+    --------
+    >>> from sklearn_pgnn.trajectories import read_records
+    >>> lag = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
+    >>> X = np.column_stack([np.arange(20.0), np.ones(20)])
+    >>> warn_of_standardised_outputs(lag, read_records(lag, X, 1 - np.exp(-X[:, 0] / 2)))  # volts
+    """
+    y = np.concatenate([record.y for record in records])
+    lost = [
+        name
+        for name, values in zip(model.outputs, y.T, strict=True)
+        if _is_standardised(values[np.isfinite(values)])
+    ]
+    if lost:
+        warn_user(
+            f"y: expected {', '.join(lost)} in physical units, got mean 0 and deviation 1, as a "
+            f"scaler leaves them: no parameters of the model can follow numbers without a unit. "
+            f"Remedy: fit y as measured; TransformedTargetRegressor(regressor, func=..., "
+            f"inverse_func=...) converts units, and StandardScaler is for what has none.",
+            RecordWarning,
+        )
 
 
 def _refuse_each(model, records, u) -> None:

@@ -23,8 +23,8 @@ def read_outputs(model: PhysicsModel | None, y, n_samples: int) -> np.ndarray:
         Defines the outputs; its `columns` give their names in the table. Without a model, y may
         have any columns.
     y : DataFrame, Series or array-like of shape (n_samples, n_outputs) or (n_samples,)
-        The measured outputs in the model's order. The names of a DataFrame are checked, except for
-        a single output, which may have any name.
+        The measured outputs in the model's order. The names of a DataFrame are checked; a Series
+        may have any, for what is computed from a column keeps its name.
     n_samples : int
         Number of rows that X has.
 
@@ -65,8 +65,7 @@ the columns v, x. Predictions are compared with y by place. Remedy: y[['x', 'v']
 
 def _refuse_other_names(model: PhysicsModel, y: pd.DataFrame) -> None:
     """Refuse names that are not those of the outputs in their order."""
-    named = any(isinstance(name, str) for name in y.columns)
-    if not named or y.shape[1] == len(model.outputs) == 1:
+    if not any(isinstance(name, str) for name in y.columns):
         return
     given = [_named_column(model, name, y) for name in model.outputs]
     if given != list(y.columns):
@@ -83,7 +82,8 @@ def _named_column(model: PhysicsModel, name: str, y: pd.DataFrame) -> str:
     if called is None:
         raise RecordError(
             f"y: output {name!r} is missing; the columns are {', '.join(map(str, y.columns))}. "
-            f"Remedy: name the column in the model's 'columns'."
+            f"Remedy: name the column in the model's 'columns', or y.to_numpy() if only the name "
+            f"is wrong."
         )
     once(y, called, "y: column")
     return called

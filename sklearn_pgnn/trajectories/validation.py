@@ -5,6 +5,7 @@ from os import PathLike
 import pandas as pd
 from sklearn.utils.validation import validate_data
 
+from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.trajectories.names import is_named
 from sklearn_pgnn.trajectories.tables import as_table
@@ -73,6 +74,47 @@ def require_target(estimator, y) -> None:
     if y is None:
         raise ValueError(
             f"{type(estimator).__name__} requires y to be passed, but the target y is None."
+        )
+
+
+def refuse_fit_params(estimator, fit_params: dict) -> None:
+    """Raise `OptionError` for weights of samples, and `TypeError` for what `fit` does not know.
+
+    Parameters
+    ----------
+    estimator : estimator
+        Whose `fit` it is.
+    fit_params : dict of str to object
+        What `fit` was given besides X and y; None stands for nothing.
+
+    Raises
+    ------
+    OptionError
+        If there are weights of samples.
+    TypeError
+        If there is anything else.
+
+    Examples
+    --------
+    >>> from sklearn.base import BaseEstimator
+    >>> refuse_fit_params(BaseEstimator(), {"sample_weight": [1.0, 2.0]})
+    Traceback (most recent call last):
+        ...
+    sklearn_pgnn.exceptions.OptionError: sample_weight: expected none, for BaseEstimator weighs \
+all measured samples alike. Remedy: leave it out; a sample whose y is NaN does not count.
+    """
+    given = [name for name, value in fit_params.items() if value is not None]
+    if "sample_weight" in given:
+        raise OptionError(
+            f"sample_weight: expected none, for {type(estimator).__name__} weighs all measured "
+            f"samples alike. Remedy: leave it out; a sample whose y is NaN does not count."
+        )
+    unknown = [name for name in fit_params if name != "sample_weight"]
+    if unknown:
+        raise TypeError(
+            f"{type(estimator).__name__}.fit: expected X and y, got {unknown[0]!r} as well. "
+            f"Remedy: leave it out; what is a parameter of the estimator is set by its "
+            f"constructor or set_params."
         )
 
 

@@ -58,7 +58,8 @@ def beginnings():
 def tuned_depth():
     """Return a network on a physical model that was fitted before it."""
     before = {"T": "the physics'", "K": "the physics'"}
-    physics = SimpleNamespace(model_=LAG, parameters_=before)
+    usual = LAG.replace(initial_state={"v": 1.5})
+    physics = SimpleNamespace(model_=usual, parameters_=before)
     return FittedDepth(Tuning(), physics, np.array([[1.5], [np.nan]]))
 
 

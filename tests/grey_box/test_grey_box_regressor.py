@@ -17,10 +17,11 @@ from sklearn_pgnn import (
     GreyBoxRegressor,
     ModelDiagnosis,
     PhysicsModel,
+    PhysicsModelRegressor,
     ResidualRegressor,
     effects,
 )
-from sklearn_pgnn.exceptions import ModelError, OptionError, TrainingError
+from sklearn_pgnn.exceptions import ModelError, OptionError, RecordWarning, TrainingError
 from sklearn_pgnn.grey_box.hidden_parts import hidden_parts
 from sklearn_pgnn.grey_box.operating_ranges import operating_ranges
 from sklearn_pgnn.grey_box.possible_depths import possible_depths
@@ -200,6 +201,25 @@ def test_trajectories_start_where_their_first_samples_say():
     assert 0.84 < np.mean((low <= y) & (y <= high)) < 0.96
     low, high = grey_box.predict_interval(X)
     assert np.allclose((low + high) / 2, grey_box.predict(X))
+
+
+def test_a_start_that_nobody_told_is_the_average_of_those_found():
+    X, y = records(CART, start=1.0)  # from -1 to 2
+    with pytest.warns(RecordWarning, match="no initial state is given for 'v'"):
+        grey_box = GreyBoxRegressor(CART, depths=("fitted",)).fit(X, y)
+    assert grey_box.model_.initial_state["v"] == pytest.approx(0.5, abs=0.01)
+    alone = PhysicsModelRegressor(CART, window_length="trajectory", search="local").fit(X, y)
+    assert grey_box.model_.initial_state == alone.model_.initial_state
+    assert grey_box.predict(X)[::400] == pytest.approx([0.5] * 4, abs=0.01)
+
+
+def test_a_start_that_is_the_same_everywhere_needs_no_warning():
+    X, _ = records(CART)
+    runs = [CART.simulate(one.t, one.F, [0.7], substeps=5).y for _, one in X.groupby("trajectory")]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", RecordWarning)
+        grey_box = GreyBoxRegressor(CART, depths=("fitted",)).fit(X, np.concatenate(runs))
+    assert grey_box.model_.initial_state["v"] == pytest.approx(0.7, abs=1e-3)
 
 
 @pytest.mark.parametrize("window", [400, 10000])

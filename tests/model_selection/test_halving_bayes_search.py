@@ -7,8 +7,10 @@ from typing import ClassVar
 import numpy as np
 import pandas as pd
 import pytest
+from joblib import parallel_config
 from sklearn.base import BaseEstimator, RegressorMixin, clone
 from sklearn.linear_model import Ridge
+from sklearn.model_selection import KFold
 from skopt import Optimizer
 
 from sklearn_pgnn.exceptions import OptionError, TrainingError
@@ -207,6 +209,47 @@ def test_a_candidate_without_a_score_ends_no_search(alpha, why, monkeypatch):
     assert len(told) == 8
     assert np.isfinite(told).all()
     assert told[0] == max(told[:2])  # the worst so far
+
+
+def parted(results):
+    """Return the results of a search without its times."""
+    return {name: column for name, column in results.items() if name != "fit_time"}
+
+
+@pytest.mark.parametrize("inner", [Ridge(), Breaking()], ids=["ridge", "some fail"])
+@pytest.mark.parametrize("n_jobs", [2, 3, -1])
+def test_folds_scored_at_the_same_time_change_nothing(inner, n_jobs):
+    with warnings.catch_warnings(), parallel_config(backend="threading"):
+        warnings.simplefilter("ignore")  # of candidates that fail
+        alone = search(inner, cv=5, n_iter=8).fit(X, Y)
+        together = search(inner, cv=5, n_iter=8, n_jobs=n_jobs).fit(X, Y)
+    assert sum(alone.cv_results_["n_folds"]) < 8 * 5
+    np.testing.assert_equal(parted(together.cv_results_), parted(alone.cv_results_))
+    assert together.best_params_ == alone.best_params_
+    assert np.array_equal(together.predict(X), alone.predict(X))
+
+
+def test_folds_are_scored_in_other_processes():
+    alone, together = (search(n_iter=2, n_jobs=n).fit(X, Y) for n in (None, 2))
+    np.testing.assert_equal(parted(together.cv_results_), parted(alone.cv_results_))
+
+
+class Fragile(Ridge):
+    """Refuses the last fold where alpha is large; such a candidate seldom gets that far."""
+
+    def fit(self, X, y):
+        if self.alpha > 1e3 and np.array_equal(y, Y[:-20]):
+            raise ValueError("this fold is refused.")
+        return super().fit(X, y)
+
+
+@pytest.mark.parametrize("n_jobs", [None, 6])
+def test_an_error_counts_only_where_a_candidate_gets_that_far(n_jobs):
+    with parallel_config(backend="threading"):
+        found = search(Fragile(), cv=KFold(6), n_jobs=n_jobs).fit(X, Y)
+        assert max(params["alpha"] for params in found.cv_results_["params"]) > 1e3
+        with pytest.raises(ValueError, match="this fold is refused"):
+            search(Fragile(alpha=1e4), cv=KFold(6), n_iter=1, n_jobs=n_jobs).fit(X, Y)
 
 
 class Stuck(Ridge):

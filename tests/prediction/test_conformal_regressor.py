@@ -1,15 +1,18 @@
 """Intervals of any regressor hold on trajectories that it has not seen."""
 
 import pickle
+import re
+import warnings
 
 import numpy as np
 import pandas as pd
 import pytest
 from sklearn.base import clone
 from sklearn.linear_model import LinearRegression
+from sklearn.model_selection import KFold
 
 from sklearn_pgnn import ConformalRegressor, PhysicsModel, PhysicsModelRegressor, ResidualRegressor
-from sklearn_pgnn.exceptions import OptionError
+from sklearn_pgnn.exceptions import OptionError, RecordWarning
 
 LAG = PhysicsModel({"y": "V"}, {"y": "(u - y)/T"}, {"T": 2.0}, {"u": "V"})
 
@@ -24,6 +27,14 @@ def records(n, seed, noise=0.05):
         run = LAG.with_parameters(T=2.5).simulate(t, u, [0.0])
         outputs.append(run.y[:, 0] + noise * rng.normal(size=t.size))
     return pd.concat(frames, ignore_index=True), np.concatenate(outputs)
+
+
+class Blind(ResidualRegressor):
+    """Leaves out what was not measured."""
+
+    def fit(self, X, y):
+        seen = np.isfinite(y)
+        return super().fit(X[seen], y[seen])
 
 
 def covered(estimator, coverage):
@@ -84,11 +95,6 @@ def test_folds_are_counted_by_what_was_measured():
     X, y = records(4, seed=0)
     y = np.where(X["trajectory"] < 2, y, np.nan)
 
-    class Blind(ResidualRegressor):
-        def fit(self, X, y):
-            seen = np.isfinite(y)
-            return super().fit(X[seen], y[seen])
-
     low, high = ConformalRegressor(Blind(LAG)).fit(X, y).predict_interval(X)
     assert (low < high).all()
 
@@ -125,6 +131,57 @@ def test_what_the_regressor_can_do_it_can():
     plain = ConformalRegressor(LinearRegression())
     assert not hasattr(plain, "predict_states")
     assert not hasattr(plain, "predict_ahead")
+
+
+@pytest.mark.parametrize(
+    ("n", "coverage", "said"),
+    [
+        (
+            6,
+            0.9,
+            "coverage: expected at most 6/7, which is what held-out errors of 6 trajectories can "
+            "guarantee for another one, got 0.9, for which 9 are needed; without a guarantee, the "
+            "interval covers that share of the errors that were seen, and may cover less. Remedy: "
+            "coverage=0.857 or less, or fit 3 more trajectories.",
+        ),
+        (8, 0.9, "Remedy: coverage=0.888 or less, or fit 1 more trajectory."),
+        (9, 0.99, "for which 99 are needed"),
+    ],
+)
+def test_a_coverage_that_so_few_records_cannot_guarantee_is_warned_of(n, coverage, said):
+    X, y = records(n, seed=0)
+    conformal = ConformalRegressor(ResidualRegressor(LAG)).fit(X, y)
+    with pytest.warns(RecordWarning, match=re.escape(said)):
+        low, high = conformal.predict_interval(X, coverage)
+    assert np.isfinite(high - low).all()
+
+
+def guaranteed(conformal, X, coverage):
+    """Return whether an interval comes without a warning."""
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        conformal.predict_interval(X, coverage)
+    return not told
+
+
+def test_records_are_counted_as_they_were_measured_and_grouped():
+    X, y = records(10, seed=0)
+    whole = ConformalRegressor(ResidualRegressor(LAG)).fit(X, y)
+    assert guaranteed(whole, X, 10 / 11)
+    assert not guaranteed(whole, X, 0.92)
+    pairs = clone(whole).fit(X, y, groups=X["trajectory"] // 2)
+    assert guaranteed(pairs, X, 5 / 6)
+    assert not guaranteed(pairs, X, 0.9)
+    some = ConformalRegressor(Blind(LAG)).fit(X, np.where(X["trajectory"] < 8, y, np.nan))
+    assert guaranteed(some, X, 8 / 9)
+    assert not guaranteed(some, X, 0.9)
+
+
+def test_rows_without_time_and_trajectory_stand_for_themselves():
+    X = pd.DataFrame({"a": np.arange(9.0), "b": 0.0})
+    rows = ConformalRegressor(LinearRegression(), cv=KFold(3)).fit(X, X["a"])
+    assert guaranteed(rows, X, 0.9)
+    assert not guaranteed(rows, X, 0.95)
 
 
 def test_one_trajectory_is_too_few():

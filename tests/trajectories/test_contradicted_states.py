@@ -53,6 +53,51 @@ def test_a_network_tells_of_it_too():
         net.fit(X, 10 * Y)
 
 
+def test_a_target_whose_outputs_are_all_scaled_is_told_once():
+    both = CART.replace(outputs={"position": "x", "speed": "v", "again": "x"})
+    y = 10 * np.column_stack([Y, np.repeat(X.v[::100], 100), Y])
+    with pytest.warns(RecordWarning) as caught:
+        warn_of_contradicted_states(both, read_records(both, X, y))
+    (said,) = [str(each.message) for each in caught]
+    assert "y: output 'position' is the state 'x', but in 3 of 3 trajectories it begins" in said
+    assert "So does output 'speed' (state 'v'), output 'again' (state 'x'). Remedy: let y" in said
+
+
+MISSING = (
+    "X: no initial state is given for 'x', 'v' in trajectory '1', row 100 (1 of 3 trajectories), "
+    "though every trajectory of fit had it: the prediction starts where the model does, at "
+    "'x' = 0, 'v' = 0. Remedy: the states in the first row of every trajectory of X; "
+    "GreyBoxRegressor(initial_window=20).predict_from(X, y) estimates them."
+)
+
+
+@pytest.mark.parametrize(
+    "estimator", [PhysicsModelRegressor(CART), GreyBoxRegressor(CART, depths=("prior", "fitted"))]
+)
+def test_a_start_that_only_a_prediction_lacks_is_told(estimator):
+    estimator.fit(X, Y)
+    lacking = X.assign(x=X.x.where(X.trajectory != 1), v=X.v.where(X.trajectory != 1))
+    for ask in (estimator.predict, estimator.predict_states, estimator.predict_interval):
+        with pytest.warns(RecordWarning) as caught:
+            ask(lacking)
+        assert [str(each.message) for each in caught] == [MISSING]
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            ask(X)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        estimator.predict_ahead(lacking, Y)  # the measurements tell
+
+
+def test_a_start_that_the_fit_lacked_as_well_is_told_there_only():
+    table = X.drop(columns=["x", "v"])
+    with pytest.warns(RecordWarning, match="no initial state is given"):
+        estimator = PhysicsModelRegressor(CART).fit(table, Y)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        estimator.predict(table)
+
+
 @pytest.mark.parametrize(
     ("table", "y"),
     [

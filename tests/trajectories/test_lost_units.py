@@ -1,14 +1,19 @@
 """A table that was standardised never reaches a simulation, and no record of its own is refused."""
 
+import warnings
+
 import numpy as np
 import pandas as pd
 import pytest
 from sklearn.base import clone
+from sklearn.compose import TransformedTargetRegressor
 from sklearn.model_selection import KFold, cross_val_score
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import RobustScaler, StandardScaler
 
 from sklearn_pgnn import (
+    ConformalRegressor,
+    GreyBoxRegressor,
     ModelDiagnosis,
     PGNNLRegressor,
     PhysicsModel,
@@ -142,6 +147,44 @@ def test_an_input_that_was_scaled_alone_has_no_energy(scaler):
     refuse_standardised(LAG, read)
     with pytest.raises(ValueError, match=r"input 'u' is standardised.*Remedy.*lambda_phy=0"):
         refuse_standardised(LAG, read, energies=True)
+
+
+UNITLESS = (
+    "y: expected y in physical units, got mean 0 and deviation 1, as a scaler leaves them: no "
+    "parameters of the model can follow numbers without a unit. Remedy: fit y as measured; "
+    "TransformedTargetRegressor(regressor, func=..., inverse_func=...) converts units, and "
+    "StandardScaler is for what has none."
+)
+
+
+def told(call):
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        call()
+    return [str(each.message) for each in caught if "physical units" in str(each.message)]
+
+
+@pytest.mark.parametrize(
+    "estimator", [PhysicsModelRegressor(LAG), GreyBoxRegressor(LAG, depths=("prior", "fitted"))]
+)
+def test_a_model_that_is_fitted_to_outputs_without_a_unit_tells_so(estimator):
+    scaled = TransformedTargetRegressor(estimator, transformer=StandardScaler())
+    assert told(lambda: scaled.fit(X, Y)) == [UNITLESS]
+    halved = TransformedTargetRegressor(
+        estimator, func=lambda y: y / 2, inverse_func=lambda y: 2 * y
+    )
+    assert told(lambda: halved.fit(X, Y)) == []
+
+
+@pytest.mark.parametrize("as_y", [np.asarray, pd.Series, lambda y: pd.DataFrame({"y": y})])
+@pytest.mark.parametrize(
+    "estimator",
+    [ResidualRegressor(LAG), ConformalRegressor(ResidualRegressor(LAG))],
+    ids=lambda e: type(e).__name__,
+)
+def test_a_target_may_be_scaled_around_what_learns_the_rest(estimator, as_y):
+    scaled = TransformedTargetRegressor(estimator, transformer=StandardScaler())
+    assert scaled.fit(X, as_y(Y)).score(X, Y) > 0.95
 
 
 def test_a_network_without_a_model_has_no_units():

@@ -72,9 +72,25 @@ def test_names_of_the_table_count_and_those_of_no_table_do_not():
     with pytest.raises(RecordError, match=r"order, position, v; .* y\[\['position', 'v'\]\]"):
         read_outputs(CART, named[["v", "position"]], len(X))
     one = CART.replace(outputs={"x": "x"})
-    np.testing.assert_array_equal(read_outputs(one, Y[["v"]], len(X)), Y[["v"]])
     with pytest.raises(RecordError, match=r"order, x; got the columns x, v"):
         read_records(one, X, Y)
+
+
+@pytest.mark.parametrize("name", ["v", "temp"])
+def test_a_single_column_of_another_name_is_refused(name):
+    one = CART.replace(outputs={"x": "x"})
+    with pytest.raises(RecordError) as caught:
+        ResidualRegressor(one).fit(X, WIDER[[name]])
+    assert str(caught.value) == (
+        f"y: output 'x' is missing; the columns are {name}. Remedy: name the column in the "
+        f"model's 'columns', or y.to_numpy() if only the name is wrong."
+    )
+
+
+@pytest.mark.parametrize("name", ["x", "sensor 3", "F", None])
+def test_a_series_may_have_any_name_for_it_keeps_that_of_what_it_was_computed_from(name):
+    one = CART.replace(outputs={"place": "x"})
+    np.testing.assert_array_equal(read_outputs(one, Y["x"].rename(name), len(X)), Y[["x"]])
 
 
 def test_without_a_model_columns_may_be_any():

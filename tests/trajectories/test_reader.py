@@ -162,7 +162,8 @@ def test_one_output_in_any_form():
     expected = read_records(ONE_OUTPUT, X, y.to_frame())
     for form in (y, y.rename("angle"), y.to_numpy(), y.to_list(), y.to_numpy()[:, None]):
         assert_same(read_records(ONE_OUTPUT, X, form), expected)
-    assert_same(read_records(ONE_OUTPUT, X, y.rename("angle").to_frame()), expected)
+    numbered = pd.DataFrame(y.to_numpy())
+    assert_same(read_records(ONE_OUTPUT, X, numbered), expected)
     assert expected[0].y.shape == (4, 1)
 
 

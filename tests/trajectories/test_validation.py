@@ -7,11 +7,14 @@ from sklearn.linear_model import LinearRegression
 from sklearn.pipeline import make_pipeline
 
 from sklearn_pgnn import (
+    GreyBoxRegressor,
     PhysicsModel,
     PhysicsModelRegressor,
     PhysicsModelTransformer,
     ResidualRegressor,
+    SINDYcRegressor,
 )
+from sklearn_pgnn.exceptions import OptionError
 
 pytestmark = pytest.mark.core
 
@@ -29,6 +32,34 @@ Y = np.concatenate(
     [CART.with_parameters(d=0.8).simulate(T[:100], X["F"][k : k + 100], [0.5, -0.3]).y[:, 0]
      for k in (0, 100)]
 )  # fmt: skip
+
+FITS = [
+    PhysicsModelRegressor(CART),
+    ResidualRegressor(CART),
+    SINDYcRegressor(CART),
+    GreyBoxRegressor(CART),
+]
+
+
+@pytest.mark.parametrize("estimator", FITS, ids=lambda each: type(each).__name__)
+def test_weights_of_samples_are_refused_before_any_work(estimator):
+    name = type(estimator).__name__
+    with pytest.raises(OptionError) as caught:
+        estimator.fit(X, Y, sample_weight=np.ones(len(X)))
+    assert str(caught.value) == (
+        f"sample_weight: expected none, for {name} weighs all measured samples alike. Remedy: "
+        f"leave it out; a sample whose y is NaN does not count."
+    )
+    with pytest.raises(TypeError, match=f"{name}.fit: expected X and y, got 'groups' as well. Re"):
+        estimator.fit(X, Y, groups=None)
+    assert not [each for each in vars(estimator) if each.endswith("_")]
+
+
+def test_no_weights_are_no_weights():
+    expected = ResidualRegressor(CART).fit(X, Y).predict(X)
+    found = ResidualRegressor(CART).fit(X, Y, sample_weight=None).predict(X)
+    np.testing.assert_array_equal(found, expected)
+
 
 TRANSFORMERS = [
     PhysicsModelTransformer(CART),

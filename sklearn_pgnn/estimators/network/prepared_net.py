@@ -48,6 +48,7 @@ from sklearn_pgnn.simulation.long_steps import usual_step
 from sklearn_pgnn.simulation.record_windows import dominant_period, output_noise
 from sklearn_pgnn.simulation.simulate import hold_of
 from sklearn_pgnn.trajectories import read_records
+from sklearn_pgnn.trajectories.constant_outputs import constant_outputs, warn_of_constant_outputs
 from sklearn_pgnn.trajectories.contradicted_states import (
     warn_of_contradicted_states,
     warn_of_unknown_starts,
@@ -230,6 +231,7 @@ class PreparedNet(TrajectoryNet):
         outputs = y if hasattr(y, "iloc") else np.asarray(y)
         X, given = self._read_training(table, y, anew)
         measured = [record for record in given if record.is_measured]
+        warn_of_constant_outputs(self.model_, measured)
         filled = self._settle_interval(measured, anew)
         records = tuple(each.record for each in filled)
         self.noise_ = output_noise(records)
@@ -257,7 +259,7 @@ class PreparedNet(TrajectoryNet):
             )
         self._settle_physics(windows)
         spread = of_measured(np.nanstd, np.concatenate([r.y for r in records]))
-        self._spread = np.where(spread > 0, spread, 1.0)
+        self._spread = np.where(constant_outputs(records).all(axis=0), 1.0, spread)
         return training, windows
 
     def _read_training(self, X, y, anew):

@@ -1,6 +1,5 @@
 """Records as a network trains on them: states estimated, the model simulated, windows cut."""
 
-import warnings
 from dataclasses import dataclass, replace
 from threading import Lock
 
@@ -27,6 +26,7 @@ from sklearn_pgnn.simulation.record_windows import (
     window_records,
 )
 from sklearn_pgnn.simulation.simulate import start_of
+from sklearn_pgnn.user_line import warn_user
 
 #: number of state estimates that are cached
 KEPT = 8
@@ -115,10 +115,9 @@ def open_loop(model: PhysicsModel, record, hold: str, substeps: int) -> np.ndarr
     what = what_is_wrong(run, run.x, list(model.states))
     if not what:
         return run.x
-    warnings.warn(
+    warn_user(
         f"trajectory {record.name!r}: {what} The network is guided by its first state.",
         SimulationWarning,
-        stacklevel=2,
     )
     return np.repeat(run.x[:1], len(run.x), axis=0)
 

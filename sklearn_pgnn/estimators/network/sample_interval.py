@@ -5,7 +5,6 @@ nothing is reported. What cannot be divided so is told, unless the network's out
 the step integrates: then a step of any length says about the same.
 """
 
-import warnings
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,6 +13,7 @@ from sklearn_pgnn.estimators.network.structure import ON_THE_MODEL
 from sklearn_pgnn.exceptions import RecordError, RecordWarning
 from sklearn_pgnn.trajectories.record import Record
 from sklearn_pgnn.trajectories.sample_interval import check_sample_interval
+from sklearn_pgnn.user_line import warn_user
 
 #: a step this many times as long as that of the training is divided
 LONG = 1.5
@@ -198,14 +198,13 @@ def warn_of_other_intervals(filled: list[FilledRecord], interval: float, structu
     first = others[0]
     usual = float(np.median(np.diff(first.record.t[first.kept])))
     more = f" and {len(others) - 1} more are" if len(others) > 1 else " is"
-    warnings.warn(
+    warn_user(
         f"X: expected steps of {interval:g} s, the sample interval of the training, or multiples "
         f"of it, for the network (structure={structure!r}) is a map from one such sample to the "
         f"next; trajectory {first.record.name!r} from row {first.rows[0]} on{more} sampled "
         f"otherwise, there every {usual:g} s in the median. The prediction is wrong by as much. "
         f"{_remedy(interval)}",
         RecordWarning,
-        stacklevel=5,
     )
 
 
@@ -249,12 +248,11 @@ def parts_of_a_step(wanted, interval: float, is_map: bool, structure: str) -> in
     check_sample_interval(wanted)
     parts = int(_parts(wanted, interval))
     if is_map and is_other_interval(wanted / parts, interval):
-        warnings.warn(
+        warn_user(
             f"interval: expected {interval:g} s, the sample interval of the training, or a "
             f"multiple of it, for the network (structure={structure!r}) is a map from one such "
             f"sample to the next; got {wanted:g} s. Its outputs are wrong by as much. "
             f"{_remedy(wanted)}",
             RecordWarning,
-            stacklevel=4,
         )
     return parts

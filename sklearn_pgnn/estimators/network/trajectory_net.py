@@ -2,7 +2,6 @@
 
 import contextlib
 import copy
-import warnings
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -50,6 +49,7 @@ from sklearn_pgnn.estimators.network.structure import ON_THE_MODEL, corrected_st
 from sklearn_pgnn.exceptions import SimulationWarning, TrainingError
 from sklearn_pgnn.simulation.network_run import NetworkStep
 from sklearn_pgnn.simulation.uncertainty import NORMAL_95, Estimate
+from sklearn_pgnn.user_line import warn_user
 
 #: "auto" refines by Levenberg-Marquardt steps up to this many weights
 FEW_WEIGHTS = 1000
@@ -226,13 +226,12 @@ class TrajectoryNet(NeuralNetRegressor):
         runs = [run(each.record)[1] for each in self._unmeasured]
         found = [each for each, failed in zip(self._unmeasured, runs, strict=True) if failed < 0]
         if len(found) < len(runs):
-            warnings.warn(
+            warn_user(
                 f"in {len(runs) - len(found)} of {len(runs)} trajectories without y the network's "
                 f"free run exceeded 1000 times the range of the training data; the last training "
                 f"phase omits them. Remedy: rollouts (horizon=50), or inputs closer to the "
                 f"measured ones.",
                 SimulationWarning,
-                stacklevel=6,
             )
         return found
 
@@ -549,25 +548,22 @@ def _warn_of_lost(objective: SimulationObjective, theta) -> None:
     parts = objective.parts(theta)[: len(objective.records)]
     lost = sum(not part.is_finite for part in parts)
     if lost:
-        warnings.warn(
+        warn_user(
             f"in {lost} of {len(parts)} training trajectories the network's free run, or its "
             f"gradient, is not finite; the last training phase is skipped. Remedy: rollouts "
             f"(horizon=50), structure='correction' or 'increment', more epochs, or shorter "
             f"trajectories.",
             SimulationWarning,
-            stacklevel=6,
         )
 
 
 def _warn_of_ends(names) -> None:
     """Warn of parameters at a limit of their range."""
     if names:
-        warnings.warn(
+        warn_user(
             f"{', '.join(names)} ended at a limit of the spread or bounds. Remedy: a larger spread "
             f"in the model; 'corrects' and 'sees', where it is known what the missing part acts on "
-            f"and depends on; or leave the parameter out of 'free'.",
-            UserWarning,
-            stacklevel=6,
+            f"and depends on; or leave the parameter out of 'free'."
         )
 
 

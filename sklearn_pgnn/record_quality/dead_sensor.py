@@ -1,0 +1,56 @@
+"""Dead sensors: outputs that never change in a record though the model moves there."""
+
+import numpy as np
+
+from sklearn_pgnn.record_quality.finding import Finding
+from sklearn_pgnn.record_quality.limits import TWICE
+from sklearn_pgnn.record_quality.signals import Signal
+from sklearn_pgnn.record_quality.wording import listed
+
+
+def find_dead_sensor(signal: Signal, residual: Signal) -> Finding | None:
+    """Find records in which an output has one value only, and a fitted model clearly others.
+
+    A machine at rest is no fault: its model rests, too.
+
+    Parameters
+    ----------
+    signal : Signal
+        The output.
+    residual : Signal
+        What a fitted model leaves of it.
+
+    Returns
+    -------
+    Finding or None
+        What was found.
+
+    Examples
+    --------
+    >>> moving, still, t = np.sin(np.arange(50.0)), np.zeros(50), np.arange(50.0)
+    >>> speed = Signal("v", "m/s", [moving, still], [t, t], ["a", "b"])
+    >>> left = Signal("v", "m/s", [still, -moving], [t, t], ["a", "b"])
+    >>> find_dead_sensor(speed, left).text
+    'v has one value only throughout record b (0 m/s), where the model moves'
+    """
+    still = signal.is_still
+    if all(still):
+        return None
+    least = TWICE * max(signal.noise, signal.resolution, signal.finest)
+    rows = zip(still, signal.records, signal.pieces, residual.pieces, strict=True)
+    dead = {
+        record: signal.measured(float(np.nanmax(piece)))
+        for is_still, record, piece, rest in rows
+        if is_still and np.isfinite(piece).any() and np.sqrt(np.nanmean(rest**2)) > least
+    }
+    if not dead:
+        return None
+    places = listed(f"record {record} ({value})" for record, value in dead.items())
+    return Finding(
+        "dead sensor",
+        signal.name,
+        f"{signal.name} has one value only throughout {places}, where the model moves",
+        float(len(dead)),
+        "look at the sensor and its cable, and leave the output empty (NaN) in these records; if "
+        "the machine was stuck there, that is what the model lacks",
+    )
