@@ -18,7 +18,7 @@ from sklearn_pgnn.simulation.substeps import double_substeps
 from sklearn_pgnn.simulation.windows import ShootingWindows, evaluate
 from sklearn_pgnn.trajectories.constant_outputs import constant_outputs
 from sklearn_pgnn.trajectories.gaps import split_at_gaps
-from sklearn_pgnn.trajectories.measured import of_measured
+from sklearn_pgnn.trajectories.measured import of_measured, spans_of
 from sklearn_pgnn.trajectories.noise import noise_level, rough_noise_level
 from sklearn_pgnn.trajectories.record import Record
 
@@ -186,7 +186,7 @@ def output_noise(records, levels: np.ndarray | None = None) -> np.ndarray:
     """
     y = np.concatenate([record.y for record in records])
     spread = of_measured(np.nanstd, y)
-    differ = np.fmax.reduce(y) > np.fmin.reduce(y)  # a spread may be rounding
+    differ = spans_of(y) > 0  # a spread may be rounding
     levels = noise_levels(records) if levels is None else levels
     usual = of_measured(np.nanmedian, np.where(constant_outputs(records), np.nan, levels))
     return np.fmax(usual, np.where(differ, 1e-6 * spread, 1.0))

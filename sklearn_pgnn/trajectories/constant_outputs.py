@@ -4,6 +4,7 @@ import numpy as np
 
 from sklearn_pgnn.exceptions import RecordWarning
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.trajectories.measured import spans_of
 from sklearn_pgnn.user_line import warn_user
 
 
@@ -29,8 +30,7 @@ def constant_outputs(records) -> np.ndarray:
     >>> constant_outputs(records).tolist()
     [[False], [True]]
     """
-    spans = [np.fmax.reduce(record.y) - np.fmin.reduce(record.y) for record in records]
-    return ~(np.array(spans) > 0)  # NaN where nothing was measured
+    return ~(np.array([spans_of(record.y) for record in records]) > 0)
 
 
 def remarks_on_dead_outputs(model: PhysicsModel, records) -> list[str]:
