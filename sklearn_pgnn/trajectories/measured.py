@@ -1,4 +1,7 @@
-"""Statistics of the measured samples of every output, which may be none."""
+"""Statistics of the measured samples of every output, which may be none.
+
+They are taken column by column: over the rows of a narrow table NumPy takes nine times as long.
+"""
 
 from collections.abc import Callable
 
@@ -25,10 +28,7 @@ def of_measured(statistic: Callable, y: np.ndarray) -> np.ndarray:
     >>> of_measured(np.nanmean, np.array([[1.0, np.nan], [2.0, np.nan]])).tolist()
     [1.5, nan]
     """
-    some = ~np.isnan(y).all(axis=0)
-    found = np.full(y.shape[1], np.nan)
-    found[some] = statistic(y[:, some], axis=0)
-    return found
+    return np.array([np.nan if np.isnan(column).all() else statistic(column) for column in y.T])
 
 
 def spans_of(y: np.ndarray) -> np.ndarray:
@@ -48,5 +48,5 @@ def spans_of(y: np.ndarray) -> np.ndarray:
     --------
     >>> spans_of(np.array([[1.0, np.nan], [3.0, np.nan], [np.nan, np.nan]])).tolist()
     [2.0, nan]
-    """  # column by column, for NumPy takes nine times as long over the rows of a narrow table
+    """
     return np.array([np.fmax.reduce(column) - np.fmin.reduce(column) for column in y.T])
