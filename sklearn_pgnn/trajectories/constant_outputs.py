@@ -58,6 +58,8 @@ def remarks_on_dead_outputs(model: PhysicsModel, records) -> list[str]:
     "output 'y' has one value only throughout trajectory '1' (0.1 V)"
     """
     still = constant_outputs(records)
+    if not still.any():
+        return []
     driven = np.array([not model.inputs or bool(np.ptp(r.u, axis=0).any()) for r in records])
     measured = np.array([np.isfinite(r.y).any(axis=0) for r in records])
     said = []
