@@ -275,8 +275,8 @@ class Investigation:
         result = search.in_steps_of(finer, found.result)
         structure, before = found.structure, found.result.final.hypothesis
         if len(result.steps) < len(before.causes):
-            asked, left = _Structures(finer, search.criterion), search.compare
-            may_depend = left.leaves_what_may_depend(result.final)
+            asked = _Structures(finer, search.criterion)
+            may_depend = search.compare.leaves_what_may_depend(result.final)
             structure = asked.of(result.final) if may_depend else None
         return replace(found, search=search, result=result, structure=structure)
 

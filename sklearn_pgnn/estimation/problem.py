@@ -31,6 +31,7 @@ from sklearn_pgnn.simulation.record_windows import (
 )
 from sklearn_pgnn.simulation.state_estimate import StateEstimator
 from sklearn_pgnn.simulation.windows import ShootingWindows, evaluate
+from sklearn_pgnn.trajectories.measured import spans_of
 from sklearn_pgnn.trajectories.reader import MIN_SAMPLES as LEAST_SAMPLES
 from sklearn_pgnn.trajectories.record import Record
 
@@ -371,9 +372,8 @@ def check_records(model: PhysicsModel, records: tuple[Record, ...]) -> None:
                 f"output {name!r}: expected measured values, got none. Remedy: leave the output "
                 f"out of the model, or add its column."
             )
-        value = float(np.nanmax(column))
-        if value == np.nanmin(column):
-            said = f"{value:.4g} {model.unit(name)}".rstrip()
+        if spans_of(column[:, None])[0] == 0:
+            said = f"{float(np.nanmax(column)):.4g} {model.unit(name)}".rstrip()
             raise RecordError(
                 f"output {name!r}: expected a signal that changes, got {said} in every sample of "
                 f"every record. Remedy: look at the sensor and its cable; record the machine in "

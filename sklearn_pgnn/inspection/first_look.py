@@ -15,6 +15,7 @@ from sklearn_pgnn.simulation.free_run import simulate_record
 from sklearn_pgnn.simulation.record_windows import MIN_SAMPLES, window_records
 from sklearn_pgnn.trajectories import read_records
 from sklearn_pgnn.trajectories.constant_outputs import remarks_on_dead_outputs
+from sklearn_pgnn.trajectories.measured import spans_of
 
 #: factors between two units of a quantity that differ by a prefix, and their powers of ten
 PREFIXES = {1e3: 3, 1e6: 6, 1e-3: -3, 1e-6: -6}
@@ -237,7 +238,7 @@ def _fits(model, windows, simulated) -> tuple[FirstFit, ...]:
     with np.errstate(over="ignore", invalid="ignore"):
         errors = np.sqrt(np.nanmean((windows.y - simulated) ** 2, axis=0))
     percent = fit_percentage(windows.y, simulated)
-    still = np.nanmax(windows.y, axis=0) == np.nanmin(windows.y, axis=0)
+    still = spans_of(windows.y) == 0
     noise = np.where(still, np.nan, windows.scale)  # nothing is known of it
     return tuple(
         FirstFit(name, model.unit(name), float(errors[i]), float(noise[i]), float(percent[i]))

@@ -8,6 +8,7 @@ import numpy as np
 
 from sklearn_pgnn.record_quality.grid import grid_step
 from sklearn_pgnn.record_quality.limits import BLOCK, COARSE, FINE, MOST, NOISE_LIKE, TWICE
+from sklearn_pgnn.trajectories.measured import spans_of
 from sklearn_pgnn.trajectories.noise import finest_differences, noise_level
 
 
@@ -48,7 +49,7 @@ class Signal:
     @cached_property
     def is_still(self) -> list[bool]:
         """Whether it has no two different values, record by record."""
-        return [np.unique(piece[np.isfinite(piece)]).size < 2 for piece in self.pieces]
+        return [not spans_of(piece[:, None])[0] > 0 for piece in self.pieces]
 
     @cached_property
     def noisy(self) -> bool:
