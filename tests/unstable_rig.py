@@ -32,7 +32,9 @@ def hovering(strength=STRENGTH, gap=GAP, spread=0.2) -> PhysicsModel:
     )
 
 
-def record(sample_time, n_samples, friction=0.0, seed=0) -> tuple[np.ndarray, np.ndarray]:
+def record(
+    sample_time, n_samples, friction=0.0, seed=0, noise=NOISE
+) -> tuple[np.ndarray, np.ndarray]:
     """Record the current and the position; the current is held from sample to sample."""
     rng = np.random.default_rng(seed)
     t, y, v = sample_time * np.arange(n_samples), 5.0, 0.0
@@ -47,4 +49,4 @@ def record(sample_time, n_samples, friction=0.0, seed=0) -> tuple[np.ndarray, np
         for _ in range(fine):
             v += h * (GRAVITY - STRENGTH * (current[k] / (GAP + y)) ** 2 - friction * np.tanh(v))
             y += h * v
-    return np.column_stack([t, current]), seen + NOISE * rng.normal(size=n_samples)
+    return np.column_stack([t, current]), seen + noise * rng.normal(size=n_samples)

@@ -93,9 +93,10 @@ class Comparison:
     def names(self, without: FittedHypothesis, with_: FittedHypothesis, n_causes=1) -> bool:
         """Return whether the causes that only the second of two hypotheses has are named.
 
-        Where the prior runs away from the records, less of a divergence is no explanation.
+        Where the prior runs away from the records, less of a divergence is no explanation, even if
+        no more than noise is left: loud noise hides all motion within a short window.
         """
-        if self.runs_away(with_):
+        if self.fitter.runs_away(with_):
             return False
         trials = without, with_, self.fitter.base()
         before, after, retuned = (self.fitter.held_out(trial) for trial in trials)

@@ -86,6 +86,16 @@ class EstimationProblem:
         return squares_without_model(self.windows, free_values(self.prior))
 
     @property
+    def squares_of_no_use(self) -> np.ndarray:
+        """Squares of every output at which a model says nothing about it.
+
+        They are those about its mean. Windows of fewer samples than usual are so short that any
+        start is nearer than the mean: there they are those that no model is needed for.
+        """
+        is_usual = self.min_samples >= MIN_SAMPLES
+        return self.squares_about_mean if is_usual else self.squares_without_model
+
+    @property
     def resolution(self) -> np.ndarray:
         """Accuracy limit of a simulation, in units of the noise, of shape (n_outputs,)."""
         return RESOLUTION * self.typical_outputs / self.windows.scale

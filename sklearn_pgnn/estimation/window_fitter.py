@@ -383,8 +383,9 @@ class WindowFitter:
     def runs_away(self, trial: FittedHypothesis) -> bool:
         """Return whether a hypothesis tells nothing, where the re-tuned prior runs away.
 
-        A prior runs away that predicts no output better over windows than its mean does. What
-        predicts none better than is possible without a model only ends that.
+        A prior runs away that predicts no output better over windows than its mean does, in windows
+        of fewer samples than usual no better than is possible without a model. What predicts none
+        better than that only ends it.
 
         Parameters
         ----------
@@ -397,7 +398,7 @@ class WindowFitter:
             False wherever the re-tuned prior does not run away.
         """
         of_prior, left = (self.held_out(each).windows.squares for each in (self.base(), trial))
-        if (of_prior < self.problem.squares_about_mean).any():
+        if (of_prior < self.problem.squares_of_no_use).any():
             return False
         return not bool((left < self.problem.squares_without_model).any())
 

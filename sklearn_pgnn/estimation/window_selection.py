@@ -19,7 +19,6 @@ from sklearn_pgnn.estimation.progress import Progress
 from sklearn_pgnn.exceptions import RecordError
 from sklearn_pgnn.physics.expressions import symbol
 from sklearn_pgnn.simulation.pointwise import evaluate_samples, sample_table
-from sklearn_pgnn.simulation.record_windows import MIN_SAMPLES
 from sklearn_pgnn.simulation.source import differentiate
 
 
@@ -65,14 +64,18 @@ def _before_it_runs_away(fitter: HypothesisFitter) -> HypothesisFitter:
     The error of an unstable prior grows by a constant factor per time constant of the instability,
     and windows of a usual number of samples may hold many of these. In short windows it must
     predict some output better than is possible without a model. Where it does so in none, they are
-    as long as its foresight: a cause may be what it lacks.
+    as long as its foresight and as it remains finite: a cause may be what it lacks. Where none are
+    so short, the shortest are nearest to that, unless it foresees nothing even there.
     """
     tried = [fitter]
     while not _tells(tried[-1]):
         problem = tried[-1].problem
         cut = shorter(problem) or shorter(with_few_samples(problem))
         if cut is None:
-            return next((each for each in tried if not _is_beyond_foresight(each)), fitter)
+            last = tried[-1]
+            foresees = _leaves_less_than(last, last.problem.squares_about_mean)
+            otherwise = last if foresees else fitter
+            return next((each for each in tried if _is_within_foresight(each)), otherwise)
         tried.append(HypothesisFitter(cut, fitter.progress))
     return tried[-1]
 
@@ -111,16 +114,19 @@ def _tells(fitter: HypothesisFitter) -> bool:
     better than is possible without a model, and if windows do not exceed an unstable prior's
     foresight.
     """
-    problem = fitter.problem
-    is_usual = problem.min_samples >= MIN_SAMPLES
-    least = problem.squares_about_mean if is_usual else problem.squares_without_model
-    return _leaves_less_than(fitter, least) and not _is_beyond_foresight(fitter)
+    says = _leaves_less_than(fitter, fitter.problem.squares_of_no_use)
+    return says and not _is_beyond_foresight(fitter)
 
 
 def _is_beyond_foresight(fitter: HypothesisFitter) -> bool:
     """Return whether noise at the start of a window grows to the size of the outputs in it."""
     problem = fitter.problem
     return problem.scales.window > horizon(problem, fitter.base().fit.model)
+
+
+def _is_within_foresight(fitter: HypothesisFitter) -> bool:
+    """Return whether the re-tuned prior remains finite in windows no longer than its foresight."""
+    return fitter.base().fit.usable and not _is_beyond_foresight(fitter)
 
 
 def _leaves_less_than(fitter: HypothesisFitter, squares: np.ndarray) -> bool:

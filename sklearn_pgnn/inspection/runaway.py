@@ -10,8 +10,8 @@ from sklearn_pgnn.record_quality.wording import listed
 REMEDY = (
     "Check the signs, units and values of the model, and give wider spreads to parameters that are "
     "not well known. If the machine is unstable by itself, sample faster: in windows of a few "
-    "samples the model cannot run away; or put its controller into the model, with the reference "
-    "as the input."
+    "samples the model cannot run away. If a controller holds it against a load, record the load; "
+    "or put the controller into the model, with the reference as the input."
 )
 
 
@@ -56,7 +56,8 @@ def runaway_sentence(diagnosis) -> str:
     ]
     return (
         f"Nothing can be told: over windows of {number(diagnosis.window_, 3)} s the re-tuned model "
-        f"runs away from the records, as that of an unstable machine does. It predicts no output "
+        f"runs away from the records, as that of an unstable machine does, or of one that a "
+        f"controller holds against a load that is not recorded. It predicts no output "
         f"better than is possible without a model, by carrying on as at the start: its error is "
         f"{listed(came)}. No cause is named that merely ends the divergence."
     )

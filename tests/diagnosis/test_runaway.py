@@ -57,3 +57,14 @@ def test_nothing_is_named_of_an_unstable_machine_that_lacks_nothing():
     found = ModelDiagnosis(prior, catalogue=BRAKES, max_causes=2).fit(X, y)
     assert found.verdict_ == "model_adequate"
     assert not found.remaining_.runs_away
+
+
+@pytest.mark.slow
+def test_nothing_is_named_where_noise_hides_all_that_an_unstable_model_foresees():
+    """In 8 samples, noise at the start grows to the size of the output."""
+    X, y = record(0.005, 2000, FRICTION, noise=0.1)
+    prior = hovering(0.98 * STRENGTH, 0.97 * GAP)
+    lost = ModelDiagnosis(prior, catalogue=BRAKES, max_causes=2).fit(X, y)
+    assert not lost.causes_
+    assert lost.verdict_ == "unexplained"
+    assert lost.remaining_.runs_away

@@ -70,3 +70,16 @@ def test_a_prior_that_foresees_nothing_keeps_its_windows():
     problem = build_problem(model, read_records(model, *record(0.01, 1500)), substeps=4)
     given = HypothesisFitter(problem)
     assert window_selection._before_it_runs_away(given) is given
+
+
+@pytest.mark.parametrize("noise", [1e-4, 0.1])
+def test_windows_become_short_however_quiet_or_loud_the_records_are(noise):
+    """In 39 samples the prior becomes infinite, though within the foresight of quiet records.
+
+    That of loud ones is 8 samples, and within it a straight line leaves no more than noise.
+    """
+    X, y = record(0.005, 2000, FRICTION, noise=noise)
+    prior = hovering(0.98 * STRENGTH, 0.97 * GAP)
+    fitter = window_selection.select_windows(build_problem(prior, read_records(prior, X, y)))
+    assert fitter.base().fit.usable
+    assert fitter.problem.scales.window == pytest.approx(0.045, abs=0.011)
