@@ -26,6 +26,7 @@ from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
 from sklearn_pgnn.estimation.problem import EstimationProblem, one_of
 from sklearn_pgnn.estimation.residuals import HeldOut
 from sklearn_pgnn.physics.model import PhysicsModel
+from sklearn_pgnn.simulation.bounded_step import bounded_step
 from sklearn_pgnn.simulation.disturbance import (
     Disturbance,
     LinearWindows,
@@ -35,7 +36,6 @@ from sklearn_pgnn.simulation.disturbance import (
 from sklearn_pgnn.simulation.filtered_response import Starts, linearise_filtered
 from sklearn_pgnn.simulation.hidden_input import channels
 from sklearn_pgnn.simulation.led_states import Lead, lead
-from sklearn_pgnn.simulation.normal_equations import bounded_step
 from sklearn_pgnn.simulation.simulate import simulate_acting
 from sklearn_pgnn.simulation.window_fit import ParameterPrior
 from sklearn_pgnn.simulation.windows import ShootingWindows

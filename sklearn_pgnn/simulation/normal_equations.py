@@ -1,29 +1,116 @@
-"""The normal equations of a fit to windows: initial states eliminated, and solved within bounds."""
+"""The normal equations of a fit to windows, initial states eliminated."""
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+import math
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy.optimize import lsq_linear
+from numba import njit, types
+
+from sklearn_pgnn.simulation.small_matrices import diagonalise
+from sklearn_pgnn.simulation.stepping import APART, INNER, OPTIONS
 
 if TYPE_CHECKING:
     from sklearn_pgnn.simulation.window_fit import WindowFit
 
-#: relative rounding of a sum of products, and the curvature, relative to the sharpest, below which
-#: a direction is as good as flat
-SUM_ROUNDING, FLAT = 1e-14, 1e-14
-#: the same for a window's initial state, which few samples determine
+#: relative rounding of a sum of products
+SUM_ROUNDING = 1e-14
+#: curvature of a window's initial state, which few samples determine, relative to the sharpest,
+#: below which a direction is as good as flat
 FLAT_START = 1e-12
 
+_F1, _F2, _F3 = types.float64[::1], types.float64[:, ::1], types.float64[:, :, ::1]
 
-@dataclass(frozen=True)
-class Normal:
+
+class Normal(NamedTuple):
     """Normal equations of the parameters with the initial states projected out, per window."""
 
     hessian: np.ndarray
     gradient: np.ndarray
     to_state: np.ndarray
     state_step: np.ndarray
+
+
+@njit(**INNER)
+def _length(square):
+    """Return the norm of a column, one for one that is zero."""
+    return math.sqrt(square) if square > 0.0 else 1.0
+
+
+@njit(**APART)
+def _scale(products, n_p, weight, damping, scaled, size):
+    """Fill the products of the state's columns, scaled to length one, and their lengths."""
+    for i in range(size.size):
+        size[i] = _length(products[n_p + i, n_p + i] + weight[i])
+    for i in range(size.size):
+        for j in range(size.size):
+            prior = weight[i] if i == j else 0.0
+            scaled[i, j] = (products[n_p + i, n_p + j] + prior) / (size[i] * size[j])
+        scaled[i, i] += damping
+
+
+@njit(**APART)
+def _invert(scaled, size, vectors, inverse):
+    """Fill the pseudoinverse of a matrix that is given scaled, and is overwritten."""
+    diagonalise(scaled, vectors)
+    largest = 0.0
+    for k in range(size.size):
+        largest = max(largest, scaled[k, k])
+    for i in range(size.size):
+        for j in range(size.size):
+            inverse[i, j] = 0.0
+            for k in range(size.size):
+                if scaled[k, k] > FLAT_START * largest:
+                    inverse[i, j] += vectors[i, k] * vectors[j, k] / scaled[k, k]
+            inverse[i, j] /= size[i] * size[j]
+
+
+@njit(**APART)
+def _answer(products, inverse, weight, offset, to_state, state_step):
+    """Fill what the state answers to the columns of the parameters and to the residual."""
+    n_x, n_p = to_state.shape
+    for i in range(n_x):
+        state_step[i] = 0.0
+        for a in range(n_p):
+            to_state[i, a] = 0.0
+        for j in range(n_x):
+            state_step[i] += inverse[i, j] * (products[n_p + j, -1] - weight[j] * offset[j])
+            for a in range(n_p):
+                to_state[i, a] += inverse[i, j] * products[n_p + j, a]
+
+
+@njit(**APART)
+def _eliminate(products, size, to_state, state_step, hessian, gradient):
+    """Fill a window's normal equations without its state; what is mere rounding becomes zero."""
+    n_x, n_p = to_state.shape
+    for a in range(n_p):
+        gradient[a] = products[a, -1]
+        for b in range(n_p):
+            hessian[a, b] = products[a, b]
+        for i in range(n_x):
+            gradient[a] -= products[a, n_p + i] * state_step[i]
+            for b in range(n_p):
+                hessian[a, b] -= products[a, n_p + i] * to_state[i, b]
+    for a in range(n_p):
+        answer = 1.0
+        for i in range(n_x):
+            answer += abs(to_state[i, a]) * size[i] / _length(products[a, a])
+        if not hessian[a, a] > SUM_ROUNDING * answer**2 * products[a, a]:
+            gradient[a] = 0.0
+            for b in range(n_p):
+                hessian[a, b] = hessian[b, a] = 0.0
+
+
+@njit(types.void(_F3, _F1, _F2, _F1, _F3, _F2, _F3, _F2), **OPTIONS)
+def _project(gram, weight, offset, damping, hessian, gradient, to_state, state_step):
+    """Fill the normal equations of every window, see `project`."""
+    n_p, n_x = gradient.shape[1], weight.size
+    scaled, vectors = np.empty((n_x, n_x)), np.empty((n_x, n_x))
+    inverse, size = np.empty((n_x, n_x)), np.empty(n_x)
+    for w in range(gram.shape[0]):
+        _scale(gram[w], n_p, weight, damping[w], scaled, size)
+        _invert(scaled, size, vectors, inverse)
+        _answer(gram[w], inverse, weight, offset[w], to_state[w], state_step[w])
+        _eliminate(gram[w], size, to_state[w], state_step[w], hessian[w], gradient[w])
 
 
 def project(
@@ -59,36 +146,64 @@ def project(
     Normal
         Hessian and gradient per window, and how the initial states follow the parameters.
     """
-    p, x = slice(0, n_p), slice(n_p, gram.shape[1] - 1)
-    state_hessian = gram[:, x, x] + np.diag(weight)
-    state_gradient = gram[:, x, -1] - weight * offset
-    size = _length(np.einsum("wii->wi", state_hessian))
-    scaled = state_hessian / (size[:, :, None] * size[:, None, :])
-    scaled = scaled + np.asarray(damping)[..., None, None] * np.eye(size.shape[1])
-    inverse = _inverse(scaled) / (size[:, :, None] * size[:, None, :])
-    to_state = inverse @ gram[:, x, p]
-    state_step = np.einsum("wij,wj->wi", inverse, state_gradient)
-    hessian = gram[:, p, p] - gram[:, p, x] @ to_state
-    gradient = gram[:, p, -1] - np.einsum("wpx,wx->wp", gram[:, p, x], state_step)
-    squares = np.einsum("wii->wi", gram[:, p, p])
-    answer = np.abs(to_state * size[:, :, None]).sum(axis=1) / _length(squares)
-    seen = np.einsum("wii->wi", hessian) > SUM_ROUNDING * (1.0 + answer) ** 2 * squares
-    hessian = hessian * (seen[:, :, None] & seen[:, None, :])
-    return Normal(hessian, gradient * seen, to_state, state_step)
+    n, n_x = len(gram), weight.size
+    damped = np.full(n, damping) if np.ndim(damping) == 0 else np.asarray(damping)
+    normal = Normal(
+        np.empty((n, n_p, n_p)), np.empty((n, n_p)), np.empty((n, n_x, n_p)), np.empty((n, n_x))
+    )
+    _project(gram, weight, offset, damped, *normal)
+    return normal
 
 
-def _inverse(matrices: np.ndarray) -> np.ndarray:
-    """Return the pseudoinverses of symmetric matrices without negative eigenvalues."""
-    values, vectors = np.linalg.eigh(matrices)
-    values, vectors = values[:, ::-1], np.ascontiguousarray(vectors[..., ::-1])
-    seen = values > FLAT_START * values[:, :1]
-    inverted = np.divide(1.0, values, out=np.zeros_like(values), where=seen)
-    return vectors @ (inverted[..., None] * np.swapaxes(vectors, 1, 2))
+@njit(types.void(_F3, _F1, _F2, _F3, _F2, _F1, _F2, _F1), **OPTIONS)
+def _follow(gram, weight, offset, to_state, state_step, by_p, by_x, decrease):
+    """Fill the changes of the initial states and the decrease of every window, see `follow`."""
+    n_p, n_x = by_p.size, weight.size
+    by = np.empty(n_p + n_x)
+    by[:n_p] = by_p
+    for w in range(gram.shape[0]):
+        decrease[w] = 0.0
+        for i in range(n_x):
+            change = state_step[w, i]
+            for a in range(n_p):
+                change -= to_state[w, i, a] * by_p[a]
+            by[n_p + i] = by_x[w, i] = change
+            decrease[w] -= weight[i] * change * (2.0 * offset[w, i] + change)
+        for i in range(by.size):
+            slope = 2.0 * gram[w, i, -1]
+            for j in range(by.size):
+                slope -= gram[w, i, j] * by[j]
+            decrease[w] += by[i] * slope
 
 
-def _length(squares) -> np.ndarray:
-    """Return the norms of columns, one for those that are zero."""
-    return np.sqrt(np.where(squares > 0, squares, 1.0))
+def follow(
+    gram: np.ndarray, normal: Normal, weight: np.ndarray, offset: np.ndarray, by_p: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return how initial states follow the parameters, and what a linear model gains by that.
+
+    Parameters
+    ----------
+    gram : ndarray of shape (n_windows, q + 1, q + 1)
+        Products of the columns ``[dy/dp, dy/dx0, residual]``.
+    normal : Normal
+        The normal equations of these, see `project`.
+    weight : ndarray of shape (n_states,)
+        Inverse variances of the initial states.
+    offset : ndarray of shape (n_windows, n_states)
+        Initial states minus their expectation.
+    by_p : ndarray of shape (n_p,)
+        Changes of the parameters.
+
+    Returns
+    -------
+    by_x : ndarray of shape (n_windows, n_states)
+        Changes of the initial states.
+    decrease : ndarray of shape (n_windows,)
+        Decrease of every window's squares and of its state's prior.
+    """
+    by_x, decrease = np.empty_like(offset), np.empty(len(gram))
+    _follow(gram, weight, offset, normal.to_state, normal.state_step, by_p, by_x, decrease)
+    return by_x, decrease
 
 
 def normal_equations(fit: "WindowFit", expected: np.ndarray, spread: np.ndarray) -> Normal:
@@ -109,66 +224,3 @@ def normal_equations(fit: "WindowFit", expected: np.ndarray, spread: np.ndarray)
         See `project`; the Hessian of a window is its information on the parameters.
     """
     return project(fit.evaluation.gram, len(fit.freedoms), 1.0 / spread**2, fit.x0 - expected)
-
-
-def bounded_step(hessian, gradient, damping, low, high) -> np.ndarray:
-    """Solve damped normal equations within bounds; parameters that nothing depends on stay.
-
-    Parameters
-    ----------
-    hessian : ndarray of shape (n, n)
-        Half the second derivatives of what is minimised.
-    gradient : ndarray of shape (n,)
-        Half its decrease by every parameter.
-    damping : float
-        Levenberg-Marquardt damping; infinite if nothing is to move.
-    low, high : ndarray of shape (n,)
-        Bounds of the step.
-
-    Returns
-    -------
-    ndarray of shape (n,)
-        The step.
-
-    Examples
-    --------
-    >>> far = np.full(2, np.inf)
-    >>> bounded_step(np.eye(2), np.array([1.0, 3.0]), 0.0, -far, np.array([np.inf, 2.0]))
-    array([1., 2.])
-    """
-    step, seen = np.zeros_like(gradient), np.diag(hessian) > 0
-    if not seen.any() or np.isinf(damping):
-        return step
-    size = np.sqrt(np.diag(hessian)[seen])
-    scaled = hessian[np.ix_(seen, seen)] / np.outer(size, size) + damping * np.eye(size.size)
-    values, vectors = np.linalg.eigh(scaled)
-    root = np.sqrt(np.maximum(values, FLAT * values[-1]))
-    target = (vectors.T @ (gradient[seen] / size)) / root
-    lower, upper = np.minimum(low[seen] * size, -1e-15), np.maximum(high[seen] * size, 1e-15)
-    free = vectors @ (target / root)
-    if not np.all((lower <= free) & (free <= upper)):
-        free = _solve_within(root[:, None] * vectors.T, target, lower, upper, free)
-    step[seen] = free / size
-    return step
-
-
-def _solve_within(matrix, target, lower, upper, free) -> np.ndarray:
-    """Return the least-squares solution within bounds, from the one without.
-
-    The set of values at their bounds is improved until it satisfies the conditions of optimality.
-    This takes few solutions, but may cycle; then a slower algorithm, which cannot, solves it.
-    """
-    low, high = free < lower, free > upper
-    for _ in range(free.size):
-        inside = ~(low | high)
-        x = np.where(low, lower, np.where(high, upper, 0.0))
-        x[inside] = np.linalg.lstsq(matrix[:, inside], target - matrix @ x, rcond=None)[0]
-        slope = matrix.T @ (target - matrix @ x)
-        is_low, is_high = (
-            np.where(low, slope <= 0, x < lower),
-            np.where(high, slope >= 0, x > upper),
-        )
-        if np.array_equal(is_low, low) and np.array_equal(is_high, high):
-            return x
-        low, high = is_low, is_high
-    return lsq_linear(matrix, target, bounds=(lower, upper), method="bvls").x

@@ -19,7 +19,8 @@ from typing import NamedTuple
 import numpy as np
 
 from sklearn_pgnn.physics.model import PhysicsModel
-from sklearn_pgnn.simulation.normal_equations import bounded_step, project
+from sklearn_pgnn.simulation.bounded_step import bounded_step
+from sklearn_pgnn.simulation.normal_equations import follow, project
 from sklearn_pgnn.simulation.windows import Evaluation, ShootingWindows, evaluate
 
 #: first Levenberg-Marquardt damping, and its smallest and largest
@@ -242,7 +243,8 @@ class _Damping(NamedTuple):
 
     def after(self, decrease, promise, small) -> "_Damping":
         """Raise the damping where the decrease fell short of its prediction, by window."""
-        missed = np.nan_to_num(promise - decrease, nan=np.inf, posinf=np.inf)
+        missed = promise - decrease
+        missed[np.isnan(missed)] = np.inf
         states = _damp(
             self.states, missed[:-1], np.abs(promise[:-1]), small / max(missed.size - 1, 1)
         )
@@ -253,9 +255,10 @@ class _Damping(NamedTuple):
 
 def _damp(damping, missed, promise, small):
     """Change damping tenfold where a linear model is three quarters off, or a quarter at most."""
+    least, most = DAMPINGS
     factor = np.where(missed > 0.75 * promise + small, 10.0, 1.0)
     factor = np.where(missed < 0.25 * promise + small, 0.1, factor)
-    return np.clip(damping * factor, *DAMPINGS)
+    return np.minimum(np.maximum(damping * factor, least), most)
 
 
 #: least damping: nearly a Gauss-Newton step
@@ -292,7 +295,7 @@ class _Task:
         if evaluation is None:
             evaluation = evaluate(model, self.windows, x0, self.wrt)
         with np.errstate(over="ignore", invalid="ignore"):
-            states = (self.weight * (x0 - self.expected) ** 2).sum(axis=1)
+            states = (x0 - self.expected) ** 2 @ self.weight
             off = _values(model, self.freedoms) - self.centre
             pull = off @ self.pull @ off
         parts = np.append(evaluation.squares + states, pull)
@@ -317,8 +320,7 @@ class _Task:
             self.low - values,
             self.high - values,
         )
-        by_x = normal.state_step - normal.to_state @ by_p
-        promise = _promise(gram, by_p, by_x) - (self.weight * by_x * (2 * offset + by_x)).sum(1)
+        by_x, promise = follow(gram, normal, self.weight, offset, by_p)
         pulled = float(by_p @ (2 * slope - self.pull @ by_p))
         return by_p, by_x, np.append(promise, pulled)
 
@@ -352,13 +354,6 @@ class _Task:
         x0[which] = stay.x0[better]
         evaluation = new.evaluation.replaced(self.windows, which, stay.evaluation, better)
         return self.at(step.model, x0, evaluation)
-
-
-def _promise(gram, by_p, by_x) -> np.ndarray:
-    """Return the decrease of every window's squares by a linear model of its residuals."""
-    by = np.concatenate([np.broadcast_to(by_p, (len(by_x), by_p.size)), by_x], axis=1)
-    slope = 2 * gram[:, :-1, -1] - np.einsum("wij,wj->wi", gram[:, :-1, :-1], by)
-    return np.einsum("wi,wi->w", by, slope)
 
 
 def expected_decrease(

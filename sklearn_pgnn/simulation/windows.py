@@ -5,12 +5,14 @@ minima. Over short windows it has few (multiple shooting). Every window's initia
 nuisance: it is fitted with the parameters and projected out of their normal equations.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
+from numba import njit, types
 
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.callbacks import report_calls
@@ -18,13 +20,15 @@ from sklearn_pgnn.simulation.compiled import compile_model
 from sklearn_pgnn.simulation.inputs import delayed_inputs, mean_inputs
 from sklearn_pgnn.simulation.led_states import lead
 from sklearn_pgnn.simulation.simulate import parameter_values
-from sklearn_pgnn.simulation.stepping import run_windows, usual_interval
+from sklearn_pgnn.simulation.stepping import OPTIONS, run_windows, usual_interval
 from sklearn_pgnn.threads import kept_pool
 
 #: batches of windows per thread, and least steps of one: fewer take less long than handing over
 PARTS, LEAST = 4, 4000
 #: relative rounding of a double
 EPSILON = np.finfo(float).eps
+
+_F1, _F2, _F4 = types.float64[::1], types.float64[:, ::1], types.float64[:, :, :, ::1]
 
 
 @dataclass(frozen=True)
@@ -108,7 +112,9 @@ class ShootingWindows:
         ShootingWindows
             The same records with fewer windows.
         """
-        return replace(self, starts=self.starts[which], lengths=self.lengths[which])
+        some = replace(self, starts=self.starts[which], lengths=self.lengths[which])
+        vars(some)["usual_intervals"] = self.usual_intervals[which]  # the records are the same
+        return some
 
     @property
     def block_edges(self) -> np.ndarray:
@@ -249,6 +255,27 @@ class Evaluation:
         return Evaluation(gram, residual, x0)
 
 
+@njit(types.void(_F4, _F1, _F2), **OPTIONS)
+def _lose_arbitrary(gram, values, x0):
+    """Discard the windows in which rounding errors move outputs beyond the noise."""
+    n, blocks, size = gram.shape[:3]
+    for w in range(n):
+        known = True
+        for i in range(size - 1):
+            square = 0.0
+            for j in range(blocks):
+                square += gram[w, j, i, i]
+            at = values[i] if i < values.size else x0[w, i - values.size]
+            known = known and EPSILON * abs(at) * math.sqrt(square) <= 1.0
+        for j in range(blocks):
+            for i in range(size):
+                for k in range(size):
+                    known = known and math.isfinite(gram[w, j, i, k])
+        if not known:
+            gram[w] = 0.0
+            gram[w, :, -1, -1] = math.inf
+
+
 def evaluate(model: PhysicsModel, windows: ShootingWindows, x0, wrt: tuple[str, ...]) -> Evaluation:
     r"""Simulate every window from its initial state, with sensitivities.
 
@@ -312,20 +339,9 @@ def evaluate(model: PhysicsModel, windows: ShootingWindows, x0, wrt: tuple[str, 
     if led is not None:
         with np.errstate(over="ignore", invalid="ignore"):  # windows that are lost
             gram = led.chain(gram, len(wrt))
-    values = [model.parameters[name].value for name in wrt]
-    sizes = np.hstack([np.broadcast_to(values, (len(windows), len(wrt))), x0])
-    return Evaluation(_lose_arbitrary(gram, sizes), residual, begun)
-
-
-def _lose_arbitrary(gram, sizes):
-    """Discard the windows in which rounding errors move outputs beyond the noise."""
-    with np.errstate(over="ignore", invalid="ignore"):  # overflowing windows are lost as well
-        slopes = np.sqrt(np.einsum("wjii->wi", gram[..., :-1, :-1]))
-        known = (EPSILON * np.abs(sizes) * slopes <= 1.0).all(axis=1)
-    lost = ~(known & np.isfinite(gram).all(axis=(1, 2, 3)))
-    gram[lost] = 0.0
-    gram[lost, :, -1, -1] = np.inf
-    return gram
+    values = np.array([model.parameters[name].value for name in wrt], dtype=float)
+    _lose_arbitrary(gram, values, x0)
+    return Evaluation(gram, residual, begun)
 
 
 def in_parts(run: Callable[[slice], None], windows: ShootingWindows) -> None:

@@ -3,16 +3,9 @@
 import numpy as np
 import pytest
 
-from sklearn_pgnn.simulation import normal_equations
-from sklearn_pgnn.simulation.normal_equations import bounded_step, project
+from sklearn_pgnn.simulation.normal_equations import follow, project
 
 pytestmark = pytest.mark.core
-
-
-@pytest.mark.parametrize("hessian", [[[-1e-20]], [[-1e35]], [[0.0]]])
-def test_what_rounding_has_made_of_a_hessian_moves_nothing(hessian):
-    step = bounded_step(np.array(hessian), np.array([1e-3]), 0.0, np.array([-1.0]), np.ones(1))
-    assert step.tolist() == [0.0]
 
 
 def test_what_the_state_explains_but_for_rounding_is_not_seen():
@@ -27,31 +20,25 @@ def test_what_the_state_explains_but_for_rounding_is_not_seen():
     assert normal.hessian[0, 1, 1] == pytest.approx(1e10 * alone @ alone, rel=1e-3)
 
 
-def test_a_step_within_bounds_satisfies_the_conditions_of_optimality():
-    """A convex problem: what no value inside the bounds, nor one leaving them, can lower, is it."""
+def test_eliminating_the_states_solves_the_whole_problem():
+    """The step of parameters and states is the least-squares solution of all windows together."""
     rng = np.random.default_rng(0)
-    for collinear in (0.0, 0.999) * 200:
-        n = int(rng.integers(1, 12))
-        table = rng.normal(size=(n + 3, n)) * 10.0 ** rng.uniform(-3, 3, n)
-        table += collinear * table[:, :1] * np.sign(rng.normal(size=n))
-        hessian, size = table.T @ table, np.linalg.norm(table, axis=0)
-        gradient = size * rng.normal(size=n)
-        low, high = -np.abs(rng.normal(size=n)) / size, np.abs(rng.normal(size=n)) / size
-        step = bounded_step(hessian, gradient, 1e-3, low, high)
-        slope = (gradient - hessian @ step) / size - 1e-3 * size * step
-        small = 1e-9 * max(1.0, np.abs(gradient / size).max(), np.abs(slope).max())
-        at_low, at_high = np.isclose(step, low, rtol=1e-9), np.isclose(step, high, rtol=1e-9)
-        assert ((low <= step + 1e-9 / size) & (step <= high + 1e-9 / size)).all()
-        assert (np.abs(slope[~at_low & ~at_high]) < small).all()
-        assert (slope[at_low] < small).all()
-        assert (slope[at_high] > -small).all()
+    n, n_p, n_x = 5, 3, 2
+    tables = rng.normal(size=(n, 40, n_p + n_x + 1))
+    weight, offset = np.array([0.5, 2.0]), rng.normal(size=(n, n_x))
+    gram = np.swapaxes(tables, 1, 2) @ tables
+    normal = project(gram, n_p, weight, offset)
+    by_p = np.linalg.solve(normal.hessian.sum(axis=0), normal.gradient.sum(axis=0))
+    by_x, decrease = follow(gram, normal, weight, offset, by_p)
 
-
-def test_a_step_whose_set_of_bounds_cycles_is_found_as_well(monkeypatch):
-    used = []
-    solve = normal_equations.lsq_linear
-    monkeypatch.setattr(
-        normal_equations, "lsq_linear", lambda *a, **o: used.append(1) or solve(*a, **o)
-    )
-    test_a_step_within_bounds_satisfies_the_conditions_of_optimality()
-    assert used
+    pulled = n * n_x
+    whole, target = np.zeros((n * 40 + pulled, n_p + pulled)), np.zeros(n * 40 + pulled)
+    for w in range(n):
+        rows, own = slice(40 * w, 40 * w + 40), slice(n_p + n_x * w, n_p + n_x * (w + 1))
+        whole[rows, :n_p], whole[rows, own] = tables[w, :, :n_p], tables[w, :, n_p:-1]
+        target[rows] = tables[w, :, -1]
+    whole[n * 40 :, n_p:] = np.diag(np.tile(np.sqrt(weight), n))
+    target[n * 40 :] = -(np.sqrt(weight) * offset).ravel()
+    x, left = np.linalg.lstsq(whole, target, rcond=None)[:2]
+    assert np.concatenate([by_p, by_x.ravel()]) == pytest.approx(x, rel=1e-9)
+    assert decrease.sum() == pytest.approx(target @ target - left[0], rel=1e-9)

@@ -1,0 +1,42 @@
+"""Linear algebra of small matrices beside LAPACK's."""
+
+import numpy as np
+import pytest
+
+from sklearn_pgnn.simulation.small_matrices import diagonalise, solve_least_squares
+
+pytestmark = pytest.mark.core
+
+
+@pytest.mark.parametrize("n", range(1, 12))
+def test_a_diagonalised_matrix_has_the_eigenvalues_of_lapack(n):
+    rng = np.random.default_rng(n)
+    for spread in (0.0, 3.0, 8.0):
+        axes = np.linalg.qr(rng.normal(size=(n, n)))[0]
+        matrix = axes @ np.diag(10.0 ** rng.uniform(-spread, 0, n)) @ axes.T
+        matrix = 0.5 * (matrix + matrix.T)
+        found, vectors = matrix.copy(), np.empty((n, n))
+        diagonalise(found, vectors)
+        size = np.abs(matrix).max()
+        assert np.sort(np.diag(found)) == pytest.approx(
+            np.linalg.eigvalsh(matrix), abs=1e-14 * size
+        )
+        assert vectors.T @ vectors == pytest.approx(np.eye(n), abs=1e-13)
+        again = vectors @ np.diag(np.diag(found)) @ vectors.T
+        assert again == pytest.approx(matrix, abs=1e-13 * size)
+
+
+def test_matrices_that_have_no_eigenvalues_end_at_once():
+    for value in (0.0, np.nan, np.inf):
+        diagonalise(np.full((3, 3), value), np.empty((3, 3)))
+
+
+@pytest.mark.parametrize("n", range(1, 12))
+def test_least_squares_are_those_of_lapack(n):
+    rng = np.random.default_rng(n)
+    table, target = rng.normal(size=(n + 2, n)), rng.normal(size=n + 2)
+    table[:, : n - 1] += 1e6 * table[:, -1:]
+    expected = np.linalg.lstsq(table, target, rcond=None)[0]
+    x = np.empty(n)
+    solve_least_squares(table.copy(), target.copy(), x, n)
+    assert table @ x == pytest.approx(table @ expected, abs=1e-8)
