@@ -24,7 +24,7 @@ from sklearn_pgnn.simulation.stepping import OPTIONS, run_windows, usual_interva
 from sklearn_pgnn.threads import kept_pool
 
 #: batches of windows per thread, and least steps of one: fewer take less long than handing over
-PARTS, LEAST = 4, 4000
+PARTS, LEAST = 4, 2000
 #: relative rounding of a double
 EPSILON = np.finfo(float).eps
 
@@ -355,10 +355,17 @@ def in_parts(run: Callable[[slice], None], windows: ShootingWindows) -> None:
         The windows.
     """
     parts = _parts(windows)
-    if len(parts) == 1:
-        run(parts[0])
-    else:
-        list(kept_pool(windows.threads).map(run, parts))
+    left = iter(parts)
+
+    def work():
+        for part in left:
+            run(part)
+
+    others = range(min(windows.threads, len(parts)) - 1)
+    helpers = [kept_pool(windows.threads).submit(work) for _ in others]
+    work()
+    for each in helpers:
+        each.result()
 
 
 def _parts(windows: ShootingWindows) -> list[slice]:
