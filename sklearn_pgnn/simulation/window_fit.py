@@ -17,10 +17,12 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit, types
 
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.bounded_step import bounded_step
 from sklearn_pgnn.simulation.normal_equations import follow, project
+from sklearn_pgnn.simulation.stepping import OPTIONS
 from sklearn_pgnn.simulation.windows import Evaluation, ShootingWindows, evaluate
 
 #: first Levenberg-Marquardt damping, and its smallest and largest
@@ -29,6 +31,8 @@ FIRST_DAMPING, DAMPINGS = 1e-3, (1e-9, 1e9)
 MAX_REJECTED = 8
 #: largest gain of a step, relative to the prediction of the linear model
 OPTIMISM = 10.0
+
+_F1, _F2, _F4 = types.float64[::1], types.float64[:, ::1], types.float64[:, :, :, ::1]
 
 
 @dataclass(frozen=True)
@@ -204,6 +208,22 @@ def _nothing() -> None:
     """Do nothing at a step."""
 
 
+@njit(types.void(_F4, _F2, _F1, _F1, _F2, _F1), **OPTIONS)
+def _sum_parts(block_gram, offset, weight, off, pull, parts):
+    """Fill the squares of every window with its state's prior, and last the parameters' prior."""
+    n = offset.shape[0]
+    for w in range(n):
+        parts[w] = 0.0
+        for block in range(block_gram.shape[1]):
+            parts[w] += block_gram[w, block, -1, -1]
+        for i in range(weight.size):
+            parts[w] += weight[i] * offset[w, i] ** 2
+    parts[n] = 0.0
+    for i in range(off.size):
+        for j in range(off.size):
+            parts[n] += off[i] * pull[i, j] * off[j]
+
+
 def lost_fit(
     model: PhysicsModel,
     windows: ShootingWindows,
@@ -294,11 +314,9 @@ class _Task:
     def at(self, model, x0, evaluation=None) -> WindowFit:
         if evaluation is None:
             evaluation = evaluate(model, self.windows, x0, self.wrt)
-        with np.errstate(over="ignore", invalid="ignore"):
-            states = (x0 - self.expected) ** 2 @ self.weight
-            off = _values(model, self.freedoms) - self.centre
-            pull = off @ self.pull @ off
-        parts = np.append(evaluation.squares + states, pull)
+        parts = np.empty(len(x0) + 1)
+        off = _values(model, self.freedoms) - self.centre
+        _sum_parts(evaluation.block_gram, x0 - self.expected, self.weight, off, self.pull, parts)
         objective = float(parts.sum())
         objective = np.inf if np.isnan(objective) else objective
         return WindowFit(model, self.freedoms, x0, evaluation, objective, parts)
