@@ -1,13 +1,11 @@
 """A step to the minimum of a quadratic within bounds."""
 
-import math
-
 import numpy as np
 from numba import boolean, njit, types
 from scipy.optimize import lsq_linear
 
-from sklearn_pgnn.simulation.small_matrices import diagonalise, solve_least_squares
-from sklearn_pgnn.simulation.stepping import APART, OPTIONS
+from sklearn_pgnn.simulation.eigenvalues import diagonalise
+from sklearn_pgnn.simulation.stepping import OPTIONS
 
 #: curvature, relative to the sharpest, below which a direction is as good as flat
 FLAT = 1e-14
@@ -37,6 +35,11 @@ def bounded_step(hessian, gradient, damping, low, high) -> np.ndarray:
     ndarray of shape (n,)
         The step.
 
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If the equations are not finite.
+
     Examples
     --------
     >>> far = np.full(2, np.inf)
@@ -48,21 +51,28 @@ def bounded_step(hessian, gradient, damping, low, high) -> np.ndarray:
     if not seen.size or np.isinf(damping):
         return step
     size = np.sqrt(squares[seen])
-    matrix, target, found = np.empty((size.size, size.size)), np.empty_like(size), size.copy()
-    _to_least_squares(hessian, gradient, seen, size, damping, matrix, target)
+    curvature, slope, found = np.empty((size.size, size.size)), gradient[seen] / size, size.copy()
+    _scale(hessian, seen, size, damping, curvature)
     lower, upper = np.minimum(low[seen] * size, -ROOM), np.maximum(high[seen] * size, ROOM)
-    if not _solve_within(matrix, target, lower, upper, found):  # slower, but it cannot cycle
-        found = lsq_linear(matrix, target, bounds=(lower, upper), method="bvls").x
+    if not _solve_within(curvature, slope, lower, upper, found):
+        found = _solve_patiently(curvature, slope, lower, upper)
+    if not np.isfinite(found).all():
+        raise np.linalg.LinAlgError("the normal equations of a step are not finite")
     step[seen] = found / size
     return step
 
 
-@njit(types.void(_F2, _F1, _I1, _F1, _F, _F2, _F1), **OPTIONS)
-def _to_least_squares(hessian, gradient, seen, size, damping, matrix, target):
-    """Fill the least-squares problem of damped normal equations, some columns scaled.
+def _solve_patiently(curvature, slope, lower, upper) -> np.ndarray:
+    """Return the solution within bounds by an algorithm that is slower, but cannot cycle."""
+    values, vectors = np.linalg.eigh(curvature)
+    root = np.sqrt(np.maximum(values, FLAT * values[-1]))
+    matrix, target = root[:, None] * vectors.T, vectors.T @ slope / root
+    return lsq_linear(matrix, target, bounds=(lower, upper), method="bvls").x
 
-    No direction counts as flatter than FLAT.
-    """
+
+@njit(types.void(_F2, _I1, _F1, _F, _F2), **OPTIONS)
+def _scale(hessian, seen, size, damping, curvature):
+    """Fill the damped second derivatives by scaled columns; no direction is flatter than FLAT."""
     n, largest = size.size, 0.0
     scaled, vectors = np.empty((n, n)), np.empty((n, n))
     for i in range(n):
@@ -72,70 +82,58 @@ def _to_least_squares(hessian, gradient, seen, size, damping, matrix, target):
     diagonalise(scaled, vectors)
     for k in range(n):
         largest = max(largest, scaled[k, k])
-    for k in range(n):
-        root = math.sqrt(max(scaled[k, k], FLAT * largest))
-        target[k] = 0.0
-        for i in range(n):
-            target[k] += vectors[i, k] * gradient[seen[i]] / size[i] / root
-            matrix[k, i] = root * vectors[i, k]
+    for i in range(n):
+        for j in range(n):
+            curvature[i, j] = 0.0
+            for k in range(n):
+                value = max(scaled[k, k], FLAT * largest)
+                curvature[i, j] += value * vectors[i, k] * vectors[j, k]
 
 
-@njit(**APART)
-def _left(matrix, target, x, left):
-    """Fill what a solution leaves of the target."""
-    for i in range(x.size):
-        left[i] = target[i]
-        for j in range(x.size):
-            left[i] -= matrix[i, j] * x[j]
-
-
-@njit(**APART)
-def _set_inside(matrix, target, lower, upper, bound, columns, left, inside, x):
-    """Fill the solution of which some values are at their bounds."""
-    count = 0
+@njit(**OPTIONS)
+def _solve_inside(curvature, slope, lower, upper, bound, x):
+    """Fill the solution with some values at their bounds."""
+    place = np.flatnonzero(bound == 0)
+    inside, vectors = np.empty((place.size, place.size)), np.empty((place.size, place.size))
+    right = np.empty(place.size)
     for j in range(x.size):
         x[j] = lower[j] if bound[j] < 0 else (upper[j] if bound[j] > 0 else 0.0)
-        if bound[j] == 0:
-            for i in range(x.size):
-                columns[i, count] = matrix[i, j]
-            count += 1
-    _left(matrix, target, x, left)
-    solve_least_squares(columns, left, inside, count)
-    for j in range(x.size - 1, -1, -1):
-        if bound[j] == 0:
-            count -= 1
-            x[j] = inside[count]
-
-
-@njit(**APART)
-def _change_bounds(matrix, left, lower, upper, x, bound):
-    """Free values that are held back, hold those beyond a bound; return whether any changed."""
-    changed = False
-    for j in range(x.size):
-        slope, before = 0.0, bound[j]
-        for i in range(x.size):
-            slope += matrix[i, j] * left[i]
-        if before == 0:
-            bound[j] = -1 if x[j] < lower[j] else (1 if x[j] > upper[j] else 0)
-        elif before * slope < 0.0:
-            bound[j] = 0
-        changed = changed or bound[j] != before
-    return changed
+    for i in range(place.size):
+        right[i] = slope[place[i]]
+        for j in range(x.size):
+            right[i] -= curvature[place[i], j] * x[j]
+        for k in range(place.size):
+            inside[i, k] = curvature[place[i], place[k]]
+    diagonalise(inside, vectors)
+    for k in range(place.size):
+        share = 0.0
+        for i in range(place.size):
+            share += vectors[i, k] * right[i] / inside[k, k]
+        for i in range(place.size):
+            x[place[i]] += share * vectors[i, k]
 
 
 @njit(boolean(_F2, _F1, _F1, _F1, _F1), **OPTIONS)
-def _solve_within(matrix, target, lower, upper, x):
-    """Fill the least-squares solution within bounds, and return whether it was found.
+def _solve_within(curvature, slope, lower, upper, x):
+    """Fill the solution within bounds, and return whether it was found.
 
     The set of values at their bounds is improved until it satisfies the conditions of optimality.
     This takes few solutions, but may cycle.
     """
     n = x.size
-    bound, left = np.zeros(n, np.int64), np.empty(n)  # at which bound: -1, 1; inside: 0
-    columns, inside = np.empty((n, n)), np.empty(n)
+    bound = np.zeros(n, np.int64)  # at which a value is: -1 or 1; inside: 0
     for _ in range(n + 1):
-        _set_inside(matrix, target, lower, upper, bound, columns, left, inside, x)
-        _left(matrix, target, x, left)
-        if not _change_bounds(matrix, left, lower, upper, x, bound):
+        _solve_inside(curvature, slope, lower, upper, bound, x)
+        changed = False
+        for j in range(n):
+            left, before = slope[j], bound[j]
+            for k in range(n):
+                left -= curvature[j, k] * x[k]
+            if before == 0:
+                bound[j] = -1 if x[j] < lower[j] else (1 if x[j] > upper[j] else 0)
+            elif before * left < 0.0:
+                bound[j] = 0
+            changed = changed or bound[j] != before
+        if not changed:
             return True
     return False

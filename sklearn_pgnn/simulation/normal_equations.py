@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numba import njit, types
 
-from sklearn_pgnn.simulation.small_matrices import diagonalise
+from sklearn_pgnn.simulation.eigenvalues import diagonalise
 from sklearn_pgnn.simulation.stepping import APART, INNER, OPTIONS
 
 if TYPE_CHECKING:
@@ -160,7 +160,8 @@ def _follow(gram, weight, offset, to_state, state_step, by_p, by_x, decrease):
     """Fill the changes of the initial states and the decrease of every window, see `follow`."""
     n_p, n_x = by_p.size, weight.size
     by = np.empty(n_p + n_x)
-    by[:n_p] = by_p
+    for a in range(n_p):
+        by[a] = by_p[a]
     for w in range(gram.shape[0]):
         decrease[w] = 0.0
         for i in range(n_x):

@@ -41,3 +41,10 @@ def test_a_step_whose_set_of_bounds_cycles_is_found_as_well(monkeypatch):
     monkeypatch.setattr(module, "lsq_linear", lambda *a, **o: used.append(1) or solve(*a, **o))
     test_a_step_within_bounds_satisfies_the_conditions_of_optimality()
     assert used
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_equations_that_are_not_finite_are_refused(value):
+    far = np.full(2, np.inf)
+    with pytest.raises(np.linalg.LinAlgError, match="not finite"):
+        bounded_step(np.eye(2), np.array([1.0, value]), 0.0, -far, far)

@@ -1,4 +1,4 @@
-"""Linear algebra of small matrices, compiled: calling LAPACK takes longer than they do."""
+"""Eigenvalues of small matrices, compiled: a call of LAPACK takes longer than they do."""
 
 import math
 
@@ -66,48 +66,3 @@ def diagonalise(matrix, vectors):
         for i in range(n):
             for j in range(i):
                 _rotate(matrix, vectors, j, i)
-
-
-@njit(**APART)
-def _reflect(table, target, j, n):
-    """Reflect column j onto axis j, all that follows with it, and return its length there."""
-    square = 0.0
-    for i in range(j, target.size):
-        square += table[i, j] ** 2
-    length = -math.copysign(math.sqrt(square), table[j, j])
-    table[j, j] -= length
-    half = -length * table[j, j]
-    for k in range(j + 1, n + 1):
-        share = 0.0
-        for i in range(j, target.size):
-            share += table[i, j] * (table[i, k] if k < n else target[i])
-        for i in range(j, target.size):
-            if k < n:
-                table[i, k] -= share / half * table[i, j]
-            else:
-                target[i] -= share / half * table[i, j]
-    return length
-
-
-@njit(**APART)
-def solve_least_squares(table, target, x, n):
-    r"""Solve a least-squares problem of full rank by Householder's reflections.
-
-    Parameters
-    ----------
-    table : ndarray of shape (n_rows, n_columns)
-        The first columns are the table :math:`A`, overwritten.
-    target : ndarray of shape (n_rows,)
-        The target :math:`b`, overwritten.
-    x : ndarray of shape (n_columns,)
-        Its first values become the :math:`x` of the least :math:`|A x - b|`.
-    n : int
-        Number of columns of :math:`A`.
-    """
-    for j in range(n):
-        x[j] = _reflect(table, target, j, n)
-    for j in range(n - 1, -1, -1):
-        left = target[j]
-        for k in range(j + 1, n):
-            left -= table[j, k] * x[k]
-        x[j] = left / x[j]

@@ -1,9 +1,9 @@
-"""Linear algebra of small matrices beside LAPACK's."""
+"""Eigenvalues of small matrices are LAPACK's."""
 
 import numpy as np
 import pytest
 
-from sklearn_pgnn.simulation.small_matrices import diagonalise, solve_least_squares
+from sklearn_pgnn.simulation.eigenvalues import diagonalise
 
 pytestmark = pytest.mark.core
 
@@ -29,14 +29,3 @@ def test_a_diagonalised_matrix_has_the_eigenvalues_of_lapack(n):
 def test_matrices_that_have_no_eigenvalues_end_at_once():
     for value in (0.0, np.nan, np.inf):
         diagonalise(np.full((3, 3), value), np.empty((3, 3)))
-
-
-@pytest.mark.parametrize("n", range(1, 12))
-def test_least_squares_are_those_of_lapack(n):
-    rng = np.random.default_rng(n)
-    table, target = rng.normal(size=(n + 2, n)), rng.normal(size=n + 2)
-    table[:, : n - 1] += 1e6 * table[:, -1:]
-    expected = np.linalg.lstsq(table, target, rcond=None)[0]
-    x = np.empty(n)
-    solve_least_squares(table.copy(), target.copy(), x, n)
-    assert table @ x == pytest.approx(table @ expected, abs=1e-8)
