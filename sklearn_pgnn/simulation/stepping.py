@@ -31,8 +31,9 @@ _F1, _F2 = types.float64[::1], types.float64[:, ::1]
 _F3, _F4 = types.float64[:, :, ::1], types.float64[:, :, :, ::1]
 _B1 = boolean[::1]
 OPTIONS = {"cache": True, "error_model": "numpy", "nogil": True}
-#: for functions that allocate nothing: reference counting takes longer than a step
-APART = {**OPTIONS, "_nrt": False}
+#: for functions that allocate nothing, called by compiled ones only: counting references takes
+#: longer than a step, and wrappers for other callers take long to compile
+APART = {**OPTIONS, "_nrt": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 #: for those that every step needs
 INNER = {**APART, "forceinline": True}
 
@@ -257,15 +258,14 @@ def to_next_sample(
         for step in range(count):
             _step(function, t[k] + step * h, h, x, S, u[k], u[k], p, s, stuck, out)
         return
+    copy_values(u[k], u_start)
+    copy_values(u[k], u_end)
     for step in range(count):
-        now = t[k] + step * h
-        if not linear_hold:
-            advance(function, now, h, x, S, u[k], u[k], p, s, stuck, dry, any_dry, out, old)
-            continue
-        for i in range(u_start.size):
+        for i in range(u_start.size if linear_hold else 0):
             slope = u[k + 1, i] - u[k, i]
             u_start[i] = u[k, i] + slope * step / count
             u_end[i] = u[k, i] + slope * (step + 1) / count
+        now = t[k] + step * h
         advance(function, now, h, x, S, u_start, u_end, p, s, stuck, dry, any_dry, out, old)
 
 
