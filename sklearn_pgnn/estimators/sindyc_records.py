@@ -154,8 +154,9 @@ def rate_rows(states: MeasuredStates, library, span: float | None, ends=None):
         h = spans.change(t)
         whole = h < GAP * spans.counts * np.median(dt)
         before, after = _at_both_ends(library, x, u, t, states.windows.hold)
-        areas = ((a + b) * dt / 2 for a, b in zip(before.T, after.T, strict=True))
-        means = np.array([spans.sums(area) / h for area in areas])
+        half, means = dt / 2, np.empty((before.shape[1], h.size))
+        for mean, start, end in zip(means, before.T, after.T, strict=True):
+            np.divide(spans.sums((start + end) * half), h, out=mean)
         terms.append(_chosen(means, whole))
         rates.append(_chosen(spans.change(x).T / h, whole))
     return _rows(terms), _rows(rates)
@@ -260,7 +261,9 @@ class _Spans:
 
     def sums(self, values) -> np.ndarray:
         """Sum values over the spans, their last samples left out."""
-        return self.change(np.concatenate([[0.0], np.cumsum(values)]))
+        so_far = np.zeros(values.size + 1)
+        np.cumsum(values, out=so_far[1:])
+        return self.change(so_far)
 
 
 def _spans(states: MeasuredStates, span: float | None, rows: slice, ends) -> _Spans:

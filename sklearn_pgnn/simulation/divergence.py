@@ -38,7 +38,8 @@ def limits_of(y: np.ndarray) -> np.ndarray:
     >>> limits_of(np.array([[1.0, 0.0, np.nan], [-2.0, 0.0, np.nan]])).tolist()
     [2000.0, inf, inf]
     """
-    largest = np.max(np.abs(y), axis=0, initial=0.0, where=np.isfinite(y))
+    sizes = [np.max(np.abs(column[np.isfinite(column)]), initial=0.0) for column in y.T]
+    largest = np.array(sizes)
     return np.where(largest > 0, RUNAWAY * largest, np.inf)
 
 

@@ -18,7 +18,7 @@ from sklearn_pgnn.simulation.substeps import double_substeps
 from sklearn_pgnn.simulation.windows import ShootingWindows, evaluate
 from sklearn_pgnn.trajectories.constant_outputs import constant_outputs
 from sklearn_pgnn.trajectories.gaps import split_at_gaps
-from sklearn_pgnn.trajectories.measured import of_measured, spans_of
+from sklearn_pgnn.trajectories.measured import of_measured, spans_of, where_measured
 from sklearn_pgnn.trajectories.noise import noise_level, rough_noise_level
 from sklearn_pgnn.trajectories.record import Record
 
@@ -280,7 +280,7 @@ def cut(
         The windows.
     """
     durations = record_durations(whole)
-    measured = np.add.reduceat(np.isfinite(whole.y).any(axis=1), whole.bounds[:-1], dtype=int)
+    measured = np.add.reduceat(where_measured(whole.y), whole.bounds[:-1], dtype=int)
     most = np.maximum(measured // min_samples, 1)
     counts = np.clip(np.rint(durations / length), 1, most).astype(int)
     while counts.sum() < min_windows and (counts < most).any():

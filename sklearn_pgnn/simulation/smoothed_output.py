@@ -5,8 +5,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from sklearn_pgnn.simulation.smoothing import FEWEST, Smoothed, choose_penalty, smooth
 from sklearn_pgnn.simulation.windows import ShootingWindows
-from sklearn_pgnn.trajectories.smoothing import FEWEST, Smoothed, choose_penalty, smooth
 
 #: measured samples without which a half of a record shows no error of the smoothing
 HALF = 10

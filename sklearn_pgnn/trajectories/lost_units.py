@@ -126,7 +126,10 @@ def _refuse_each(model, records, u) -> None:
 
 def _are_standardised_together(t, u) -> bool:
     """Whether one scaler changed the time and all inputs, at least one of them not constant."""
-    return bool(u.any()) and bool(set.intersection(*map(_scalers, [t, *u.T])))
+    common = _scalers(t)
+    for column in u.T:
+        common = common and common & _scalers(column)
+    return bool(common) and bool(u.any())
 
 
 def _is_standardised(values) -> bool:
@@ -138,16 +141,18 @@ def _is_standardised(values) -> bool:
 
 def _scalers(values) -> set[str]:
     """Name the scalers that yield such a column; all of them map a constant to 0."""
-    low, middle, high = np.percentile(values, [25, 50, 75])
-    found = {
-        "StandardScaler": (values.mean(), values.std()),
-        "RobustScaler": (middle, high - low),
-    }
-    return {
-        name
-        for name, (centre, spread) in found.items()
-        if abs(centre) < EXACT and (abs(spread - 1) < EXACT or not values.any())
-    }
+    found, is_zero = set(), not values.any()
+    if abs(values.mean()) < EXACT and (is_zero or abs(values.std() - 1) < EXACT):
+        found.add("StandardScaler")
+    if abs(np.median(values)) < EXACT and (is_zero or abs(_middle_half(values) - 1) < EXACT):
+        found.add("RobustScaler")
+    return found
+
+
+def _middle_half(values) -> float:
+    """Return the distance between the quartiles."""
+    low, high = np.percentile(values, [25, 75])
+    return high - low
 
 
 def _has_set_clock(records) -> bool:

@@ -31,6 +31,30 @@ def of_measured(statistic: Callable, y: np.ndarray) -> np.ndarray:
     return np.array([np.nan if np.isnan(column).all() else statistic(column) for column in y.T])
 
 
+def where_measured(y: np.ndarray) -> np.ndarray:
+    """Return at which samples some output was measured.
+
+    Parameters
+    ----------
+    y : ndarray of shape (n_samples, n_outputs)
+        Outputs, NaN where there is none.
+
+    Returns
+    -------
+    ndarray of bool, shape (n_samples,)
+        The samples.
+
+    Examples
+    --------
+    >>> where_measured(np.array([[1.0, np.nan], [np.nan, np.nan]])).tolist()
+    [True, False]
+    """
+    measured = np.zeros(len(y), dtype=bool)
+    for column in y.T:
+        measured |= np.isfinite(column)
+    return measured
+
+
 def spans_of(y: np.ndarray) -> np.ndarray:
     """Return the largest less the smallest value of every column, NaN where nothing was measured.
 

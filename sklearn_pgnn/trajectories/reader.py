@@ -171,7 +171,7 @@ def _from_names(model: PhysicsModel, X: pd.DataFrame, time_column) -> pd.DataFra
                 f"X: {what} is missing; the columns are {', '.join(X.columns)}. "
                 f"Remedy: name the column in the model's 'columns'."
             )
-    return pd.DataFrame(found)
+    return pd.DataFrame(found, index=X.index, copy=False)  # which is only read
 
 
 def _from_array(model: PhysicsModel, array: np.ndarray, time_column) -> pd.DataFrame:

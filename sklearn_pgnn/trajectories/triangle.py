@@ -3,10 +3,12 @@
 from collections.abc import Iterable, Iterator
 
 import numpy as np
-from scipy.linalg.lapack import dgeqrf
+from scipy.linalg.lapack import dtpqrt
 
 #: rows of a block: small enough for the processor's cache, and for BLAS to start no threads
 BLOCK = 256
+#: columns that LAPACK treats together; a matrix of few columns would be treated one by one
+PANEL = 8
 
 
 def blocks(n_rows: int) -> Iterator[slice]:
@@ -19,7 +21,8 @@ def triangle(parts: Iterable[np.ndarray]) -> np.ndarray:
 
     With :math:`A = QR` the triangle :math:`R` has the singular values and the right singular
     vectors of :math:`A`, and :math:`|R\theta| = |A\theta|`. The triangle of the blocks so far,
-    stacked on the next block, has the same triangle as all of them together.
+    stacked on the next block, has the same triangle as all of them together; the zeros below its
+    diagonal are not computed with.
 
     Parameters
     ----------
@@ -38,11 +41,9 @@ def triangle(parts: Iterable[np.ndarray]) -> np.ndarray:
     >>> bool(np.allclose(R.T @ R, A.T @ A))
     True
     """
-    found = upper = np.zeros(0)
+    found = np.zeros((0, 0))
     for part in parts:
         n = part.shape[1]
-        if not upper.size:
-            found, upper = np.zeros((n, n)), np.triu(np.ones((n, n)))
-        rows = np.concatenate([found.T, part.T], axis=1).T  # column by column, as LAPACK wants them
-        found = dgeqrf(rows, overwrite_a=True)[0][:n] * upper
+        found = found if found.size else np.zeros((n, n), order="F")
+        found = dtpqrt(0, min(PANEL, n), found, part, overwrite_a=True)[0]
     return found

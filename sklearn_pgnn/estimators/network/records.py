@@ -26,6 +26,7 @@ from sklearn_pgnn.simulation.record_windows import (
     window_records,
 )
 from sklearn_pgnn.simulation.simulate import start_of
+from sklearn_pgnn.trajectories.measured import where_measured
 from sklearn_pgnn.user_line import warn_user
 
 #: number of state estimates that are cached
@@ -172,7 +173,7 @@ def told_samples(records) -> list[np.ndarray]:
         both a window and as many of the usual intervals of its measurements as a window has.
     """
     window = WINDOW_SHARE * dominant_period(records)
-    return [_told(record.t, np.isfinite(record.y).any(axis=1), window) for record in records]
+    return [_told(record.t, where_measured(record.y), window) for record in records]
 
 
 def _told(t: np.ndarray, measured: np.ndarray, window: float) -> np.ndarray:
@@ -244,7 +245,7 @@ def split_for_validation(records: list[TrainingRecord], share: float, random):
 
 def _cut_of(record: TrainingRecord, share: float) -> int:
     """Return the sample after which a given share of the measured ones lies."""
-    measured = np.flatnonzero(np.isfinite(record.y).any(axis=1))
+    measured = np.flatnonzero(where_measured(record.y))
     return max(2, int(measured[max(0, round((1 - share) * len(measured)) - 1)]) + 1)
 
 

@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import PPoly
-from scipy.linalg import solveh_banded
+
+from sklearn_pgnn.simulation.pentadiagonal import solve_pentadiagonal
 
 #: samples used for the choice of the smoothing (which costs far more than its use)
 CHOICE_SAMPLES = 600
@@ -125,19 +126,9 @@ class NaturalSpline:
         return value, curvature
 
     def _curvatures(self, penalties) -> np.ndarray:
-        """Return the second derivatives at the samples by one solve, one column per penalty."""
-        blocks = self._r[:, None] + penalties[:, None] * self._qq[:, None]
-        inner = solveh_banded(
-            blocks.reshape(3, -1),
-            np.tile(self._second_differences, penalties.size),
-            overwrite_ab=True,
-            overwrite_b=True,
-            lower=True,
-            check_finite=False,
-        )
-        curvature = np.zeros((self.t.size, penalties.size))
-        curvature[1:-1] = inner.reshape(penalties.size, -1).T
-        return curvature
+        """Return the second derivatives at the samples, zero at the ends, one column a penalty."""
+        factors = np.asarray(penalties, dtype=float)
+        return solve_pentadiagonal(self._r, self._qq, factors, self._second_differences)[1:-1]
 
 
 def _pieces(h, start, end, curvature, next_curvature) -> list[np.ndarray]:

@@ -5,15 +5,15 @@ import pytest
 from scipy.interpolate import CubicSpline, make_smoothing_spline
 
 from sklearn_pgnn import systems
-from sklearn_pgnn.simulation.state_estimate import StateEstimator, hidden_states
-from sklearn_pgnn.simulation.windows import ShootingWindows
-from sklearn_pgnn.trajectories.smoothing import (
+from sklearn_pgnn.simulation.smoothing import (
     FEWEST,
     PENALTIES,
     NaturalSpline,
     choose_penalty,
     smooth,
 )
+from sklearn_pgnn.simulation.state_estimate import StateEstimator, hidden_states
+from sklearn_pgnn.simulation.windows import ShootingWindows
 
 
 def record(n, clock="even", seed=0):
