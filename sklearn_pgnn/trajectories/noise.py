@@ -178,25 +178,25 @@ def _divided_differences(y, clock, order: int) -> np.ndarray:
     starts = range(0, len(rows), CHUNK)
     weights = (_weights(clock[a : a + CHUNK + order], order) for a in starts)
     parts = [
-        np.einsum("ij,ij->i", w, rows[a : a + CHUNK]) for a, w in zip(starts, weights, strict=True)
+        np.einsum("ji,ij->i", w, rows[a : a + CHUNK]) for a, w in zip(starts, weights, strict=True)
     ]
     return np.concatenate(parts)
 
 
 def _weights(clock, order: int) -> np.ndarray:
-    r"""Return the weights of divided differences, of shape (n_samples - order, order + 1).
+    r"""Return the weights of divided differences, of shape (order + 1, n_samples - order).
 
     They follow from :math:`[t_i, \dots, t_{i+m}] = ([t_{i+1}, \dots, t_{i+m}]
     - [t_i, \dots, t_{i+m-1}])/(t_{i+m} - t_i)`.
     """
-    weights = np.ones((clock.size, 1))
+    weights = np.ones((1, clock.size))
     for m in range(1, order + 1):
-        later, earlier = (
-            np.pad(weights[1:], ((0, 0), (1, 0))),
-            np.pad(weights[:-1], ((0, 0), (0, 1))),
-        )
-        weights = (later - earlier) / (clock[m:] - clock[:-m])[:, None]
-    return weights / np.linalg.norm(weights, axis=1, keepdims=True)
+        later, earlier = weights[:, 1:], weights[:, :-1]
+        weights = np.zeros((m + 1, clock.size - m))
+        weights[1:] = later
+        weights[:-1] -= earlier
+        weights /= clock[m:] - clock[:-m]
+    return weights / np.linalg.norm(weights, axis=0)
 
 
 def _least_passed(y) -> np.ndarray:
