@@ -31,7 +31,7 @@ from sklearn_pgnn.simulation.record_windows import (
 )
 from sklearn_pgnn.simulation.state_estimate import StateEstimator
 from sklearn_pgnn.simulation.windows import ShootingWindows, evaluate
-from sklearn_pgnn.trajectories.measured import spans_of
+from sklearn_pgnn.trajectories.measured import spans_of, where_measured
 from sklearn_pgnn.trajectories.reader import MIN_SAMPLES as LEAST_SAMPLES
 from sklearn_pgnn.trajectories.record import Record
 
@@ -367,7 +367,7 @@ def _positive(value) -> float:
 def check_records(model: PhysicsModel, records: tuple[Record, ...]) -> None:
     """Raise `RecordError` if records are insufficient for a diagnosis."""
     outputs = [record.y for record in records if record.y is not None]
-    sizes = [int(np.isfinite(y).any(axis=1).sum()) for y in outputs]
+    sizes = [int(where_measured(y).sum()) for y in outputs]
     windows = sum(size // MIN_SAMPLES for size in sizes)
     if windows < FOLDS:
         raise RecordError(

@@ -10,7 +10,7 @@ import pandas as pd
 from sklearn_pgnn.exceptions import OptionError
 from sklearn_pgnn.grey_box.depth import FittedDepth, find_unknown_starts, states_met
 from sklearn_pgnn.grey_box.tables import PlainTable, starts_for
-from sklearn_pgnn.trajectories.measured import of_measured
+from sklearn_pgnn.trajectories.measured import of_measured, where_measured
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ def check_window(table: PlainTable, folds: list[np.ndarray], window: int) -> Non
     window : int
         Number of first samples of wholly hidden trajectories, which do not count.
     """
-    measured = np.isfinite(table.y).any(axis=1)
+    measured = where_measured(table.y)
     if any((counted(table, hidden, window) & measured).any() for hidden in folds):
         return
     longest = int(np.max(table.lengths))

@@ -17,6 +17,7 @@ from sklearn_pgnn.model_selection.nested_parameters import parameters_named
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.uncertainty import Estimate
 from sklearn_pgnn.trajectories.contradicted_states import UNKNOWN
+from sklearn_pgnn.trajectories.measured import where_measured
 
 #: approximate maximum number of training states that are kept
 ENOUGH = 2000
@@ -237,7 +238,7 @@ def _until_last_seen(table: PlainTable, visible) -> np.ndarray:
 
 def _last_seen(table: PlainTable, visible) -> np.ndarray:
     """Return the place of the last visible measurement of every trajectory, -1 without any."""
-    some = visible & np.isfinite(table.y).any(axis=1)
+    some = visible & where_measured(table.y)
     last = np.full(len(table.lengths), -1)
     np.maximum.at(last, table.X["trajectory"][some], table.place[some])
     return last

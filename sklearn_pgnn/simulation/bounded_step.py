@@ -73,15 +73,13 @@ def _solve_patiently(curvature, slope, lower, upper) -> np.ndarray:
 @njit(types.void(_F2, _I1, _F1, _F, _F2), **OPTIONS)
 def _scale(hessian, seen, size, damping, curvature):
     """Fill the damped second derivatives by scaled columns; no direction is flatter than FLAT."""
-    n, largest = size.size, 0.0
+    n = size.size
     scaled, vectors = np.empty((n, n)), np.empty((n, n))
     for i in range(n):
         for j in range(n):
             scaled[i, j] = hessian[seen[i], seen[j]] / (size[i] * size[j])
         scaled[i, i] += damping
-    diagonalise(scaled, vectors)
-    for k in range(n):
-        largest = max(largest, scaled[k, k])
+    largest = diagonalise(scaled, vectors)
     for i in range(n):
         for j in range(n):
             curvature[i, j] = 0.0

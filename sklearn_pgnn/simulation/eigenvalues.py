@@ -50,6 +50,11 @@ def diagonalise(matrix, vectors):
         The matrix :math:`A`; its diagonal becomes the eigenvalues, in no order.
     vectors : ndarray of shape (n, n)
         Filled with :math:`V`.
+
+    Returns
+    -------
+    float
+        The largest eigenvalue; zero if all are negative.
     """
     n = matrix.shape[0]
     for i in range(n):
@@ -62,7 +67,11 @@ def diagonalise(matrix, vectors):
             for j in range(i):
                 beside += matrix[i, j] ** 2
         if not beside > LEFT * diagonal:
-            return
+            break
         for i in range(n):
             for j in range(i):
                 _rotate(matrix, vectors, j, i)
+    largest = 0.0
+    for i in range(n):
+        largest = max(largest, matrix[i, i])
+    return largest

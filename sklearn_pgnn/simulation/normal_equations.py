@@ -51,10 +51,7 @@ def _scale(products, n_p, weight, damping, scaled, size):
 @njit(**APART)
 def _invert(scaled, size, vectors, inverse):
     """Fill the pseudoinverse of a matrix that is given scaled, and is overwritten."""
-    diagonalise(scaled, vectors)
-    largest = 0.0
-    for k in range(size.size):
-        largest = max(largest, scaled[k, k])
+    largest = diagonalise(scaled, vectors)
     for i in range(size.size):
         for j in range(size.size):
             inverse[i, j] = 0.0
@@ -147,7 +144,7 @@ def project(
         Hessian and gradient per window, and how the initial states follow the parameters.
     """
     n, n_x = len(gram), weight.size
-    damped = np.full(n, damping) if np.ndim(damping) == 0 else np.asarray(damping)
+    damped = np.full(n, damping, dtype=float)
     normal = Normal(
         np.empty((n, n_p, n_p)), np.empty((n, n_p)), np.empty((n, n_x, n_p)), np.empty((n, n_x))
     )

@@ -108,7 +108,7 @@ def copy_rows(values, into):
 
 
 @njit(**INNER)
-def _fill(pieces, value):
+def fill(pieces, value):
     """Fill every Gram matrix of a window's blocks with one value."""
     for i in range(pieces.shape[0]):
         for j in range(pieces.shape[1]):
@@ -360,4 +360,4 @@ def run_windows(
                 )  # fmt: skip
         _empty(products, G[w, piece])
         if not finite:
-            _fill(G[w], math.inf)
+            fill(G[w], math.inf)

@@ -20,7 +20,7 @@ from sklearn_pgnn.simulation.compiled import compile_model
 from sklearn_pgnn.simulation.inputs import delayed_inputs, mean_inputs
 from sklearn_pgnn.simulation.led_states import lead
 from sklearn_pgnn.simulation.simulate import parameter_values
-from sklearn_pgnn.simulation.stepping import OPTIONS, run_windows, usual_interval
+from sklearn_pgnn.simulation.stepping import OPTIONS, fill, run_windows, usual_interval
 from sklearn_pgnn.threads import kept_pool
 
 #: batches of windows per thread, and least steps of one: fewer take less long than handing over
@@ -272,8 +272,9 @@ def _lose_arbitrary(gram, values, x0):
                 for k in range(size):
                     known = known and math.isfinite(gram[w, j, i, k])
         if not known:
-            gram[w] = 0.0
-            gram[w, :, -1, -1] = math.inf
+            fill(gram[w], 0.0)
+            for j in range(blocks):
+                gram[w, j, -1, -1] = math.inf
 
 
 def evaluate(model: PhysicsModel, windows: ShootingWindows, x0, wrt: tuple[str, ...]) -> Evaluation:

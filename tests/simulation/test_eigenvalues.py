@@ -33,6 +33,9 @@ def test_a_diagonalised_matrix_has_the_eigenvalues_of_lapack(n):
         assert again == pytest.approx(matrix, abs=1e-13 * size)
 
 
-def test_matrices_that_have_no_eigenvalues_end_at_once():
-    for value in (0.0, np.nan, np.inf):
-        run(np.full((3, 3), value), np.empty((3, 3)))
+@pytest.mark.parametrize("value", [0.0, np.nan, np.inf])
+def test_zeros_and_what_is_not_finite_are_left_as_they_are(value):
+    matrix, vectors = np.full((3, 3), value), np.empty((3, 3))
+    run(matrix, vectors)
+    assert np.array_equal(matrix, np.full((3, 3), value), equal_nan=True)
+    assert np.array_equal(vectors, np.eye(3))
