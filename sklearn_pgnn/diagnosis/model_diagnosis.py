@@ -141,8 +141,9 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
 
     Attributes
     ----------
-    verdict_ : {"model_adequate", "cause_named", "ambiguous", "unexplained"}
-        The verdict.
+    verdict_ : {"cause_named", "ambiguous", "unexplained", "provisional", "predicts_nothing", \
+            "nothing_found", "model_adequate"}
+        The verdict, see :ref:`left`.
     causes_ : tuple of NamedCause
         The missing causes, the most important first, each with its probability and those of its
         rivals.
@@ -174,7 +175,7 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         The residuals that the causes leave: .kind, one of ``"noise"``, ``"disturbance"`` (coloured
         noise of a sensor, or an external disturbance: nothing that was recorded predicts it) and
         ``"structure"``, with .times_noise of every output and the quantities in .depends_on;
-        .runs_away if the model predicts nothing, see `Remaining`.
+        .predicts_nothing if no output is predicted better than without a model.
     discrepancy_ : MissingPart or None
         A missing part that is not in the catalogue: where it acts, what it depends on, and a
         formula for it.

@@ -3,14 +3,14 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from sklearn_pgnn.diagnosis.verdict import VERDICTS
 from sklearn_pgnn.estimation.candidate import Candidate
-from sklearn_pgnn.inspection.words import NO_CAUSE, RUNS_AWAY, VERDICTS, verdict_in_words
 
 FAILED = "Not diagnosed"
 #: the verdicts in words, with an entry for no verdict
-SAID = (*VERDICTS.values(), NO_CAUSE, RUNS_AWAY, FAILED)
+SAID = (*VERDICTS.values(), FAILED)
 #: the order of verdicts in a fleet
-ORDER = ("cause_named", "ambiguous", "unexplained", "model_adequate", "failed")
+ORDER = (*VERDICTS, "failed")
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Machine:
     @property
     def said(self) -> str:
         """The verdict in words, one of `SAID`."""
-        return FAILED if self.found is None else verdict_in_words(self.found)
+        return FAILED if self.found is None else VERDICTS[self.verdict]
 
     @property
     def named(self) -> dict[Candidate, Mapping]:

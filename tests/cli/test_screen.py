@@ -138,7 +138,7 @@ def test_what_is_left_without_a_formula_is_not_called_that_of_the_file_with_it(c
     assert "With -0.5 + 2·v³ added there" in text
 
 
-@pytest.mark.parametrize("verdict", ["model_adequate", "cause_named", "unexplained"])
+@pytest.mark.parametrize("verdict", ["nothing_found", "cause_named", "unexplained"])
 def test_a_free_run_that_says_nothing_is_told_with_any_verdict(capsys, verdict):
     lost = diagnosis(remaining=Remaining("disturbance", {"v": 8.0}))
     lost.verdict_, lost.causes_ = verdict, lost.causes_ if verdict == "cause_named" else ()
@@ -148,7 +148,7 @@ def test_a_free_run_that_says_nothing_is_told_with_any_verdict(capsys, verdict):
     assert shown(capsys, lost).count(silence) == 1
 
 
-@pytest.mark.parametrize("verdict", ["model_adequate", "cause_named", "unexplained"])
+@pytest.mark.parametrize("verdict", ["nothing_found", "cause_named", "unexplained"])
 def test_a_free_run_that_has_become_worse_is_told_with_its_remedy(capsys, verdict):
     lost = diagnosis(remaining=Remaining("disturbance", {"v": 8.0}))
     lost.verdict_, lost.causes_ = verdict, lost.causes_ if verdict == "cause_named" else ()

@@ -6,8 +6,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from sklearn_pgnn.cli.screen import COLOURS
 from sklearn_pgnn.diagnosis.structure import Structure
-from sklearn_pgnn.diagnosis.verdict import Remaining, describe_remaining, verdict_of
+from sklearn_pgnn.diagnosis.verdict import VERDICTS, Remaining, describe_remaining, verdict_of
+from sklearn_pgnn.inspection import words
+from sklearn_pgnn.inspection.report import finding
 
 pytestmark = pytest.mark.core
 
@@ -54,10 +57,10 @@ def test_what_is_left_is_told_in_multiples_of_its_white_part_whatever_the_units(
 
 
 @pytest.mark.parametrize("structure", [None, Structure({}, True, ("v",))])
-def test_only_what_leaves_more_than_noise_runs_away(structure):
-    assert described((900, 100), (100, 100), structure, runs_away=True).runs_away
-    assert not described((900, 100), (100, 100), structure).runs_away
-    assert not described((100, 100), (100, 100), structure, runs_away=True).runs_away
+def test_only_what_leaves_more_than_noise_predicts_nothing(structure):
+    assert described((900, 100), (100, 100), structure, runs_away=True).predicts_nothing
+    assert not described((900, 100), (100, 100), structure).predicts_nothing
+    assert not described((100, 100), (100, 100), structure, runs_away=True).predicts_nothing
 
 
 def search_result(rivals, complete=True):
@@ -93,13 +96,33 @@ def test_where_nothing_is_named_only_structure_or_its_formula_is_unexplained(
 
 
 @pytest.mark.parametrize(("kind", "complete"), [*itertools.product(KINDS, (False, True))])
-def test_no_model_is_adequate_that_runs_away(kind, complete):
-    remaining = Remaining(kind, {}, runs_away=True)
-    assert verdict_of(search_result([], complete), remaining, False) == "unexplained"
+def test_no_model_is_adequate_that_predicts_nothing(kind, complete):
+    remaining = Remaining(kind, {}, predicts_nothing=True)
+    assert verdict_of(search_result([], complete), remaining, False) == "predicts_nothing"
+
+
+@pytest.mark.parametrize("times", [2.1, np.inf, np.nan])
+def test_no_model_is_adequate_that_leaves_more_than_twice_the_noise(times):
+    left = Remaining("disturbance", {"x": 1.0, "y": times})
+    assert verdict_of(search_result([]), left, False) == "nothing_found"
+
+
+@pytest.mark.parametrize("rivals", [[[]], [[], ["other"]]])
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_an_unfinished_search_holds_is_provisional(kind, rivals):
+    assert verdict_of(search_result(rivals, complete=False), Remaining(kind, {}), False) == (
+        "provisional"
+    )
 
 
 @pytest.mark.parametrize(
-    ("kind", "verdict"), [("noise", "model_adequate"), ("disturbance", "unexplained")]
+    ("kind", "verdict"), [("noise", "model_adequate"), ("disturbance", "provisional")]
 )
 def test_a_search_that_was_ended_calls_no_model_adequate_that_leaves_more_than_noise(kind, verdict):
     assert verdict_of(search_result([], complete=False), Remaining(kind, {}), False) == verdict
+
+
+def test_every_verdict_has_words_of_its_own():
+    for said in (finding._FOUND, words._SAID, COLOURS):
+        assert set(said) == set(VERDICTS)
+    assert len(set(VERDICTS.values())) == len(VERDICTS)

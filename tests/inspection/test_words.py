@@ -8,15 +8,6 @@ from sklearn_pgnn import systems
 from sklearn_pgnn.inspection import words
 
 
-@pytest.mark.parametrize(
-    ("much", "title"), [(True, "No cause found"), (False, "Model adequate")], ids=["much", "noise"]
-)
-def test_a_model_that_leaves_many_times_the_noise_is_not_titled_adequate(monkeypatch, much, title):
-    monkeypatch.setattr(words, "leaves_much", lambda diagnosis: much)
-    nothing = SimpleNamespace(complete_=True, verdict_="model_adequate")
-    assert words.verdict_title(nothing) == title
-
-
 def test_that_no_cause_acts_is_one_of_the_answers():
     rival = SimpleNamespace(effect="coulomb_friction", target="v", probability=0.05)
     cause = SimpleNamespace(probability=0.5, confused_with=(rival,))
@@ -41,9 +32,8 @@ def test_what_is_left_beside_a_formula_is_what_is_left_without_it(monkeypatch, p
 def test_what_an_adequate_model_leaves_is_told_output_by_output(monkeypatch, outputs):
     errors = {output: SimpleNamespace(prior=2.0, refitted=1.5) for output in outputs}
     monkeypatch.setattr(words, "over_windows", lambda _: errors)
-    monkeypatch.setattr(words, "leaves_much", lambda _: False)
     monkeypatch.setattr(words, "is_adequate_as_given", lambda _: False)
-    said = words._adequate(SimpleNamespace(model=systems.cart_on_spring()))
+    said = words._is_adequate(SimpleNamespace(model=systems.cart_on_spring(), complete_=True))
     one = "it leaves 1.50 × the noise (as given 2.00 ×). No"
     two = (
         "it leaves 1.50 × the noise of x (as given 2.00 ×) and 1.50 × the noise of v (as given "

@@ -5,9 +5,9 @@ from sklearn_pgnn.inspection.named_terms import known_remedy, known_sentence
 from sklearn_pgnn.inspection.numbers import measured, typeset_unit
 from sklearn_pgnn.inspection.parameter_ends import spread_remedy
 from sklearn_pgnn.inspection.report.parameter_facts import parameter_facts
-from sklearn_pgnn.inspection.runaway import runaway_remedy, runs_away
+from sklearn_pgnn.inspection.runaway import runaway_remedy
 from sklearn_pgnn.inspection.words import missing_place, separation_sentence
-from sklearn_pgnn.inspection.yardstick import is_adequate_as_given, leaves_much
+from sklearn_pgnn.inspection.yardstick import is_adequate_as_given
 from sklearn_pgnn.record_quality.wording import listed
 
 
@@ -25,7 +25,7 @@ def next_step(diagnosis) -> str:
         One or two sentences.
     """
     wider = spread_remedy(diagnosis)
-    if runs_away(diagnosis):
+    if diagnosis.verdict_ == "predicts_nothing":
         return f"{wider} {runaway_remedy(diagnosis)}".lstrip()
     if wider:
         return wider
@@ -71,12 +71,14 @@ def _checks(diagnosis, cause) -> str:
     return " ".join(dict.fromkeys(check for check in every if check))
 
 
+def _watch(diagnosis) -> str:
+    return (
+        "See the residual maps, and look for disturbances of the machine or its sensors there. "
+        "Record one more quantity, and diagnose again."
+    )
+
+
 def _use(diagnosis) -> str:
-    if leaves_much(diagnosis):
-        return (
-            "See the residual maps, and look for disturbances of the machine or its sensors there. "
-            "Record one more quantity, and diagnose again."
-        )
     if is_adequate_as_given(diagnosis):
         return "Use the model as it is."
     facts = parameter_facts(diagnosis)
@@ -98,8 +100,9 @@ def _look(diagnosis) -> str:
 
 
 _BY_VERDICT = {
-    "model_adequate": _use,
     "cause_named": _check,
     "ambiguous": _separate,
     "unexplained": _look,
+    "nothing_found": _watch,
+    "model_adequate": _use,
 }
