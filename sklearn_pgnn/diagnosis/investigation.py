@@ -326,6 +326,12 @@ class _Structures:
         if key not in self._known or self._known[key][0] is not trial.fit:
             self.fitter.progress.begin("structure of what is left")
             rule = self.criterion
-            found = find_structure(self.fitter.problem, trial, rule.alpha, rule.smallest_share)
+            found = find_structure(
+                self.fitter.problem,
+                trial,
+                rule.alpha,
+                rule.smallest_share,
+                self.fitter.progress.tick,
+            )
             self._known[key] = trial.fit, found
         return self._known[key][1]

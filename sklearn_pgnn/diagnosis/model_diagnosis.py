@@ -174,7 +174,8 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
     remaining_ : Remaining
         The residuals that the causes leave: .kind, one of ``"noise"``, ``"disturbance"`` (coloured
         noise of a sensor, or an external disturbance: nothing that was recorded predicts it) and
-        ``"structure"``, with .times_noise of every output and the quantities in .depends_on;
+        ``"structure"``, with .times_noise of every output, and in .law where a law without a name
+        acts, what it depends on, its memory [s] and the share of the error that it explains;
         .predicts_nothing if no output is predicted better than without a model.
     discrepancy_ : MissingPart or None
         A missing part that is not in the catalogue: where it acts, what it depends on, and a

@@ -1,6 +1,6 @@
 """The verdict in two parts: what is missing, and what is left."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -33,21 +33,23 @@ class Remaining:
         recorded; or structure, which does.
     times_noise : dict of str to float
         Held-out error of every output over windows, as a multiple of its white part.
-    depends_on : tuple of str
-        States, inputs and the time that structure depends on, the most important first.
+    law : Structure
+        The law without a name that explains most of a structure: its place, its share of what is
+        left, its memory, and the states, inputs and the time that it depends on.
     predicts_nothing : bool, default=False
         Whether over windows no output is predicted better than is possible without a model, by
         carrying on as at their start.
 
     Examples
     --------
-    >>> Remaining("structure", {"position": 3.2}, depends_on=("v",)).kind
-    'structure'
+    >>> law = Structure("v", share=0.9, memory=0.2, depends_on=("F",))
+    >>> Remaining("structure", {"position": 3.2}, law).is_much
+    True
     """
 
     kind: str
     times_noise: dict[str, float]
-    depends_on: tuple[str, ...] = ()
+    law: Structure = field(default_factory=Structure)
     predicts_nothing: bool = False
 
     @property
@@ -69,8 +71,8 @@ def describe_remaining(
     white_only = bool((left - white <= smallest_share * left).all())
     nothing = not white_only and fitter.runs_away(final)
     if structure is not None and structure.is_significant:
-        return Remaining("structure", named, structure.depends_on, nothing)
-    return Remaining("noise" if white_only else "disturbance", named, (), nothing)
+        return Remaining("structure", named, structure, nothing)
+    return Remaining("noise" if white_only else "disturbance", named, Structure(), nothing)
 
 
 def verdict_of(result: SearchResult, remaining: Remaining, has_formula: bool) -> str:

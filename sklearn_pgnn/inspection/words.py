@@ -3,6 +3,7 @@
 import itertools
 import math
 
+from sklearn_pgnn.diagnosis.structure import Structure
 from sklearn_pgnn.estimation.hypothesis import commute
 from sklearn_pgnn.inspection.cause_names import candidate_name, cause_name
 from sklearn_pgnn.inspection.named_terms import known_sentence
@@ -236,24 +237,32 @@ def remaining_sentence(diagnosis) -> str:
         for output, x in sorted(errors.items(), key=lambda item: -item[1])
     )
     if remaining.kind == "structure":
-        on = listed(remaining.depends_on) or "what was recorded"
-        left = (
-            "What is left" if diagnosis.discrepancy_ is None else "What is left without the formula"
-        )
-        return f"{left} is structure ({much}): it depends on {on}, so physics is still missing."
+        without = "" if diagnosis.discrepancy_ is None else " without the formula"
+        law = law_sentence(diagnosis.model, remaining.law)
+        return f"What is left{without} is structure ({much}): {law}, so physics is still missing."
     if not diagnosis.complete_:
         return f"What is left is more than noise ({much}); what it depends on was not tested."
     if diagnosis.verdict_ == "predicts_nothing":
         return "What is left is the model's own error: it says nothing about the machine."
     return (
         f"What is left is coloured noise or a disturbance ({much}): nothing that was recorded "
-        f"predicts it."
+        f"predicts it, neither as it is nor as it was before."
     )
 
 
-def missing_place(diagnosis, part) -> str:
+def law_sentence(model: PhysicsModel, law: Structure) -> str:
+    """Return where a law without a name acts, what it depends on, and what it explains."""
+    on = listed(law.depends_on) or "what was recorded"
+    memory = f", and on what was some {number(law.memory, 2)} s before" if law.memory else ""
+    return (
+        f"it depends on {on}{memory}. A law that acts on {place_name(model, law.place)} explains "
+        f"{percent(law.share)} of it in records not used for it"
+    )
+
+
+def place_name(model: PhysicsModel, target: str) -> str:
     """Return the place of a missing part."""
-    return f"the rate of {part.target}" if part.target in diagnosis.model.states else part.target
+    return f"the rate of {target}" if target in model.states else target
 
 
 def dependence(diagnosis, part) -> str:
@@ -281,7 +290,7 @@ def _described(diagnosis) -> str:
         return ""
     on, left = dependence(diagnosis, part), times(part.error)
     return (
-        f"Something is missing in {missing_place(diagnosis, part)}. {on}With "
+        f"Something is missing in {place_name(diagnosis.model, part.target)}. {on}With "
         f"{readable(part.formula)} added there the model leaves {left} the noise. "
         f"{known_sentence(diagnosis, part)}"
     ).rstrip()

@@ -40,13 +40,13 @@ def described(left, white, structure=None, runs_away=False):
     ],
 )
 def test_what_is_left_is_noise_if_it_is_white_up_to_the_smallest_share(left, white, kind):
-    for structure in (None, Structure({}, False)):
+    for structure in (None, Structure()):
         assert described(left, white, structure).kind == kind
 
 
 def test_what_depends_on_the_records_is_structure_however_white_it_is():
-    remaining = described((100, 100), (100, 100), Structure({}, True, ("v", "F")))
-    assert (remaining.kind, remaining.depends_on) == ("structure", ("v", "F"))
+    remaining = described((100, 100), (100, 100), Structure("v", 0.9, 0.0, ("v", "F")))
+    assert (remaining.kind, remaining.law.depends_on) == ("structure", ("v", "F"))
 
 
 @pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
@@ -56,7 +56,7 @@ def test_what_is_left_is_told_in_multiples_of_its_white_part_whatever_the_units(
     assert remaining.kind == "disturbance"
 
 
-@pytest.mark.parametrize("structure", [None, Structure({}, True, ("v",))])
+@pytest.mark.parametrize("structure", [None, Structure("v", 0.9)])
 def test_only_what_leaves_more_than_noise_predicts_nothing(structure):
     assert described((900, 100), (100, 100), structure, runs_away=True).predicts_nothing
     assert not described((900, 100), (100, 100), structure).predicts_nothing

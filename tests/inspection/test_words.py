@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import pytest
 
 from sklearn_pgnn import systems
+from sklearn_pgnn.diagnosis.structure import Structure
 from sklearn_pgnn.inspection import words
 
 
@@ -22,8 +23,10 @@ def test_that_no_cause_acts_is_one_of_the_answers():
 def test_what_is_left_beside_a_formula_is_what_is_left_without_it(monkeypatch, part):
     errors = {"x": SimpleNamespace(extended=4.56)}
     monkeypatch.setattr(words, "over_windows", lambda _: errors)
-    left = SimpleNamespace(kind="structure", depends_on=("v",))
-    said = words.remaining_sentence(SimpleNamespace(remaining_=left, discrepancy_=part))
+    left = SimpleNamespace(kind="structure", law=Structure("v", 0.9))
+    model = systems.cart_on_spring()
+    found = SimpleNamespace(remaining_=left, discrepancy_=part, model=model)
+    said = words.remaining_sentence(found)
     assert said.startswith("What is left without the formula is structure (4.56 ×") == bool(part)
     assert said.startswith("What is left is structure (4.56 ×") != bool(part)
 

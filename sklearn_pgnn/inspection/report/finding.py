@@ -4,7 +4,7 @@ from sklearn_pgnn.diagnosis.verdict import VERDICTS
 from sklearn_pgnn.inspection.cause_names import cause_name
 from sklearn_pgnn.inspection.numbers import sized, times, typeset_unit
 from sklearn_pgnn.inspection.report.parameter_facts import parameter_facts
-from sklearn_pgnn.inspection.words import missing_place
+from sklearn_pgnn.inspection.words import place_name
 from sklearn_pgnn.inspection.yardstick import is_adequate_as_given, leaves_much, over_windows
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.record_quality.wording import listed
@@ -110,11 +110,13 @@ def _alternatives(cause) -> str:
 def _unexplained(diagnosis) -> str:
     part = diagnosis.discrepancy_
     if part is None:
-        return "something is missing that no known effect explains"
+        place = place_name(diagnosis.model, diagnosis.remaining_.law.place)
+        return f"something is missing in {place} that no known effect explains"
+    place = place_name(diagnosis.model, part.target)
     if part.has_names:
         names = listed(cause_name(each.effect, each.target) for each in part.known)
-        return f"something is missing in {missing_place(diagnosis, part)} that acts as {names}"
-    return f"something unknown is missing in {missing_place(diagnosis, part)}"
+        return f"something is missing in {place} that acts as {names}"
+    return f"something unknown is missing in {place}"
 
 
 _FOUND = {

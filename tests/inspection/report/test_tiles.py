@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 from situations import situation
 
-from sklearn_pgnn.diagnosis import Remaining, Rival
+from sklearn_pgnn.diagnosis import Remaining, Rival, Structure
 from sklearn_pgnn.inspection.report.parameter_facts import parameter_facts
 from sklearn_pgnn.inspection.report.tiles import make_tiles
 from sklearn_pgnn.record_quality.finding import Finding
@@ -67,7 +67,7 @@ def test_more_than_twice_the_noise_is_amber_and_red_where_it_is_structure():
     gain = changed.gain_["v"]
     changed.gain_ = {"v": replace(gain, extended=2.5 * gain.noise)}
     assert states(changed)[0] == "look"
-    changed.remaining_ = Remaining("structure", {"v": 2.5}, ("F",))
+    changed.remaining_ = Remaining("structure", {"v": 2.5}, Structure("v", 0.9, 0.0, ("F",)))
     assert states(changed)[0] == "bad"
 
 
