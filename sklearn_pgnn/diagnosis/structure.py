@@ -19,7 +19,8 @@ A sensor's noise, however coloured, and a disturbance from outside cannot be pre
 Measured states are no signals: their noise would explain itself.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
@@ -97,21 +98,41 @@ def find_structure(
     of the hidden input exceeds zero by Student's test over the groups, at `alpha` divided by the
     number of tests.
     """
-    names, signals = channels(problem.prior), _Signals.of(problem, trial)
+    names = channels(problem.prior)
     level = alpha / (4 * len(names) * (1 + len(problem.prior.outputs)))
-    best = Structure()
+    found = [Structure()]
+    for place in _places(problem, trial, names, each_step):
+        with suppress(SimulationError), one_thread_each():  # where no response can be computed
+            found.append(place.best_law(level, smallest_share))
+    return max(found, key=lambda law: law.share)
+
+
+def share_of_laws(
+    problem: EstimationProblem,
+    trial: FittedHypothesis,
+    names: Sequence[str],
+    each_step: Callable[[], None] | None = None,
+) -> float:
+    """Return the largest share of what a hypothesis leaves that a law at some places predicts."""
+    found = [0.0]
+    for place in _places(problem, trial, names, each_step):
+        with suppress(SimulationError), one_thread_each():
+            found += place.shares()
+    return max(found)
+
+
+def _places(
+    problem: EstimationProblem,
+    trial: FittedHypothesis,
+    names: Sequence[str],
+    each_step: Callable[[], None] | None,
+) -> Iterator["_Place"]:
+    """Yield the places where the hidden input can be found."""
+    signals = _Signals.of(problem, trial) if names else None
     for name in names:
         d = hidden_input(problem, trial, name, each_step).values
-        if not np.isfinite(d).all():
-            continue
-        place = _Place(problem, trial, name, signals, d)
-        try:
-            with one_thread_each():
-                found = place.best_law(level, smallest_share)
-        except SimulationError:  # the responses diverge: no law can be tried there
-            continue
-        best = max(best, found, key=lambda law: law.share)
-    return best
+        if signals is not None and np.isfinite(d).all():
+            yield _Place(problem, trial, name, signals, d)
 
 
 @dataclass(frozen=True)
@@ -203,8 +224,7 @@ class _Place:
 
     def best_law(self, level: float, smallest_share: float) -> Structure:
         """Return the law that explains most beyond chance, static if memory gains nothing."""
-        laws = [self._linear([STATIC]), self._linear([STATIC, *self._each_lag])]
-        laws += [self._trees(STATIC), self._trees(ALL)]
+        laws = self._laws
         predicted = [self._predict(law) for law in laws]
         pairs = zip(predicted, self._explained(predicted), strict=True)
         found = [(self._of_hidden_input(each), share) for each, share in pairs]
@@ -217,7 +237,18 @@ class _Place:
         memory = 0.0 if share == static else self._memory(law)
         return Structure(self.name, share, memory, self._needs(law, smallest_share))
 
+    def shares(self) -> list[float]:
+        """Return the share of all residuals that each law predicts."""
+        explained = self._explained([self._predict(law) for law in self._laws])
+        return [float(each[0].sum() / each[1].sum()) for each in explained]
+
     # -- laws --------------------------------------------------------------------------------------
+
+    @property
+    def _laws(self) -> list[list[_Fold]]:
+        """The laws, in turn static and with memory."""
+        linear = [self._linear([STATIC]), self._linear([STATIC, *self._each_lag])]
+        return [*linear, self._trees(STATIC), self._trees(ALL)]
 
     @property
     def _each_lag(self) -> list[slice]:
