@@ -47,6 +47,16 @@ class Comparison:
         evidence = self.criterion.evidence(held_out(without), held_out(with_))
         return evidence / self._overdispersion(without, with_)
 
+    def separation(self, one: FittedHypothesis, other: FittedHypothesis) -> float:
+        """Return how surely the second of two rivals is likelier; the same with opposite sign.
+
+        Nothing is said where the one that windows prefer has the worse free run beyond chance.
+        """
+        pairs = (one, other), (other, one)
+        less = max(self._overdispersion(*pair) for pair in pairs)
+        told = self.criterion.separation(*map(self.fitter.held_out, (one, other)), less)
+        return 0.0 if told and self.runs_worse(*pairs[told < 0.0]) else told
+
     def evidence_disturbed(self, without: FittedHypothesis, with_: FittedHypothesis) -> float:
         """Return the evidence for the second of two hypotheses, each with a disturbance.
 

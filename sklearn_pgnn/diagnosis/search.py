@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from sklearn_pgnn.diagnosis.comparison import Comparison
+from sklearn_pgnn.diagnosis.comparison import Comparison, own_causes
 from sklearn_pgnn.diagnosis.ladder import Ladder
 from sklearn_pgnn.diagnosis.moves import Moves
-from sklearn_pgnn.diagnosis.rivals import find_rivals
+from sklearn_pgnn.diagnosis.rivals import InPlace, find_rivals, likelier, not_refuted
 from sklearn_pgnn.diagnosis.search_result import SearchResult, in_order
 from sklearn_pgnn.estimation.criterion import SelectionCriterion
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis, is_clearly_less
@@ -271,14 +271,41 @@ class Search:
                 self.current = further if further.fit.usable else self.current
 
     def _result(self, complete: bool) -> SearchResult:
+        near = self._put_the_likeliest_first() if complete else {}
         base, final = self.fitter.base(), self.current
         steps = in_order(self.fitter, base, final)
         rivals, beside = self._same_in_equations(final), {}
-        if complete:
-            for cause in final.hypothesis.causes:
-                rivals[cause] += find_rivals(self.compare, self.ladder, final, cause)
-                beside[cause] = self._evidence_beside(final, cause)
+        for cause, others in near.items():
+            beside[cause] = self._evidence_beside(final, cause)
+            found = rivals[cause] + find_rivals(self.ladder, final, cause, others)
+            rivals[cause] = self.criterion.probable(found, beside[cause])
         return SearchResult(base, steps, rivals, beside, dict(self.ladder.alone), complete)
+
+    def _put_the_likeliest_first(self) -> dict[Effect, InPlace]:
+        """Exchange causes for likelier rivals that are named there; return what may replace each."""
+        tried: set[Key] = set()
+        while True:
+            final, search = self.current, (self.compare, self.ladder)
+            causes = final.hypothesis.causes
+            near = {cause: not_refuted(*search, final, cause) for cause in causes}
+            better = (trial for others in near.values() for trial in likelier(final, others))
+            named = (self._named_in_place(final, trial, tried) for trial in better)
+            exchanged = next((trial for trial in named if trial is not None), None)
+            if exchanged is None:
+                return near
+            self.current = exchanged
+
+    def _named_in_place(
+        self, final: FittedHypothesis, trial: FittedHypothesis, tried: set[Key]
+    ) -> FittedHypothesis | None:
+        """Return a hypothesis without needless causes, if its new one is named; each only once."""
+        tried.add(self.fitter.key(final.hypothesis))
+        if self.fitter.key(trial.hypothesis) in tried:
+            return None
+        tried.add(self.fitter.key(trial.hypothesis))
+        kept = self.moves.without_needless(self.fitter.polish(trial))
+        kept = self.moves.pruned(kept, self._needed)
+        return kept if own_causes(final, kept) else None
 
     def _same_in_equations(self, final: FittedHypothesis) -> dict[Effect, list]:
         """Return for every cause the candidates that are equivalent in the equations."""
