@@ -49,20 +49,21 @@ def find_rivals(
 ) -> list[tuple[Effect, float]]:
     """Return the candidates that may replace a cause, and how surely the cause is likelier.
 
-    What is still likelier than the cause could not be named in its place.
+    What is a little likelier than the cause, and could not be named in its place, counts as alike.
     """
     found: dict[Effect, float] = {}
     for trial, value in near:
         (other,) = own_causes(final, trial)
-        if value >= 0.0:
-            found[other] = value
+        found[other] = max(value, 0.0)
     problem, rest = ladder.fitter.problem, final.hypothesis.without(cause)
     for other in ladder.candidates:
         if other != cause and other not in found and rest.allows(other):
             same = _is_same(ladder.fitter, rest, cause, other)
             if same or resemble(problem, final.fit.model, cause, other):
                 found[other] = 0.0
-    return [(same, value) for other, value in found.items() for same in (other, *ladder.same[other])]
+    return [
+        (same, value) for other, value in found.items() for same in (other, *ladder.same[other])
+    ]
 
 
 def _is_same(fitter: HypothesisFitter, rest: Hypothesis, cause: Effect, other: Effect) -> bool:
