@@ -55,13 +55,13 @@ def rivals_of(evidence, resembling=(), beside=(), equal=(), falls=(), worse=()):
 @given(st.floats(-100, 100))
 def test_what_is_not_refuted_is_a_rival_or_likelier_than_the_cause(evidence):
     found, first = rivals_of({LIKE: evidence})
-    assert bool(found) is (0.0 <= evidence <= CRITERION.to_refute)
+    assert bool(found) is (evidence <= CRITERION.to_refute)
     assert bool(first) is (evidence < 0.0)
-    assert all(value == evidence for _, value in found)
+    assert all(value == max(evidence, 0.0) for _, value in found)
 
 
 def test_the_likeliest_is_tried_first():
-    assert rivals_of({LIKE: -1.0, DRAG: -7.0, DEARER: -90.0}) == ([], [DRAG, LIKE])
+    assert rivals_of({LIKE: -1.0, DRAG: -7.0, DEARER: -90.0})[1] == [DRAG, LIKE]
 
 
 @pytest.mark.parametrize(("objective", "first"), [(99.0, [LIKE]), (99.99, []), (101.0, [])])

@@ -185,6 +185,13 @@ def test_a_likelier_cause_takes_the_place_of_the_one_that_was_accepted(search, w
         assert all(CRITERION.alpha <= chance <= mine for chance in theirs)
 
 
+def test_a_cause_that_is_improbable_beside_what_cannot_be_named_is_not_named(search, monkeypatch):
+    search.current = fitted(search.fitter, effects.QuadraticDrag)
+    monkeypatch.setattr(search, "_named_in_place", lambda final, trial, tried: None)
+    result = search._result(complete=True)
+    assert result.final.hypothesis.causes == ()
+
+
 # -- where a search ends ---------------------------------------------------------------------------
 
 
