@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from sklearn_pgnn.diagnosis.comparison import Comparison
+from sklearn_pgnn.diagnosis.comparison import Comparison, own_causes
 from sklearn_pgnn.diagnosis.ladder import Ladder
 from sklearn_pgnn.diagnosis.moves import Moves
-from sklearn_pgnn.diagnosis.rivals import find_rivals
+from sklearn_pgnn.diagnosis.rivals import InPlace, find_rivals, likelier, not_refuted
 from sklearn_pgnn.diagnosis.search_result import SearchResult, in_order
 from sklearn_pgnn.estimation.criterion import SelectionCriterion
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis, is_clearly_less
@@ -17,6 +17,7 @@ from sklearn_pgnn.estimation.fitting import HypothesisFitter
 from sklearn_pgnn.estimation.hypothesis_models import Key
 from sklearn_pgnn.estimation.progress import TimeIsUp
 from sklearn_pgnn.estimation.same_in_equations import same_causes
+from sklearn_pgnn.estimation.shared_part import in_terms_of_the_model
 from sklearn_pgnn.estimation.stretches import is_long
 from sklearn_pgnn.physics.effect import Effect
 
@@ -165,7 +166,7 @@ class Search:
         while (special := next(self.moves.split(self.current), None)) is not None:
             self.current = fitter.polish(special)
         base = fitter.base()
-        steps = in_order(fitter, base, self.current)
+        steps = in_order(fitter, base, in_terms_of_the_model(fitter, self.current))
         rivals = self._same_in_equations(self.current) | found.rivals
         rivals = {cause: rivals[cause] for cause in self.current.hypothesis.causes}
         return replace(found, base=base, steps=steps, rivals=rivals)
@@ -271,14 +272,56 @@ class Search:
                 self.current = further if further.fit.usable else self.current
 
     def _result(self, complete: bool) -> SearchResult:
+        near = self._put_the_likeliest_first() if complete else {}
         base, final = self.fitter.base(), self.current
-        steps = in_order(self.fitter, base, final)
+        steps = in_order(self.fitter, base, in_terms_of_the_model(self.fitter, final))
         rivals, beside = self._same_in_equations(final), {}
-        if complete:
-            for cause in final.hypothesis.causes:
-                rivals[cause] += find_rivals(self.compare, self.ladder, final, cause)
-                beside[cause] = self._evidence_beside(final, cause)
+        for cause, others in near.items():
+            beside[cause] = self._evidence_beside(final, cause)
+            found = rivals[cause] + find_rivals(self.ladder, final, cause, others)
+            rivals[cause] = self.criterion.probable(found, beside[cause])
         return SearchResult(base, steps, rivals, beside, dict(self.ladder.alone), complete)
+
+    def _put_the_likeliest_first(self) -> dict[Effect, InPlace]:
+        """Exchange causes for likelier rivals that are named; return what may replace each.
+
+        A cause that is improbable beside what cannot be named in its place is dropped.
+        """
+        tried: set[Key] = set()
+        while True:
+            final, search = self.current, (self.compare, self.ladder)
+            causes = final.hypothesis.causes
+            near = {cause: not_refuted(*search, final, cause) for cause in causes}
+            better = (trial for others in near.values() for trial in likelier(final, others))
+            named = (self._named_in_place(final, trial, tried) for trial in better)
+            exchanged = next((trial for trial in named if trial is not None), None)
+            exchanged = exchanged or self._without_the_improbable(final, near)
+            if exchanged is None:
+                return near
+            self.current = exchanged
+
+    def _without_the_improbable(
+        self, final: FittedHypothesis, near: dict[Effect, InPlace]
+    ) -> FittedHypothesis | None:
+        """Return a hypothesis without the cause that is refuted most surely, if one is."""
+        least = {cause: min((v for _, v in others), default=0.0) for cause, others in near.items()}
+        cause = min(set(least) - self.given, key=least.__getitem__, default=None)
+        if cause is None or least[cause] >= -self.criterion.to_refute:
+            return None
+        without = self._reduced(final, cause)
+        return self.moves.without_needless(without) if without.fit.usable else None
+
+    def _named_in_place(
+        self, final: FittedHypothesis, trial: FittedHypothesis, tried: set[Key]
+    ) -> FittedHypothesis | None:
+        """Return a hypothesis without needless causes, if its new one is named; each only once."""
+        tried.add(self.fitter.key(final.hypothesis))
+        if self.fitter.key(trial.hypothesis) in tried:
+            return None
+        tried.add(self.fitter.key(trial.hypothesis))
+        kept = self.moves.without_needless(self.fitter.polish(trial))
+        kept = self.moves.pruned(kept, self._needed)
+        return kept if own_causes(final, kept) else None
 
     def _same_in_equations(self, final: FittedHypothesis) -> dict[Effect, list]:
         """Return for every cause the candidates that are equivalent in the equations."""
@@ -290,11 +333,14 @@ class Search:
 
         For long records, disturbances were already considered on the stretches that were searched.
         """
-        reduced = self.fitter.reduce(self.fitter.subsample(final), cause)
-        without = self.fitter.fit_all(reduced, final)
+        without = self._reduced(final, cause)
         if cause in self.given or not without.fit.usable:
             return np.inf
         evidence = self.compare.evidence(without, final)
         if is_long(self.fitter.problem) or not self.compare.is_coloured(final):
             return evidence
         return float(np.fmin(evidence, self.compare.evidence_disturbed(without, final)))
+
+    def _reduced(self, final: FittedHypothesis, cause: Effect) -> FittedHypothesis:
+        """Return a hypothesis without one of its causes, fitted on all windows."""
+        return self.fitter.fit_all(self.fitter.reduce(self.fitter.subsample(final), cause), final)

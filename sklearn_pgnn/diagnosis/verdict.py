@@ -69,7 +69,7 @@ def describe_remaining(
     times = np.sqrt(fitter.held_out(final).windows.squares / white)
     named = dict(zip(fitter.problem.prior.outputs, times.tolist(), strict=True))
     white_only = bool((left - white <= smallest_share * left).all())
-    nothing = not white_only and fitter.runs_away(final)
+    nothing = fitter.predicts_nothing(final, smallest_share)
     if structure is not None and structure.is_significant:
         return Remaining("structure", named, structure, nothing)
     return Remaining("noise" if white_only else "disturbance", named, Structure(), nothing)

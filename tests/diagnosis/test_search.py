@@ -169,6 +169,29 @@ def test_a_cause_that_is_named_is_likelier_than_none():
         assert evidence == pytest.approx(search.compare.evidence(fitted, result.final))
 
 
+# -- the most probable of a group ------------------------------------------------------------------
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("wrong", ["quadratic_drag", "constant_load", "wrong_parameter"])
+def test_a_likelier_cause_takes_the_place_of_the_one_that_was_accepted(search, wrong):
+    kind = next(kind for kind in KINDS if kind.id == wrong)
+    search.current = fitted(search.fitter, kind)
+    result = search._result(complete=True)
+    assert [cause.id for cause in result.final.hypothesis.causes] == ["coulomb_friction"]
+    for cause, others in result.rivals.items():
+        values = [value for _, value in others]
+        mine, *theirs, _ = CRITERION.probabilities([*values, result.evidence[cause]])
+        assert all(CRITERION.alpha <= chance <= mine for chance in theirs)
+
+
+def test_a_cause_that_is_improbable_beside_what_cannot_be_named_is_not_named(search, monkeypatch):
+    search.current = fitted(search.fitter, effects.QuadraticDrag)
+    monkeypatch.setattr(search, "_named_in_place", lambda final, trial, tried: None)
+    result = search._result(complete=True)
+    assert result.final.hypothesis.causes == ()
+
+
 # -- where a search ends ---------------------------------------------------------------------------
 
 

@@ -17,12 +17,12 @@ pytestmark = pytest.mark.core
 SHARE = 0.05
 
 
-def described(left, white, structure=None, runs_away=False):
+def described(left, white, structure=None, nothing=False):
     """Describe what is left of two outputs, given its squares and their white part."""
     held_out = SimpleNamespace(windows=SimpleNamespace(squares=np.array(left, dtype=float)))
     fitter = SimpleNamespace(
         held_out=lambda trial: held_out,
-        runs_away=lambda trial: runs_away,
+        predicts_nothing=lambda trial, smallest_share: nothing,
         squares_by_output=lambda trial: np.array(left, dtype=float),
         white_squares=lambda trial: np.array(white, dtype=float),
         problem=SimpleNamespace(prior=SimpleNamespace(outputs={"x": "x", "y": "y"})),
@@ -57,10 +57,10 @@ def test_what_is_left_is_told_in_multiples_of_its_white_part_whatever_the_units(
 
 
 @pytest.mark.parametrize("structure", [None, Structure("v", 0.9)])
-def test_only_what_leaves_more_than_noise_predicts_nothing(structure):
-    assert described((900, 100), (100, 100), structure, runs_away=True).predicts_nothing
-    assert not described((900, 100), (100, 100), structure).predicts_nothing
-    assert not described((100, 100), (100, 100), structure, runs_away=True).predicts_nothing
+@pytest.mark.parametrize("left", [100, 900])
+def test_what_predicts_nothing_is_told_however_little_is_left_in_short_windows(structure, left):
+    assert described((left, 100), (100, 100), structure, nothing=True).predicts_nothing
+    assert not described((left, 100), (100, 100), structure).predicts_nothing
 
 
 def search_result(rivals, complete=True):
