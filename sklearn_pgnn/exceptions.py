@@ -66,6 +66,17 @@ class RecordWarning(UserWarning):
     """
 
 
+class DiagnosisWarning(UserWarning):
+    """A stage of a diagnosis failed, and the results without it are kept; the cause is the error.
+
+    Examples
+    --------
+    >>> import warnings
+    >>> with warnings.catch_warnings():
+    ...     warnings.simplefilter("error", DiagnosisWarning)  # raised once the results are kept
+    """
+
+
 class ModelWarning(UserWarning):
     """A model is used with a reservation; the message states it and the remedy.
 

@@ -62,6 +62,13 @@ class Ladder:
             self.step(fits[-1])
         return usable(fits)
 
+    def known_fits(self, current: FittedHypothesis) -> list[SubsampleFit]:
+        """Return the first fits beside the causes that were made already, nearest first."""
+        ground, fitter = self.fitter.subsample(current), self.fitter
+        allowed = (c for c in self.candidates if current.hypothesis.allows(c))
+        known = (c for c in allowed if np.isfinite(fitter.known_squares(ground, c)))
+        return usable([fitter.first_fit(ground, c) for c in known])
+
     def _learn(self, ground: SubsampleFit, fit: SubsampleFit) -> None:
         """Note what a candidate leaves as the only cause, or what it changes beside others."""
         if ground.hypothesis.causes:

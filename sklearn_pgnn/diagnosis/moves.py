@@ -34,7 +34,7 @@ class Moves:
 
         Causes that are then no longer named are dropped, too.
         """
-        while (fewer := self._drop_disturbed(trial, needed)) is not None:
+        while (fewer := self.drop_disturbed(trial, needed)) is not None:
             trial = self.without_needless(fewer)
         return trial
 
@@ -44,7 +44,7 @@ class Moves:
             trial = fewer
         return trial
 
-    def _drop_disturbed(self, current: FittedHypothesis, needed: float) -> FittedHypothesis | None:
+    def drop_disturbed(self, current: FittedHypothesis, needed: float) -> FittedHypothesis | None:
         """Drop the least needed cause given a disturbance, if more than white noise is left."""
         if not self.compare.is_coloured(current):
             return None
@@ -76,6 +76,11 @@ class Moves:
         """Add the best candidate; every first fit is run to convergence."""
         fits = self.ladder.first_fits(current, self.ladder.candidates)
         yield from self._choose(current, self.ladder.converge(current, fits))
+
+    def add_known(self, current: FittedHypothesis) -> Iterator[FittedHypothesis]:
+        """Add the best of the candidates that were fitted on some samples beside the causes."""
+        fits = self.ladder.known_fits(current)
+        yield from self._choose(current, self.ladder.converge(current, fits[:KEPT])[:1])
 
     def add_pair(self, current: FittedHypothesis) -> Iterator[FittedHypothesis]:
         """Add the best of the pairs of candidates that are expected to explain most together."""

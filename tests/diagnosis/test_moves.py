@@ -23,7 +23,7 @@ def test_what_a_hypothesis_needs_no_more_without_a_disturbance_goes_too(monkeypa
     rubbed, loaded = effects.CoulombFriction, effects.ConstantLoad
     both = fitted(fitter, rubbed, loaded)
     left = iter([fitted(fitter, loaded)])
-    monkeypatch.setattr(moves, "_drop_disturbed", lambda trial, needed: next(left, None))
+    monkeypatch.setattr(moves, "drop_disturbed", lambda trial, needed: next(left, None))
     assert not moves.pruned(both, CRITERION.to_name).hypothesis.causes
 
 
