@@ -27,7 +27,7 @@ from sklearn_pgnn.cli.output import (
 from sklearn_pgnn.cli.records import read_model, told_warnings
 from sklearn_pgnn.cli.screen import print_diagnosis
 from sklearn_pgnn.diagnosis import ModelDiagnosis
-from sklearn_pgnn.exceptions import UNUSABLE, RecordWarning
+from sklearn_pgnn.exceptions import DiagnosisWarning, RecordWarning
 from sklearn_pgnn.inspection.model_files import EXTENDED, RIVALS, model_files
 from sklearn_pgnn.inspection.report import Provenance, render_report
 from sklearn_pgnn.trajectories.files import read_files
@@ -147,15 +147,13 @@ class Job:
 
 
 def fit_kept(diagnosis: ModelDiagnosis, X, y) -> tuple[Exception | None, list[str]]:
-    """Fit; return the error, if there is a verdict in spite of it, or None, and the warnings."""
-    broken = None
+    """Fit; return the error of a stage that was left out, or None, and the warnings."""
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("ignore")
         warnings.simplefilter("always", RecordWarning)
+        warnings.simplefilter("always", DiagnosisWarning)
         try:
             diagnosis.fit(X, y)
-        except UNUSABLE:
-            raise
         except SystemExit:
             click.echo(
                 "No result of the search is kept. Remedy: --time-limit SECONDS ends a search with "
@@ -163,11 +161,10 @@ def fit_kept(diagnosis: ModelDiagnosis, X, y) -> tuple[Exception | None, list[st
                 err=True,
             )
             raise
-        except Exception as error:
-            if not hasattr(diagnosis, "verdict_"):
-                raise
-            broken = error
-    return broken, [str(warning.message) for warning in told]
+    said = [warning.message for warning in told]
+    failed = (each.__cause__ for each in said if isinstance(each, DiagnosisWarning))
+    others = [str(each) for each in said if not isinstance(each, DiagnosisWarning)]
+    return next((error for error in failed if isinstance(error, Exception)), None), others
 
 
 def result_texts(diagnosis: ModelDiagnosis, provenance: Provenance) -> dict[str, Callable[[], str]]:

@@ -292,6 +292,7 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         check_max_causes(self.max_causes)
         check_time_limit(self.time_limit)
         progress = Progress(self.progress, self.time_limit)
+        progress.begin("reading the records")
         check_targets(self.model, self.targets, read_catalogue(self.catalogue))
         read_noise_std(self.noise_std, list(self.model.outputs))
         require_target(self, y)

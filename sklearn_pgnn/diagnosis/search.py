@@ -123,7 +123,9 @@ class Search:
         """Drop causes that are not named beside the others, given a disturbance where needed."""
         while (fewer := self.moves.drop(self.current)) is not None:
             self.current = fewer
-        while (fewer := self.moves.drop_disturbed(self.current, self.criterion.to_name)) is not None:
+        while (
+            fewer := self.moves.drop_disturbed(self.current, self.criterion.to_name)
+        ) is not None:
             self.current = self.moves.without_needless(fewer)
 
     def judge_on(

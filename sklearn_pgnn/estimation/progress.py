@@ -9,8 +9,8 @@ from sklearn_pgnn.estimation.budgets import BETTER
 
 #: prefix of a report of the best hypothesis so far, in place of a stage
 BEST = "best candidate so far: "
-#: share of the time limit, and longest time [s], that a search leaves for what follows it: the first
-#: half for tests of what it has found until then, the second for intervals, errors and checks
+#: share of the time limit, and longest time [s], that a search leaves for what follows it: the
+#: first half for tests of what it has found until then, the second for intervals, errors and checks
 RESERVE, MOST_RESERVED = 0.2, 60.0
 #: part of the reserve that is left after these tests
 AFTER_TESTS = 0.5

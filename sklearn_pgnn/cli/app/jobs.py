@@ -120,8 +120,8 @@ def diagnose(progress: Callable, files, mapping, options, label: str) -> dict:
     for file in RESULT.iterdir():
         file.unlink()
     failed = write_files(RESULT, result_texts(diagnosis, _provenance(label, files)))
-    if broken or failed:
-        raise Bug(broken or next(iter(failed.values())))
+    if failed:
+        raise Bug(next(iter(failed.values())))
     return {
         "title": title(diagnosis),
         "verdict": verdict_line(diagnosis),
@@ -129,7 +129,7 @@ def diagnose(progress: Callable, files, mapping, options, label: str) -> dict:
         "next": next_step(diagnosis),
         "state": worst(make_tiles(diagnosis)),
         "files": list(described_files(diagnosis).items()),
-        "warnings": warned,
+        "warnings": warned if broken is None else [*warned, Bug(broken).message],
     }
 
 
