@@ -165,6 +165,16 @@ class Moves:
             pairs = self.add_pair(without) if without.fit.usable else ()
             yield from (pair for pair in pairs if self.compare.refutes(pair, current))
 
+    def any_of_few_sets(self, current: FittedHypothesis, most: int) -> Iterator[FittedHypothesis]:
+        """Take the preferred one of all sets of few candidates in which every cause is named."""
+        best = current
+        for subsample in self.ladder.few_sets(most):
+            trial = self.fitter.fit_all(subsample, current)
+            if trial.fit.usable and self.compare.is_preferred(trial, best):
+                best = best if self.drop(trial) is not None else trial
+        if best is not current:
+            yield best
+
     def split(self, current: FittedHypothesis) -> Iterator[FittedHypothesis]:
         """Replace a cause by its special cases where these explain as much with less complexity."""
         ground = self.fitter.subsample(current)

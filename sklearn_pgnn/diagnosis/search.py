@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from sklearn_pgnn.estimation.progress import AFTER_TESTS
 from sklearn_pgnn.estimation.same_in_equations import same_causes
 from sklearn_pgnn.estimation.stretches import is_long
 from sklearn_pgnn.physics.effect import Effect
+from sklearn_pgnn.physics.effects import frequent_first
 
 #: yields the hypotheses reached by a move that the criterion accepts, the best first
 Move = Callable[[FittedHypothesis], Iterator[FittedHypothesis]]
@@ -61,7 +63,7 @@ class Search:
         self.progress = fitter.progress
         self.same = same_causes(fitter.problem.prior, candidates, self.progress.tick)
         self.given = given & set(self.same)
-        self._use(fitter, tuple(self.same))
+        self._use(fitter, frequent_first(self.same))
         self.current = fitter.base()
         self._visited: dict[Key, float] = {}  # with what was left of each
         self._standing = self.current  # the best hypothesis of which every cause is named
@@ -266,6 +268,8 @@ class Search:
                 yield self.moves.add_pair
             if count:
                 yield self.moves.replace_by_pair
+        if self._is_worth_patience(current):
+            yield partial(self.moves.any_of_few_sets, most=self.max_causes)
 
     def _is_worth_patience(self, current: FittedHypothesis) -> bool:
         """Return whether what is left may depend on the records, so that costly moves are tried."""
