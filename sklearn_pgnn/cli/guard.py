@@ -37,7 +37,7 @@ class Bug(click.ClickException):
             kept,
             "Please report it, with what --debug shows.",
         )
-        self.exit_code = 3 if kept else 1
+        self.exit_code = 3 if kept else 1  # type: ignore[misc]
         super().__init__(one_line(" ".join(filter(None, sentences))))
 
 
