@@ -67,7 +67,9 @@ class RecordWarning(UserWarning):
 
 
 class DiagnosisWarning(UserWarning):
-    """A stage of a diagnosis failed, and the results without it are kept; the cause is the error.
+    """A stage of a diagnosis, or a part of its report, failed; the rest is kept.
+
+    Its ``__cause__`` is the error.
 
     Examples
     --------

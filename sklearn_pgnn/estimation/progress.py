@@ -133,7 +133,7 @@ class Progress:
         if self._left() > 0:
             return False
         if self._raises:
-            self.ended = self.ended or f"time limit of {self._limit:g} s, at {self.stage!r}"
+            self.ended = self.ended or f"time limit, at {self.stage!r}"
             raise TimeIsUp
         return True
 
