@@ -1,8 +1,8 @@
 """Stepwise search for missing causes: moves from hypothesis to hypothesis, the cheap ones first."""
 
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -15,11 +15,12 @@ from sklearn_pgnn.estimation.criterion import SelectionCriterion
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis, is_clearly_less
 from sklearn_pgnn.estimation.fitting import HypothesisFitter
 from sklearn_pgnn.estimation.hypothesis_models import Key
-from sklearn_pgnn.estimation.progress import TimeIsUp
+from sklearn_pgnn.estimation.progress import AFTER_TESTS
 from sklearn_pgnn.estimation.same_in_equations import same_causes
 from sklearn_pgnn.estimation.shared_part import in_terms_of_the_model
 from sklearn_pgnn.estimation.stretches import is_long
 from sklearn_pgnn.physics.effect import Effect
+from sklearn_pgnn.physics.effects import frequent_first
 
 #: yields the hypotheses reached by a move that the criterion accepts, the best first
 Move = Callable[[FittedHypothesis], Iterator[FittedHypothesis]]
@@ -61,9 +62,9 @@ class Search:
         self.criterion, self.max_causes = criterion, max_causes
         self.has_structure, self.find_law = has_structure, find_law
         self.progress = fitter.progress
-        self.same = same_causes(fitter.problem.prior, candidates)
+        self.same = same_causes(fitter.problem.prior, candidates, self.progress.tick)
         self.given = given & set(self.same)
-        self._use(fitter, tuple(self.same))
+        self._use(fitter, frequent_first(self.same))
         self.current = fitter.base()
         self._visited: dict[Key, float] = {}  # with what was left of each
         self._standing = self.current  # the best hypothesis of which every cause is named
@@ -90,7 +91,7 @@ class Search:
             The accepted hypothesis and the rivals of its causes.
         """
         self.progress.counts = True
-        with suppress(TimeIsUp):
+        with self.progress.kept():
             if begin is None:
                 self._take_given()
             else:
@@ -104,19 +105,31 @@ class Search:
     def so_far(self) -> SearchResult:
         """Return the best hypothesis so far, without needless causes as far as the time allows."""
         self.progress.counts = False  # a result there must be
-        tested = self._prune_in_spare_time()
-        lost = self.compare.runs_away(self.current)
-        if lost or self.compare.refutes(self._standing, self.current):
-            self.current = self._standing  # what moves led to may not stand itself
-        return replace(self._result(complete=False), tested=tested)
+        with self.progress.spare_time(AFTER_TESTS):
+            self._take_best_of_begun()
+        with self.progress.spare_time(AFTER_TESTS):
+            self._drop_untenable()
+        with self.progress.kept():
+            lost = self.compare.runs_away(self.current)
+            if lost or self.compare.refutes(self._standing, self.current):
+                self.current = self._standing  # what moves led to may not stand itself
+            return self._result(complete=False)
+        self.current = self.fitter.base()
+        return self._result(complete=False)
 
-    def _prune_in_spare_time(self) -> bool:
-        """Drop causes that are not named beside the others; return whether all were tested."""
-        with self.progress.spare_time():
-            while (fewer := self.moves.drop(self.current)) is not None:
-                self.current = fewer
-            return True
-        return False
+    def _take_best_of_begun(self) -> None:
+        """Add the best of the candidates that were looked at beside the causes, if it is named."""
+        if len(self.current.hypothesis.causes) < self.max_causes:
+            self.current = next(self.moves.add_known(self.current), self.current)
+
+    def _drop_untenable(self) -> None:
+        """Drop causes that are not named beside the others, given a disturbance where needed."""
+        while (fewer := self.moves.drop(self.current)) is not None:
+            self.current = fewer
+        while (
+            fewer := self.moves.drop_disturbed(self.current, self.criterion.to_name)
+        ) is not None:
+            self.current = self.moves.without_needless(fewer)
 
     def judge_on(
         self,
@@ -149,7 +162,7 @@ class Search:
         self._use(fitter, tuple(cause for cause in self.same if cause in likely))
         self.current = self._standing = fitter.refit_elsewhere(found.final)
         self.progress.counts = True
-        with suppress(TimeIsUp):
+        with self.progress.kept():
             if complete:
                 self.current = self.moves.without_needless(self.current)
                 return replace(self._result(complete), alone=found.alone)
@@ -256,6 +269,8 @@ class Search:
                 yield self.moves.add_pair
             if count:
                 yield self.moves.replace_by_pair
+        if self._is_worth_patience(current):
+            yield partial(self.moves.any_of_few_sets, most=self.max_causes)
 
     def _is_worth_patience(self, current: FittedHypothesis) -> bool:
         """Return whether what is left may depend on the records, so that costly moves are tried."""

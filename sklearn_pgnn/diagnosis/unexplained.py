@@ -138,7 +138,7 @@ def propose(
     problem: EstimationProblem,
     base: FittedHypothesis,
     channel: str,
-    each_step: Callable[[], None] | None = None,
+    each_step: Callable[[], bool | None] | None = None,
 ) -> list[Proposal]:
     """Estimate the hidden input of a channel, and formulas for it with one, two, and more terms.
 
@@ -185,7 +185,7 @@ def propose_again(
     problem: EstimationProblem,
     base: FittedHypothesis,
     proposal: Proposal,
-    each_step: Callable[[], None] | None = None,
+    each_step: Callable[[], bool | None] | None = None,
 ) -> Proposal | None:
     """Fit a formula again that was found on other records.
 

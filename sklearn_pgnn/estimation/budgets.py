@@ -31,6 +31,8 @@ STEPS = 4
 KEPT = 4
 #: pairs of candidates that are fitted. More cost time in proportion; fewer may miss a pair
 PAIRS = 8
+#: most sets of candidates of which all are fitted: those of four. More cost time in proportion
+SETS = 2 * PAIRS
 #: error in units of the noise above which costly moves are tried even if no recorded signal
 #: explains the residuals, and above which a report is amber. Less costs time; more may miss a pair
 #: that short records do not show

@@ -1,5 +1,6 @@
 """Parameters and effects that are equivalent in the equations, whatever their size."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -38,29 +39,22 @@ def same_parameter(model: PhysicsModel, effect: Effect) -> str | None:
 
 
 def same_causes(
-    model: PhysicsModel, causes: tuple[Effect, ...]
+    model: PhysicsModel,
+    causes: tuple[Effect, ...],
+    each_step: Callable[[], bool | None] = lambda: None,
 ) -> dict[Effect, tuple[Effect, ...]]:
     r"""Sort causes into classes that no record can separate.
 
     Two effects with a single parameter each, :math:`q` and :math:`q'`, are the same if
     :math:`\partial (f, g)/\partial q` is :math:`\partial (f, g)/\partial q'` times a factor that
-    depends on parameters only, or if both only delay the same inputs.
-
-    Parameters
-    ----------
-    model : PhysicsModel
-        The prior.
-    causes : tuple of Effect
-        The causes.
-
-    Returns
-    -------
-    dict of cause to tuple of cause
-        The first cause of every class, and its other causes.
+    depends on parameters only, or if both only delay the same inputs. The result holds the first
+    cause of every class, with its other causes; without those left where `each_step` returns true.
     """
     classes: dict[Effect, list[Effect]] = {}
     changes: dict[Effect, _Change] = {}
     for cause in causes:
+        if each_step():
+            break
         change = _only_change(model, cause)
         same = [c for c, known in changes.items() if change is not None and change.equals(known)]
         classes.setdefault(same[0] if same else cause, []).append(cause)

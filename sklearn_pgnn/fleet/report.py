@@ -93,7 +93,7 @@ def _row(machine: Machine, fleet, folder: Path) -> dict:
         "css": COLOUR.get(machine.said, "look"),
         "said": machine.said,
         "causes": _named(machine) or ([machine.failed] if machine.failed else []),
-        "sure": chance(machine.sure) if machine.named else "",
+        "sure": chance(machine.sure or None) if machine.named else "",
         "explained": percent(machine.explained) if machine.named else "",
         "odd": "; ".join(odd),
         "faults": _faults(machine),

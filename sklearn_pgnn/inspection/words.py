@@ -96,10 +96,6 @@ def stopped_sentence(diagnosis) -> str:
     if not diagnosis.stopped_:
         return ""
     left = "the search was complete" if diagnosis.complete_ else "this is the best result so far"
-    if not diagnosis.tested_:
-        left += (
-            ", and whether each cause is needed beside the others was not tested (allow more time)"
-        )
     return f"Ended early ({diagnosis.stopped_}); {left}. "
 
 

@@ -1,5 +1,6 @@
 """The verdict in words."""
 
+import math
 from types import SimpleNamespace
 
 import pytest
@@ -17,6 +18,12 @@ def test_that_no_cause_acts_is_one_of_the_answers():
     assert words.rivals(cause) == "Coulomb friction on v (5 %)"
     cause.confused_with = ()
     assert words.rivals(cause) == ""
+
+
+def test_a_rival_of_a_provisional_cause_has_no_probability():
+    rival = SimpleNamespace(effect="coulomb_friction", target="v", probability=math.nan)
+    cause = SimpleNamespace(probability=math.nan, confused_with=(rival,))
+    assert words.rivals(cause) == "Coulomb friction on v (not tested)"
 
 
 @pytest.mark.parametrize("part", [None, "a formula that leaves less"])

@@ -1,5 +1,6 @@
 """The colours of a report: green only where nothing is to be looked at."""
 
+import math
 from copy import copy
 from dataclasses import replace
 
@@ -77,6 +78,14 @@ def test_one_doubtful_cause_is_enough():
     changed.causes_ = (replace(changed.causes_[0], probability=0.7, confused_with=rival),)
     sure = make_tiles(changed)[1]
     assert (sure.state, sure.headline) == ("look", "70 %")
+
+
+def test_of_a_provisional_cause_nothing_is_sure():
+    changed = copy(situation("named"))
+    changed.causes_ = (replace(changed.causes_[0], probability=math.nan, tested=False),)
+    changed.tested_ = changed.complete_ = False
+    sure = make_tiles(changed)[1]
+    assert (sure.state, sure.headline) == ("look", "not tested")
 
 
 def test_a_fault_of_records_comes_first_in_what_to_do_next():
