@@ -7,16 +7,19 @@ and what is left of the squares beyond the noise, :math:`L`, it is credited with
 .. math:: P(\text{outside}) \ge \frac{L}{E + L}.
 
 A sensor that bends, or a parameter that drifts, is a description that suits many laws of the plant.
-Where a law without a name at another place explains as much of what the cause removes, the two are
-equally likely: :math:`P(\text{outside}) \ge 1/2`.
+Where a law of the plant without a name explains as much, the two are equally likely:
+:math:`P(\text{outside}) \ge 1/2`. A law that is learned from the other records misses up to half of
+what it would explain if it were known (dry friction, a dead zone), so half counts as much.
 """
+
+from collections.abc import Iterable
 
 import numpy as np
 
-from sklearn_pgnn.diagnosis.comparison import Comparison
 from sklearn_pgnn.diagnosis.structure import share_of_laws
 from sklearn_pgnn.estimation.budgets import MUCH
 from sklearn_pgnn.estimation.fitted_hypothesis import FittedHypothesis
+from sklearn_pgnn.estimation.fitting import HypothesisFitter
 from sklearn_pgnn.physics.effect import Effect
 from sklearn_pgnn.physics.expressions import TIME
 from sklearn_pgnn.physics.model import PhysicsModel
@@ -24,22 +27,31 @@ from sklearn_pgnn.simulation.hidden_input import channels
 
 #: probability from which on something without a name is a rival
 OPEN = 0.5
+#: share of what a law explains that is left of it where it is learned from the other records
+LEARNED = 0.5
 
 
 def probability_outside(
-    compare: Comparison, without: FittedHypothesis, final: FittedHypothesis, cause: Effect
+    fitter: HypothesisFitter,
+    without: FittedHypothesis,
+    final: FittedHypothesis,
+    cause: Effect,
+    rivals: Iterable[Effect],
 ) -> float:
-    """Return the least probability that what acts in a cause's place is outside the catalogue."""
-    fitter, share = compare.fitter, compare.criterion.smallest_share
+    """Return the least probability that what acts in a cause's place is outside the catalogue.
+
+    A rival that is a name for a law of the plant speaks for all of these.
+    """
     squares = [fitter.held_out(trial).windows.squares for trial in (without, final)]
     if not np.isfinite(squares).all():
         return 0.0
     removed = float((squares[0] - squares[1]).sum())
     doubt = _left(squares[1], fitter.white_squares(final), removed)
-    places = other_places(fitter.problem.prior, without.fit.model, cause)
-    if places and removed > 0.0:
+    prior, model = fitter.problem.prior, without.fit.model
+    places = other_places(prior, model, cause)
+    if removed > 0.0 and all(other_places(prior, model, rival) for rival in rivals):
         explained = share_of_laws(fitter.problem, without, places, fitter.progress.tick)
-        alike = explained * float(squares[0].sum()) >= (1.0 - share) * removed
+        alike = explained * float(squares[0].sum()) >= LEARNED * removed
         doubt = max(doubt, OPEN if alike else 0.0)
     return doubt
 

@@ -296,7 +296,7 @@ class Search:
             beside[cause] = self._evidence_beside(final, cause)
             found = rivals[cause] + find_rivals(self.ladder, final, cause, others)
             rivals[cause] = self.criterion.probable(found, beside[cause])
-            outside[cause] = self._outside(final, cause)
+            outside[cause] = self._outside(final, cause, [rival for rival, _ in rivals[cause]])
         alone = dict(self.ladder.alone)
         return SearchResult(base, steps, rivals, beside, outside, alone, complete)
 
@@ -359,12 +359,12 @@ class Search:
             return evidence
         return float(np.fmin(evidence, self.compare.evidence_disturbed(without, final)))
 
-    def _outside(self, final: FittedHypothesis, cause: Effect) -> float:
+    def _outside(self, final: FittedHypothesis, cause: Effect, rivals: list[Effect]) -> float:
         """Return the least probability that what acts in a cause's place has no name."""
         without = self._reduced(final, cause)
         if cause in self.given or not without.fit.usable:
             return 0.0
-        return probability_outside(self.compare, without, final, cause)
+        return probability_outside(self.fitter, without, final, cause, rivals)
 
     def _reduced(self, final: FittedHypothesis, cause: Effect) -> FittedHypothesis:
         """Return a hypothesis without one of its causes, fitted on all windows."""
