@@ -288,8 +288,11 @@ class Search:
                 self.current = further if further.fit.usable else self.current
 
     def _result(self, complete: bool) -> SearchResult:
+        base = self.fitter.base()
+        if complete and self.fitter.predicts_nothing(self.current, self.criterion.smallest_share):
+            self.current = base  # what tells no more than carrying on is no explanation
         near = self._put_the_likeliest_first() if complete else {}
-        base, final = self.fitter.base(), self.current
+        final = self.current
         steps = in_order(self.fitter, base, in_terms_of_the_model(self.fitter, final))
         rivals, beside, outside = self._same_in_equations(final), {}, {}
         for cause, others in near.items():

@@ -197,6 +197,12 @@ def test_a_cause_that_is_improbable_beside_what_cannot_be_named_is_not_named(sea
     assert result.final.hypothesis.causes == ()
 
 
+def test_what_tells_no_more_than_carrying_on_names_nothing(search, monkeypatch):
+    search.current = fitted(search.fitter, effects.CoulombFriction)
+    monkeypatch.setattr(search.fitter, "predicts_nothing", lambda trial, smallest_share: True)
+    assert search._result(complete=True).steps == []
+
+
 # -- where a search ends ---------------------------------------------------------------------------
 
 
