@@ -293,7 +293,6 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         check_max_causes(self.max_causes)
         check_time_limit(self.time_limit)
         progress = Progress(self.progress, self.time_limit)
-        progress.begin("reading the records")
         check_targets(self.model, self.targets, read_catalogue(self.catalogue))
         read_noise_std(self.noise_std, list(self.model.outputs))
         require_target(self, y)
@@ -304,6 +303,7 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         check_records(self.model, records)
         self._single_output = np.asarray(y).ndim == 1
         self._forget()
+        progress.begin("reading the records")
         said = self.model.simulation.get("hold") if self.hold == "auto" else self.hold
         investigation = self._investigation(records, progress)
         try:
@@ -425,7 +425,7 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         failures = found.search.fitter.failures
         for stage, what in (
             ("quality of the records", lambda: self._check_data_quality(found, whole)),
-            ("experiments that separate", lambda: self._separate(progress)),
+            ("experiments that separate", lambda: self._separate(found.search.criterion, progress)),
         ):
             with progress.spare_time(), failures.tolerate(stage, stage, ""):
                 progress.begin(stage)
@@ -446,21 +446,21 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         for finding in findings:  # what was found until the time is up is kept
             self.data_quality_ = (*self.data_quality_, finding)
 
-    def _separate(self, progress: Progress) -> None:
+    def _separate(self, criterion: SelectionCriterion, progress: Progress) -> None:
         """Find experiments that separate each cause from its equivalents and its next rival."""
         try:
-            self._separate_all(progress)
+            self._separate_all(criterion, progress)
         finally:  # also of those that the time sufficed for
             self.causes_ = tuple(self._with_equivalent(cause) for cause in self.causes_)
 
-    def _separate_all(self, progress: Progress) -> None:
+    def _separate_all(self, criterion: SelectionCriterion, progress: Progress) -> None:
         for cause in self.causes_:
             mine, others = self._cause(cause), cause.confused_with
             same = [o for o in others if are_same(self.records_, mine, self._cause(o))]
             rest = [other for other in others if other not in same]
             for other in [*same, *rest[:1]]:
                 theirs, tick = self._cause(other), progress.tick
-                whole = separate(self.records_, mine, theirs, self._criterion(), each_step=tick)
+                whole = separate(self.records_, mine, theirs, criterion, each_step=tick)
                 shown = replace(whole, experiments=whole.experiments[:KEPT])
                 self.separations_ = (*self.separations_, shown)
                 progress.step()

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Collection, Iterable, Iterator
 from difflib import get_close_matches
+from itertools import takewhile
 
 from sklearn_pgnn.estimation.same_in_equations import already_holds, same_parameter
 from sklearn_pgnn.exceptions import OptionError
@@ -22,13 +23,22 @@ def possible_causes(
     An effect that already extends the model is not a candidate; only its parameters can be wrong.
     Those that are left where `each_step` returns true are not listed.
     """
-    found: list[Effect] = []
-    for effect in _effects_on(model, catalogue, targets):
-        if each_step():
-            break
-        if not already_holds(model, effect) and same_parameter(model, effect) is None:
-            found.append(effect)
-    return tuple(found)
+    listed = takewhile(lambda _: not each_step(), _effects_on(model, catalogue, targets))
+    return tuple(effect for effect in listed if _is_candidate(model, effect))
+
+
+def is_possible(
+    model: PhysicsModel,
+    catalogue: Iterable[type[Effect]],
+    targets: Collection[str] | None = None,
+) -> bool:
+    """Return whether a catalogue has any cause that a model does not already hold."""
+    return any(_is_candidate(model, effect) for effect in _effects_on(model, catalogue, targets))
+
+
+def _is_candidate(model: PhysicsModel, effect: Effect) -> bool:
+    """Return whether a model does not already hold an effect."""
+    return not already_holds(model, effect) and same_parameter(model, effect) is None
 
 
 def _effects_on(
@@ -86,10 +96,12 @@ def check_targets(model: PhysicsModel, targets, catalogue: Iterable[type[Effect]
             f"targets: expected a sequence of states, inputs, outputs and parameters of "
             f"{model.name!r}, got {targets!r}. Remedy: targets=[{targets!r}]."
         )
+    if not targets:
+        return
     known = [*model.states, *model.inputs, *model.outputs, *model.parameters]
     known += [target for kind in (*CATALOGUE, *catalogue) for target in kind.targets(model)]
     known = list(dict.fromkeys(known))
-    for name in targets or ():
+    for name in targets:
         if name not in known:
             near = get_close_matches(str(name), known, n=1)
             meant = f"did you mean {near[0]!r}?" if near else f"one of {', '.join(known)}."

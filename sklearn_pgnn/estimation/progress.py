@@ -30,6 +30,8 @@ class Progress:
         stage in between that begins with `BEST`.
     time_limit : float, optional
         Time [s] from now on.
+    kept_back : float, default=1
+        Part of the reserve that is kept back where the time counts.
 
     Attributes
     ----------
@@ -45,7 +47,10 @@ class Progress:
     """
 
     def __init__(
-        self, report: Callable[[str, int, int], None] | None = None, time_limit: float | None = None
+        self,
+        report: Callable[[str, int, int], None] | None = None,
+        time_limit: float | None = None,
+        kept_back: float = 1.0,
     ):
         self._report = report
         self._limit, self._begun = time_limit, monotonic()
@@ -53,13 +58,13 @@ class Progress:
         self.counts = False
         self.ended: str | None = None
         self.failed: Exception | None = None
-        self._kept_back: float | None = None  # part of the reserve, in spare time
+        self._kept_back, self._is_spare = kept_back, False
         self._least = inf  # error of the best so far, in units of the noise
 
     @property
     def _raises(self) -> bool:
         """Whether the end of the time is raised."""
-        return self.counts or self._kept_back is not None
+        return self.counts or self._is_spare
 
     @property
     def time_left(self) -> float | None:
@@ -70,19 +75,19 @@ class Progress:
         """Return the time [s] that is left for the present work."""
         if self._limit is None:
             return inf
-        kept = (1.0 if self._kept_back is None else self._kept_back) * self._raises
-        reserve = min(RESERVE * self._limit, MOST_RESERVED)
-        return self._limit - kept * reserve - (monotonic() - self._begun)
+        reserve = min(RESERVE * self._limit, MOST_RESERVED) if self._raises else 0.0
+        return self._limit - self._kept_back * reserve - (monotonic() - self._begun)
 
     @contextmanager
     def spare_time(self, kept_back: float = 0.0) -> Iterator[None]:
         """Cut short what a result gains from but does not need, a part of the reserve kept back."""
-        before, self._kept_back = self._kept_back, kept_back
+        before = self._kept_back, self._is_spare
+        self._kept_back, self._is_spare = kept_back, True
         try:
             with self.kept():
                 yield
         finally:
-            self._kept_back = before
+            self._kept_back, self._is_spare = before
 
     @contextmanager
     def kept(self) -> Iterator[None]:
