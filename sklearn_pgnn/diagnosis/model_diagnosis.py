@@ -293,7 +293,7 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         check_max_causes(self.max_causes)
         check_time_limit(self.time_limit)
         read_noise_std(self.noise_std, list(self.model.outputs))
-        require_target(self, y)
+        require_target(self, X, y)
         X = validate_table(self, X, reset=True)
         whole = read_records(self.model, X, y, time_column=self.time_column)
         refuse_standardised(self.model, whole)

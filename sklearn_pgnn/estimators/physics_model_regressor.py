@@ -205,7 +205,7 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         refuse_fit_params(self, fit_params)
         check_model(self.model)
         told = read_noise_std(self.noise_std, list(self.model.outputs))
-        require_target(self, y)
+        require_target(self, X, y)
         X = validate_table(self, X, reset=True)
         names = self._free_names()
         if self.search not in SEARCHES:

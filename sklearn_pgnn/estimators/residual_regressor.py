@@ -164,7 +164,7 @@ class ResidualRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         """
         refuse_fit_params(self, fit_params)
         check_model(self.model, optional=True)
-        require_target(self, y)
+        require_target(self, X, y)
         X = validate_table(self, X, reset=True)
         self._single_output = np.asarray(y).ndim == 1
         if self.model is None:

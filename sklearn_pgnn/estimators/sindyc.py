@@ -221,7 +221,7 @@ class SINDYcRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             If pysindy is not installed.
         """
         refuse_fit_params(self, fit_params)
-        require_target(self, y)
+        require_target(self, X, y)
         self._check_parameters()
         y = as_pandas(y)
         self._single_output = np.asarray(y).ndim == 1

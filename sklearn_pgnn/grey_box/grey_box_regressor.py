@@ -266,7 +266,7 @@ class GreyBoxRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         """
         refuse_fit_params(self, fit_params)
         depths = check_options(self)
-        require_target(self, y)
+        require_target(self, X, y)
         records, table = self._read(validate_table(self, X, reset=True), y)
         self._single_output = np.asarray(y).ndim == 1
         folds = hidden_parts(records, self.n_splits, self.by)
