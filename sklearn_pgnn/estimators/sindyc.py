@@ -62,7 +62,7 @@ class SINDYcRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
     estimated from the records' outputs; a position's rate is its velocity, which is not
     identified. Rates are averaged over a short span, over which the equations hold as well: from
     one sample to the next they would be noise. No span reaches from one trajectory into another, or
-    into a gap of a state in the library that is longer than itself; where more than a fifth of the time
+    into a gap, longer than itself, of a state in the library; where more than a fifth of the time
     is in gaps a `RecordWarning` says so.
 
     Without a model the states are the columns of y, under their own names, and every other column
