@@ -1,5 +1,6 @@
 """The diagnosis as an estimator: records in, verdict, causes and an extended model out."""
 
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 
@@ -45,6 +46,7 @@ from sklearn_pgnn.estimation.possible_causes import (
 )
 from sklearn_pgnn.estimation.problem import check_records
 from sklearn_pgnn.estimation.progress import Progress, TimeIsUp
+from sklearn_pgnn.estimators.progress import with_progress
 from sklearn_pgnn.exceptions import RecordWarning
 from sklearn_pgnn.experiment_design.detectability import Detectability, detect_all
 from sklearn_pgnn.experiment_design.power import PowerAnalysis
@@ -138,6 +140,9 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         limit more. What no result goes without is computed in any case: the records are read, the
         prior is re-tuned, and what was found is fitted on all records, with its held-out error and
         its intervals.
+    verbose : int, default=0
+        Whether to show the stage and the best so far: in a terminal by a bar, elsewhere, as in a
+        notebook or a file, by a line at every stage and every few seconds.
 
     Attributes
     ----------
@@ -216,6 +221,9 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
     'coulomb_friction'
     """
 
+    #: reports stages while a method runs
+    _show: Callable[..., None] | None = None
+
     def __init__(
         self,
         model: PhysicsModel,
@@ -234,6 +242,7 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         random_state=0,
         progress=None,
         time_limit=None,
+        verbose=0,
     ):
         self.model = model
         self.catalogue = catalogue
@@ -250,6 +259,7 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         self.random_state = random_state
         self.progress = progress
         self.time_limit = time_limit
+        self.verbose = verbose
 
     def __sklearn_is_fitted__(self):
         """Return whether the diagnosis has a verdict."""
@@ -259,6 +269,7 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         """Return tags: X may hold NaN, and scores on random data are poor."""
         return tags_of_records(super().__sklearn_tags__())
 
+    @with_progress
     @one_thread_each()
     def fit(self, X, y):
         """Diagnose the model on records.
@@ -343,7 +354,7 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             self.alpha,
             self.smallest_share,
             self.max_causes,
-            Progress(self.progress, self.time_limit),
+            Progress(self._show, self.time_limit),
             {
                 "window_length": self.window_length,
                 "noise_std": self.noise_std,
@@ -523,6 +534,7 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         """
         reading("write_report")(self, path)
 
+    @with_progress
     def detectability(
         self,
         effects=None,
@@ -594,13 +606,13 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         seed, white = _seed(random_state), noise == "white"
         analysis = PowerAnalysis(self.records_, white, self._criterion(), int(n_repeats), seed)
         candidates = possible_causes(self.model, catalogue, targets)
-        rows = detect_all(analysis, candidates, power, sizes, self.n_jobs, self.progress)
+        rows = detect_all(analysis, candidates, power, sizes, self.n_jobs, self._show)
         if verify:
 
             def diagnose(X, y):
-                again = clone(self).set_params(
-                    model=self.extended_model_, catalogue=catalogue, time_column=None, progress=None
-                )
+                settings = {"model": self.extended_model_, "catalogue": catalogue}
+                silent = {"time_column": None, "progress": None, "verbose": 0}
+                again = clone(self).set_params(**settings, **silent)
                 named = again.fit(X, y).causes_
                 return [{c[:2] for c in (pair_of(cause), *cause.confused_with)} for cause in named]
 

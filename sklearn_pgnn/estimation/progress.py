@@ -6,9 +6,8 @@ from math import inf
 from time import monotonic
 
 from sklearn_pgnn.estimation.budgets import BETTER
+from sklearn_pgnn.stages import BEST
 
-#: prefix of a report of the best hypothesis so far, in place of a stage
-BEST = "best candidate so far: "
 #: share of the time limit that tests of what was found until then may take beyond it
 SPARE = 0.1
 

@@ -167,7 +167,7 @@ def step_rows(states: MeasuredStates, library, span: float | None, ends=None, ga
         clear = _is_clear(spans, gaps, rows)
         terms.append(_chosen(means, even & clear))
         steps.append(_chosen(spans.change(x).T / spans.counts, even & clear))
-        wanted += np.count_nonzero(clear)
+        wanted += int(np.count_nonzero(clear))
     if sum(part.shape[1] for part in terms) < EVEN_SHARE * wanted:
         raise RecordError(
             f"X: a discrete model needs samples at equal intervals; too many differ from their "
