@@ -252,8 +252,8 @@ def _check_clock(name: str, t: np.ndarray, rows: np.ndarray, needs_outputs: bool
         k = int(backward[0])
         raise RecordError(
             f"X: time does not increase inside trajectory {name!r}: {t[k]:.12g} s in row "
-            f"{rows[k]}, then {t[k + 1]:.12g} s in row {rows[k + 1]}. If single rows were drawn or "
-            f"permuted, {INSTEAD}; else sort the rows, or name every trajectory differently."
+            f"{rows[k]}, then {t[k + 1]:.12g} s in row {rows[k + 1]}. {INSTEAD}, if single rows "
+            f"were drawn or permuted; else sort the rows, or name every trajectory differently."
         )
     if needs_outputs and t.size < MIN_SAMPLES:
         raise RecordError(

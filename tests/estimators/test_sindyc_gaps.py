@@ -57,6 +57,15 @@ def test_a_gap_in_one_column_bends_no_equation(column, gaps, samples, frequency)
         assert equation(X, y) == pytest.approx({"v": 1.0}, abs=3e-3)
 
 
+@pytest.mark.parametrize("column", ["x", "v"])
+def test_a_gap_bends_no_map(column):
+    X, y = machine(1.0, seed=5)
+    expected = equation(X, y, discrete=True, degree=1)
+    y.loc[X["t"].between(3, 5) & (X["trajectory"] > 0), column] = np.nan
+    found = equation(X, y, discrete=True, degree=1)
+    assert found == pytest.approx(expected, abs=1e-3)
+
+
 @pytest.mark.parametrize("way", ["single samples", "every fifth", "in turns"])
 def test_what_is_no_gap_is_used(way):
     X, y = machine(1.0, seed=1)
