@@ -26,9 +26,7 @@ class SearchResult:
     alone : dict
         The share of the re-tuned prior's squares that each candidate leaves as the only cause.
     complete : bool, default=True
-        Whether the search ran to completion.
-    tested : bool, default=True
-        Whether every cause was tested beside the others.
+        Whether the search ran to completion, so that every cause was tested against the rest.
     """
 
     base: FittedHypothesis
@@ -37,7 +35,6 @@ class SearchResult:
     evidence: dict[Effect, float] = field(default_factory=dict)
     alone: dict[Effect, ShareLeft] = field(default_factory=dict)
     complete: bool = True
-    tested: bool = True
 
     @property
     def final(self) -> FittedHypothesis:

@@ -114,6 +114,8 @@ def _or_inf(value: float) -> float:
 
 def _sure(diagnosis) -> Tile:
     about = "How sure"
+    if diagnosis.causes_ and not diagnosis.tested_:
+        return Tile("look", about, "not tested", "the search ended early")
     if diagnosis.causes_:
         return _sure_of(diagnosis, min(diagnosis.causes_, key=lambda cause: cause.probability))
     if diagnosis.verdict_ == "unexplained":
