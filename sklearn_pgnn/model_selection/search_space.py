@@ -55,12 +55,6 @@ def search_space(estimator, **changes) -> dict:
     dict of str to Dimension
         Dimensions by full parameter name.
 
-    Warns
-    -----
-    ModelWarning
-        If a network's ``lambda_phy`` is left out because it has no physical loss;
-        ``lambda_phy=None`` says so without a warning.
-
     Raises
     ------
     ImportError
@@ -68,6 +62,12 @@ def search_space(estimator, **changes) -> dict:
     ValueError
         If a change names no parameter, of the estimators inside and of a network's core either, or
         nothing is left to search.
+
+    Warns
+    -----
+    ModelWarning
+        If a network's ``lambda_phy`` is left out because it has no physical loss;
+        ``lambda_phy=None`` says so without a warning.
 
     Examples
     --------
