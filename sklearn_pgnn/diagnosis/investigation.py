@@ -152,7 +152,7 @@ class Investigation:
         yield found
         causes = replace((found.replaced or found.result), complete=False)
         yield Findings(found.search, causes, None, found.structure)
-        nothing = SearchResult(causes.base, [], {}, {}, causes.alone, complete=False)
+        nothing = SearchResult(causes.base, [], {}, alone=causes.alone, complete=False)
         yield Findings(found.search, nothing, None, None)
 
     def _fitter(self, hold: str) -> HypothesisFitter:

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sklearn_pgnn.diagnosis.outside import OPEN
 from sklearn_pgnn.diagnosis.search import Search
 from sklearn_pgnn.diagnosis.search_result import SearchResult
 from sklearn_pgnn.diagnosis.size import likelihood_intervals
@@ -96,6 +97,9 @@ class NamedCause:
     tested : bool
         Whether the cause was tested against the rest of the catalogue; otherwise, after a search
         that did not finish, it is provisional.
+    outside : float
+        Least probability that what acts in its place is in no catalogue: much is left beside it, or
+        a law without a name explains as much.
 
     Examples
     --------
@@ -115,6 +119,12 @@ class NamedCause:
     equivalent: tuple[Candidate, ...] = ()
     probability: float = 1.0
     tested: bool = True
+    outside: float = 0.0
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the records do not separate the cause from others, with a name or without."""
+        return bool(self.confused_with) or self.outside >= OPEN
 
     def __repr__(self) -> str:
         sizes = (f"{name} {e.value:.4g} {e.unit}".rstrip() for name, e in self.parameters.items())
@@ -205,7 +215,10 @@ def name_causes(search: Search, result: SearchResult, errors) -> tuple[NamedCaus
         cause = step.hypothesis.causes[-1]
         without, with_ = fitter.held_out(before), fitter.held_out(step)
         rivals = result.rivals[cause]
-        mine, *theirs = _probabilities(search, result, cause, (before, step))
+        outside = result.outside.get(cause, 0.0)
+        mine, *theirs = (
+            (1.0 - outside) * p for p in _probabilities(search, result, cause, (before, step))
+        )
         causes.append(
             NamedCause(
                 effect=cause.id,
@@ -220,6 +233,7 @@ def name_causes(search: Search, result: SearchResult, errors) -> tuple[NamedCaus
                 check=cause.check,
                 probability=float(mine),
                 tested=result.complete,
+                outside=outside,
             )
         )
         before = step

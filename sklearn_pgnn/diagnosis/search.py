@@ -9,6 +9,7 @@ import numpy as np
 from sklearn_pgnn.diagnosis.comparison import Comparison, own_causes
 from sklearn_pgnn.diagnosis.ladder import Ladder
 from sklearn_pgnn.diagnosis.moves import Moves
+from sklearn_pgnn.diagnosis.outside import probability_outside
 from sklearn_pgnn.diagnosis.rivals import InPlace, find_rivals, likelier, not_refuted
 from sklearn_pgnn.diagnosis.search_result import SearchResult, in_order
 from sklearn_pgnn.estimation.criterion import SelectionCriterion
@@ -290,12 +291,14 @@ class Search:
         near = self._put_the_likeliest_first() if complete else {}
         base, final = self.fitter.base(), self.current
         steps = in_order(self.fitter, base, in_terms_of_the_model(self.fitter, final))
-        rivals, beside = self._same_in_equations(final), {}
+        rivals, beside, outside = self._same_in_equations(final), {}, {}
         for cause, others in near.items():
             beside[cause] = self._evidence_beside(final, cause)
             found = rivals[cause] + find_rivals(self.ladder, final, cause, others)
             rivals[cause] = self.criterion.probable(found, beside[cause])
-        return SearchResult(base, steps, rivals, beside, dict(self.ladder.alone), complete)
+            outside[cause] = self._outside(final, cause)
+        alone = dict(self.ladder.alone)
+        return SearchResult(base, steps, rivals, beside, outside, alone, complete)
 
     def _put_the_likeliest_first(self) -> dict[Effect, InPlace]:
         """Exchange causes for likelier rivals that are named; return what may replace each.
@@ -355,6 +358,13 @@ class Search:
         if is_long(self.fitter.problem) or not self.compare.is_coloured(final):
             return evidence
         return float(np.fmin(evidence, self.compare.evidence_disturbed(without, final)))
+
+    def _outside(self, final: FittedHypothesis, cause: Effect) -> float:
+        """Return the least probability that what acts in a cause's place has no name."""
+        without = self._reduced(final, cause)
+        if cause in self.given or not without.fit.usable:
+            return 0.0
+        return probability_outside(self.compare, without, final, cause)
 
     def _reduced(self, final: FittedHypothesis, cause: Effect) -> FittedHypothesis:
         """Return a hypothesis without one of its causes, fitted on all windows."""

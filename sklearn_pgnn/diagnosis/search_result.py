@@ -23,6 +23,9 @@ class SearchResult:
         each.
     evidence : dict
         For every cause, the evidence for it beside the others; empty where time ran out.
+    outside : dict
+        For every cause, the least probability that what acts in its place is outside the
+        catalogue; empty where time ran out.
     alone : dict
         The share of the re-tuned prior's squares that each candidate leaves as the only cause.
     complete : bool, default=True
@@ -33,6 +36,7 @@ class SearchResult:
     steps: list[FittedHypothesis]
     rivals: dict[Effect, list[tuple[Effect, float]]]
     evidence: dict[Effect, float] = field(default_factory=dict)
+    outside: dict[Effect, float] = field(default_factory=dict)
     alone: dict[Effect, ShareLeft] = field(default_factory=dict)
     complete: bool = True
 

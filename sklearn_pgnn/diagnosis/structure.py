@@ -90,7 +90,7 @@ def find_structure(
     trial: FittedHypothesis,
     alpha: float,
     smallest_share: float,
-    each_step: Callable[[], None] | None = None,
+    each_step: Callable[[], object] | None = None,
 ) -> Structure:
     """Look for a law without a name that predicts what a hypothesis leaves, at every place.
 
@@ -111,11 +111,14 @@ def share_of_laws(
     problem: EstimationProblem,
     trial: FittedHypothesis,
     names: Sequence[str],
-    each_step: Callable[[], None] | None = None,
+    each_step: Callable[[], object] | None = None,
 ) -> float:
-    """Return the largest share of what a hypothesis leaves that a law at some places predicts."""
+    """Return the largest share of what a hypothesis leaves that a law at some places predicts.
+
+    The laws are of the plant: none depends on the time.
+    """
     found = [0.0]
-    for place in _places(problem, trial, names, each_step):
+    for place in _places(problem, trial, names, each_step, timed=False):
         with suppress(SimulationError), one_thread_each():
             found += place.shares()
     return max(found)
@@ -125,10 +128,11 @@ def _places(
     problem: EstimationProblem,
     trial: FittedHypothesis,
     names: Sequence[str],
-    each_step: Callable[[], None] | None,
+    each_step: Callable[[], object] | None,
+    timed: bool = True,
 ) -> Iterator["_Place"]:
     """Yield the places where the hidden input can be found."""
-    signals = _Signals.of(problem, trial) if names else None
+    signals = _Signals.of(problem, trial, timed) if names else None
     for name in names:
         d = hidden_input(problem, trial, name, each_step).values
         if signals is not None and np.isfinite(d).all():
@@ -147,7 +151,9 @@ class _Signals:
     of_samples: np.ndarray  # the group of every sample, -1 outside the windows
 
     @classmethod
-    def of(cls, problem: EstimationProblem, trial: FittedHypothesis) -> "_Signals":
+    def of(
+        cls, problem: EstimationProblem, trial: FittedHypothesis, timed: bool = True
+    ) -> "_Signals":
         windows, model = problem.windows, trial.fit.model
         spans = list(pairwise(windows.bounds))
         starts = record_starts(problem, model, trial.fit.x0)
@@ -164,9 +170,9 @@ class _Signals:
         times = np.geomspace(least, max(longest, least), FILTERS)
         before = np.stack([_filtered(windows, signals, time) for time in times])
         group, window = groups_of(windows.record), segments(windows)
-        names = (*model.states, *model.inputs, IN_RECORD)
+        names = (*model.states, *model.inputs, *([IN_RECORD] * timed))
         of_samples = np.where(window >= 0, group[window], -1)
-        now = np.column_stack([signals, begun, np.ones(begun.size)])
+        now = np.column_stack([signals, *([begun] * timed), np.ones(begun.size)])
         return cls(names, now, before, times, group, of_samples)
 
     def columns(self, lags: slice, shuffled: int = -1) -> np.ndarray:
@@ -174,7 +180,7 @@ class _Signals:
         before = self.before[lags]
         features = np.hstack([self.now, *before])
         if shuffled >= 0:
-            of_lags = np.tile(np.arange(len(self.names) - 1), len(before))
+            of_lags = np.tile(np.arange(self.before.shape[2]), len(before))
             own = np.concatenate([np.arange(len(self.names) + 1), of_lags]) == shuffled
             order = np.random.default_rng(0).permutation(len(features))
             features[:, own] = features[order][:, own]

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from sklearn_pgnn.diagnosis.outside import OPEN
 from sklearn_pgnn.diagnosis.search_result import SearchResult
 from sklearn_pgnn.diagnosis.structure import Structure
 from sklearn_pgnn.estimation.budgets import MUCH
@@ -86,7 +87,8 @@ def verdict_of(result: SearchResult, remaining: Remaining, has_formula: bool) ->
     if not result.complete and (result.steps or remaining.kind != "noise"):
         return "provisional"
     if result.steps:
-        return "ambiguous" if any(result.rivals.values()) else "cause_named"
+        is_open = any(result.rivals.values()) or any(p >= OPEN for p in result.outside.values())
+        return "ambiguous" if is_open else "cause_named"
     if has_formula or remaining.kind == "structure":
         return "unexplained"
     return "nothing_found" if remaining.is_much else "model_adequate"

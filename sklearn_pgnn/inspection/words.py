@@ -16,14 +16,16 @@ from sklearn_pgnn.record_quality.wording import listed
 
 #: what a cause may be confused with, if the search ended before it had rivals
 NOT_COMPARED = "not known: the diagnosis ended before others were compared"
-#: smallest probability of no cause at all that is listed with the others
+#: what acts where no cause of the catalogue does
+UNNAMED = "something that is not in the catalogue"
+#: smallest probability of it that is listed with the others
 WORTH_SAYING = 0.01
 
 
 def rivals(cause) -> str:
     """Return the rivals of a cause, each with its probability; empty if there are none.
 
-    The case that neither the cause nor any of them acts is included.
+    That something else acts, which has no name, or nothing, is one of them.
 
     Parameters
     ----------
@@ -37,8 +39,8 @@ def rivals(cause) -> str:
     """
     others = [(cause_name(o.effect, o.target), o.probability) for o in cause.confused_with]
     none = 1.0 - cause.probability - sum(probability for _, probability in others)
-    if others and none >= WORTH_SAYING:
-        others.append(("none of these", none))
+    if none >= WORTH_SAYING:
+        others.append((UNNAMED, none))
     return listed(f"{name} ({chance(probability)})" for name, probability in others)
 
 
@@ -298,6 +300,8 @@ def _others(diagnosis) -> str:
         for cause in diagnosis.causes_
         for other in cause.confused_with
     }
+    if any(cause.is_open and not cause.confused_with for cause in diagnosis.causes_):
+        others[UNNAMED] = None
     place = "in its place" if len(diagnosis.causes_) == 1 else "in the place of one of them"
     return f"{' or '.join(others)} {place}"
 

@@ -63,10 +63,15 @@ def test_what_predicts_nothing_is_told_however_little_is_left_in_short_windows(s
     assert not described((left, 100), (100, 100), structure).predicts_nothing
 
 
-def search_result(rivals, complete=True):
+def search_result(rivals, complete=True, outside=0.0):
     """Return what a search has named, given what may stand in the place of each cause."""
     steps = [object() for _ in rivals]
-    return SimpleNamespace(steps=steps, rivals=dict(enumerate(rivals)), complete=complete)
+    return SimpleNamespace(
+        steps=steps,
+        rivals=dict(enumerate(rivals)),
+        complete=complete,
+        outside=dict.fromkeys(range(len(rivals)), outside),
+    )
 
 
 KINDS = ("noise", "disturbance", "structure")
@@ -77,6 +82,8 @@ def test_what_is_named_is_said_however_much_is_left(kind, has_formula):
     remaining = Remaining(kind, {})
     assert verdict_of(search_result([[]]), remaining, has_formula) == "cause_named"
     assert verdict_of(search_result([[], ["other"]]), remaining, has_formula) == "ambiguous"
+    unnamed = search_result([[]], outside=0.6)
+    assert verdict_of(unnamed, remaining, has_formula) == "ambiguous"
 
 
 @pytest.mark.parametrize(

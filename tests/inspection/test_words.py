@@ -13,10 +13,12 @@ from sklearn_pgnn.inspection import words
 def test_that_no_cause_acts_is_one_of_the_answers():
     rival = SimpleNamespace(effect="coulomb_friction", target="v", probability=0.05)
     cause = SimpleNamespace(probability=0.5, confused_with=(rival,))
-    assert words.rivals(cause) == "Coulomb friction on v (5 %) and none of these (45 %)"
+    assert words.rivals(cause) == f"Coulomb friction on v (5 %) and {words.UNNAMED} (45 %)"
     cause.probability = 0.949
     assert words.rivals(cause) == "Coulomb friction on v (5 %)"
     cause.confused_with = ()
+    assert words.rivals(cause) == f"{words.UNNAMED} (5 %)"
+    cause.probability = 0.999
     assert words.rivals(cause) == ""
 
 

@@ -4,7 +4,7 @@ from sklearn_pgnn.diagnosis.verdict import VERDICTS
 from sklearn_pgnn.inspection.cause_names import cause_name
 from sklearn_pgnn.inspection.numbers import sized, times, typeset_unit
 from sklearn_pgnn.inspection.report.parameter_facts import parameter_facts
-from sklearn_pgnn.inspection.words import place_name
+from sklearn_pgnn.inspection.words import UNNAMED, place_name
 from sklearn_pgnn.inspection.yardstick import is_adequate_as_given, leaves_much, over_windows
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.record_quality.wording import listed
@@ -96,13 +96,13 @@ def _named(diagnosis) -> str:
 
 
 def _ambiguous(diagnosis) -> str:
-    sure = [cause_with_size(cause) for cause in diagnosis.causes_ if not cause.confused_with]
-    open_ = [_alternatives(cause) for cause in diagnosis.causes_ if cause.confused_with]
+    sure = [cause_with_size(cause) for cause in diagnosis.causes_ if not cause.is_open]
+    open_ = [_alternatives(cause) for cause in diagnosis.causes_ if cause.is_open]
     return "; and ".join([*sure, *open_])
 
 
 def _alternatives(cause) -> str:
-    others = (cause_name(other.effect, other.target) for other in cause.confused_with)
+    others = [cause_name(other.effect, other.target) for other in cause.confused_with] or [UNNAMED]
     *first, last = [cause_with_size(cause), *others]
     return f"{', '.join(first)} or {last}"
 
