@@ -1,5 +1,6 @@
 """The diagnosis as an estimator: records in, verdict, causes and an extended model out."""
 
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 
@@ -45,6 +46,7 @@ from sklearn_pgnn.estimation.possible_causes import (
 )
 from sklearn_pgnn.estimation.problem import check_records
 from sklearn_pgnn.estimation.progress import Progress
+from sklearn_pgnn.estimators.progress import with_progress
 from sklearn_pgnn.exceptions import DiagnosisWarning, RecordWarning
 from sklearn_pgnn.experiment_design.detectability import Detectability, detect_all
 from sklearn_pgnn.experiment_design.power import PowerAnalysis
@@ -136,6 +138,9 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         a minute, for what follows: whether what it has found until then is named beside the other
         causes, errors and intervals. It stops at the next step of a fit, what it holds is
         provisional, and fits that the result needs end after two steps where all the time is up.
+    verbose : int, default=0
+        Whether to show the stage and the best so far: in a terminal by a bar, elsewhere, as in a
+        notebook or a file, by a line at every stage and every few seconds.
 
     Attributes
     ----------
@@ -217,6 +222,9 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
     'coulomb_friction'
     """
 
+    #: reports stages while a method runs
+    _show: Callable[..., None] | None = None
+
     def __init__(
         self,
         model: PhysicsModel,
@@ -235,6 +243,7 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         random_state=0,
         progress=None,
         time_limit=None,
+        verbose=0,
     ):
         self.model = model
         self.catalogue = catalogue
@@ -251,6 +260,7 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         self.random_state = random_state
         self.progress = progress
         self.time_limit = time_limit
+        self.verbose = verbose
 
     def __sklearn_is_fitted__(self):
         """Return whether the diagnosis has a verdict."""
@@ -260,6 +270,7 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         """Return tags: X may hold NaN, and scores on random data are poor."""
         return tags_of_records(super().__sklearn_tags__())
 
+    @with_progress
     @one_thread_each()
     def fit(self, X, y):
         """Diagnose the model on records.
@@ -292,10 +303,11 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         check_options(self.hold, self.alpha, self.smallest_share)
         check_max_causes(self.max_causes)
         check_time_limit(self.time_limit)
-        progress = Progress(self.progress, self.time_limit)
+        progress = Progress(self._show, self.time_limit)
+        progress.begin("reading the records")
         check_targets(self.model, self.targets, read_catalogue(self.catalogue))
         read_noise_std(self.noise_std, list(self.model.outputs))
-        require_target(self, y)
+        require_target(self, X, y)
         X = validate_table(self, X, reset=True)
         whole = read_records(self.model, X, y, time_column=self.time_column)
         refuse_standardised(self.model, whole)
@@ -541,6 +553,7 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         """
         reading("write_report")(self, path)
 
+    @with_progress
     def detectability(
         self,
         effects=None,
@@ -612,13 +625,13 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         seed, white = _seed(random_state), noise == "white"
         analysis = PowerAnalysis(self.records_, white, self._criterion(), int(n_repeats), seed)
         candidates = possible_causes(self.model, catalogue, targets)
-        rows = detect_all(analysis, candidates, power, sizes, self.n_jobs, self.progress)
+        rows = detect_all(analysis, candidates, power, sizes, self.n_jobs, self._show)
         if verify:
 
             def diagnose(X, y):
-                again = clone(self).set_params(
-                    model=self.extended_model_, catalogue=catalogue, time_column=None, progress=None
-                )
+                settings = {"model": self.extended_model_, "catalogue": catalogue}
+                silent = {"time_column": None, "progress": None, "verbose": 0}
+                again = clone(self).set_params(**settings, **silent)
                 named = again.fit(X, y).causes_
                 return [{c[:2] for c in (pair_of(cause), *cause.confused_with)} for cause in named]
 

@@ -6,9 +6,8 @@ from math import inf
 from time import monotonic
 
 from sklearn_pgnn.estimation.budgets import BETTER
+from sklearn_pgnn.stages import BEST
 
-#: prefix of a report of the best hypothesis so far, in place of a stage
-BEST = "best candidate so far: "
 #: share of the time limit, and longest time [s], that a search leaves for what follows it: the
 #: first half for tests of what it has found until then, the second for intervals, errors and checks
 RESERVE, MOST_RESERVED = 0.2, 60.0

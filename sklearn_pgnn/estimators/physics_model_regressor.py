@@ -13,7 +13,7 @@ from sklearn_pgnn.estimators.parameter_search import (
 )
 from sklearn_pgnn.estimators.progress import progress_printer
 from sklearn_pgnn.estimators.usual_start import with_usual_start
-from sklearn_pgnn.exceptions import OptionError
+from sklearn_pgnn.exceptions import OptionError, RecordWarning
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.simulation.divergence import limits_of
 from sklearn_pgnn.simulation.finite_run import FreeRuns
@@ -205,7 +205,7 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         refuse_fit_params(self, fit_params)
         check_model(self.model)
         told = read_noise_std(self.noise_std, list(self.model.outputs))
-        require_target(self, y)
+        require_target(self, X, y)
         X = validate_table(self, X, reset=True)
         names = self._free_names()
         if self.search not in SEARCHES:
@@ -461,7 +461,8 @@ class PhysicsModelRegressor(MultiOutputMixin, GapScoreMixin, BaseEstimator):
             warn_user(
                 f"the records do not determine {', '.join(loose)}: other values fit equally well. "
                 f"Remedy: fix known parameters (leave them out of 'free'), or excite the machine "
-                f"more richly."
+                f"more richly.",
+                RecordWarning,
             )
 
     def _is_loose(self, name: str, error: float) -> bool:

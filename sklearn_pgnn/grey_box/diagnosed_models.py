@@ -1,6 +1,7 @@
 """The diagnosis of a recipe's prior, and the models of the depths that follow from it."""
 
 import warnings
+from collections.abc import Callable
 from typing import Any
 
 from joblib import Memory
@@ -11,11 +12,15 @@ from sklearn_pgnn.exceptions import DiagnosisWarning
 from sklearn_pgnn.grey_box.default_parts import diagnosis_or_default
 from sklearn_pgnn.grey_box.tables import PlainTable
 from sklearn_pgnn.grey_box.time_functions import depends_on_time, time_invariant_causes
+from sklearn_pgnn.grey_box.time_limit import TimeLimit
 from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.user_line import warn_user
 
+#: is told of a stage, the number of steps done and of all
+Show = Callable[..., None]
 
-def prepare_diagnosis(diagnosis, model: PhysicsModel, *, judges_new_records: bool):
+
+def prepare_diagnosis(diagnosis, model: PhysicsModel, time: TimeLimit, *, judges_new_records: bool):
     """Return the diagnosis to be made of the prior.
 
     Parameters
@@ -24,6 +29,8 @@ def prepare_diagnosis(diagnosis, model: PhysicsModel, *, judges_new_records: boo
         The settings that the user gives.
     model : PhysicsModel
         The prior.
+    time : TimeLimit
+        The time limit of the recipe.
     judges_new_records : bool
         Whether folds hide whole trajectories; if not, the default settings leave out functions of
         the time.
@@ -36,7 +43,8 @@ def prepare_diagnosis(diagnosis, model: PhysicsModel, *, judges_new_records: boo
     own: dict[str, Any] = {"model": model, "time_column": None, "n_jobs": None}
     if diagnosis is None and not judges_new_records:
         own["catalogue"] = time_invariant_causes(model)
-    return clone(diagnosis_or_default(diagnosis, model)).set_params(**own)
+    prepared = clone(diagnosis_or_default(diagnosis, model))
+    return prepared.set_params(**own, time_limit=time.of_diagnosis(prepared.time_limit))
 
 
 def threads_of(diagnosis: ModelDiagnosis | None, n_jobs: int | None) -> int | None:
@@ -46,26 +54,35 @@ def threads_of(diagnosis: ModelDiagnosis | None, n_jobs: int | None) -> int | No
 
 
 def diagnose(
-    diagnosis: ModelDiagnosis, table: PlainTable, memory: Memory, n_jobs: int | None
+    diagnosis: ModelDiagnosis,
+    table: PlainTable,
+    memory: Memory,
+    n_jobs: int | None,
+    show: Show | None = None,
 ) -> ModelDiagnosis:
     """Diagnose the prior, see `prepare_diagnosis`; fitted in place unless its result is kept.
 
-    A result that lacks a stage which failed is used, but not kept.
+    A result that lacks a stage which failed is used, but not kept. `show` is told of the stages,
+    unless the diagnosis has a callable of its own.
     """
     X = table.starting(diagnosis.model, table.told)
-    kept = memory.cache(_diagnosed, ignore=["n_jobs"])
+    kept = memory.cache(_diagnosed, ignore=["n_jobs", "show"])
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", DiagnosisWarning)  # raised once there is the result
-            return kept(diagnosis, X, table.y, n_jobs=n_jobs)
+            return kept(diagnosis, X, table.y, n_jobs=n_jobs, show=show)
     except DiagnosisWarning as lacking:
         warn_user(lacking, DiagnosisWarning)
         return diagnosis
 
 
-def _diagnosed(diagnosis, X, y, n_jobs) -> ModelDiagnosis:
+def _diagnosed(diagnosis, X, y, n_jobs, show) -> ModelDiagnosis:
     """Fit a diagnosis, in place."""
-    return diagnosis.set_params(n_jobs=n_jobs).fit(X, y)
+    own = diagnosis.progress
+    try:
+        return diagnosis.set_params(n_jobs=n_jobs, progress=own or show).fit(X, y)
+    finally:
+        diagnosis.set_params(progress=own)  # a display is not kept
 
 
 def diagnosed_models(

@@ -18,9 +18,9 @@ from test_cli import FILES, table, write
 from sklearn_pgnn import ModelDiagnosis, PhysicsModel, effects
 from sklearn_pgnn.cli import main
 from sklearn_pgnn.cli.output import result_folder
-from sklearn_pgnn.cli.progress import EVERY, Lines, _bars, _Live
 from sklearn_pgnn.cli.signals import check, held, stoppable
 from sklearn_pgnn.exceptions import DiagnosisWarning, RecordError, SimulationError
+from sklearn_pgnn.progress_display import EVERY, Lines, _bars, _Live
 from sklearn_pgnn.trajectories.files import read_files
 
 #: as from a terminal: a job in the background would ignore Ctrl-C

@@ -2,6 +2,8 @@
 
 import re
 
+#: prefix of a report of the best hypothesis so far, in place of a stage
+BEST = "best candidate so far: "
 #: description of the work in each stage
 WORDS = {
     "window length": "choosing the window length",
