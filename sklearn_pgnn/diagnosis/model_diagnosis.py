@@ -315,7 +315,6 @@ class ModelDiagnosis(MultiOutputMixin, GapScoreMixin, BaseEstimator):
         check_records(self.model, records)
         self._single_output = np.asarray(y).ndim == 1
         self._forget()
-        progress.begin("reading the records")
         said = self.model.simulation.get("hold") if self.hold == "auto" else self.hold
         investigation = self._investigation(records, progress)
         try:
