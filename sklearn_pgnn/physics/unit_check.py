@@ -1,7 +1,7 @@
 """Check of the units of a model's equations, term by term."""
 
 from collections import Counter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import sympy
 
@@ -95,7 +95,9 @@ class _Check:
         units = {**model.states, **model.inputs}
         units |= {name: p.unit for name, p in model.parameters.items()}
         #: measure by name of quantity; those without a unit or with an unknown one are left out
-        self.table = {n: m for n, u in units.items() if u and (m := read_unit(u)) is not None}
+        self.table: dict[str, Any] = {
+            n: m for n, u in units.items() if u and (m := read_unit(u)) is not None
+        }
         self.table[str(TIME)] = read_unit("s")
         self.said: list[str] = []
 

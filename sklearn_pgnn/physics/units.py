@@ -6,7 +6,7 @@ A unit is parsed by the same whitelist as an equation; pint knows the names, and
 import re
 from collections.abc import Iterable, Mapping
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import sympy
 
@@ -50,9 +50,12 @@ def _base_units(quantity: "Quantity") -> list[str]:
     return [n if p == 1 else f"{n}^{p:g}" for n, p in sorted(names.items()) if abs(p) > _SMALL]
 
 
-def is_like(one: "Quantity", other: "Quantity") -> bool:
-    """Whether two quantities are of one kind; an angle is a number."""
-    return all(abs(power) < _SMALL for power in (one / other).dimensionality.values())
+def is_like(one: "Quantity | None", other: "Quantity | None") -> bool:
+    """Whether two quantities are known and of one kind; an angle is a number."""
+    if one is None or other is None:
+        return False
+    powers: dict[str, Any] = dict((one / other).dimensionality)
+    return all(abs(power) < _SMALL for power in powers.values())
 
 
 def product(quantities: Iterable["Quantity | None"]) -> "Quantity | None":

@@ -60,7 +60,9 @@ def test_temperatures_have_their_own_zero():
 TURNS = [("1/min", "rad/s"), ("Hz", "rad/s"), ("deg/s", "min-1"), ("kHz", "rpm")]
 
 
-@pytest.mark.parametrize(("one", "other"), [("V", "N"), ("m", "m^2"), ("degC", "V"), ("s", "Hz"), *TURNS])
+@pytest.mark.parametrize(
+    ("one", "other"), [("V", "N"), ("m", "m^2"), ("degC", "V"), ("s", "Hz"), *TURNS]
+)
 def test_units_of_another_kind_are_not_converted(one, other):
     assert conversion(one, other) is None
 
