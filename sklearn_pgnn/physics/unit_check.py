@@ -11,7 +11,7 @@ from sklearn_pgnn.physics.model import PhysicsModel
 from sklearn_pgnn.physics.units import is_like, no_unit, product, read_unit, unit_text
 
 if TYPE_CHECKING:
-    from pint import Quantity
+    from sklearn_pgnn.physics.units import Quantity
 
 #: functions of a number, or of an angle in radians
 _OF_NUMBERS = (

@@ -46,7 +46,7 @@ def unit_text(quantity: "Quantity") -> str:
 
 
 def _base_units(quantity: "Quantity") -> list[str]:
-    names = {f"{_registry().Unit(n):~}": p for n, p in quantity.unit_items()}
+    names: dict[str, Any] = {f"{_registry().Unit(n):~}": p for n, p in quantity.unit_items()}
     return [n if p == 1 else f"{n}^{p:g}" for n, p in sorted(names.items()) if abs(p) > _SMALL]
 
 
@@ -54,8 +54,8 @@ def is_like(one: "Quantity | None", other: "Quantity | None") -> bool:
     """Whether two quantities are known and of one kind; an angle is a number."""
     if one is None or other is None:
         return False
-    powers: dict[str, Any] = dict((one / other).dimensionality)
-    return all(abs(power) < _SMALL for power in powers.values())
+    powers: Iterable[Any] = (one / other).dimensionality.values()
+    return all(abs(power) < _SMALL for power in powers)
 
 
 def product(quantities: Iterable["Quantity | None"]) -> "Quantity | None":

@@ -109,8 +109,8 @@ def backward(t: np.ndarray) -> Backward | None:
 
     Examples
     --------
-    >>> backward(np.array([0.0, 1.0, 2.0, 0.0, 1.0]))
-    Backward(row=3, why='the clock begins again, so this is another record. Remedy: ...
+    >>> backward(np.array([0.0, 1.0, 2.0, 0.0, 1.0])).row
+    3
     """
     steps = np.diff(t)
     bad = np.flatnonzero(steps <= 0)

@@ -133,7 +133,6 @@ def test_a_check_names_what_is_not_used_and_every_column_that_is_missing(files):
 
 
 def test_a_check_says_what_is_converted_and_which_term_does_not_fit(files):
-    pytest.importorskip("pint")
     rows = table(0, level=0.0).rename(columns={"speed": "speed [mm/s]"})
     rows.assign(**{"speed [mm/s]": 1000 * rows["speed [mm/s]"]}).to_csv(files / "mm.csv")
     (files / "cart.yaml").write_text(MODEL.replace("N s/m", "N/m"))
