@@ -16,7 +16,7 @@ from sklearn_pgnn.trajectories.titles import is_called, name_of
 from sklearn_pgnn.user_line import warn_user
 
 #: rows in which the header is looked for
-HEAD = 200
+HEAD = 100
 #: most rows between the header and the first sample
 BELOW = 4
 
@@ -98,7 +98,7 @@ def wanted_names(model: PhysicsModel) -> list[str]:
 
 def quantities_in(row: Sequence[Any], names: Sequence[str]) -> int:
     """Return how many names a row has, be it with units."""
-    titles = [_text(cell) for cell in row]
+    titles = [text for cell in row if (text := _text(cell)).startswith(tuple(names))]
     return sum(any(title == n or is_called(title, n) for title in titles) for n in names)
 
 

@@ -13,6 +13,8 @@ OF_DATES = (3_600.0, 43_200.0)
 #: largest part of the rows that may share their time with the row before, as at the events of a
 #: simulation; more of them are a clock that is too coarse
 AT_EVENTS = 0.2
+#: shortest step [s] at which a clock counts tens of thousands of seconds
+FASTEST = 2e-6
 _TOO_COARSE = (
     "Remedy: log finer stamps, or give the sample interval: sample_time=0.01 [s] (--sample-time), "
     "which overrides the column."
@@ -157,7 +159,7 @@ def other_unit(t: np.ndarray) -> str:
         return ""
     step, unsure = float(t[-1] - t[0]) / (t.size - 1), _last_place(t) / (t.size - 1)
     days = _is_round(86_400 * step, 86_400 * unsure) and not _is_round(step, unsure)
-    return "d" if days else ""
+    return "d" if days or step < FASTEST else ""
 
 
 def _last_place(t: np.ndarray) -> float:

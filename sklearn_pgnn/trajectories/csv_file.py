@@ -18,9 +18,16 @@ from sklearn_pgnn.user_line import warn_user
 #: separators, the first of several that suit; two blanks leave names with one
 TWO_BLANKS = "  "
 SEPARATORS = ("\t", ";", "|", ",", TWO_BLANKS, " ")
+#: longest line, and how much of it is looked at for the separator
+LONGEST, FOR_SEPARATOR = 2**20, 20_000
 _BLANKS = (TWO_BLANKS, " ")
-#: a field between blanks: a date with its time, or a word with a unit in brackets behind it
-_WORD = re.compile(r"\d+[-./]\d+[-./]\d+ +\d+:\S+|[^\s\[(]+(?:\s*(?:\[[^\]]*\]|\([^)]*\)))?|\S+")
+#: a field between blanks: in quotes; a date with its time; a word, maybe with a unit in brackets
+_WORD = re.compile(
+    r"""("[^"]*"|\d+[-./]\d+[-./]\d+[ \t]+\d+:[^ \t]+"""
+    r"""|[^ \t\[(]+(?:[ \t]*(?:\[[^\]]*\]|\([^)]*\)))?|[^ \t]+)"""
+)
+#: a field between two or more blanks
+_WORDS = re.compile(r"""("[^"]*"|[^ \t]+(?: [^ \t]+)*)""")
 _NUMBERS = re.compile(r"[\s\d.,;|+\-eE\t]+")
 _WIDTHS = {
     True: "Remedy: write nan where a value is missing, or separate by commas.",
@@ -141,7 +148,13 @@ class _CsvTable(CellTable):
         told = _TOLD.fullmatch(texts[0]) if len(texts) > 1 else None
         if told:
             lines, texts = lines[1:], texts[1:]
-        separator = told[1] if told else choose_separator(texts[:HEAD], wanted_names(model))
+        separator = (
+            told[1]
+            if told
+            else choose_separator(
+                [text[:FOR_SEPARATOR] for text in texts[:HEAD]], wanted_names(model)
+            )
+        )
         self.decimal_comma = separator == ";"
         self.take(self.parse(texts, lines, separator), lines)
         self.check_widths(separator)
@@ -154,6 +167,10 @@ class _CsvTable(CellTable):
         lines = re.split(r"\r\n|\n|\r", text)
         self.whole = not lines[-1]
         told = [k for k, line in enumerate(lines) if line.strip()]
+        for k in told:
+            if len(lines[k]) > LONGEST:
+                why = f"expected lines of at most {LONGEST} characters, got {len(lines[k])}."
+                refuse_file(self.path, f"{why} Remedy: save one sample a line.", k + 1)
         kept = [k for k in told if lines[k].lstrip()[0] not in "#%"]
         if not kept:
             refuse_file(self.path, "expected a header and samples, got comments only.")
@@ -226,9 +243,9 @@ def _fields_or_none(text: str, separator: str) -> list[str]:
 
 def fields(text: str, separator: str) -> list[str]:
     """Split a line into fields; the csv module is used only if there are quotes."""
+    if separator in _BLANKS:
+        words = _WORDS if separator == TWO_BLANKS else _WORD
+        return [word.strip('"') for word in words.findall(text)]
     if '"' in text:
-        between = " " if separator in _BLANKS else separator
-        return next(csv.reader([text.strip()], delimiter=between, skipinitialspace=True))
-    if separator == TWO_BLANKS:
-        return re.split(r"\s{2,}|\t", text.strip())
-    return _WORD.findall(text) if separator == " " else text.split(separator)
+        return next(csv.reader([text], delimiter=separator, skipinitialspace=True))
+    return text.split(separator)

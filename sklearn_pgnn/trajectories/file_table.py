@@ -48,6 +48,8 @@ TIMES = ("ms", "us", "ns", "min", "h")
 TIME_NAME = "time"
 #: remedy for a file without a time
 NO_TIME = "Or, if it has no time, give the sample interval: sample_time=0.01 [s] (--sample-time)."
+#: most columns whose names are compared with that of a missing one
+COMPARED = 2000
 #: by how much a sample time may differ from that of a column in its place without a warning
 DIFFERENT = 0.05
 _WITH_UNIT = re.compile(r"[+-]?\d[\d.,]*([eE][+-]?\d+)?\s*([^\d\s.,:/-]\S{0,9})")
@@ -193,7 +195,7 @@ class FileTable(ABC):
         Their names are similar, or no other column, and no other quantity, has a unit like theirs.
         """
         near: dict[str, str] = {}
-        free, missing = self.unused(), self.missing()
+        free, missing = dict([*self.unused().items()][:COMPARED]), self.missing()
         of_one_kind = [
             (own, theirs)
             for own, unit in missing.items()
@@ -306,7 +308,7 @@ class FileTable(ABC):
             )
         if name == TIME and re.search(r"\d[:./-]\d", str(cell)[:SHORT]):
             remedy = "write dates as 2026-01-31 12:00:00.005, or the time in seconds."
-        elif unit:
+        elif unit and read_number(cell) is None:
             remedy = f"write the unit into the header, '{name} [{unit[2]}]', and the number alone."
         elif any(read_number(cell, mark) is not None for mark in ".,"):
             remedy = "write all numbers of a column with one mark of the decimals."

@@ -18,7 +18,7 @@ from sklearn_pgnn.exceptions import RecordError
 #: endings of compressed files, whose records are named by what stands before
 PACKED = (".gz", ".bz2", ".xz", ".zip")
 #: most bytes of an unpacked file, and how many times larger than the packed one a larger one may be
-UNPACKED, RATIO = 2**26, 100
+UNPACKED, RATIO = 2**24, 100
 #: bytes of the beginning in which text is told from other things
 HEAD = 2**16
 _BY_MAGIC: dict[bytes, Callable[[BinaryIO], Any]] = {

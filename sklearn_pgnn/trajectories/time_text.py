@@ -2,11 +2,14 @@
 
 A date counts in a record only by what differs from row to row, so that the order of day and month
 matters only where the date changes: there it is told by the dots of ``31.01.2026``, by a name of a
-month, or by the one reading in which all dates exist. Where both readings are left, it is refused.
+month, or by the one reading in which all dates exist, or follow each other in even steps. Where
+both readings are left, it is refused.
 """
 
 import datetime
 import re
+from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -27,6 +30,7 @@ _NUMBER_OF |= {"mär": 3, "mrz": 3, "mai": 5, "okt": 10, "dez": 12, "fév": 2, "
 #: a time of day, and one in minutes and seconds, begin again after so many seconds
 DAY, HOUR = 86_400, 3_600
 _NS = 10**9
+_Date = tuple[str, str, str]
 
 
 class UnclearTimes(ValueError):
@@ -89,18 +93,28 @@ def _of_dates(found: list[re.Match[str] | None]) -> pd.Series:
     """Return dates with times of day since the first date."""
     dates = [None if part is None else (part["a"], part["b"], part["c"]) for part in found]
     known = [date for date in dict.fromkeys(dates) if date]
-    dotted = found[0] is not None and found[0]["gap"] == "."
-    readings = [r for r in (_day_first, _month_first)[: 1 if dotted else 2] if _exist(r, known)]
-    if not readings:
-        return _series(np.full(len(found), np.nan))
-    days = [{date: _day(reading(date), known, reading) for date in known} for reading in readings]
-    if days[0] != days[-1]:
+    dotted = bool(found[0] and found[0]["gap"] == ".")
+    readings = [_days(reading, known) for reading in (_day_first, _month_first)[: 2 - dotted]]
+    most = max(map(len, readings))
+    clock = np.array([np.nan if p is None else _nanoseconds(p, dated=True) for p in found])
+    told = [
+        clock + np.array([np.nan if d is None else DAY * _NS * days.get(d, np.nan) for d in dates])
+        for days in readings
+        if len(days) == most
+    ]
+    even = [ns for ns in told if _is_even(ns)]
+    told = even if len(even) == 1 else told
+    if not np.array_equal(told[0], told[-1], equal_nan=True):
         raise UnclearTimes(
             "Remedy: write dates as 2026-01-31 12:00:00.005, for 02/03 may be in February or March."
         )
-    clock = [np.nan if part is None else _nanoseconds(part, dated=True) for part in found]
-    whole = [np.nan if date is None else days[0][date] * float(DAY * _NS) for date in dates]
-    return _series(np.array(whole) + np.array(clock, dtype=float))
+    return _series(told[0])
+
+
+def _is_even(ns: np.ndarray) -> bool:
+    """Whether no step is more than twice the usual one."""
+    steps = np.diff(ns)
+    return not steps.size or bool(0 < steps.max() <= 2 * np.median(steps))
 
 
 def _series(ns: np.ndarray) -> pd.Series:
@@ -130,7 +144,7 @@ def _nanoseconds(part: re.Match[str] | None, dated: bool = False) -> float:
 # -- day, month and year ---------------------------------------------------------------------------
 
 
-def _day_first(date: tuple[str, str, str]) -> tuple[int, int, int]:
+def _day_first(date: _Date) -> tuple[int, int, int]:
     """Return year, month and day of ``31/01/2026``, or of ``2026/01/31``."""
     a, b, c = date
     if len(a) == 4 and a.isdecimal():
@@ -138,7 +152,7 @@ def _day_first(date: tuple[str, str, str]) -> tuple[int, int, int]:
     return _year(c), *((_month(a), int(b)) if not a.isdecimal() else (_month(b), int(a)))
 
 
-def _month_first(date: tuple[str, str, str]) -> tuple[int, int, int]:
+def _month_first(date: _Date) -> tuple[int, int, int]:
     """Return year, month and day of ``01/31/2026``; a month by its name, or after a year, as is."""
     a, b, c = date
     if not (a.isdecimal() and b.isdecimal()) or len(a) == 4:
@@ -154,13 +168,13 @@ def _month(text: str) -> int:
     return int(text) if text.isdecimal() else _NUMBER_OF[text.lower()[:3]]
 
 
-def _exist(reading, dates) -> bool:
-    try:
-        return all(datetime.date(*reading(date)) for date in dates)
-    except (ValueError, KeyError):
-        return False
-
-
-def _day(date: tuple[int, int, int], known, reading) -> int:
-    """Return the days since the first date."""
-    return (datetime.date(*date) - datetime.date(*reading(known[0]))).days
+def _days(
+    reading: Callable[[_Date], tuple[int, int, int]], dates: list[_Date]
+) -> dict[_Date, float]:
+    """Return the days of the dates that exist, since the first."""
+    found: dict[_Date, float] = {}
+    for date in dates:
+        with suppress(ValueError, KeyError):
+            found[date] = float(datetime.date(*reading(date)).toordinal())
+    first = next(iter(found.values()), 0.0)
+    return {date: day - first for date, day in found.items()}

@@ -31,6 +31,8 @@ def split_title(title: str) -> tuple[str, str]:
 
 def is_called(title: str, name: str) -> bool:
     """Whether a column has a name, be it with a unit behind it."""
+    if not title.startswith(name):
+        return False
     bracketed = _bracketed(title)
     if bracketed is not None:
         return bracketed[0] == name
@@ -53,7 +55,7 @@ def bracketed_unit(title: str) -> str:
 
 
 def _bracketed(title: str) -> tuple[str, str] | None:
-    found = _BRACKETS.search(title[-LONGEST:])
+    found = _BRACKETS.search(title[-LONGEST:]) if title[-1:] in (*"])}>",) else None
     if found is None:
         return None
     unit = next(group for group in found.groups() if group is not None).strip()

@@ -198,7 +198,7 @@ def test_a_simulation_that_diverges_is_refused(files):
 def test_of_an_output_that_does_not_move_no_percentage_is_told(files):
     table(0).assign(speed=0.5).to_csv(files / "still.csv", index=False)
     said = run("simulate", *given(files, "still.csv"), "--output", files / "run.csv").stdout
-    assert "nothing moves" in said
+    assert "nothing to fit" in said
     assert "nan" not in said
 
 
